@@ -22,7 +22,9 @@ EXTRAS: Final = {
     "mcap": Extra("mcap", "MCAP files (identify, study) need it"),
     "plotly": Extra("study", "the report of the command study needs it"),
     "pyarrow": Extra("parquet", "Parquet files (identify, run, sweep) need it"),
-    "ziglang": Extra("build", "a compilation (build, codegen, identify, show, study) needs it or a compiler in CC"),
+    "ziglang": Extra(
+        "build", "a compilation (build, codegen, compose, identify, show, study) needs it or a compiler in CC"
+    ),
 }
 """Package -> the extra that installs it."""
 

@@ -13,6 +13,7 @@ from pathlib import Path
 
 import pytest
 from fmpy import read_model_description
+from shell.selection import built
 
 from friction_fmus import build, fmu
 
@@ -41,7 +42,8 @@ def own_start_values(name: str) -> Mapping[str, str]:
 def build_fmu(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., Path]:
     """``build_fmu(name, **start_values)`` -> path of the FMU, each with other start values in a folder of its own.
 
-    Start values that the block has anyway make no other FMU.
+    The name is that of a block, or of a composite without start values. Start values that the block has anyway make no
+    other FMU.
     """
     made: dict[tuple[object, ...], Path] = {}
 
@@ -50,7 +52,8 @@ def build_fmu(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., Path]:
         changed = {key: value for key, value in start.items() if key not in own or float(own[key]) != value}
         key = (name, *sorted(changed.items()))
         if key not in made:
-            made[key] = build(name, tmp_path_factory.mktemp("fmus"), changed)
+            folder = tmp_path_factory.mktemp("fmus")
+            made[key] = build(name, folder, changed) if changed else built(name, folder)
         return made[key]
 
     return make

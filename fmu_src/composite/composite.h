@@ -7,7 +7,7 @@
 /* What a step may change, without pointers, so that it is saved as it is. The arrays have a spare element, as C has no
    empty arrays. */
 typedef struct {
-    int mode, stale, slopes_used, inside; /* inside: the engine is between two ticks */
+    int mode, stale, slopes_used, inside; /* stale: see below; inside: the engine is between two ticks */
     int64_t tick;                         /* the next one, or the one in progress */
     double time, reached;                 /* [s] time of the importer and of the engine, equal up to rounding */
     double start, stop, tolerance, begun; /* [s]; begun: begin of the step, at which the inputs have their values */
@@ -20,6 +20,9 @@ typedef struct {
     double surprise[UNKNOWNS + 1], growth[UNKNOWNS + 1], held_values[HELD + 1];
     double inverse[GROUPS * MOST * MOST + 1], proposed[GROUPS + 1], before[GROUPS + 1];
 } Memory;
+
+/* What was set since the values in the connections were computed. */
+enum { INPUT_SET = 1, PARAMETER_SET };
 
 typedef struct Instance Instance;
 
@@ -208,8 +211,8 @@ static bool set_start_values(Instance *c)
     c->refreshed = c->told = false;
     MODE(c) = INSTANTIATED;
     m->stop = INFINITY;
-    m->stale = true;
-    for (size_t i = 0; i < START_VALUES; i++) {
+    m->stale = PARAMETER_SET;
+    for (int64_t i = 0; i < START_VALUES; i++) {
         const StartValue *const s = &start_values[i];
         EnginePart *const p = &c->parts[s->part];
         double real = s->value;
@@ -299,8 +302,8 @@ static bool roll_back_all(Instance *c)
 
 #include "composite_start.h"
 #include "composite_state.h"
-#include "composite_step.h"
 #include "composite_values.h"
+#include "composite_step.h"
 #include "composite_derivatives.h"
 
 #endif

@@ -156,7 +156,7 @@ fmi2Status fmi2SetupExperiment(fmi2Component component, fmi2Boolean tolerance_gi
     for (int i = 0; i <= SOURCES; i++)
         m->sources[i] = start;
     m->stop = stop_given ? stop : INFINITY;
-    m->stale = true;
+    m->stale = PARAMETER_SET;
     return fmi2OK;
 }
 

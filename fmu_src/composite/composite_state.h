@@ -159,7 +159,7 @@ static bool plausible(const Memory *m)
     const double next = m->start + (double)(m->tick + 1) * STEP_SIZE, slack = 1e-3 * STEP_SIZE + 1e-9 * fabs(next);
     bool good = (mode == INSTANTIATED || mode == INITIALIZING || mode == STEP_COMPLETE || mode == STEP_FAILED ||
                  mode == TERMINATED) &&
-                is_bit(m->stale) && is_bit(m->slopes_used) && is_bit(m->inside) &&
+                in_range(m->stale, 0, PARAMETER_SET) && is_bit(m->slopes_used) && is_bit(m->inside) &&
                 in_range(m->tick, 0, INT64_C(1) << 53) && isfinite(m->start) && isfinite(m->time) &&
                 m->reached >= next - STEP_SIZE - slack && m->reached <= next + slack &&
                 fabs(m->time - m->reached) <= slack && m->stop >= m->start && m->tolerance >= 0.0 &&

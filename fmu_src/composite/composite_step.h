@@ -7,12 +7,15 @@
 enum { MOST_TICKS = 100000000 };
 #define ROUNDING 1e-6 /* of the step: differences of times that are rounding */
 
-static bool signals_finite(const Instance *c)
+/* Return whether the outputs of parts are finite; a law may accept an input that is not. The exponents are compared, as
+   a sum of doubles takes four times as long. */
+static bool outputs_finite(const Instance *c)
 {
-    double sum = 0.0;
-    for (int64_t k = 0; k < CHECKED; k++) /* outputs of parts; a law may accept an input that is not */
-        sum += input_of_signal[k] >= 0 ? 0.0 : 0.0 * c->memory.signals[k];
-    return sum == 0.0;
+    uint64_t bits[CHECKED + 1], none = 0;
+    memcpy(bits, c->memory.signals, CHECKED * sizeof(double));
+    for (int64_t k = 0; k < CHECKED; k++)
+        none |= (uint64_t)((bits[k] << 1) >= UINT64_C(0xffe0000000000000));
+    return none == 0;
 }
 
 /* Advance to this time. */
@@ -64,6 +67,21 @@ static void warn_of_errors(Instance *c, bool last)
                "result is wrong; compose the system with a shorter step",
                line_names[worst], STEP_SIZE, guard->time, error);
     }
+}
+
+/* Update the outputs of the parts if a parameter was set; before the first step also what the iteration begins with. */
+static bool take_parameters(Instance *c)
+{
+    Memory *const m = &c->memory;
+    if (m->stale != PARAMETER_SET)
+        return true;
+    if (refresh_direct(c, "fmi2DoStep") != fmi2OK || (START_LOOP && !fetch_all(c)))
+        return false;
+    if (!START_LOOP)
+        memcpy(m->signals, c->shown, sizeof m->signals);
+    if (m->tick == 0 && !m->inside)
+        newton_begin(&c->engine, &c->newton);
+    return true;
 }
 
 static fmi2Status refuse_step(Instance *c, double t, double h)
@@ -124,6 +142,8 @@ fmi2Status fmi2DoStep(fmi2Component component, fmi2Real t, fmi2Real h, fmi2Boole
                       (int)MOST_TICKS, STEP_SIZE);
     }
     REQUIRE(keep_all(c), "fmi2DoStep: a part cannot save its state: %s", c->said)
+    if (!take_parameters(c))
+        return refuse_step(c, t, h);
     if (m->slopes_used)
         memset(m->slopes, 0, sizeof m->slopes);
     m->begun = t;
@@ -132,7 +152,7 @@ fmi2Status fmi2DoStep(fmi2Component component, fmi2Real t, fmi2Real h, fmi2Boole
         m->sources[c->places[INPUT_PART < 0 ? 0 : INPUT_PART].source] = t;
         (void)fetch_outputs(inputs, e->signals);
     }
-    if (!advance_to(c, t + h) || !signals_finite(c))
+    if (!advance_to(c, t + h) || !outputs_finite(c))
         return refuse_step(c, t, h);
     for (int i = 0; i < INPUTS; i++)
         if (m->slopes[i] != 0.0)

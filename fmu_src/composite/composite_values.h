@@ -11,7 +11,7 @@ static bool known(fmi2ValueReference reference, int type)
 }
 
 /* Update the outputs that depend directly on an input or a parameter that was set since the last step. The engine keeps
-   its values, from which the next step begins; outputs in algebraic loops keep theirs until then, as FMI allows. */
+   its values until the next step; outputs in algebraic loops keep theirs until then, as FMI allows. */
 static fmi2Status refresh_direct(Instance *c, const char *function)
 {
     Engine *const e = &c->engine;
@@ -25,9 +25,14 @@ static fmi2Status refresh_direct(Instance *c, const char *function)
         if (input_of_signal[k] >= 0)
             signals[k] = c->memory.inputs[input_of_signal[k]];
     int status = 0;
-    for (int64_t k = 0; k < DIRECT && status <= 1; k++) {
-        EnginePart *const p = &c->parts[direct_parts[k]];
-        fetch_inputs(e, p);
+    const bool all = c->memory.stale == PARAMETER_SET;
+    for (int64_t k = 0; k < (all ? PARTS : DIRECT) && status <= 1; k++) {
+        const int64_t part = all ? start_order[k] : direct_parts[k];
+        EnginePart *const p = &c->parts[part];
+        if (!is_fmu(part))
+            continue;
+        if (!p->sampled)
+            fetch_inputs(e, p);
         status = hand_over(p, signals);
         if (status <= 1)
             status = fetch_outputs(p, signals);
@@ -142,7 +147,8 @@ static fmi2Status write_variable(Instance *c, const Variable *v, double real, in
                           v->name, c->said);                                                                           \
         }                                                                                                              \
         c->refreshed = false;                                                                                          \
-        c->memory.stale = c->memory.stale || n > 0;                                                                    \
+        if (n > 0 && c->memory.stale != PARAMETER_SET)                                                                 \
+            c->memory.stale = inner ? PARAMETER_SET : INPUT_SET;                                                       \
         return fmi2OK;                                                                                                 \
     }
 SET(Real, REAL, values[i], 0)
@@ -198,14 +204,17 @@ fmi2Status fmi2GetRealOutputDerivatives(fmi2Component component, const fmi2Value
     if (status != fmi2OK)
         return status;
     c->said[0] = '\0';
-    for (size_t i = 0; i < n; i++) {
-        const Variable *const v = &variables[references[i]];
-        const PartFunctions *const f = part_data[v->part].functions;
-        values[i] = 0.0;
-        REQUIRE(!f || f->get_derivatives(c->parts[v->part].component, &v->reference, 1, &orders[i], &values[i]) <=
-                          fmi2Warning,
-                "fmi2GetRealOutputDerivatives: %s: %s", v->name, c->said)
-    }
+    for (int pass = 0; pass < 2; pass++) /* the second one writes, as a refused call must not */
+        for (size_t i = 0; i < n; i++) {
+            const Variable *const v = &variables[references[i]];
+            const PartFunctions *const f = part_data[v->part].functions;
+            fmi2Real value = 0.0;
+            REQUIRE(!f || f->get_derivatives(c->parts[v->part].component, &v->reference, 1, &orders[i], &value) <=
+                              fmi2Warning,
+                    "fmi2GetRealOutputDerivatives: %s: %s", v->name, c->said)
+            if (pass == 1)
+                values[i] = value;
+        }
     return fmi2OK;
 }
 

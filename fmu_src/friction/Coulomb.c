@@ -43,9 +43,10 @@
 #define MEMORY     struct rest
 #define VALID_BY   is_rest
 
-struct rest {
+struct rest {         /* in model exchange */
     double direction; /* of the motion; 0: at rest */
     double stuck;     /* 1: at rest and held by friction */
+    double at;        /* velocity at which rest began */
 };
 
 #include "block.h"

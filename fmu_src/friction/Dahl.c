@@ -77,7 +77,8 @@ static void contact(Model *m, double softening)
         m->der_z = v - fabs(v) * softening * z;
     else {
         const double gap = sign(v) * (Fc / sigma) - z; /* distance to the deflection of steady sliding */
-        m->der_z = fabs(v) * sign(gap) * (n == 0.0 ? 1.0 : pow(fabs(gap) * softening, n));
+        const double side = m->run.frozen ? sign(v) * (m->memory.beyond != 0.0 ? -1.0 : 1.0) : sign(gap);
+        m->der_z = fabs(v) * side * (n == 0.0 ? 1.0 : pow(fabs(gap) * softening, n));
     }
     m->F = load_of(Fn, Fn0) * sigma * z;
 }
@@ -116,6 +117,8 @@ static bool step(Model *m, double h)
     return true;
 }
 
+#define SLOW 1e-10 /* [m/s] or [rad/s]: noise of a solver around v = 0 is not a reversal */
+
 /* Return the distance to the deflection of steady sliding, positive below it. */
 static double gap_of(const Model *m) { return m->Fc / m->sigma - (m->v < 0.0 ? -m->z : m->z); }
 
@@ -123,14 +126,14 @@ static void indicators(const Model *m, double *left)
 {
     const struct level *const now = &m->memory;
     const double until_level = now->beyond != 0.0 ? -gap_of(m) : gap_of(m);
-    left[0] = m->n >= 1.0 ? 1.0 : now->reached != 0.0 ? now->reached * m->v : until_level;
+    left[0] = m->n >= 1.0 ? 1.0 : now->reached != 0.0 ? now->reached * m->v + SLOW : until_level;
 }
 
 static void transition(Model *m)
 {
     struct level *const now = &m->memory;
     const double gap = gap_of(m);
-    if (now->reached * m->v <= 0.0)
+    if (now->reached == 0.0 || now->reached * m->v < -0.5 * SLOW)
         now->reached = m->n < 1.0 && fabs(gap) <= 1e-9 * m->Fc / m->sigma ? sign(m->v) : 0.0;
     now->beyond = gap < 0.0 ? 1.0 : 0.0;
 }

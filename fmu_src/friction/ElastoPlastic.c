@@ -111,7 +111,7 @@ static void equations(Model *m) { contact(m, stribeck(m->v, m->Fc, m->Fs, m->vs,
 static double reserve(const Model *m)
 {
     GIVEN(m)
-    const double direction = fabs(v) < 1e-6 * vs ? 0.0 : sign(v); /* noise of a solver around v = 0 is not motion */
+    const double direction = fabs(v) < 1e-7 * vs ? 0.0 : sign(v); /* noise of a solver around v = 0 is not motion */
     return fmin(z_ba, stribeck(v, Fc, Fs, vs, delta) / sigma0) - direction * z;
 }
 

@@ -143,7 +143,7 @@ static void equations(Model *m)
 
 /* ---- model exchange ----------------------------------------------------------------------------------------- */
 
-static double slow(const Model *m) { return 1e-6 * m->vs; }
+static double slow(const Model *m) { return 1e-7 * m->vs; }
 
 /* Return S divided by the sum of alpha. */
 static double levels(const Model *m)

@@ -89,7 +89,7 @@
 
 /* ---- model exchange ----------------------------------------------------------------------------------------- */
 
-static double slow(const Model *m) { return 1e-6 * m->vs; } /* noise of a solver around v = 0 is not motion */
+static double slow(const Model *m) { return 1e-7 * m->vs; } /* noise of a solver around v = 0 is not motion */
 
 /* A reversal, the end of a loop, and the flag `sliding`. */
 static void indicators(const Model *m, double *left)
@@ -114,7 +114,8 @@ static void transition(Model *m)
     if (side == 0.0)
         return;
     struct branch b = branch_of(m, side);
-    settle(m, &b, stribeck(v, Fc, Fs, vs, delta));
+    for (int i = 0; i < 2; i++) /* sliding may end when the reversal points are forgotten */
+        settle(m, &b, stribeck(v, Fc, Fs, vs, delta));
     store(m, &b);
     m->memory.sliding = b.sliding ? 1.0 : 0.0;
 }

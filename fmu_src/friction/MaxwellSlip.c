@@ -97,7 +97,7 @@ static bool step(Model *m, double h)
     return true;
 }
 
-#define SLOW 1e-9 /* [m/s] or [rad/s] */
+#define SLOW 1e-10 /* [m/s] or [rad/s] */
 
 static void indicators(const Model *m, double *left)
 {

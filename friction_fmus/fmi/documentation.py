@@ -18,26 +18,7 @@ from friction_fmus.fmi.model_description import CAPABILITIES
 from friction_fmus.fmi.portrait import Figure
 from friction_fmus.fmi.terminals import Terminal
 from friction_fmus.version import VERSION
-
-STYLE = """
-body { font: 16px/1.5 system-ui, sans-serif; max-width: 60rem; margin: 2rem auto; padding: 0 1rem; color: #1a1a1a; }
-h1 { overflow-wrap: anywhere; }
-h1 small { font-weight: normal; color: #595959; font-size: 1rem; }
-pre, .wide { overflow-x: auto; }
-pre { background: #f5f6f8; padding: .8rem; font-size: .9rem; }
-table { border-collapse: collapse; font-size: .9rem; }
-caption { text-align: left; padding: .25rem 0; color: #595959; }
-th, td { text-align: left; padding: .25rem .7rem; border-bottom: 1px solid #ddd; vertical-align: top; }
-tbody th { font-weight: normal; }
-td:last-child { min-width: 12rem; }
-tbody th[scope=rowgroup] { font-weight: bold; padding-top: .8rem; }
-summary { cursor: pointer; font-weight: bold; padding: .4rem 0; }
-.icon { float: right; width: 9rem; height: auto; margin: 0 0 1rem 1rem; }
-.figures { display: flex; flex-wrap: wrap; gap: 1rem; clear: both; }
-figure { margin: 0; flex: 1 1 19rem; max-width: 29rem; }
-figure img { width: 100%; height: auto; }
-figcaption { font-size: .9rem; color: #404040; }
-"""
+from harness.html import STYLE, row, table
 
 
 def index_page(block: Block, description: Description, figures: Sequence[Figure], connected: Sequence[Terminal]) -> str:
@@ -123,40 +104,27 @@ def _html(paragraph: Paragraph) -> str:
     return f"<{tag}>{lead}{escape(paragraph.text)}</{tag}>"
 
 
-def _table(caption: str, heads: Sequence[str], body: str) -> str:
-    """Return a table that scrolls on narrow screens."""
-    cells = "".join(f'<th scope="col">{name}</th>' for name in heads)
-    return (
-        f'<div class="wide">\n<table>\n<caption>{caption}</caption>\n<thead>\n<tr>{cells}</tr>\n</thead>\n'
-        f"{body}</table>\n</div>\n"
-    )
-
-
-def _row(first: str, *cells: str) -> str:
-    return f'<tr><th scope="row">{escape(first)}</th>{"".join(f"<td>{escape(cell)}</td>" for cell in cells)}</tr>\n'
-
-
 def _variables(description: Description) -> str:
     """Return the table of variables, with a title above each group."""
     body = ""
     for title, entries in variable_groups(description).items():
-        rows = [_row(e.name, e.unit, ", ".join(e.starts), e.limits, e.text) for e in entries]
+        rows = [row(e.name, e.unit, ", ".join(e.starts), e.limits, e.text) for e in entries]
         head = f'<tr><th colspan="5" scope="rowgroup">{escape(title)}</th></tr>\n'
         body += f"<tbody>\n{head}{''.join(rows)}</tbody>\n"
     heads = ("name", "unit", "start", "range", "meaning")
-    return f"<h2>Variables</h2>\n{_table('Variables and their start values', heads, body)}"
+    return f"<h2>Variables</h2>\n{table('Variables and their start values', heads, body)}"
 
 
 def _terminals(connected: Sequence[Terminal]) -> str:
     """Return the table of terminals."""
     rows = "".join(
-        _row(each.name, each.rule, ", ".join(f"{m.name} = {m.variable} ({m.kind})" for m in each.members))
+        row(each.name, each.rule, ", ".join(f"{m.name} = {m.variable} ({m.kind})" for m in each.members))
         for each in connected
     )
     if not rows:
         return ""
-    table = _table("Terminals: groups of variables that are connected in one step", ("name", "rule", "members"), rows)
-    return f"<h2>Terminals</h2>\n{table}"
+    found = table("Terminals: groups of variables that are connected in one step", ("name", "rule", "members"), rows)
+    return f"<h2>Terminals</h2>\n{found}"
 
 
 def _capabilities(block: Block, description: Description) -> str:
@@ -166,13 +134,13 @@ def _capabilities(block: Block, description: Description) -> str:
         if description.sampled
         else "The block is continuous in time; in co-simulation, the FMU integrates over each communication step."
     )
-    rows = "".join(_row(name, value, text) for name, (value, text) in CAPABILITIES.items())
     if block.no_exchange:
         kinds = f"FMI 2.0 for co-simulation, with sources. Not for model exchange: {escape(block.no_exchange)}."
     else:
         kinds = "FMI 2.0 for co-simulation and model exchange, with sources."
-    table = _table("Capability flags", ("attribute", "value", "meaning"), rows)
-    return f"<h2>FMI features</h2>\n<p>{kinds} {steps}</p>\n{table}"
+    rows = "".join(row(name, value, text) for name, (value, text) in CAPABILITIES.items())
+    flags = table("Capability flags", ("attribute", "value", "meaning"), rows)
+    return f"<h2>FMI features</h2>\n<p>{kinds} {steps}</p>\n{flags}"
 
 
 def _source(block: Block) -> str:

@@ -28,6 +28,7 @@ from friction_fmus.blocks.customise import Start, identified, renamed, rotationa
 from friction_fmus.blocks.probe import BlockVariables, read_variables
 from friction_fmus.errors import BuildError
 from friction_fmus.version import VERSION, build_time
+from harness import drawing, html
 from harness.compiling import toolchain
 from harness.compiling.platforms import NATIVE, Platform, native_library, select
 from harness.storage.atomic import atomic_path
@@ -273,7 +274,8 @@ def _key(sources: Mapping[str, str], block: Block, platforms: Sequence[Platform]
 def _generator() -> str:
     """Return a hash of what generates FMUs: this package with its changelog, and the libraries that it draws with."""
     libraries = (version(library) for library in ("fmpy", "matplotlib"))
-    modules = (path.read_text(encoding="utf-8") for path in sorted(PACKAGE.rglob("*.py")))
+    shared = (Path(str(module.__file__)) for module in (drawing, html))
+    modules = (path.read_text(encoding="utf-8") for path in (*sorted(PACKAGE.rglob("*.py")), *shared))
     return _hash((VERSION, *libraries, package_text("CHANGELOG.md"), *modules))
 
 

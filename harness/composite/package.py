@@ -9,31 +9,31 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from datetime import UTC, datetime
-from html import escape
 from pathlib import Path
 from typing import Final
 
 from harness.compiling.platforms import linked, select
-from harness.composite.code import PartCode, part_codes
+from harness.composite.code import part_codes
 from harness.composite.dependencies import start_dependencies, step_dependencies
 from harness.composite.description import Texts, composite_description
+from harness.composite.diagram import loop_icon
+from harness.composite.documentation import documentation
 from harness.composite.interface import check_parts, choose_interface, opened, without_sources
 from harness.composite.tables import table_file
-from harness.composite.terminals import MEMBER as TERMINALS
+from harness.composite.terminals import FOLDER as TERMINALS
 from harness.composite.terminals import composite_terminals
-from harness.composite.variables import Variable, composite_variables
+from harness.composite.variables import composite_variables
 from harness.engine.library import sources as engine_sources
 from harness.errors import BuildError, ExperimentError
 from harness.parts.feedthrough import find_feedthrough
 from harness.parts.fmu import FmuPart
 from harness.storage.atomic import atomic_path
-from harness.storage.zip_file import open_zip, read_zip, zipped
+from harness.storage.zip_file import zipped
 from harness.system.assembly import Assembly
 from harness.system.experiment import LOOP_TOLERANCE, Experiment
 from harness.system.graph import check_loops, stepping_order
 from harness.system.initialisation import start_order
 from harness.system.layout import make_plan
-from harness.system.wire import Wire
 
 ERRORS: Final = {"newton": 0.0, "adaptive": 1e-5}
 """Tolerated coupling error of each master that a composite FMU can contain, see `harness.masters.adaptive`."""
@@ -101,10 +101,10 @@ def compose(
     files[f"{identifier}.c"] = tables(guid)
     members: dict[str, bytes] = {"modelDescription.xml": description(guid)}
     members |= {f"sources/{key}": text.encode() for key, text in files.items()}
-    members |= _documentation(inner, identifier, codes, variables)
-    terminals = composite_terminals(inner, variables)
-    if terminals is not None:
-        members[TERMINALS] = terminals
+    members |= documentation(inner, identifier, _summary(inner), codes, variables)
+    icon = loop_icon(inner, identifier)
+    members |= {"model.png": icon.png, f"{TERMINALS}/icon.png": icon.png, f"{TERMINALS}/icon.svg": icon.svg}
+    members[f"{TERMINALS}/terminalsAndIcons.xml"] = composite_terminals(inner, variables)
     quiet = {key for code in codes.values() if not code.own for key in code.wrappers}
     compiling = {unit: _includes(unit, files) for unit in units}
     for target in targets:
@@ -201,48 +201,3 @@ def _summary(system: Assembly) -> str:
         for name, part in system.parts.items()
     ]
     return f"{system.name}: {', '.join(kinds)}"
-
-
-def _documentation(
-    system: Assembly, identifier: str, codes: Mapping[str, PartCode], variables: Sequence[Variable]
-) -> dict[str, bytes]:
-    """Return a page on the parts, connections and variables, and the licences of the parts."""
-    found: dict[str, bytes] = {}
-    for name, code in codes.items():
-        part = system.parts[name]
-        assert isinstance(part, FmuPart)
-        with open_zip(part.path) as archive:
-            for member in sorted(archive.namelist()):
-                if member.startswith("documentation/licenses/") and not member.endswith("/"):
-                    found[f"documentation/licenses/{code.folder}-{Path(member).name}"] = read_zip(archive, member)
-    texts = dict.fromkeys(found.values())
-    found["documentation/licenses/license.txt"] = b"\n".join(texts) or b"The parts of this FMU state no licence.\n"
-    rows = {
-        "Parts": [
-            (name, part.archive.description.modelName, part.archive.description.description or "")
-            for name, part in system.parts.items()
-            if isinstance(part, FmuPart)
-        ],
-        "Connections": [(wire.source, wire.target, _map(wire)) for wire in system.wires],
-        "Variables": [(v.name, v.causality, v.port.description) for v in variables],
-    }
-    tables = "".join(
-        f"<h2>{title}</h2>\n<table>\n"
-        + "".join(f"<tr>{''.join(f'<td>{escape(cell)}</td>' for cell in row)}</tr>\n" for row in table)
-        + "</table>\n"
-        for title, table in rows.items()
-    )
-    page = (
-        f'<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n<title>{identifier}</title>\n</head>\n'
-        f"<body>\n<h1>{identifier}</h1>\n<p>{escape(_summary(system))}. The FMU solves the loop of its parts.</p>\n"
-        f"{tables}</body>\n</html>\n"
-    )
-    found["documentation/index.html"] = page.encode()
-    return found
-
-
-def _map(wire: Wire) -> str:
-    texts = [f"gain {wire.gain:g}"] if wire.gain != 1.0 else []
-    texts += [f"offset {wire.offset:g}"] if wire.offset != 0.0 else []
-    texts += [f"delay of {wire.delay} steps"] if wire.delay else []
-    return ", ".join(texts)

@@ -132,7 +132,11 @@ class _Writer:
             "VARIABLES": len(self._variables),
             "DIRECT": len(self._direct()),
             "PROVIDES_DERIVATIVES": int(provides_derivatives(self._system.parts)),
-            "CHECKED": int(plan.outputs.max(initial=0)),
+            "CHECKED": max(
+                int(last)
+                for part, (_, last) in zip(plan.parts, plan.outputs, strict=True)
+                if not isinstance(part, InputsPart)
+            ),
         }
         return ["enum {", *(f"    {key} = {value}," for key, value in sizes.items()), "};"]
 

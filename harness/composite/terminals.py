@@ -1,4 +1,4 @@
-"""terminalsAndIcons.xml of a composite FMU: the terminals of its parts that nothing inside is connected to."""
+"""terminalsAndIcons.xml of a composite FMU: its icon, and terminals of parts that nothing inside is connected to."""
 
 from __future__ import annotations
 
@@ -11,11 +11,12 @@ from harness.parts.fmu import FmuPart
 from harness.storage.zip_file import open_zip, read_zip
 from harness.system.assembly import Assembly
 
-MEMBER = "terminalsAndIcons/terminalsAndIcons.xml"
+FOLDER = "terminalsAndIcons"
+MEMBER = f"{FOLDER}/terminalsAndIcons.xml"
 
 
-def composite_terminals(system: Assembly, variables: Sequence[Variable]) -> bytes | None:
-    """Return the XML file, or None if no terminal is left.
+def composite_terminals(system: Assembly, variables: Sequence[Variable]) -> bytes:
+    """Return the XML file.
 
     Parameters
     ----------
@@ -26,6 +27,10 @@ def composite_terminals(system: Assembly, variables: Sequence[Variable]) -> byte
     """
     shown = {variable.name for variable in variables if variable.causality in ("input", "output")}
     root = etree.Element("fmiTerminalsAndIcons", fmiVersion="3.0")
+    graphics = etree.SubElement(root, "GraphicalRepresentation")
+    extent = {"x1": "-100", "y1": "-100", "x2": "100", "y2": "100"}
+    etree.SubElement(graphics, "CoordinateSystem", {**extent, "suggestedScalingFactorTo_mm": "0.1"})
+    etree.SubElement(graphics, "Icon", extent)
     listed = etree.SubElement(root, "Terminals")
     for name, part in system.parts.items():
         for terminal in _terminals(part) if isinstance(part, FmuPart) else ():
@@ -38,7 +43,7 @@ def composite_terminals(system: Assembly, variables: Sequence[Variable]) -> byte
                 own = {str(key): str(value) for key, value in member.attrib.items()}
                 etree.SubElement(element, "TerminalMemberVariable", own | {"variableName": variable})
     if len(listed) == 0:
-        return None
+        root.remove(listed)
     return bytes(etree.tostring(root, xml_declaration=True, encoding="UTF-8", pretty_print=True))
 
 

@@ -61,7 +61,7 @@ def composite_variables(system: Assembly, interface: Interface) -> list[Variable
     interface : Interface
         Its inputs and outputs.
     """
-    found = [Variable("time", "", Port("time", "s"), 0, "independent", "continuous")]
+    found = [Variable("time", "", Port("time", "s", description="simulation time"), 0, "independent", "continuous")]
     wired = {wire.target for wire in system.wires}
     for name, part in system.parts.items():
         if isinstance(part, FmuPart):

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Iterable
 from pathlib import Path
 
 from harness.errors import SystemFileError
 from harness.parts.fmu import FmuPart
-from harness.parts.part import Part, StartValue
+from harness.parts.part import Part
 from harness.ssp.annotations import read_experiment, read_part
 from harness.ssp.bindings import bound_values
 from harness.ssp.document import SSD, parse_document
@@ -17,6 +16,7 @@ from harness.ssp.package import SSD_NAME, Package, TemporaryFolder, member_name
 from harness.ssp.structure import Structure, read_structure
 from harness.ssp.units import read_units
 from harness.system.system_file import SystemDescription
+from harness.system.wire import stated_starts
 
 _LOG = logging.getLogger("harness")
 
@@ -45,7 +45,7 @@ def read_ssp(path: Path, folder: Path | None) -> SystemDescription:
     return SystemDescription(
         parts=tuple(parts.values()),
         wires=wires,
-        start=start | _unconnected(parts.values(), driven | start.keys()),
+        start=start | stated_starts(parts.values(), driven | start.keys()),
         experiment=read_experiment(root, str(path)),
         name=root.get("name", ""),
     )
@@ -80,17 +80,3 @@ def _check_implementation(wanted: str, part: FmuPart, where: str) -> None:
         raise SystemFileError(
             f"{where} asks for {wanted}, but {part.path.name} is run as {used}: remove the attribute implementation"
         )
-
-
-def _unconnected(parts: Iterable[Part], driven: set[str]) -> dict[str, StartValue]:
-    """Return the unconnected inputs, which keep the start value of their FMU according to SSP.
-
-    For FMUs of other tools every system does so, and logs a warning.
-    """
-    inputs = (
-        (f"{part.name}.{port.name}", port)
-        for part in parts
-        for port in part.inputs
-        if part.strict and not port.optional
-    )
-    return {name: port.start for name, port in inputs if name not in driven and port.start is not None}

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Self
 
@@ -12,7 +13,7 @@ from harness.parts.part import Part, StartValue
 from harness.ssp import read_ssp, write_ssp
 from harness.system.experiment import Experiment
 from harness.system.system_file import SystemDescription, read_system, write_system
-from harness.system.wire import Wire
+from harness.system.wire import Wire, stated_starts
 
 
 class StoredSystem:
@@ -26,7 +27,9 @@ class StoredSystem:
     experiment: Experiment | None
 
     @classmethod
-    def from_toml(cls, path: str | Path, resolve: Callable[[str], Path] | None = None) -> Self:
+    def from_toml(
+        cls, path: str | Path, resolve: Callable[[str], Path] | None = None, *, open_inputs: bool = False
+    ) -> Self:
         """Read a system file.
 
         Parameters
@@ -35,6 +38,9 @@ class StoredSystem:
             The TOML file; paths in it are relative to its folder.
         resolve : callable or None
             ``resolve("LuGre") -> Path`` finds the FMU of a part with ``model = "LuGre"``.
+        open_inputs : bool
+            Whether inputs that nothing drives keep the start values of their FMUs, as inputs for `to_fmu`; otherwise
+            each needs a start value.
 
         Returns
         -------
@@ -48,7 +54,11 @@ class StoredSystem:
         HarnessError
             If the described system is invalid.
         """
-        return cls._made(read_system(Path(path), resolve))
+        found = read_system(Path(path), resolve)
+        if open_inputs:
+            driven = {wire.target for wire in found.wires} | set(found.start)
+            found = replace(found, start=found.start | stated_starts(found.parts, driven))
+        return cls._made(found)
 
     def to_toml(self, path: str | Path) -> None:
         """Write a system file for `from_toml`.
@@ -135,7 +145,8 @@ class StoredSystem:
         step : float or None
             Communication step inside the FMU [s]; None takes the step of the experiment.
         master : {"newton", "adaptive"} or None
-            Master algorithm inside the FMU; None takes adaptive if the experiment does, and newton otherwise.
+            Master algorithm inside the FMU; None takes adaptive if the experiment does, and newton otherwise, also in
+            place of an explicit master. Without a loop, newton steps each part once, with inputs that vary linearly.
         inputs : sequence of str or None
             Inputs of the FMU, as "part.port"; None takes all inputs that nothing drives. The others are parameters. An
             output of a part without inputs, such as a reference, becomes an input in place of this part.

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Container, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 
 from harness.errors import UnitError, UnknownNameError, WireError, nearest
-from harness.parts.part import TYPE_ORDER, Part, Port
+from harness.parts.part import TYPE_ORDER, Part, Port, StartValue
 from harness.system.manipulator import LONGEST_DELAY
 from harness.units import conversion, parse_unit, units_agree
 from harness.values import is_count, shown
@@ -182,3 +182,24 @@ def _check_map(wire: Wire, source: Port, target: Port) -> None:
             f"the delay of the connection {wire} is {shown(wire.delay)}: "
             f"give an integer number of communication steps from 0 to {LONGEST_DELAY}"
         )
+
+
+def stated_starts(parts: Iterable[Part], driven: Container[str]) -> dict[str, StartValue]:
+    """Return the start values that FMUs of this project state for inputs that nothing drives.
+
+    Those of other FMUs are kept in every system, with a warning.
+
+    Parameters
+    ----------
+    parts : iterable of Part
+        The parts.
+    driven : container of str
+        Inputs with a connection or a start value, as "part.port".
+    """
+    inputs = (
+        (f"{part.name}.{port.name}", port)
+        for part in parts
+        for port in part.inputs
+        if part.strict and not port.optional
+    )
+    return {name: port.start for name, port in inputs if name not in driven and port.start is not None}

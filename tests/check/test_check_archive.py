@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import stat
 import warnings
 import zipfile
@@ -92,8 +93,7 @@ CASES = [
 
 
 def _without_source_files(xml: bytes) -> bytes:
-    start, end = xml.index(b"<SourceFiles>"), xml.index(b"</SourceFiles>")
-    return xml[:start] + xml[end + len(b"</SourceFiles>") :]
+    return re.sub(rb"<SourceFiles>.*?</SourceFiles>", b"", xml, flags=re.S)
 
 
 @pytest.fixture(scope="session")

@@ -96,7 +96,12 @@ FAULTS: dict[str, list[tuple[Edit, str]]] = {
         (lambda root: root.set("fmiVersion", "2.0.5"), "2.0.5"),
         (lambda root: setattr(root, "tag", "model"), "model"),
     ],
-    "no-interface": [(lambda root: remove(root.find("CoSimulation")), "neither CoSimulation nor ModelExchange")],
+    "no-interface": [
+        (
+            lambda root: (remove(root.find("CoSimulation")), remove(root.find("ModelExchange"))),
+            "neither CoSimulation nor ModelExchange",
+        )
+    ],
     "model-identifier": [
         (simulation(modelIdentifier="3 bad"), "3 bad"),
         (simulation(modelIdentifier="Lu.Gre"), "Lu.Gre"),
@@ -221,7 +226,7 @@ FAULTS: dict[str, list[tuple[Edit, str]]] = {
         (lambda root: typed(root, "der(z)").set("derivative", index_of(root, "der(z)")), "der(z)"),
     ],
     "multiple-set": [(scalar("Fc", canHandleMultipleSetPerTimeInstant="false"), "Fc")],
-    "reinit": [(real("z", reinit="true"), "z")],
+    "reinit": [(lambda root: (remove(root.find("ModelExchange")), real("z", reinit="true")(root)), "z")],
     "structure-index": [
         (lambda root: append(root, "ModelStructure/Outputs", '<Unknown index="99"/>'), "99"),
         (lambda root: append(root, "ModelStructure/Outputs", '<Unknown index="0"/>'), "count from 1"),

@@ -19,6 +19,7 @@ from every_block.test_block_state import (  # noqa: F401
 )
 from shell.fixtures import instance, running  # noqa: F401
 from shell.instance import Library, load
+from shell.selection import COMPOSITES
 from shell.test_call_sequence import (  # noqa: F401
     test_a_faulty_instantiation_gives_null_and_says_why,
     test_after_terminate_the_last_values_can_still_be_read,
@@ -59,7 +60,7 @@ from shell.test_values import (  # noqa: F401
 )
 
 
-@pytest.fixture(params=["stick_slip", "compensated_axis"])
+@pytest.fixture(params=COMPOSITES)
 def library(request: pytest.FixtureRequest, compose: Callable[[str], Path]) -> Library:
     """Each of these composite FMUs in turn."""
     return load(compose(request.param))

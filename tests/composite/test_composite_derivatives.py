@@ -1,4 +1,4 @@
-"""Directional derivatives of a composite FMU against central differences of its own outputs."""
+"""Derivatives of a composite FMU against differences of its own outputs."""
 
 from __future__ import annotations
 
@@ -45,6 +45,25 @@ def test_start_values_by_parameters(compose: Callable[[str], Path], name: str, a
         run.must("ExitInitializationMode")
         run.set({"friction.Fc": 0.9})
         assert run.call("GetDirectionalDerivative", None, 0, None, 0, None, None) == 0
+
+
+@pytest.mark.parametrize("name", ["mass.x", "mass.v", "friction.F"])
+def test_output_derivatives_in_time(tmp_path: Path, name: str) -> None:
+    """Against the difference over two steps of a smooth motion; slopes inside are those of lines over a step."""
+    parts = [FmuPart("mass", fmu("Mass")), FmuPart("friction", fmu("Viscous"))]
+    wires = ["mass.v -> friction.v", "friction.F -> mass.F_friction"]
+    start = {"mass.F_drive": 1.0, "mass.k": 40.0, "mass.m": 1.0}
+    h = 1e-4
+    with System(parts, wires, start, Experiment(stop=1.0, step=h)) as system:
+        system.to_fmu(tmp_path / "smooth.fmu")
+    with Instance(load(tmp_path / "smooth.fmu")) as run:
+        run.initialise()
+        run.step(0.0, 0.2)
+        before = run.get1(name)
+        run.step(0.2, h)
+        (found,) = run.output_derivatives(name)
+        run.step(0.2 + h, h)
+        assert found == pytest.approx((run.get1(name) - before) / (2.0 * h), rel=3e-3)
 
 
 def test_through_an_algebraic_loop(tmp_path: Path) -> None:

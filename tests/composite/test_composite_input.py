@@ -134,6 +134,19 @@ def test_a_system_without_an_experiment_needs_a_step(tmp_path: Path) -> None:
     assert (tmp_path / "given.fmu").exists()
 
 
+def test_an_input_without_a_start_value_becomes_an_input(tmp_path: Path) -> None:
+    """To run such a system is an error; as an FMU it has an input with the start value of the part."""
+    text = (EXAMPLES / "stick_slip.toml").read_text(encoding="utf-8").replace("F_drive = 0.0\n", "")
+    (tmp_path / "open.toml").write_text(text, encoding="utf-8")
+    with pytest.raises(HarnessError, match=r"nothing drives mass\.F_drive"):
+        open_system(tmp_path / "open.toml")
+    command = [sys.executable, "-m", "friction_fmus", "compose", str(tmp_path / "open.toml")]
+    done = subprocess.run([*command, "-o", str(tmp_path / "axis.fmu")], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    part = FmuPart("axis", tmp_path / "axis.fmu")
+    assert {port.name: port.start for port in part.inputs}["mass.F_drive"] == 0.0
+
+
 def test_the_command(tmp_path: Path) -> None:
     command = [sys.executable, "-m", "friction_fmus", "compose", str(EXAMPLES / "stick_slip.toml")]
     good = [
@@ -148,7 +161,10 @@ def test_the_command(tmp_path: Path) -> None:
         "2e-3",
     ]
     done = subprocess.run(good, capture_output=True, text=True, check=False)
-    assert (done.returncode, done.stdout.strip(), done.stderr) == (0, str(tmp_path / "Axis.fmu"), "")
+    said = "the FMU contains the master newton in place of gauss-seidel; --master chooses\n"
+    assert (done.returncode, done.stdout.strip(), done.stderr) == (0, str(tmp_path / "Axis.fmu"), said)
+    chosen = subprocess.run([*good[:-2], "--master", "newton"], capture_output=True, text=True, check=False)
+    assert (chosen.returncode, chosen.stderr) == (0, "")
     part = FmuPart("axis", tmp_path / "Axis.fmu")
     assert [port.name for port in part.inputs] == ["mass.F_drive"]
     assert [port.name for port in part.outputs] == [f"mass.{name}" for name in ("x", "v", "x_support", "a", "F_ext")]

@@ -18,15 +18,16 @@ from composite.composite_systems import (
 )
 from hypothesis import given, seed, settings
 from hypothesis import strategies as st
+from shell.selection import COMPOSITES
 
-from friction_fmus import fmu
+from friction_fmus import build, fmu
 from friction_fmus.cli.systems import open_system
 from harness import Experiment, FmuPart, SeriesPart, System, Wire
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 
 
-@pytest.mark.parametrize("name", ["stick_slip", "compensated_axis"])
+@pytest.mark.parametrize("name", [*COMPOSITES, "two_axes"])
 @pytest.mark.parametrize("every", [1, 4])
 def test_examples_are_equal_to_the_harness(compose: Callable[[str], Path], name: str, every: int) -> None:
     path = compose(name)
@@ -120,6 +121,56 @@ def test_composites_can_be_parts(tmp_path: Path) -> None:
 @given(data=st.data())
 def test_random_systems(tmp_path_factory: pytest.TempPathFactory, data: st.DataObject) -> None:
     check_random_system(tmp_path_factory.getbasetemp(), data)
+
+
+SPRING = """
+#define MODEL   Spring
+#define SUMMARY "Spring and damper"
+#define SOURCE  "Hooke's law"
+#define VARIABLES                                         \\
+    INPUT    (x, LENGTH,   0.0,             "position")   \\
+    INPUT    (v, VELOCITY, 0.0,             "velocity")   \\
+    OUTPUT   (F, FORCE,                     "force")      \\
+    PARAMETER(k, STIFFNESS, 400.0, 0.0, INF, "stiffness") \\
+    PARAMETER(d, DAMPING,   4.0,   0.0, INF, "damping")
+#include "block.h"
+static void equations(Model *m)
+{
+    GIVEN(m)
+    m->F = k * x + d * v;
+}
+"""
+LAW = '''
+from casadi import SX, if_else
+from friction_fmus.lawkit.law import *
+
+@law("Pull", "Constant force after the first sample", source="none", Ts=1e-3, outputs={"u": Output(FORCE, "force")})
+def pull(
+    x: SX = Input(LENGTH, 0.0, "position"),
+    count: SX = State("", 0.0, "samples taken"),
+    F: SX = Parameter(FORCE, 8.0, "force"),
+) -> dict[str, SX]:
+    """A force of 0 at the first sample and F at all others."""
+    return {"u": if_else(count > 0, F, 0.0), "count": count + 1}
+'''
+
+
+def test_own_blocks_in_c_and_python(tmp_path: Path) -> None:
+    """A mass of 1 kg on k = 400 N/m, d = 4 N.s/m under a force step of 8 N at 1 ms: the damped oscillation."""
+    (tmp_path / "Spring.c").write_text(SPRING, encoding="utf-8")
+    (tmp_path / "pull.py").write_text(LAW, encoding="utf-8")
+    own = {name: build(tmp_path / name, tmp_path / "fmus") for name in ("Spring.c", "pull.py")}
+    parts = [FmuPart("mass", fmu("Mass")), FmuPart("spring", own["Spring.c"]), FmuPart("pull", own["pull.py"])]
+    wires = ["mass.x -> spring.x", "mass.v -> spring.v", "spring.F -> mass.F_friction", "mass.x -> pull.x"]
+    with System(parts, [*wires, "pull.u -> mass.F_drive"], experiment=Experiment(stop=1.0, step=1e-3)) as system:
+        system.to_fmu(tmp_path / "Axis.fmu")
+        expected = run_parts(system, 1.0)
+    found = run_composite(tmp_path / "Axis.fmu", 1.0, 1e-3)
+    assert differing(found, expected) == []
+    t = np.maximum(1e-3 * np.arange(1001) - 1e-3, 0.0)
+    decay, w = 2.0, np.sqrt(400.0 - 4.0)
+    exact = 8.0 / 400.0 * (1.0 - np.exp(-decay * t) * (np.cos(w * t) + decay / w * np.sin(w * t)))
+    assert np.abs(found["mass.x"] - exact).max() < 1e-4 * exact.max()
 
 
 def test_a_reference_can_become_inputs(tmp_path: Path) -> None:

@@ -235,6 +235,16 @@ def test_outputs_follow_inputs_without_a_step(library: Library) -> None:
         assert run.get(*NAMES) == trajectory(library, [k * 1e-3 for k in range(21)]).tolist()[-1]
 
 
+def test_outputs_follow_parameters_without_a_step(library: Library) -> None:
+    """a = (F_drive - k (x - x_support) - F)/m: twice the mass halves it, and the next step begins with this mass."""
+    with Instance(library) as run:
+        run.initialise()
+        run.step(0.0, 1e-3)
+        a = run.get1("mass.a")
+        run.set({"mass.m": 2.0})
+        assert run.get1("mass.a") == pytest.approx(0.5 * a, rel=1e-8)
+
+
 def test_a_law_inside_reports_a_fault(compose: Callable[[str], Path]) -> None:
     """An input that is not finite reaches a sampled law, which holds its outputs; a continuous part refuses it."""
     with Instance(load(compose("compensated_axis"))) as run:

@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from ctypes import c_double, c_void_p
+from itertools import pairwise
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from fmpy import read_model_description
 from fmpy.fmi2 import FMU2Model, FMU2Slave
 from fmpy.simulation import instantiate_fmu
 from fmpy.sundials import CVodeSolver
+from fmpy.sundials.libraries import sundials_cvode
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
@@ -48,10 +51,28 @@ class Exchange:
         self.description = read_model_description(str(folder))
         self.folder = folder
         self.references = {v.name: v.valueReference for v in self.description.modelVariables}
+        self.types = {v.name: v.type for v in self.description.modelVariables}
         self.nodes = nodes
         self.inputs = [self.references[name] for name in lines]
-        self.lines = np.array(list(lines.values()))
+        self.lines = np.array(list(lines.values())).reshape(len(lines), len(nodes))
         self.start = {self.references[name]: value for name, value in start_values.items()}
+
+    def read(self, fmu: Any, names: Sequence[str]) -> list[float]:
+        """Values of variables of any type."""
+        return [float(self._getters[self.types[name]](fmu, [self.references[name]])[0]) for name in names]
+
+    _getters: ClassVar[Mapping[str, Callable[[Any, list[int]], list[Any]]]] = {
+        "Real": lambda fmu, references: fmu.getReal(references),
+        "Integer": lambda fmu, references: fmu.getInteger(references),
+        "Boolean": lambda fmu, references: fmu.getBoolean(references),
+    }
+
+    def holds(self) -> set[float]:
+        """The nodes at which an input begins or ends to be exactly 0."""
+        rests = self.lines == 0.0
+        begins = ~rests[:, :-2] & rests[:, 1:-1] & rests[:, 2:]
+        ends = rests[:, :-2] & rests[:, 1:-1] & ~rests[:, 2:]
+        return set(map(float, self.nodes[1:-1][(begins | ends).any(axis=0)]))
 
     def at(self, t: float) -> list[float]:
         return [float(np.interp(t, self.nodes, line)) for line in self.lines]
@@ -59,28 +80,29 @@ class Exchange:
     def _instance(self, kind: str) -> Any:
         return instantiate_fmu(str(self.folder), self.description, fmi_type=kind)
 
-    def co_simulation(self, outputs: Sequence[str]) -> Array:
-        """Outputs at the nodes, each step with the lines as input derivatives."""
+    def co_simulation(self, outputs: Sequence[str], more: Sequence[float] = ()) -> Array:
+        """Outputs at the nodes and `more` times, each step with the lines as input derivatives."""
         fmu: FMU2Slave = self._instance("CoSimulation")
-        read = [self.references[name] for name in outputs]
-        _begin(fmu, float(self.nodes[0]), self.start, self.inputs, self.lines[:, 0].tolist())
-        rows = [fmu.getReal(read)]
-        for k in range(len(self.nodes) - 1):
-            h = float(self.nodes[k + 1] - self.nodes[k])
-            slopes = (self.lines[:, k + 1] - self.lines[:, k]) / h
-            fmu.setReal(self.inputs, self.lines[:, k].tolist())
+        _begin(fmu, float(self.nodes[0]), self.start, self.inputs, self.at(float(self.nodes[0])))
+        times = np.union1d(self.nodes, more)
+        rows = [self.read(fmu, outputs)]
+        for t, until in pairwise(times):
+            k = int(np.searchsorted(self.nodes, t, side="right")) - 1
+            slopes = (self.lines[:, k + 1] - self.lines[:, k]) / (self.nodes[k + 1] - self.nodes[k])
+            fmu.setReal(self.inputs, self.at(float(t)))
             fmu.setRealInputDerivatives(self.inputs, [1] * len(self.inputs), slopes.tolist())
-            fmu.doStep(float(self.nodes[k]), h)
-            fmu.setReal(self.inputs, self.lines[:, k + 1].tolist())
-            rows.append(fmu.getReal(read))
+            fmu.doStep(float(t), float(until - t))
+            fmu.setReal(self.inputs, self.at(float(until)))
+            rows.append(self.read(fmu, outputs))
         fmu.terminate()
         fmu.freeInstance()
         return np.array(rows)
 
-    def model_exchange(self, outputs: Sequence[str], tolerance: float = 1e-9) -> tuple[Array, list[float]]:
-        """Outputs at the nodes, and the times of the events; fails if events repeat."""
+    def model_exchange(
+        self, outputs: Sequence[str], tolerance: float = 1e-9, step: float | None = 1e-3
+    ) -> tuple[Array, list[float]]:
+        """Outputs at the nodes, and the times of the events, with a largest step; fails if events repeat."""
         fmu: FMU2Model = self._instance("ModelExchange")
-        read = [self.references[name] for name in outputs]
         t = float(self.nodes[0])
         _begin(fmu, t, self.start, self.inputs, self.at(t))
         next_event = self._event(fmu)
@@ -102,13 +124,16 @@ class Exchange:
             input=inputs,
             startTime=t,
             relativeTolerance=tolerance,
-            maxStep=float(np.min(np.diff(self.nodes))),
+            maxStep=step or float("inf"),
             maxNumSteps=100_000,
         )
-        rows, events, repeated = [fmu.getReal(read)], [], 0
+        holds = self.holds()  # where the solver stops, as its polynomials do not see a kink
+        rows, events, repeated = [self.read(fmu, outputs)], [], 0
         for node in map(float, self.nodes[1:]):
             while t < node:
                 until = min(node, next_event)
+                stop = min((at for at in holds if at > t), default=self.nodes[-1] + 1.0)
+                sundials_cvode.CVodeSetStopTime(c_void_p(solver.cvode_mem), c_double(stop))
                 found, _, reached = solver.step(t, until) if until > t else (False, None, until)
                 repeated = repeated + 1 if found and reached <= t else 0
                 assert repeated < MOST_EVENTS_AT_A_TIME, f"events repeat at {t} s"
@@ -120,7 +145,9 @@ class Exchange:
                     fmu.enterEventMode()
                     next_event = self._event(fmu)
                     solver.reset(t)
-            rows.append(fmu.getReal(read))
+            if node in holds:
+                solver.reset(t)
+            rows.append(self.read(fmu, outputs))
         fmu.terminate()
         fmu.freeInstance()
         return np.array(rows), events

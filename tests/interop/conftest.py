@@ -8,13 +8,14 @@ from pathlib import Path
 import pytest
 from interop.loops import Loop, all_loops
 from shell.instance import Library, load
+from shell.selection import COMPOSITES
 
 from friction_fmus import catalogue
 
 
-@pytest.fixture(params=tuple(catalogue()))
+@pytest.fixture(params=(*catalogue(), *COMPOSITES))
 def library(request: pytest.FixtureRequest, build_fmu: Callable[..., Path]) -> Library:
-    """Each block of the catalogue in turn."""
+    """Each block of the catalogue and each composite in turn."""
     return load(build_fmu(request.param))
 
 

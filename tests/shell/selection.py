@@ -1,10 +1,12 @@
-"""Selections of blocks."""
+"""Selections of blocks, and the composite FMUs that stand beside them in lists."""
 
 from __future__ import annotations
 
 import re
+from pathlib import Path
 
-from friction_fmus import catalogue
+from friction_fmus import build, catalogue
+from friction_fmus.cli.systems import open_system
 
 SHELL_BLOCKS = (
     "Karnopp",  # no state
@@ -27,3 +29,17 @@ SAMPLED_BLOCKS = tuple(
     name for name, block in catalogue().items() if re.search(r"^#define\s+SAMPLED\b", block.code, re.M)
 )
 CONTINUOUS_BLOCKS = tuple(name for name in catalogue() if name not in SAMPLED_BLOCKS)
+
+COMPOSITES = ("stick_slip", "compensated_axis")
+"""Systems of examples/ that are tested as one FMU each: a stiff loop, and a servo with sampled laws."""
+
+
+def built(name: str, folder: str | Path) -> Path:
+    """The FMU of a block, or of a system of examples/, in this folder."""
+    example = Path(__file__).parents[2] / "examples" / f"{name}.toml"
+    if not example.exists():
+        return build(name, folder)
+    path = Path(folder) / f"{name}.fmu"
+    with open_system(example) as system:
+        system.to_fmu(path)
+    return path

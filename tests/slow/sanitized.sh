@@ -3,7 +3,7 @@
 #   sanitized.sh address|thread [PYTEST ARGUMENTS]
 #     address   AddressSanitizer and UBSan
 #     thread    ThreadSanitizer
-#     the tests are by default the property tests of the blocks and of the harness
+#     the tests are by default the property tests of blocks, composites and harness
 set -euo pipefail
 cd "$(dirname "$0")/../.."
 python=${PYTHON:-python3}
@@ -27,9 +27,9 @@ thread)
     runner=(setarch -R)
     # without processes and libraries that have threads of their own, which it cannot follow
     tests=(tests/harness/test_{engine,extrapolation,drive,harness_*,manipulators,newton*}.py)
-    # races and locks within other libraries are not ours
-    printf '%s\n' {race,deadlock}:{libarrow,libscipy_openblas} >"$scratch/suppressions"
-    TSAN_OPTIONS=allocator_may_return_null=1:exitcode=0:log_path=$scratch/report
+    # races within other libraries are not ours; our code has no locks, and libarrow has more than the detector counts
+    printf '%s\n' race:{libarrow,libscipy_openblas} >"$scratch/suppressions"
+    TSAN_OPTIONS=allocator_may_return_null=1:detect_deadlocks=0:exitcode=0:log_path=$scratch/report
     export TSAN_OPTIONS=$TSAN_OPTIONS:suppressions=$scratch/suppressions
     ;;
 *)
@@ -38,9 +38,9 @@ thread)
     ;;
 esac
 shift
-# sanitizers keep back what is freed, so the growth of memory is watched without them
-blocks=(tests/models tests/shell tests/every_block tests/slow/test_long_steps.py)
-[ $# -gt 0 ] || set -- -n 2 "${blocks[@]}" "${tests[@]}" -k "not leave_no_memory_behind"
+# sanitizers keep back what is freed, so the growth of memory is watched without them, also by the check of an FMU
+blocks=(tests/{models,shell,every_block,composite} tests/slow/test_long_steps.py)
+[ $# -gt 0 ] || set -- -n 2 "${blocks[@]}" "${tests[@]}" -k "not leave_no_memory_behind and not check_finds_nothing and not terminals_that"
 export FRICTION_FMUS_CACHE="$scratch/cache"
 # no -Werror: with sanitizers gcc guesses at values that cannot be
 export CC="gcc -fsanitize=$sanitizer -fno-sanitize-recover=all -Wno-error=maybe-uninitialized"

@@ -13,11 +13,12 @@ from pathlib import Path
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from shell.instance import Instance, load
+from shell.selection import COMPOSITES, built
 
 from friction_fmus import build
 from harness import FmuPart, System
 
-BLOCKS = ("LuGre", "GMS", "SevenParameter", "PID", "RepetitiveController", "Profile")
+BLOCKS = ("LuGre", "GMS", "SevenParameter", "PID", "RepetitiveController", "Profile", *COMPOSITES)
 MEMORY = 2**20
 """What may come on top: a freed page here and there [bytes]."""
 
@@ -63,9 +64,9 @@ def steps(n: int) -> str:
 
 
 def instances(n: int) -> str:
-    """Instances made, initialised, stepped, saved and freed, of blocks with much and little memory."""
+    """Instances made, initialised, stepped, saved and freed: composites, and blocks with much and little memory."""
     with tempfile.TemporaryDirectory() as folder:
-        libraries = [load(build(name, folder)) for name in BLOCKS]
+        libraries = [load(built(name, folder)) for name in BLOCKS]
         before = 0
         for k in range(n):
             with Instance(libraries[k % len(libraries)]) as made:

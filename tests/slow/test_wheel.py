@@ -67,6 +67,7 @@ REFUSED = [
     (["show", "PID"], "casadi", "build"),
     (["study", "demo", "-o", "out"], "plotly", "study"),
     (["build", "LuGre", "-o", "own", "--set", "Fc=2"], "ziglang", "build"),
+    (["compose", "{examples}/stick_slip.toml", "-o", "axis.fmu"], "ziglang", "build"),
     (["sweep", "{examples}/stick_slip.toml", "-o", "out", "--vary", "mass.m=1,2"], "pyarrow", "parquet"),
     (["run", "{examples}/stick_slip.toml", "--stop", "0.1", "-o", "run.parquet"], "pyarrow", "parquet"),
     (["identify", "log.parquet", "--model", "Coulomb", "-o", "out"], "pyarrow", "parquet"),

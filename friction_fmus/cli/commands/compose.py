@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import sys
 from pathlib import Path
 
 from friction_fmus.cli.arguments import add_system
@@ -35,8 +36,9 @@ def run(options: argparse.Namespace) -> None:
         If the system cannot be written as an FMU.
     """
     from friction_fmus.cli.systems import open_system
+    from harness.composite.package import ERRORS
 
-    with open_system(options.system) as system:
+    with open_system(options.system, open_inputs=True) as system:
         system.to_fmu(
             options.output,
             name=options.name,
@@ -46,4 +48,7 @@ def run(options: argparse.Namespace) -> None:
             outputs=options.outputs,
             platforms=options.platform,
         )
+        replaced = system.experiment.master if system.experiment and not options.master else "newton"
     print(options.output)
+    if replaced not in ERRORS:
+        print(f"the FMU contains the master newton in place of {replaced}; --master chooses", file=sys.stderr)

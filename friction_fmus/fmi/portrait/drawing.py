@@ -2,25 +2,19 @@
 
 from __future__ import annotations
 
-import io
 import math
-import re
-import threading
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
 from functools import cache
 from types import MappingProxyType
 from typing import Any
 
-import matplotlib as mpl
-import matplotlib.style
 import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle, FancyBboxPatch, Polygon, Rectangle
 
 from friction_fmus.fmi.portrait.course import Curve, Panel
 from friction_fmus.fmi.portrait.schematic import SCHEMATICS
+from harness.drawing import Image, plain_style, png_of, svg_of
 
 COLOURS: Mapping[str, str] = MappingProxyType(
     {"friction": "#1f4e79", "plant": "#3d5a3d", "law": "#5b3a75", "controller": "#5b3a75", "signal": "#7a4a12"}
@@ -52,46 +46,6 @@ SIZE = 2.0
 DPI = 100
 WIDTH, HEIGHT = 152.0, 116.0
 """Area of the curves in an icon of size 200."""
-STYLE = {"svg.hashsalt": "friction-fmus", "svg.fonttype": "path", "path.simplify_threshold": 0.2}
-
-
-@dataclass(frozen=True)
-class Image:
-    """An image in pixel and in vector format.
-
-    Attributes
-    ----------
-    png, svg : bytes
-        The files.
-    """
-
-    png: bytes
-    svg: bytes
-
-
-#: Guards the settings of matplotlib, which all threads share, as several threads may build blocks.
-_STYLED = threading.Lock()
-
-
-@contextmanager
-def _plain_style(**other: str) -> Iterator[None]:
-    """Use matplotlib's default style, independent of user settings."""
-    with _STYLED, mpl.style.context(["default", STYLE | other]):
-        yield
-
-
-def _svg(figure: Figure, title: str) -> bytes:
-    """Return the figure without a date and a DOCTYPE, with paths rounded to a hundredth of a point."""
-    stream = io.BytesIO()
-    figure.savefig(stream, format="svg", metadata={"Title": title, "Date": None, "Creator": None})
-    text = re.sub(rb"<!DOCTYPE.*?>\n", b"", stream.getvalue(), flags=re.S)
-    return re.sub(rb' d="[^"]*"', lambda path: re.sub(rb"(\.\d\d)\d+", rb"\1", path.group()), text)
-
-
-def _png(figure: Figure) -> bytes:
-    stream = io.BytesIO()
-    figure.savefig(stream, format="png", metadata={"Software": None})
-    return stream.getvalue()
 
 
 def icon(name: str, kind: str, portrait: str, panels: Sequence[Panel]) -> Image:
@@ -107,7 +61,7 @@ def icon(name: str, kind: str, portrait: str, panels: Sequence[Panel]) -> Image:
         Curves of the block; if empty, the icon shows the frame only.
     """
     colour = COLOURS[kind]
-    with _plain_style():
+    with plain_style():
         figure = Figure(figsize=(SIZE, SIZE), dpi=DPI)
         figure.patch.set_alpha(0.0)
         axes = figure.add_axes((0.0, 0.0, 1.0, 1.0), xlim=(-100, 100), ylim=(-100, 100))
@@ -119,7 +73,7 @@ def icon(name: str, kind: str, portrait: str, panels: Sequence[Panel]) -> Image:
             SCHEMATICS[portrait](axes, colour)
         else:
             _trace(axes, panels, colour)
-        return Image(_png(figure), _svg(figure, name))
+        return Image(png_of(figure), svg_of(figure, name))
 
 
 def _trace(axes: Any, panels: Sequence[Panel], colour: str) -> None:
@@ -167,7 +121,7 @@ def symbol(name: str) -> str:
 
 def chart(panel: Panel, title: str) -> bytes:
     """Return a panel with axes and units as SVG for the documentation."""
-    with _plain_style(**{"svg.fonttype": "none"}):  # keep texts as texts, for search and screen readers
+    with plain_style(**{"svg.fonttype": "none"}):  # keep texts as texts, for search and screen readers
         figure = Figure(figsize=(4.2, 3.0))
         axes = figure.add_axes((0.16, 0.16, 0.8, 0.79))
         x_power, y_power = (_power(_range(columns)) for columns in _columns(panel))
@@ -185,7 +139,7 @@ def chart(panel: Panel, title: str) -> bytes:
             axes.set_aspect("equal", adjustable="datalim")
         if any(curve.label for curve in panel.curves):
             axes.legend(frameon=False)
-        return _svg(figure, title)
+        return svg_of(figure, title)
 
 
 def _columns(panel: Panel) -> tuple[list[Any], list[Any]]:
@@ -214,10 +168,10 @@ def terminal_icon(shape: str) -> Image:
         "circle": Circle((50, 50), 38, facecolor="#959595", edgecolor="#404040", linewidth=2.0),
         "triangle": Polygon([(12, 12), (88, 50), (12, 88)], facecolor="#00007f", edgecolor="#00004c", linewidth=2.0),
     }
-    with _plain_style():
+    with plain_style():
         figure = Figure(figsize=(0.4, 0.4), dpi=DPI)
         figure.patch.set_alpha(0.0)
         axes = figure.add_axes((0.0, 0.0, 1.0, 1.0), xlim=(0, 100), ylim=(0, 100))
         axes.set_axis_off()
         axes.add_patch(shapes[shape])
-        return Image(_png(figure), _svg(figure, shape))
+        return Image(png_of(figure), svg_of(figure, shape))

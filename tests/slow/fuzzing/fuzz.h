@@ -1,10 +1,12 @@
-/* What both fuzz targets share: the block itself (BLOCK is its C file), input bytes that become choices and numbers,
-   and the ways to fail. */
+/* What the fuzz targets share: the block or composite itself (BLOCK is its C file), input bytes that become choices and
+   numbers, and the ways to fail. */
 
 #ifndef FUZZ_H
 #define FUZZ_H
 
 #include BLOCK
+
+#include <float.h>
 
 #define HOLDS(condition, text)                                                                                         \
     do {                                                                                                               \
@@ -25,9 +27,9 @@ static inline unsigned fuzz_choice(Fuzz *in, unsigned count) { return in->at < i
 /* A finite number of any size, one at the edge, or none. */
 static inline double fuzz_number(Fuzz *in)
 {
-    static const double special[] = {0.0,   -0.0,   1.0,     -1.0,     1e-3,  -1e-3, 1e-9,
-                                     1e9,   5e-324, 1e-308,  -1e308,   1e308, 1e154, 1e-154,
-                                     1e-12, 0.5,    DBL_MAX, -DBL_MAX, INF,   -INF,  (double)NAN};
+    static const double special[] = {0.0,   -0.0,   1.0,     -1.0,     1e-3,     -1e-3,     1e-9,
+                                     1e9,   5e-324, 1e-308,  -1e308,   1e308,    1e154,     1e-154,
+                                     1e-12, 0.5,    DBL_MAX, -DBL_MAX, HUGE_VAL, -HUGE_VAL, (double)NAN};
     enum { FUZZ_SPECIAL = sizeof special / sizeof special[0] };
     const unsigned kind = fuzz_choice(in, 2 * FUZZ_SPECIAL);
     double value = 0.0;
@@ -53,8 +55,12 @@ static void fuzz_message(fmi2ComponentEnvironment environment, fmi2String name, 
 static Instance *fuzz_instance(void)
 {
     static const fmi2CallbackFunctions callbacks = {.logger = fuzz_message};
+#ifdef COMPOSITE
+    const char *const guid = GUID;
+#else
     char guid[GUID_LENGTH + 2];
     write_guid(guid);
+#endif
     Instance *const made =
         (Instance *)fmi2Instantiate("fuzz", fmi2CoSimulation, guid, "file:///resources", &callbacks, 0, 1);
     HOLDS(made, "fmi2Instantiate gives no instance");

@@ -1,4 +1,4 @@
-"""Blocks compiled with sanitizers: fuzzed by libFuzzer, and run in threads; and with every warning as an error.
+"""Blocks and composites compiled with sanitizers: fuzzed by libFuzzer, run in threads; and with warnings as errors.
 
     python native_checks.py fuzz SECONDS [BLOCK...]     each target on each block for its share of the time
     python native_checks.py threads [BLOCK...]          AddressSanitizer with UBSan, then ThreadSanitizer
@@ -21,18 +21,23 @@ from concurrent.futures import ThreadPoolExecutor
 from itertools import product
 from pathlib import Path
 
-from friction_fmus import build, catalogue
+sys.path.insert(0, str(Path(__file__).parents[2]))
+
+from shell.selection import COMPOSITES, built
+
+from friction_fmus import catalogue
 from harness.compiling.toolchain import header_folder
 
 HERE = Path(__file__).parent
 TARGETS = ("calls", "state")
+COMPOSITE_TARGETS = ("composite",)
 STRICT = ("-fno-sanitize-recover=all", "-fno-omit-frame-pointer", "-g1", "-O1")
 ADDRESS = ("-fsanitize=address,undefined", *STRICT)
 THREAD = ("-fsanitize=thread", *STRICT)
 # MOST_TRIES: a step may not take long
 FUZZER = ("-fsanitize=fuzzer,address,undefined,float-cast-overflow", *STRICT, "-DMOST_TRIES=200")
 # forgeries are short, so there is no need to begin with shorter ones
-LENGTHS = {"calls": ("-max_len=600",), "state": ("-max_len=100", "-len_control=0")}
+LENGTHS = {"calls": ("-max_len=600",), "state": ("-max_len=100", "-len_control=0"), "composite": ("-max_len=400",)}
 COMPILERS = ("gcc", "clang")
 LEVELS = ("-O0", "-O1", "-O2", "-O3")
 WARNINGS = ("-Wall", "-Wextra", "-Wpedantic", "-Wshadow", "-Wconversion", "-Werror")
@@ -43,22 +48,27 @@ class FoundError(AssertionError):
     """A sanitizer or a check of ours has found something."""
 
 
+def targets(name: str) -> tuple[str, ...]:
+    """The fuzz targets of a block or composite."""
+    return COMPOSITE_TARGETS if name in COMPOSITES else TARGETS
+
+
 def unpacked(name: str, folder: Path, into: Path) -> Path:
-    """The sources of a block's FMU, in a folder of their own: two programs of a block may be made side by side."""
-    with zipfile.ZipFile(build(name, folder)) as archive:
+    """The sources of an FMU, in a folder of their own: two programs of a block may be made side by side."""
+    with zipfile.ZipFile(built(name, folder)) as archive:
         archive.extractall(into, [entry for entry in archive.namelist() if entry.startswith("sources/")])
     return into / "sources"
 
 
 def compiled(name: str, source: str, flags: Sequence[str], folder: Path, compiler: str = "clang") -> Path:
-    """A program of this folder around the sources of a block's FMU.
+    """A program of this folder around the sources of the FMU of a block or composite.
 
     Parameters
     ----------
     name : str
-        The block.
+        The block or composite.
     source : str
-        C file of this folder, which includes the block as ``BLOCK``.
+        C file of this folder, which includes its C file as ``BLOCK``.
     flags : sequence of str
         The sanitizers.
     folder : Path
@@ -70,7 +80,8 @@ def compiled(name: str, source: str, flags: Sequence[str], folder: Path, compile
     sources = unpacked(name, folder, program.with_suffix(".fmu"))
     command = [compiler, "-std=gnu11", "-ffp-contract=off", "-fno-math-errno", "-Wall", "-Wextra", "-Werror", *flags]
     command += ["-I", str(header_folder()), "-I", str(sources), f'-DBLOCK="{name}.c"']
-    command += [str(HERE / source), "-o", str(program), "-lm", "-pthread"]
+    command += [str(HERE / source), *map(str, sorted(sources.glob("part_*.c")))]
+    command += ["-o", str(program), "-lm", "-pthread"]
     run = subprocess.run(command, capture_output=True, text=True, check=False)
     if run.returncode != 0:
         raise FoundError(f"{name} does not compile with {compiler} {flags[0]}: {run.stderr[:2000]}")
@@ -88,7 +99,7 @@ def fuzz(name: str, target: str, seconds: float, folder: Path, kept: Path | None
     Parameters
     ----------
     name, target : str
-        Block, and ``calls`` or ``state``.
+        Block and ``calls`` or ``state``, or composite and ``composite``.
     seconds : float
         For new inputs; 0: only the kept ones.
     folder : Path
@@ -145,19 +156,9 @@ def check_warnings(name: str, folder: Path) -> None:
         With the first warning.
     """
     sources = unpacked(name, folder, folder / f"{name}_warnings")
-    for compiler, level in product(COMPILERS, LEVELS):
-        command = [
-            compiler,
-            "-std=c99",
-            level,
-            *WARNINGS,
-            "-I",
-            str(header_folder()),
-            "-c",
-            f"{name}.c",
-            "-o",
-            os.devnull,
-        ]
+    files = [f"{name}.c", *(path.name for path in sorted(sources.glob("part_*.c")))]
+    for compiler, level, file in product(COMPILERS, LEVELS, files):
+        command = [compiler, "-std=c99", level, *WARNINGS, "-I", str(header_folder()), "-c", file, "-o", os.devnull]
         run = subprocess.run(command, cwd=sources, capture_output=True, text=True, check=False)
         if run.returncode != 0 or run.stderr:
             raise FoundError(f"{name}, {compiler} {level}: {run.stderr[:2000]}")
@@ -166,8 +167,8 @@ def check_warnings(name: str, folder: Path) -> None:
 def minimise(found: Path, names: Sequence[str], most: int = 1000) -> None:
     """Replaces the corpora by inputs that reach as much: the longest, at most so many bytes for each block."""
     with tempfile.TemporaryDirectory() as folder:
-        for target in TARGETS:
-            for name in names:
+        for name in names:
+            for target in targets(name):
                 program = compiled(name, f"fuzz_{target}.c", FUZZER, Path(folder))
                 merged = Path(folder) / target / name
                 merged.mkdir(parents=True)
@@ -207,11 +208,12 @@ def _all(jobs: Sequence[tuple[object, ...]]) -> int:
 def main(command: str, *arguments: str) -> int:
     """What the module's docstring says."""
     rest = arguments[1:] if command in ("fuzz", "minimise") else arguments
-    names = list(rest or catalogue())
+    names = list(rest or (*catalogue(), *COMPOSITES))
     folder = Path(tempfile.mkdtemp(prefix="native-checks-"))
     if command == "fuzz":
-        share = max(float(arguments[0]) * WORKERS / (len(names) * len(TARGETS)), 1.0)
-        return _all([(fuzz, name, target, share, folder, folder / "found") for name in names for target in TARGETS])
+        pairs = [(name, target) for name in names for target in targets(name)]
+        share = max(float(arguments[0]) * WORKERS / len(pairs), 1.0)
+        return _all([(fuzz, name, target, share, folder, folder / "found") for name, target in pairs])
     if command == "threads":
         return _all([(run_threads, name, flags, folder) for flags in (ADDRESS, THREAD) for name in names])
     if command == "warnings":

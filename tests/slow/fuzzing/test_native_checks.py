@@ -1,4 +1,4 @@
-"""A selection of blocks under sanitizers, libFuzzer and valgrind; tests/nightly.sh has them all, for longer."""
+"""A selection of blocks and composites under sanitizers, libFuzzer and valgrind; nightly.sh has all, for longer."""
 
 from __future__ import annotations
 
@@ -12,7 +12,6 @@ from native_checks import (
     ADDRESS,
     COMPILERS,
     HERE,
-    TARGETS,
     THREAD,
     FoundError,
     check_warnings,
@@ -20,7 +19,9 @@ from native_checks import (
     corpus,
     fuzz,
     run_threads,
+    targets,
 )
+from shell.selection import COMPOSITES
 from slow.platforms.foreign import case, host
 
 from friction_fmus import catalogue
@@ -30,13 +31,13 @@ SELECTION = ("LuGre", "GenericAsperity", "Leuven", "Actuator", "PID", "Repetitiv
 CHAINS = ("BurridgeKnopoff", "FrenkelKontorova", "FrenkelKontorovaTomlinson")
 """Blocks with large local arrays, of which an optimising compiler says most."""
 SECONDS = 3
+PAIRS = [(name, target) for name in (*SELECTION, *COMPOSITES) for target in targets(name)]
 
 needs_clang = pytest.mark.skipif(shutil.which("clang") is None, reason="clang is not installed")
 
 
 @needs_clang
-@pytest.mark.parametrize("target", TARGETS)
-@pytest.mark.parametrize("name", SELECTION)
+@pytest.mark.parametrize(("name", "target"), PAIRS)
 def test_fuzzing_finds_nothing(name: str, target: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     fuzz(name, target, SECONDS, tmp_path)
@@ -44,13 +45,13 @@ def test_fuzzing_finds_nothing(name: str, target: str, tmp_path: Path, monkeypat
 
 @needs_clang
 @pytest.mark.parametrize("sanitizer", [ADDRESS, THREAD], ids=lambda flags: str(flags[0]))
-@pytest.mark.parametrize("name", SELECTION)
+@pytest.mark.parametrize("name", (*SELECTION, *COMPOSITES))
 def test_threads_with_an_instance_each_under_a_sanitizer(name: str, sanitizer: tuple[str, ...], tmp_path: Path) -> None:
     run_threads(name, sanitizer, tmp_path)
 
 
 @pytest.mark.skipif(not all(map(shutil.which, COMPILERS)), reason="gcc and clang are not both installed")
-@pytest.mark.parametrize("name", (*SELECTION, *CHAINS))
+@pytest.mark.parametrize("name", (*SELECTION, *CHAINS, *COMPOSITES))
 def test_no_level_of_optimisation_brings_out_a_warning(name: str, tmp_path: Path) -> None:
     check_warnings(name, tmp_path)
 
@@ -81,7 +82,7 @@ def test_the_checks_find_a_fault_that_is_there(tmp_path: Path, monkeypatch: pyte
 def test_valgrind_finds_nothing(build_fmu: Callable[..., Path], tmp_path: Path) -> None:
     """The whole call sequence of a selection of blocks: no invalid access, nothing uninitialised, nothing lost."""
     program = host("linux64", tmp_path)
-    cases = [case(build_fmu(name), "linux64", tmp_path) for name in SELECTION]
+    cases = [case(build_fmu(name), "linux64", tmp_path) for name in (*SELECTION, *COMPOSITES)]
     command = ["valgrind", "-q", "--leak-check=full", "--errors-for-leak-kinds=definite", "--error-exitcode=9"]
     run = subprocess.run(
         [*command, str(program), *(each.name for each in cases)],
@@ -98,4 +99,6 @@ def test_corpora_are_small_and_of_blocks_that_exist() -> None:
     files = [path for path in (HERE / "corpus").rglob("*") if path.is_file()]
     assert files
     assert sum(path.stat().st_size for path in files) < 200_000
-    assert {path.parent for path in files} <= {corpus(target, name) for target in TARGETS for name in catalogue()}
+    assert {path.parent for path in files} <= {
+        corpus(target, name) for name in (*catalogue(), *COMPOSITES) for target in targets(name)
+    }

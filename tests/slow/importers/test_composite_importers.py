@@ -1,4 +1,4 @@
-"""Stick-slip as one FMU in every importer: the values are those of the harness, whatever the importer's step.
+"""Systems as one FMU in every importer: the values are those of the harness, whatever the importer's step.
 
 The table of docs/any-simulator.md is made of these numbers: run this file to print it.
 """
@@ -9,17 +9,16 @@ import logging
 import re
 import sys
 import tempfile
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any
 
-import fmpy
 import numpy as np
 import pytest
 from install_cofmupy import PYTHON
 from interop.importers import ALONE, as_trajectories, in_fmpy, in_worker, loop_job
-from interop.loops import Loop, Trajectories, ports
+from interop.loops import Loop, Trajectories, ports, start_value, variables
 from test_fmpy import container as fmpy_container
 from test_fmu_toolbox import container as toolbox_container
 from test_fmu_toolbox import exposed
@@ -27,51 +26,52 @@ from test_fmu_toolbox import exposed
 from friction_fmus import fmu
 from harness import HarnessError, System
 
-EXAMPLE = Path(__file__).parents[3] / "examples" / "stick_slip.toml"
+EXAMPLES = Path(__file__).parents[3] / "examples"
+EXAMPLE = EXAMPLES / "stick_slip.toml"
 STIFFNESS = (1e5, 1e7)
 STEPS = (1e-3, 5e-3)
 STOP, EVERY = 10.0, 0.1  # s
-X = f"{ALONE}.mass.x"
-Importer = Callable[[Loop, float, Path], Trajectories]
+X = "mass.x"
+Importer = Callable[[Loop, float, Path, Sequence[str]], Trajectories]
 
 
 def stick_slip(sigma0: float) -> System:
     return System.from_toml(EXAMPLE, resolve=fmu).with_start({"friction.sigma0": sigma0})
 
 
-def in_process(worker: str, loop: Loop, step: float, _folder: Path, python: str = sys.executable) -> Trajectories:
+def in_process(
+    worker: str, loop: Loop, step: float, _folder: Path, names: Sequence[str], python: str = sys.executable
+) -> Trajectories:
     job = loop_job("x", loop) | {"step": step, "count": round(STOP / step), "every": round(EVERY / step)}
     job["method"] = "gauss_seidel"
     if worker == "in_cofmupy":  # it sets inputs without a value to 0
         fmu_path = loop.fmus[ALONE]
-        job["start"] = {f"{ALONE}.{name}": start_of(fmu_path, name) for name in ports(fmu_path, "input")}
+        job["start"] = {f"{ALONE}.{name}": start_value(variables(fmu_path)[name]) for name in ports(fmu_path, "input")}
     answer: Any = in_worker(worker, [job], python)["x"]
     assert not isinstance(answer, str), answer
-    return as_trajectories(job, answer["rows"])
+    found = as_trajectories(job, answer["rows"])
+    return {name: found[f"{ALONE}.{name}"] for name in names}
 
 
-def start_of(path: Path, name: str) -> float:
-    (variable,) = (v for v in fmpy.read_model_description(str(path)).modelVariables if v.name == name)
-    return float(variable.start)
+def in_one(path: Path, step: float, folder: Path, columns: Mapping[str, str]) -> Trajectories:
+    """An FMU in fmpy; `columns` are its names of the variables."""
+    output = [*columns.values()]
+    rows = in_fmpy(path, folder, stop_time=STOP, step_size=step, output_interval=EVERY, output=output)
+    return {name: rows[column][1:] for name, column in columns.items()}
 
 
-def simulate_fmu(loop: Loop, step: float, folder: Path) -> Trajectories:
-    rows = in_fmpy(
-        loop.fmus[ALONE], folder / "alone", stop_time=STOP, step_size=step, output_interval=EVERY, output=["mass.x"]
-    )
-    return {X: rows["mass.x"][1:]}
+def simulate_fmu(loop: Loop, step: float, folder: Path, names: Sequence[str]) -> Trajectories:
+    return in_one(loop.fmus[ALONE], step, folder / "alone", {name: name for name in names})
 
 
-def in_fmpy_container(loop: Loop, step: float, folder: Path) -> Trajectories:
+def in_fmpy_container(loop: Loop, step: float, folder: Path, names: Sequence[str]) -> Trajectories:
     path = fmpy_container(loop, folder / "container", step)
-    rows = in_fmpy(path, folder / "one", stop_time=STOP, step_size=step, output_interval=EVERY, output=[X])
-    return {X: rows[X][1:]}
+    return in_one(path, step, folder / "one", {name: f"{ALONE}.{name}" for name in names})
 
 
-def in_toolbox(loop: Loop, step: float, folder: Path) -> Trajectories:
+def in_toolbox(loop: Loop, step: float, folder: Path, names: Sequence[str]) -> Trajectories:
     path = toolbox_container(loop, step, folder)
-    rows = in_fmpy(path, folder / "two", stop_time=STOP, step_size=step, output_interval=EVERY, output=[exposed(X)])
-    return {X: rows[exposed(X)][1:]}
+    return in_one(path, step, folder / "two", {name: exposed(f"{ALONE}.{name}") for name in names})
 
 
 IMPORTERS: Mapping[str, Importer] = {
@@ -118,14 +118,47 @@ def test_one_fmu_gives_the_values_of_the_harness(
     runs: Mapping[float, tuple[Path, np.ndarray, np.ndarray]],
     tmp_path: Path,
 ) -> None:
+    path, harness, reference = runs[sigma0]
+    found = run_in(importer, path, step, tmp_path, [X])[X]
+    assert np.abs(found - harness).max() <= 1e-12 * np.abs(harness).max()
+    assert np.abs(found - reference).max() <= 1e-4
+
+
+def run_in(importer: str, path: Path, step: float, folder: Path, names: Sequence[str]) -> Trajectories:
     if importer == "CoFmuPy" and not PYTHON.exists():
         pytest.skip("CoFmuPy is not installed: run tests/slow/importers/install_cofmupy.py")
     if importer in ("libcosimpy", "ecospy"):
         pytest.importorskip(importer)
-    path, harness, reference = runs[sigma0]
-    found = IMPORTERS[importer](Loop({ALONE: path}, (), {}), step, tmp_path)[X]
-    assert np.abs(found - harness).max() <= 1e-12 * np.abs(harness).max()
-    assert np.abs(found - reference).max() <= 1e-4
+    return IMPORTERS[importer](Loop({ALONE: path}, (), {}), step, folder, names)
+
+
+SYSTEMS = {
+    "compensated_axis": ("axis.x", "axis.v", "friction.F"),
+    "two_axes": ("x_axis.x", "y_axis.x", "x_friction.F", "y_friction.F"),
+}
+
+
+@pytest.fixture(scope="module", params=SYSTEMS)
+def servo(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Trajectories]:
+    """An example without inputs as one FMU, and its values in the harness."""
+    names, path = SYSTEMS[request.param], tmp_path_factory.mktemp("servo") / f"{request.param}.fmu"
+    with System.from_toml(EXAMPLES / f"{request.param}.toml", resolve=fmu) as system:
+        assert system.experiment is not None
+        system.to_fmu(path, inputs=[], outputs=names)  # CoFmuPy exchanges Reals only
+        every = round(EVERY / system.experiment.step)
+        result = system.run(stop=STOP, master="newton", record=list(names), decimate=every)
+        return path, {name: np.asarray(result[name])[1:] for name in names}
+
+
+@pytest.mark.parametrize("importer", IMPORTERS)
+@pytest.mark.parametrize("step", STEPS)
+def test_one_and_two_axes_under_control(
+    importer: str, step: float, servo: tuple[Path, Trajectories], tmp_path: Path
+) -> None:
+    path, harness = servo
+    found = run_in(importer, path, step, tmp_path, [*harness])
+    for name, expected in harness.items():
+        assert np.abs(found[name] - expected).max() <= 1e-12 * np.ptp(expected), name
 
 
 @pytest.mark.parametrize("sigma0", STIFFNESS)
@@ -137,7 +170,7 @@ def test_the_table_of_the_page_is_measured(
     with stick_slip(sigma0) as system:
         two = [np.abs(position(system, step, "jacobi") - reference).max() for step in STEPS]
     measured = [1e3 * error for error in (*two, np.abs(one - reference).max())]
-    page = (EXAMPLE.parents[1] / "docs" / "any-simulator.md").read_text(encoding="utf-8")
+    page = (EXAMPLES.parent / "docs" / "any-simulator.md").read_text(encoding="utf-8")
     (row,) = re.findall(rf"^\| 1e{round(np.log10(sigma0))} N/m \| (.*) \|$", page, re.M)
     assert [float(cell.removesuffix(" mm")) for cell in row.split(" | ")] == pytest.approx(measured, rel=0.05)
 

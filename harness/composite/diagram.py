@@ -1,0 +1,172 @@
+"""The block diagram of a system, for the documentation and the icon of a composite FMU."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Mapping, Sequence
+from typing import Any, Final
+
+from matplotlib.figure import Figure
+from matplotlib.patches import FancyArrowPatch, FancyBboxPatch
+from matplotlib.path import Path
+
+from harness.composite.diagram_layout import Layout, Pair, Point, arrange
+from harness.drawing import Image, plain_style, png_of, svg_of
+from harness.system.assembly import Assembly
+
+COLOUR: Final = "#1f4e79"
+BACK: Final = "#d9730d"
+"""Colour of feedback."""
+BOX: Final = (0.62, 0.42)
+"""Size of a box, where columns are 1 apart and rows 1."""
+LONGEST: Final = 16
+"""Letters of a name or of signals that are shown."""
+
+
+def diagram(system: Assembly, title: str) -> bytes:
+    """Return the block diagram as SVG: parts with their models, connections with their signals.
+
+    Parameters
+    ----------
+    system : Assembly
+        The system.
+    title : str
+        Title of the drawing.
+    """
+    layout, signals = _arranged(system)
+    wide, high = 2.1, 0.95  # inches between columns and rows
+    size = (wide * (layout.columns - 1 + 1.1 * BOX[0]), high * (layout.rows - 1 + 2.0 * BOX[1]))
+    with plain_style(**{"svg.fonttype": "none"}):
+        figure, axes = _axes(size, layout)
+        lines = _lines(layout)
+        for points in lines.values():
+            _arrow(axes, points, 1.3, 11.0)
+        for pair, points in lines.items():
+            _label(axes, points, _short(", ".join(signals[pair])))
+        for name, (x, y) in layout.places.items():
+            _box(axes, (x, y), 1.2)
+            axes.text(x, y - 0.075, _short(name), ha="center", va="center", fontsize=10, weight="bold", color="#222222")
+            axes.text(x, y + 0.1, _short(_model(system, name)), ha="center", va="center", fontsize=8.5, color="#555555")
+        return svg_of(figure, title)
+
+
+def loop_icon(system: Assembly, title: str) -> Image:
+    """Return the icon: the boxes and arrows of the diagram in a frame.
+
+    Parameters
+    ----------
+    system : Assembly
+        The system.
+    title : str
+        Title of the drawing.
+    """
+    layout, _ = _arranged(system)
+    with plain_style():
+        figure = Figure(figsize=(2.0, 2.0), dpi=100)
+        figure.patch.set_alpha(0.0)
+        frame = figure.add_axes((0.0, 0.0, 1.0, 1.0), xlim=(-100, 100), ylim=(-100, 100))
+        frame.set_axis_off()
+        shape = "round,pad=0,rounding_size=14"
+        frame.add_patch(
+            FancyBboxPatch((-96, -96), 192, 192, shape, facecolor="#fbfcfd", edgecolor=COLOUR, linewidth=4.0)
+        )
+        axes = figure.add_axes((0.09, 0.12, 0.82, 0.76))
+        _limits(axes, layout)
+        for points in _lines(layout).values():
+            _arrow(axes, points, 2.2, 10.0)
+        for place in layout.places.values():
+            _box(axes, place, 2.0)
+        return Image(png_of(figure), svg_of(figure, title))
+
+
+def _arranged(system: Assembly) -> tuple[Layout, Mapping[Pair, list[str]]]:
+    signals: dict[Pair, list[str]] = {}
+    for wire in system.wires:
+        (source, name), (target, _) = wire.ends
+        if source in system.parts and target in system.parts:
+            found = signals.setdefault((source, target), [])
+            found += [] if name in found else [name]
+    return arrange([*system.parts], signals), signals
+
+
+def _axes(size: Point, layout: Layout) -> tuple[Figure, Any]:
+    figure = Figure(figsize=size)
+    axes = figure.add_axes((0.0, 0.0, 1.0, 1.0))
+    _limits(axes, layout)
+    return figure, axes
+
+
+def _limits(axes: Any, layout: Layout) -> None:
+    across, down = 0.55 * BOX[0], 0.5 * (layout.rows - 1) + BOX[1]
+    axes.set_xlim(-across, layout.columns - 1 + across)
+    axes.set_ylim(down, -down)
+    axes.set_axis_off()
+
+
+def _lines(layout: Layout) -> dict[Pair, list[Point]]:
+    """Return the points of each connection; those at one side of a box are spread over it."""
+    ends: dict[tuple[str, float], list[tuple[float, int, Pair]]] = {}
+    for pair, route in layout.routes.items():
+        way = 1.0 if route[-1][0] > route[0][0] else -1.0
+        ends.setdefault((pair[0], way), []).append((route[1][1], 0, pair))
+        ends.setdefault((pair[1], -way), []).append((route[-2][1], 1, pair))
+    places: dict[tuple[int, Pair], Point] = {}
+    for (part, side), found in ends.items():
+        x, y = layout.places[part]
+        for number, (_, end, pair) in enumerate(
+            sorted(found, key=lambda each: (each[0], _leads_back(layout, each[2])))
+        ):
+            spread = (number + 1) / (len(found) + 1) - 0.5
+            places[end, pair] = (x + side * 0.5 * BOX[0], y + 1.1 * spread * BOX[1])
+    return {pair: [places[0, pair], *route[1:-1], places[1, pair]] for pair, route in layout.routes.items()}
+
+
+def _leads_back(layout: Layout, pair: Pair) -> bool:
+    return layout.places[pair[1]][0] < layout.places[pair[0]][0]
+
+
+def _label(axes: Any, points: Sequence[Point], text: str) -> None:
+    """Write the signals beside the first part of a line: above it, or below feedback."""
+    back = points[-1][0] < points[0][0]
+    x, y = (0.5 * (a + b) for a, b in zip(points[0], points[1], strict=True))
+    axes.text(
+        x,
+        y + (0.04 if back else -0.04),
+        text,
+        ha="center",
+        va="top" if back else "bottom",
+        fontsize=8.5,
+        color=BACK if back else "#333333",
+        bbox={"facecolor": "white", "edgecolor": "none", "pad": 0.6},
+    )
+
+
+def _arrow(axes: Any, points: Sequence[Point], width: float, head: float) -> None:
+    """Draw a smooth line through the points, which leaves and arrives horizontally."""
+    codes, vertices = [Path.MOVETO], [points[0]]
+    for (x, y), (end, height) in itertools.pairwise(points):
+        middle = 0.5 * (x + end)
+        vertices += [(middle, y), (middle, height), (end, height)]
+        codes += [Path.CURVE4] * 3
+    colour = BACK if points[-1][0] < points[0][0] else COLOUR
+    style = f"-|>,head_length={0.04 * head},head_width={0.016 * head}"
+    shape: dict[str, Any] = {"arrowstyle": style, "mutation_scale": 10.0, "shrinkA": 0.0, "shrinkB": 0.0}
+    axes.add_patch(FancyArrowPatch(path=Path(vertices, codes), color=colour, linewidth=width, clip_on=False, **shape))
+
+
+def _box(axes: Any, place: Point, width: float) -> None:
+    corner = (place[0] - 0.5 * BOX[0], place[1] - 0.5 * BOX[1])
+    axes.add_patch(
+        FancyBboxPatch(
+            corner, *BOX, "round,pad=0,rounding_size=0.05", facecolor="#eef3f8", edgecolor=COLOUR, linewidth=width
+        )
+    )
+
+
+def _model(system: Assembly, name: str) -> str:
+    part: Any = system.parts[name]
+    return str(part.archive.description.modelName) if hasattr(part, "archive") else "recorded series"
+
+
+def _short(text: str) -> str:
+    return text if len(text) <= LONGEST else f"{text[: LONGEST - 1]}…"
