@@ -92,15 +92,18 @@ static bool known(const Instance *c, fmi2ValueReference reference, int type)
     return reference < VALUES && c->row_of[reference]->type == type;
 }
 
-/* Update the outputs; a trial of a solver may lead to values that are not finite, and the solver then takes another. */
-static fmi2Status check_outputs(Instance *c, const char *what)
+/* A trial of a solver may lead to values that are not finite; the solver then takes another. */
+static fmi2Status not_finite(const Instance *c, const char *function, const char *what)
 {
-    if (refresh(c))
-        return fmi2OK;
     const bool trial = MODE(c) == CONTINUOUS_TIME;
     return report(c, trial ? fmi2Discard : fmi2Error, trial ? LOG_DISCARD : LOG_ERROR,
-                  "fmi2Get%s: with the values set at t = %g s, an output of \"%s\" is not finite", what, c->model.time,
-                  c->name);
+                  "fmi2Get%s: with the values set at t = %g s, %s of \"%s\" is not finite", function, c->model.time,
+                  what, c->name);
+}
+
+static fmi2Status check_outputs(Instance *c, const char *function)
+{
+    return refresh(c) ? fmi2OK : not_finite(c, function, "an output");
 }
 
 static fmi2Status check_get(Instance *c, const fmi2ValueReference references[], size_t n, const void *values, int type)

@@ -29,7 +29,9 @@ static bool discrete_states(Model *m)
     const double now = m->time, until = now + 1e-6 * m->Ts;
     if ((until - next_sample(m)) / m->Ts > MOST_TRIES)
         return false;
-    while (next_sample(m) <= until) {
+    for (int tries = 0; next_sample(m) <= until; tries++) {
+        if (tries > MOST_TRIES) /* a time so late that Ts is lost in it */
+            return false;
         m->time = next_sample(m);
         take_sample(m);
         m->run.tick++;
@@ -158,10 +160,19 @@ fmi2Status fmi2GetEventIndicators(fmi2Component component, fmi2Real values[], si
     ENTER_AS(fmi2ModelExchange, "GetEventIndicators", MAY_GetContinuous)
     REQUIRE_VECTOR("GetEventIndicators", values, n, INDICATORS, "event indicators")
 #ifdef EVENTS
+    double left[INDICATORS], before[VALUES];
+    const bool stale = c->model.run.stale;
+    memcpy(before, &c->model, sizeof before);
     const fmi2Status status = check_outputs(c, "EventIndicators");
     if (status != fmi2OK)
         return status;
-    indicators(&c->model, values);
+    indicators(&c->model, left);
+    if (!all_finite(left, INDICATORS)) {
+        memcpy(&c->model, before, sizeof before);
+        c->model.run.stale = stale;
+        return not_finite(c, "EventIndicators", "an event indicator");
+    }
+    memcpy(values, left, sizeof left);
 #endif
     return fmi2OK;
 }

@@ -34,7 +34,7 @@ static int get_inputs(void *component, const uint32_t *references, size_t n, voi
 static int get_whole_inputs(void *component, const uint32_t *references, size_t n, void *values)
 {
     for (size_t i = 0; i < n; i++)
-        ((int *)values)[i] = (int)input_now((const Place *)component, references[i]);
+        ((int *)values)[i] = (int)((const Place *)component)->owner->memory.inputs[references[i]];
     return fmi2OK;
 }
 

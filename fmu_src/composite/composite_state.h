@@ -152,6 +152,13 @@ static bool plausible_guard(const StepCheck *g)
            in_range(g->checks, 0, most) && is_bit(g->hopeless) && is_bit(g->jumped);
 }
 
+/* Return whether a variable can have the value in this memory; a law may accept an input that is not finite. */
+static bool plausible_value(const Memory *m, const Variable *v)
+{
+    const double value = v->is_input ? m->inputs[v->reference] : v->signal >= 0 ? m->signals[v->signal] : 0.0;
+    return v->type == REAL ? v->is_input || isfinite(value) : value == floor(value) && fabs(value) <= 2147483648.0;
+}
+
 /* Return whether a run can reach this memory: whatever is used as an index, a count or a time is in range. */
 static bool plausible(const Memory *m)
 {
@@ -171,6 +178,8 @@ static bool plausible(const Memory *m)
         good = good && plausible_guard(&m->guards[g]);
     for (int i = 0; i < INPUTS; i++)
         good = good && isfinite(m->slopes[i]);
+    for (size_t i = 0; i < VARIABLES; i++)
+        good = good && plausible_value(m, &variables[i]);
     return good;
 }
 

@@ -58,7 +58,7 @@ struct rest {         /* in model exchange */
 
 static void range(const Model *m, double *low, double *high)
 {
-    *high = load_of(m->Fn, m->Fn0) * m->Fs;
+    *high = load_of(m->Fn, m->Fn0) * held_by(m, m->Fs, m->Fc);
     *low = -*high;
 }
 
@@ -66,7 +66,9 @@ static void equations(Model *m)
 {
     GIVEN(m)
     const double load = load_of(Fn, Fn0), direction = direction_of(m);
+    double low, high;
+    range(m, &low, &high);
 
     m->stuck = stuck_at(m, direction);
-    m->F = direction == 0.0 ? clip(F_ext, -load * Fs, load * Fs) /* (4) */ : direction * load * Fc + Fv * v;
+    m->F = direction == 0.0 ? clip(F_ext, low, high) /* (4) */ : direction * load * Fc + Fv * v;
 }

@@ -78,8 +78,8 @@ static void range(const Model *m, double *low, double *high)
 {
     GIVEN(m)
     const double load = load_of(Fn, Fn0);
-    *low = offset - load * (asymmetric ? Fs_neg : Fs);
-    *high = offset + load * Fs;
+    *low = offset - load * (asymmetric ? held_by(m, Fs_neg, Fc_neg) : held_by(m, Fs, Fc));
+    *high = offset + load * held_by(m, Fs, Fc);
 }
 
 /* Return the friction in steady sliding, from the parameters for the direction of motion. */

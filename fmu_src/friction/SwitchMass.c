@@ -34,8 +34,7 @@
 #define CITES    "Leine1998"
 #define STATUS   "equations from memory of the paper"
 #define FEATURES "drift-free, Stribeck, rate dependent, mass inside"
-#define NO_EXCHANGE                                                                                                    \
-    "at rest on the belt, it follows the acceleration of the belt, which model exchange does not provide"
+#define NO_EXCHANGE "at rest on the belt it follows the belt's acceleration, which model exchange does not give"
 #define PORTRAIT "stick_slip"
 
 /* clang-format off */

@@ -1,6 +1,6 @@
 /* Rest in the models that jump at v = 0, for model exchange: rest begins where v reaches 0, as exactly as the solver
-   locates it, and ends where v has changed by a speed that no drive resolves. Friction at rest balances F_ext from
-   `low` to `high`, which the block defines. Included after block.h. */
+   locates it, and ends where v has changed by a speed that no drive resolves, or at once beyond static friction.
+   Friction at rest balances F_ext from `low` to `high`, which the block defines. Included after block.h. */
 
 #ifndef REST_H
 #define REST_H
@@ -8,10 +8,15 @@
 #include "load.h"
 #include "until_change.h"
 
-#define REST    1e-10 /* change of the velocity that ends rest [m/s] or [rad/s] */
+/* [m/s] or [rad/s] */
+#define HELD    1e-10 /* change of the velocity that ends rest while friction balances F_ext */
+#define FREE    1e-18 /* the same beyond static friction */
 #define ARRIVAL 1e-8  /* largest velocity at which rest begins */
 
 static void range(const Model *m, double *low, double *high);
+
+/* A mass whose sliding friction exceeds static friction is also held by it: there is no motion in between. */
+static inline double held_by(const Model *m, double Fs, double Fc) { return m->run.frozen ? fmax(Fs, Fc) : Fs; }
 
 static bool is_rest(const Model *m)
 {
@@ -33,24 +38,30 @@ static inline double stuck_at(const Model *m, double direction)
     return m->run.frozen ? m->memory.stuck : direction == 0.0 && reserve(m) >= 0.0 ? 1.0 : 0.0;
 }
 
+static double until_moving(const Model *m)
+{
+    return (m->memory.stuck != 0.0 ? HELD : FREE) - fabs(m->v - m->memory.at);
+}
+
 static void indicators(const Model *m, double *left)
 {
     const double direction = m->memory.direction;
-    left[0] = direction != 0.0 ? direction * m->v : REST - fabs(m->v - m->memory.at);
+    left[0] = direction != 0.0 ? direction * m->v : until_moving(m);
     left[1] = direction != 0.0 ? 1.0 : until_change(m->memory.stuck, reserve(m), load_of(m->Fn, m->Fn0));
 }
 
 static void transition(Model *m)
 {
     struct rest *const now = &m->memory;
-    const bool arrives = now->direction != 0.0 && now->direction * m->v <= 0.0 && fabs(m->v) <= ARRIVAL;
-    const bool starts = now->direction == 0.0 && fabs(m->v - now->at) >= REST && m->v != 0.0;
-    if (arrives || (now->direction == 0.0 && m->v == 0.0)) {
-        now->direction = 0.0;
-        now->at = m->v;
-    } else if (starts || now->direction * m->v <= -ARRIVAL)
-        now->direction = sign(m->v);
+    const double v = m->v;
+    if (now->direction == 0.0) {
+        if (until_moving(m) <= 0.0 && v != 0.0)
+            now->direction = fabs(v) > ARRIVAL ? sign(v) : sign(v - now->at);
+    } else if (now->direction * v <= 0.0)
+        now->direction = fabs(v) > ARRIVAL ? sign(v) : 0.0;
     now->stuck = now->direction == 0.0 && reserve(m) >= 0.0 ? 1.0 : 0.0;
+    if (now->direction == 0.0 && (v == 0.0 || until_moving(m) <= 0.0))
+        now->at = v;
 }
 
 #endif

@@ -104,6 +104,7 @@ def test_only_the_functions_of_the_standard_and_the_packager_are_exported(librar
         ["nm", "-D", "--defined-only", library.binary], capture_output=True, text=True, check=True
     ).stdout
     symbols = {line.split()[-1].split("@")[0] for line in listing.splitlines()}
+    assert library.exchanges == (catalogue()[library.identifier].no_exchange == "")
     functions = {*SIGNATURES, *EXCHANGE_SIGNATURES} if library.exchanges else {*SIGNATURES}
     assert symbols == {f"fmi2{name}" for name in functions} | PACKAGER
     assert len(functions) == (44 if library.exchanges else 34)

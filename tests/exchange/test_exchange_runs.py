@@ -7,9 +7,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from exchange.cases import CASES, Case, agreement
+from exchange.cases import CASES, Case, agreement, covered, wanted
 from exchange.solver import Exchange
 from fmpy import extract
+
+from friction_fmus import build
 
 SEEDS = (1, 2)
 
@@ -19,6 +21,15 @@ SEEDS = (1, 2)
 def test_both_kinds_agree(name: str, seed: int, build_fmu: Callable[..., Path]) -> None:
     """Within 1e-6 of the force level; decisions at the same times to 1e-6 s."""
     agreement(CASES[name], build_fmu, seed)
+
+
+def test_every_block_is_compared() -> None:
+    assert covered() == wanted()
+
+
+@pytest.mark.parametrize("name", ["LuGre", "GMS", "Coulomb", "KarnoppMass"])
+def test_rotational_twins_agree(name: str, tmp_path: Path) -> None:
+    agreement(CASES[name], lambda block, **_: build(block, tmp_path, domain="rotational"), 3)
 
 
 HELD = {name: case for name, case in CASES.items() if "v" in case.inputs}

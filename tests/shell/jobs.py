@@ -5,25 +5,27 @@ from __future__ import annotations
 from ctypes import c_uint
 from pathlib import Path
 
-from shell.instance import Instance, drive, load, signals
+from shell.exchanging import SITUATIONS, begin, go_on, go_to
+from shell.instance import Instance, load, signals
 
 POINTERS = {"none": None, "one": (c_uint * 1)(1), "two": (c_uint * 1)(2)}
 """Arguments by name, as pointers cannot be sent to a process."""
 
 
-def continued(fmu: Path, trace: Path, data: bytes, t: float, h: float) -> bytes:
+def continued(fmu: Path, trace: Path, data: bytes, t: float, h: float, situation: str) -> bytes:
     """Restore a state straight after fmi2Instantiate and make 30 steps: the bits of all variables after each."""
     library = load(fmu)
     trace.write_text(f"a state of {library} at t = {t}", encoding="utf-8")
-    with Instance(library) as run:
+    with Instance(library, kind=SITUATIONS[situation]) as run:
         run.restore(data)
-        return b"".join(drive(run, signals(library, 2, 30), t, h))
+        return b"".join(go_on(run, situation, signals(library, 2, 30), t, h))
 
 
-def called(fmu: Path, trace: Path, function: str, arguments: tuple[str | int, ...]) -> tuple[int, int]:
+def called(fmu: Path, trace: Path, function: str, arguments: tuple[str | int, ...], situation: str) -> tuple[int, int]:
     """Call a function of an initialised instance: its status and the number of messages."""
     trace.write_text(f"{function}{arguments}", encoding="utf-8")
-    with Instance(load(fmu)) as run:
-        run.initialise()
+    with Instance(load(fmu), kind=SITUATIONS[situation]) as run:
+        begin(run, SITUATIONS[situation])
+        go_to(run, situation)
         status = run.call(function, *(POINTERS[each] if isinstance(each, str) else each for each in arguments))
         return status, len(run.messages)

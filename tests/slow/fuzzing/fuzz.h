@@ -52,7 +52,7 @@ static void fuzz_message(fmi2ComponentEnvironment environment, fmi2String name, 
     HOLDS(status == fmi2Warning || status == fmi2Discard || status == fmi2Error, "a message has a wrong status");
 }
 
-static Instance *fuzz_instance(void)
+static Instance *fuzz_instance(fmi2Type kind)
 {
     static const fmi2CallbackFunctions callbacks = {.logger = fuzz_message};
 #ifdef COMPOSITE
@@ -61,10 +61,19 @@ static Instance *fuzz_instance(void)
     char guid[GUID_LENGTH + 2];
     write_guid(guid);
 #endif
-    Instance *const made =
-        (Instance *)fmi2Instantiate("fuzz", fmi2CoSimulation, guid, "file:///resources", &callbacks, 0, 1);
+    Instance *const made = (Instance *)fmi2Instantiate("fuzz", kind, guid, "file:///resources", &callbacks, 0, 1);
     HOLDS(made, "fmi2Instantiate gives no instance");
     return made;
 }
+
+#ifdef NO_EXCHANGE
+#define FUZZ_KINDS fmi2CoSimulation
+#else
+#define FUZZ_KINDS fmi2CoSimulation, fmi2ModelExchange
+#endif
+
+/* the kinds of FMU that the block can be */
+static const fmi2Type fuzz_kinds[] = {FUZZ_KINDS};
+enum { FUZZ_KIND_COUNT = sizeof fuzz_kinds / sizeof fuzz_kinds[0] };
 
 #endif

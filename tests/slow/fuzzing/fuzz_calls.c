@@ -1,4 +1,5 @@
-/* libFuzzer target: any sequence of calls with any values.
+/* libFuzzer target: any sequence of calls with any values, in co-simulation and, where the block has it, in model
+   exchange.
 
    No crash, no sanitizer report; a status that the standard has; a refused call changes nothing (a failed step but
    for the mode); what is handed out with fmi2OK is finite. */
@@ -175,6 +176,84 @@ static fmi2Status call_rare(Fuzz *in, Instance *c)
     }
 }
 
+#ifdef NO_EXCHANGE
+static fmi2Status call_exchange(Fuzz *in, Instance *c) { return call_step(in, c); }
+#else
+static void fuzz_finite_vector(const fmi2Real *values, size_t count, fmi2Status status)
+{
+    for (size_t i = 0; i < count; i++)
+        HOLDS(status == fmi2OK ? (bool)isfinite(values[i]) : values[i] == 7.0, "a vector that is not right");
+}
+
+/* The next time of a solver: a little later mostly. */
+static fmi2Status call_set_time(Fuzz *in, Instance *c)
+{
+    static const double steps[] = {1e-3, 1e-2, 1e-4, 0.1, 1.0, 0.0, -1e-3, 1e-3 / 3.0};
+    const unsigned kind = fuzz_choice(in, 12);
+    return fmi2SetTime(c, kind < 8 ? c->model.time + steps[kind] : kind < 11 ? c->model.time : fuzz_number(in));
+}
+
+static fmi2Status call_set_states(Fuzz *in, Instance *c)
+{
+    fmi2Real states[ALL_STATES + 2] = {0.0};
+    const size_t wrong = fuzz_choice(in, 32) == 1;
+    const unsigned sizes = fuzz_choice(in, 4);
+    for (int i = 0; i < ALL_STATES; i++)
+        states[i] = sizes ? ldexp(1e-5 * fuzz_number(in), (int)sizes) : fuzz_number(in);
+    return fmi2SetContinuousStates(c, states, ALL_STATES + wrong);
+}
+
+static fmi2Status call_vector(Fuzz *in, Instance *c)
+{
+    enum { FUZZ_LENGTH = (ALL_STATES > INDICATORS ? ALL_STATES : INDICATORS) + 2 };
+    fmi2Real values[FUZZ_LENGTH];
+    for (size_t i = 0; i < FUZZ_LENGTH; i++)
+        values[i] = 7.0;
+    const size_t wrong = fuzz_choice(in, 32) == 1;
+    fmi2Status status;
+    size_t count = ALL_STATES;
+    switch (fuzz_choice(in, 5)) {
+    case 0: status = fmi2GetContinuousStates(c, values, count + wrong); break;
+    case 1: status = fmi2GetNominalsOfContinuousStates(c, values, count + wrong); break;
+    case 2:
+    case 3: status = fmi2GetDerivatives(c, values, count + wrong); break;
+    default: count = INDICATORS; status = fmi2GetEventIndicators(c, values, count + wrong);
+    }
+    fuzz_finite_vector(values, count, status);
+    return status;
+}
+
+static fmi2Status call_event(Instance *c)
+{
+    fmi2EventInfo info = {.nextEventTime = 7.0};
+    const fmi2Status status = fmi2NewDiscreteStates(c, &info);
+    HOLDS(isfinite(info.nextEventTime), "the time of the next event is not finite");
+    HOLDS(status < fmi2Discard || info.nextEventTime == 7.0, "a refused call writes");
+    return status;
+}
+
+static fmi2Status call_exchange(Fuzz *in, Instance *c)
+{
+    fmi2Boolean event = fmi2False, ends = fmi2False;
+    switch (fuzz_choice(in, 16)) {
+    case 0: return fmi2EnterEventMode(c);
+    case 1:
+    case 2: return call_event(c);
+    case 3:
+    case 4: return fmi2EnterContinuousTimeMode(c);
+    case 5: return fmi2CompletedIntegratorStep(c, fmi2True, &event, fuzz_choice(in, 8) ? &ends : NULL);
+    case 6:
+    case 7:
+    case 8: return call_set_time(in, c);
+    case 9:
+    case 10:
+    case 11: return call_set_states(in, c);
+    case 12: return fuzz_choice(in, 8) ? call_step(in, c) : fmi2NewDiscreteStates(c, NULL);
+    default: return call_vector(in, c);
+    }
+}
+#endif
+
 /* What can be written can be read. */
 static void fuzz_written_state(Instance *c, fmi2FMUstate state)
 {
@@ -185,11 +264,12 @@ static void fuzz_written_state(Instance *c, fmi2FMUstate state)
     fmi2FreeFMUstate(c, &read);
 }
 
-int LLVMFuzzerTestOneInput(const uint8_t *bytes, size_t count)
+static void fuzz_calls(fmi2Type kind, const uint8_t *bytes, size_t count)
 {
     static Model before;
     Fuzz in = {bytes, bytes + count};
-    Instance *c = fuzz_instance();
+    Instance *c = fuzz_instance(kind);
+    const bool exchange = kind == fmi2ModelExchange;
     fmi2FMUstate state = NULL;
     if (fuzz_choice(&in, 2)) {
         fmi2EnterInitializationMode(c);
@@ -199,9 +279,9 @@ int LLVMFuzzerTestOneInput(const uint8_t *bytes, size_t count)
     for (int calls = 0; calls < 64 && in.at < in.end; calls++) {
         fmi2Status status;
         bool stepped = false;
-        const unsigned kind = fuzz_choice(&in, 16);
+        const unsigned call = fuzz_choice(&in, 16);
         memcpy(&before, &c->model, sizeof before);
-        switch (kind) {
+        switch (call) {
         case 0: status = call_setup(&in, c); break;
         case 1: status = fmi2EnterInitializationMode(c); break;
         case 2: status = fmi2ExitInitializationMode(c); break;
@@ -210,7 +290,7 @@ int LLVMFuzzerTestOneInput(const uint8_t *bytes, size_t count)
         case 5: status = call_set(&in, c); break;
         case 6:
         case 7: status = call_get(&in, c); break;
-        case 8: status = call_slopes(&in, c); break;
+        case 8: status = exchange ? call_exchange(&in, c) : call_slopes(&in, c); break;
         case 9: status = call_rates(&in, c); break;
         case 10: status = call_along(&in, c); break;
         case 11:
@@ -219,7 +299,7 @@ int LLVMFuzzerTestOneInput(const uint8_t *bytes, size_t count)
             break;
         case 12: status = state ? fmi2SetFMUstate(c, state) : call_status_of(&in, c); break;
         case 13: status = call_rare(&in, c); break;
-        default: status = call_step(&in, c); stepped = true;
+        default: status = exchange ? call_exchange(&in, c) : call_step(&in, c); stepped = !exchange;
         }
         HOLDS(status == fmi2OK || status == fmi2Warning || status == fmi2Discard || status == fmi2Error,
               "a status that is never due");
@@ -229,5 +309,11 @@ int LLVMFuzzerTestOneInput(const uint8_t *bytes, size_t count)
     }
     fmi2FreeFMUstate(c, &state);
     fmi2FreeInstance(c);
+}
+
+int LLVMFuzzerTestOneInput(const uint8_t *bytes, size_t count)
+{
+    for (size_t k = 0; k < FUZZ_KIND_COUNT; k++)
+        fuzz_calls(fuzz_kinds[k], bytes, count);
     return 0;
 }

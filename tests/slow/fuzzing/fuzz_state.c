@@ -1,4 +1,4 @@
-/* libFuzzer target: any bytes as a serialised state.
+/* libFuzzer target: any bytes as a serialised state, in co-simulation and, where the block has it, in model exchange.
 
    The first byte decides: the bytes as they are, or laid over those of a good state whose header and checksum are
    made to fit again, so that what lies behind them is reached: values, position in the simulation, memory. A state
@@ -6,14 +6,47 @@
 
 #include "fuzz.h"
 
+#ifdef NO_EXCHANGE
+static void fuzz_integrate(Instance *c) { (void)c; }
+#else
+/* A step of Euler's method, with an event at its end. */
+static void fuzz_integrate(Instance *c)
+{
+    fmi2Real states[ALL_STATES + 1], rates[ALL_STATES + 1], left[INDICATORS + 1];
+    fmi2EventInfo info;
+    fmi2Boolean event, ends;
+    bool known = fmi2GetContinuousStates(c, states, ALL_STATES) == fmi2OK;
+    known = known && fmi2GetDerivatives(c, rates, ALL_STATES) == fmi2OK;
+    for (int i = 0; known && i < ALL_STATES; i++) {
+        HOLDS(isfinite(states[i]) && isfinite(rates[i]), "a state or its derivative is not finite");
+        states[i] += 1e-3 * rates[i];
+    }
+    fmi2EnterContinuousTimeMode(c);
+    fmi2SetTime(c, c->model.time + 1e-3);
+    if (known)
+        fmi2SetContinuousStates(c, states, ALL_STATES);
+    if (fmi2GetEventIndicators(c, left, INDICATORS) == fmi2OK)
+        HOLDS(all_finite(left, INDICATORS), "an event indicator is not finite");
+    fmi2CompletedIntegratorStep(c, fmi2True, &event, &ends);
+    fmi2EnterEventMode(c);
+    fmi2NewDiscreteStates(c, &info);
+}
+#endif
+
+static void fuzz_advance(Instance *c)
+{
+    if (KIND(c) == fmi2ModelExchange)
+        fuzz_integrate(c);
+    else
+        fmi2DoStep(c, c->model.time, 1e-3, fmi2True);
+}
+
 static void fuzz_use(Instance *c)
 {
-    double t = c->model.time;
     fmi2EnterInitializationMode(c);
     fmi2ExitInitializationMode(c);
     for (int k = 0; k < 4; k++) {
-        fmi2DoStep(c, t, 1e-3, fmi2True);
-        t = c->model.time;
+        fuzz_advance(c);
         for (size_t i = 0; i < ROWS; i++) {
             const fmi2ValueReference reference = rows[i].index;
             const fmi2Integer order = 1;
@@ -82,7 +115,7 @@ static void fuzz_good_state(Fuzz *in, Instance *c, Saved *bytes)
             const fmi2Real value = 5e-3 * sin(0.1 * k * (k + 7.0 * i));
             fmi2SetReal(c, &inputs[i], 1, &value);
         }
-        fmi2DoStep(c, c->model.time, 1e-3, fmi2True);
+        fuzz_advance(c);
     }
     HOLDS(fmi2GetFMUstate(c, &state) == fmi2OK, "a state cannot be had");
     HOLDS(fmi2SerializeFMUstate(c, state, (fmi2Byte *)bytes, sizeof *bytes) == fmi2OK, "a state cannot be written");
@@ -92,11 +125,11 @@ static void fuzz_good_state(Fuzz *in, Instance *c, Saved *bytes)
     fmi2FreeFMUstate(c, &read);
 }
 
-int LLVMFuzzerTestOneInput(const uint8_t *bytes, size_t count)
+static void fuzz_state(fmi2Type kind, const uint8_t *bytes, size_t count)
 {
     static Saved bent;
     static Model before;
-    Instance *const c = fuzz_instance();
+    Instance *const c = fuzz_instance(kind);
     fmi2FMUstate state = NULL;
     const char *data = (const char *)bytes;
     size_t size = count;
@@ -119,5 +152,11 @@ int LLVMFuzzerTestOneInput(const uint8_t *bytes, size_t count)
         fmi2FreeFMUstate(c, &state);
     }
     fmi2FreeInstance(c);
+}
+
+int LLVMFuzzerTestOneInput(const uint8_t *bytes, size_t count)
+{
+    for (size_t k = 0; k < FUZZ_KIND_COUNT; k++)
+        fuzz_state(fuzz_kinds[k], bytes, count);
     return 0;
 }
