@@ -358,6 +358,14 @@ static void indicators(const Model *m, double *left);
 static void DECIDES_BY(Model *m);
 #endif
 
+/* KEEPS_BY for a MEMORY that steps do not use, only decisions in model exchange. */
+static inline void keep_decisions(Memory *to, const Memory *from, const Model *m, bool follows)
+{
+    (void)follows;
+    if (m->run.exchange)
+        *to = *from;
+}
+
 #ifdef KEEPS_BY
 static void KEEPS_BY(Memory *to, const Memory *from, const Model *m, bool follows);
 #endif

@@ -112,7 +112,19 @@ static fmi2Status check_get(Instance *c, const fmi2ValueReference references[], 
     for (size_t i = 0; i < n; i++)
         REQUIRE(known(c, references[i], type), "fmi2Get%s: there is no %s variable with value reference %u",
                 type_names[type], type_names[type], references[i])
-    return check_outputs(c, type_names[type]);
+    return c->model.run.stale ? check_outputs(c, type_names[type]) : fmi2OK;
+}
+
+/* Return whether a value other than a Real input may be set now. */
+static bool settable(const Instance *c, const Row *row)
+{
+    switch (row->role) {
+    case ROLE_INPUT:
+    case ROLE_PARAMETER: return MODE(c) != CONTINUOUS_TIME;
+    case ROLE_STATE: return before_stepping(&c->model) || (ALL_STATES > 0 && (MODE(c) & EXCHANGING));
+    case ROLE_STATE_OUTPUT: return ALL_STATES > 0 && (MODE(c) & EXCHANGING); /* casadi sets states like this */
+    default: return row->role == ROLE_FIXED && before_stepping(&c->model);
+    }
 }
 
 static fmi2Status check_set(Instance *c, fmi2ValueReference reference, double value, int type)
@@ -120,13 +132,8 @@ static fmi2Status check_set(Instance *c, fmi2ValueReference reference, double va
     REQUIRE(known(c, reference, type), "fmi2Set%s: there is no %s variable with value reference %u", type_names[type],
             type_names[type], reference)
     const Row *const row = c->row_of[reference];
-    const bool early = before_stepping(&c->model);
-    const bool exchanging = (MODE(c) & EXCHANGING) != 0, solving = MODE(c) == CONTINUOUS_TIME;
-    REQUIRE(
-        (row->role == ROLE_INPUT && (type == TYPE_REAL || !solving)) || (row->role == ROLE_PARAMETER && !solving) ||
-            (early && (row->role == ROLE_FIXED || row->role == ROLE_STATE)) ||
-            (exchanging && ALL_STATES > 0 && (row->role == ROLE_STATE || row->role == ROLE_STATE_OUTPUT)), /* casadi */
-        "fmi2Set%s: %s cannot be set in the mode \"%s\"", type_names[type], row->name, mode_name(MODE(c)))
+    REQUIRE((row->role == ROLE_INPUT && type == TYPE_REAL) || settable(c, row),
+            "fmi2Set%s: %s cannot be set in the mode \"%s\"", type_names[type], row->name, mode_name(MODE(c)))
 #ifdef GUARDED
     if (row->role == ROLE_INPUT)
         return fmi2OK;
@@ -269,7 +276,7 @@ static fmi2Status warned(Instance *c, double t)
 fmi2Status fmi2DoStep(fmi2Component component, fmi2Real t, fmi2Real h, fmi2Boolean keeps_no_state)
 {
     (void)keeps_no_state;
-    ENTER_AS(fmi2CoSimulation, "DoStep", MAY_DoStep)
+    ENTER("DoStep", MAY_DoStep)
     Model *const m = &c->model;
     /* The time of the master applies; it may differ by rounding, or by the error of a master that sums steps. */
     const double slack = 1e-6 * h + 1e-12 * (fabs(t) + fabs(m->run.start)) + 1e-12;

@@ -56,6 +56,7 @@
 #define DECIDES_BY transition
 #define MEMORY     struct level
 #define VALID_BY   is_level
+#define KEEPS_BY   keep_decisions
 
 struct level {      /* in model exchange with n < 1 */
     double reached; /* direction in which the Coulomb level has been reached, or 0 */

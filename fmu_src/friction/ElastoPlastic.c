@@ -71,6 +71,7 @@
 #define DECIDES_BY transition
 #define MEMORY     struct stage
 #define VALID_BY   is_stage
+#define KEEPS_BY   keep_decisions
 
 struct stage {
     double elastic; /* in model exchange: the flag */

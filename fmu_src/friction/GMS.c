@@ -120,9 +120,10 @@ static void contact(Model *m, double S, double unit)
 {
     GIVEN(m)
     const bool frozen = m->run.frozen;
+    const double way = sign(v);
     double sum = 0.0, rate = 0.0;
     for (int i = 0; i < N; i++) {
-        const double direction = frozen ? m->memory.slips[i] : sign(v);
+        const double direction = frozen ? m->memory.slips[i] : way;
         const double level = alpha[i] * unit, force = direction * Fi[i];
         const bool slips = direction != 0.0 && (m->memory.slips[i] == direction || !(force < level * S));
         m->slipping[i] = slips ? 1.0 : 0.0;

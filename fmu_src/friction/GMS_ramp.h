@@ -104,9 +104,8 @@ static bool step(Model *m, double h)
 {
     GIVEN(m)
     const double direction = sign(slide(m, h)), unit = share(m);
-    for (int i = 0; i < N; i++)
-        if (m->memory.slips[i] != direction)
-            m->memory.slips[i] = 0.0;
+    for (int i = 0; i < 10; i++) /* from another motion */
+        m->memory.slips[i] = m->memory.slips[i] == direction ? direction : 0.0;
     if (SLOPE(v) != 0.0)
         return direction == 0.0 || ramp_step(m, h, direction, unit);
     const double S = stribeck(v, Fc, Fs, vs, delta);

@@ -50,6 +50,7 @@
 #define DECIDES_BY transition
 #define MEMORY     struct band
 #define VALID_BY   is_band
+#define KEEPS_BY   keep_decisions
 
 struct band {     /* in model exchange */
     double side;  /* of the band in which the velocity is; 0: inside */

@@ -63,6 +63,7 @@
 #define DECIDES_BY transition
 #define MEMORY     struct band
 #define VALID_BY   is_band
+#define KEEPS_BY   keep_decisions
 
 struct band {     /* in model exchange */
     double side;  /* of the band on which the mass slides; 0: inside */

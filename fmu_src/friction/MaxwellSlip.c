@@ -56,6 +56,7 @@
 #define DECIDES_BY transition
 #define MEMORY     struct slip_memory
 #define VALID_BY   is_slip_memory
+#define KEEPS_BY   keep_decisions
 
 struct slip_memory {
     double slips[10]; /* in model exchange: direction in which the element slips, or 0 */
@@ -77,10 +78,12 @@ static bool is_slip_memory(const Model *m)
 static void equations(Model *m)
 {
     GIVEN(m)
+    const bool frozen = m->run.frozen;
+    const double direction = sign(v);
     double sum = 0.0;
     for (int i = 0; i < 10; i++) {
-        const bool at_level = v != 0.0 && !(sign(v) * Fi[i] < W[i]);
-        const bool slips = i < N && (m->run.frozen ? m->memory.slips[i] != 0.0 : at_level);
+        const bool at_level = direction != 0.0 && !(direction * Fi[i] < W[i]);
+        const bool slips = i < N && (frozen ? m->memory.slips[i] != 0.0 : at_level);
         m->slipping[i] = slips ? 1.0 : 0.0;
         m->der_Fi[i] = i < N && !slips ? k[i] * v : 0.0;
         sum += i < N ? limited(Fi[i], W[i]) : 0.0;

@@ -74,6 +74,7 @@
 #define DECIDES_BY transition
 #define MEMORY     struct slip_memory
 #define VALID_BY   is_slip_memory
+#define KEEPS_BY   keep_decisions
 #define WARNING    "the sum of W is below Fs or Fc, so the force cannot reach the Stribeck curve; increase W"
 
 struct slip_memory {

@@ -46,6 +46,7 @@
 #define DECIDES_BY transition
 #define MEMORY     struct stop
 #define VALID_BY   is_stop
+#define KEEPS_BY   keep_decisions
 
 struct stop {     /* in model exchange */
     double side;  /* where the deflection is stopped; 0: free */

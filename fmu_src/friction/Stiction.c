@@ -46,6 +46,7 @@
 #define DECIDES_BY transition
 #define MEMORY     struct rest
 #define VALID_BY   is_rest
+#define KEEPS_BY   keep_decisions
 
 struct rest {         /* in model exchange */
     double direction; /* of the motion; 0: at rest */

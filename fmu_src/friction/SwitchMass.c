@@ -28,14 +28,14 @@
    12.00103 s for an ideal switch. eta must be small compared with v_belt. The block contains the mass and a single
    contact. No presliding. */
 
-#define MODEL    SwitchMass
-#define SUMMARY  "Mass, spring and belt with the switch model of friction by Leine"
-#define SOURCE   "Leine, Van Campen, De Kraker, Van den Steen, Nonlinear Dynamics 16, 1998"
-#define CITES    "Leine1998"
-#define STATUS   "equations from memory of the paper"
-#define FEATURES "drift-free, Stribeck, rate dependent, mass inside"
+#define MODEL       SwitchMass
+#define SUMMARY     "Mass, spring and belt with the switch model of friction by Leine"
+#define SOURCE      "Leine, Van Campen, De Kraker, Van den Steen, Nonlinear Dynamics 16, 1998"
+#define CITES       "Leine1998"
+#define STATUS      "equations from memory of the paper"
+#define FEATURES    "drift-free, Stribeck, rate dependent, mass inside"
 #define NO_EXCHANGE "at rest on the belt it follows the belt's acceleration, which model exchange does not give"
-#define PORTRAIT "stick_slip"
+#define PORTRAIT    "stick_slip"
 
 /* clang-format off */
 #define VARIABLES                                                                                           \

@@ -58,6 +58,7 @@
 #define DECIDES_BY transition
 #define MEMORY     struct passed
 #define VALID_BY   is_passed
+#define KEEPS_BY   keep_decisions
 
 #include <stdbool.h>
 

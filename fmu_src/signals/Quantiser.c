@@ -28,6 +28,7 @@
 #define DECIDES_BY transition
 #define MEMORY     struct level
 #define VALID_BY   is_level
+#define KEEPS_BY   keep_decisions
 
 #include <math.h>
 #include <stdbool.h>

@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 from every_block.test_block_state import (  # noqa: F401
     elsewhere,
+    situation,
     test_a_reset_instance_is_a_new_one,
     test_a_restored_state_continues_with_the_same_bits,
     test_a_serialised_state_continues_in_another_process,

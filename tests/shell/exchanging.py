@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping
 from ctypes import c_double, c_int
 
 import pytest
-from shell.instance import CO_SIMULATION, ERROR, MODEL_EXCHANGE, OK, Instance, Library, drive
+from shell.instance import CO_SIMULATION, ERROR, MODEL_EXCHANGE, Instance, Library, drive
 
 KINDS = {CO_SIMULATION: "co-simulation", MODEL_EXCHANGE: "model exchange"}
 each_kind = pytest.mark.parametrize("kind", KINDS, ids=KINDS.get)
@@ -60,9 +60,7 @@ def euler(run: Instance, t: float, h: float, values: Mapping[str, float]) -> Non
     run.must("CompletedIntegratorStep", 1, c_int(), c_int())
 
 
-def go_on(
-    run: Instance, situation: str, inputs: Iterable[Mapping[str, float]], t: float, h: float
-) -> list[bytes]:
+def go_on(run: Instance, situation: str, inputs: Iterable[Mapping[str, float]], t: float, h: float) -> list[bytes]:
     """`shell.instance.drive` for either kind; from event mode, its event comes first."""
     if situation == "co-simulation":
         return drive(run, inputs, t, h)

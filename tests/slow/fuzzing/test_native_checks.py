@@ -65,7 +65,9 @@ def test_the_checks_find_a_fault_that_is_there(tmp_path: Path, monkeypatch: pyte
         (ADDRESS, "((char *)c)[sizeof *c + 4 + k] = 1;", "heap-buffer-overflow"),
         (THREAD, "static volatile int shared; shared = shared + k;", "data race"),
     ):
-        (tmp_path / "faulty.c").write_text(text.replace("        advance_by(c", f"        {line}\n        advance_by(c"))
+        (tmp_path / "faulty.c").write_text(
+            text.replace("        advance_by(c", f"        {line}\n        advance_by(c")
+        )
         program = compiled("Viscous", str(tmp_path / "faulty.c"), flags, tmp_path)
         run = subprocess.run([program], capture_output=True, text=True, check=False)
         assert run.returncode != 0 and word in run.stderr
