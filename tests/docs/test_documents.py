@@ -26,7 +26,10 @@ ROOT = Path(__file__).parents[2]
 PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").glob("*.md"))]
 FRICTION = [block for block in catalogue().values() if block.kind == "friction"]
 ADDING = [ROOT / "docs" / "adding-a-model.md", ROOT / "docs" / "adding-a-law.md"]
-TUTORIALS = ["index.md", "first-fmu.md", "which-model.md", "which-compensator.md", "harness-tutorial.md"]
+TUTORIALS = [
+    *("index.md", "first-fmu.md", "which-model.md", "which-compensator.md", "harness-tutorial.md"),
+    "your-own-solver.md",
+]
 
 
 def blocks(page: Path, mark: str) -> list[str]:
