@@ -84,11 +84,11 @@ def section(folder: str, name: str, numbers: str) -> str:
 
 {said.summary}
 
-![{name.replace("_", " ")}](figures/{name}.png)
+![Figure](figures/{name}.png)
 
 > {numbers}
 
-{said.source} Script: [{name}.py](../examples/{folder}/{name}.py)
+{said.source} [Script](../examples/{folder}/{name}.py)
 """
 
 

@@ -2,7 +2,7 @@
 
 Iterative learning at constant speed finds friction plus every force that depends on the position. Friction changes its
 sign with the direction, cogging does not: half the difference of the two learned forces is friction, half their sum is
-cogging. The figure shows both tables with the true values.
+cogging.
 
 The axis has LuGre friction and cogging of 0.7 N with a pitch of 24 mm. It learns for 15 trials at 50 mm/s in both
 directions, at a rate of 0.5 and with the corner of the learning filter at 200 Hz. The motion accelerates in 0.1 s; the

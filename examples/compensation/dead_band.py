@@ -1,8 +1,8 @@
 """A dead-band ends hunting if it is wide enough, and otherwise worsens it
 
 A dead-band stops the integral while the error is small. If a slip ends inside it, the axis comes to rest, with the
-error that is left. If the slips only pass through it, the integral is stopped just where it should unwind, and the
-axis overshoots more. The figure shows 1 kg on its way to a goal at 1 m, without a dead-band and with two widths.
+error that is left. If the slips only pass through it, the integral is stopped just where it should unwind, and the axis
+overshoots more. Here 1 kg moves to a goal at 1 m.
 
 The loop is LuGre friction under the PID controller of the 1995 paper, Kp = 3, Ki = 4 and Kd = 6. It hunts by 64 mm
 without a dead-band, by 76 mm with one of 40 mm, and rests with one of 100 mm. With hysteresis (db_ratio = 1.5: a

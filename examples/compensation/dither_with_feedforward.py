@@ -1,8 +1,8 @@
 """Dithered friction acts as a damper, which feedforward can compensate
 
 Shaken with a velocity A sin(2 pi f t), Coulomb friction has the mean of a damper, 2 Fc/(pi A), for slow motion.
-Feedforward alone leaves the jump of friction; dither alone leaves the error of the damper; dither with the damper
-added to the feedforward removes nearly all of it. The figure shows the error on a sine of 5 mm at 0.5 Hz.
+Feedforward alone leaves the jump of friction; dither alone leaves the error of the damper; dither with the damper added
+to the feedforward removes nearly all of it. The axis follows a sine of 5 mm at 0.5 Hz.
 
 The mean is (2 Fc/pi) asin(v/A) at the velocity v. The plant is 1 kg with Coulomb and viscous friction, 1 N and 20 N
 s/m (KarnoppMass), under a soft PD controller, Kp = 1 kN/m; errors are averaged over a period of the dither.

@@ -1,8 +1,8 @@
 """Feedforward does not change how fast disturbances decay
 
-A feedforward force depends on the reference alone. It changes where the axis goes, but not how the axis returns after
-a disturbance: that depends on the poles of the loop. The figure shows two runs, one with 2 mm/s more at the start.
-Their errors differ with feedforward and without, but the difference of the two runs is the same.
+A feedforward force depends on the reference alone. It changes where the axis goes, but not how the axis returns after a
+disturbance: that depends on the poles of the loop. With and without feedforward, the difference of two runs, one with 2
+mm/s more at the start, is the same.
 
 The axis has LuGre friction under a PID controller, on a sine of 5 mm at 1 Hz, in its first 0.2 s, where it slides and
 Coulomb friction is constant. The model in the feedforward begins at rest and is wrong for the first milliseconds. The

@@ -1,8 +1,7 @@
 """Friction estimated from displacements does not depend on the sample time
 
 Dry friction is a function of the path. An estimator that advances with the displacement gives the same force at any
-sample time; one that advances with velocity times sample time does not. The figure compares both at 0.1 ms and 1 ms,
-on a sine of 50 µm at 1 Hz.
+sample time; one that advances with velocity times sample time does not. The axis follows a sine of 50 µm at 1 Hz.
 
 The axis has LuGre friction under a PD controller with Kp and Kd of the PID controller of the other effects. Beside it
 run the elasto-plastic estimator from displacements and the LuGre observer, which reads the velocity. The first gives

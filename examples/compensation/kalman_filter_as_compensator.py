@@ -2,8 +2,7 @@
 
 The filter models friction as a random walk, estimates it from the position and the applied force, and feeds it back.
 With a position measured to 1 nm it is fast and leaves little of the error. With 0.3 µm, the noise of an encoder of 1
-µm, it must be slower and is late at reversals. The figure shows the estimate around a reversal and the error over the
-amplitude.
+µm, it must be slower and is late at reversals.
 
 The axis has LuGre friction on a cosine of 1 Hz. It is measured without noise here: the numbers show the lag only,
 which has a closed form. For friction that grows at the rate c the estimate is c (m |K2/K3| - Ts/2) too small, where K2

@@ -1,8 +1,8 @@
 """Iterative learning removes friction errors from a repeated motion
 
 Iterative learning control stores the error of a trial and corrects the force of the next trial. It needs no friction
-model, only the same motion from the same state. The figure shows an axis on one period of a cosine of 1 Hz: the error
-over the trials for several amplitudes, and the learned force at 5 mm, which is the friction along the motion.
+model, only the same motion from the same state. A trial is one period of a cosine of 1 Hz. The learned force, here at 5
+mm, is the friction along the motion.
 
 The motion starts and ends at rest. The learning filter L inverts the loop without friction. Where the axis slides, at
 5 mm, that is right for all but the reversals, and the first trials leave 1 - gamma of the error, where gamma is the

@@ -2,7 +2,7 @@
 
 With the exact model both remove nearly all of the error. The rest is due to sampling: the force is held for a sample
 while friction changes. The observer also uses the velocity of the sample before, so its error is several times larger.
-The figure shows the error over the sample time, for sines of 1 Hz and 50 µm and 5 mm.
+The references are sines of 1 Hz.
 
 Feedforward is led by the reference; where the motion is not known in advance, there is no feedforward. The observer
 steps its bristle with the velocity of the sample before and feeds the error back. Both errors are proportional to the

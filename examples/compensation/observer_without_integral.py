@@ -1,8 +1,8 @@
 """A friction observer reaches the goal without an integral and without hunting
 
 Against friction a PD controller leaves an error, and an integral makes the loop hunt if Fs > Fc. If the friction is
-observed and fed back, the axis moves as if it had no friction and the integral has nothing to do. The figure shows 1
-kg with LuGre friction on its way to a goal at 1 m under the three controllers.
+observed and fed back, the axis moves as if it had no friction and the integral has nothing to do. Here 1 kg moves to a
+goal at 1 m.
 
 The gains are those of the 1995 paper, Kp = 3 and Kd = 6. With Ki = 4 the axis hunts, with Ki = 0 it stays away from
 the goal. With Ki = 0 and the observer with the exact model, it follows the free motion of m s^2 + Kd s + Kp: after ten

@@ -1,8 +1,8 @@
 """A prefilter of the reference is equivalent to feedforward
 
-A controller without a force input can receive the feedforward F through its reference: with R = 1 + F/C, where C is
-the controller, C R r = C r + F r on any plant. The figure shows both forces and their difference. The prefilter shifts
-the reference by far more than the error of the axis, so a drive that monitors its following error sees the shift.
+A controller without a force input can receive the feedforward F through its reference: with R = 1 + F/C, where C is the
+controller, C R r = C r + F r on any plant. The prefilter shifts the reference by far more than the error of the axis,
+so a drive that monitors its following error sees the shift.
 
 The axis has LuGre friction, on a sine of 5 mm at 1 Hz, under a PID controller with feedforward of inertia and LuGre
 friction. The master is gauss-seidel, with ten communication steps in a sample: it repeats the same steps for the same

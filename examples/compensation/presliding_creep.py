@@ -1,8 +1,8 @@
 """In presliding, an integral creeps to its goal without hunting
 
 For small motions a contact is a spring. The integral winds up against it and the axis follows: there is no break-away
-and no overshoot, but it takes time, because the contact is much stiffer than Kp. The figure shows goals at 3, 10 and
-30 µm with the predicted curve, and hunting around a goal at 1 mm with the same gains.
+and no overshoot, but it takes time, because the contact is much stiffer than Kp. Around a goal at 1 mm, the same gains
+hunt.
 
 On the curve of first loading, F = Fs (1 - exp(-sigma0 x/Fs)), the balance Kp e + Ki int e = F gives
 

@@ -1,8 +1,8 @@
 """Repetitive control removes periodic errors, including quadrant glitches
 
 On a circle that is run again and again, friction repeats with every revolution. A repetitive controller adds the force
-that the error of the last period called for. It needs no friction model. The figure shows the error in a revolution
-before and after learning, and the sum of the amplitudes of its harmonics below 100 Hz.
+that the error of the last period called for. It needs no friction model. Shown are the error and the sum of the
+amplitudes of its harmonics below 100 Hz.
 
 The correction goes through the inverse of the loop and a low-pass Q. Below the corner of Q each harmonic of the error
 shrinks by 1 - rate in a period; harmonics near the corner, where Q is not 1, remain. The axis has GMS friction on a

@@ -2,7 +2,7 @@
 
 A sliding mode needs no friction model, only a bound K of its force. Computed with the sign of this sample, its force
 switches between -K and K forever. Computed with the sign that s will have in the next sample, it stops at the force
-that friction needs, with the same error. The figure shows both forces, and the error over the sample time.
+that friction needs, with the same error.
 
 The law is u = m (rdd + lam (rd - v)) + K sgn(s), with s = (rd - v) + lam (r - x); the implicit one is a saturation,
 clip(m s/Ts, -K, K). The axis has LuGre friction on a sine of 5 mm at 1 Hz, sampled at 2 kHz, K = 2 N. Both errors are

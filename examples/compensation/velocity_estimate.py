@@ -1,8 +1,8 @@
 """An estimated velocity causes less drive force than differences of positions
 
 Adaptive compensation with a LuGre model needs the velocity. With an encoder of 1 µm at 2 kHz, differences of two
-positions come in steps of 2 mm/s; the observer in ANDFC has an error eight times smaller. The figure shows an axis on
-a sine of 0.5 mm at 1 Hz: velocities and forces with both.
+positions come in steps of 2 mm/s; the observer in ANDFC has an error eight times smaller. The axis follows a sine of
+0.5 mm at 1 Hz.
 
 ANDFC estimates the velocity from the position, with an observer that knows the mass, the force and the friction. The
 error of a difference is q/(Ts sqrt(6)) = 0.82 mm/s (root mean square) if the roundings are independent. The observer

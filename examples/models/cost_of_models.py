@@ -1,8 +1,8 @@
 """Dynamic models need more parameters and operations; asperities need far more
 
 Stribeck's curve needs few parameters and operations, LuGre more, GMS several times as many. A population of asperities
-must be large, because its friction in steady sliding fluctuates like 1/sqrt(N). The figure shows the parameters of the
-blocks, the operations of one sample of the feedforward laws, and the fluctuation over the number of asperities.
+must be large, because its friction in steady sliding fluctuates like 1/sqrt(N). The operations are those of one sample
+of the feedforward laws.
 
 Only parameters that describe the contact are counted: no options such as exponents, the normal force or separate
 values for v < 0. GMS is counted in its reduced form: stiffness and share of each of its ten elements, and Fc, Fs, vs,

@@ -1,7 +1,7 @@
 """Dahl's hysteresis loops do not depend on the rate; LuGre's do
 
-Dahl's force depends on the path alone, LuGre's on the velocity as well, through g(v). The figure shows steady loops on
-a sine at 0.1 Hz and at 10 Hz: the two loops of Dahl coincide, the two of LuGre do not.
+Dahl's force depends on the path alone, LuGre's on the velocity as well, through g(v). The loops are steady, on a sine
+at 0.1 Hz and at 10 Hz.
 
 The tip of Dahl's loop is at Fc tanh(sigma A / Fc). At 10 Hz LuGre slides at up to 1.3 mm/s, above the Stribeck
 velocity of 1 mm/s. There g(v) has fallen and the loop is lower, and sigma1 rounds its ends. At 0.1 Hz g(v) = Fs, and

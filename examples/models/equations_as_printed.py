@@ -1,7 +1,6 @@
 """Four ambiguous or incomplete equations and what they can do
 
-Four equations of the [report](literature.md) leave out a sign or a rule. The figure shows them read literally (red)
-next to the models (blue).
+Four equations of the [report](literature.md) leave out a sign or a rule. Red: read literally; blue: the models.
 
 (1.22) and (1.23), a GMS element: dz/dt = v "until z = s(v)", then dz/dt = sgn(v) C (1 - z/s(v)). Both hold if s carries
 the sign of v, as S(v) of (1.15) does (dashed). The report does not say so, and s is usually a positive level. With a

@@ -1,7 +1,7 @@
 """Leuven's force jumps where an inner loop closes; ModifiedLeuven's does not
 
-The figure shows a path from 0 to 6 µm, back to -6 µm and on to 14 µm. When the path passes 6 µm again, the inner loop
-closes. Leuven's force jumps there, although the velocity is continuous and far from zero.
+When a path from 0 to 6 µm, back to -6 µm and on to 14 µm passes 6 µm again, the inner loop closes. Leuven's force jumps
+there, although the velocity is continuous and far from zero.
 
 The path consists of half cosines. In Leuven's model the ratio r = Fd / (S - Fb), on which dz/dt = v (1 - r^n) depends,
 becomes Fh / S when the base Fb of the inner loop is dropped, and the force jumps by sigma1 v (r_before^n - r_after^n).

@@ -1,8 +1,8 @@
 """A sliding mass comes to rest only if the model handles zero velocity
 
-Friction stops a mass that slides at 50 mm/s. The figure shows the last 4 mm/s in steps of 1 ms. With Coulomb's or
-Karnopp's force computed outside the mass, the velocity oscillates or creeps. KarnoppMass and SwitchMass contain the
-mass and come to rest, after the distance that the energy balance gives, m v^2/2 = Fc d.
+Friction stops a mass that slides at 50 mm/s. Shown are the last 4 mm/s in steps of 1 ms. With Coulomb's or Karnopp's
+force computed outside the mass, the velocity oscillates or creeps. KarnoppMass and SwitchMass contain the mass and come
+to rest, after the distance that the energy balance gives, m v^2/2 = Fc d.
 
 Coulomb's force, computed from the velocity of each step, makes the velocity oscillate by Fc h/m forever; the harness
 warns of this. Karnopp's force beside a mass that is integrated elsewhere does not stop it either: under a force of 0.5

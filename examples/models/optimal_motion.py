@@ -2,7 +2,7 @@
 
 A force moves a mass of 1 kg by 0.3 m from rest to rest in 1 s; the integral of its square is to be minimal. Without
 friction, this force falls linearly from 1.8 N to -1.8 N. On LuGre friction, it hardly moves the mass. The optimal force
-with LuGre friction is higher and brakes less, because friction brakes too. It reaches the target.
+with LuGre friction is higher and brakes less, because friction brakes too.
 
 CasADi evaluates the model-exchange FMU of LuGre and gets its first derivatives from the FMU; the equations of the mass
 are CasADi expressions. IPOPT solves the direct collocation and approximates second derivatives. The motions in the

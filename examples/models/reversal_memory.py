@@ -1,8 +1,7 @@
 """LuGre forgets reversal points; MaxwellSlip and GMS remember them
 
-The figure shows a path to 20 µm with a detour back to 0, next to the path without the detour. MaxwellSlip and GMS
-close the inner loop at the reversal point and continue as if there had been no detour. LuGre misses the point, and so
-does Dahl's model: rate independence is not memory.
+On a path to 20 µm with a detour back to 0, MaxwellSlip and GMS close the inner loop at the reversal point and continue
+as if there had been no detour. LuGre misses the point, and so does Dahl's model: rate independence is not memory.
 
 The path is followed at 1 µm/s. At constant speed LuGre is linear in the path, so the miss is known: (1 - q) ((1 + q) F
 - (1 - q) g), with q = exp(-a sigma0 / g), for a detour of the length a that begins at the force F. Dahl's model is

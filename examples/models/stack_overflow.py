@@ -1,7 +1,7 @@
 """Leuven's stacks can overflow; the outermost loops are kept
 
-The figure shows 80 nested reversals and the way out through all of them. The stacks of the FMU hold 64 points. When
-they are full, each new point replaces the innermost loop, `stack_overflow` becomes true, and the FMU warns once.
+The path has 80 nested reversals and leads out through all of them; the stacks hold 64 points. When they are full, each
+new point replaces the innermost loop, `stack_overflow` becomes true, and the FMU warns once.
 
 fmi2DoStep returns one fmi2Warning with a message. On the way out, every loop that was kept closes at the force of its
 reversal point, until the stacks are empty.

@@ -1,8 +1,7 @@
 """LuGre shows stick-slip; Dahl cannot
 
 A spring of 2 N/m whose end moves at 0.1 m/s pulls a mass of 1 kg. Stick-slip needs friction that falls with speed. On
-LuGre the mass sticks until the spring pulls with 1.5 N, then slips, again and again. On Dahl's friction the initial
-oscillation dies out and the mass slides steadily.
+LuGre the mass sticks until the spring pulls with 1.5 N, then slips, again and again.
 
 Dahl's model gets the viscous damping of LuGre, 0.4 N s/m, so its oscillation about steady sliding dies out as that of
 a linear oscillator. Period and speed of LuGre were computed independently, with an ODE solver at tight tolerances.
