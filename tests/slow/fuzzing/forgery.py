@@ -12,7 +12,8 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).parents[2]))
 
-from shell.instance import OK, Instance, Library, drive, load, signals
+from shell.exchanging import SITUATIONS, begin, go_on, go_to
+from shell.instance import CO_SIMULATION, MODEL_EXCHANGE, OK, EventInfo, Instance, Library, load, signals
 
 H = 1e-3
 HEADER = 64  # bytes of a serialised state before the model
@@ -56,23 +57,41 @@ def places(first: int, end: int) -> Iterator[int]:
     yield from sorted({*near, *far, *range(first, end, step)})
 
 
-def use(library: Library, data: bytes, t: float) -> None:
+def solve(run: Instance, t: float) -> None:
+    """From any mode of model exchange: an event and a step of Euler's method, whatever is refused."""
+    n, z = run.library.states, run.library.indicators
+    x, rates, left = (c_double * n)(), (c_double * n)(), (c_double * z)()
+    run.call("EnterEventMode")
+    run.call("NewDiscreteStates", EventInfo())
+    run.call("EnterContinuousTimeMode")
+    if run.call("GetContinuousStates", x, n) == OK and run.call("GetDerivatives", rates, n) == OK:
+        assert all(map(math.isfinite, (*x, *rates))), f"{[*x]}, {[*rates]} with fmi2OK"
+        run.call("SetContinuousStates", (c_double * n)(*(a + H * b for a, b in zip(x, rates, strict=True))), n)
+    run.call("SetTime", t + H)
+    if run.call("GetEventIndicators", left, z) == OK:
+        assert all(map(math.isfinite, left)), f"{[*left]} with fmi2OK"
+
+
+def use(library: Library, data: bytes, t: float, kind: int) -> None:
     """Restore and run on; what is handed out is finite."""
     outputs = library.names("output", type="Real")
     n = len(outputs)
     values, references = (c_double * n)(), (c_uint * n)(*[library.variables[name].valueReference for name in outputs])
-    with Instance(library) as run:
+    with Instance(library, kind=kind) as run:
         if run.try_restore(data) != OK:
             return
         for inputs in signals(library, 3, 3):
             run.try_set(inputs)
-            run.call("DoStep", t, H, 1)
+            if kind == MODEL_EXCHANGE:
+                solve(run, t)
+            else:
+                run.call("DoStep", t, H, 1)
             t += H
             if run.call("GetReal", references, n, values) == OK:
                 assert all(map(math.isfinite, values)), f"{[*values]} with fmi2OK"
 
 
-def forge(fmu: Path, trace: Path) -> None:
+def forge(fmu: Path, trace: Path, situation: str) -> None:
     """Forge a state of an FMU in many ways, and use each.
 
     Parameters
@@ -81,16 +100,20 @@ def forge(fmu: Path, trace: Path) -> None:
         The FMU.
     trace : Path
         Gets the place and the value of each forgery before it is used.
+    situation : str
+        Where the run is, one of `shell.exchanging.SITUATIONS`.
 
     Raises
     ------
     AssertionError
         If the use of one takes too long, or gives a value that is not finite.
     """
-    library = load(fmu)
-    with Instance(library) as run:
-        run.initialise()
-        drive(run, signals(library, 1, 30), 0.0, H)
+    library, kind = load(fmu), SITUATIONS[situation]
+    with Instance(library, kind=kind) as run:
+        begin(run, kind)
+        between = "co-simulation" if kind == CO_SIMULATION else "continuous-time mode"
+        go_on(run, between, signals(library, 1, 30), 0.0, H)
+        go_to(run, situation)
         data, t = run.serialised(), run.get1("time")
     forger, first = Forger(data), end_of_values(library)
     for place in places(first, len(data) - HEADER):
@@ -98,6 +121,6 @@ def forge(fmu: Path, trace: Path) -> None:
         for value in (*numbers, *(struct.pack("i", k) for k in WHOLE)):
             what = f"{value.hex()}, {place - first} bytes behind the values"
             trace.write_text(what, encoding="utf-8")
-            begin = time.monotonic()
-            use(library, forger.forged(place, value), t)
-            assert time.monotonic() - begin < SECONDS, f"the use takes too long of a state with {what}"
+            since = time.monotonic()
+            use(library, forger.forged(place, value), t, kind)
+            assert time.monotonic() - since < SECONDS, f"the use takes too long of a state with {what}"

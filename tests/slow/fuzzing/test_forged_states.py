@@ -9,6 +9,8 @@ from pathlib import Path
 import pytest
 from forgery import forge
 from shell.elsewhere import Elsewhere
+from shell.exchanging import SITUATIONS, need
+from shell.instance import load
 
 from friction_fmus import catalogue
 
@@ -28,11 +30,14 @@ def elsewhere() -> Iterator[Elsewhere]:
     made.end()
 
 
+@pytest.mark.parametrize("situation", SITUATIONS)
 @pytest.mark.parametrize("name", REMEMBERING)
 def test_a_forged_memory_is_refused_or_bears_any_use(
-    name: str, build_fmu: Callable[..., Path], elsewhere: Elsewhere, tmp_path: Path
+    name: str, situation: str, build_fmu: Callable[..., Path], elsewhere: Elsewhere, tmp_path: Path
 ) -> None:
-    elsewhere.run(build_fmu(name), tmp_path / "forged.txt")
+    fmu = build_fmu(name)
+    need(load(fmu), SITUATIONS[situation])
+    elsewhere.run(fmu, tmp_path / "forged.txt", situation)
 
 
 def test_the_blocks_with_a_memory_are_found() -> None:
