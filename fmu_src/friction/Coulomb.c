@@ -38,17 +38,7 @@
 #define CONTACT COULOMB(Fc)
 /* clang-format on */
 
-#define EVENTS     2
-#define DECIDES_BY transition
-#define MEMORY     struct rest
-#define VALID_BY   is_rest
-#define KEEPS_BY   keep_decisions
-
-struct rest {         /* in model exchange */
-    double direction; /* of the motion; 0: at rest */
-    double stuck;     /* 1: at rest and held by friction */
-    double at;        /* velocity at which rest began */
-};
+#include "resting.h"
 
 #include "block.h"
 #include "rest.h"

@@ -42,26 +42,11 @@
     VISCOUS(Fv)
 /* clang-format on */
 
-#define EVENTS     2
-#define DECIDES_BY transition
-#define MEMORY     struct rest
-#define VALID_BY   is_rest
-#define KEEPS_BY   keep_decisions
-
-struct rest {         /* in model exchange */
-    double direction; /* of the motion; 0: at rest */
-    double stuck;     /* 1: at rest and held by friction */
-    double at;        /* velocity at which rest began */
-};
+#include "resting.h"
 
 #include "block.h"
 #include "rest.h"
-
-static void range(const Model *m, double *low, double *high)
-{
-    *high = load_of(m->Fn, m->Fn0) * held_by(m, m->Fs, m->Fc);
-    *low = -*high;
-}
+#include "symmetric_rest.h"
 
 static void equations(Model *m)
 {

@@ -20,7 +20,7 @@ static inline double held_by(const Model *m, double Fs, double Fc) { return m->r
 
 static bool is_rest(const Model *m)
 {
-    return is_direction(m->memory.direction) && is_count(m->memory.stuck, 1.0) && isfinite(m->memory.at);
+    return is_direction(m->memory.direction) && is_count(m->memory.stuck, 1.0) && fabs(m->memory.at) <= 2.0 * ARRIVAL;
 }
 
 /* Return the direction of motion, 0 at rest. */

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from itertools import pairwise
 
 from friction_fmus.blocks.catalogue import FEATURES, Block, catalogue
 from friction_fmus.blocks.comment import INDENT, Paragraph, paragraphs
-from friction_fmus.blocks.probe import STATE, STATE_OUTPUT
-from friction_fmus.fmi.package import describe_block
 
 INTRODUCTION = """# Friction models
 
@@ -28,17 +27,10 @@ $ friction-fmus cite LuGre
 
 
 def models_page() -> str:
-    """Return the page: a table of features, then what each model is, its use, limits and equations."""
+    """Return the page: the features, then what each model is, its use, limits and equations."""
     blocks = [block for block in catalogue().values() if block.kind == "friction"]
-    table = ["| model | shows | states |", "|---|---|--:|", *map(_table_row, blocks)]
     legend = [f"* **{name}**: {meaning}" for name, meaning in FEATURES.items()]
-    return "\n".join([INTRODUCTION, *table, "", *legend, "", *(_section(block) for block in blocks)])
-
-
-def _table_row(block: Block) -> str:
-    states = sum(v.role in (STATE, STATE_OUTPUT) for v in describe_block(block).variables)
-    shown = ", ".join(feature for feature in FEATURES if feature in block.features)
-    return f"| [{block.name}](#{block.name.lower()}) | {shown} | {states} |"
+    return "\n".join([INTRODUCTION, *legend, "", *(_section(block) for block in blocks)])
 
 
 def _section(block: Block) -> str:
@@ -49,10 +41,11 @@ def _section(block: Block) -> str:
 
 
 def _equations(notes: Sequence[Paragraph]) -> list[Paragraph]:
-    """Return the equations, each with the paragraph after it, which explains them."""
+    """Return the equations, each with the paragraph after it that explains them, unless it is about the steps."""
     shown: list[Paragraph] = []
     for before, paragraph in pairwise((Paragraph(()), *notes)):
-        if paragraph.equations or (before.equations and not paragraph.lead):
+        numerics = re.search(r"\bsteps?\b", " ".join(paragraph.lines))
+        if paragraph.equations or (before.equations and not paragraph.lead and not numerics):
             shown.append(paragraph)
     return shown
 

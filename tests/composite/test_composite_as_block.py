@@ -65,7 +65,7 @@ from every_block.test_block_values import (  # noqa: F401
 )
 from every_block.test_refused_calls import test_results_that_are_not_finite_change_nothing  # noqa: F401
 from lxml import etree
-from shell.fixtures import instance, running  # noqa: F401
+from shell.fixtures import instance, running, situation  # noqa: F401
 from shell.instance import Instance, Library, load, signals
 from shell.selection import COMPOSITES
 

@@ -8,7 +8,6 @@ from pathlib import Path
 import pytest
 from every_block.test_block_state import (  # noqa: F401
     elsewhere,
-    situation,
     test_a_reset_instance_is_a_new_one,
     test_a_restored_state_continues_with_the_same_bits,
     test_a_serialised_state_continues_in_another_process,
@@ -18,7 +17,7 @@ from every_block.test_block_state import (  # noqa: F401
     test_the_same_state_has_the_same_bytes,
     test_threads_with_an_instance_each_are_as_if_alone,
 )
-from shell.fixtures import instance, running  # noqa: F401
+from shell.fixtures import instance, running, situation  # noqa: F401
 from shell.instance import Library, load
 from shell.selection import COMPOSITES
 from shell.test_call_sequence import (  # noqa: F401
