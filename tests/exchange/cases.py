@@ -43,7 +43,7 @@ CASES = {
     "Dahl brittle": Case("Dahl", {"n": 0.5}),
     "Dahl plastic": Case("Dahl", {"n": 0.0}),
     "BlimanSorine": Case("BlimanSorine", tolerance=1e-10),
-    "BlimanSorine first order": Case("BlimanSorine", {"order": 1}),
+    "BlimanSorine first order": Case("BlimanSorine", {"order": 1}, tolerance=1e-10),
     "LoadDependentDahl": Case("LoadDependentDahl", inputs={"v": 0.0, "F_t": 1.0}),
     "RateAndState": Case("RateAndState"),
     "RateAndState slip": Case("RateAndState", {"law": 1}, tolerance=1e-10),
