@@ -1,4 +1,4 @@
-/* FMI 2.0.5 co-simulation around a system of parts: one instance, its memory, and its life. A rejected call is logged,
+/* FMI 2.0.5 around a system of parts: one instance, its memory, and its life. A rejected call is logged,
    returns the status required by the standard, and changes nothing. */
 
 #ifndef COMPOSITE_H
@@ -8,10 +8,12 @@
    empty arrays. */
 typedef struct {
     int mode, stale, slopes_used, inside; /* stale: see below; inside: the engine is between two ticks */
+    int64_t exchange;                     /* whether the instance is for model exchange */
     int64_t tick;                         /* the next one, or the one in progress */
     double time, reached;                 /* [s] time of the importer and of the engine, equal up to rounding */
     double start, stop, tolerance, begun; /* [s]; begun: begin of the step, at which the inputs have their values */
     double sources[SOURCES + 1];          /* [s] time of each recorded table and of the inputs */
+    int64_t rows[SOURCES + 1];            /* of each recorded table: the one that applies, in model exchange */
     double inputs[INPUTS + 1], slopes[INPUTS + 1];
     double signals[SIGNALS + 1], gains[MAPPED + 1], offsets[MAPPED + 1], past[PAST + 1];
     Moving moving[LINES + 1];
@@ -61,7 +63,7 @@ struct Instance {
 
 #define MODE(c) ((c)->memory.mode)
 #define NOW(c)  ((c)->memory.time)
-#define KIND(c) fmi2CoSimulation
+#define KIND(c) ((c)->memory.exchange ? fmi2ModelExchange : fmi2CoSimulation)
 
 #include "fmi2_calls.h"
 
@@ -200,7 +202,9 @@ static void wire_newton(Instance *c)
 static bool set_start_values(Instance *c)
 {
     Memory *const m = &c->memory;
+    const int64_t exchange = m->exchange;
     memset(m, 0, sizeof *m);
+    m->exchange = exchange;
     memset(c->warned, 0, sizeof c->warned);
     for (int i = 0; i < INPUTS; i++)
         m->inputs[i] = input_starts[i];
@@ -233,7 +237,7 @@ static bool make_parts(Instance *c, fmi2Boolean visible)
         const fmi2CallbackFunctions callbacks = {listen, calloc, free, NULL, &c->places[i]};
         memcpy(&c->callbacks[i], &callbacks, sizeof callbacks); /* its members are const */
         c->parts[i].component =
-            f->instantiate(part_data[i].name, fmi2CoSimulation, f->guid, "", &c->callbacks[i], visible, fmi2True);
+            f->instantiate(part_data[i].name, KIND(c), f->guid, "", &c->callbacks[i], visible, fmi2True);
         EnginePart *const p = &c->parts[i];
         if (!p->component || p->get_state(p->component, &p->state) > 1 ||
             p->get_state(p->component, &p->other_state) > 1 || p->get_state(p->component, &c->backups[i]) > 1)
@@ -268,7 +272,8 @@ fmi2Component fmi2Instantiate(fmi2String name, fmi2Type kind, fmi2String guid, f
     wire_engine(c);
     wire_newton(c);
 
-    const char *fault = instantiation_fault(c, kind, false, guid, GUID);
+    const char *fault = instantiation_fault(c, kind, MODEL_EXCHANGE, guid, GUID);
+    c->memory.exchange = kind == fmi2ModelExchange;
     if (!fault && (!make_parts(c, visible) || !set_start_values(c)))
         fault = c->said[0] ? c->said : "a part cannot be instantiated";
     if (fault) {
@@ -305,5 +310,8 @@ static bool roll_back_all(Instance *c)
 #include "composite_values.h"
 #include "composite_step.h"
 #include "composite_derivatives.h"
+#if MODEL_EXCHANGE
+#include "composite_exchange.h"
+#endif
 
 #endif

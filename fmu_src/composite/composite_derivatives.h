@@ -41,16 +41,22 @@ static bool differentiate_part(Instance *c, const Direction *q, int64_t part, co
                                                       result) <= fmi2Warning;
 }
 
-/* Pass the derivatives through all parts that depend directly on their inputs: at the start, all parts do. */
+/* Pass the derivatives through all parts until they stay; after the start, a sampled part holds its outputs. A loop
+   needs one sweep, as the values that close it are given. */
 static bool sweep_derivatives(Instance *c, const Direction *q)
 {
-    const bool start = MODE(c) == INITIALIZING;
-    const int64_t *const order = start ? start_order : direct_parts;
-    for (int64_t k = 0; k < (start ? PARTS : DIRECT); k++) {
-        const EnginePart *const p = &c->parts[order[k]];
-        if (is_fmu(order[k]) && !differentiate_part(c, q, order[k], p->output_references,
-                                                    (size_t)count_of(p->outputs, REAL), q->d + p->outputs[REAL]))
-            return false;
+    for (int64_t sweep = 0; sweep < (START_LOOP ? 1 : PARTS + 1); sweep++) {
+        memcpy(c->earlier, q->d, SIGNALS * sizeof(double));
+        for (int64_t k = 0; k < PARTS; k++) {
+            const int64_t part = start_order[k];
+            const EnginePart *const p = &c->parts[part];
+            if (is_fmu(part) && (!p->sampled || MODE(c) == INITIALIZING) &&
+                !differentiate_part(c, q, part, p->output_references, (size_t)count_of(p->outputs, REAL),
+                                    q->d + p->outputs[REAL]))
+                return false;
+        }
+        if (memcmp(c->earlier, q->d, SIGNALS * sizeof(double)) == 0)
+            break;
     }
     return true;
 }
@@ -102,13 +108,14 @@ fmi2Status fmi2GetDirectionalDerivative(fmi2Component component, const fmi2Value
             QUOTE(MODEL))
     for (size_t i = 0; i < n_unknowns; i++) {
         const Variable *const v = unknowns[i] < VARIABLES ? &variables[unknowns[i]] : NULL;
-        REQUIRE(v && v->type == REAL && v->part >= 0 && !v->is_input && v->setting == SET_NEVER,
+        REQUIRE(v && v->type == REAL && v->part >= 0 && !v->is_input && (v->setting == SET_NEVER || v->is_state),
                 "fmi2GetDirectionalDerivative: value reference %u is not an output", unknowns[i])
     }
     for (size_t i = 0; i < n_knowns; i++) {
         const Variable *const v = knowns[i] < VARIABLES ? &variables[knowns[i]] : NULL;
-        REQUIRE(v && v->type == REAL && (v->is_input || (v->setting != SET_NEVER && MODE(c) == INITIALIZING)),
-                "fmi2GetDirectionalDerivative: value reference %u is not an input or, in initialization mode, a "
+        REQUIRE(v && v->type == REAL &&
+                    (v->is_input || v->is_state || (v->setting != SET_NEVER && MODE(c) == INITIALIZING)),
+                "fmi2GetDirectionalDerivative: value reference %u is not an input, state or, in initialization mode, a "
                 "parameter",
                 knowns[i])
         REQUIRE(isfinite(seed[i]), "fmi2GetDirectionalDerivative: seed %d is not finite", (int)i)

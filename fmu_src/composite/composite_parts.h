@@ -33,6 +33,20 @@ typedef struct {
     SetSlopes *set_slopes;
 } PartFunctions;
 
+/* Its functions for model exchange. */
+typedef struct {
+    fmi2EnterEventModeTYPE *enter_event;
+    fmi2NewDiscreteStatesTYPE *new_discrete_states;
+    fmi2EnterContinuousTimeModeTYPE *enter_continuous;
+    fmi2CompletedIntegratorStepTYPE *completed;
+    fmi2SetTimeTYPE *set_time;
+    fmi2SetContinuousStatesTYPE *set_states;
+    fmi2GetContinuousStatesTYPE *get_states;
+    fmi2GetDerivativesTYPE *get_derivatives;
+    fmi2GetEventIndicatorsTYPE *get_indicators;
+    fmi2GetNominalsOfContinuousStatesTYPE *get_nominals;
+} ExchangeFunctions;
+
 /* Declare the functions of an FMU, and those with the types of the engine. */
 #define PART_FUNCTIONS(prefix)                                                                                         \
     fmi2InstantiateTYPE prefix##fmi2Instantiate;                                                                       \
@@ -108,6 +122,31 @@ typedef struct {
      prefix##set_state,                                                                                                \
      prefix##set_slopes}
 
+#define EXCHANGE_FUNCTIONS(prefix)                                                                                     \
+    fmi2EnterEventModeTYPE prefix##fmi2EnterEventMode;                                                                 \
+    fmi2NewDiscreteStatesTYPE prefix##fmi2NewDiscreteStates;                                                           \
+    fmi2EnterContinuousTimeModeTYPE prefix##fmi2EnterContinuousTimeMode;                                               \
+    fmi2CompletedIntegratorStepTYPE prefix##fmi2CompletedIntegratorStep;                                               \
+    fmi2SetTimeTYPE prefix##fmi2SetTime;                                                                               \
+    fmi2SetContinuousStatesTYPE prefix##fmi2SetContinuousStates;                                                       \
+    fmi2GetContinuousStatesTYPE prefix##fmi2GetContinuousStates;                                                       \
+    fmi2GetDerivativesTYPE prefix##fmi2GetDerivatives;                                                                 \
+    fmi2GetEventIndicatorsTYPE prefix##fmi2GetEventIndicators;                                                         \
+    fmi2GetNominalsOfContinuousStatesTYPE prefix##fmi2GetNominalsOfContinuousStates;
+
+/* The initializer of ExchangeFunctions. */
+#define EXCHANGE_OF(prefix)                                                                                            \
+    {prefix##fmi2EnterEventMode,                                                                                       \
+     prefix##fmi2NewDiscreteStates,                                                                                    \
+     prefix##fmi2EnterContinuousTimeMode,                                                                              \
+     prefix##fmi2CompletedIntegratorStep,                                                                              \
+     prefix##fmi2SetTime,                                                                                              \
+     prefix##fmi2SetContinuousStates,                                                                                  \
+     prefix##fmi2GetContinuousStates,                                                                                  \
+     prefix##fmi2GetDerivatives,                                                                                       \
+     prefix##fmi2GetEventIndicators,                                                                                   \
+     prefix##fmi2GetNominalsOfContinuousStates}
+
 /* A recorded table: row i applies from times[i] on; its values change by slopes[i] per second. */
 typedef struct {
     const double *times, *values, *slopes;
@@ -125,6 +164,8 @@ typedef struct {
     int64_t inputs[TYPES + 1], outputs[TYPES + 1];        /* ranges of its signals, see EnginePart */
     int64_t every, phase, sampled;
     bool interpolates; /* accepts input derivatives */
+    const ExchangeFunctions *exchange;
+    size_t states, indicators;
 } PartData;
 
 typedef struct {
@@ -145,7 +186,7 @@ typedef struct {
     uint32_t reference; /* in its part; the number of an input */
     int type, setting;
     double min, max;
-    bool is_input, is_output, finite; /* finite: NaN is refused when it is set */
+    bool is_input, is_output, is_state, finite; /* finite: NaN is refused when it is set */
 } Variable;
 
 typedef struct {

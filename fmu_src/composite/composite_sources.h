@@ -38,19 +38,27 @@ static int get_whole_inputs(void *component, const uint32_t *references, size_t 
     return fmi2OK;
 }
 
+/* Return the last row whose time has come, by bisection; -1: none. */
+static int64_t row_at(const Series *series, double t)
+{
+    int64_t row = -1, end = series->rows;
+    while (end - row > 1) {
+        const int64_t middle = row + (end - row) / 2;
+        if (series->times[middle] <= t + series->slack)
+            row = middle;
+        else
+            end = middle;
+    }
+    return row;
+}
+
 static int get_series(void *component, const uint32_t *references, size_t n, void *values)
 {
     const Place *const place = (const Place *)component;
     const Series *const series = part_data[place->part].series;
     const double now = place->owner->memory.sources[place->source];
-    int64_t row = -1, end = series->rows; /* the last row whose time has come, by bisection */
-    while (end - row > 1) {
-        const int64_t middle = row + (end - row) / 2;
-        if (series->times[middle] <= now + series->slack)
-            row = middle;
-        else
-            end = middle;
-    }
+    const Memory *const m = &place->owner->memory;
+    const int64_t row = m->mode & EXCHANGING ? m->rows[place->source] : row_at(series, now);
     const bool between = row >= 0 && row < series->rows - 1;
     const int64_t first = (row < 0 ? 0 : row) * series->columns;
     for (size_t i = 0; i < n; i++) {

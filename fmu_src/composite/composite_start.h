@@ -5,6 +5,24 @@
 
 #define SOLVED_START 1e-10 /* largest residual of an algebraic loop, relative to its values */
 
+/* Note that values were set. */
+static void set_stale(Memory *m, int what)
+{
+    if (m->stale != PARAMETER_SET)
+        m->stale = what;
+}
+
+/* Return whether the outputs of parts are finite; a law may accept an input that is not. The exponents are compared, as
+   a sum of doubles takes four times as long. */
+static bool outputs_finite(const Instance *c)
+{
+    uint64_t bits[CHECKED + 1], none = 0;
+    memcpy(bits, c->memory.signals, CHECKED * sizeof(double));
+    for (int64_t k = 0; k < CHECKED; k++)
+        none |= (uint64_t)((bits[k] << 1) >= UINT64_C(0xffe0000000000000));
+    return none == 0;
+}
+
 /* Update the outputs of all parts. */
 static bool fetch_all(Instance *c)
 {
@@ -17,10 +35,12 @@ static bool fetch_all(Instance *c)
     return true;
 }
 
+/* Between two events, a sampled part keeps its inputs too. */
 static bool hand_over_to(Instance *c, int64_t part)
 {
     Engine *const e = &c->engine;
-    const int status = is_fmu(part) ? hand_over(&e->parts[part], e->signals) : 0;
+    const bool takes = is_fmu(part) && !(MODE(c) == CONTINUOUS_TIME && e->parts[part].sampled);
+    const int status = takes ? hand_over(&e->parts[part], e->signals) : 0;
     return status <= 1 || failed(e, part, SET, status, NOW(c));
 }
 
@@ -84,11 +104,13 @@ static bool begin_spreading(Instance *c)
     return fetch_all(c);
 }
 
-/* Report why the start values cannot be computed. */
-static fmi2Status no_start(const Instance *c, const char *function)
+/* Report why values cannot be computed; the solver of an importer then tries others. */
+static fmi2Status no_values(const Instance *c, const char *function)
 {
-    return report(c, fmi2Error, LOG_ERROR, "%s: %s rejected its start values: %s", function,
-                  part_data[c->engine.failed_part].name, c->said);
+    const bool trial = MODE(c) == CONTINUOUS_TIME;
+    return report(c, trial ? fmi2Discard : fmi2Error, trial ? LOG_DISCARD : LOG_ERROR, "%s: %s rejected its %s: %s",
+                  function, part_data[c->engine.failed_part].name, MODE(c) & EXCHANGING ? "inputs" : "start values",
+                  c->said);
 }
 
 /* Compute the values of all connections, if something was set. One sweep gives the start values of a loop through a
@@ -100,23 +122,28 @@ static fmi2Status settle(Instance *c, const char *function)
     if (!m->stale)
         return fmi2OK;
     c->said[0] = '\0';
-    if (!begin_spreading(c))
-        return no_start(c, function);
+    const bool exchanging = (MODE(c) & EXCHANGING) != 0;
+    if (!exchanging && !begin_spreading(c))
+        return no_values(c, function);
     if (START_LOOP) {
         if (!solve_start(c, &norm))
-            return no_start(c, function);
+            return no_values(c, function);
         REQUIRE(norm <= SOLVED_START,
-                "%s: no start values satisfy the algebraic loop through %s: the best ones have an error of %.2g of "
+                "%s: no values satisfy the algebraic loop through %s: the best ones have an error of %.2g of "
                 "their size; set other start values",
                 function, start_loop_name, norm)
     } else
-        for (int64_t sweep = 0; sweep < (LATE_LOOP ? 1 : PARTS + 1); sweep++) {
+        for (int64_t sweep = 0; sweep < (LATE_LOOP && !exchanging ? 1 : PARTS + 1); sweep++) {
             memcpy(c->earlier, m->signals, sizeof m->signals);
             if (!spread(c))
-                return no_start(c, function);
+                return no_values(c, function);
             if (memcmp(c->earlier, m->signals, sizeof m->signals) == 0)
                 break;
         }
+    if (exchanging && !outputs_finite(c)) {
+        snprintf(c->said, sizeof c->said, "an output is not finite");
+        return no_values(c, function);
+    }
     m->stale = false;
     return fmi2OK;
 }
@@ -183,12 +210,16 @@ fmi2Status fmi2ExitInitializationMode(fmi2Component component)
     if (status != fmi2OK)
         return status;
     REQUIRE(good, "fmi2ExitInitializationMode: %s", c->said)
+    m->stale = false;
+    if (m->exchange) {
+        MODE(c) = EVENT_MODE;
+        return fmi2OK;
+    }
     newton_begin(&c->engine, &c->newton);
     for (int64_t k = 0; k < DELAYS; k++)
         for (int64_t i = 0; i < c->delays[k].length; i++)
             c->delays[k].past[i] = m->signals[source_of[c->delays[k].input]];
     MODE(c) = STEP_COMPLETE;
-    m->stale = false;
     return fmi2OK;
 }
 

@@ -22,7 +22,7 @@ static uint64_t checksum_of(const char *bytes, size_t size)
     return mix(UINT64_C(14695981039346656037), bytes + AFTER_CHECKSUM, size - AFTER_CHECKSUM);
 }
 
-static const char *fault_of(const Saved *saved)
+static const char *fault_of(const Instance *c, const Saved *saved)
 {
     if (memcmp(saved->magic, "compose", 8) != 0)
         return "it is not a state of this kind of FMU";
@@ -30,6 +30,8 @@ static const char *fault_of(const Saved *saved)
         return "it was written on a machine with another byte order";
     if (strncmp(saved->guid, GUID, sizeof saved->guid) != 0 || saved->size != sizeof(Saved))
         return "it belongs to another FMU or version";
+    if (saved->memory.exchange != c->memory.exchange)
+        return "it was saved in the other kind of FMU, co-simulation or model exchange";
     return NULL;
 }
 
@@ -66,7 +68,7 @@ fmi2Status fmi2SetFMUstate(fmi2Component component, fmi2FMUstate state)
     ENTER("SetFMUstate", MAY_FMUstate)
     REQUIRE(state, "fmi2SetFMUstate: the state is a null pointer")
     const Saved *const saved = (const Saved *)state;
-    const char *const fault = fault_of(saved);
+    const char *const fault = fault_of(c, saved);
     REQUIRE(!fault, "fmi2SetFMUstate: the state cannot be used: %s", fault)
     for (int64_t i = 0; i < PARTS; i++)
         REQUIRE(!is_fmu(i) || c->parts[i].set_state(c->parts[i].component, saved->parts[i]) <= 1,
@@ -162,15 +164,20 @@ static bool plausible_value(const Memory *m, const Variable *v)
 /* Return whether a run can reach this memory: whatever is used as an index, a count or a time is in range. */
 static bool plausible(const Memory *m)
 {
-    const int mode = m->mode;
+    const int modes =
+        BEFORE_STEPPING | TERMINATED | (m->exchange ? (int)EXCHANGING : (int)STEP_COMPLETE | (int)STEP_FAILED);
     const double next = m->start + (double)(m->tick + 1) * STEP_SIZE, slack = 1e-3 * STEP_SIZE + 1e-9 * fabs(next);
-    bool good = (mode == INSTANTIATED || mode == INITIALIZING || mode == STEP_COMPLETE || mode == STEP_FAILED ||
-                 mode == TERMINATED) &&
-                in_range(m->stale, 0, PARAMETER_SET) && is_bit(m->slopes_used) && is_bit(m->inside) &&
-                in_range(m->tick, 0, INT64_C(1) << 53) && isfinite(m->start) && isfinite(m->time) &&
-                m->reached >= next - STEP_SIZE - slack && m->reached <= next + slack &&
-                fabs(m->time - m->reached) <= slack && m->stop >= m->start && m->tolerance >= 0.0 &&
-                m->tolerance < INFINITY && isfinite(m->begun);
+    bool good = is_bit(m->exchange) && (MODEL_EXCHANGE || !m->exchange) && (m->mode & modes) == m->mode &&
+                m->mode > 0 && (m->mode & (m->mode - 1)) == 0 && in_range(m->stale, 0, PARAMETER_SET) &&
+                is_bit(m->slopes_used) && is_bit(m->inside) && in_range(m->tick, 0, INT64_C(1) << 53) &&
+                isfinite(m->start) && isfinite(m->time) && m->reached >= next - STEP_SIZE - slack &&
+                m->reached <= next + slack && (m->exchange || fabs(m->time - m->reached) <= slack) &&
+                m->stop >= m->start && m->tolerance >= 0.0 && m->tolerance < INFINITY && isfinite(m->begun);
+    for (int64_t i = 0, source = 0; i < PARTS; i++) {
+        const Series *const series = part_data[i].series;
+        good = good && (is_fmu(i) || in_range(m->rows[source], -1, series ? series->rows - 1 : 0));
+        source += !is_fmu(i);
+    }
     for (int64_t k = 0; k < LINES; k++)
         good = good && m->moving[k].inner == line_data[k].inner && m->moving[k].unknown == line_data[k].unknown &&
                is_bit(m->moving[k].from_rest);
@@ -214,7 +221,7 @@ fmi2Status fmi2DeSerializeFMUstate(fmi2Component component, const fmi2Byte bytes
     Saved *const read = (Saved *)calloc(1, sizeof(Saved));
     REQUIRE(read, "fmi2DeSerializeFMUstate: out of memory")
     memcpy(read, bytes, SAVED_SIZE);
-    const char *fault = fault_of(read);
+    const char *fault = fault_of(c, read);
     if (!fault && read->checksum != checksum_of(bytes, size))
         fault = "they are damaged";
     if (!fault && !plausible(&read->memory))

@@ -7,17 +7,6 @@
 enum { MOST_TICKS = 100000000 };
 #define ROUNDING 1e-6 /* of the step: differences of times that are rounding */
 
-/* Return whether the outputs of parts are finite; a law may accept an input that is not. The exponents are compared, as
-   a sum of doubles takes four times as long. */
-static bool outputs_finite(const Instance *c)
-{
-    uint64_t bits[CHECKED + 1], none = 0;
-    memcpy(bits, c->memory.signals, CHECKED * sizeof(double));
-    for (int64_t k = 0; k < CHECKED; k++)
-        none |= (uint64_t)((bits[k] << 1) >= UINT64_C(0xffe0000000000000));
-    return none == 0;
-}
-
 /* Advance to this time. */
 static bool advance_to(Instance *c, double end)
 {
@@ -121,7 +110,7 @@ fmi2Status fmi2Terminate(fmi2Component component)
 fmi2Status fmi2DoStep(fmi2Component component, fmi2Real t, fmi2Real h, fmi2Boolean keeps_no_state)
 {
     (void)keeps_no_state;
-    ENTER("DoStep", MAY_DoStep)
+    ENTER_AS(fmi2CoSimulation, "DoStep", MAY_DoStep)
     Memory *const m = &c->memory;
     Engine *const e = &c->engine;
     /* The time of the master applies; it may differ by rounding, or by the error of a master that sums steps. */

@@ -68,7 +68,7 @@ static fmi2Status check_get(Instance *c, const fmi2ValueReference references[], 
     for (size_t i = 0; i < n; i++)
         REQUIRE(known(references[i], type), "fmi2Get%s: there is no %s variable with value reference %u",
                 type_names[type], type_names[type], references[i])
-    return MODE(c) == INITIALIZING ? settle_or_return(c, "fmi2Get") : refresh_direct(c, "fmi2Get");
+    return MODE(c) & (INITIALIZING | EXCHANGING) ? settle_or_return(c, "fmi2Get") : refresh_direct(c, "fmi2Get");
 }
 
 #define GET(TYPE, type, value_type, from)                                                                              \
@@ -98,7 +98,8 @@ static fmi2Status check_set(Instance *c, fmi2ValueReference reference, double va
     REQUIRE(known(reference, type), "fmi2Set%s: there is no %s variable with value reference %u", type_names[type],
             type_names[type], reference)
     const Variable *const v = &variables[reference];
-    REQUIRE(v->setting == SET_ALWAYS || (v->setting == SET_EARLY && (MODE(c) & BEFORE_STEPPING)),
+    REQUIRE(v->setting == SET_ALWAYS || (v->setting == SET_EARLY && (MODE(c) & BEFORE_STEPPING)) ||
+                (v->is_state && (MODE(c) & EXCHANGING)),
             "fmi2Set%s: %s cannot be set in the mode \"%s\"", type_names[type], v->name, mode_name(MODE(c)))
     if (v->finite && !isfinite(value))
         return report(c, fmi2Discard, LOG_DISCARD, "fmi2Set%s: %s = %g is not finite", type_names[type], v->name,
@@ -147,8 +148,8 @@ static fmi2Status write_variable(Instance *c, const Variable *v, double real, in
                           v->name, c->said);                                                                           \
         }                                                                                                              \
         c->refreshed = false;                                                                                          \
-        if (n > 0 && c->memory.stale != PARAMETER_SET)                                                                 \
-            c->memory.stale = inner ? PARAMETER_SET : INPUT_SET;                                                       \
+        if (n > 0)                                                                                                     \
+            set_stale(&c->memory, inner ? PARAMETER_SET : INPUT_SET);                                                  \
         return fmi2OK;                                                                                                 \
     }
 SET(Real, REAL, values[i], 0)
@@ -180,7 +181,7 @@ static fmi2Status check_derivatives(const Instance *c, const char *function, boo
 fmi2Status fmi2SetRealInputDerivatives(fmi2Component component, const fmi2ValueReference references[], size_t n,
                                        const fmi2Integer orders[], const fmi2Real values[])
 {
-    ENTER("SetRealInputDerivatives", MAY_SetRealInputDerivatives)
+    ENTER_AS(fmi2CoSimulation, "SetRealInputDerivatives", MAY_SetRealInputDerivatives)
     if (check_derivatives(c, "fmi2SetRealInputDerivatives", true, references, n, orders, values) != fmi2OK)
         return fmi2Error;
     if (!slopes_are_finite(c, references, n, values))
@@ -198,7 +199,7 @@ fmi2Status fmi2SetRealInputDerivatives(fmi2Component component, const fmi2ValueR
 fmi2Status fmi2GetRealOutputDerivatives(fmi2Component component, const fmi2ValueReference references[], size_t n,
                                         const fmi2Integer orders[], fmi2Real values[])
 {
-    ENTER("GetRealOutputDerivatives", MAY_GetRealOutputDerivatives)
+    ENTER_AS(fmi2CoSimulation, "GetRealOutputDerivatives", MAY_GetRealOutputDerivatives)
     const fmi2Status status =
         check_derivatives(c, "fmi2GetRealOutputDerivatives", false, references, n, orders, values);
     if (status != fmi2OK)

@@ -1,18 +1,22 @@
-"""Dependencies of the outputs of a composite FMU on its inputs and parameters, through the connections of its parts."""
+"""Dependencies of the outputs and derivatives of a composite FMU, through the connections of its parts."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 
+from harness.composite.exchange import states
 from harness.composite.variables import Variable
 from harness.parts.fmu import FmuPart
+from harness.parts.part import Part
 from harness.system.assembly import Assembly
 from harness.system.graph import instantaneous
 from harness.system.wire import Wire, split_name
 
 
 def step_dependencies(system: Assembly, variables: Sequence[Variable]) -> dict[str, list[int]]:
-    """Return for each output the indices of the inputs on which it depends without a state in between.
+    """Return for each output and derivative the indices of the inputs and states on which it depends directly.
+
+    States count if the FMU is for model exchange too.
 
     Parameters
     ----------
@@ -25,22 +29,37 @@ def step_dependencies(system: Assembly, variables: Sequence[Variable]) -> dict[s
     outside = [wire for wire in system.wires if wire not in inside and not wire.delay]
     prompt = [wire for wire in outside if not system.parts[wire.ends[1][0]].sampled]
     drivers = _drivers([*instantaneous(system.parts, inside), *prompt])
-    inputs = {v.name: i for i, v in enumerate(variables, start=1) if v.causality == "input"}
+    held = {v.state for v in variables if v.state}
+    knowns = {v.inner: i for i, v in enumerate(variables, start=1) if v.causality == "input" or v.name in held}
+    stated = {name: _direct(part, exchanges=bool(held)) for name, part in system.parts.items()}
 
     def direct(name: str) -> Iterable[str]:
-        owner, output = split_name(name)
-        part = system.parts.get(owner)
-        return () if part is None or part.sampled else (f"{owner}.{port}" for port in part.dependencies[output])
+        owner, own = split_name(name)
+        return (f"{owner}.{port}" for port in stated.get(owner, {}).get(own, ()))
 
     return {
-        v.name: sorted(inputs[name] for name in _reached(v.name, direct, drivers) if name in inputs)
+        v.name: sorted(knowns[name] for name in _reached(v.inner, direct, drivers) if name in knowns)
         for v in variables
-        if v.causality == "output"
+        if v.causality == "output" or v.state
+    }
+
+
+def _direct(part: Part, *, exchanges: bool) -> Mapping[str, Iterable[str]]:
+    """Return the inputs on which each output depends, and for model exchange also the states, and the derivatives."""
+    if part.sampled:
+        return {}
+    if not exchanges or not isinstance(part, FmuPart):
+        return part.dependencies
+    description = part.archive.description
+    everything = [port.name for port in part.inputs] + list(states(part).values())
+    return {
+        unknown.variable.name: everything if unknown.dependencies is None else [v.name for v in unknown.dependencies]
+        for unknown in (*description.outputs, *description.derivatives)
     }
 
 
 def start_dependencies(system: Assembly, variables: Sequence[Variable]) -> dict[str, list[int] | None]:
-    """Return for each output the indices of the variables on which its start value depends; None: on all.
+    """Return for each calculated variable the indices of those on which its start value depends; None: on all.
 
     Parameters
     ----------
@@ -50,19 +69,19 @@ def start_dependencies(system: Assembly, variables: Sequence[Variable]) -> dict[
         The variables of the FMU; indices count from 1.
     """
     drivers = _drivers(system.wires)
-    knowns = {v.name: i for i, v in enumerate(variables, start=1) if v.causality == "input" or v.initial == "exact"}
+    knowns = {v.inner: i for i, v in enumerate(variables, start=1) if v.causality == "input" or v.initial == "exact"}
     stated = {name: _stated(part) for name, part in system.parts.items() if isinstance(part, FmuPart)}
     if any(found is None for found in stated.values()):
-        return {v.name: None for v in variables if v.causality == "output"}
+        return {v.name: None for v in variables}
 
     def direct(name: str) -> Iterable[str]:
         owner, own = split_name(name)
         return (f"{owner}.{port}" for port in (stated.get(owner) or {}).get(own, ()))
 
     return {
-        v.name: sorted(knowns[name] for name in _reached(v.name, direct, drivers) if name in knowns)
+        v.name: sorted(knowns[name] for name in _reached(v.inner, direct, drivers) if name in knowns)
         for v in variables
-        if v.causality == "output"
+        if v.initial == "calculated"
     }
 
 

@@ -10,6 +10,7 @@ from typing import Any
 
 from lxml import etree
 
+from harness.composite.exchange import states
 from harness.composite.variables import Variable
 from harness.errors import BuildError
 from harness.parts.fmu import FmuPart
@@ -33,6 +34,8 @@ class Texts:
         Time stamp.
     sources : tuple of str
         The files to compile.
+    exchanges : bool
+        Whether the FMU is for model exchange too.
     """
 
     identifier: str
@@ -40,6 +43,7 @@ class Texts:
     summary: str
     made: str
     sources: tuple[str, ...]
+    exchanges: bool
 
 
 def composite_description(
@@ -61,7 +65,8 @@ def composite_description(
     variables : sequence of Variable
         The variables; their indices count from 1 in the XML.
     dependencies, initial : mapping of str to sequence of int
-        Indices of the variables on which each output depends, in a step and at the start; None: on all.
+        Indices of the variables on which each output and derivative depends, in a step and at the start; None: on
+        all.
     experiment : Experiment
         Start, stop and step of the default experiment.
 
@@ -87,10 +92,10 @@ def composite_description(
         text = "; ".join(filter(None, stated))
         if text:
             root.set(name, text)
-    simulation = etree.SubElement(root, "CoSimulation", {"modelIdentifier": texts.identifier, **capabilities(parts)})
-    files = etree.SubElement(simulation, "SourceFiles")
-    for source in texts.sources:
-        etree.SubElement(files, "File", name=source)
+    if texts.exchanges:
+        root.set("numberOfEventIndicators", str(sum(int(f.archive.description.numberOfEventIndicators) for f in fmus)))
+        _kind(root, texts, "ModelExchange", exchange_capabilities(fmus))
+    _kind(root, texts, "CoSimulation", capabilities(parts))
     _units(root, fmus, variables)
     types = _types(root, variables)
     categories = etree.SubElement(root, "LogCategories")
@@ -101,14 +106,39 @@ def composite_description(
         times["tolerance"] = experiment.tolerance
     etree.SubElement(root, "DefaultExperiment", {name: _number(value) for name, value in times.items()})
     listed = etree.SubElement(root, "ModelVariables")
+    places = {variable.name: i for i, variable in enumerate(variables, start=1)}
     for reference, variable in enumerate(variables):
-        _variable(listed, variable, reference, types)
+        _variable(listed, variable, reference, types, places)
     structure = etree.SubElement(root, "ModelStructure")
     outputs = [(i, v) for i, v in enumerate(variables, start=1) if v.causality == "output"]
     _unknowns(structure, "Outputs", ((i, dependencies[v.name]) for i, v in outputs))
-    unset = ((i, initial[v.name]) for i, v in outputs if v.initial == "calculated")
-    _unknowns(structure, "InitialUnknowns", unset)
+    derivatives = [v for fmu in fmus for own in states(fmu) for v in variables if v.inner == f"{fmu.name}.{own}"]
+    held = {v.state for v in derivatives}
+    _unknowns(structure, "Derivatives", ((places[v.name], dependencies[v.name]) for v in derivatives))
+    unset = [
+        v for v in variables if v.initial == "calculated" and (v.causality == "output" or v.state or v.name in held)
+    ]
+    _unknowns(structure, "InitialUnknowns", ((places[v.name], initial[v.name]) for v in unset))
     return bytes(etree.tostring(root, xml_declaration=True, encoding="UTF-8", pretty_print=True))
+
+
+def _kind(root: etree._Element, texts: Texts, kind: str, flags: Mapping[str, str]) -> None:
+    element = etree.SubElement(root, kind, {"modelIdentifier": texts.identifier, **flags})
+    files = etree.SubElement(element, "SourceFiles")
+    for source in texts.sources:
+        etree.SubElement(files, "File", name=source)
+
+
+def exchange_capabilities(fmus: Sequence[FmuPart]) -> dict[str, str]:
+    """Return the capability flags of model exchange: those that all parts have."""
+    flags = [fmu.archive.description.modelExchange for fmu in fmus]
+    return {
+        "completedIntegratorStepNotNeeded": _flag(all(each.completedIntegratorStepNotNeeded for each in flags)),
+        "canNotUseMemoryManagementFunctions": "true",
+        "canGetAndSetFMUstate": "true",
+        "canSerializeFMUstate": _flag(all(each.canSerializeFMUstate for each in flags)),
+        "providesDirectionalDerivative": _flag(all(each.providesDirectionalDerivative for each in flags)),
+    }
 
 
 def capabilities(parts: Mapping[str, Part]) -> dict[str, str]:
@@ -189,7 +219,9 @@ def _types(root: etree._Element, variables: Sequence[Variable]) -> set[str]:
     return set(kept)
 
 
-def _variable(parent: etree._Element, variable: Variable, reference: int, types: set[str]) -> None:
+def _variable(
+    parent: etree._Element, variable: Variable, reference: int, types: set[str], places: Mapping[str, int]
+) -> None:
     port = variable.port
     attributes = {"name": variable.name, "valueReference": str(reference)}
     if port.description:
@@ -216,11 +248,13 @@ def _variable(parent: etree._Element, variable: Variable, reference: int, types:
         typed["nominal"] = convert(port.nominal)
     if variable.start is not None:
         typed["start"] = convert(float(variable.start))
+    if variable.state:
+        typed["derivative"] = str(places[variable.state])
     etree.SubElement(scalar, port.type, typed)
 
 
 def _unknowns(structure: etree._Element, name: str, unknowns: Iterable[tuple[int, Sequence[int] | None]]) -> None:
-    listed = sorted(unknowns)
+    listed = list(unknowns)
     if listed:
         parent = etree.SubElement(structure, name)
         for index, knowns in listed:

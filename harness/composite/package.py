@@ -18,6 +18,7 @@ from harness.composite.dependencies import start_dependencies, step_dependencies
 from harness.composite.description import Texts, composite_description
 from harness.composite.diagram import loop_icon
 from harness.composite.documentation import documentation
+from harness.composite.exchange import exchange_fault
 from harness.composite.interface import check_parts, choose_interface, opened, without_sources
 from harness.composite.tables import table_file
 from harness.composite.terminals import FOLDER as TERMINALS
@@ -77,7 +78,8 @@ def compose(
     start = start_order(plan, inner.parts, [wire for wire in inner.wires if wire.ends[0][0] in inner.parts])
     if source is not None:
         start = replace(start, order=(len(plan.parts) - 1, *start.order))
-    variables = composite_variables(inner, interface)
+    exchanges = exchange_fault(inner) is None
+    variables = composite_variables(inner, interface, exchanges=exchanges)
     tolerance = experiment.loop_tolerance or LOOP_TOLERANCE
 
     def tables(guid: str) -> str:
@@ -89,7 +91,7 @@ def compose(
 
     def description(guid: str) -> bytes:
         return composite_description(
-            Texts(identifier, guid, _summary(inner), made, units),
+            Texts(identifier, guid, _summary(inner), made, units, exchanges),
             inner.parts,
             variables,
             step_dependencies(inner, variables),

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from harness.composite.code import PartCode
 from harness.composite.description import provides_derivatives
+from harness.composite.exchange import exchange_fault, states
 from harness.composite.interface import InputsPart, OpenSystem
 from harness.composite.variables import Variable
 from harness.engine.defect import UNRESOLVED
@@ -63,6 +64,7 @@ def table_file(
         "/* Generated: the plan of a system as tables. composite.h runs it. */",
         f"#define MODEL {name}",
         f'#define GUID "{guid}"',
+        f"#define MODEL_EXCHANGE {int(exchange_fault(system) is None)}",
         '#include "composite_parts.h"',
         "",
         *writer.constants(),
@@ -98,6 +100,7 @@ class _Writer:
     ) -> None:
         self._system, self._plan, self._loops, self._start = system, plan, loops, start
         self._codes, self._variables = codes, variables
+        self._exchanges = exchange_fault(system) is None
         self._index = {part.name: index for index, part in enumerate(plan.parts)}
         self._lengths = {int(i): delay_length(plan, int(i), int(plan.delays[i])) for i in np.flatnonzero(plan.delays)}
         self._inputs = [variable for variable in variables if variable.causality == "input"]
@@ -131,6 +134,8 @@ class _Writer:
             "START_VALUES": len(self._starts),
             "VARIABLES": len(self._variables),
             "DIRECT": len(self._direct()),
+            "STATES": sum(len(self._states(part)) for part in plan.parts),
+            "INDICATORS": sum(self._indicators(part) for part in plan.parts),
             "PROVIDES_DERIVATIVES": int(provides_derivatives(self._system.parts)),
             "CHECKED": max(
                 int(last)
@@ -148,6 +153,11 @@ class _Writer:
                 f"static const PartFunctions functions_of_{code.folder} = "
                 f"FUNCTIONS_OF({code.prefix}, {_text(code.guid)});",
             ]
+            if self._exchanges:
+                found += [
+                    f"EXCHANGE_FUNCTIONS({code.prefix})",
+                    f"static const ExchangeFunctions exchange_of_{code.folder} = EXCHANGE_OF({code.prefix});",
+                ]
         return found
 
     def series(self) -> list[str]:
@@ -173,12 +183,14 @@ class _Writer:
             found += _integers(f"inputs_{index}", inputs, "uint32_t")
             found += _integers(f"outputs_{index}", outputs, "uint32_t")
             functions = f"&functions_of_{self._codes[part.name].folder}" if part.name in self._codes else "NULL"
+            exchange = functions.replace("functions", "exchange") if self._exchanges else "NULL"
             table = f"&series_{index}" if isinstance(part, SeriesPart) else "NULL"
             flags = part.archive.description.coSimulation if isinstance(part, FmuPart) else None
             numbers = (
                 *(self._ranges(*plan.inputs[index]), self._ranges(*plan.outputs[index])),
                 *(str(int(x)) for x in (plan.every[index], plan.phase[index], part.sampled)),
-                str(int(bool(flags is not None and flags.canInterpolateInputs))),
+                *(str(int(bool(flags is not None and flags.canInterpolateInputs))), exchange),
+                *(str(len(self._states(part))), str(self._indicators(part))),
             )
             rows.append(
                 f"    {{{_text(part.name)}, {functions}, {table}, inputs_{index}, outputs_{index}, "
@@ -254,6 +266,7 @@ class _Writer:
         inputs = [variable.name for variable in self._inputs]
         ends = [(wire.ends[0][1], wire.ends[1][0]) for wire in self._system.wires]
         moved = {source for source, target in ends if not self._system.parts[target].sampled}
+        kept = {v.state for v in self._variables}
         exchanged = {name: i for i, name in enumerate(plan.names) if i < int(plan.outputs.max(initial=0))}
         for v in self._variables:
             is_input, is_output = v.causality == "input", v.causality == "output"
@@ -263,10 +276,18 @@ class _Writer:
             row = (
                 *(_text(v.name), self._index[v.part] if v.part else -1, exchanged.get(v.name, -1), reference),
                 *(TYPE_ORDER.index(v.port.type), setting, *map(_number, v.port.limits)),
-                *(int(is_input), int(is_output), int(finite)),
+                *(int(is_input), int(is_output), int(v.name in kept), int(finite)),
             )
             rows.append(f"    {{{', '.join(str(x) for x in row)}}},")
         return ["static const Variable variables[] = {", *rows, "};"]
+
+    def _states(self, part: Part) -> Mapping[str, str]:
+        return states(part) if self._exchanges and isinstance(part, FmuPart) else {}
+
+    def _indicators(self, part: Part) -> int:
+        if not self._exchanges or not isinstance(part, FmuPart):
+            return 0
+        return int(part.archive.description.numberOfEventIndicators or 0)
 
     def _input_of_signal(self) -> list[int]:
         """Return for each signal the number of the input of the FMU that it is, or -1."""

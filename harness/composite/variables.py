@@ -6,6 +6,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
+from harness.composite.exchange import inner_name, states
 from harness.composite.interface import Interface
 from harness.parts.fmu import FmuPart
 from harness.parts.part import Part, Port, StartValue
@@ -36,6 +37,8 @@ class Variable:
         Whether it can be set before the first step only.
     type_name, quantity : str or None
         The part's declared type of a Real, and its quantity.
+    state : str or None
+        The state of which this is the derivative.
     """
 
     name: str
@@ -49,9 +52,15 @@ class Variable:
     early: bool = False
     type_name: str | None = None
     quantity: str | None = None
+    state: str | None = None
+
+    @property
+    def inner(self) -> str:
+        """The name with that of the part in front: "part.der(x)"."""
+        return f"{self.part}.{self.port.name}" if self.part else self.name
 
 
-def composite_variables(system: Assembly, interface: Interface) -> list[Variable]:
+def composite_variables(system: Assembly, interface: Interface, *, exchanges: bool) -> list[Variable]:
     """Return the time, and the inputs, outputs, parameters and local variables of all parts.
 
     Parameters
@@ -60,12 +69,14 @@ def composite_variables(system: Assembly, interface: Interface) -> list[Variable
         The system.
     interface : Interface
         Its inputs and outputs.
+    exchanges : bool
+        Whether the FMU is for model exchange too, and so shows the derivatives of its states.
     """
     found = [Variable("time", "", Port("time", "s", description="simulation time"), 0, "independent", "continuous")]
     wired = {wire.target for wire in system.wires}
     for name, part in system.parts.items():
         if isinstance(part, FmuPart):
-            found += _of_fmu(name, part, system.start, interface, wired)
+            found += _of_fmu(name, part, system.start, interface, wired, exchanges)
         else:
             found += _of_series(name, part, interface)
     known = {variable.name for variable in found}
@@ -93,13 +104,19 @@ def _of_series(name: str, part: Part, interface: Interface) -> Iterable[Variable
 
 
 def _of_fmu(
-    name: str, part: FmuPart, start: Mapping[str, StartValue], interface: Interface, wired: set[str]
+    name: str,
+    part: FmuPart,
+    start: Mapping[str, StartValue],
+    interface: Interface,
+    wired: set[str],
+    exchanges: bool,
 ) -> Iterable[Variable]:
+    derivatives = states(part) if exchanges else {}
     for own, variable in part.archive.variables.items():
-        port, dotted = part.archive.ports[own], f"{name}.{own}"
+        port, dotted = part.archive.ports[own], inner_name(name, own)
         if port.type == "String" or variable.causality == "independent" or variable.variability == "constant":
             continue
-        if dotted in wired or own.startswith("der("):
+        if dotted in wired or (own.startswith("der(") and own not in derivatives):
             continue
         role = _role(variable, dotted, interface)
         if role is None:
@@ -118,6 +135,7 @@ def _of_fmu(
             early,
             variable.declaredType.name if variable.declaredType is not None and port.type == "Real" else None,
             variable.quantity or getattr(variable.declaredType, "quantity", None),
+            inner_name(name, derivatives[own]) if own in derivatives else None,
         )
 
 

@@ -21,7 +21,7 @@ from harness import Experiment, FmuPart, System
 from harness.compiling.toolchain import header_folder
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
-FUNCTIONS = 34
+FUNCTIONS = 44
 """Functions of FMI 2.0 for co-simulation."""
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
@@ -17,8 +17,9 @@ from every_block.test_block_state import (  # noqa: F401
     test_the_same_state_has_the_same_bytes,
     test_threads_with_an_instance_each_are_as_if_alone,
 )
-from shell.fixtures import instance, running, situation  # noqa: F401
-from shell.instance import Library, load
+from shell.exchanging import SITUATIONS, begin, go_on, go_to
+from shell.fixtures import instance, situation  # noqa: F401
+from shell.instance import Instance, Library, load, signals
 from shell.selection import COMPOSITES
 from shell.test_call_sequence import (  # noqa: F401
     test_a_faulty_instantiation_gives_null_and_says_why,
@@ -64,3 +65,17 @@ from shell.test_values import (  # noqa: F401
 def library(request: pytest.FixtureRequest, compose: Callable[[str], Path]) -> Library:
     """Each of these composite FMUs in turn."""
     return load(compose(request.param))
+
+
+@pytest.fixture
+def running(library: Library, request: pytest.FixtureRequest) -> Iterator[Instance]:
+    """An instance after a step of 10 ms, where the test asks for it."""
+    asked = "situation" in request.fixturenames
+    where = request.getfixturevalue("situation") if asked else "co-simulation"
+    between = "co-simulation" if where == "co-simulation" else "continuous-time mode"
+    first = signals(library, 1, 1)
+    with Instance(library, kind=SITUATIONS[where]) as made:
+        begin(made, SITUATIONS[where], **first[0])
+        go_on(made, between, first, 0.0, 0.01)
+        go_to(made, where)
+        yield made

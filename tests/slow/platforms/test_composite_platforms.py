@@ -9,7 +9,7 @@ import lief
 import numpy as np
 import pytest
 from foreign import RUNNERS, drive, missing
-from test_platforms import CO_SIMULATION, SYSTEM_DLLS, binary, parsed
+from test_platforms import BOTH, SYSTEM_DLLS, binary, parsed
 
 from friction_fmus import fmu
 from harness import System
@@ -34,14 +34,14 @@ def test_every_platform_is_there_and_exports_fmi_only(servo: Path) -> None:
     assert isinstance(windows, lief.PE.Binary)
     assert all(str(each.name).lower().startswith(SYSTEM_DLLS) for each in windows.imports)
     exported = {str(entry.name) for entry in windows.get_export().entries}
-    assert len(exported) == CO_SIMULATION
+    assert len(exported) == BOTH
     assert all(name.startswith("fmi2") for name in exported)
     for folder in ("darwin64", "aarch64-darwin"):
         slices = lief.MachO.parse(list(binary(servo, folder)))  # its parts do not outlive it
         assert slices
         for each in slices:
             names = {str(symbol.name).removeprefix("_") for symbol in each.exported_symbols}
-            assert len([name for name in names if name.startswith("fmi2")]) == CO_SIMULATION
+            assert len([name for name in names if name.startswith("fmi2")]) == BOTH
 
 
 @pytest.mark.parametrize("platform", [name for name, (_, runner) in RUNNERS.items() if runner])

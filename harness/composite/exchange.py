@@ -1,0 +1,35 @@
+"""Whether a composite FMU is for model exchange too, and the states that it has then."""
+
+from __future__ import annotations
+
+from harness.parts.fmu import FmuPart
+from harness.system.assembly import Assembly
+
+
+def exchange_fault(system: Assembly) -> str | None:
+    """Return why the FMU of a system is for co-simulation only; None if it is for model exchange too.
+
+    Parameters
+    ----------
+    system : Assembly
+        The system inside the FMU.
+    """
+    for name, part in system.parts.items():
+        if isinstance(part, FmuPart) and part.archive.description.modelExchange is None:
+            return f"{name} is for co-simulation only"
+    late = next((wire for wire in system.wires if wire.delay), None)
+    return None if late is None else f"the connection {late} has a delay"
+
+
+def states(part: FmuPart) -> dict[str, str]:
+    """Return the derivatives of an FMU by name, each with its state, in the order of its state vector."""
+    found = (unknown.variable for unknown in part.archive.description.derivatives)
+    return {variable.name: variable.derivative.name for variable in found}
+
+
+def inner_name(part: str, own: str) -> str:
+    """Return the name of a variable of a part in the composite: "part.x", or "der(part.x)" of a derivative."""
+    depth = 0
+    while own.startswith("der(") and own.endswith(")"):
+        own, depth = own[4:-1], depth + 1
+    return "der(" * depth + f"{part}.{own}" + ")" * depth
