@@ -17,6 +17,8 @@ def exchange_fault(system: Assembly) -> str | None:
     for name, part in system.parts.items():
         if isinstance(part, FmuPart) and part.archive.description.modelExchange is None:
             return f"{name} is for co-simulation only"
+        if part.every != 1:
+            return f"{name} steps every {part.every} steps"
     late = next((wire for wire in system.wires if wire.delay), None)
     return None if late is None else f"the connection {late} has a delay"
 

@@ -104,7 +104,7 @@ def drawn(block: Loaded, seed: int) -> tuple[Array, Array]:
     return x, block.start(block.dae.u()) + scale * rng.normal(size=block.dae.nu())
 
 
-@pytest.mark.parametrize("name", sorted(wanted()))
+@pytest.mark.parametrize("name", [*sorted(wanted()), "stick_slip"])
 def test_derivatives_outputs_and_jacobian_are_those_of_the_fmu(
     name: str, load: Callable[[str], Loaded], direct: Callable[[Loaded], Direct]
 ) -> None:

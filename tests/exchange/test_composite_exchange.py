@@ -1,0 +1,99 @@
+"""A whole system in model exchange: sampled laws and records at time events, and what is for co-simulation only."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from fmpy import read_model_description, simulate_fmu
+from shell.instance import MODEL_EXCHANGE, Instance, load
+
+from friction_fmus import fmu
+from friction_fmus.cli.systems import open_system
+from harness import FmuPart, SeriesPart, System, Wire
+
+EXAMPLES = Path(__file__).parents[2] / "examples"
+STOP = 0.5
+
+
+def exchanged(path: Path, stop: float, interval: float) -> np.ndarray:
+    """By fmpy's CVODE; a row before and a row after each event."""
+    return simulate_fmu(
+        str(path),
+        fmi_type="ModelExchange",
+        stop_time=stop,
+        relative_tolerance=1e-9,
+        output_interval=interval,
+    )
+
+
+@pytest.mark.parametrize(
+    ("system", "scale"),
+    [("compensated_axis", {"axis.x": 5e-5, "friction.F": 1.5}), ("two_axes", {"x_axis.x": 5e-3, "y_friction.F": 3.0})],
+)
+def test_a_servo_is_what_it_is_in_co_simulation(system: str, scale: dict[str, float], tmp_path: Path) -> None:
+    """Two independent computations: CVODE, and the engine of the harness with an inner step of 0.01 ms."""
+    path = tmp_path / "Servo.fmu"
+    with open_system(EXAMPLES / f"{system}.toml") as opened:
+        opened.to_fmu(path, step=1e-5)
+    slow = simulate_fmu(str(path), fmi_type="CoSimulation", stop_time=STOP, output_interval=0.005)
+    fast = exchanged(path, STOP, 0.005)
+    after = np.searchsorted(fast["time"], slow["time"] + 1e-9) - 1
+    for name, size in scale.items():
+        assert fast[name][after] == pytest.approx(slow[name], abs=1e-5 * size), name
+
+
+@pytest.mark.parametrize("interpolation", ["linear", "previous"])
+def test_a_record_has_an_event_at_each_sample(interpolation: str, tmp_path: Path) -> None:
+    times, forces = np.array([0.0, 0.1, 0.25, 0.6, 1.0]), np.array([0.3, -0.2, 1.1, 0.4, -0.5])
+    record = SeriesPart("record", times, {"F": forces}, {"F": "N"}, interpolation=interpolation)  # type: ignore[arg-type]
+    mass = FmuPart("mass", fmu("Mass"))
+    with System([mass, record], ["record.F -> mass.F_drive"], start={"mass.F_friction": 0.0}) as system:
+        system.to_fmu(tmp_path / "Pulled.fmu", step=1e-3)
+    found = exchanged(tmp_path / "Pulled.fmu", 0.99, 0.01)
+    twice = found["time"][1:][np.diff(found["time"]) == 0.0]
+    assert set(twice) >= set(times[1:-1])
+    t = found["time"]
+    if interpolation == "linear":
+        assert found["record.F"] == pytest.approx(np.interp(t, times, forces), abs=1e-14)
+    else:
+        rows = np.searchsorted(times, t, side="right") - 1
+        before = np.append(np.diff(t) == 0.0, False)  # the row before an event still has the sample before
+        assert found["record.F"] == pytest.approx(forces[rows - before], abs=0.0)
+        impulse = np.append(0.0, np.cumsum(np.diff(times) * forces[:-1]))
+        assert found["mass.v"] == pytest.approx(np.interp(t, times, impulse), abs=1e-9)
+
+
+def test_the_end_of_a_record_ends_the_simulation(tmp_path: Path) -> None:
+    record = SeriesPart("record", [0.0, 0.5], {"F": [1.0, 1.0]}, {"F": "N"})
+    mass = FmuPart("mass", fmu("Mass"))
+    with System([mass, record], ["record.F -> mass.F_drive"], start={"mass.F_friction": 0.0}) as system:
+        system.to_fmu(tmp_path / "Pulled.fmu", step=1e-3)
+    found = exchanged(tmp_path / "Pulled.fmu", 2.0, 0.1)
+    assert found["time"][-1] == 0.5
+    assert found["mass.v"][-1] == pytest.approx(0.5, abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("friction", "every", "wire"),
+    [
+        ("BurridgeKnopoff", 1, "mass.v -> friction.v"),
+        ("LuGre", 3, "mass.v -> friction.v"),
+        ("LuGre", 1, Wire("mass.v", "friction.v", delay=2)),
+    ],
+    ids=["a part that is", "a part with a step of its own", "a delay"],
+)
+def test_for_co_simulation_only(friction: str, every: int, wire: str | Wire, tmp_path: Path) -> None:
+    parts = [FmuPart("mass", fmu("Mass")), FmuPart("friction", fmu(friction), every=every)]
+    with System(parts, [wire, "friction.F -> mass.F_friction"], start={"mass.F_drive": 1.0}) as system:
+        system.to_fmu(tmp_path / "Axis.fmu", step=1e-3)
+    description = read_model_description(str(tmp_path / "Axis.fmu"))
+    assert description.coSimulation is not None and description.modelExchange is None
+    assert not description.derivatives and not description.numberOfEventIndicators
+    library = load(tmp_path / "Axis.fmu")
+    assert not library.exchanges
+    assert not hasattr(library.handle, "fmi2GetDerivatives")
+    refused = Instance(library, kind=MODEL_EXCHANGE)
+    assert refused.pointer is None
+    assert b"co-simulation only" in refused.messages[-1][-1]
