@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +11,7 @@ from harness.composite.code import PartCode
 from harness.composite.description import provides_derivatives
 from harness.composite.exchange import exchange_fault, states
 from harness.composite.interface import InputsPart, OpenSystem
+from harness.composite.literals import c_integers, c_number, c_reals, c_rows, c_string
 from harness.composite.variables import Variable
 from harness.engine.defect import UNRESOLVED
 from harness.engine.manipulate import delay_length
@@ -68,11 +68,11 @@ def table_file(
         '#include "composite_parts.h"',
         "",
         *writer.constants(),
-        f"#define STEP_SIZE {_number(plan.step)}",
-        f"#define LOOP_TOLERANCE {_number(tolerance)}",
-        f"#define LOOP_ERROR {_number(error)}",
-        f"#define UNRESOLVED {_number(UNRESOLVED)}",
-        f"#define FINEST {_number(FINEST_ADAPTIVE if error > 0.0 else FINEST)}",
+        f"#define STEP_SIZE {c_number(plan.step)}",
+        f"#define LOOP_TOLERANCE {c_number(tolerance)}",
+        f"#define LOOP_ERROR {c_number(error)}",
+        f"#define UNRESOLVED {c_number(UNRESOLVED)}",
+        f"#define FINEST {c_number(FINEST_ADAPTIVE if error > 0.0 else FINEST)}",
         "",
         *writer.functions(),
         *writer.series(),
@@ -151,7 +151,7 @@ class _Writer:
             found += [
                 f"PART_FUNCTIONS({code.prefix})",
                 f"static const PartFunctions functions_of_{code.folder} = "
-                f"FUNCTIONS_OF({code.prefix}, {_text(code.guid)});",
+                f"FUNCTIONS_OF({code.prefix}, {c_string(code.guid)});",
             ]
             if self._exchanges:
                 found += [
@@ -167,11 +167,11 @@ class _Writer:
                 n = self._index[part.name]
                 table = part.table()
                 found += [
-                    *_reals(f"times_{n}", table.times),
-                    *_reals(f"values_{n}", table.values.reshape(-1)),
-                    *_reals(f"slopes_{n}", table.slopes.reshape(-1)),
+                    *c_reals(f"times_{n}", table.times),
+                    *c_reals(f"values_{n}", table.values.reshape(-1)),
+                    *c_reals(f"slopes_{n}", table.slopes.reshape(-1)),
                     f"static const Series series_{n} = {{times_{n}, values_{n}, slopes_{n}, {len(table.times)}, "
-                    f"{table.values.shape[1]}, {_number(table.slack)}, {_number(table.end)}}};",
+                    f"{table.values.shape[1]}, {c_number(table.slack)}, {c_number(table.end)}}};",
                 ]
         return found
 
@@ -180,8 +180,8 @@ class _Writer:
         for index, part in enumerate(plan.parts):
             inputs = self._references(part, *plan.inputs[index])
             outputs = self._references(part, *plan.outputs[index])
-            found += _integers(f"inputs_{index}", inputs, "uint32_t")
-            found += _integers(f"outputs_{index}", outputs, "uint32_t")
+            found += c_integers(f"inputs_{index}", inputs, "uint32_t")
+            found += c_integers(f"outputs_{index}", outputs, "uint32_t")
             functions = f"&functions_of_{self._codes[part.name].folder}" if part.name in self._codes else "NULL"
             exchange = functions.replace("functions", "exchange") if self._exchanges else "NULL"
             table = f"&series_{index}" if isinstance(part, SeriesPart) else "NULL"
@@ -193,7 +193,7 @@ class _Writer:
                 *(str(len(self._states(part))), str(self._indicators(part))),
             )
             rows.append(
-                f"    {{{_text(part.name)}, {functions}, {table}, inputs_{index}, outputs_{index}, "
+                f"    {{{c_string(part.name)}, {functions}, {table}, inputs_{index}, outputs_{index}, "
                 f"{', '.join(numbers)}}},"
             )
         return [*found, "static const PartData part_data[] = {", *rows, "};"]
@@ -210,31 +210,31 @@ class _Writer:
         numbers = zip(loops.wires, loops.numbers, strict=True)
         lines = [f"    {{{int(wire in loops.inner)}, {unknown}}}," for wire, unknown in numbers]
         return [
-            *_integers("source_of", plan.sources),
-            *_reals("wire_gains", plan.wire_gains),
-            *_reals("wire_offsets", plan.wire_offsets),
-            *_rows("DelayData delay_data", delays, "{0, 0, 0, 0, 0}"),
-            *_integers("line_inputs", [wire.input for wire in loops.wires]),
-            *_integers("lines_from", begins),
-            *_rows("LineData line_data", lines, "{0, 0}"),
+            *c_integers("source_of", plan.sources),
+            *c_reals("wire_gains", plan.wire_gains),
+            *c_reals("wire_offsets", plan.wire_offsets),
+            *c_rows("DelayData delay_data", delays, "{0, 0, 0, 0, 0}"),
+            *c_integers("line_inputs", [wire.input for wire in loops.wires]),
+            *c_integers("lines_from", begins),
+            *c_rows("LineData line_data", lines, "{0, 0}"),
         ]
 
     def loops(self) -> list[str]:
         plan, loops = self._plan, self._loops
         groups = [f"    {{{', '.join(str(getattr(row, field)) for field, *_ in row._fields_)}}}," for row in loops.rows]
-        names = [f"    {_text(loops.shown(number))}," for number in range(len(loops.rows))]
-        lines = [f"    {_text(f'{plan.names[wire.output]} -> {plan.names[wire.input]}')}," for wire in loops.wires]
+        names = [f"    {c_string(loops.shown(number))}," for number in range(len(loops.rows))]
+        lines = [f"    {c_string(f'{plan.names[wire.output]} -> {plan.names[wire.input]}')}," for wire in loops.wires]
         group_of = {part: number for number, group in enumerate(loops.groups) for part in group}
         groups_of_lines = [group_of[wire.target] for wire in loops.wires]
         return [
-            *_rows("Group group_data", groups, "{0, 0, 0, 0, 0, 0, 0}"),
-            *_rows("char *const loop_names", names, '""'),
-            *_integers("line_groups", groups_of_lines),
-            *_rows("char *const line_names", lines, '""'),
-            *_integers("part_order", loops.order),
-            *_integers("continuous", [part.moves for part in plan.parts]),
-            *_integers("unknown_outputs", loops.unknowns),
-            *_integers("held_inputs", loops.held),
+            *c_rows("Group group_data", groups, "{0, 0, 0, 0, 0, 0, 0}"),
+            *c_rows("char *const loop_names", names, '""'),
+            *c_integers("line_groups", groups_of_lines),
+            *c_rows("char *const line_names", lines, '""'),
+            *c_integers("part_order", loops.order),
+            *c_integers("continuous", [part.moves for part in plan.parts]),
+            *c_integers("unknown_outputs", loops.unknowns),
+            *c_integers("held_inputs", loops.held),
         ]
 
     def starts(self) -> list[str]:
@@ -248,17 +248,17 @@ class _Writer:
             assert isinstance(part, FmuPart), "a series has no start values"
             kind = TYPE_ORDER.index(part.archive.ports[port].type)
             reference = part.archive.variables[port].valueReference
-            rows.append(f"    {{{self._index[owner]}, {kind}, {reference}, {_number(float(value))}}},")
+            rows.append(f"    {{{self._index[owner]}, {kind}, {reference}, {c_number(float(value))}}},")
         return [
-            *_integers("start_order", start.order),
-            *_integers("root_signals", start.roots),
-            f"static const char *const start_loop_name = {_text(start.loop)};",
-            *_integers("from_outside", [int(i in drivers) for i in range(len(plan.signals))]),
-            *_integers("input_of_signal", self._input_of_signal()),
-            *_integers("direct_parts", self._direct()),
-            *_reals("own_starts", own),
-            *_reals("input_starts", [float(variable.start or 0.0) for variable in self._inputs]),
-            *_rows("StartValue start_values", rows, "{0, 0, 0, 0.0}"),
+            *c_integers("start_order", start.order),
+            *c_integers("root_signals", start.roots),
+            f"static const char *const start_loop_name = {c_string(start.loop)};",
+            *c_integers("from_outside", [int(i in drivers) for i in range(len(plan.signals))]),
+            *c_integers("input_of_signal", self._input_of_signal()),
+            *c_integers("direct_parts", self._direct()),
+            *c_reals("own_starts", own),
+            *c_reals("input_starts", [float(variable.start or 0.0) for variable in self._inputs]),
+            *c_rows("StartValue start_values", rows, "{0, 0, 0, 0.0}"),
         ]
 
     def variables(self) -> list[str]:
@@ -274,8 +274,8 @@ class _Writer:
             reference = inputs.index(v.name) if is_input else v.reference
             finite = v.port.type == "Real" and (not is_input or v.name in moved)
             row = (
-                *(_text(v.name), self._index[v.part] if v.part else -1, exchanged.get(v.name, -1), reference),
-                *(TYPE_ORDER.index(v.port.type), setting, *map(_number, v.port.limits)),
+                *(c_string(v.name), self._index[v.part] if v.part else -1, exchanged.get(v.name, -1), reference),
+                *(TYPE_ORDER.index(v.port.type), setting, *map(c_number, v.port.limits)),
                 *(int(is_input), int(is_output), int(v.name in kept), int(finite)),
             )
             rows.append(f"    {{{', '.join(str(x) for x in row)}}},")
@@ -332,33 +332,3 @@ class _Writer:
         source = self._plan.owners.get(int(self._plan.sources[signal]))
         connected = any(first <= signal < last for first, last in self._plan.inputs)
         return connected and source is not None and isinstance(self._plan.parts[source], InputsPart)
-
-
-def _number(value: float) -> str:
-    if math.isinf(value):
-        return "INFINITY" if value > 0.0 else "-INFINITY"
-    return repr(float(value))
-
-
-def _text(text: str) -> str:
-    """Return a C string; octal escapes hold what C99 does not, and break trigraphs."""
-    plain = (chr(byte) if 32 <= byte < 127 and chr(byte) not in '"\\?' else f"\\{byte:03o}" for byte in text.encode())
-    return '"' + "".join(plain) + '"'
-
-
-def _reals(name: str, values: Iterable[float]) -> list[str]:
-    texts = [_number(float(value)) for value in values] or ["0.0"]
-    return _array(f"double {name}", texts)
-
-
-def _integers(name: str, values: Iterable[int], kind: str = "int64_t") -> list[str]:
-    return _array(f"{kind} {name}", [str(int(value)) for value in values] or ["0"])
-
-
-def _array(declaration: str, texts: Sequence[str]) -> list[str]:
-    rows = [f"    {', '.join(texts[i : i + 12])}," for i in range(0, len(texts), 12)]
-    return [f"static const {declaration}[] = {{", *rows, "};"]
-
-
-def _rows(declaration: str, rows: Sequence[str], empty: str) -> list[str]:
-    return [f"static const {declaration}[] = {{", *(rows or [f"    {empty},"]), "};"]
