@@ -98,7 +98,8 @@ static fmi2Status check_set(Instance *c, fmi2ValueReference reference, double va
     REQUIRE(known(reference, type), "fmi2Set%s: there is no %s variable with value reference %u", type_names[type],
             type_names[type], reference)
     const Variable *const v = &variables[reference];
-    REQUIRE(v->setting == SET_ALWAYS || (v->setting == SET_EARLY && (MODE(c) & BEFORE_STEPPING)) ||
+    const bool always = MODE(c) != CONTINUOUS_TIME || (v->is_input && type == REAL);
+    REQUIRE((v->setting == SET_ALWAYS && always) || (v->setting == SET_EARLY && (MODE(c) & BEFORE_STEPPING)) ||
                 (v->is_state && (MODE(c) & EXCHANGING)),
             "fmi2Set%s: %s cannot be set in the mode \"%s\"", type_names[type], v->name, mode_name(MODE(c)))
     if (v->finite && !isfinite(value))
