@@ -48,9 +48,9 @@ static bool discrete_states(Model *m)
 }
 #endif
 
-fmi2Status fmi2NewDiscreteStates(fmi2Component component, fmi2EventInfo *info)
+/* Take what is due at an event; also for events in the co-simulation of FMI 3.0. */
+static fmi2Status new_discrete_states(Instance *c, fmi2EventInfo *info)
 {
-    ENTER_AS(fmi2ModelExchange, "NewDiscreteStates", MAY_NewDiscreteStates)
     REQUIRE(info, "fmi2NewDiscreteStates: the pointer to the event information is null")
     Model *const m = &c->model;
     const char *const relation = violated(m);
@@ -75,6 +75,12 @@ fmi2Status fmi2NewDiscreteStates(fmi2Component component, fmi2EventInfo *info)
     info->nextEventTime = next_sample(m);
 #endif
     return warned(c, m->time);
+}
+
+fmi2Status fmi2NewDiscreteStates(fmi2Component component, fmi2EventInfo *info)
+{
+    ENTER_AS(fmi2ModelExchange, "NewDiscreteStates", MAY_NewDiscreteStates)
+    return new_discrete_states(c, info);
 }
 
 fmi2Status fmi2CompletedIntegratorStep(fmi2Component component, fmi2Boolean keeps_no_state, fmi2Boolean *event,

@@ -20,7 +20,7 @@ FLAGS = (
     # no fused multiply-add and no relaxed arithmetic, so that machines differ in their libm only
     *("-ffp-contract=off", "-fno-math-errno"),
     *("-Wall", "-Wextra", "-Wpedantic", "-Wshadow", "-Wconversion", "-Werror"),
-    "-DFMI2_OVERRIDE_FUNCTION_PREFIX",
+    *("-DFMI2_OVERRIDE_FUNCTION_PREFIX", "-DFMI3_OVERRIDE_FUNCTION_PREFIX"),
 )
 LINK_FLAGS = ("-shared", "-s", "-lm")
 SECTIONS = ("-ffunction-sections", "-fdata-sections")
@@ -120,7 +120,7 @@ def compile_library(
     BuildError
         If the file does not compile; the message quotes the compiler's first error.
     """
-    include = ["-I", str(header_folder())] if headers else []
+    include = ["-isystem", str(header_folder())] if headers else []
     command = [*compiler(target), *FLAGS, *include, source, "-o", str(library), *_link_flags(library, target)]
     _run(folder, command, f"{source} does not compile", target)
 
@@ -132,7 +132,7 @@ def compile_object(folder: Path, source: str, output: Path, *, warns: bool = Tru
         *FLAGS,
         *SECTIONS,
         *QUIET[warns:],
-        "-I",
+        "-isystem",  # the headers of FMI 3.0 have function types without prototype
         str(header_folder()),
         "-c",
         source,

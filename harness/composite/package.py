@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import math
 import os
 import re
@@ -13,6 +12,7 @@ from pathlib import Path
 from typing import Final
 
 from harness.compiling.platforms import linked, select
+from harness.compiling.sources import guid_of, included, source_folder
 from harness.composite.code import part_codes
 from harness.composite.dependencies import start_dependencies, step_dependencies
 from harness.composite.description import Texts, composite_description
@@ -99,7 +99,7 @@ def compose(
             experiment,
         )
 
-    guid = _guid(files, tables(""), description("").decode())
+    guid = guid_of(files, tables(""), description("").decode())
     files[f"{identifier}.c"] = tables(guid)
     members: dict[str, bytes] = {"modelDescription.xml": description(guid)}
     members |= {f"sources/{key}": text.encode() for key, text in files.items()}
@@ -108,7 +108,7 @@ def compose(
     members |= {"model.png": icon.png, f"{TERMINALS}/icon.png": icon.png, f"{TERMINALS}/icon.svg": icon.svg}
     members[f"{TERMINALS}/terminalsAndIcons.xml"] = composite_terminals(inner, variables)
     quiet = {key for code in codes.values() if not code.own for key in code.wrappers}
-    compiling = {unit: _includes(unit, files) for unit in units}
+    compiling = {unit: included(unit, files) for unit in units}
     for target in targets:
         members[f"binaries/{target.folder}/{identifier}{target.suffix}"] = linked(target, compiling, identifier, quiet)
     content = zipped(members, made)
@@ -148,9 +148,7 @@ def _experiment(system: Assembly, step: float | None, master: str | None) -> Exp
 
 def _shell() -> dict[str, str]:
     """Return the C files that every composite FMU contains: the FMI shell and the engine."""
-    package = Path(__file__).parents[1]
-    places = (package.parent / "fmu_src", package.parent / "friction_fmus" / "fmu_src")  # checkout, installed package
-    folder = next(place for place in places if place.is_dir())
+    folder = source_folder()
     paths = [*(folder / header for header in _HEADERS), *sorted((folder / "composite").glob("*.h"))]
     found = {path.name: path.read_text(encoding="utf-8") for path in paths}
     engine = engine_sources()
@@ -161,26 +159,6 @@ def _shell() -> dict[str, str]:
             found[name] = engine[name]
             pending += re.findall(r'^#include "([^"]+)"', found[name], re.M)
     return found
-
-
-def _includes(unit: str, files: Mapping[str, str]) -> dict[str, str]:
-    """Return the text of a file to compile and of the files that it can include."""
-    folders = set(re.findall(r'^#include "([^"/]+)/', files[unit], re.M))
-    found = (
-        {name: text for name, text in files.items() if name.split("/")[0] in folders}
-        if folders
-        else {name: text for name, text in files.items() if "/" not in name and name.endswith(".h")}
-    )
-    return {unit: files[unit], **found}
-
-
-def _guid(files: Mapping[str, str], *texts: str) -> str:
-    """Return a GUID that identifies the content."""
-    digest = hashlib.sha256()
-    for text in (*texts, *(part for item in sorted(files.items()) for part in item)):
-        digest.update(text.encode() + b"\0")
-    digits = digest.hexdigest()
-    return "{" + "-".join(digits[a:b] for a, b in ((0, 8), (8, 12), (12, 16), (16, 20), (20, 32))) + "}"
 
 
 def _time_stamp(system: Assembly) -> str:

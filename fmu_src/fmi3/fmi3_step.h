@@ -1,0 +1,85 @@
+/* Steps of co-simulation. A step is cut at the samples of a sampled block, and at the grid of a composite, where the
+   importer wants to take part: in event mode with early return, or by intermediate updates. */
+
+#ifndef FMI3_STEP_H
+#define FMI3_STEP_H
+
+/* Return the end of the next piece of a step that ends at `end`. */
+static double next_stop(const Shell *c, double now, double end)
+{
+    double stop = INFINITY;
+    if (!c->update && !(c->events && c->returns))
+        return end;
+#if HAS_EVENT_MODE
+    const Model *const m = &c->inside->model;
+    const double slack = ROUNDING * m->Ts;
+    stop = next_sample(m);
+    if (stop <= now + slack) /* taken at the beginning of this piece */
+        stop += m->Ts;
+#elif defined COMPOSITE_H
+    const double slack = ROUNDING * STEP_SIZE, start = c->inside->memory.start;
+    stop = start + STEP_SIZE * (floor((now - start + slack) / STEP_SIZE) + 1.0);
+#else
+    const double slack = 0.0;
+    (void)now;
+#endif
+    return stop < end - slack ? stop : end;
+}
+
+/* Return whether a sample is due, which the importer takes in event mode. */
+static bool event_due(const Shell *c)
+{
+#if HAS_EVENT_MODE
+    const Model *const m = &c->inside->model;
+    return c->events && next_sample(m) <= m->time + ROUNDING * m->Ts;
+#else
+    (void)c;
+    return false;
+#endif
+}
+
+/* Let the importer read values at the end of a piece; return whether it ends the step here. `end` is moved to the time
+   at which it wants to. */
+static bool ended_by_importer(Shell *c, double now, double *end)
+{
+    fmi3Boolean wanted = false;
+    fmi3Float64 when = now;
+    if (!c->update)
+        return false;
+    c->mode = INTERMEDIATE;
+    c->update(c->environment, now, false, true, true, c->returns, &wanted, &when);
+    c->mode = STEPS;
+    c->function = "fmi3DoStep";
+    if (!wanted || !c->returns)
+        return false;
+    *end = when < *end ? when : *end;
+    return when <= now;
+}
+
+fmi3Status fmi3DoStep(fmi3Instance instance, fmi3Float64 t, fmi3Float64 h, fmi3Boolean keeps_no_state,
+                      fmi3Boolean *event, fmi3Boolean *terminate, fmi3Boolean *early, fmi3Float64 *last)
+{
+    ENTER_3_AS(fmi2CoSimulation, "DoStep", MAY_3_DoStep)
+    REQUIRE_3(event && terminate && early && last, "was called with a null pointer")
+    const double whole_end = t + h;
+    double end = whole_end;
+    fmi2Status worst = fmi2OK;
+    *event = *terminate = *early = false;
+    *last = t;
+    for (double now = t;;) {
+        const double stop = next_stop(c, now, end);
+        const bool whole = now == t && stop == whole_end;
+        const fmi2Status status = fmi2DoStep(c->inside, now, whole ? h : stop - now, keeps_no_state ? 1 : 0);
+        if (status > fmi2Warning)
+            return (fmi3Status)status;
+        worst = status > worst ? status : worst;
+        *last = now = stop;
+        *event = event_due(c);
+        if (ended_by_importer(c, now, &end) || !(now < end) || (*event && c->returns)) {
+            *early = now < whole_end;
+            return (fmi3Status)worst;
+        }
+    }
+}
+
+#endif

@@ -1,0 +1,228 @@
+/* Values: variables of FMI 3.0 are scalars or arrays; the elements of an array follow each other in FMI 2.0. */
+
+#ifndef FMI3_VALUES_H
+#define FMI3_VALUES_H
+
+static const char *const types_of_variables[] = {"", "Float64", "Int32", "Boolean", "UInt64", "Clock"};
+
+/* Check the variables of a call: their type, and that they have `count` elements. */
+static fmi3Status check_variables(const Shell *c, const fmi3ValueReference references[], size_t n, const void *values,
+                                  size_t count, int type)
+{
+    size_t elements = 0;
+    REQUIRE_3(n == 0 || (references && values), "was called with a null pointer")
+    for (size_t i = 0; i < n; i++) {
+        REQUIRE_3(references[i] < ALL_REFERENCES && variables[references[i]].type == type,
+                  "was called with value reference %u: there is no %s variable with it", references[i],
+                  types_of_variables[type])
+        elements += size_of(c, references[i]);
+    }
+    REQUIRE_3(elements == count, "was called with %u values, but the variables have %u elements", (unsigned)count,
+              (unsigned)elements)
+    return fmi3OK;
+}
+
+/* Return the elements of all variables, which were checked; NULL if there are too many. */
+static const fmi2ValueReference *elements_of(Shell *c, const fmi3ValueReference references[], size_t n, size_t count)
+{
+    if (n == count) /* only scalars */
+        return references;
+    if (count > REFERENCES)
+        return NULL;
+    fmi2ValueReference *to = c->listed;
+    for (size_t i = 0; i < n; i++)
+        for (size_t k = 0, size = size_of(c, references[i]); k < size; k++)
+            *to++ = references[i] + (fmi2ValueReference)k;
+    return c->listed;
+}
+
+#define REQUIRE_ELEMENTS(list, references, n, count)                                                                   \
+    const fmi2ValueReference *const list = elements_of(c, references, n, count);                                       \
+    REQUIRE_3(list || (count) == 0, "was called with an array more than once")
+
+/* In co-simulation, the block decides by itself; what it decided holds then. */
+static fmi3Status get_indicators(const Shell *c, double *values)
+{
+#if HAS_MODEL_EXCHANGE
+    if (KIND(c->inside) == fmi2ModelExchange)
+        return (fmi3Status)fmi2GetEventIndicators(c->inside, values, variables[INDICATORS_REFERENCE].length);
+#else
+    (void)c;
+#endif
+    for (uint32_t i = 0; i < variables[INDICATORS_REFERENCE].length; i++)
+        values[i] = 1.0;
+    return fmi3OK;
+}
+
+fmi3Status fmi3GetFloat64(fmi3Instance instance, const fmi3ValueReference references[], size_t n, fmi3Float64 values[],
+                          size_t count)
+{
+    ENTER_3("GetFloat64", MAY_3_Get)
+    fmi3Status status = check_variables(c, references, n, values, count, FLOAT64);
+    bool plain = n == count;
+    for (size_t i = 0; plain && status == fmi3OK && i < n; i++)
+        plain = references[i] != INDICATORS_REFERENCE;
+    if (status != fmi3OK || plain)
+        return status != fmi3OK ? status : (fmi3Status)fmi2GetReal(c->inside, references, n, values);
+    for (size_t i = 0; i < n && status == fmi3OK; i++) {
+        const size_t size = size_of(c, references[i]);
+        status = references[i] == INDICATORS_REFERENCE
+                     ? get_indicators(c, values)
+                     : (fmi3Status)fmi2GetReal(c->inside, c->elements + references[i], size, values);
+        values += size;
+    }
+    return status;
+}
+
+fmi3Status fmi3SetFloat64(fmi3Instance instance, const fmi3ValueReference references[], size_t n,
+                          const fmi3Float64 values[], size_t count)
+{
+    ENTER_3("SetFloat64", MAY_3_Set)
+    const fmi3Status status = check_variables(c, references, n, values, count, FLOAT64);
+    if (status != fmi3OK)
+        return status;
+    for (size_t i = 0; i < n; i++)
+        REQUIRE_3(references[i] != INDICATORS_REFERENCE, "cannot set event indicators")
+    REQUIRE_ELEMENTS(list, references, n, count)
+    return (fmi3Status)fmi2SetReal(c->inside, list, count, values);
+}
+
+fmi3Status fmi3GetInt32(fmi3Instance instance, const fmi3ValueReference references[], size_t n, fmi3Int32 values[],
+                        size_t count)
+{
+    ENTER_3("GetInt32", MAY_3_Get)
+    const fmi3Status status = check_variables(c, references, n, values, count, INT32);
+    if (status != fmi3OK)
+        return status;
+    REQUIRE_ELEMENTS(list, references, n, count)
+    return (fmi3Status)fmi2GetInteger(c->inside, list, count, values);
+}
+
+fmi3Status fmi3SetInt32(fmi3Instance instance, const fmi3ValueReference references[], size_t n,
+                        const fmi3Int32 values[], size_t count)
+{
+    ENTER_3("SetInt32", MAY_3_Set)
+    const fmi3Status status = check_variables(c, references, n, values, count, INT32);
+    if (status != fmi3OK)
+        return status;
+    REQUIRE_ELEMENTS(list, references, n, count)
+    return (fmi3Status)fmi2SetInteger(c->inside, list, count, values);
+}
+
+fmi3Status fmi3GetBoolean(fmi3Instance instance, const fmi3ValueReference references[], size_t n, fmi3Boolean values[],
+                          size_t count)
+{
+    ENTER_3("GetBoolean", MAY_3_Get)
+    fmi3Status status = check_variables(c, references, n, values, count, BOOLEAN);
+    for (size_t i = 0; i < n && status == fmi3OK; i++) {
+        const size_t size = size_of(c, references[i]);
+        status = (fmi3Status)fmi2GetBoolean(c->inside, c->elements + references[i], size, c->whole);
+        for (size_t k = 0; k < size && status == fmi3OK; k++)
+            *values++ = c->whole[k] != fmi2False;
+    }
+    return status;
+}
+
+fmi3Status fmi3SetBoolean(fmi3Instance instance, const fmi3ValueReference references[], size_t n,
+                          const fmi3Boolean values[], size_t count)
+{
+    ENTER_3("SetBoolean", MAY_3_Set)
+    const fmi3Status status = check_variables(c, references, n, values, count, BOOLEAN);
+    if (status != fmi3OK)
+        return status;
+    REQUIRE_3(count <= REFERENCES, "was called with a variable more than once")
+    REQUIRE_ELEMENTS(list, references, n, count)
+    for (size_t i = 0; i < count; i++)
+        c->whole[i] = values[i] ? fmi2True : fmi2False;
+    return (fmi3Status)fmi2SetBoolean(c->inside, list, count, c->whole);
+}
+
+/* The structural parameter is an Integer in FMI 2.0. */
+fmi3Status fmi3GetUInt64(fmi3Instance instance, const fmi3ValueReference references[], size_t n, fmi3UInt64 values[],
+                         size_t count)
+{
+    ENTER_3("GetUInt64", MAY_GetStructural)
+    const fmi3Status status = check_variables(c, references, n, values, count, UINT64);
+#ifdef STRUCTURAL
+    for (size_t i = 0; i < n && status == fmi3OK; i++)
+        values[i] = (fmi3UInt64)*value_of(&c->inside->model, STRUCTURAL);
+#endif
+    return status;
+}
+
+fmi3Status fmi3SetUInt64(fmi3Instance instance, const fmi3ValueReference references[], size_t n,
+                         const fmi3UInt64 values[], size_t count)
+{
+    ENTER_3("SetUInt64", MAY_SetStructural)
+    const fmi3Status status = check_variables(c, references, n, values, count, UINT64);
+    for (size_t i = 0; i < n && status == fmi3OK; i++) {
+        const int size = values[i] < INT32_MAX ? (int)values[i] : INT32_MAX;
+        const fmi2Status set = fmi2SetInteger(c->inside, &references[i], 1, &size);
+        if (set > fmi2Warning)
+            return (fmi3Status)set;
+    }
+    return status;
+}
+
+/* Types that no variable has. */
+#define ABSENT(TYPE)                                                                                                   \
+    fmi3Status fmi3Get##TYPE(fmi3Instance instance, const fmi3ValueReference references[], size_t n,                   \
+                             fmi3##TYPE values[], size_t count)                                                        \
+    {                                                                                                                  \
+        ENTER_3("Get" #TYPE, MAY_3_Get)                                                                                \
+        (void)references, (void)values, (void)count;                                                                   \
+        REQUIRE_3(n == 0, "is not possible: %s has no " #TYPE " variables", QUOTE(MODEL))                              \
+        return fmi3OK;                                                                                                 \
+    }                                                                                                                  \
+    fmi3Status fmi3Set##TYPE(fmi3Instance instance, const fmi3ValueReference references[], size_t n,                   \
+                             const fmi3##TYPE values[], size_t count)                                                  \
+    {                                                                                                                  \
+        ENTER_3("Set" #TYPE, MAY_3_Set)                                                                                \
+        (void)references, (void)values, (void)count;                                                                   \
+        REQUIRE_3(n == 0, "is not possible: %s has no " #TYPE " variables", QUOTE(MODEL))                              \
+        return fmi3OK;                                                                                                 \
+    }
+ABSENT(Float32)
+ABSENT(Int8)
+ABSENT(UInt8)
+ABSENT(Int16)
+ABSENT(UInt16)
+ABSENT(UInt32)
+ABSENT(Int64)
+ABSENT(String)
+
+fmi3Status fmi3GetBinary(fmi3Instance instance, const fmi3ValueReference references[], size_t n, size_t sizes[],
+                         fmi3Binary values[], size_t count)
+{
+    ENTER_3("GetBinary", MAY_3_Get)
+    (void)references, (void)sizes, (void)values, (void)count;
+    REQUIRE_3(n == 0, "is not possible: %s has no Binary variables", QUOTE(MODEL))
+    return fmi3OK;
+}
+
+fmi3Status fmi3SetBinary(fmi3Instance instance, const fmi3ValueReference references[], size_t n, const size_t sizes[],
+                         const fmi3Binary values[], size_t count)
+{
+    ENTER_3("SetBinary", MAY_3_Set)
+    (void)references, (void)sizes, (void)values, (void)count;
+    REQUIRE_3(n == 0, "is not possible: %s has no Binary variables", QUOTE(MODEL))
+    return fmi3OK;
+}
+
+fmi3Status fmi3GetNumberOfVariableDependencies(fmi3Instance instance, fmi3ValueReference reference, size_t *number)
+{
+    ENTER_3("GetNumberOfVariableDependencies", ANY)
+    (void)reference, (void)number;
+    return fail(c, "is not available: the dependencies are in modelDescription.xml");
+}
+
+fmi3Status fmi3GetVariableDependencies(fmi3Instance instance, fmi3ValueReference dependent, size_t elements[],
+                                       fmi3ValueReference independents[], size_t independent_elements[],
+                                       fmi3DependencyKind kinds[], size_t n)
+{
+    ENTER_3("GetVariableDependencies", ANY)
+    (void)dependent, (void)elements, (void)independents, (void)independent_elements, (void)kinds, (void)n;
+    return fail(c, "is not available: the dependencies are in modelDescription.xml");
+}
+
+#endif

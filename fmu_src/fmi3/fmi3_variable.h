@@ -1,0 +1,17 @@
+/* One variable of FMI 3.0, at the value reference of its first element in FMI 2.0. */
+
+#ifndef FMI3_VARIABLE_H
+#define FMI3_VARIABLE_H
+
+#include <stdbool.h>
+#include <stdint.h>
+
+enum { NO_VARIABLE, FLOAT64, INT32, BOOLEAN, UINT64, CLOCK };
+
+typedef struct {
+    uint8_t type;
+    bool resized;    /* the structural parameter is its length */
+    uint32_t length; /* number of elements, 1 for a scalar */
+} Variable;
+
+#endif

@@ -1,0 +1,194 @@
+"""modelDescription.xml of FMI 3.0.2, from that of FMI 2.0."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Final
+
+from lxml import etree
+
+from harness.fmi3.variables import Variable
+
+_EXCHANGE: Final[Mapping[str, str]] = {
+    "canGetAndSetFMUstate": "canGetAndSetFMUState",
+    "canSerializeFMUstate": "canSerializeFMUState",
+    "providesDirectionalDerivative": "providesDirectionalDerivatives",
+}
+_SIMULATION: Final[Mapping[str, str]] = {
+    **_EXCHANGE,
+    "canHandleVariableCommunicationStepSize": "canHandleVariableCommunicationStepSize",
+    "maxOutputDerivativeOrder": "maxOutputDerivativeOrder",
+}
+"""Names in FMI 3.0 of the capabilities."""
+
+
+@dataclass(frozen=True)
+class Traits:
+    """What FMI 3.0 adds.
+
+    Parameters
+    ----------
+    token : str
+        Instantiation token.
+    sampling_time : str or None
+        Start value of Ts, in s, if the FMU takes its samples at the ticks of a clock.
+    references : int
+        Number of value references in FMI 2.0. The event indicators and the clock have the next two.
+    indicators : int
+        Number of event indicators.
+    """
+
+    token: str
+    sampling_time: str | None
+    references: int
+    indicators: int
+
+
+def description_3(old: etree._Element, variables: Sequence[Variable], traits: Traits) -> bytes:
+    """Return the XML file.
+
+    Parameters
+    ----------
+    old : lxml element
+        Root of the file of FMI 2.0.
+    variables : sequence of Variable
+        The variables.
+    traits : Traits
+        What FMI 3.0 adds.
+    """
+    kept = {key: value for key, value in old.attrib.items() if key not in ("guid", "numberOfEventIndicators")}
+    root = etree.Element("fmiModelDescription", {**kept, "fmiVersion": "3.0", "instantiationToken": traits.token})
+    _kinds(root, old, traits)
+    _copied(root, old)
+    listed = etree.SubElement(root, "ModelVariables")
+    place = {int(str(each.get("valueReference"))): v for v in variables for each in v.elements}
+    by_index = [place[int(str(each.get("valueReference")))] for each in old.iterfind("ModelVariables/ScalarVariable")]
+    for v in variables:
+        _variable(listed, v, by_index, place)
+    names = {v.name for v in variables}
+    if traits.indicators:
+        _indicators(listed, traits, names)
+    if traits.sampling_time is not None:
+        _clock(listed, traits, traits.sampling_time, names)
+    structure = etree.SubElement(root, "ModelStructure")
+    for group, name in (
+        ("Outputs", "Output"),
+        ("Derivatives", "ContinuousStateDerivative"),
+        ("InitialUnknowns", "InitialUnknown"),
+    ):
+        _unknowns(structure, name, old.findall(f"ModelStructure/{group}/Unknown"), by_index)
+    if traits.indicators:
+        etree.SubElement(structure, "EventIndicator", valueReference=str(traits.references))
+    return bytes(etree.tostring(root, xml_declaration=True, encoding="UTF-8", pretty_print=True))
+
+
+def _kinds(root: etree._Element, old: etree._Element, traits: Traits) -> None:
+    exchange, simulation = old.find("ModelExchange"), old.find("CoSimulation")
+    assert simulation is not None, "FMUs of this project are for co-simulation"
+    identifier = str(simulation.get("modelIdentifier"))
+    if exchange is not None:
+        flags = _flags(exchange, _EXCHANGE)
+        if exchange.get("completedIntegratorStepNotNeeded") != "true":
+            flags["needsCompletedIntegratorStep"] = "true"
+        etree.SubElement(root, "ModelExchange", {"modelIdentifier": identifier, **flags})
+    flags = _flags(simulation, _SIMULATION)
+    flags |= {"providesIntermediateUpdate": "true", "canReturnEarlyAfterIntermediateUpdate": "true"}
+    if traits.sampling_time is not None:
+        flags |= {"hasEventMode": "true", "mightReturnEarlyFromDoStep": "true"}
+    etree.SubElement(root, "CoSimulation", {"modelIdentifier": identifier, **flags})
+
+
+def _flags(element: etree._Element, names: Mapping[str, str]) -> dict[str, str]:
+    """Return the capabilities. Whoever gives directional derivatives gives adjoint ones too, see fmi3_derivatives.h."""
+    flags = {new: str(element.get(old)) for old, new in names.items() if element.get(old) is not None}
+    if flags.get("providesDirectionalDerivatives") == "true":
+        flags["providesAdjointDerivatives"] = "true"
+    return flags
+
+
+def _copied(root: etree._Element, old: etree._Element) -> None:
+    for name in ("UnitDefinitions", "TypeDefinitions", "LogCategories", "DefaultExperiment"):
+        group = old.find(name)
+        if group is None:
+            continue
+        copy = etree.SubElement(root, name, dict(group.attrib))
+        for each in group:
+            if name != "TypeDefinitions":
+                copy.append(etree.fromstring(etree.tostring(each)))
+            elif each[0].tag == "Real":
+                etree.SubElement(copy, "Float64Type", {**each.attrib, **each[0].attrib})
+        if name == "TypeDefinitions" and not len(copy):
+            root.remove(copy)
+
+
+def _variable(parent: etree._Element, v: Variable, by_index: Sequence[Variable], place: Mapping[int, Variable]) -> None:
+    scalar, typed = v.elements[0], v.typed
+    attributes = {key: str(scalar.get(key)) for key in ("description", "causality", "variability", "initial")}
+    attributes = {key: value for key, value in attributes.items() if value != "None"}
+    if v.type == "UInt64":
+        attributes["causality"] = "structuralParameter"
+    attributes |= {str(key): str(value) for key, value in typed.attrib.items()}
+    if v.type == "Int32":
+        attributes.pop("declaredType", None)  # an enumeration, which is an integer here
+    if "derivative" in attributes:
+        attributes["derivative"] = str(by_index[int(attributes["derivative"]) - 1].reference)
+    count = len(v.elements) if v.size is None else int(str(place[v.size].typed.get("start")))
+    if "start" in attributes:
+        attributes["start"] = " ".join(str(each[0].get("start")) for each in v.elements[:count])
+    element = etree.SubElement(parent, v.type, {"name": v.name, "valueReference": str(v.reference), **attributes})
+    if v.is_array:
+        size = {"start": str(count)} if v.size is None else {"valueReference": str(v.size)}
+        etree.SubElement(element, "Dimension", size)
+
+
+def _free(name: str, names: set[str]) -> str:
+    """Return the name, with an underscore for each variable that has it already."""
+    while name in names:
+        name += "_"
+    return name
+
+
+def _indicators(parent: etree._Element, traits: Traits, names: set[str]) -> None:
+    element = etree.SubElement(
+        parent,
+        "Float64",
+        name=_free("event_indicators", names),
+        valueReference=str(traits.references),
+        description="positive until what was decided at the last event ends; 1 in co-simulation",
+        causality="local",
+        variability="continuous",
+        initial="calculated",
+    )
+    etree.SubElement(element, "Dimension", start=str(traits.indicators))
+
+
+def _clock(parent: etree._Element, traits: Traits, interval: str, names: set[str]) -> None:
+    etree.SubElement(
+        parent,
+        "Clock",
+        name=_free("samples", names),
+        valueReference=str(traits.references + 1),
+        description="ticks at the samples, every Ts",
+        causality="input",
+        intervalVariability="fixed",
+        intervalDecimal=interval,
+    )
+
+
+def _unknowns(
+    structure: etree._Element, name: str, unknowns: Sequence[etree._Element], by_index: Sequence[Variable]
+) -> None:
+    """List each variable once, with the variables on which any of its elements depends."""
+    listed: dict[int, set[int] | None] = {}
+    for unknown in unknowns:
+        reference = by_index[int(str(unknown.get("index"))) - 1].reference
+        text = unknown.get("dependencies")
+        known = None if text is None else {by_index[int(i) - 1].reference for i in str(text).split()}
+        before = listed.get(reference, set())
+        listed[reference] = None if known is None or before is None else before | known
+    for reference, known in listed.items():
+        attributes = {"valueReference": str(reference)}
+        if known is not None:
+            attributes["dependencies"] = " ".join(str(each) for each in sorted(known))
+        etree.SubElement(structure, name, attributes)

@@ -1,0 +1,203 @@
+"""The archive of an FMU in FMI 3.0."""
+
+from __future__ import annotations
+
+import hashlib
+import re
+from collections.abc import Callable, Mapping, Sequence
+from io import BytesIO
+from pathlib import Path
+from typing import Final
+from zipfile import ZipFile
+
+from lxml import etree
+
+from harness.compiling import toolchain
+from harness.compiling.platforms import Platform, linked
+from harness.compiling.sources import guid_of, included, source_folder
+from harness.fmi3.description import Traits, description_3
+from harness.fmi3.variables import Variable, grouped
+from harness.storage.cache import cached
+from harness.storage.zip_file import zipped
+
+_FMI_2_HEADERS: Final = ("fmi2Functions.h", "fmi2FunctionTypes.h", "fmi2TypesPlatform.h")
+
+_TUPLES: Final[Mapping[str, tuple[str, tuple[str | None, ...] | None]]] = {
+    "linux64": ("x86_64-linux", None),
+    "win64": ("x86_64-windows", None),
+    "darwin64": ("x86_64-darwin", ("x86_64-macos",)),
+}
+"""Folder in FMI 3.0 of each platform that is named otherwise in FMI 2.0, and the targets if they differ."""
+
+_SOURCE: Final = """\
+/* {identifier} in FMI 3.0: the FMI 2.0 functions, the tables of variables, and the shell around them. */
+
+#undef FMI2_OVERRIDE_FUNCTION_PREFIX
+#include "{identifier}.c"
+
+#include "fmi3_variable.h"
+
+#define TOKEN       "{token}"
+#define GUID_INSIDE "{guid}"
+
+enum {{
+    REFERENCES = {references},
+    INDICATORS_REFERENCE = REFERENCES,
+    CLOCK_REFERENCE,
+    ALL_REFERENCES,
+    STATE_VARIABLES = {state_count}
+}};
+
+static const Variable variables[ALL_REFERENCES] = {{
+{variables}
+}};
+
+#define HAS_MODEL_EXCHANGE {exchange}
+#define HAS_EVENT_MODE     {events}
+{structural}
+#if HAS_MODEL_EXCHANGE
+static const uint32_t state_variables[STATE_VARIABLES + 1] = {{{states}}};
+#endif
+
+#include "fmi3.h"
+"""
+
+
+def fmi_3(content: bytes, platforms: Sequence[Platform], compiling: Callable[[str, int], None] | None = None) -> bytes:
+    """Return an FMU of this project as FMI 3.0, from the cache or compiled.
+
+    Parameters
+    ----------
+    content : bytes
+        The FMU in FMI 2.0, with sources.
+    platforms : sequence of Platform
+        Target platforms.
+    compiling : callable, optional
+        Called before each platform is compiled, with its name and the number of completed platforms.
+
+    Raises
+    ------
+    BuildError
+        If the sources do not compile.
+    """
+    shell = _shell()
+    digest = hashlib.sha256(content)
+    modules = (path.read_text(encoding="utf-8") for path in sorted(Path(__file__).parent.glob("*.py")))
+    identities = (text for each in platforms for text in (each.folder, *map(toolchain.identity, each.targets)))
+    for text in (*modules, *(part for item in sorted(shell.items()) for part in item), *identities):
+        digest.update(text.encode() + b"\0")
+    path = toolchain.cache_folder() / "fmi3" / f"{digest.hexdigest()[:24]}.fmu"
+    return cached(path, lambda: _assemble(content, shell, platforms, compiling))
+
+
+def _assemble(
+    content: bytes,
+    shell: Mapping[str, str],
+    platforms: Sequence[Platform],
+    compiling: Callable[[str, int], None] | None,
+) -> bytes:
+    with ZipFile(BytesIO(content)) as archive:
+        members = {name: archive.read(name) for name in archive.namelist()}
+    old = etree.fromstring(members.pop("modelDescription.xml"))
+    simulation = old.find("CoSimulation")
+    assert simulation is not None
+    identifier = str(simulation.get("modelIdentifier"))
+    units = tuple(str(file.get("name")) for file in simulation.iterfind("SourceFiles/File"))
+    files = {
+        name.removeprefix("sources/"): text.decode() for name, text in members.items() if name.startswith("sources/")
+    }
+    files |= shell | {name: _fmi_header(name) for name in _FMI_2_HEADERS}
+    main = f"fmi3_{identifier}.c"
+
+    scalars = old.findall("ModelVariables/ScalarVariable")
+    resizable = "block.h" in files
+    variables = grouped(scalars, resizable=resizable)
+    references = 1 + max(int(str(each.get("valueReference"))) for each in scalars)
+    indicators = int(old.get("numberOfEventIndicators") or 0)
+    sampled = re.search(r"^#define SAMPLED\b", files[f"{identifier}.c"], re.M) is not None
+    sampling_time = next((str(v.typed.get("start")) for v in variables if v.name == "Ts"), None) if sampled else None
+
+    def source(token: str) -> str:
+        return _source(old, identifier, token, variables, references, indicators, sampled)
+
+    traits = Traits("", sampling_time, references, indicators)
+    token = guid_of(files, source(""), description_3(old, variables, traits).decode())
+    files[main] = source(token)
+    traits = Traits(token, sampling_time, references, indicators)
+    made = {
+        name: data
+        for name, data in members.items()
+        if name.startswith(("documentation/", "terminalsAndIcons/", "resources/"))
+    }
+    made["modelDescription.xml"] = description_3(old, variables, traits)
+    compiled = (main, *(unit for unit in units if unit != f"{identifier}.c"))
+    made |= {f"sources/{name}": text.encode() for name, text in files.items()}
+    made["sources/buildDescription.xml"] = _build_description(identifier, compiled)
+    sources = {
+        unit: included(unit, files) | ({f"{identifier}.c": files[f"{identifier}.c"]} if unit == main else {})
+        for unit in compiled
+    }
+    for number, platform in enumerate(platforms):
+        if compiling:
+            compiling(platform.folder, number)
+        folder, targets = _TUPLES.get(platform.folder, (platform.folder, None))
+        target = platform._replace(folder=folder, targets=targets or platform.targets)
+        made[f"binaries/{folder}/{identifier}{target.suffix}"] = linked(target, sources, identifier)
+    return zipped(made, str(old.get("generationDateAndTime")))
+
+
+def _source(
+    old: etree._Element,
+    identifier: str,
+    token: str,
+    variables: Sequence[Variable],
+    references: int,
+    indicators: int,
+    sampled: bool,
+) -> str:
+    """Return the C file with the tables."""
+    rows = [
+        f"    [{v.reference}] = {{{v.type.upper()}, {'true' if v.size is not None else 'false'}, {len(v.elements)}}},"
+        for v in sorted(variables, key=lambda each: each.reference)
+    ]
+    rows += [f"    [INDICATORS_REFERENCE] = {{FLOAT64, false, {indicators}}},"] if indicators else []
+    rows += ["    [CLOCK_REFERENCE] = {CLOCK, false, 1},"] if sampled else []
+    of_scalar = {int(str(each.get("valueReference"))): v for v in variables for each in v.elements}
+    scalars = old.findall("ModelVariables/ScalarVariable")
+    states: list[int] = []
+    for unknown in old.iterfind("ModelStructure/Derivatives/Unknown"):
+        derivative = scalars[int(str(unknown.get("index"))) - 1]
+        state = scalars[int(str(derivative[0].get("derivative"))) - 1]
+        states.append(of_scalar[int(str(state.get("valueReference")))].reference)
+    distinct = list(dict.fromkeys(states))
+    structural = next((f"#define STRUCTURAL         {v.reference}\n" for v in variables if v.type == "UInt64"), "")
+    return _SOURCE.format(
+        identifier=identifier,
+        token=token,
+        guid=old.get("guid"),
+        references=references,
+        state_count=len(distinct),
+        variables="\n".join(rows),
+        states=", ".join(map(str, distinct)) or "0",
+        structural=structural,
+        exchange=int(old.find("ModelExchange") is not None),
+        events=int(sampled),
+    )
+
+
+def _build_description(identifier: str, compiled: Sequence[str]) -> bytes:
+    root = etree.Element("fmiBuildDescription", fmiVersion="3.0")
+    configuration = etree.SubElement(root, "BuildConfiguration", modelIdentifier=identifier)
+    files = etree.SubElement(configuration, "SourceFileSet", language="C99")
+    for name in compiled:
+        etree.SubElement(files, "SourceFile", name=name)
+    return bytes(etree.tostring(root, xml_declaration=True, encoding="UTF-8", pretty_print=True))
+
+
+def _fmi_header(name: str) -> str:
+    """Return a header of FMI 2.0, which importers of FMI 3.0 need not have."""
+    return (toolchain.header_folder() / name).read_text(encoding="utf-8").replace("\r\n", "\n")
+
+
+def _shell() -> dict[str, str]:
+    return {path.name: path.read_text(encoding="utf-8") for path in sorted((source_folder() / "fmi3").glob("*.h"))}

@@ -1,0 +1,127 @@
+"""The variables of an FMU in FMI 3.0: elements that follow each other become an array."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import groupby
+from typing import Final
+
+from lxml import etree
+
+TYPES: Final[Mapping[str, str]] = {
+    "Real": "Float64",
+    "Integer": "Int32",
+    "Enumeration": "Int32",
+    "Boolean": "Boolean",
+}
+"""Type in FMI 3.0 of each type of FMI 2.0."""
+
+SIZE: Final = "N"
+"""Name of the number of elements. Arrays with as many elements as its largest value are sized by it."""
+
+_ELEMENT: Final = re.compile(r"(?P<name>.*)\[(?P<index>\d+)\](?P<end>\)?)")
+
+
+@dataclass(frozen=True)
+class Variable:
+    """A variable of FMI 3.0.
+
+    Parameters
+    ----------
+    name : str
+        Name; that of an array has no index.
+    reference : int
+        Value reference in FMI 2.0 of the only or the first element.
+    type : str
+        Name of its element in the XML.
+    elements : tuple of lxml element
+        ScalarVariable in FMI 2.0 of each element; the largest number of them.
+    is_array : bool
+        Whether it is an array, perhaps of one element.
+    size : int or None
+        Value reference of the structural parameter that is the length of the array.
+    """
+
+    name: str
+    reference: int
+    type: str
+    elements: tuple[etree._Element, ...]
+    is_array: bool = False
+    size: int | None = None
+
+    @property
+    def typed(self) -> etree._Element:
+        """The element of the first one in FMI 2.0 that holds type, start value and limits."""
+        return self.elements[0][0]
+
+
+def grouped(scalars: Sequence[etree._Element], *, resizable: bool) -> tuple[Variable, ...]:
+    """Return the variables.
+
+    Parameters
+    ----------
+    scalars : sequence of lxml element
+        ScalarVariable of each variable of FMI 2.0, in their order.
+    resizable : bool
+        Whether the number of elements may become a structural parameter.
+    """
+    found = tuple(_arrays(scalars))
+    sizes = [v for v in found if v.name == SIZE and v.type == "Int32" and _get(v, "variability") == "fixed"]
+    if not resizable or not sizes:
+        return found
+    (size,) = sizes
+    most = int(size.typed.get("max") or 0)
+    arrays = [v for v in found if v.is_array]
+    if not arrays or any(len(v.elements) != most for v in arrays):
+        return found
+    return tuple(
+        Variable(v.name, v.reference, "UInt64", v.elements)
+        if v is size
+        else Variable(v.name, v.reference, v.type, v.elements, v.is_array, size.reference if v.is_array else None)
+        for v in found
+    )
+
+
+def _arrays(scalars: Sequence[etree._Element]) -> Iterator[Variable]:
+    for (name, is_element), run in groupby(scalars, key=_base):
+        elements = tuple(run)
+        reference = int(str(elements[0].get("valueReference")))
+        if is_element and _is_array(elements, reference):
+            yield Variable(name, reference, TYPES[_tag(elements[0])], elements, is_array=True)
+        else:
+            for each in elements:
+                own = int(str(each.get("valueReference")))
+                yield Variable(str(each.get("name")), own, TYPES[_tag(each)], (each,))
+
+
+def _base(scalar: etree._Element) -> tuple[str, bool]:
+    """Return the name of the array, and whether the variable is one of its elements."""
+    name = str(scalar.get("name"))
+    match = _ELEMENT.fullmatch(name)
+    return (f"{match['name']}{match['end']}", True) if match else (name, False)
+
+
+def _is_array(elements: Sequence[etree._Element], first: int) -> bool:
+    """Return whether elements are numbered from 1, follow each other in memory, and differ in start values only."""
+
+    def kind(each: etree._Element) -> tuple[object, ...]:
+        attributes = {key: value for key, value in each[0].attrib.items() if key not in ("start", "derivative")}
+        rest = {key: value for key, value in each.attrib.items() if key not in ("name", "valueReference")}
+        return _tag(each), attributes, rest, "start" in each[0].attrib
+
+    for k, each in enumerate(elements):
+        match = _ELEMENT.fullmatch(str(each.get("name")))
+        if not match or int(match["index"]) != k + 1 or int(str(each.get("valueReference"))) != first + k:
+            return False
+    return all(kind(each) == kind(elements[0]) for each in elements)
+
+
+def _get(variable: Variable, attribute: str) -> str | None:
+    value = variable.elements[0].get(attribute)
+    return None if value is None else str(value)
+
+
+def _tag(scalar: etree._Element) -> str:
+    return str(scalar[0].tag)
