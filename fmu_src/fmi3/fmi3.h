@@ -6,7 +6,7 @@
      REFERENCES  the number of value references of FMI 2.0, each of one element
      INDICATORS_REFERENCE, CLOCK_REFERENCE, ALL_REFERENCES: those of the event indicators and of the clock of samples,
                  which follow them, and the number of all
-     variables[] by reference
+     variables_3[] by reference
      state_variables[], STATE_VARIABLES: references of the continuous states, in the order of FMI 2.0
      STRUCTURAL  the reference of the structural parameter, if there is one
      HAS_MODEL_EXCHANGE, HAS_EVENT_MODE: 0 or 1 */

@@ -8,10 +8,10 @@
 
 fmi3Status fmi3EnterEventMode(fmi3Instance instance)
 {
-    ENTER_3("EnterEventMode", MAY_3_EnterEventMode)
+    ENTER_3("EnterEventMode", MAY3_EnterEventMode)
 #if HAS_MODEL_EXCHANGE
     if (KIND(c->inside) == fmi2ModelExchange)
-        return entered(c, fmi2EnterEventMode(c->inside), EVENTS_3);
+        return entered_3(c, fmi2EnterEventMode(c->inside), EVENTS_3);
 #endif
     REQUIRE_3(c->events, "is not allowed: the FMU was instantiated with eventModeUsed = false")
     c->mode = EVENTS_3;
@@ -20,20 +20,20 @@ fmi3Status fmi3EnterEventMode(fmi3Instance instance)
 
 fmi3Status fmi3EnterStepMode(fmi3Instance instance)
 {
-    ENTER_3_AS(fmi2CoSimulation, "EnterStepMode", MAY_EnterStepMode)
+    ENTER_3_AS(fmi2CoSimulation, "EnterStepMode", MAY3_EnterStepMode)
     c->ticking = false;
-    c->mode = STEPS;
+    c->mode = STEPS_3;
     return fmi3OK;
 }
 
 fmi3Status fmi3EvaluateDiscreteStates(fmi3Instance instance)
 {
-    ENTER_3("EvaluateDiscreteStates", MAY_UpdateDiscreteStates)
-    return fail(c, "is not available: providesEvaluateDiscreteStates is false");
+    ENTER_3("EvaluateDiscreteStates", MAY3_UpdateDiscreteStates)
+    return fail_3(c, "is not available: providesEvaluateDiscreteStates is false");
 }
 
 /* Take what is due at an event. */
-static fmi2Status update(Shell *c, fmi2EventInfo *info)
+static fmi2Status update_3(Shell *c, fmi2EventInfo *info)
 {
     memset(info, 0, sizeof *info);
 #if HAS_MODEL_EXCHANGE
@@ -52,11 +52,11 @@ fmi3Status fmi3UpdateDiscreteStates(fmi3Instance instance, fmi3Boolean *again, f
                                     fmi3Boolean *nominals_changed, fmi3Boolean *states_changed,
                                     fmi3Boolean *next_time_defined, fmi3Float64 *next_time)
 {
-    ENTER_3("UpdateDiscreteStates", MAY_UpdateDiscreteStates)
+    ENTER_3("UpdateDiscreteStates", MAY3_UpdateDiscreteStates)
     REQUIRE_3(again && terminate && nominals_changed && states_changed && next_time_defined && next_time,
               "was called with a null pointer")
     fmi2EventInfo info;
-    const fmi2Status status = update(c, &info);
+    const fmi2Status status = update_3(c, &info);
     if (status > fmi2Warning)
         return (fmi3Status)status;
     c->ticking = false;

@@ -9,33 +9,33 @@
 /* Modes, and the modes in which each function may be called (FMI 3.0.2, tables in sections 2.3, 3.2 and 4.2). */
 /* clang-format off */
 enum {
-    NEW = 1, CONFIGURATION = 2, INITIALIZATION = 4, EVENTS_3 = 8, STEPS = 16, CONTINUOUS = 32, TERMINATED_3 = 64,
-    INTERMEDIATE = 128 /* in the callback of fmi3DoStep */
+    NEW_3 = 1, CONFIGURATION_3 = 2, INITIALIZATION_3 = 4, EVENTS_3 = 8, STEPS_3 = 16, CONTINUOUS_3 = 32, TERMINATED_3 = 64,
+    INTERMEDIATE_3 = 128 /* in the callback of fmi3DoStep */
 };
 enum {
-    RUNNING                         = EVENTS_3 | STEPS | CONTINUOUS,
-    ANY                             = NEW | CONFIGURATION | INITIALIZATION | RUNNING | TERMINATED_3,
-    MAY_EnterConfigurationMode      = NEW,
-    MAY_ExitConfigurationMode       = CONFIGURATION,
-    MAY_3_EnterInitializationMode   = NEW,
-    MAY_3_ExitInitializationMode    = INITIALIZATION,
-    MAY_3_EnterEventMode            = STEPS | CONTINUOUS,
-    MAY_EnterStepMode               = EVENTS_3,
-    MAY_3_EnterContinuousTimeMode   = EVENTS_3,
-    MAY_3_Terminate                 = RUNNING,
-    MAY_3_Get                       = INITIALIZATION | RUNNING | TERMINATED_3 | INTERMEDIATE,
-    MAY_3_Set                       = NEW | INITIALIZATION | RUNNING,
-    MAY_SetStructural               = CONFIGURATION,
-    MAY_GetStructural               = MAY_3_Get | CONFIGURATION,
-    MAY_SetClock                    = EVENTS_3,
-    MAY_GetInterval                 = INITIALIZATION | EVENTS_3 | STEPS,
-    MAY_UpdateDiscreteStates        = EVENTS_3,
-    MAY_3_DoStep                    = STEPS,
-    MAY_GetDerivative               = INITIALIZATION | RUNNING | TERMINATED_3,
-    MAY_GetOutputDerivatives        = STEPS | TERMINATED_3 | INTERMEDIATE,
-    MAY_GetContinuousStates         = INITIALIZATION | EVENTS_3 | CONTINUOUS | TERMINATED_3,
-    MAY_InContinuousTime            = CONTINUOUS,
-    MAY_3_SetTime                   = EVENTS_3 | CONTINUOUS
+    RUNNING_3                         = EVENTS_3 | STEPS_3 | CONTINUOUS_3,
+    ANY_3                             = NEW_3 | CONFIGURATION_3 | INITIALIZATION_3 | RUNNING_3 | TERMINATED_3,
+    MAY3_EnterConfigurationMode      = NEW_3,
+    MAY3_ExitConfigurationMode       = CONFIGURATION_3,
+    MAY3_EnterInitializationMode   = NEW_3,
+    MAY3_ExitInitializationMode    = INITIALIZATION_3,
+    MAY3_EnterEventMode            = STEPS_3 | CONTINUOUS_3,
+    MAY3_EnterStepMode               = EVENTS_3,
+    MAY3_EnterContinuousTimeMode   = EVENTS_3,
+    MAY3_Terminate                 = RUNNING_3,
+    MAY3_Get                       = INITIALIZATION_3 | RUNNING_3 | TERMINATED_3 | INTERMEDIATE_3,
+    MAY3_Set                       = NEW_3 | INITIALIZATION_3 | RUNNING_3,
+    MAY3_SetStructural               = CONFIGURATION_3,
+    MAY3_GetStructural               = MAY3_Get | CONFIGURATION_3,
+    MAY3_SetClock                    = EVENTS_3,
+    MAY3_GetInterval                 = INITIALIZATION_3 | EVENTS_3 | STEPS_3,
+    MAY3_UpdateDiscreteStates        = EVENTS_3,
+    MAY3_DoStep                    = STEPS_3,
+    MAY3_GetDerivative               = INITIALIZATION_3 | RUNNING_3 | TERMINATED_3,
+    MAY3_GetOutputDerivatives        = STEPS_3 | TERMINATED_3 | INTERMEDIATE_3,
+    MAY3_GetContinuousStates         = INITIALIZATION_3 | EVENTS_3 | CONTINUOUS_3 | TERMINATED_3,
+    MAY3_InContinuousTime            = CONTINUOUS_3,
+    MAY3_SetTime                   = EVENTS_3 | CONTINUOUS_3
 };
 /* clang-format on */
 
@@ -57,8 +57,8 @@ typedef struct {
 } Shell;
 
 /* Pass on a message from inside; in place of the function of FMI 2.0, the message names the one that was called. */
-static void forward(fmi2ComponentEnvironment environment, fmi2String name, fmi2Status status, fmi2String category,
-                    fmi2String message, ...)
+static void forward_3(fmi2ComponentEnvironment environment, fmi2String name, fmi2Status status, fmi2String category,
+                      fmi2String message, ...)
 {
     const Shell *const c = (const Shell *)environment;
     char text[1024], named[1100];
@@ -77,18 +77,18 @@ static void forward(fmi2ComponentEnvironment environment, fmi2String name, fmi2S
 static const char *mode_name_3(int mode)
 {
     switch (mode) {
-    case NEW: return "instantiated";
-    case CONFIGURATION: return "configuration mode";
-    case INITIALIZATION: return "initialization mode";
+    case NEW_3: return "instantiated";
+    case CONFIGURATION_3: return "configuration mode";
+    case INITIALIZATION_3: return "initialization mode";
     case EVENTS_3: return "event mode";
-    case STEPS: return "step mode";
-    case CONTINUOUS: return "continuous-time mode";
-    case INTERMEDIATE: return "intermediate update mode";
+    case STEPS_3: return "step mode";
+    case CONTINUOUS_3: return "continuous-time mode";
+    case INTERMEDIATE_3: return "intermediate update mode";
     default: return "terminated";
     }
 }
 
-static fmi3Status rejected(const Shell *c)
+static fmi3Status rejected_3(const Shell *c)
 {
     return (fmi3Status)report(c->inside, fmi2Error, LOG_ERROR, "%s is not allowed in the mode \"%s\"", c->function,
                               mode_name_3(c->mode));
@@ -101,17 +101,17 @@ static fmi3Status rejected(const Shell *c)
         return fmi3Error;                                                                                              \
     c->function = "fmi3" name;                                                                                         \
     if (!(c->mode & (allowed)))                                                                                        \
-        return rejected(c);
+        return rejected_3(c);
 
 /* The same for a function of one kind of FMU, co-simulation or model exchange. */
 #define ENTER_3_AS(kind, name, allowed)                                                                                \
     ENTER_3(name, allowed)                                                                                             \
     if (KIND(c->inside) != (kind))                                                                                     \
-        return fail(c, "is not allowed in %s",                                                                         \
-                    KIND(c->inside) == fmi2ModelExchange ? "model exchange" : "co-simulation");
+        return fail_3(c, "is not allowed in %s",                                                                       \
+                      KIND(c->inside) == fmi2ModelExchange ? "model exchange" : "co-simulation");
 
 /* Report an error: the name of the function, then the text. */
-static fmi3Status fail(const Shell *c, const char *format, ...)
+static fmi3Status fail_3(const Shell *c, const char *format, ...)
 {
     char text[400];
     va_list arguments;
@@ -123,10 +123,10 @@ static fmi3Status fail(const Shell *c, const char *format, ...)
 
 #define REQUIRE_3(condition, ...)                                                                                      \
     if (!(condition))                                                                                                  \
-        return fail(c, __VA_ARGS__);
+        return fail_3(c, __VA_ARGS__);
 
 /* Pass on a status, and store the mode that a successful call leads to. */
-static fmi3Status entered(Shell *c, fmi2Status status, int mode)
+static fmi3Status entered_3(Shell *c, fmi2Status status, int mode)
 {
     if (status <= fmi2Warning)
         c->mode = mode;
@@ -134,9 +134,9 @@ static fmi3Status entered(Shell *c, fmi2Status status, int mode)
 }
 
 /* Return the number of elements of the variable with this reference. */
-static size_t size_of(const Shell *c, fmi3ValueReference reference)
+static size_t size_of_3(const Shell *c, fmi3ValueReference reference)
 {
-    const Variable *const v = &variables[reference];
+    const Variable3 *const v = &variables_3[reference];
 #ifdef STRUCTURAL
     if (v->resized)
         return (size_t)*value_of(&c->inside->model, STRUCTURAL);

@@ -7,23 +7,23 @@ const char *fmi3GetVersion(void) { return fmi3Version; }
 
 fmi3Status fmi3SetDebugLogging(fmi3Instance instance, fmi3Boolean on, size_t n, const fmi3String categories_wanted[])
 {
-    ENTER_3("SetDebugLogging", ANY)
+    ENTER_3("SetDebugLogging", ANY_3)
     return (fmi3Status)fmi2SetDebugLogging(c->inside, on, n, categories_wanted);
 }
 
 /* Return a new instance, or NULL after a message. `fault` is a reason known before. */
-static Shell *instantiated(fmi3String name, fmi3String token, fmi2Type kind, fmi3Boolean visible, fmi3Boolean logging,
-                           fmi3InstanceEnvironment environment, fmi3LogMessageCallback logger, const char *fault)
+static Shell *instantiated_3(fmi3String name, fmi3String token, fmi2Type kind, fmi3Boolean visible, fmi3Boolean logging,
+                             fmi3InstanceEnvironment environment, fmi3LogMessageCallback logger, const char *fault)
 {
     Shell *const c = (Shell *)calloc(1, sizeof(Shell));
     if (!c)
         return NULL;
-    const fmi2CallbackFunctions callbacks = {forward, calloc, free, NULL, c};
+    const fmi2CallbackFunctions callbacks = {forward_3, calloc, free, NULL, c};
     memcpy(&c->callbacks, &callbacks, sizeof callbacks); /* its members are const */
     c->function = kind == fmi2ModelExchange ? "fmi3InstantiateModelExchange" : "fmi3InstantiateCoSimulation";
     c->environment = environment;
     c->logger = logger;
-    c->mode = NEW;
+    c->mode = NEW_3;
     for (fmi2ValueReference i = 0; i < REFERENCES; i++)
         c->elements[i] = i;
     if (!fault && (!token || strcmp(token, TOKEN) != 0))
@@ -50,7 +50,7 @@ fmi3Instance fmi3InstantiateModelExchange(fmi3String name, fmi3String token, fmi
 {
     (void)resources;
     const char *const fault = HAS_MODEL_EXCHANGE ? NULL : "this FMU is for co-simulation only";
-    return instantiated(name, token, fmi2ModelExchange, visible, logging, environment, logger, fault);
+    return instantiated_3(name, token, fmi2ModelExchange, visible, logging, environment, logger, fault);
 }
 
 fmi3Instance fmi3InstantiateCoSimulation(fmi3String name, fmi3String token, fmi3String resources, fmi3Boolean visible,
@@ -64,9 +64,9 @@ fmi3Instance fmi3InstantiateCoSimulation(fmi3String name, fmi3String token, fmi3
     if (events && !HAS_EVENT_MODE)
         fault = "it has no event mode; instantiate it with eventModeUsed = false";
     for (size_t i = 0; i < intermediates; i++)
-        if (!intermediate || intermediate[i] >= ALL_REFERENCES || variables[intermediate[i]].type == NO_VARIABLE)
+        if (!intermediate || intermediate[i] >= ALL_REFERENCES || variables_3[intermediate[i]].type == NO_VARIABLE)
             fault = "an intermediate variable has an unknown value reference";
-    Shell *const c = instantiated(name, token, fmi2CoSimulation, visible, logging, environment, logger, fault);
+    Shell *const c = instantiated_3(name, token, fmi2CoSimulation, visible, logging, environment, logger, fault);
     if (c) {
         c->events = events;
         c->returns = returns;
@@ -98,49 +98,49 @@ void fmi3FreeInstance(fmi3Instance instance)
 
 fmi3Status fmi3EnterConfigurationMode(fmi3Instance instance)
 {
-    ENTER_3("EnterConfigurationMode", MAY_EnterConfigurationMode)
+    ENTER_3("EnterConfigurationMode", MAY3_EnterConfigurationMode)
 #ifdef STRUCTURAL
-    c->mode = CONFIGURATION;
+    c->mode = CONFIGURATION_3;
     return fmi3OK;
 #else
-    return fail(c, "is not allowed: %s has no structural parameters", QUOTE(MODEL));
+    return fail_3(c, "is not allowed: %s has no structural parameters", QUOTE(MODEL));
 #endif
 }
 
 fmi3Status fmi3ExitConfigurationMode(fmi3Instance instance)
 {
-    ENTER_3("ExitConfigurationMode", MAY_ExitConfigurationMode)
-    c->mode = NEW;
+    ENTER_3("ExitConfigurationMode", MAY3_ExitConfigurationMode)
+    c->mode = NEW_3;
     return fmi3OK;
 }
 
 fmi3Status fmi3EnterInitializationMode(fmi3Instance instance, fmi3Boolean tolerance_given, fmi3Float64 tolerance,
                                        fmi3Float64 start, fmi3Boolean stop_given, fmi3Float64 stop)
 {
-    ENTER_3("EnterInitializationMode", MAY_3_EnterInitializationMode)
+    ENTER_3("EnterInitializationMode", MAY3_EnterInitializationMode)
     const fmi2Status status = fmi2SetupExperiment(c->inside, tolerance_given, tolerance, start, stop_given, stop);
     return status > fmi2Warning ? (fmi3Status)status
-                                : entered(c, fmi2EnterInitializationMode(c->inside), INITIALIZATION);
+                                : entered_3(c, fmi2EnterInitializationMode(c->inside), INITIALIZATION_3);
 }
 
 fmi3Status fmi3ExitInitializationMode(fmi3Instance instance)
 {
-    ENTER_3("ExitInitializationMode", MAY_3_ExitInitializationMode)
+    ENTER_3("ExitInitializationMode", MAY3_ExitInitializationMode)
     const bool in_event_mode = c->events || KIND(c->inside) == fmi2ModelExchange;
-    return entered(c, fmi2ExitInitializationMode(c->inside), in_event_mode ? EVENTS_3 : STEPS);
+    return entered_3(c, fmi2ExitInitializationMode(c->inside), in_event_mode ? EVENTS_3 : STEPS_3);
 }
 
 fmi3Status fmi3Terminate(fmi3Instance instance)
 {
-    ENTER_3("Terminate", MAY_3_Terminate)
-    return entered(c, fmi2Terminate(c->inside), TERMINATED_3);
+    ENTER_3("Terminate", MAY3_Terminate)
+    return entered_3(c, fmi2Terminate(c->inside), TERMINATED_3);
 }
 
 fmi3Status fmi3Reset(fmi3Instance instance)
 {
-    ENTER_3("Reset", ANY)
+    ENTER_3("Reset", ANY_3)
     c->ticking = c->told = false;
-    return entered(c, fmi2Reset(c->inside), NEW);
+    return entered_3(c, fmi2Reset(c->inside), NEW_3);
 }
 
 #endif

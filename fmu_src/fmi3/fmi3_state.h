@@ -12,7 +12,7 @@ typedef struct {
     fmi2FMUstate inside;
 } Saved3;
 
-enum { STORED = offsetof(Saved3, inside), CHECKED = offsetof(Saved3, mode) };
+enum { STORED_3 = offsetof(Saved3, inside), CHECKED_3 = offsetof(Saved3, mode) };
 
 /* The mode of the instance inside, in its saved state. */
 #ifdef COMPOSITE_H
@@ -25,12 +25,12 @@ enum { STORED = offsetof(Saved3, inside), CHECKED = offsetof(Saved3, mode) };
 static int modes_inside(int mode, bool exchange)
 {
     switch (mode) {
-    case NEW:
-    case CONFIGURATION: return INSTANTIATED;
-    case INITIALIZATION: return INITIALIZING;
+    case NEW_3:
+    case CONFIGURATION_3: return INSTANTIATED;
+    case INITIALIZATION_3: return INITIALIZING;
     case EVENTS_3: return exchange ? EVENT_MODE : STEP_COMPLETE | STEP_FAILED;
-    case STEPS: return exchange ? 0 : STEP_COMPLETE | STEP_FAILED;
-    case CONTINUOUS: return exchange ? CONTINUOUS_TIME : 0;
+    case STEPS_3: return exchange ? 0 : STEP_COMPLETE | STEP_FAILED;
+    case CONTINUOUS_3: return exchange ? CONTINUOUS_TIME : 0;
     default: return mode == TERMINATED_3 ? TERMINATED : 0;
     }
 }
@@ -52,7 +52,7 @@ static const char *fault_of_3(const Shell *c, const Saved3 *saved)
 
 fmi3Status fmi3GetFMUState(fmi3Instance instance, fmi3FMUState *state)
 {
-    ENTER_3("GetFMUState", ANY)
+    ENTER_3("GetFMUState", ANY_3)
     REQUIRE_3(state, "was called with a null pointer")
     Saved3 *const saved = *state ? (Saved3 *)*state : (Saved3 *)calloc(1, sizeof(Saved3));
     REQUIRE_3(saved, "has no memory")
@@ -76,7 +76,7 @@ fmi3Status fmi3GetFMUState(fmi3Instance instance, fmi3FMUState *state)
 
 fmi3Status fmi3SetFMUState(fmi3Instance instance, fmi3FMUState state)
 {
-    ENTER_3("SetFMUState", ANY)
+    ENTER_3("SetFMUState", ANY_3)
     REQUIRE_3(state, "was called with a null pointer")
     const Saved3 *const saved = (const Saved3 *)state;
     const char *const fault = fault_of_3(c, saved);
@@ -90,7 +90,7 @@ fmi3Status fmi3SetFMUState(fmi3Instance instance, fmi3FMUState state)
     return fmi3OK;
 }
 
-static void free_state(Shell *c, Saved3 *saved)
+static void free_state_3(Shell *c, Saved3 *saved)
 {
     if (saved)
         (void)fmi2FreeFMUstate(c->inside, &saved->inside);
@@ -99,26 +99,26 @@ static void free_state(Shell *c, Saved3 *saved)
 
 fmi3Status fmi3FreeFMUState(fmi3Instance instance, fmi3FMUState *state)
 {
-    ENTER_3("FreeFMUState", ANY)
+    ENTER_3("FreeFMUState", ANY_3)
     if (state) {
-        free_state(c, (Saved3 *)*state);
+        free_state_3(c, (Saved3 *)*state);
         *state = NULL;
     }
     return fmi3OK;
 }
 
 /* Return the size of a serialized state; 0 after a message. */
-static size_t serialized_size(Shell *c, const Saved3 *saved)
+static size_t serialized_size_3(Shell *c, const Saved3 *saved)
 {
     size_t size = 0;
-    return fmi2SerializedFMUstateSize(c->inside, saved->inside, &size) > fmi2Warning ? 0 : STORED + size;
+    return fmi2SerializedFMUstateSize(c->inside, saved->inside, &size) > fmi2Warning ? 0 : STORED_3 + size;
 }
 
 fmi3Status fmi3SerializedFMUStateSize(fmi3Instance instance, fmi3FMUState state, size_t *size)
 {
-    ENTER_3("SerializedFMUStateSize", ANY)
+    ENTER_3("SerializedFMUStateSize", ANY_3)
     REQUIRE_3(state && size, "was called with a null pointer")
-    const size_t needed = serialized_size(c, (const Saved3 *)state);
+    const size_t needed = serialized_size_3(c, (const Saved3 *)state);
     if (needed == 0)
         return fmi3Error;
     *size = needed;
@@ -128,23 +128,23 @@ fmi3Status fmi3SerializedFMUStateSize(fmi3Instance instance, fmi3FMUState state,
 /* Return the checksum of serialized bytes. */
 static uint64_t checksum_of_3(const fmi3Byte *bytes, size_t size)
 {
-    return mix(UINT64_C(14695981039346656037), bytes + CHECKED, size - CHECKED);
+    return mix(UINT64_C(14695981039346656037), bytes + CHECKED_3, size - CHECKED_3);
 }
 
 fmi3Status fmi3SerializeFMUState(fmi3Instance instance, fmi3FMUState state, fmi3Byte bytes[], size_t size)
 {
-    ENTER_3("SerializeFMUState", ANY)
+    ENTER_3("SerializeFMUState", ANY_3)
     REQUIRE_3(state && bytes, "was called with a null pointer")
     const Saved3 *const saved = (const Saved3 *)state;
-    const size_t needed = serialized_size(c, saved);
+    const size_t needed = serialized_size_3(c, saved);
     if (needed == 0)
         return fmi3Error;
     REQUIRE_3(size >= needed, "was called with %u bytes, too few for a state of %u", (unsigned)size, (unsigned)needed)
     const fmi2Status status =
-        fmi2SerializeFMUstate(c->inside, saved->inside, (fmi2Byte *)bytes + STORED, needed - STORED);
+        fmi2SerializeFMUstate(c->inside, saved->inside, (fmi2Byte *)bytes + STORED_3, needed - STORED_3);
     if (status > fmi2Warning)
         return (fmi3Status)status;
-    memcpy(bytes, saved, STORED);
+    memcpy(bytes, saved, STORED_3);
     const uint64_t checksum = checksum_of_3(bytes, needed);
     memcpy(bytes + offsetof(Saved3, checksum), &checksum, sizeof checksum);
     return fmi3OK;
@@ -162,23 +162,23 @@ static bool plausible_3(const Saved3 *saved)
 
 fmi3Status fmi3DeserializeFMUState(fmi3Instance instance, const fmi3Byte bytes[], size_t size, fmi3FMUState *state)
 {
-    ENTER_3("DeserializeFMUState", ANY)
+    ENTER_3("DeserializeFMUState", ANY_3)
     REQUIRE_3(bytes && state, "was called with a null pointer")
-    REQUIRE_3(size >= STORED, "was called with %u bytes, too few for a state", (unsigned)size)
+    REQUIRE_3(size >= STORED_3, "was called with %u bytes, too few for a state", (unsigned)size)
     Saved3 *const read = (Saved3 *)calloc(1, sizeof(Saved3));
     REQUIRE_3(read, "has no memory")
-    memcpy(read, bytes, STORED);
+    memcpy(read, bytes, STORED_3);
     const char *fault = fault_of_3(c, read);
     if (!fault && read->checksum != checksum_of_3(bytes, size))
         fault = "they are damaged";
     fmi2Status status = fmi2Error;
     if (!fault)
-        status = fmi2DeSerializeFMUstate(c->inside, (const fmi2Byte *)bytes + STORED, size - STORED, &read->inside);
+        status = fmi2DeSerializeFMUstate(c->inside, (const fmi2Byte *)bytes + STORED_3, size - STORED_3, &read->inside);
     if (status <= fmi2Warning && !plausible_3(read))
         fault = "no run can reach such values";
     if (fault || status > fmi2Warning) {
-        free_state(c, read);
-        return fault ? fail(c, "cannot use the bytes: %s", fault) : (fmi3Status)status;
+        free_state_3(c, read);
+        return fault ? fail_3(c, "cannot use the bytes: %s", fault) : (fmi3Status)status;
     }
     *state = read;
     return fmi3OK;

@@ -5,7 +5,7 @@
 #define FMI3_STEP_H
 
 /* Return the end of the next piece of a step that ends at `end`. */
-static double next_stop(const Shell *c, double now, double end)
+static double next_stop_3(const Shell *c, double now, double end)
 {
     double stop = INFINITY;
     if (!c->update && !(c->events && c->returns))
@@ -27,7 +27,7 @@ static double next_stop(const Shell *c, double now, double end)
 }
 
 /* Return whether a sample is due, which the importer takes in event mode. */
-static bool event_due(const Shell *c)
+static bool event_due_3(const Shell *c)
 {
 #if HAS_EVENT_MODE
     const Model *const m = &c->inside->model;
@@ -46,9 +46,9 @@ static bool ended_by_importer(Shell *c, double now, double *end)
     fmi3Float64 when = now;
     if (!c->update)
         return false;
-    c->mode = INTERMEDIATE;
+    c->mode = INTERMEDIATE_3;
     c->update(c->environment, now, false, true, true, c->returns, &wanted, &when);
-    c->mode = STEPS;
+    c->mode = STEPS_3;
     c->function = "fmi3DoStep";
     if (!wanted || !c->returns)
         return false;
@@ -59,7 +59,7 @@ static bool ended_by_importer(Shell *c, double now, double *end)
 fmi3Status fmi3DoStep(fmi3Instance instance, fmi3Float64 t, fmi3Float64 h, fmi3Boolean keeps_no_state,
                       fmi3Boolean *event, fmi3Boolean *terminate, fmi3Boolean *early, fmi3Float64 *last)
 {
-    ENTER_3_AS(fmi2CoSimulation, "DoStep", MAY_3_DoStep)
+    ENTER_3_AS(fmi2CoSimulation, "DoStep", MAY3_DoStep)
     REQUIRE_3(event && terminate && early && last, "was called with a null pointer")
     const double whole_end = t + h;
     double end = whole_end;
@@ -67,14 +67,14 @@ fmi3Status fmi3DoStep(fmi3Instance instance, fmi3Float64 t, fmi3Float64 h, fmi3B
     *event = *terminate = *early = false;
     *last = t;
     for (double now = t;;) {
-        const double stop = next_stop(c, now, end);
+        const double stop = next_stop_3(c, now, end);
         const bool whole = now == t && stop == whole_end;
         const fmi2Status status = fmi2DoStep(c->inside, now, whole ? h : stop - now, keeps_no_state ? 1 : 0);
         if (status > fmi2Warning)
             return (fmi3Status)status;
         worst = status > worst ? status : worst;
         *last = now = stop;
-        *event = event_due(c);
+        *event = event_due_3(c);
         if (ended_by_importer(c, now, &end) || !(now < end) || (*event && c->returns)) {
             *early = now < whole_end;
             return (fmi3Status)worst;

@@ -6,16 +6,16 @@
 static const char *const types_of_variables[] = {"", "Float64", "Int32", "Boolean", "UInt64", "Clock"};
 
 /* Check the variables of a call: their type, and that they have `count` elements. */
-static fmi3Status check_variables(const Shell *c, const fmi3ValueReference references[], size_t n, const void *values,
-                                  size_t count, int type)
+static fmi3Status check_variables_3(const Shell *c, const fmi3ValueReference references[], size_t n, const void *values,
+                                    size_t count, int type)
 {
     size_t elements = 0;
     REQUIRE_3(n == 0 || (references && values), "was called with a null pointer")
     for (size_t i = 0; i < n; i++) {
-        REQUIRE_3(references[i] < ALL_REFERENCES && variables[references[i]].type == type,
+        REQUIRE_3(references[i] < ALL_REFERENCES && variables_3[references[i]].type == type,
                   "was called with value reference %u: there is no %s variable with it", references[i],
                   types_of_variables[type])
-        elements += size_of(c, references[i]);
+        elements += size_of_3(c, references[i]);
     }
     REQUIRE_3(elements == count, "was called with %u values, but the variables have %u elements", (unsigned)count,
               (unsigned)elements)
@@ -23,7 +23,7 @@ static fmi3Status check_variables(const Shell *c, const fmi3ValueReference refer
 }
 
 /* Return the elements of all variables, which were checked; NULL if there are too many. */
-static const fmi2ValueReference *elements_of(Shell *c, const fmi3ValueReference references[], size_t n, size_t count)
+static const fmi2ValueReference *elements_of_3(Shell *c, const fmi3ValueReference references[], size_t n, size_t count)
 {
     if (n == count) /* only scalars */
         return references;
@@ -31,25 +31,25 @@ static const fmi2ValueReference *elements_of(Shell *c, const fmi3ValueReference 
         return NULL;
     fmi2ValueReference *to = c->listed;
     for (size_t i = 0; i < n; i++)
-        for (size_t k = 0, size = size_of(c, references[i]); k < size; k++)
+        for (size_t k = 0, size = size_of_3(c, references[i]); k < size; k++)
             *to++ = references[i] + (fmi2ValueReference)k;
     return c->listed;
 }
 
 #define REQUIRE_ELEMENTS(list, references, n, count)                                                                   \
-    const fmi2ValueReference *const list = elements_of(c, references, n, count);                                       \
+    const fmi2ValueReference *const list = elements_of_3(c, references, n, count);                                     \
     REQUIRE_3(list || (count) == 0, "was called with an array more than once")
 
 /* In co-simulation, the block decides by itself; what it decided holds then. */
-static fmi3Status get_indicators(const Shell *c, double *values)
+static fmi3Status get_indicators_3(const Shell *c, double *values)
 {
 #if HAS_MODEL_EXCHANGE
     if (KIND(c->inside) == fmi2ModelExchange)
-        return (fmi3Status)fmi2GetEventIndicators(c->inside, values, variables[INDICATORS_REFERENCE].length);
+        return (fmi3Status)fmi2GetEventIndicators(c->inside, values, variables_3[INDICATORS_REFERENCE].length);
 #else
     (void)c;
 #endif
-    for (uint32_t i = 0; i < variables[INDICATORS_REFERENCE].length; i++)
+    for (uint32_t i = 0; i < variables_3[INDICATORS_REFERENCE].length; i++)
         values[i] = 1.0;
     return fmi3OK;
 }
@@ -57,17 +57,17 @@ static fmi3Status get_indicators(const Shell *c, double *values)
 fmi3Status fmi3GetFloat64(fmi3Instance instance, const fmi3ValueReference references[], size_t n, fmi3Float64 values[],
                           size_t count)
 {
-    ENTER_3("GetFloat64", MAY_3_Get)
-    fmi3Status status = check_variables(c, references, n, values, count, FLOAT64);
+    ENTER_3("GetFloat64", MAY3_Get)
+    fmi3Status status = check_variables_3(c, references, n, values, count, IS_FLOAT64);
     bool plain = n == count;
     for (size_t i = 0; plain && status == fmi3OK && i < n; i++)
         plain = references[i] != INDICATORS_REFERENCE;
     if (status != fmi3OK || plain)
         return status != fmi3OK ? status : (fmi3Status)fmi2GetReal(c->inside, references, n, values);
     for (size_t i = 0; i < n && status == fmi3OK; i++) {
-        const size_t size = size_of(c, references[i]);
+        const size_t size = size_of_3(c, references[i]);
         status = references[i] == INDICATORS_REFERENCE
-                     ? get_indicators(c, values)
+                     ? get_indicators_3(c, values)
                      : (fmi3Status)fmi2GetReal(c->inside, c->elements + references[i], size, values);
         values += size;
     }
@@ -77,8 +77,8 @@ fmi3Status fmi3GetFloat64(fmi3Instance instance, const fmi3ValueReference refere
 fmi3Status fmi3SetFloat64(fmi3Instance instance, const fmi3ValueReference references[], size_t n,
                           const fmi3Float64 values[], size_t count)
 {
-    ENTER_3("SetFloat64", MAY_3_Set)
-    const fmi3Status status = check_variables(c, references, n, values, count, FLOAT64);
+    ENTER_3("SetFloat64", MAY3_Set)
+    const fmi3Status status = check_variables_3(c, references, n, values, count, IS_FLOAT64);
     if (status != fmi3OK)
         return status;
     for (size_t i = 0; i < n; i++)
@@ -90,8 +90,8 @@ fmi3Status fmi3SetFloat64(fmi3Instance instance, const fmi3ValueReference refere
 fmi3Status fmi3GetInt32(fmi3Instance instance, const fmi3ValueReference references[], size_t n, fmi3Int32 values[],
                         size_t count)
 {
-    ENTER_3("GetInt32", MAY_3_Get)
-    const fmi3Status status = check_variables(c, references, n, values, count, INT32);
+    ENTER_3("GetInt32", MAY3_Get)
+    const fmi3Status status = check_variables_3(c, references, n, values, count, IS_INT32);
     if (status != fmi3OK)
         return status;
     REQUIRE_ELEMENTS(list, references, n, count)
@@ -101,8 +101,8 @@ fmi3Status fmi3GetInt32(fmi3Instance instance, const fmi3ValueReference referenc
 fmi3Status fmi3SetInt32(fmi3Instance instance, const fmi3ValueReference references[], size_t n,
                         const fmi3Int32 values[], size_t count)
 {
-    ENTER_3("SetInt32", MAY_3_Set)
-    const fmi3Status status = check_variables(c, references, n, values, count, INT32);
+    ENTER_3("SetInt32", MAY3_Set)
+    const fmi3Status status = check_variables_3(c, references, n, values, count, IS_INT32);
     if (status != fmi3OK)
         return status;
     REQUIRE_ELEMENTS(list, references, n, count)
@@ -112,10 +112,10 @@ fmi3Status fmi3SetInt32(fmi3Instance instance, const fmi3ValueReference referenc
 fmi3Status fmi3GetBoolean(fmi3Instance instance, const fmi3ValueReference references[], size_t n, fmi3Boolean values[],
                           size_t count)
 {
-    ENTER_3("GetBoolean", MAY_3_Get)
-    fmi3Status status = check_variables(c, references, n, values, count, BOOLEAN);
+    ENTER_3("GetBoolean", MAY3_Get)
+    fmi3Status status = check_variables_3(c, references, n, values, count, IS_BOOLEAN);
     for (size_t i = 0; i < n && status == fmi3OK; i++) {
-        const size_t size = size_of(c, references[i]);
+        const size_t size = size_of_3(c, references[i]);
         status = (fmi3Status)fmi2GetBoolean(c->inside, c->elements + references[i], size, c->whole);
         for (size_t k = 0; k < size && status == fmi3OK; k++)
             *values++ = c->whole[k] != fmi2False;
@@ -126,8 +126,8 @@ fmi3Status fmi3GetBoolean(fmi3Instance instance, const fmi3ValueReference refere
 fmi3Status fmi3SetBoolean(fmi3Instance instance, const fmi3ValueReference references[], size_t n,
                           const fmi3Boolean values[], size_t count)
 {
-    ENTER_3("SetBoolean", MAY_3_Set)
-    const fmi3Status status = check_variables(c, references, n, values, count, BOOLEAN);
+    ENTER_3("SetBoolean", MAY3_Set)
+    const fmi3Status status = check_variables_3(c, references, n, values, count, IS_BOOLEAN);
     if (status != fmi3OK)
         return status;
     REQUIRE_3(count <= REFERENCES, "was called with a variable more than once")
@@ -141,8 +141,8 @@ fmi3Status fmi3SetBoolean(fmi3Instance instance, const fmi3ValueReference refere
 fmi3Status fmi3GetUInt64(fmi3Instance instance, const fmi3ValueReference references[], size_t n, fmi3UInt64 values[],
                          size_t count)
 {
-    ENTER_3("GetUInt64", MAY_GetStructural)
-    const fmi3Status status = check_variables(c, references, n, values, count, UINT64);
+    ENTER_3("GetUInt64", MAY3_GetStructural)
+    const fmi3Status status = check_variables_3(c, references, n, values, count, IS_UINT64);
 #ifdef STRUCTURAL
     for (size_t i = 0; i < n && status == fmi3OK; i++)
         values[i] = (fmi3UInt64)*value_of(&c->inside->model, STRUCTURAL);
@@ -153,8 +153,8 @@ fmi3Status fmi3GetUInt64(fmi3Instance instance, const fmi3ValueReference referen
 fmi3Status fmi3SetUInt64(fmi3Instance instance, const fmi3ValueReference references[], size_t n,
                          const fmi3UInt64 values[], size_t count)
 {
-    ENTER_3("SetUInt64", MAY_SetStructural)
-    const fmi3Status status = check_variables(c, references, n, values, count, UINT64);
+    ENTER_3("SetUInt64", MAY3_SetStructural)
+    const fmi3Status status = check_variables_3(c, references, n, values, count, IS_UINT64);
     for (size_t i = 0; i < n && status == fmi3OK; i++) {
         const int size = values[i] < INT32_MAX ? (int)values[i] : INT32_MAX;
         const fmi2Status set = fmi2SetInteger(c->inside, &references[i], 1, &size);
@@ -169,7 +169,7 @@ fmi3Status fmi3SetUInt64(fmi3Instance instance, const fmi3ValueReference referen
     fmi3Status fmi3Get##TYPE(fmi3Instance instance, const fmi3ValueReference references[], size_t n,                   \
                              fmi3##TYPE values[], size_t count)                                                        \
     {                                                                                                                  \
-        ENTER_3("Get" #TYPE, MAY_3_Get)                                                                                \
+        ENTER_3("Get" #TYPE, MAY3_Get)                                                                                 \
         (void)references, (void)values, (void)count;                                                                   \
         REQUIRE_3(n == 0, "is not possible: %s has no " #TYPE " variables", QUOTE(MODEL))                              \
         return fmi3OK;                                                                                                 \
@@ -177,7 +177,7 @@ fmi3Status fmi3SetUInt64(fmi3Instance instance, const fmi3ValueReference referen
     fmi3Status fmi3Set##TYPE(fmi3Instance instance, const fmi3ValueReference references[], size_t n,                   \
                              const fmi3##TYPE values[], size_t count)                                                  \
     {                                                                                                                  \
-        ENTER_3("Set" #TYPE, MAY_3_Set)                                                                                \
+        ENTER_3("Set" #TYPE, MAY3_Set)                                                                                 \
         (void)references, (void)values, (void)count;                                                                   \
         REQUIRE_3(n == 0, "is not possible: %s has no " #TYPE " variables", QUOTE(MODEL))                              \
         return fmi3OK;                                                                                                 \
@@ -194,7 +194,7 @@ ABSENT(String)
 fmi3Status fmi3GetBinary(fmi3Instance instance, const fmi3ValueReference references[], size_t n, size_t sizes[],
                          fmi3Binary values[], size_t count)
 {
-    ENTER_3("GetBinary", MAY_3_Get)
+    ENTER_3("GetBinary", MAY3_Get)
     (void)references, (void)sizes, (void)values, (void)count;
     REQUIRE_3(n == 0, "is not possible: %s has no Binary variables", QUOTE(MODEL))
     return fmi3OK;
@@ -203,7 +203,7 @@ fmi3Status fmi3GetBinary(fmi3Instance instance, const fmi3ValueReference referen
 fmi3Status fmi3SetBinary(fmi3Instance instance, const fmi3ValueReference references[], size_t n, const size_t sizes[],
                          const fmi3Binary values[], size_t count)
 {
-    ENTER_3("SetBinary", MAY_3_Set)
+    ENTER_3("SetBinary", MAY3_Set)
     (void)references, (void)sizes, (void)values, (void)count;
     REQUIRE_3(n == 0, "is not possible: %s has no Binary variables", QUOTE(MODEL))
     return fmi3OK;
@@ -211,18 +211,18 @@ fmi3Status fmi3SetBinary(fmi3Instance instance, const fmi3ValueReference referen
 
 fmi3Status fmi3GetNumberOfVariableDependencies(fmi3Instance instance, fmi3ValueReference reference, size_t *number)
 {
-    ENTER_3("GetNumberOfVariableDependencies", ANY)
+    ENTER_3("GetNumberOfVariableDependencies", ANY_3)
     (void)reference, (void)number;
-    return fail(c, "is not available: the dependencies are in modelDescription.xml");
+    return fail_3(c, "is not available: the dependencies are in modelDescription.xml");
 }
 
 fmi3Status fmi3GetVariableDependencies(fmi3Instance instance, fmi3ValueReference dependent, size_t elements[],
                                        fmi3ValueReference independents[], size_t independent_elements[],
                                        fmi3DependencyKind kinds[], size_t n)
 {
-    ENTER_3("GetVariableDependencies", ANY)
+    ENTER_3("GetVariableDependencies", ANY_3)
     (void)dependent, (void)elements, (void)independents, (void)independent_elements, (void)kinds, (void)n;
-    return fail(c, "is not available: the dependencies are in modelDescription.xml");
+    return fail_3(c, "is not available: the dependencies are in modelDescription.xml");
 }
 
 #endif

@@ -6,12 +6,12 @@
 #include <stdbool.h>
 #include <stdint.h>
 
-enum { NO_VARIABLE, FLOAT64, INT32, BOOLEAN, UINT64, CLOCK };
+enum { NO_VARIABLE, IS_FLOAT64, IS_INT32, IS_BOOLEAN, IS_UINT64, IS_CLOCK };
 
 typedef struct {
     uint8_t type;
     bool resized;    /* the structural parameter is its length */
     uint32_t length; /* number of elements, 1 for a scalar */
-} Variable;
+} Variable3;
 
 #endif

@@ -50,6 +50,18 @@ def add_system(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("system", type=Path, metavar="SYSTEM", help="system file: .toml or .ssp")
 
 
+def add_fmi(parser: argparse.ArgumentParser) -> None:
+    """Add the options for the platforms and the version of FMI."""
+    parser.add_argument(
+        "--platform",
+        nargs="+",
+        default=["native"],
+        metavar="PLATFORM",
+        help="native (default), all, or FMI platform names such as win64",
+    )
+    parser.add_argument("--fmi", type=int, choices=(2, 3), default=2, help="version of FMI; default: 2")
+
+
 def add_master(parser: argparse.ArgumentParser) -> None:
     """Add the option for the master algorithm; the harness validates its name."""
     parser.add_argument("--master", metavar="NAME", help=f"master algorithm: {listed(master_names())}")

@@ -31,6 +31,7 @@ from friction_fmus.version import VERSION, build_time
 from harness import drawing, html
 from harness.compiling import toolchain
 from harness.compiling.platforms import NATIVE, Platform, native_library, select
+from harness.fmi3 import fmi_3
 from harness.storage.atomic import atomic_path
 from harness.storage.cache import cached
 from harness.storage.files import read_source, reason
@@ -55,6 +56,7 @@ def build(
     *,
     domain: Literal["translational", "rotational"] = "translational",
     platforms: Sequence[str] = ("native",),
+    fmi: Literal[2, 3] = 2,
     compiling: Callable[[str, int], None] | None = None,
 ) -> Path:
     """Build one FMU.
@@ -75,6 +77,8 @@ def build(
         The rotational twin uses N.m, rad and kg.m2 in place of N, m and kg, and has the suffix ``Rotational``.
     platforms : sequence of str
         Platforms of the binaries: ``"native"``, ``"all"`` or names such as ``"win64"``, see `PLATFORMS`.
+    fmi : {2, 3}
+        Version of FMI: 2.0, or 3.0 with arrays, clocks and adjoint derivatives. The numbers are the same.
     compiling : callable, optional
         Called before each platform is compiled, with its name and the number of completed platforms, for a progress
         bar. It is not called for an FMU in the cache.
@@ -89,7 +93,12 @@ def build(
     UnknownNameError, BuildError
         If the model is unknown; if it cannot be built.
     """
-    file, content = _built(model, start, name, files, domain, platforms, compiling)
+    if fmi == 2:
+        file, content = _built(model, start, name, files, domain, platforms, compiling)
+    else:
+        targets = select(tuple(platforms))
+        file, content = _built(model, start, name, files, domain, ("native",))
+        content = fmi_3(content, targets, compiling)
     return _write(content, Path(out_dir) / file)
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import os
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
@@ -26,6 +26,7 @@ from harness.composite.terminals import composite_terminals
 from harness.composite.variables import composite_variables
 from harness.engine.library import sources as engine_sources
 from harness.errors import BuildError, ExperimentError
+from harness.fmi3 import fmi_3
 from harness.parts.feedthrough import find_feedthrough
 from harness.parts.fmu import FmuPart
 from harness.storage.atomic import atomic_path
@@ -52,6 +53,7 @@ def compose(
     inputs: Sequence[str] | None = None,
     outputs: Sequence[str] | None = None,
     platforms: Sequence[str] = ("native",),
+    fmi: int = 2,
 ) -> None:
     """Write a system as one FMU; see `System.to_fmu`."""
     identifier = path.stem if name is None else name
@@ -109,9 +111,11 @@ def compose(
     members[f"{TERMINALS}/terminalsAndIcons.xml"] = composite_terminals(inner, variables)
     quiet = {key for code in codes.values() if not code.own for key in code.wrappers}
     compiling = {unit: included(unit, files) for unit in units}
-    for target in targets:
+    for target in targets if fmi == 2 else ():
         members[f"binaries/{target.folder}/{identifier}{target.suffix}"] = linked(target, compiling, identifier, quiet)
     content = zipped(members, made)
+    if fmi == 3:
+        content = fmi_3(content, targets, quiet=quiet)
     with atomic_path(path) as temporary:
         temporary.write_bytes(content)
 

@@ -57,7 +57,8 @@ def description_3(old: etree._Element, variables: Sequence[Variable], traits: Tr
     traits : Traits
         What FMI 3.0 adds.
     """
-    kept = {key: value for key, value in old.attrib.items() if key not in ("guid", "numberOfEventIndicators")}
+    dropped = ("guid", "numberOfEventIndicators")
+    kept = {str(key): str(value) for key, value in old.attrib.items() if key not in dropped}
     root = etree.Element("fmiModelDescription", {**kept, "fmiVersion": "3.0", "instantiationToken": traits.token})
     _kinds(root, old, traits)
     _copied(root, old)
@@ -107,28 +108,32 @@ def _flags(element: etree._Element, names: Mapping[str, str]) -> dict[str, str]:
     return flags
 
 
+def _texts(element: etree._Element) -> dict[str, str]:
+    return {str(key): str(value) for key, value in element.attrib.items()}
+
+
 def _copied(root: etree._Element, old: etree._Element) -> None:
     for name in ("UnitDefinitions", "TypeDefinitions", "LogCategories", "DefaultExperiment"):
         group = old.find(name)
         if group is None:
             continue
-        copy = etree.SubElement(root, name, dict(group.attrib))
+        copy = etree.SubElement(root, name, _texts(group))
         for each in group:
             if name != "TypeDefinitions":
                 copy.append(etree.fromstring(etree.tostring(each)))
             elif each[0].tag == "Real":
-                etree.SubElement(copy, "Float64Type", {**each.attrib, **each[0].attrib})
+                etree.SubElement(copy, "Float64Type", _texts(each) | _texts(each[0]))
         if name == "TypeDefinitions" and not len(copy):
             root.remove(copy)
 
 
 def _variable(parent: etree._Element, v: Variable, by_index: Sequence[Variable], place: Mapping[int, Variable]) -> None:
     scalar, typed = v.elements[0], v.typed
-    attributes = {key: str(scalar.get(key)) for key in ("description", "causality", "variability", "initial")}
-    attributes = {key: value for key, value in attributes.items() if value != "None"}
+    given = {key: scalar.get(key) for key in ("description", "causality", "variability", "initial")}
+    attributes = {key: str(value) for key, value in given.items() if value is not None}
     if v.type == "UInt64":
         attributes["causality"] = "structuralParameter"
-    attributes |= {str(key): str(value) for key, value in typed.attrib.items()}
+    attributes |= _texts(typed)
     if v.type == "Int32":
         attributes.pop("declaredType", None)  # an enumeration, which is an integer here
     if "derivative" in attributes:

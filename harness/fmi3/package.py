@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from io import BytesIO
 from pathlib import Path
 from typing import Final
@@ -48,7 +48,7 @@ enum {{
     STATE_VARIABLES = {state_count}
 }};
 
-static const Variable variables[ALL_REFERENCES] = {{
+static const Variable3 variables_3[ALL_REFERENCES] = {{
 {variables}
 }};
 
@@ -63,7 +63,12 @@ static const uint32_t state_variables[STATE_VARIABLES + 1] = {{{states}}};
 """
 
 
-def fmi_3(content: bytes, platforms: Sequence[Platform], compiling: Callable[[str, int], None] | None = None) -> bytes:
+def fmi_3(
+    content: bytes,
+    platforms: Sequence[Platform],
+    compiling: Callable[[str, int], None] | None = None,
+    quiet: Collection[str] = (),
+) -> bytes:
     """Return an FMU of this project as FMI 3.0, from the cache or compiled.
 
     Parameters
@@ -74,6 +79,8 @@ def fmi_3(content: bytes, platforms: Sequence[Platform], compiling: Callable[[st
         Target platforms.
     compiling : callable, optional
         Called before each platform is compiled, with its name and the number of completed platforms.
+    quiet : collection of str
+        Files of other tools, whose warnings do not matter.
 
     Raises
     ------
@@ -87,7 +94,7 @@ def fmi_3(content: bytes, platforms: Sequence[Platform], compiling: Callable[[st
     for text in (*modules, *(part for item in sorted(shell.items()) for part in item), *identities):
         digest.update(text.encode() + b"\0")
     path = toolchain.cache_folder() / "fmi3" / f"{digest.hexdigest()[:24]}.fmu"
-    return cached(path, lambda: _assemble(content, shell, platforms, compiling))
+    return cached(path, lambda: _assemble(content, shell, platforms, compiling, quiet))
 
 
 def _assemble(
@@ -95,6 +102,7 @@ def _assemble(
     shell: Mapping[str, str],
     platforms: Sequence[Platform],
     compiling: Callable[[str, int], None] | None,
+    quiet: Collection[str],
 ) -> bytes:
     with ZipFile(BytesIO(content)) as archive:
         members = {name: archive.read(name) for name in archive.namelist()}
@@ -106,7 +114,7 @@ def _assemble(
     files = {
         name.removeprefix("sources/"): text.decode() for name, text in members.items() if name.startswith("sources/")
     }
-    files |= shell | {name: _fmi_header(name) for name in _FMI_2_HEADERS}
+    files |= {**shell, **{name: _fmi_header(name) for name in _FMI_2_HEADERS}}
     main = f"fmi3_{identifier}.c"
 
     scalars = old.findall("ModelVariables/ScalarVariable")
@@ -142,7 +150,7 @@ def _assemble(
             compiling(platform.folder, number)
         folder, targets = _TUPLES.get(platform.folder, (platform.folder, None))
         target = platform._replace(folder=folder, targets=targets or platform.targets)
-        made[f"binaries/{folder}/{identifier}{target.suffix}"] = linked(target, sources, identifier)
+        made[f"binaries/{folder}/{identifier}{target.suffix}"] = linked(target, sources, identifier, quiet)
     return zipped(made, str(old.get("generationDateAndTime")))
 
 
@@ -157,11 +165,11 @@ def _source(
 ) -> str:
     """Return the C file with the tables."""
     rows = [
-        f"    [{v.reference}] = {{{v.type.upper()}, {'true' if v.size is not None else 'false'}, {len(v.elements)}}},"
+        f"    [{v.reference}] = {{IS_{v.type.upper()}, {'true' if v.size is not None else 'false'}, {len(v.elements)}}},"
         for v in sorted(variables, key=lambda each: each.reference)
     ]
-    rows += [f"    [INDICATORS_REFERENCE] = {{FLOAT64, false, {indicators}}},"] if indicators else []
-    rows += ["    [CLOCK_REFERENCE] = {CLOCK, false, 1},"] if sampled else []
+    rows += [f"    [INDICATORS_REFERENCE] = {{IS_FLOAT64, false, {indicators}}},"] if indicators else []
+    rows += ["    [CLOCK_REFERENCE] = {IS_CLOCK, false, 1},"] if sampled else []
     of_scalar = {int(str(each.get("valueReference"))): v for v in variables for each in v.elements}
     scalars = old.findall("ModelVariables/ScalarVariable")
     states: list[int] = []

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Self
+from typing import Literal, Self
 
 from harness.composite.package import compose
 from harness.errors import HarnessError
@@ -133,8 +133,9 @@ class StoredSystem:
         inputs: Sequence[str] | None = None,
         outputs: Sequence[str] | None = None,
         platforms: Sequence[str] = ("native",),
+        fmi: Literal[2, 3] = 2,
     ) -> None:
-        """Write the system as one FMI 2.0 co-simulation FMU, which solves the loops between its parts.
+        """Write the system as one FMU, which solves the loops between its parts.
 
         Parameters
         ----------
@@ -154,6 +155,8 @@ class StoredSystem:
             Outputs of the FMU, with ``*`` and ``?``; None takes all outputs. The others are local variables.
         platforms : sequence of str
             ``"native"``, ``"all"`` or names such as ``"win64"``.
+        fmi : {2, 3}
+            Version of FMI: 2.0 or 3.0.
 
         Raises
         ------
@@ -161,7 +164,15 @@ class StoredSystem:
             If a part has no sources or is written in Python, or an argument is invalid; nothing is written.
         """
         compose(
-            self, Path(path), name=name, step=step, master=master, inputs=inputs, outputs=outputs, platforms=platforms
+            self,
+            Path(path),
+            name=name,
+            step=step,
+            master=master,
+            inputs=inputs,
+            outputs=outputs,
+            platforms=platforms,
+            fmi=fmi,
         )
 
     @classmethod

@@ -7,7 +7,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from friction_fmus.cli.arguments import parse_assignments
+from friction_fmus.cli.arguments import add_fmi, parse_assignments
 from friction_fmus.errors import FrictionError
 
 if TYPE_CHECKING:
@@ -23,13 +23,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("-o", "--output", type=Path, default=Path(), metavar="DIR", help="folder for the FMUs")
     parser.add_argument("--set", action="append", metavar="NAME=VALUE", help="start value; may be repeated")
     parser.add_argument("--domain", choices=DOMAINS, default=DOMAINS[0], help="rotational: units N.m, rad, kg.m2")
-    parser.add_argument(
-        "--platform",
-        nargs="+",
-        default=["native"],
-        metavar="PLATFORM",
-        help="native (default), all, or FMI platform names such as win64",
-    )
+    add_fmi(parser)
     parser.add_argument("--name", metavar="IDENTIFIER", help="model identifier and file name")
 
 
@@ -63,6 +57,7 @@ def run(options: argparse.Namespace) -> None:
                 options.name,
                 domain=options.domain,
                 platforms=options.platform,
+                fmi=options.fmi,
                 compiling=partial(_show, bar, task, name, number * platforms),
             )
             bar.update(task, completed=(number + 1) * platforms)

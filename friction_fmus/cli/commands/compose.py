@@ -6,7 +6,7 @@ import argparse
 import sys
 from pathlib import Path
 
-from friction_fmus.cli.arguments import add_system
+from friction_fmus.cli.arguments import add_fmi, add_system
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -18,13 +18,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--master", metavar="NAME", help="master algorithm inside the FMU: newton or adaptive")
     parser.add_argument("--inputs", nargs="*", metavar="PART.PORT", help="inputs; default: all that nothing drives")
     parser.add_argument("--outputs", nargs="*", metavar="PATTERN", help="outputs; default: all")
-    parser.add_argument(
-        "--platform",
-        nargs="+",
-        default=["native"],
-        metavar="PLATFORM",
-        help="native (default), all, or FMI platform names such as win64",
-    )
+    add_fmi(parser)
 
 
 def run(options: argparse.Namespace) -> None:
@@ -47,6 +41,7 @@ def run(options: argparse.Namespace) -> None:
             inputs=options.inputs,
             outputs=options.outputs,
             platforms=options.platform,
+            fmi=options.fmi,
         )
         replaced = system.experiment.master if system.experiment and not options.master else "newton"
     print(options.output)
