@@ -56,6 +56,24 @@ static bool ended_by_importer(Shell *c, double now, double *end)
     return when <= now;
 }
 
+/* FMI 3.0 has no time derivatives of inputs. This function offers those of FMI 2.0 to an importer that knows it. */
+#define friction_fmus_SetInputDerivatives fmi3FullName(friction_fmus_SetInputDerivatives)
+
+FMI3_Export fmi3Status friction_fmus_SetInputDerivatives(fmi3Instance instance, const fmi3ValueReference references[],
+                                                         size_t n, const fmi3Int32 orders[],
+                                                         const fmi3Float64 values[]);
+
+fmi3Status friction_fmus_SetInputDerivatives(fmi3Instance instance, const fmi3ValueReference references[], size_t n,
+                                             const fmi3Int32 orders[], const fmi3Float64 values[])
+{
+    ENTER_3_AS(fmi2CoSimulation, "SetInputDerivatives", NEW_3 | INITIALIZATION_3 | STEPS_3)
+    for (size_t i = 0; references && i < n; i++)
+        REQUIRE_3(references[i] < REFERENCES && variables_3[references[i]].type == IS_FLOAT64 &&
+                      variables_3[references[i]].length == 1,
+                  "was called with value reference %u: there is no Float64 input with it", references[i])
+    return (fmi3Status)fmi2SetRealInputDerivatives(c->inside, references, n, orders, values);
+}
+
 fmi3Status fmi3DoStep(fmi3Instance instance, fmi3Float64 t, fmi3Float64 h, fmi3Boolean keeps_no_state,
                       fmi3Boolean *event, fmi3Boolean *terminate, fmi3Boolean *early, fmi3Float64 *last)
 {

@@ -5,6 +5,7 @@
 #include "defect.h"
 #include "drive.h"
 #include "floats.h"
+#include "fmi3.h"
 #include "integrator.h"
 #include "masters.h" /* generated: it includes the header of each master */
 #include "tick.h"
@@ -14,12 +15,15 @@
 /* Status: a part has changed the floating-point control. */
 enum { FLOATS_CHANGED = 102 };
 
+MIRRORED(Clock3)
 MIRRORED(Defect)
 MIRRORED(Engine)
 MIRRORED(EnginePart)
+MIRRORED(Fmi3)
 MIRRORED(Line)
 MIRRORED(Manipulator)
 MIRRORED(Pair)
+MIRRORED(Variable3)
 
 EXPORT int64_t fixed_point_work(int64_t n);
 

@@ -165,7 +165,7 @@ def _source(
 ) -> str:
     """Return the C file with the tables."""
     rows = [
-        f"    [{v.reference}] = {{IS_{v.type.upper()}, {'true' if v.size is not None else 'false'}, {len(v.elements)}}},"
+        f"    [{v.reference}] = {{IS_{v.type.upper()}, {str(v.size is not None).lower()}, {len(v.elements)}}},"
         for v in sorted(variables, key=lambda each: each.reference)
     ]
     rows += [f"    [INDICATORS_REFERENCE] = {{IS_FLOAT64, false, {indicators}}},"] if indicators else []

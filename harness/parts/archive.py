@@ -7,12 +7,14 @@ import zipfile
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
+from types import MappingProxyType
 from typing import Any
 
 import fmpy
 from lxml import etree
 
 from harness.errors import FmuError
+from harness.parts.flat import Flat, flatten
 from harness.parts.part import Port, PortType, StartValue
 from harness.storage.zip_file import NotZipError, ZipError, find_absence, open_zip, read_zip
 from harness.units import BaseUnit, stated_unit
@@ -32,12 +34,20 @@ class Archive:
         All variables by name, as ports.
     variables : mapping of str to fmpy.model_description.ModelVariable
         All variables by name, with value reference, causality, variability and initial.
+    flat : Flat or None
+        For FMI 3.0: its arrays and clocks; description and variables are in terms of FMI 2.0.
     """
 
     path: Path
     description: Any
     ports: Mapping[str, Port]
     variables: Mapping[str, Any]
+    flat: Flat | None = None
+
+    @property
+    def platform(self) -> str:
+        """Folder of the binaries for this machine."""
+        return str(fmpy.platform if self.flat is None else fmpy.platform_tuple)
 
     @property
     def exchange(self) -> bool:
@@ -50,13 +60,15 @@ class Archive:
         return self.description.modelExchange if self.exchange else self.description.coSimulation
 
 
-def open_archive(path: Path) -> Archive:
+def open_archive(path: Path, sizes: Mapping[str, int] = MappingProxyType({})) -> Archive:
     """Check an FMU file and read its model description without unpacking it.
 
     Parameters
     ----------
     path : Path
         The FMU.
+    sizes : mapping of str to int
+        Values of structural parameters of FMI 3.0, in place of their start values.
 
     Returns
     -------
@@ -66,19 +78,20 @@ def open_archive(path: Path) -> Archive:
     Raises
     ------
     FmuError
-        If the file is missing, is not a zip archive or not an FMI 2.0 FMU, has no binary for this
+        If the file is missing, is not a zip archive or not an FMU of FMI 2.0 or 3.0, has no binary for this
         platform, has members that are unsafe to unpack (see `harness.storage.zip_file`), or has a DOCTYPE in its XML.
     """
     members, data = _read_members(path)
     _refuse_entities(path, data)
-    description = _read_description(path)
+    description, flat = _read_description(path, sizes)
     archive = Archive(
         path=path,
         description=description,
         ports=_ports(path, description),
         variables={variable.name: variable for variable in description.modelVariables},
+        flat=flat,
     )
-    _check_binary(path, archive.interface.modelIdentifier, members)
+    _check_binary(path, archive.platform, archive.interface.modelIdentifier, members)
     return archive
 
 
@@ -126,27 +139,32 @@ def parse_value(kind: PortType, text: str) -> StartValue:
     return text.strip() in {"true", "1"} if kind == "Boolean" else text
 
 
-def _read_description(path: Path) -> Any:
+def _read_description(path: Path, sizes: Mapping[str, int]) -> tuple[Any, Flat | None]:
     try:
         # not validated: an FMU that other importers run must run here; required entries are checked where they are used
         with path.open("rb") as file:  # not the path: fmpy leaves the file open if the XML is malformed
             description = fmpy.read_model_description(file, validate=False)
     except Exception as error:
         reason = " ".join(str(error).split()) or type(error).__name__
-        raise FmuError(f"cannot read modelDescription.xml of {path}: {reason}; give an FMI 2.0 FMU") from error
-    if description.fmiVersion != "2.0":
-        raise FmuError(f"{path} is an FMI {description.fmiVersion} FMU: export it as FMI 2.0")
+        raise FmuError(
+            f"cannot read modelDescription.xml of {path}: {reason}; give an FMU of FMI 2.0 or 3.0"
+        ) from error
+    version = str(description.fmiVersion)
+    if version.startswith("3."):
+        return flatten(path, description, sizes)
+    if version != "2.0":
+        raise FmuError(f"{path} is an FMI {version} FMU: export it as FMI 2.0 or 3.0")
     if description.coSimulation is None and description.modelExchange is None:
         raise FmuError(f"{path} declares neither co-simulation nor model exchange: export it again as FMI 2.0")
-    return description
+    return description, None
 
 
-def _check_binary(path: Path, identifier: str, members: list[str]) -> None:
-    needed = f"binaries/{fmpy.platform}/{identifier}{fmpy.sharedLibraryExtension}"
+def _check_binary(path: Path, platform: str, identifier: str, members: list[str]) -> None:
+    needed = f"binaries/{platform}/{identifier}{fmpy.sharedLibraryExtension}"
     if needed in members:
         return
     folders = sorted({PurePosixPath(member).parts[1] for member in members if _is_library(member)})
-    remedy = f"use an FMU built for {fmpy.platform}"
+    remedy = f"use an FMU built for {platform}"
     if any(member.startswith("sources/") and member.endswith(".c") for member in members):
         remedy += ", or build it from the sources that it carries"
     raise FmuError(f"{path} has no binary {needed}, only {', '.join(folders) or 'none at all'}: {remedy}")

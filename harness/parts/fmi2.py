@@ -75,15 +75,8 @@ class Library:
             try:
                 with open_zip(archive.path) as members:
                     unpack_zip(members, Path(folder.name))
-                _refuse_truncated(Path(folder.name) / "binaries" / fmpy.platform)
-                self.slave = (fmpy.fmi2.FMU2Model if archive.exchange else fmpy.fmi2.FMU2Slave)(
-                    instanceName=name,
-                    guid=archive.description.guid,
-                    modelIdentifier=archive.interface.modelIdentifier,
-                    unzipDirectory=folder.name,
-                )
-                own = FUNCTIONS if archive.exchange else ("DoStep", "SetRealInputDerivatives")
-                self.addresses = {name: _address(self.slave.dll, f"fmi2{name}") for name in (*_COMMON, *own)}
+                _refuse_truncated(Path(folder.name) / "binaries" / archive.platform)
+                self._load(archive, name, folder.name)
             except BaseException as error:
                 folder.cleanup()
                 if not isinstance(error, Exception):
@@ -99,6 +92,16 @@ class Library:
                 if here is not None:
                     os.chdir(here)  # fmpy changes to the folder of the library and stays there when loading fails
         self.close = weakref.finalize(self, _unload, self.slave.dll._handle, folder)
+
+    def _load(self, archive: Archive, name: str, folder: str) -> None:
+        self.slave = (fmpy.fmi2.FMU2Model if archive.exchange else fmpy.fmi2.FMU2Slave)(
+            instanceName=name,
+            guid=archive.description.guid,
+            modelIdentifier=archive.interface.modelIdentifier,
+            unzipDirectory=folder,
+        )
+        own = FUNCTIONS if archive.exchange else ("DoStep", "SetRealInputDerivatives")
+        self.addresses = {name: _address(self.slave.dll, f"fmi2{name}") for name in (*_COMMON, *own)}
 
 
 def _refuse_truncated(folder: Path) -> None:
@@ -180,7 +183,7 @@ class Instance:
 
     def __init__(self, library: Library, archive: Archive, name: str) -> None:
         """Instantiate the FMU with logging on."""
-        self.slave = library.slave
+        self._dll: Any = library.slave.dll
         self.name = name
         self.last_message = ""
         self.running = False
@@ -188,26 +191,32 @@ class Instance:
         self._failed = False
         self._fatal = False
         self._log = logging.getLogger(f"harness.{name}")
-        callbacks = fmpy.fmi2.fmi2CallbackFunctions()
-        callbacks.logger = fmpy.fmi2.fmi2CallbackLoggerTYPE(self._logged)
-        callbacks.allocateMemory = fmpy.fmi2.fmi2CallbackAllocateMemoryTYPE(fmpy.calloc)
-        callbacks.freeMemory = fmpy.fmi2.fmi2CallbackFreeMemoryTYPE(fmpy.free)
-        _format_messages(callbacks)
+        self.component = 0
+        self.interpolates = False
         try:
-            self.slave.instantiate(callbacks=callbacks, loggingOn=True)
+            self._instantiate(library, archive)
         except Exception as error:
             reason = "it returned no instance and logged " + self._quoted_message()
-            raise PartError(name, "fmi2Instantiate", reason) from error
-        self.component: int = self.slave.component
+            raise PartError(name, f"fmi{archive.description.fmiVersion[0]}Instantiate", reason) from error
         self.stepped = self.component
         self.functions: Mapping[str, int] = library.addresses
         if not archive.exchange:
             self.set_, self.get = exchanges(library.addresses)
             self.do_step: Callable[..., int] = DO_STEP(library.addresses["DoStep"])
-            self.interpolates = bool(archive.interface.canInterpolateInputs)
+            self.interpolates = self.interpolates or bool(archive.interface.canInterpolateInputs)
         declared = {category.name for category in archive.description.logCategories}
         self._categories = [category.encode() for category in _CATEGORIES if category in declared]
         self._choose_categories()
+
+    def _instantiate(self, library: Library, _: Archive) -> None:
+        """Make the instance, with logging on."""
+        callbacks = fmpy.fmi2.fmi2CallbackFunctions()
+        callbacks.logger = fmpy.fmi2.fmi2CallbackLoggerTYPE(self._logged)
+        callbacks.allocateMemory = fmpy.fmi2.fmi2CallbackAllocateMemoryTYPE(fmpy.calloc)
+        callbacks.freeMemory = fmpy.fmi2.fmi2CallbackFreeMemoryTYPE(fmpy.free)
+        _format_messages(callbacks)
+        library.slave.instantiate(callbacks=callbacks, loggingOn=True)
+        self.component = library.slave.component
 
     def begin(self, time: float, tolerance: float | None) -> None:
         """Leave initialisation mode.
@@ -246,6 +255,10 @@ class Instance:
         """Make a saved state of bytes from `serialised`."""
         self.call("DeSerializeFMUstate", data, ctypes.c_size_t(len(data)), ctypes.byref(state.pointer))
 
+    def function(self, name: str) -> Callable[..., Any]:
+        """Return fmi2<name>."""
+        return getattr(self._dll, f"fmi2{name}")  # type: ignore[no-any-return]
+
     def call(self, function: str, *arguments: object) -> None:
         """Call fmi2<function> with the instance as its first argument.
 
@@ -254,7 +267,7 @@ class Instance:
         PartError
             If the function returns Discard, Error or Fatal.
         """
-        status: int = getattr(self.slave.dll, f"fmi2{function}")(self.component, *arguments)
+        status: int = self.function(function)(self.component, *arguments)
         if status > 1:
             raise self.failure(f"fmi2{function}", status)
 
@@ -295,8 +308,8 @@ class Instance:
         if self._fatal:
             return  # after Fatal, FMI allows no further calls
         if self.running:
-            self.slave.dll.fmi2Terminate(self.component)
-        self.slave.dll.fmi2FreeInstance(self.component)
+            self.function("Terminate")(self.component)
+        self.function("FreeInstance")(self.component)
 
     def _choose_categories(self) -> None:
         names = self._categories

@@ -1,4 +1,4 @@
-"""Parts that are FMI 2.0 FMUs."""
+"""Parts that are FMUs."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ from harness.errors import HarnessError, PartError, StartValueError, not_whole
 from harness.parts.archive import Archive, open_archive
 from harness.parts.exchange import ExchangeInstance
 from harness.parts.fmi2 import Instance, Library, State
+from harness.parts.fmi3 import Instance3, Library3
 from harness.parts.part import Calls, Native, Part, Port, StartValue, Values
 from harness.values import is_number, shown
 
@@ -21,7 +22,7 @@ LONGEST_TIMEOUT: Final = 1e6
 
 
 class FmuPart(Part):
-    """A part that is an FMI 2.0 FMU.
+    """A part that is an FMU of FMI 2.0, or of FMI 3.0 for co-simulation.
 
     The file is checked immediately. It is unpacked to a temporary folder at the start of its first run. An FMU that
     offers model exchange only is integrated by the harness, see `harness.engine.integrator`.
@@ -96,13 +97,17 @@ class FmuPart(Part):
         self.model = model
         self.every = every
         self.reuse = False
-        self.archive = open_archive(self.path)
+        self._describe(open_archive(self.path))
         self._library: Library | None = None
         self.instance: Instance | None = None
         self._idle: Instance | None = None
         self._start = 0.0
         self._tolerance: float | None = None
         self._states: list[State] = []
+
+    def _describe(self, archive: Archive) -> None:
+        """Store what the description says."""
+        self.archive = archive
         ports, variables = self.archive.ports, self.archive.variables
         numeric = [name for name in ports if ports[name].type != "String"]
         self.inputs = tuple(ports[name] for name in numeric if variables[name].causality == "input")
@@ -119,19 +124,29 @@ class FmuPart(Part):
         self.identity = str(self.archive.description.guid)
         self.sampled = bool(self.outputs) and all(port.held for port in self.outputs)
 
+    def resize(self, start: Mapping[str, StartValue]) -> None:
+        """Give arrays of an FMI 3.0 FMU the sizes that these values of structural parameters state."""
+        known = self.archive.flat.structural if self.archive.flat is not None else {}
+        sizes = {name: _whole(value) for name, value in start.items() if name in known}
+        if sizes:
+            self._describe(open_archive(self.path, sizes))
+
     def enter_initialisation(
         self, start: float, stop: float, tolerance: float | None, values: Mapping[str, StartValue]
     ) -> None:
         """Instantiate or reset the FMU, set its start values and enter initialisation mode."""
         self.terminate()
+        self.resize(values)
+        three = self.archive.flat is not None
         if self._library is None:
-            self._library = Library(self.archive, self.name)
-        kind = ExchangeInstance if self.archive.exchange else Instance
+            self._library = (Library3 if three else Library)(self.archive, self.name)
+        kind = ExchangeInstance if self.archive.exchange else Instance3 if three else Instance
         instance = self.instance = self._idle or kind(self._library, self.archive, self.name)
         self._idle = None
         self._start, self._tolerance = start, tolerance
-        for name, value in values.items():
-            self._set_start(instance, self.archive.ports[name], value)
+        sizes = self.archive.flat.structural if self.archive.flat is not None else {}
+        for name in sorted(values, key=lambda name: name not in sizes):  # sizes of arrays before their values
+            self._set_start(instance, self.archive.ports[name], values[name])
         known = math.isfinite(stop)
         instance.call("SetupExperiment", tolerance is not None, tolerance or 0.0, start, known, stop if known else 0.0)
         instance.call("EnterInitializationMode")
@@ -213,7 +228,7 @@ class FmuPart(Part):
         """Free the saved states and, unless the next run reuses it, the instance."""
         if self.instance is not None:
             for state in self._states:
-                self.instance.slave.dll.fmi2FreeFMUstate(self.instance.component, ctypes.byref(state.pointer))
+                self.instance.function("FreeFMUstate")(self.instance.component, ctypes.byref(state.pointer))
             if self.reuse and self.instance.reset():
                 self._idle = self.instance
             else:

@@ -185,6 +185,9 @@ class Part(ABC):
         """Whether outputs may vary continuously between communication points."""
         return not self.sampled and self.every == 1 and not (self.outputs and all(port.held for port in self.outputs))
 
+    def resize(self, start: Mapping[str, StartValue]) -> None:  # noqa: B027, most parts have no such parameters
+        """Adapt the ports to those start values that are sizes of arrays."""
+
     @abstractmethod
     def enter_initialisation(
         self, start: float, stop: float, tolerance: float | None, values: Mapping[str, StartValue]

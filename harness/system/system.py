@@ -98,6 +98,9 @@ class System(StoredSystem):
         self.wires = tuple(parse_wire(wire) for wire in wires)
         self.start = dict(start or {})
         self.experiment = experiment
+        for name, part in self.parts.items():
+            own = f"{name}."
+            part.resize({key.removeprefix(own): value for key, value in self.start.items() if key.startswith(own)})
         check_wires(self.parts, self.wires)
         self._check_start()
         if not strict:

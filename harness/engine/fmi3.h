@@ -1,0 +1,424 @@
+/* An FMU of FMI 3.0 for co-simulation behind the functions of FMI 2.0 that the engine calls. Each element of each
+   variable has a number, which is its value reference here; all values are doubles. An array is always set as a whole,
+   with the last values of the elements that are not set. */
+
+#ifndef FMI3_H
+#define FMI3_H
+
+#include "engine.h"
+
+#include <stdlib.h>
+#include <string.h>
+
+typedef enum {
+    FLOAT_64,
+    FLOAT_32,
+    INT_8,
+    UINT_8,
+    INT_16,
+    UINT_16,
+    INT_32,
+    UINT_32,
+    INT_64,
+    UINT_64,
+    BOOLEAN_8,
+    TYPES_3
+} Type3;
+
+enum { LARGEST_SIZE_3 = 8, MOST_EVENTS_3 = 10000, MOST_UPDATES_3 = 100 };
+
+/* Why a call failed that the FMU itself accepted; the texts are in fmi3.py. */
+enum { NOT_WHOLE_3 = 1, TOO_LARGE_3, TERMINATED_3, EARLY_3, UPDATES_3, EVENTS_3 };
+
+typedef struct {
+    uint32_t reference; /* value reference in the FMU */
+    int32_t type;
+    int64_t first, count; /* its elements */
+} Variable3;
+
+typedef int Transfer3(void *instance, const uint32_t *references, size_t n, void *values, size_t count);
+
+typedef struct {
+    uint32_t reference;
+    double interval, shift; /* [s] */
+} Clock3;
+
+typedef struct {
+    void *instance;
+    Transfer3 *set[TYPES_3], *get[TYPES_3];
+    int (*do_step)(void *instance, double t, double h, bool keeps_no_state, bool *event, bool *terminate, bool *early,
+                   double *last);
+    int (*enter_event_mode)(void *instance);
+    int (*enter_step_mode)(void *instance);
+    int (*set_clock)(void *instance, const uint32_t *references, size_t n, const bool *values);
+    int (*update)(void *instance, bool *again, bool *terminate, bool *nominals, bool *states, bool *next_defined,
+                  double *next);
+    int (*get_state)(void *instance, void **state);
+    int (*set_state)(void *instance, void *state);
+    int (*free_state)(void *instance, void **state);
+    SetSlopes *set_slopes; /* of FMUs of this project; NULL for others */
+    const Variable3 *variables;
+    const int64_t *variable_of; /* by element */
+    double *values;             /* last set values by element */
+    double *numbers;            /* work space for each element */
+    unsigned char *packed;      /* work space of LARGEST_SIZE_3 bytes for each element */
+    int64_t *places;            /* work space for each variable */
+    uint32_t *references;       /* work space for each element */
+    int64_t elements;
+    const Clock3 *clocks;
+    int64_t clock_count;
+    int64_t uses_events;
+    double start, next; /* [s]; next: time of the next event of the FMU, or INFINITY */
+    int64_t pending;    /* the last step ended at an event */
+    int64_t failure;    /* one of the reasons above, or 0 */
+    int64_t failed;     /* the element */
+} Fmi3;
+
+/* A saved state, with the time of the next event. */
+typedef struct {
+    void *state;
+    double next;
+    int64_t pending;
+} State3;
+
+static int fails_3(Fmi3 *a, int failure, int64_t element)
+{
+    a->failure = failure;
+    a->failed = element;
+    return 3;
+}
+
+static const size_t sizes_3[TYPES_3] = {8, 4, 1, 1, 2, 2, 4, 4, 8, 8, 1};
+static const double least_3[TYPES_3] = {0, 0, -128.0, 0, -32768.0, 0, -2147483648.0, 0, -9007199254740992.0, 0, 0};
+static const double most_3[TYPES_3] = {
+    0, 0, 127.0, 255.0, 32767.0, 65535.0, 2147483647.0, 4294967295.0, 9007199254740992.0, 9007199254740992.0, 0};
+
+#define STORE(type) (*(type *)(void *)to = (type)value)
+static void store(unsigned char *to, int type, double value)
+{
+    switch (type) {
+    case FLOAT_64: STORE(double); break;
+    case FLOAT_32: STORE(float); break;
+    case INT_8: STORE(int8_t); break;
+    case UINT_8: STORE(uint8_t); break;
+    case INT_16: STORE(int16_t); break;
+    case UINT_16: STORE(uint16_t); break;
+    case INT_32: STORE(int32_t); break;
+    case UINT_32: STORE(uint32_t); break;
+    case INT_64: STORE(int64_t); break;
+    case UINT_64: STORE(uint64_t); break;
+    default: *(bool *)(void *)to = value != 0.0;
+    }
+}
+
+#define LOAD(type) ((double)*(const type *)(const void *)from)
+static double load(const unsigned char *from, int type)
+{
+    switch (type) {
+    case FLOAT_64: return LOAD(double);
+    case FLOAT_32: return LOAD(float);
+    case INT_8: return LOAD(int8_t);
+    case UINT_8: return LOAD(uint8_t);
+    case INT_16: return LOAD(int16_t);
+    case UINT_16: return LOAD(uint16_t);
+    case INT_32: return LOAD(int32_t);
+    case UINT_32: return LOAD(uint32_t);
+    case INT_64: return LOAD(int64_t);
+    case UINT_64: return LOAD(uint64_t);
+    default: return *(const bool *)(const void *)from ? 1.0 : 0.0;
+    }
+}
+
+static inline const Variable3 *variable_at(const Fmi3 *a, uint32_t element)
+{
+    return &a->variables[a->variable_of[element]];
+}
+
+/* Store the references of the elements if all are scalars of type Float64, so that values need no copy. */
+static bool plain_3(Fmi3 *a, const uint32_t *elements, size_t n)
+{
+    for (size_t i = 0; i < n; i++) {
+        const Variable3 *const v = variable_at(a, elements[i]);
+        if (v->type != FLOAT_64 || v->count != 1)
+            return false;
+        a->references[i] = v->reference;
+    }
+    return true;
+}
+
+/* Return the end of the elements from i on whose variables have the same type; list these variables once each, with
+   their places among the values. */
+static size_t run_of(Fmi3 *a, const uint32_t *elements, size_t n, size_t i, size_t *listed, size_t *count)
+{
+    const int type = variable_at(a, elements[i])->type;
+    int64_t last = -1;
+    *listed = *count = 0;
+    for (; i < n && variable_at(a, elements[i])->type == type; i++) {
+        const int64_t which = a->variable_of[elements[i]];
+        if (which == last)
+            continue;
+        if (*count + (size_t)a->variables[which].count > (size_t)a->elements)
+            break;
+        last = which;
+        a->references[(*listed)++] = a->variables[which].reference;
+        a->places[which] = (int64_t)*count;
+        *count += (size_t)a->variables[which].count;
+    }
+    return i;
+}
+
+static int set_3(Fmi3 *a, const uint32_t *elements, size_t n, const double *values)
+{
+    a->failure = 0;
+    for (size_t i = 0; i < n; i++) {
+        const int type = variable_at(a, elements[i])->type;
+        const bool whole = type > FLOAT_32 && type < BOOLEAN_8;
+        if (whole && !(values[i] == floor(values[i]) && values[i] >= least_3[type] && values[i] <= most_3[type]))
+            return fails_3(a, NOT_WHOLE_3, elements[i]);
+        a->values[elements[i]] = values[i];
+    }
+    if (plain_3(a, elements, n))
+        return a->set[FLOAT_64](a->instance, a->references, n, (void *)(uintptr_t)values, n);
+    int worst = 0;
+    for (size_t i = 0; i < n;) {
+        size_t listed, count;
+        const size_t end = run_of(a, elements, n, i, &listed, &count);
+        const int type = variable_at(a, elements[i])->type;
+        for (; i < end; i++) {
+            const Variable3 *const v = variable_at(a, elements[i]);
+            unsigned char *const to = a->packed + (size_t)a->places[a->variable_of[elements[i]]] * sizes_3[type];
+            for (int64_t k = 0; k < v->count; k++)
+                store(to + (size_t)k * sizes_3[type], type, a->values[v->first + k]);
+        }
+        const int status = a->set[type](a->instance, a->references, listed, a->packed, count);
+        if (status > 1)
+            return status;
+        worst = status > worst ? status : worst;
+    }
+    return worst;
+}
+
+static int get_3(Fmi3 *a, const uint32_t *elements, size_t n, double *values)
+{
+    a->failure = 0;
+    if (plain_3(a, elements, n))
+        return a->get[FLOAT_64](a->instance, a->references, n, values, n);
+    for (size_t i = 0; i < n;) {
+        size_t listed, count;
+        const size_t end = run_of(a, elements, n, i, &listed, &count);
+        const int type = variable_at(a, elements[i])->type;
+        const int status = a->get[type](a->instance, a->references, listed, a->packed, count);
+        if (status > 1)
+            return status;
+        for (; i < end; i++) {
+            const int64_t place =
+                a->places[a->variable_of[elements[i]]] + elements[i] - variable_at(a, elements[i])->first;
+            values[i] = load(a->packed + (size_t)place * sizes_3[type], type);
+            if ((type == INT_64 || type == UINT_64) && fabs(values[i]) > most_3[INT_64])
+                return fails_3(a, TOO_LARGE_3, elements[i]);
+        }
+    }
+    return 0;
+}
+
+EXPORT int fmi3_set_real(void *self, const uint32_t *elements, size_t n, void *values);
+
+EXPORT int fmi3_set_real(void *self, const uint32_t *elements, size_t n, void *values)
+{
+    return set_3((Fmi3 *)self, elements, n, (const double *)values);
+}
+
+EXPORT int fmi3_get_real(void *self, const uint32_t *elements, size_t n, void *values);
+
+EXPORT int fmi3_get_real(void *self, const uint32_t *elements, size_t n, void *values)
+{
+    return get_3((Fmi3 *)self, elements, n, (double *)values);
+}
+
+EXPORT int fmi3_set_whole(void *self, const uint32_t *elements, size_t n, void *values);
+
+/* For Integer and Boolean. */
+EXPORT int fmi3_set_whole(void *self, const uint32_t *elements, size_t n, void *values)
+{
+    Fmi3 *const a = (Fmi3 *)self;
+    for (size_t i = 0; i < n; i++)
+        a->numbers[i] = ((const int *)values)[i];
+    return set_3(a, elements, n, a->numbers);
+}
+
+EXPORT int fmi3_get_whole(void *self, const uint32_t *elements, size_t n, void *values);
+
+EXPORT int fmi3_get_whole(void *self, const uint32_t *elements, size_t n, void *values)
+{
+    Fmi3 *const a = (Fmi3 *)self;
+    const int status = get_3(a, elements, n, a->numbers);
+    for (size_t i = 0; status <= 1 && i < n; i++) {
+        if (fabs(a->numbers[i]) > most_3[INT_32])
+            return fails_3(a, TOO_LARGE_3, elements[i]);
+        ((int *)values)[i] = (int)a->numbers[i];
+    }
+    return status;
+}
+
+EXPORT int fmi3_set_slopes(void *self, const uint32_t *elements, size_t n, const int *orders, const double *slopes);
+
+EXPORT int fmi3_set_slopes(void *self, const uint32_t *elements, size_t n, const int *orders, const double *slopes)
+{
+    Fmi3 *const a = (Fmi3 *)self;
+    a->failure = 0;
+    for (size_t i = 0; i < n; i++)
+        a->references[i] = variable_at(a, elements[i])->reference;
+    return a->set_slopes(a->instance, a->references, n, orders, slopes);
+}
+
+/* ---- steps -------------------------------------------------------------------------------------------------- */
+
+static int step_3(Fmi3 *a, double t, double h)
+{
+    bool event = false, terminate = false, early = false;
+    double last = t + h;
+    const int status = a->do_step(a->instance, t, h, true, &event, &terminate, &early, &last);
+    if (status > 1)
+        return status;
+    if (terminate)
+        return fails_3(a, TERMINATED_3, 0);
+    if (early && last < t + h)
+        return fails_3(a, EARLY_3, 0);
+    a->pending = event && a->uses_events;
+    return status;
+}
+
+/* Return the time of the first tick of a clock that is not before t, up to rounding. */
+static double tick_from(const Fmi3 *a, const Clock3 *clock, double t)
+{
+    const double first = a->start + clock->shift;
+    const double k = ceil((t - first) / clock->interval - 1e-6);
+    return k > 0.0 ? first + k * clock->interval : first;
+}
+
+static bool ticks_at(const Fmi3 *a, const Clock3 *clock, double t)
+{
+    return tick_from(a, clock, t) <= t + 1e-6 * clock->interval;
+}
+
+/* In event mode: call the FMU until its discrete states are settled, then return to step mode. */
+static int settle_3(Fmi3 *a)
+{
+    a->pending = 0;
+    for (int tries = 0; tries < MOST_UPDATES_3; tries++) {
+        bool again = false, terminate = false, nominals, states, defined = false;
+        double next = INFINITY;
+        const int status = a->update(a->instance, &again, &terminate, &nominals, &states, &defined, &next);
+        if (status > 1)
+            return status;
+        if (terminate)
+            return fails_3(a, TERMINATED_3, 0);
+        a->next = defined ? next : INFINITY;
+        if (!again)
+            return a->enter_step_mode(a->instance);
+    }
+    return fails_3(a, UPDATES_3, 0);
+}
+
+EXPORT int fmi3_settle(Fmi3 *a);
+
+EXPORT int fmi3_settle(Fmi3 *a) { return settle_3(a); }
+
+/* Take the event at t, with the ticks of all clocks that are due. */
+static int take_event(Fmi3 *a, double t)
+{
+    int status = a->enter_event_mode(a->instance);
+    for (int64_t i = 0; status <= 1 && i < a->clock_count; i++) {
+        const bool ticks = true;
+        if (ticks_at(a, &a->clocks[i], t))
+            status = a->set_clock(a->instance, &a->clocks[i].reference, 1, &ticks);
+    }
+    return status > 1 ? status : settle_3(a);
+}
+
+static bool event_due_3(const Fmi3 *a, double t)
+{
+    for (int64_t i = 0; i < a->clock_count; i++)
+        if (ticks_at(a, &a->clocks[i], t))
+            return true;
+    return a->pending || a->next <= t;
+}
+
+/* Return the next time at which an event is due, after those at t. */
+static double next_event_3(const Fmi3 *a, double t)
+{
+    double next = a->next > t ? a->next : INFINITY;
+    for (int64_t i = 0; i < a->clock_count; i++) {
+        const Clock3 *const clock = &a->clocks[i];
+        next = fmin(next, ticks_at(a, clock, t) ? tick_from(a, clock, t) + clock->interval : tick_from(a, clock, t));
+    }
+    return next;
+}
+
+EXPORT int fmi3_do_step(void *self, double t, double h, int keeps_no_state);
+
+/* An event at the end of the step belongs to the next step, whose inputs it uses. */
+EXPORT int fmi3_do_step(void *self, double t, double h, int keeps_no_state)
+{
+    (void)keeps_no_state;
+    Fmi3 *const a = (Fmi3 *)self;
+    a->failure = 0;
+    if (!a->uses_events)
+        return step_3(a, t, h);
+    const double end = t + h;
+    double now = t;
+    for (int events = 0; events < MOST_EVENTS_3; events++) {
+        int status = event_due_3(a, now) ? take_event(a, now) : 0;
+        if (status > 1)
+            return status;
+        double target = next_event_3(a, now);
+        target = target < end - 1e-9 * h ? target : end;
+        status = step_3(a, now, now == t && target == end ? h : target - now);
+        if (status > 1 || target == end)
+            return status;
+        now = target;
+    }
+    return fails_3(a, EVENTS_3, 0);
+}
+
+/* ---- states ------------------------------------------------------------------------------------------------- */
+
+EXPORT int fmi3_get_state(void *self, void **saved);
+
+EXPORT int fmi3_get_state(void *self, void **saved)
+{
+    Fmi3 *const a = (Fmi3 *)self;
+    if (*saved == NULL)
+        *saved = calloc(1, sizeof(State3));
+    State3 *const s = (State3 *)*saved;
+    if (s == NULL)
+        return 3;
+    s->next = a->next;
+    s->pending = a->pending;
+    return a->get_state(a->instance, &s->state);
+}
+
+EXPORT int fmi3_set_state(void *self, void *saved);
+
+EXPORT int fmi3_set_state(void *self, void *saved)
+{
+    Fmi3 *const a = (Fmi3 *)self;
+    const State3 *const s = (const State3 *)saved;
+    a->next = s->next;
+    a->pending = s->pending;
+    return a->set_state(a->instance, s->state);
+}
+
+EXPORT int fmi3_free_state(void *self, void **saved);
+
+EXPORT int fmi3_free_state(void *self, void **saved)
+{
+    Fmi3 *const a = (Fmi3 *)self;
+    State3 *const s = (State3 *)*saved;
+    *saved = NULL;
+    const int status = s && s->state ? a->free_state(a->instance, &s->state) : 0;
+    free(s);
+    return status;
+}
+
+#endif
