@@ -77,13 +77,20 @@ class Flat:
     clocks : tuple of fmpy.model_description.ModelVariable
         The periodic clocks that the harness ticks.
     starts : tuple of float
-        Start value of each element, or 0.
+        Start value of each element, or 0; NaN if none is stated as the size of the array was changed.
+    elements_of : mapping of str to tuple of str
+        Names of the elements of each variable.
     """
 
     arrays: tuple[Array, ...]
     elements: int
     clocks: tuple[Any, ...]
     starts: tuple[float, ...]
+    elements_of: Mapping[str, tuple[str, ...]]
+
+    def names(self, array: Array) -> tuple[str, ...]:
+        """Return the names of the elements."""
+        return self.elements_of[array.name]
 
     @property
     def structural(self) -> dict[str, Array]:
@@ -130,11 +137,12 @@ def flatten(path: Path, description: Any, sizes: Mapping[str, int]) -> tuple[Any
         structural = variable.causality == "structuralParameter"
         arrays.append(Array(variable.name, variable.type, variable.valueReference, len(scalars), len(own), structural))
         scalars += own
-        starts += [_number(each.start) for each in own]
+        starts += [math.nan if each.start is None and variable.start else _number(each.start) for each in own]
         of_name[variable.name] = own
         if len(scalars) > MOST_ELEMENTS:
             raise FmuError(f"{path} has more than {MOST_ELEMENTS} elements of variables: choose smaller arrays")
-    flat = Flat(tuple(arrays), len(scalars), _clocks(path, description), tuple(starts))
+    names = {name: tuple(str(each.name) for each in own) for name, own in of_name.items()}
+    flat = Flat(tuple(arrays), len(scalars), _clocks(path, description), tuple(starts), names)
     return _description(description, scalars, of_name), flat
 
 
@@ -162,6 +170,8 @@ def _elements(
     if variable.name in sizes:
         texts = [str(sizes[variable.name])]
     count = math.prod(shape)
+    if len(texts) > 1 and len(texts) < count and sizes and any(d.start is None for d in variable.dimensions):
+        texts = [*texts, *[None] * (count - len(texts))]
     if len(texts) > 1 and len(texts) < count:
         raise FmuError(
             f"variable '{variable.name}' of {path} has {count} elements, but {len(texts)} start values: export it again"

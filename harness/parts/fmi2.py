@@ -94,7 +94,7 @@ class Library:
         self.close = weakref.finalize(self, _unload, self.slave.dll._handle, folder)
 
     def _load(self, archive: Archive, name: str, folder: str) -> None:
-        self.slave = (fmpy.fmi2.FMU2Model if archive.exchange else fmpy.fmi2.FMU2Slave)(
+        self.slave: Any = (fmpy.fmi2.FMU2Model if archive.exchange else fmpy.fmi2.FMU2Slave)(
             instanceName=name,
             guid=archive.description.guid,
             modelIdentifier=archive.interface.modelIdentifier,

@@ -4,19 +4,23 @@ from __future__ import annotations
 
 import ctypes
 import math
+import os
 import struct
 from collections.abc import Callable, Mapping
+from pathlib import Path
 from types import MappingProxyType
 from typing import Any, Final
 
+import fmpy
 import fmpy.fmi3
 import numpy as np
 
 from harness.engine.library import library, mirrors
-from harness.errors import PartError
+from harness.errors import PartError, StartValueError
 from harness.parts.archive import Archive
 from harness.parts.flat import TYPES, Flat
 from harness.parts.fmi2 import Instance, Library
+from harness.parts.part import StartValue
 
 _POINTER, _INT, _REAL = ctypes.c_void_p, ctypes.c_int64, ctypes.c_double
 _NEXT = struct.Struct("<dq")
@@ -44,6 +48,14 @@ _ADAPTED: Final[Mapping[str, str]] = MappingProxyType(
 
 _SLOPES: Final = "friction_fmus_SetInputDerivatives"
 """Function of FMUs of this project that sets time derivatives of inputs, which FMI 3.0 does not have."""
+
+_NEEDED: Final = (
+    *("InstantiateCoSimulation", "FreeInstance", "EnterInitializationMode", "ExitInitializationMode"),
+    *("Terminate", "Reset", "DoStep"),
+)
+_EVENTS: Final = ("EnterEventMode", "EnterStepMode", "SetClock", "UpdateDiscreteStates")
+_STATES: Final = ("GetFMUState", "SetFMUState", "FreeFMUState")
+"""Functions that every FMU needs, those with clocks, and those that save their state."""
 
 _NAMES: Final[Mapping[str, str]] = MappingProxyType(
     {
@@ -98,22 +110,54 @@ class _State(ctypes.Structure):
     _fields_ = (("state", _POINTER), ("next", _REAL), ("pending", _INT))
 
 
+class _Slave:
+    """A loaded library. ``FMU3Slave`` of fmpy wants all functions of FMI 3.0, also those of model exchange."""
+
+    def __init__(self, archive: Archive, name: str, folder: Path) -> None:
+        """Load the library in its folder, in which some libraries look for others."""
+        self._name, self._token, self._folder = name, str(archive.description.guid), folder
+        identifier = archive.interface.modelIdentifier
+        path = folder / "binaries" / fmpy.platform_tuple / f"{identifier}{fmpy.sharedLibraryExtension}"
+        os.chdir(path.parent)
+        self.dll: Any = ctypes.CDLL(str(path))
+
+    def instantiate(self, log: Callable[..., None], events: bool) -> int:
+        """Return the address of a new instance, or 0."""
+        self.log = fmpy.fmi3.fmi3LogMessageCallback(log)
+        function = self.dll.fmi3InstantiateCoSimulation
+        function.restype = _POINTER
+        resources = str(self._folder / "resources") + os.sep
+        no, yes = ctypes.c_bool(False), ctypes.c_bool(True)
+        made = function(
+            *(text.encode() for text in (self._name, self._token, resources)),
+            *(no, yes, ctypes.c_bool(events), no),
+            *(None, ctypes.c_size_t(0), None, self.log, None),
+        )
+        return int(made or 0)
+
+
 class Library3(Library):
     """An unpacked FMU of FMI 3.0 with its loaded library; its functions are those of the adapter."""
 
     def _load(self, archive: Archive, name: str, folder: str) -> None:
-        self.slave = fmpy.fmi3.FMU3Slave(
-            instanceName=name,
-            guid=archive.description.guid,
-            modelIdentifier=archive.interface.modelIdentifier,
-            unzipDirectory=folder,
-        )
+        self.slave: Any = _Slave(archive, name, Path(folder))
+        assert archive.flat is not None
+        needed = [f"{verb}{_stored(array.type)}" for array in archive.flat.arrays for verb in ("Set", "Get")]
+        needed += [*_NEEDED, *(_EVENTS if archive.flat.clocks else ()), *(_STATES if _saves(archive) else ())]
+        for function in needed:
+            if not hasattr(self.slave.dll, f"fmi3{function}"):
+                raise ValueError(f"its library has no function fmi3{function}")
         exported = {**_ADAPTED, "DoStep": "fmi3_do_step", "SetRealInputDerivatives": "fmi3_set_slopes"}
         self.addresses = {name: _address(library(), function) for name, function in exported.items()}
 
 
 def _address(dll: Any, function: str) -> int:
-    return ctypes.cast(getattr(dll, function), _POINTER).value or 0
+    """Return the address of a function; 0 if the library does not have it, as it is not called then."""
+    return ctypes.cast(getattr(dll, function), _POINTER).value or 0 if hasattr(dll, function) else 0
+
+
+def _saves(archive: Archive) -> bool:
+    return bool(archive.interface.canGetAndSetFMUstate)
 
 
 class Instance3(Instance):
@@ -139,8 +183,10 @@ class Instance3(Instance):
         def log(_environment: object, status: int, category: bytes | None, message: bytes | None) -> None:
             self._logged(None, None, status, category, message)
 
-        loaded.slave.instantiate(loggingOn=True, eventModeUsed=bool(flat.clocks), logMessage=log)
-        self._adapter = self._adapt(loaded.slave.component)
+        made = loaded.slave.instantiate(log, bool(flat.clocks))
+        if not made:
+            raise ValueError("no instance")
+        self._adapter = self._adapt(made)
         self.component = ctypes.addressof(self._adapter)
         self._own = _Calls(self._raw, self._adapter, flat)
 
@@ -185,6 +231,26 @@ class Instance3(Instance):
         if self.interpolates:
             adapter.set_slopes = _address(raw, _SLOPES)
         return adapter
+
+    def preload(self, values: Mapping[str, StartValue]) -> None:
+        """Take over all start values before the first is set, as an array is set as a whole.
+
+        Raises
+        ------
+        StartValueError
+            If a value of an array is missing whose size was changed: its description states none.
+        """
+        for array in self._flat.arrays:
+            names = {name: k for k, name in enumerate(self._flat.names(array)) if name in values}
+            place = self._kept["values"][array.first : array.first + array.count]
+            for name, k in names.items():
+                value = values[name]
+                if isinstance(value, int | float):
+                    place[k] = value
+            if names and np.isnan(place).any():
+                raise StartValueError(
+                    f"{self.name}.{array.name} has {array.count} elements now: give a start value for each of them"
+                )
 
     def begin(self, time: float, tolerance: float | None) -> None:
         """Leave initialisation mode; an FMU with clocks is then in event mode and settles."""

@@ -145,6 +145,8 @@ class FmuPart(Part):
         self._idle = None
         self._start, self._tolerance = start, tolerance
         sizes = self.archive.flat.structural if self.archive.flat is not None else {}
+        if isinstance(instance, Instance3):
+            instance.preload(values)
         for name in sorted(values, key=lambda name: name not in sizes):  # sizes of arrays before their values
             self._set_start(instance, self.archive.ports[name], values[name])
         known = math.isfinite(stop)

@@ -214,10 +214,10 @@ def test_unreadable_description(make_fmu: Callable[..., Path], xml: bytes) -> No
 
 def test_other_fmi_version(make_fmu: Callable[..., Path]) -> None:
     xml = (
-        b'<fmiModelDescription fmiVersion="3.0" modelName="P" instantiationToken="p">'
-        b'<CoSimulation modelIdentifier="probe"/><ModelVariables/><ModelStructure/></fmiModelDescription>'
+        b'<fmiModelDescription fmiVersion="1.0" modelName="P" modelIdentifier="probe" guid="p" '
+        b'numberOfContinuousStates="0" numberOfEventIndicators="0"><ModelVariables/></fmiModelDescription>'
     )
-    assert "is an FMI 3.0 FMU" in refused(make_fmu(members={"modelDescription.xml": xml}))
+    assert "is an FMI 1.0 FMU" in refused(make_fmu(members={"modelDescription.xml": xml}))
 
 
 def test_neither_interface(make_fmu: Callable[..., Path]) -> None:
