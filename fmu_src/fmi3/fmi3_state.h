@@ -41,7 +41,7 @@ static const char *fault_of_3(const Shell *c, const Saved3 *saved)
         return "it is not a state of this kind of FMU";
     if (saved->byte_order != 0x01020304)
         return "it was written on a machine with another byte order";
-    if (strncmp(saved->token, TOKEN, sizeof saved->token) != 0 || saved->size != sizeof(Saved3))
+    if (memcmp(saved->token, TOKEN, sizeof TOKEN) != 0 || saved->size != sizeof(Saved3))
         return "it belongs to another FMU or version";
     if ((saved->exchange != 0) != (KIND(c->inside) == fmi2ModelExchange))
         return "it was saved in the other kind of FMU, co-simulation or model exchange";
@@ -62,10 +62,12 @@ fmi3Status fmi3GetFMUState(fmi3Instance instance, fmi3FMUState *state)
             free(saved);
         return (fmi3Status)status;
     }
-    memcpy(saved->magic, "shell 3", 8);
-    strcpy(saved->token, TOKEN);
-    saved->byte_order = 0x01020304;
-    saved->size = sizeof(Saved3);
+    if (!*state) {
+        memcpy(saved->magic, "shell 3", 8);
+        strcpy(saved->token, TOKEN);
+        saved->byte_order = 0x01020304;
+        saved->size = sizeof(Saved3);
+    }
     saved->mode = c->mode;
     saved->exchange = KIND(c->inside) == fmi2ModelExchange;
     saved->events = c->events;

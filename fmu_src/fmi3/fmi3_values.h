@@ -22,6 +22,16 @@ static fmi3Status check_variables_3(const Shell *c, const fmi3ValueReference ref
     return fmi3OK;
 }
 
+/* Return whether all variables are scalars of type Float64 with a value each. */
+static inline bool plain_3(const fmi3ValueReference references[], size_t n, const double *values, size_t count)
+{
+    bool plain = n == count && references && values;
+    for (size_t i = 0; plain && i < n; i++)
+        plain = references[i] < REFERENCES && variables_3[references[i]].type == IS_FLOAT64 &&
+                variables_3[references[i]].length == 1;
+    return plain;
+}
+
 /* Return the elements of all variables, which were checked; NULL if there are too many. */
 static const fmi2ValueReference *elements_of_3(Shell *c, const fmi3ValueReference references[], size_t n, size_t count)
 {
@@ -58,12 +68,18 @@ fmi3Status fmi3GetFloat64(fmi3Instance instance, const fmi3ValueReference refere
                           size_t count)
 {
     ENTER_3("GetFloat64", MAY3_Get)
+    if (plain_3(references, n, values, count)) {
+#ifndef COMPOSITE_H
+        Model *const m = &c->inside->model;
+        if (!m->run.stale) {
+            for (size_t i = 0; i < n; i++)
+                values[i] = *value_of(m, references[i]);
+            return fmi3OK;
+        }
+#endif
+        return (fmi3Status)fmi2GetReal(c->inside, references, n, values);
+    }
     fmi3Status status = check_variables_3(c, references, n, values, count, IS_FLOAT64);
-    bool plain = n == count;
-    for (size_t i = 0; plain && status == fmi3OK && i < n; i++)
-        plain = references[i] != INDICATORS_REFERENCE;
-    if (status != fmi3OK || plain)
-        return status != fmi3OK ? status : (fmi3Status)fmi2GetReal(c->inside, references, n, values);
     for (size_t i = 0; i < n && status == fmi3OK; i++) {
         const size_t size = size_of_3(c, references[i]);
         status = references[i] == INDICATORS_REFERENCE
@@ -78,6 +94,8 @@ fmi3Status fmi3SetFloat64(fmi3Instance instance, const fmi3ValueReference refere
                           const fmi3Float64 values[], size_t count)
 {
     ENTER_3("SetFloat64", MAY3_Set)
+    if (plain_3(references, n, values, count))
+        return (fmi3Status)fmi2SetReal(c->inside, references, n, values);
     const fmi3Status status = check_variables_3(c, references, n, values, count, IS_FLOAT64);
     if (status != fmi3OK)
         return status;

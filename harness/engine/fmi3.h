@@ -134,18 +134,6 @@ static inline const Variable3 *variable_at(const Fmi3 *a, uint32_t element)
     return &a->variables[a->variable_of[element]];
 }
 
-/* Store the references of the elements if all are scalars of type Float64, so that values need no copy. */
-static bool plain_3(Fmi3 *a, const uint32_t *elements, size_t n)
-{
-    for (size_t i = 0; i < n; i++) {
-        const Variable3 *const v = variable_at(a, elements[i]);
-        if (v->type != FLOAT_64 || v->count != 1)
-            return false;
-        a->references[i] = v->reference;
-    }
-    return true;
-}
-
 /* Return the end of the elements from i on whose variables have the same type; list these variables once each, with
    their places among the values. */
 static size_t run_of(Fmi3 *a, const uint32_t *elements, size_t n, size_t i, size_t *listed, size_t *count)
@@ -177,8 +165,6 @@ static int set_3(Fmi3 *a, const uint32_t *elements, size_t n, const double *valu
             return fails_3(a, NOT_WHOLE_3, elements[i]);
         a->values[elements[i]] = values[i];
     }
-    if (plain_3(a, elements, n))
-        return a->set[FLOAT_64](a->instance, a->references, n, (void *)(uintptr_t)values, n);
     int worst = 0;
     for (size_t i = 0; i < n;) {
         size_t listed, count;
@@ -201,8 +187,6 @@ static int set_3(Fmi3 *a, const uint32_t *elements, size_t n, const double *valu
 static int get_3(Fmi3 *a, const uint32_t *elements, size_t n, double *values)
 {
     a->failure = 0;
-    if (plain_3(a, elements, n))
-        return a->get[FLOAT_64](a->instance, a->references, n, values, n);
     for (size_t i = 0; i < n;) {
         size_t listed, count;
         const size_t end = run_of(a, elements, n, i, &listed, &count);
@@ -219,6 +203,32 @@ static int get_3(Fmi3 *a, const uint32_t *elements, size_t n, double *values)
         }
     }
     return 0;
+}
+
+/* Exchanges of scalars of type Float64 only, with the references of the FMU. */
+EXPORT int fmi3_set_plain(void *self, const uint32_t *references, size_t n, void *values);
+
+EXPORT int fmi3_set_plain(void *self, const uint32_t *references, size_t n, void *values)
+{
+    Fmi3 *const a = (Fmi3 *)self;
+    return a->set[FLOAT_64](a->instance, references, n, values, n);
+}
+
+EXPORT int fmi3_get_plain(void *self, const uint32_t *references, size_t n, void *values);
+
+EXPORT int fmi3_get_plain(void *self, const uint32_t *references, size_t n, void *values)
+{
+    Fmi3 *const a = (Fmi3 *)self;
+    return a->get[FLOAT_64](a->instance, references, n, values, n);
+}
+
+EXPORT int fmi3_set_slopes(void *self, const uint32_t *references, size_t n, const int *orders, const double *slopes);
+
+/* Only with fmi3_set_plain. */
+EXPORT int fmi3_set_slopes(void *self, const uint32_t *references, size_t n, const int *orders, const double *slopes)
+{
+    Fmi3 *const a = (Fmi3 *)self;
+    return a->set_slopes(a->instance, references, n, orders, slopes);
 }
 
 EXPORT int fmi3_set_real(void *self, const uint32_t *elements, size_t n, void *values);
@@ -258,17 +268,6 @@ EXPORT int fmi3_get_whole(void *self, const uint32_t *elements, size_t n, void *
         ((int *)values)[i] = (int)a->numbers[i];
     }
     return status;
-}
-
-EXPORT int fmi3_set_slopes(void *self, const uint32_t *elements, size_t n, const int *orders, const double *slopes);
-
-EXPORT int fmi3_set_slopes(void *self, const uint32_t *elements, size_t n, const int *orders, const double *slopes)
-{
-    Fmi3 *const a = (Fmi3 *)self;
-    a->failure = 0;
-    for (size_t i = 0; i < n; i++)
-        a->references[i] = variable_at(a, elements[i])->reference;
-    return a->set_slopes(a->instance, a->references, n, orders, slopes);
 }
 
 /* ---- steps -------------------------------------------------------------------------------------------------- */

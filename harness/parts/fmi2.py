@@ -8,7 +8,7 @@ import math
 import os
 import threading
 import weakref
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final, TypeAlias
 
@@ -278,6 +278,12 @@ class Instance:
         self.running = False
         label = _STATUS[status] if 0 <= status < len(_STATUS) else f"the illegal status {status}"
         return PartError(self.name, function, f"it returned {label} and logged {self._quoted_message()}", time)
+
+    def routes(
+        self, inputs: Sequence[int], outputs: Sequence[int]
+    ) -> tuple[Mapping[str, int], Sequence[int], Sequence[int]]:
+        """Return the functions by which the engine exchanges these variables, and their references."""
+        return self.functions, inputs, outputs
 
     def reset(self) -> bool:
         """Return the instance to its initial state with fmi2Reset.

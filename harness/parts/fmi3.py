@@ -6,7 +6,7 @@ import ctypes
 import math
 import os
 import struct
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any, Final
@@ -231,6 +231,22 @@ class Instance3(Instance):
         if self.interpolates:
             adapter.set_slopes = _address(raw, _SLOPES)
         return adapter
+
+    def routes(
+        self, inputs: Sequence[int], outputs: Sequence[int]
+    ) -> tuple[Mapping[str, int], Sequence[int], Sequence[int]]:
+        """Return direct functions and the references of the FMU where all values are scalars of type Float64."""
+        functions = dict(self.functions)
+        plain = {a.first: a.reference for a in self._flat.arrays if a.type == "Float64" and a.count == 1}
+        chosen = []
+        for verb, elements in (("Set", inputs), ("Get", outputs)):
+            direct = all(element in plain for element in elements)
+            if direct:
+                functions[f"{verb}Real"] = _address(library(), f"fmi3_{verb.lower()}_plain")
+            elif verb == "Set":
+                del functions["SetRealInputDerivatives"]
+            chosen.append([plain[element] for element in elements] if direct else elements)
+        return functions, chosen[0], chosen[1]
 
     def preload(self, values: Mapping[str, StartValue]) -> None:
         """Take over all start values before the first is set, as an array is set as a whole.

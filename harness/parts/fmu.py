@@ -171,14 +171,17 @@ class FmuPart(Part):
     def native(self, inputs: Sequence[str], outputs: Sequence[str]) -> Native | None:
         """Return the addresses of the instance and of the functions of its library."""
         instance, ports, variables = self._started(), self.archive.ports, self.archive.variables
+        functions, set_, get = instance.routes(
+            *([variables[name].valueReference for name in names] for names in (inputs, outputs))
+        )
         return Native(
             instance.stepped,
-            instance.functions,
-            [variables[name].valueReference for name in inputs],
-            [variables[name].valueReference for name in outputs],
+            functions,
+            set_,
+            get,
             [ports[name].type for name in inputs],
             [ports[name].type for name in outputs],
-            instance.interpolates,
+            instance.interpolates and "SetRealInputDerivatives" in functions,
             self.saves,
             instance.failure,
         )
