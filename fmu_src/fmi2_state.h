@@ -3,7 +3,7 @@
 #ifndef BLOCK_FMI2_STATE_H
 #define BLOCK_FMI2_STATE_H
 
-#include "fmi2_hash.h"
+#include "fmi2_saved.h"
 
 /* ---- identity ----------------------------------------------------------------------------------------------- */
 
@@ -41,40 +41,25 @@ static void write_guid(char *text)
 
 /* ---- saved states ------------------------------------------------------------------------------------------- */
 
+#define MAGIC "block"
+
 typedef struct {
-    char magic[8];
-    char guid[GUID_LENGTH + 2];
-    uint32_t byte_order, size;
-    uint64_t checksum; /* checksum of the model, in serialized states */
+    SavedHeader header; /* with the checksum of the model */
     Model model;
 } Saved;
 
-static uint64_t checksum_of(const Saved *saved)
-{
-    return mix(UINT64_C(14695981039346656037), &saved->model, sizeof saved->model);
-}
+static uint64_t checksum_of(const Saved *saved) { return checksum_of_bytes(&saved->model, sizeof saved->model); }
 
 static void save(const Instance *c, Saved *saved)
 {
-    memset(saved, 0, offsetof(Saved, model));
-    memcpy(saved->magic, "friction", 8);
-    memcpy(saved->guid, c->guid, sizeof c->guid);
-    saved->byte_order = 0x01020304;
-    saved->size = sizeof(Saved);
+    write_header(&saved->header, MAGIC, c->guid, sizeof(Saved));
     memcpy(&saved->model, &c->model, sizeof c->model); /* including padding, for equal bytes */
 }
 
 static const char *fault_of(const Instance *c, const Saved *saved)
 {
-    if (memcmp(saved->magic, "friction", 8) != 0)
-        return "it is not a state of this kind of FMU";
-    if (saved->byte_order != 0x01020304)
-        return "it was written on a machine with another byte order";
-    if (memcmp(saved->guid, c->guid, sizeof c->guid) != 0 || saved->size != sizeof(Saved))
-        return "it belongs to another FMU or version";
-    if (saved->model.run.exchange != c->model.run.exchange)
-        return "it was saved in the other kind of FMU, co-simulation or model exchange";
-    return NULL;
+    const char *const fault = fault_of_header(&saved->header, MAGIC, c->guid, sizeof(Saved));
+    return !fault && saved->model.run.exchange != c->model.run.exchange ? OTHER_KIND : fault;
 }
 
 /* Return whether the row can have this value. */
@@ -179,7 +164,7 @@ fmi2Status fmi2SerializeFMUstate(fmi2Component component, fmi2FMUstate state, fm
             (unsigned)size, (unsigned)sizeof(Saved))
     const uint64_t checksum = checksum_of((const Saved *)state);
     memcpy(bytes, state, sizeof(Saved));
-    memcpy(bytes + offsetof(Saved, checksum), &checksum, sizeof checksum);
+    memcpy(bytes + offsetof(Saved, header.checksum), &checksum, sizeof checksum);
     return fmi2OK;
 }
 
@@ -193,7 +178,7 @@ fmi2Status fmi2DeSerializeFMUstate(fmi2Component component, const fmi2Byte bytes
     REQUIRE(read, "fmi2DeSerializeFMUstate: out of memory")
     memcpy(read, bytes, sizeof(Saved));
     const char *fault = fault_of(c, read);
-    if (!fault && read->checksum != checksum_of(read))
+    if (!fault && read->header.checksum != checksum_of(read))
         fault = "they are damaged";
     if (!fault && !plausible(&read->model))
         fault = "no run can reach such values";

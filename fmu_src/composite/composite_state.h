@@ -3,13 +3,12 @@
 #ifndef COMPOSITE_STATE_H
 #define COMPOSITE_STATE_H
 
-#include "fmi2_hash.h"
+#include "fmi2_saved.h"
+
+#define MAGIC "compose"
 
 typedef struct {
-    char magic[8];
-    char guid[GUID_LENGTH + 2];
-    uint32_t byte_order, size;
-    uint64_t checksum; /* of everything that follows, in serialized states */
+    SavedHeader header; /* with the checksum of everything that follows */
     Memory memory;
     void *parts[PARTS];
 } Saved;
@@ -19,20 +18,13 @@ enum { SAVED_SIZE = offsetof(Saved, parts), AFTER_CHECKSUM = offsetof(Saved, mem
 
 static uint64_t checksum_of(const char *bytes, size_t size)
 {
-    return mix(UINT64_C(14695981039346656037), bytes + AFTER_CHECKSUM, size - AFTER_CHECKSUM);
+    return checksum_of_bytes(bytes + AFTER_CHECKSUM, size - AFTER_CHECKSUM);
 }
 
 static const char *fault_of(const Instance *c, const Saved *saved)
 {
-    if (memcmp(saved->magic, "compose", 8) != 0)
-        return "it is not a state of this kind of FMU";
-    if (saved->byte_order != 0x01020304)
-        return "it was written on a machine with another byte order";
-    if (strncmp(saved->guid, GUID, sizeof saved->guid) != 0 || saved->size != sizeof(Saved))
-        return "it belongs to another FMU or version";
-    if (saved->memory.exchange != c->memory.exchange)
-        return "it was saved in the other kind of FMU, co-simulation or model exchange";
-    return NULL;
+    const char *const fault = fault_of_header(&saved->header, MAGIC, GUID, sizeof(Saved));
+    return !fault && saved->memory.exchange != c->memory.exchange ? OTHER_KIND : fault;
 }
 
 static void free_saved(Instance *c, Saved *saved)
@@ -51,11 +43,7 @@ fmi2Status fmi2GetFMUstate(fmi2Component component, fmi2FMUstate *state)
         *state = calloc(1, sizeof(Saved));
     Saved *const saved = (Saved *)*state;
     REQUIRE(saved, "fmi2GetFMUstate: out of memory")
-    memset(saved, 0, AFTER_CHECKSUM);
-    memcpy(saved->magic, "compose", 8);
-    strcpy(saved->guid, GUID);
-    saved->byte_order = 0x01020304;
-    saved->size = sizeof(Saved);
+    write_header(&saved->header, MAGIC, GUID, sizeof(Saved));
     memcpy(&saved->memory, &c->memory, sizeof c->memory);
     for (int64_t i = 0; i < PARTS; i++)
         REQUIRE(!is_fmu(i) || c->parts[i].get_state(c->parts[i].component, &saved->parts[i]) <= 1,
@@ -138,7 +126,7 @@ fmi2Status fmi2SerializeFMUstate(fmi2Component component, fmi2FMUstate state, fm
         end += inner;
     }
     const uint64_t checksum = checksum_of(bytes, needed);
-    memcpy(bytes + offsetof(Saved, checksum), &checksum, sizeof checksum);
+    memcpy(bytes + offsetof(Saved, header.checksum), &checksum, sizeof checksum);
     return fmi2OK;
 }
 
@@ -212,6 +200,16 @@ static const char *read_parts(Instance *c, Saved *saved, const fmi2Byte bytes[],
     return end == size ? NULL : "they are too many";
 }
 
+static const char *fault_of_bytes(const Instance *c, const Saved *read, const fmi2Byte bytes[], size_t size)
+{
+    const char *const fault = fault_of(c, read);
+    if (fault)
+        return fault;
+    if (read->header.checksum != checksum_of(bytes, size))
+        return "they are damaged";
+    return plausible(&read->memory) ? NULL : "no run can reach such values";
+}
+
 fmi2Status fmi2DeSerializeFMUstate(fmi2Component component, const fmi2Byte bytes[], size_t size, fmi2FMUstate *state)
 {
     ENTER("DeSerializeFMUstate", MAY_FMUstate)
@@ -221,12 +219,8 @@ fmi2Status fmi2DeSerializeFMUstate(fmi2Component component, const fmi2Byte bytes
     Saved *const read = (Saved *)calloc(1, sizeof(Saved));
     REQUIRE(read, "fmi2DeSerializeFMUstate: out of memory")
     memcpy(read, bytes, SAVED_SIZE);
-    const char *fault = fault_of(c, read);
-    if (!fault && read->checksum != checksum_of(bytes, size))
-        fault = "they are damaged";
-    if (!fault && !plausible(&read->memory))
-        fault = "no run can reach such values";
-    read->checksum = 0;
+    const char *fault = fault_of_bytes(c, read, bytes, size);
+    read->header.checksum = 0;
     if (!fault)
         fault = read_parts(c, read, bytes, size);
     if (fault) {

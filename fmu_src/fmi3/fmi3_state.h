@@ -3,11 +3,10 @@
 #ifndef FMI3_STATE_H
 #define FMI3_STATE_H
 
+#define MAGIC_3 "shell 3"
+
 typedef struct {
-    char magic[8];
-    char token[GUID_LENGTH + 2];
-    uint32_t byte_order, size; /* of this struct */
-    uint64_t checksum;         /* of what follows, and of the bytes of `inside`, in serialized states */
+    SavedHeader header; /* with the checksum of what follows and of the bytes of `inside` */
     int32_t mode, exchange, events, ticking;
     fmi2FMUstate inside;
 } Saved3;
@@ -37,14 +36,11 @@ static int modes_inside(int mode, bool exchange)
 
 static const char *fault_of_3(const Shell *c, const Saved3 *saved)
 {
-    if (memcmp(saved->magic, "shell 3", 8) != 0)
-        return "it is not a state of this kind of FMU";
-    if (saved->byte_order != 0x01020304)
-        return "it was written on a machine with another byte order";
-    if (memcmp(saved->token, TOKEN, sizeof TOKEN) != 0 || saved->size != sizeof(Saved3))
-        return "it belongs to another FMU or version";
+    const char *const fault = fault_of_header(&saved->header, MAGIC_3, TOKEN, sizeof(Saved3));
+    if (fault)
+        return fault;
     if ((saved->exchange != 0) != (KIND(c->inside) == fmi2ModelExchange))
-        return "it was saved in the other kind of FMU, co-simulation or model exchange";
+        return OTHER_KIND;
     if ((saved->events != 0) != c->events)
         return "it was saved with another value of eventModeUsed";
     return NULL;
@@ -62,12 +58,8 @@ fmi3Status fmi3GetFMUState(fmi3Instance instance, fmi3FMUState *state)
             free(saved);
         return (fmi3Status)status;
     }
-    if (!*state) {
-        memcpy(saved->magic, "shell 3", 8);
-        strcpy(saved->token, TOKEN);
-        saved->byte_order = 0x01020304;
-        saved->size = sizeof(Saved3);
-    }
+    if (!*state)
+        write_header(&saved->header, MAGIC_3, TOKEN, sizeof(Saved3));
     saved->mode = c->mode;
     saved->exchange = KIND(c->inside) == fmi2ModelExchange;
     saved->events = c->events;
@@ -130,7 +122,7 @@ fmi3Status fmi3SerializedFMUStateSize(fmi3Instance instance, fmi3FMUState state,
 /* Return the checksum of serialized bytes. */
 static uint64_t checksum_of_3(const fmi3Byte *bytes, size_t size)
 {
-    return mix(UINT64_C(14695981039346656037), bytes + CHECKED_3, size - CHECKED_3);
+    return checksum_of_bytes(bytes + CHECKED_3, size - CHECKED_3);
 }
 
 fmi3Status fmi3SerializeFMUState(fmi3Instance instance, fmi3FMUState state, fmi3Byte bytes[], size_t size)
@@ -148,7 +140,7 @@ fmi3Status fmi3SerializeFMUState(fmi3Instance instance, fmi3FMUState state, fmi3
         return (fmi3Status)status;
     memcpy(bytes, saved, STORED_3);
     const uint64_t checksum = checksum_of_3(bytes, needed);
-    memcpy(bytes + offsetof(Saved3, checksum), &checksum, sizeof checksum);
+    memcpy(bytes + offsetof(Saved3, header.checksum), &checksum, sizeof checksum);
     return fmi3OK;
 }
 
@@ -171,7 +163,7 @@ fmi3Status fmi3DeserializeFMUState(fmi3Instance instance, const fmi3Byte bytes[]
     REQUIRE_3(read, "has no memory")
     memcpy(read, bytes, STORED_3);
     const char *fault = fault_of_3(c, read);
-    if (!fault && read->checksum != checksum_of_3(bytes, size))
+    if (!fault && read->header.checksum != checksum_of_3(bytes, size))
         fault = "they are damaged";
     fmi2Status status = fmi2Error;
     if (!fault)

@@ -40,7 +40,7 @@ from harness.system.layout import make_plan
 ERRORS: Final = {"newton": 0.0, "adaptive": 1e-5}
 """Tolerated coupling error of each master that a composite FMU can contain, see `harness.masters.adaptive`."""
 
-_HEADERS: Final = ("fmi2_modes.h", "fmi2_calls.h", "fmi2_hash.h")
+_HEADERS: Final = ("fmi2_modes.h", "fmi2_calls.h", "fmi2_hash.h", "fmi2_saved.h")
 
 
 def compose(

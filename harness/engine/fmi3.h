@@ -5,25 +5,10 @@
 #ifndef FMI3_H
 #define FMI3_H
 
-#include "engine.h"
+#include "fmi3_values.h"
 
 #include <stdlib.h>
 #include <string.h>
-
-typedef enum {
-    FLOAT_64,
-    FLOAT_32,
-    INT_8,
-    UINT_8,
-    INT_16,
-    UINT_16,
-    INT_32,
-    UINT_32,
-    INT_64,
-    UINT_64,
-    BOOLEAN_8,
-    TYPES_3
-} Type3;
 
 enum { LARGEST_SIZE_3 = 8, MOST_EVENTS_3 = 10000, MOST_UPDATES_3 = 100 };
 
@@ -86,47 +71,6 @@ static int fails_3(Fmi3 *a, int failure, int64_t element)
     a->failure = failure;
     a->failed = element;
     return 3;
-}
-
-static const size_t sizes_3[TYPES_3] = {8, 4, 1, 1, 2, 2, 4, 4, 8, 8, 1};
-static const double least_3[TYPES_3] = {0, 0, -128.0, 0, -32768.0, 0, -2147483648.0, 0, -9007199254740992.0, 0, 0};
-static const double most_3[TYPES_3] = {
-    0, 0, 127.0, 255.0, 32767.0, 65535.0, 2147483647.0, 4294967295.0, 9007199254740992.0, 9007199254740992.0, 0};
-
-#define STORE(type) (*(type *)(void *)to = (type)value)
-static void store(unsigned char *to, int type, double value)
-{
-    switch (type) {
-    case FLOAT_64: STORE(double); break;
-    case FLOAT_32: STORE(float); break;
-    case INT_8: STORE(int8_t); break;
-    case UINT_8: STORE(uint8_t); break;
-    case INT_16: STORE(int16_t); break;
-    case UINT_16: STORE(uint16_t); break;
-    case INT_32: STORE(int32_t); break;
-    case UINT_32: STORE(uint32_t); break;
-    case INT_64: STORE(int64_t); break;
-    case UINT_64: STORE(uint64_t); break;
-    default: *(bool *)(void *)to = value != 0.0;
-    }
-}
-
-#define LOAD(type) ((double)*(const type *)(const void *)from)
-static double load(const unsigned char *from, int type)
-{
-    switch (type) {
-    case FLOAT_64: return LOAD(double);
-    case FLOAT_32: return LOAD(float);
-    case INT_8: return LOAD(int8_t);
-    case UINT_8: return LOAD(uint8_t);
-    case INT_16: return LOAD(int16_t);
-    case UINT_16: return LOAD(uint16_t);
-    case INT_32: return LOAD(int32_t);
-    case UINT_32: return LOAD(uint32_t);
-    case INT_64: return LOAD(int64_t);
-    case UINT_64: return LOAD(uint64_t);
-    default: return *(const bool *)(const void *)from ? 1.0 : 0.0;
-    }
 }
 
 static inline const Variable3 *variable_at(const Fmi3 *a, uint32_t element)
@@ -270,115 +214,7 @@ EXPORT int fmi3_get_whole(void *self, const uint32_t *elements, size_t n, void *
     return status;
 }
 
-/* ---- steps -------------------------------------------------------------------------------------------------- */
-
-static int step_3(Fmi3 *a, double t, double h)
-{
-    bool event = false, terminate = false, early = false;
-    double last = t + h;
-    const int status = a->do_step(a->instance, t, h, true, &event, &terminate, &early, &last);
-    if (status > 1)
-        return status;
-    if (terminate)
-        return fails_3(a, TERMINATED_3, 0);
-    if (early && last < t + h)
-        return fails_3(a, EARLY_3, 0);
-    a->pending = event && a->uses_events;
-    return status;
-}
-
-/* Return the time of the first tick of a clock that is not before t, up to rounding. */
-static double tick_from(const Fmi3 *a, const Clock3 *clock, double t)
-{
-    const double first = a->start + clock->shift;
-    const double k = ceil((t - first) / clock->interval - 1e-6);
-    return k > 0.0 ? first + k * clock->interval : first;
-}
-
-static bool ticks_at(const Fmi3 *a, const Clock3 *clock, double t)
-{
-    return tick_from(a, clock, t) <= t + 1e-6 * clock->interval;
-}
-
-/* In event mode: call the FMU until its discrete states are settled, then return to step mode. */
-static int settle_3(Fmi3 *a)
-{
-    a->pending = 0;
-    for (int tries = 0; tries < MOST_UPDATES_3; tries++) {
-        bool again = false, terminate = false, nominals, states, defined = false;
-        double next = INFINITY;
-        const int status = a->update(a->instance, &again, &terminate, &nominals, &states, &defined, &next);
-        if (status > 1)
-            return status;
-        if (terminate)
-            return fails_3(a, TERMINATED_3, 0);
-        a->next = defined ? next : INFINITY;
-        if (!again)
-            return a->enter_step_mode(a->instance);
-    }
-    return fails_3(a, UPDATES_3, 0);
-}
-
-EXPORT int fmi3_settle(Fmi3 *a);
-
-EXPORT int fmi3_settle(Fmi3 *a) { return settle_3(a); }
-
-/* Take the event at t, with the ticks of all clocks that are due. */
-static int take_event(Fmi3 *a, double t)
-{
-    int status = a->enter_event_mode(a->instance);
-    for (int64_t i = 0; status <= 1 && i < a->clock_count; i++) {
-        const bool ticks = true;
-        if (ticks_at(a, &a->clocks[i], t))
-            status = a->set_clock(a->instance, &a->clocks[i].reference, 1, &ticks);
-    }
-    return status > 1 ? status : settle_3(a);
-}
-
-static bool event_due_3(const Fmi3 *a, double t)
-{
-    for (int64_t i = 0; i < a->clock_count; i++)
-        if (ticks_at(a, &a->clocks[i], t))
-            return true;
-    return a->pending || a->next <= t;
-}
-
-/* Return the next time at which an event is due, after those at t. */
-static double next_event_3(const Fmi3 *a, double t)
-{
-    double next = a->next > t ? a->next : INFINITY;
-    for (int64_t i = 0; i < a->clock_count; i++) {
-        const Clock3 *const clock = &a->clocks[i];
-        next = fmin(next, ticks_at(a, clock, t) ? tick_from(a, clock, t) + clock->interval : tick_from(a, clock, t));
-    }
-    return next;
-}
-
-EXPORT int fmi3_do_step(void *self, double t, double h, int keeps_no_state);
-
-/* An event at the end of the step belongs to the next step, whose inputs it uses. */
-EXPORT int fmi3_do_step(void *self, double t, double h, int keeps_no_state)
-{
-    (void)keeps_no_state;
-    Fmi3 *const a = (Fmi3 *)self;
-    a->failure = 0;
-    if (!a->uses_events)
-        return step_3(a, t, h);
-    const double end = t + h;
-    double now = t;
-    for (int events = 0; events < MOST_EVENTS_3; events++) {
-        int status = event_due_3(a, now) ? take_event(a, now) : 0;
-        if (status > 1)
-            return status;
-        double target = next_event_3(a, now);
-        target = target < end - 1e-9 * h ? target : end;
-        status = step_3(a, now, now == t && target == end ? h : target - now);
-        if (status > 1 || target == end)
-            return status;
-        now = target;
-    }
-    return fails_3(a, EVENTS_3, 0);
-}
+#include "fmi3_steps.h"
 
 /* ---- states ------------------------------------------------------------------------------------------------- */
 
