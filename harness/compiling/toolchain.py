@@ -59,12 +59,20 @@ def compiler(target: str | None = None) -> list[str]:
     """
     if target is None and os.environ.get("CC"):
         return shlex.split(os.environ["CC"])
-    require("ziglang")
-    command = [sys.executable, "-m", "ziglang", "cc"]
+    command = [str(_zig()), "cc"]
     if target is None and sys.platform == "linux":
         # an old glibc, so that the FMU runs on older systems
         target = f"{platform.machine()}-linux-gnu.2.17"
     return [*command, "-target", target] if target else command
+
+
+@cache
+def _zig() -> Path:
+    """Return the program of the package ziglang: `python -m ziglang` starts Python for each file."""
+    require("ziglang")
+    import ziglang
+
+    return Path(ziglang.__file__).parent / ("zig.exe" if os.name == "nt" else "zig")
 
 
 def lacking() -> MissingPackageError | None:
@@ -93,7 +101,7 @@ def _version(command: tuple[str, ...]) -> str:
 def identity(target: str | None = None) -> str:
     """Return everything that determines the compiled bytes for given sources."""
     command = compiler(target)
-    shown = [part for part in command if part != sys.executable]
+    shown = command if target is None and os.environ.get("CC") else ["zig", *command[1:]]  # without its folder
     return "\n".join([*shown, _version(tuple(command)), *FLAGS, *LINK_FLAGS])
 
 

@@ -78,9 +78,9 @@ def drive(platform: str, fmus: Iterable[Path], folder: Path) -> dict[str, NDArra
     command = [*RUNNERS[platform][1], str(program), *(each.name for each in cases)]
     run = subprocess.run(command, cwd=folder, env=environment, capture_output=True, text=True, timeout=300, check=False)
     assert run.returncode == 0, run.stdout + run.stderr
-    return {each.stem: _bits(each.with_suffix(".case.out")) for each in cases}
+    return {each.stem: _bits(each) for each in cases}
 
 
 def _bits(file: Path) -> NDArray[np.uint64]:
-    lines = file.read_text(encoding="ascii").splitlines()
-    return np.array([[int(word, 16) for word in line.split()] for line in lines], dtype=np.uint64)
+    variables = len(file.read_text(encoding="ascii").splitlines()) - 3
+    return np.fromfile(file.with_suffix(".case.out"), dtype="<u8").reshape(-1, variables)

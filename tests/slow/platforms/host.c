@@ -4,7 +4,7 @@
        path of the library, guid, resource URI            a line each
        type reference role amplitude                      a line for each variable: type R I B, role 1 for an input,
                                                           amplitude of what the input is given
-   Writes CASE.out: a line for each group of values. Status 1, and a sentence, when a call fails. */
+   Writes CASE.out: the doubles. Status 1, and a sentence, when a call fails. */
 
 #include <stdint.h>
 #include <stdio.h>
@@ -135,21 +135,19 @@ static void read_case(const char *path)
 
 static void put(FILE *file, fmi2Component block)
 {
+    static double row[MOST]; /* written at once: a call of Wine takes long */
     for (int i = 0; i < given.count; i++) {
         double value = 0.0;
         int whole = 0;
-        uint64_t bits;
         if (given.type[i] == 'R')
             check(fmu.get_real(block, &given.reference[i], 1, &value), "fmi2GetReal");
         else if (given.type[i] == 'I')
             check(fmu.get_integer(block, &given.reference[i], 1, &whole), "fmi2GetInteger");
         else
             check(fmu.get_boolean(block, &given.reference[i], 1, &whole), "fmi2GetBoolean");
-        value = given.type[i] == 'R' ? value : whole;
-        memcpy(&bits, &value, sizeof bits);
-        fprintf(file, "%08x%08x ", (unsigned)(bits >> 32), (unsigned)(bits & 0xffffffffu));
+        row[i] = given.type[i] == 'R' ? value : whole;
     }
-    fprintf(file, "\n");
+    fwrite(row, sizeof row[0], (size_t)given.count, file);
 }
 
 static void set_inputs(fmi2Component block, double h)
@@ -199,7 +197,7 @@ int main(int argc, char **argv)
         read_case(argv[k]);
         load();
         snprintf(name, sizeof name, "%s.out", argv[k]);
-        FILE *const file = fopen(name, "w");
+        FILE *const file = fopen(name, "wb");
         const fmi2CallbackFunctions callbacks = {0};
         if (!file || strcmp(fmu.types(), "default") || strcmp(fmu.version(), "2.0"))
             return printf("%s: no file, or a wrong version or types platform\n", doing), 1;

@@ -24,7 +24,19 @@ CO_SIMULATION, BOTH = 34, 44
 OURS = {"block_rows", "block_evaluate"}
 """What the packager reads from a library."""
 SYSTEM_DLLS = ("kernel32.dll", "api-ms-win-crt-")
-NOT_NUMERIC = {"strcmp", "strcpy", "strlen", "snprintf", "vsnprintf", "bcmp", "memcpy", "memset", "calloc", "free"}
+NOT_NUMERIC = {
+    "strcmp",
+    "strcpy",
+    "strncpy",
+    "strlen",
+    "snprintf",
+    "vsnprintf",
+    "bcmp",
+    "memcpy",
+    "memset",
+    "calloc",
+    "free",
+}
 EXACT = {"floor", "ceil", "fmod", "round", "ldexp", "nextafter"}
 """Functions of the C library with one right result."""
 
