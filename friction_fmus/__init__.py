@@ -1,4 +1,4 @@
-"""Friction models and compensators as FMI 2.0 co-simulation FMUs."""
+"""Friction models and compensators as FMUs of FMI 2.0 and 3.0."""
 
 from typing import TYPE_CHECKING
 

@@ -1,4 +1,4 @@
-"""Couple FMI 2.0 FMUs, Python functions and recorded series into closed loops.
+"""Couple FMUs, Python functions and recorded series into closed loops.
 
 A `System` consists of `Part` objects and the connections between them. A master algorithm (``gauss-seidel``,
 ``jacobi``, ``newton``, ``adaptive``) decides which part is stepped when. A `Tap` reads values during a run. The result

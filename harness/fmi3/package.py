@@ -16,6 +16,7 @@ from harness.compiling import toolchain
 from harness.compiling.platforms import Platform, linked
 from harness.compiling.sources import guid_of, included, source_folder
 from harness.fmi3.description import Traits, description_3
+from harness.fmi3.documentation import PAGE, page_3
 from harness.fmi3.variables import Variable, grouped
 from harness.storage.cache import cached
 from harness.storage.zip_file import zipped
@@ -138,6 +139,8 @@ def _assemble(
         if name.startswith(("documentation/", "terminalsAndIcons/", "resources/"))
     }
     made["modelDescription.xml"] = description_3(old, variables, traits)
+    if PAGE in made:
+        made[PAGE] = page_3(made[PAGE].decode(), made["modelDescription.xml"]).encode()
     compiled = (main, *(unit for unit in units if unit != f"{identifier}.c"))
     made |= {f"sources/{name}": text.encode() for name, text in files.items()}
     made["sources/buildDescription.xml"] = _build_description(identifier, compiled)
