@@ -182,7 +182,7 @@ fmi3Status fmi3SetUInt64(fmi3Instance instance, const fmi3ValueReference referen
     return status;
 }
 
-/* Types that no variable has. */
+/* Types that no variable has; String is one of them in FMI 2.0 too, whose rules on modes hold for all. */
 #define ABSENT(TYPE)                                                                                                   \
     fmi3Status fmi3Get##TYPE(fmi3Instance instance, const fmi3ValueReference references[], size_t n,                   \
                              fmi3##TYPE values[], size_t count)                                                        \
@@ -190,7 +190,7 @@ fmi3Status fmi3SetUInt64(fmi3Instance instance, const fmi3ValueReference referen
         ENTER_3("Get" #TYPE, MAY3_Get)                                                                                 \
         (void)references, (void)values, (void)count;                                                                   \
         REQUIRE_3(n == 0, "is not possible: %s has no " #TYPE " variables", QUOTE(MODEL))                              \
-        return fmi3OK;                                                                                                 \
+        return (fmi3Status)fmi2GetString(c->inside, NULL, 0, NULL);                                                    \
     }                                                                                                                  \
     fmi3Status fmi3Set##TYPE(fmi3Instance instance, const fmi3ValueReference references[], size_t n,                   \
                              const fmi3##TYPE values[], size_t count)                                                  \
@@ -198,7 +198,7 @@ fmi3Status fmi3SetUInt64(fmi3Instance instance, const fmi3ValueReference referen
         ENTER_3("Set" #TYPE, MAY3_Set)                                                                                 \
         (void)references, (void)values, (void)count;                                                                   \
         REQUIRE_3(n == 0, "is not possible: %s has no " #TYPE " variables", QUOTE(MODEL))                              \
-        return fmi3OK;                                                                                                 \
+        return (fmi3Status)fmi2SetString(c->inside, NULL, 0, NULL);                                                    \
     }
 ABSENT(Float32)
 ABSENT(Int8)
@@ -215,7 +215,7 @@ fmi3Status fmi3GetBinary(fmi3Instance instance, const fmi3ValueReference referen
     ENTER_3("GetBinary", MAY3_Get)
     (void)references, (void)sizes, (void)values, (void)count;
     REQUIRE_3(n == 0, "is not possible: %s has no Binary variables", QUOTE(MODEL))
-    return fmi3OK;
+    return (fmi3Status)fmi2GetString(c->inside, NULL, 0, NULL);
 }
 
 fmi3Status fmi3SetBinary(fmi3Instance instance, const fmi3ValueReference references[], size_t n, const size_t sizes[],
@@ -224,7 +224,7 @@ fmi3Status fmi3SetBinary(fmi3Instance instance, const fmi3ValueReference referen
     ENTER_3("SetBinary", MAY3_Set)
     (void)references, (void)sizes, (void)values, (void)count;
     REQUIRE_3(n == 0, "is not possible: %s has no Binary variables", QUOTE(MODEL))
-    return fmi3OK;
+    return (fmi3Status)fmi2SetString(c->inside, NULL, 0, NULL);
 }
 
 fmi3Status fmi3GetNumberOfVariableDependencies(fmi3Instance instance, fmi3ValueReference reference, size_t *number)

@@ -206,8 +206,17 @@ def _build_description(identifier: str, compiled: Sequence[str]) -> bytes:
 
 
 def _fmi_header(name: str) -> str:
-    """Return a header of FMI 2.0, which importers of FMI 3.0 need not have."""
-    return (toolchain.header_folder() / name).read_text(encoding="utf-8").replace("\r\n", "\n")
+    """Return a header of FMI 2.0, which importers of FMI 3.0 need not have.
+
+    As in the standard, and unlike in fmpy's copy, functions with a prefix are not exported.
+    """
+    text = (toolchain.header_folder() / name).read_text(encoding="utf-8").replace("\r\n", "\n")
+    return re.sub(r"#if defined _WIN32.*?#endif\n(?=\n)|#define fmi2FullName.*?\n", _prefixed, text, flags=re.S)
+
+
+def _prefixed(found: re.Match[str]) -> str:
+    hidden = "fmi2FullName(name) PASTE(FMI2_FUNCTION_PREFIX, name)" if "fmi2FullName" in found[0] else "FMI2_Export"
+    return f"#ifdef FMI2_FUNCTION_PREFIX\n#define {hidden}\n#else\n{found[0]}#endif\n"
 
 
 def _shell() -> dict[str, str]:

@@ -1,4 +1,4 @@
-"""The blocks under test: those that compile all of the shell."""
+"""The blocks under test, those that compile all of the shell, in both versions of FMI."""
 
 from __future__ import annotations
 
@@ -6,9 +6,28 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from shell.facade import facade
 from shell.fixtures import instance, lugre, running, situation  # noqa: F401
 from shell.instance import Library, load
 from shell.selection import SHELL_BLOCKS
+
+from friction_fmus import build
+
+
+@pytest.fixture(scope="session", params=[2, 3], ids=["FMI 2.0", "FMI 3.0"])
+def build_fmu(
+    request: pytest.FixtureRequest, build_fmu: Callable[..., Path], tmp_path_factory: pytest.TempPathFactory
+) -> Callable[..., Path]:
+    """The FMU of a block in FMI 2.0, or in FMI 3.0 behind the functions of FMI 2.0."""
+    folders: dict[tuple[object, ...], Path] = {}
+
+    def make(name: str, **start: float) -> Path:
+        key = (name, *sorted(start.items()))
+        if key not in folders:
+            folders[key] = tmp_path_factory.mktemp("facade")
+        return facade(build_fmu(name, **start), build(name, folders[key], start, fmi=3))
+
+    return build_fmu if request.param == 2 else make
 
 
 @pytest.fixture(params=SHELL_BLOCKS)

@@ -101,6 +101,9 @@ EXCHANGE_SIGNATURES: Mapping[str, tuple[type, ...]] = MappingProxyType(
 )
 """The functions of model exchange; an FMU for co-simulation only has none of them."""
 
+ABSENT = ("CancelStep", "GetStatus", "GetRealStatus", "GetIntegerStatus", "GetBooleanStatus", "GetStringStatus")
+"""Functions that FMI 3.0 does not have, see facade.c."""
+
 _RESULTS = {"GetTypesPlatform": c_char_p, "GetVersion": c_char_p, "Instantiate": c_void_p, "FreeInstance": None}
 
 # amplitude of the signals that drive a block, by unit of the input; where friction and control are neither
@@ -121,7 +124,10 @@ class Library:
         self.binary = self.folder / "binaries" / fmpy.platform / f"{self.identifier}{fmpy.sharedLibraryExtension}"
         self.handle = ctypes.CDLL(str(self.binary))
         self.exchanges = self.description.modelExchange is not None
+        self.fmi = 2 if hasattr(self.handle, "fmi2GetStatus") else 3
         signatures = {**SIGNATURES, **(EXCHANGE_SIGNATURES if self.exchanges else {})}
+        if self.fmi == 3:
+            signatures = {name: each for name, each in signatures.items() if name not in ABSENT}
         for name, arguments in signatures.items():
             function = getattr(self.handle, f"fmi2{name}")
             function.argtypes = arguments

@@ -6,6 +6,7 @@ import re
 from collections.abc import Callable
 from pathlib import Path
 
+import pytest
 from shell.instance import Library, load
 from shell.selection import SAMPLED_BLOCKS, SHELL_BLOCKS
 
@@ -56,6 +57,10 @@ def traits(library: Library) -> set[object]:
     return found | ({"no state"} if all(v.derivative is None for v in variables) else set())
 
 
+ONLY_FMI_2 = pytest.mark.parametrize("build_fmu", [2], indirect=True, ids=["FMI 2.0"])
+
+
+@ONLY_FMI_2
 def test_every_branch_of_the_shell_is_in_one_of_these_blocks(build_fmu: Callable[..., Path]) -> None:
     """Add a block to `SHELL_BLOCKS` if a trait is missing."""
     found = {name: traits(load(build_fmu(name))) for name in catalogue()}
@@ -63,6 +68,7 @@ def test_every_branch_of_the_shell_is_in_one_of_these_blocks(build_fmu: Callable
     assert {trait: [name for name in found if trait in found[name]] for trait in missing} == {}
 
 
+@ONLY_FMI_2
 def test_sampled_blocks_are_found(build_fmu: Callable[..., Path]) -> None:
     assert [name for name in catalogue() if load(build_fmu(name)).sampled] == list(SAMPLED_BLOCKS)
 

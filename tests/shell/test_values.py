@@ -11,6 +11,7 @@ import pytest
 from shell.elsewhere import Elsewhere
 from shell.exchanging import SITUATIONS, begin, go_on, go_to
 from shell.instance import (
+    ABSENT,
     CO_SIMULATION,
     DISCARD,
     ERROR,
@@ -182,6 +183,8 @@ def test_a_set_with_one_bad_value_sets_none(
     if names and not refusing and kind == "not finite":
         pytest.skip("all that may be set may be NaN")
     for good in names:
+        if library.fmi == 3 and "[" in good and good == refusing[-1]:
+            continue  # an array of FMI 3.0 has each element once
         v = library.variables[good]
         other = min(max(0.75 * running.get1(good) + 0.01, float(v.min or "-inf")), float(v.max or "inf"))
         pair = [(running.reference(good), other)]
@@ -208,10 +211,11 @@ def test_a_step_that_overflows_is_discarded_and_leaves_the_instance_at_its_start
             run.set(values)
             assert run.call("DoStep", 0.5, h, 1) == DISCARD
             assert run.messages[-1][1:3] == (DISCARD, "logStatusDiscard")
-            time, ended = c_double(), c_int(7)
-            assert run.call("GetRealStatus", LAST_SUCCESSFUL_TIME, time) == OK
-            assert run.call("GetBooleanStatus", TERMINATED, ended) == OK
-            assert (time.value, ended.value) == (0.5, 0)
+            if library.fmi == 2:
+                time, ended = c_double(), c_int(7)
+                assert run.call("GetRealStatus", LAST_SUCCESSFUL_TIME, time) == OK
+                assert run.call("GetBooleanStatus", TERMINATED, ended) == OK
+                assert (time.value, ended.value) == (0.5, 0)
             assert run.call("DoStep", 0.5, 0.1, 1) == ERROR, "a failed step is left by a restored state only"
             run.must("SetFMUstate", before)
         for each in (run, undisturbed):
@@ -302,5 +306,8 @@ def test_a_null_pointer_for_an_array_is_an_error_with_a_message(
     build_fmu: Callable[..., Path], elsewhere: Elsewhere, tmp_path: Path, situation: str, function: str, arguments: str
 ) -> None:
     """In another process, as a crash would end this one; of Dahl, which has a state and an event indicator."""
+    fmu = build_fmu("Dahl")
+    if load(fmu).fmi == 3 and function in ABSENT:
+        pytest.skip(f"FMI 3.0 has no function for {function}")
     given = tuple(int(each) if each.isdigit() else each for each in arguments.split(", "))
-    assert elsewhere.run(build_fmu("Dahl"), tmp_path / "trace.txt", function, given, situation) == (ERROR, 1)
+    assert elsewhere.run(fmu, tmp_path / "trace.txt", function, given, situation) == (ERROR, 1)

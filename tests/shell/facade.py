@@ -1,0 +1,52 @@
+"""FMUs of FMI 3.0 behind the functions of FMI 2.0, so that one suite of tests calls both versions (facade.c)."""
+
+from __future__ import annotations
+
+import subprocess
+import tempfile
+import zipfile
+from pathlib import Path
+
+from lxml import etree
+
+from harness.compiling.toolchain import FLAGS, compiler, header_folder
+
+FACADE = Path(__file__).with_suffix(".c")
+
+
+def facade(two: Path, three: Path) -> Path:
+    """Make an FMU with the description of FMI 2.0, whose library calls the functions of FMI 3.0.
+
+    Parameters
+    ----------
+    two, three : Path
+        The same block or composite in both versions. The new FMU is written beside the second one.
+    """
+    path = three.with_name(f"{three.stem}-facade.fmu")
+    if path.exists():
+        return path
+    with tempfile.TemporaryDirectory() as scratch, zipfile.ZipFile(two) as old, zipfile.ZipFile(three) as new:
+        folder = Path(scratch)
+        library = library_of(new, folder)
+        with zipfile.ZipFile(folder / "new.fmu", "w") as made:
+            for name in old.namelist():
+                if not name.startswith(("binaries/", "sources/")):
+                    made.writestr(name, old.read(name))
+            (place,) = (name for name in old.namelist() if name.startswith("binaries/linux64/"))
+            made.write(library, place)
+        (folder / "new.fmu").replace(path)
+    return path
+
+
+def library_of(archive: zipfile.ZipFile, folder: Path) -> Path:
+    """Compile the sources of an FMU of FMI 3.0 with the facade."""
+    for name in archive.namelist():
+        if name.startswith("sources/"):
+            archive.extract(name, folder)
+    build = etree.parse(folder / "sources" / "buildDescription.xml")
+    main, *others = (str(file.get("name")) for file in build.iter("SourceFile"))
+    (folder / "sources" / FACADE.name).write_text(FACADE.read_text(encoding="utf-8"), encoding="utf-8")
+    flags = [*(flag for flag in FLAGS if flag not in ("-Werror", "-Wpedantic")), f'-DFMI_3="{main}"']
+    command = [*compiler(), *flags, "-isystem", str(header_folder()), FACADE.name, *others]
+    subprocess.run([*command, "-shared", "-lm", "-o", "facade.so"], cwd=folder / "sources", check=True)
+    return folder / "sources" / "facade.so"
