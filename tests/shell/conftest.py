@@ -9,9 +9,7 @@ import pytest
 from shell.facade import facade
 from shell.fixtures import instance, lugre, running, situation  # noqa: F401
 from shell.instance import Library, load
-from shell.selection import SHELL_BLOCKS
-
-from friction_fmus import build
+from shell.selection import SHELL_BLOCKS, built
 
 
 @pytest.fixture(scope="session", params=[2, 3], ids=["FMI 2.0", "FMI 3.0"])
@@ -25,7 +23,7 @@ def build_fmu(
         key = (name, *sorted(start.items()))
         if key not in folders:
             folders[key] = tmp_path_factory.mktemp("facade")
-        return facade(build_fmu(name, **start), build(name, folders[key], start, fmi=3))
+        return facade(build_fmu(name, **start), built(name, folders[key], start, fmi=3))
 
     return build_fmu if request.param == 2 else make
 

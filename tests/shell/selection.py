@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import re
 from pathlib import Path
+from typing import Literal
 
 from friction_fmus import build, catalogue
+from friction_fmus.blocks.customise import Start
 from friction_fmus.cli.systems import open_system
 
 SHELL_BLOCKS = (
@@ -34,12 +36,12 @@ COMPOSITES = ("stick_slip", "compensated_axis")
 """Systems of examples/ that are tested as one FMU each: a stiff loop, and a servo with sampled laws."""
 
 
-def built(name: str, folder: str | Path) -> Path:
+def built(name: str, folder: str | Path, start: Start | None = None, fmi: Literal[2, 3] = 2) -> Path:
     """The FMU of a block, or of a system of examples/, in this folder."""
     example = Path(__file__).parents[2] / "examples" / f"{name}.toml"
     if not example.exists():
-        return build(name, folder)
+        return build(name, folder, start, fmi=fmi)
     path = Path(folder) / f"{name}.fmu"
     with open_system(example) as system:
-        system.to_fmu(path)
+        system.to_fmu(path, fmi=fmi)
     return path

@@ -17,8 +17,7 @@ from fmpy.fmi3 import FMU3Model
 from fmpy.validation import validate_fmu
 from shell.selection import COMPOSITES, built
 
-from friction_fmus import build, catalogue
-from friction_fmus.cli.systems import open_system
+from friction_fmus import catalogue
 from harness import FmuPart
 
 BLOCKS = (*catalogue(), *COMPOSITES)
@@ -28,13 +27,7 @@ _AMPLITUDE = {"m": 1e-3, "m/s": 5e-3, "m/s2": 0.5, "rad": 1e-3, "rad/s": 5e-3}
 @cache
 def three(name: str) -> Path:
     """The FMU of a block or of a system of examples/ in FMI 3.0."""
-    folder = mkdtemp(prefix="fmi3-")
-    example = Path(__file__).parents[2] / "examples" / f"{name}.toml"
-    if not example.exists():
-        return build(name, folder, fmi=3)
-    with open_system(example) as system:
-        system.to_fmu(Path(folder) / f"{name}.fmu", fmi=3)
-    return Path(folder) / f"{name}.fmu"
+    return built(name, mkdtemp(prefix="fmi3-"), fmi=3)
 
 
 @pytest.fixture(params=BLOCKS)
