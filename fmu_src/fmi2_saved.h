@@ -7,32 +7,33 @@
 
 #include <string.h>
 
+enum { MAGIC_SIZE = 8, GUID_SIZE = GUID_LENGTH + 2 }; /* texts, filled with zeros */
+
 typedef struct {
-    char magic[8]; /* up to 7 characters, then zeros */
-    char guid[40];
+    char magic[MAGIC_SIZE];
+    char guid[GUID_SIZE];
     uint32_t byte_order, size; /* size of the whole struct */
     uint64_t checksum;         /* in serialized states */
 } SavedHeader;
 
-static void write_header(SavedHeader *h, const char *magic, const char *guid, size_t size)
+static void write_header(SavedHeader *h, const char magic[MAGIC_SIZE], const char guid[GUID_SIZE], size_t size)
 {
-    memset(h, 0, sizeof *h);
-    strncpy(h->magic, magic, sizeof h->magic - 1);
-    strncpy(h->guid, guid, sizeof h->guid - 1);
+    memcpy(h->magic, magic, MAGIC_SIZE);
+    memcpy(h->guid, guid, GUID_SIZE);
     h->byte_order = 0x01020304;
     h->size = (uint32_t)size;
+    h->checksum = 0;
 }
 
 /* Return why the state does not belong to this FMU, or NULL. */
-static const char *fault_of_header(const SavedHeader *h, const char *magic, const char *guid, size_t size)
+static const char *fault_of_header(const SavedHeader *h, const char magic[MAGIC_SIZE], const char guid[GUID_SIZE],
+                                   size_t size)
 {
-    SavedHeader own;
-    write_header(&own, magic, guid, size);
-    if (memcmp(h->magic, own.magic, sizeof own.magic) != 0)
+    if (memcmp(h->magic, magic, MAGIC_SIZE) != 0)
         return "it is not a state of this kind of FMU";
-    if (h->byte_order != own.byte_order)
+    if (h->byte_order != 0x01020304)
         return "it was written on a machine with another byte order";
-    if (memcmp(h->guid, own.guid, sizeof own.guid) != 0 || h->size != own.size)
+    if (memcmp(h->guid, guid, GUID_SIZE) != 0 || h->size != size)
         return "it belongs to another FMU or version";
     return NULL;
 }

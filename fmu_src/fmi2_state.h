@@ -41,7 +41,7 @@ static void write_guid(char *text)
 
 /* ---- saved states ------------------------------------------------------------------------------------------- */
 
-#define MAGIC "block"
+static const char magic_text[MAGIC_SIZE] = "block";
 
 typedef struct {
     SavedHeader header; /* with the checksum of the model */
@@ -52,13 +52,13 @@ static uint64_t checksum_of(const Saved *saved) { return checksum_of_bytes(&save
 
 static void save(const Instance *c, Saved *saved)
 {
-    write_header(&saved->header, MAGIC, c->guid, sizeof(Saved));
+    write_header(&saved->header, magic_text, c->guid, sizeof(Saved));
     memcpy(&saved->model, &c->model, sizeof c->model); /* including padding, for equal bytes */
 }
 
 static const char *fault_of(const Instance *c, const Saved *saved)
 {
-    const char *const fault = fault_of_header(&saved->header, MAGIC, c->guid, sizeof(Saved));
+    const char *const fault = fault_of_header(&saved->header, magic_text, c->guid, sizeof(Saved));
     return !fault && saved->model.run.exchange != c->model.run.exchange ? OTHER_KIND : fault;
 }
 

@@ -5,7 +5,8 @@
 
 #include "fmi2_saved.h"
 
-#define MAGIC "compose"
+static const char magic_text[MAGIC_SIZE] = "compose";
+static const char guid_text[GUID_SIZE] = GUID;
 
 typedef struct {
     SavedHeader header; /* with the checksum of everything that follows */
@@ -23,7 +24,7 @@ static uint64_t checksum_of(const char *bytes, size_t size)
 
 static const char *fault_of(const Instance *c, const Saved *saved)
 {
-    const char *const fault = fault_of_header(&saved->header, MAGIC, GUID, sizeof(Saved));
+    const char *const fault = fault_of_header(&saved->header, magic_text, guid_text, sizeof(Saved));
     return !fault && saved->memory.exchange != c->memory.exchange ? OTHER_KIND : fault;
 }
 
@@ -43,7 +44,7 @@ fmi2Status fmi2GetFMUstate(fmi2Component component, fmi2FMUstate *state)
         *state = calloc(1, sizeof(Saved));
     Saved *const saved = (Saved *)*state;
     REQUIRE(saved, "fmi2GetFMUstate: out of memory")
-    write_header(&saved->header, MAGIC, GUID, sizeof(Saved));
+    write_header(&saved->header, magic_text, guid_text, sizeof(Saved));
     memcpy(&saved->memory, &c->memory, sizeof c->memory);
     for (int64_t i = 0; i < PARTS; i++)
         REQUIRE(!is_fmu(i) || c->parts[i].get_state(c->parts[i].component, &saved->parts[i]) <= 1,

@@ -3,7 +3,8 @@
 #ifndef FMI3_STATE_H
 #define FMI3_STATE_H
 
-#define MAGIC_3 "shell 3"
+static const char magic_3[MAGIC_SIZE] = "shell 3";
+static const char token_3[GUID_SIZE] = TOKEN;
 
 typedef struct {
     SavedHeader header; /* with the checksum of what follows and of the bytes of `inside` */
@@ -36,7 +37,7 @@ static int modes_inside(int mode, bool exchange)
 
 static const char *fault_of_3(const Shell *c, const Saved3 *saved)
 {
-    const char *const fault = fault_of_header(&saved->header, MAGIC_3, TOKEN, sizeof(Saved3));
+    const char *const fault = fault_of_header(&saved->header, magic_3, token_3, sizeof(Saved3));
     if (fault)
         return fault;
     if ((saved->exchange != 0) != (KIND(c->inside) == fmi2ModelExchange))
@@ -59,7 +60,7 @@ fmi3Status fmi3GetFMUState(fmi3Instance instance, fmi3FMUState *state)
         return (fmi3Status)status;
     }
     if (!*state)
-        write_header(&saved->header, MAGIC_3, TOKEN, sizeof(Saved3));
+        write_header(&saved->header, magic_3, token_3, sizeof(Saved3));
     saved->mode = c->mode;
     saved->exchange = KIND(c->inside) == fmi2ModelExchange;
     saved->events = c->events;

@@ -46,7 +46,8 @@ def library_of(archive: zipfile.ZipFile, folder: Path) -> Path:
     build = etree.parse(folder / "sources" / "buildDescription.xml")
     main, *others = (str(file.get("name")) for file in build.iter("SourceFile"))
     (folder / "sources" / FACADE.name).write_text(FACADE.read_text(encoding="utf-8"), encoding="utf-8")
-    flags = [*(flag for flag in FLAGS if flag not in ("-Werror", "-Wpedantic")), f'-DFMI_3="{main}"']
+    plain = (flag for flag in FLAGS if flag not in ("-Werror", "-Wpedantic", "-O2"))
+    flags = [*plain, "-O0", "-fno-sanitize=undefined", f'-DFMI_3="{main}"']  # compiled in a fifth of the time
     command = [*compiler(), *flags, "-isystem", str(header_folder()), FACADE.name, *others]
     subprocess.run([*command, "-shared", "-lm", "-o", "facade.so"], cwd=folder / "sources", check=True)
     return folder / "sources" / "facade.so"

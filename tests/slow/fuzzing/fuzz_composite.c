@@ -69,7 +69,7 @@ static void fuzz_forge(Fuzz *in, Instance *c)
         memcpy(forged.bytes + AFTER_CHECKSUM + place / 8 * 8, fuzz_choice(in, 2) ? (const void *)&value : &whole, 8);
     }
     const uint64_t checksum = checksum_of(forged.bytes, forged.size);
-    memcpy(forged.bytes + offsetof(Saved, checksum), &checksum, sizeof checksum);
+    memcpy(forged.bytes + offsetof(Saved, header.checksum), &checksum, sizeof checksum);
     const fmi2Status status = fmi2DeSerializeFMUstate(c, forged.bytes, forged.size, &state);
     HOLDS(status == fmi2OK || (status == fmi2Error && !state), "a refused state is handed out");
     if (state) {
@@ -128,7 +128,7 @@ static fmi2Status fuzz_derivatives(Fuzz *in, Instance *c)
 static bool fuzz_unchanged(const FuzzState *a, FuzzState *b, bool but_for_mode)
 {
     const size_t mode = AFTER_CHECKSUM + offsetof(Memory, mode);
-    memcpy(b->bytes + offsetof(Saved, checksum), a->bytes + offsetof(Saved, checksum), sizeof(uint64_t));
+    memcpy(b->bytes + offsetof(Saved, header.checksum), a->bytes + offsetof(Saved, header.checksum), sizeof(uint64_t));
     if (but_for_mode)
         memcpy(b->bytes + mode, a->bytes + mode, sizeof(int));
     return a->size == b->size && memcmp(a->bytes, b->bytes, a->size) == 0;

@@ -138,7 +138,7 @@ static void fuzz_state(fmi2Type kind, const uint8_t *bytes, size_t count)
         fuzz_good_state(&in, c, &bent);
         for (unsigned k = fuzz_choice(&in, 3); k < 3; k++) /* few, as each may be what is refused */
             fuzz_forge(&in, &bent.model);
-        bent.checksum = checksum_of(&bent);
+        bent.header.checksum = checksum_of(&bent);
         data = (const char *)&bent;
         size = sizeof bent;
     }
