@@ -5,13 +5,13 @@ from __future__ import annotations
 import random
 import zlib
 from collections.abc import Callable, Iterator
-from functools import cache
 from pathlib import Path
 from tempfile import mkdtemp
 
 import fmpy
 import numpy as np
 import pytest
+from fmi3.slaves import check_adjoint, three
 from fmpy.fmi2 import FMU2Model
 from fmpy.fmi3 import FMU3Model
 from fmpy.validation import validate_fmu
@@ -22,12 +22,6 @@ from harness import FmuPart
 
 BLOCKS = (*catalogue(), *COMPOSITES)
 _AMPLITUDE = {"m": 1e-3, "m/s": 5e-3, "m/s2": 0.5, "rad": 1e-3, "rad/s": 5e-3}
-
-
-@cache
-def three(name: str) -> Path:
-    """The FMU of a block or of a system of examples/ in FMI 3.0."""
-    return built(name, mkdtemp(prefix="fmi3-"), fmi=3)
 
 
 @pytest.fixture(params=BLOCKS)
@@ -157,3 +151,8 @@ def test_fmpy_finds_nothing_and_simulates_both_kinds(pair: tuple[Path, Path]) ->
         result = fmpy.simulate_fmu(str(path), stop_time=0.05, fmi_type=kind)
         for name in result.dtype.names:
             assert np.isfinite(result[name]).all(), (kind, name)
+
+
+@pytest.mark.parametrize("name", catalogue())
+def test_adjoint_is_the_transpose_of_directional(name: str) -> None:
+    check_adjoint(name)

@@ -1,0 +1,292 @@
+"""What FMI 3.0 has and FMI 2.0 has not: arrays and their size, clocks, early return, intermediate update, adjoints."""
+
+from __future__ import annotations
+
+import ctypes
+import subprocess
+from collections.abc import Callable
+from ctypes import byref, c_bool, c_double, c_void_p
+from pathlib import Path
+
+import fmpy
+import numpy as np
+import pytest
+from fmi3.slaves import Model, Slave, check_adjoint, three
+from lxml import etree
+from shell.selection import SHELL_BLOCKS
+
+from harness.compiling.toolchain import header_folder
+
+RESIZED = ("GMS", "MaxwellSlip", "ModifiedLeuven", "ModifiedLeuvenFeedforward")
+
+
+def resize(one: Slave, size: int) -> None:
+    one.enterConfigurationMode()
+    one.setUInt64([one.reference("N")], [size])
+    one.exitConfigurationMode()
+
+
+# ---- arrays
+
+
+@pytest.mark.parametrize("name", RESIZED)
+def test_the_structural_parameter_resizes_the_arrays(name: str) -> None:
+    """Their first elements stay; in configuration mode and nowhere else."""
+    with Slave(three(name)) as one:
+        n = one.reference("N")
+        size = int(one.variables["N"].start)
+        arrays = [v for v in one.variables.values() if v.dimensions and v.causality == "parameter"]
+        starts = {v.name: [float(x) for x in v.start.split()] for v in arrays}
+        assert starts
+        one.refuses(lambda: one.setUInt64([n], [3]), "instantiated")
+        resize(one, 3)
+        one.enterInitializationMode()
+        for array, values in starts.items():
+            assert one.get(array, 3) == values[:3]
+            one.refuses(lambda array=array: one.get(array, size), "3 elements")
+        one.refuses(lambda: one.setUInt64([n], [2]), "initialization mode")
+        one.exitInitializationMode()
+        one.refuses(lambda: one.setUInt64([n], [2]), "step mode")
+        assert one.getUInt64([n]) == [3]
+        one.doStep(0.0, 1e-3)
+
+
+@pytest.mark.parametrize("size", [0, 2**63, 2**64 - 1])
+def test_a_size_out_of_range_is_refused(size: int) -> None:
+    with Slave(three("GMS")) as one:
+        one.enterConfigurationMode()
+        one.refuses(lambda: one.setUInt64([one.reference("N")], [size]), "N")
+
+
+def test_a_block_without_structural_parameters_has_no_configuration_mode() -> None:
+    with Slave(three("LuGre")) as one:
+        one.refuses(one.enterConfigurationMode, "structural")
+
+
+def test_fewer_elements_give_the_force_of_fewer_springs() -> None:
+    """Maxwell slip in presliding: F = sum k[i] x for the elements that it has."""
+    with Slave(three("MaxwellSlip")) as one:
+        resize(one, 4)
+        one.initialise(v=0.0)
+        one.set("v", 1e-6)
+        one.doStep(0.0, 1e-3)
+        (force,) = one.get("F")
+        assert force == pytest.approx(sum(one.get("k", 4)) * 1e-9, rel=1e-12)
+
+
+def test_states_are_resized() -> None:
+    """In model exchange: as many continuous states as elements."""
+    with Model(three("MaxwellSlip")) as one:
+        whole = one.getNumberOfContinuousStates()
+        resize(one, 3)
+        assert (whole, one.getNumberOfContinuousStates()) == (int(one.variables["N"].start), 3)
+        one.enterInitializationMode()
+        one.exitInitializationMode()
+        one.updateDiscreteStates()
+        one.enterContinuousTimeMode()
+        x = (c_double * 3)(1e-7, 2e-7, -1e-7)
+        one.setContinuousStates(x, 3)
+        found = (c_double * 3)()
+        one.getContinuousStates(found, 3)
+        assert list(found) == list(x)
+        assert one.get("F")[0] == pytest.approx(sum(x), rel=1e-12)  # the states are the forces of the springs
+        one.refuses(lambda: one.getContinuousStates((c_double * whole)(), whole), "3 continuous states")
+
+
+def test_an_array_is_got_and_set_as_a_whole() -> None:
+    with Slave(three("GMS")) as one:
+        one.enterInitializationMode()
+        size = int(one.variables["N"].start)
+        values = [1000.0 * (i + 1) for i in range(size)]
+        one.set("k", *values)
+        assert one.get("k", size) == values
+        both = one.getFloat64([one.reference("Fc"), one.reference("k")], nValues=size + 1)
+        assert both[1:] == values
+        one.refuses(lambda: one.set("k", *values[1:]), f"{size} elements")
+        one.refuses(lambda: one.set("k", *values[:-1], float("nan")), "k")
+
+
+# ---- clocks
+
+
+def driven(one: Slave, stop: float, h: float) -> list[tuple[float, float]]:
+    """Time and output of the PID controller, instantiated with event mode, at the end of each step."""
+    t, due, found = 0.0, True, []
+    while t < stop - 1e-9:
+        one.set("x", 1e-3 * np.sin(20.0 * t))
+        if due:
+            if t > 0.0:
+                one.enterEventMode()
+            one.setClock([one.reference("samples")], [True])
+            while one.updateDiscreteStates()[0]:
+                pass
+            one.enterStepMode()
+        due, _, _, t = one.doStep(t, min(h, stop - t))
+        found.append((t, one.get("u")[0]))
+    return found
+
+
+@pytest.mark.parametrize("h", [1e-3, 2.5e-4, 0.9e-3])
+def test_samples_in_events_are_those_inside_a_step(h: float) -> None:
+    """Bit for bit, with the same inputs at the samples: the steps end there."""
+    with Slave(three("PID"), eventModeUsed=True, earlyReturnAllowed=True) as events, Slave(three("PID")) as inside:
+        for one in (events, inside):
+            one.initialise(r=1e-3, rd=0.0, rdd=0.0, v=0.0)
+        found = driven(events, 0.02, h)
+        assert {round(t / 1e-3) for t, _ in found if abs(t / 1e-3 - round(t / 1e-3)) < 1e-9} == set(range(1, 21))
+        expected, t = [], 0.0
+        for end, _ in found:
+            inside.set("x", 1e-3 * np.sin(20.0 * t))
+            assert inside.doStep(t, end - t)[:3] == (False, False, False)
+            t = end
+            expected.append((t, inside.get("u")[0]))
+        assert found == expected
+
+
+def test_the_clock_has_the_interval_of_ts() -> None:
+    with Slave(three("PID"), eventModeUsed=True) as one:
+        clock = one.variables["samples"]
+        assert (clock.type, clock.intervalVariability) == ("Clock", "fixed")
+        one.enterInitializationMode()
+        one.set("Ts", 4e-3)
+        references, interval, qualifier = (ctypes.c_uint * 1)(one.reference("samples")), c_double(), ctypes.c_int()
+        one.fmi3GetIntervalDecimal(one.component, references, 1, byref(interval), byref(qualifier))
+        assert (interval.value, qualifier.value) == (4e-3, 2)
+        one.exitInitializationMode()
+        one.setClock([clock.valueReference], [True])
+        assert one.getClock([clock.valueReference])[0]
+        one.updateDiscreteStates()
+        assert not one.getClock([clock.valueReference])[0]
+        one.enterStepMode()
+        one.doStep(0.0, 1e-3)
+        one.enterEventMode()
+        one.refuses(lambda: one.setClock([clock.valueReference], [True]), "0.0040000000000000001 s")
+
+
+def test_a_continuous_block_has_no_event_mode() -> None:
+    with pytest.raises(Exception, match="Failed to instantiate"):
+        Slave(three("LuGre"), eventModeUsed=True)
+    with Slave(three("LuGre")) as one:
+        one.initialise()
+        one.refuses(one.enterEventMode, "eventModeUsed = false")
+
+
+# ---- intermediate update and early return
+
+
+def stopping(at: float, times: list[float]) -> Callable[..., None]:
+    """A callback that ends the step at the first update at or after a time."""
+
+    def update(
+        _: object, t: float, _set: bool, _get: bool, finished: bool, can: bool, wanted: object, when: object
+    ) -> None:
+        assert finished
+        times.append(t)
+        if can and t >= at:
+            ctypes.cast(wanted, ctypes.POINTER(c_bool))[0] = True
+            ctypes.cast(when, ctypes.POINTER(c_double))[0] = t
+
+    return update
+
+
+@pytest.mark.parametrize("name", ["PID", "compensated_axis"])
+def test_an_importer_may_end_a_step_at_a_sample(name: str) -> None:
+    """Of a block or, in a composite, at a point of its grid."""
+    times: list[float] = []
+    with Slave(three(name), earlyReturnAllowed=True, intermediateUpdate=stopping(0.0035, times)) as one:
+        one.initialise()
+        event, terminate, early, last = one.doStep(0.0, 0.01)
+        assert (event, terminate, early) == (False, False, True)
+        assert last == times[-1]
+        assert last == pytest.approx(0.004, abs=1e-12) or name != "PID"
+        assert 0.0035 <= last <= 0.004 + 1e-12
+        assert one.doStep(last, 0.01 - last)[2]
+        assert times == sorted(times)
+
+
+def test_an_update_without_permission_ends_no_step() -> None:
+    times: list[float] = []
+    with Slave(three("PID"), intermediateUpdate=stopping(0.0, times)) as one:
+        one.initialise()
+        assert one.doStep(0.0, 0.01) == (False, False, False, 0.01)
+        assert times == pytest.approx([1e-3 * k for k in range(1, 11)])
+
+
+def test_updates_change_no_number() -> None:
+    """A step that is cut at the samples for the updates is the whole step bit for bit."""
+    with Slave(three("PID"), intermediateUpdate=stopping(1.0, [])) as one, Slave(three("PID")) as other:
+        for each in (one, other):
+            each.initialise(r=1e-3, x=0.0)
+            each.set("x", 2e-4)
+            for k in range(5):
+                each.doStep(3.3e-3 * k, 3.3e-3)
+        assert one.get("u") == other.get("u")
+
+
+# ---- adjoint derivatives
+
+
+@pytest.mark.parametrize("name", SHELL_BLOCKS)
+def test_adjoint_is_the_transpose_of_directional(name: str) -> None:
+    check_adjoint(name)
+
+
+# ---- states
+
+
+def test_states_of_another_fmu_are_refused() -> None:
+    with Slave(three("LuGre")) as lugre, Slave(three("Mass")) as mass:
+        state = mass.getFMUState()
+        data = mass.serializeFMUState(state)
+        lugre.refuses(lambda: lugre.deserializeFMUState(data), "another FMU")
+        lugre.refuses(lambda: lugre.setFMUState(state), "another FMU")
+        mass.freeFMUState(state)
+
+
+def test_a_state_keeps_mode_and_size() -> None:
+    with Slave(three("GMS")) as one, Slave(three("GMS")) as other:
+        resize(one, 3)
+        one.initialise()
+        one.set("v", 1e-3)
+        one.doStep(0.0, 1e-3)
+        state = one.getFMUState()
+        copy = other.deserializeFMUState(one.serializeFMUState(state))
+        other.setFMUState(copy)
+        for each in (one, other):
+            each.doStep(1e-3, 1e-3)
+        assert one.get("F") == other.get("F")
+        assert other.getUInt64([other.reference("N")]) == [3]
+        one.freeFMUState(state)
+        other.freeFMUState(copy)
+
+
+def test_a_state_of_event_mode_needs_event_mode() -> None:
+    with Slave(three("PID"), eventModeUsed=True) as events, Slave(three("PID")) as plain:
+        state = events.getFMUState()
+        data = events.serializeFMUState(state)
+        plain.refuses(lambda: plain.deserializeFMUState(data), "eventModeUsed")
+        events.freeFMUState(state)
+
+
+# ---- sources
+
+
+@pytest.mark.parametrize("name", ["PID", "GMS"])
+def test_the_build_description_is_enough_to_compile(name: str, tmp_path: Path) -> None:
+    """With gcc, and the headers of FMI 3.0 only."""
+    folder = Path(fmpy.extract(str(three(name)))) / "sources"
+    build = etree.parse(folder / "buildDescription.xml")
+    files = [str(file.get("name")) for file in build.iter("SourceFile")]
+    headers = tmp_path / "headers"
+    headers.mkdir()
+    for header in header_folder().glob("fmi3*.h"):
+        (headers / header.name).write_bytes(header.read_bytes())
+    library = tmp_path / f"{name}.so"
+    command = ["gcc", "-std=c99", "-O1", "-Wall", "-Wextra", "-Werror", "-fPIC", "-shared", "-isystem", str(headers)]
+    prefix = f"{name}_"
+    subprocess.run([*command, *files, "-o", str(library), "-lm"], cwd=folder, check=True)
+    made = ctypes.CDLL(str(library))
+    version = getattr(made, f"{prefix}fmi3GetVersion")
+    version.restype = ctypes.c_char_p
+    assert version() == b"3.0"
+    assert c_void_p.in_dll(made, f"{prefix}fmi3DoStep") is not None
