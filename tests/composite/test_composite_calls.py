@@ -18,10 +18,10 @@ from every_block.test_block_state import (  # noqa: F401
     test_threads_with_an_instance_each_are_as_if_alone,
 )
 from shell.exchanging import SITUATIONS, begin, go_on, go_to
-from shell.facade import facade
+from shell.facade import IN_3, in_either
 from shell.fixtures import instance, situation  # noqa: F401
 from shell.instance import Instance, Library, load, signals
-from shell.selection import COMPOSITES, built
+from shell.selection import COMPOSITES
 from shell.test_call_sequence import (  # noqa: F401
     test_a_faulty_instantiation_gives_null_and_says_why,
     test_after_terminate_the_last_values_can_still_be_read,
@@ -62,17 +62,16 @@ from shell.test_values import (  # noqa: F401
 )
 
 
-@pytest.fixture(params=[*COMPOSITES, f"{COMPOSITES[1]} in FMI 3.0"])
+@pytest.fixture(params=[*COMPOSITES, COMPOSITES[1] + IN_3])
 def library(
     request: pytest.FixtureRequest, compose: Callable[[str], Path], tmp_path_factory: pytest.TempPathFactory
 ) -> Library:
     """Each of these composite FMUs in turn."""
-    name, in_3, _ = request.param.partition(" in FMI 3.0")
-    if not in_3:
-        return load(compose(name))
+    if not request.param.endswith(IN_3):
+        return load(compose(request.param))
     folder = tmp_path_factory.getbasetemp() / "composite3"
     folder.mkdir(exist_ok=True)
-    return load(facade(compose(name), built(name, folder, fmi=3)))
+    return load(in_either(request.param, folder))
 
 
 @pytest.fixture

@@ -8,9 +8,12 @@ import zipfile
 from pathlib import Path
 
 from lxml import etree
+from shell.selection import built
 
 from harness.compiling.toolchain import FLAGS, compiler, header_folder
 
+IN_3 = ":3"
+"""Suffix of a name for FMI 3.0."""
 FACADE = Path(__file__).with_suffix(".c")
 
 
@@ -36,6 +39,13 @@ def facade(two: Path, three: Path) -> Path:
             made.write(library, place)
         (folder / "new.fmu").replace(path)
     return path
+
+
+def in_either(name: str, folder: str | Path) -> Path:
+    """The FMU of a block or composite; with the suffix ``:3`` in FMI 3.0, behind the facade."""
+    plain = name.removesuffix(IN_3)
+    two = built(plain, folder)
+    return two if name == plain else facade(two, built(plain, Path(folder) / "fmi3", fmi=3))
 
 
 def library_of(archive: zipfile.ZipFile, folder: Path) -> Path:

@@ -42,6 +42,7 @@ def built(name: str, folder: str | Path, start: Start | None = None, fmi: Litera
     if not example.exists():
         return build(name, folder, start, fmi=fmi)
     path = Path(folder) / f"{name}.fmu"
+    path.parent.mkdir(parents=True, exist_ok=True)
     with open_system(example) as system:
         system.to_fmu(path, fmi=fmi)
     return path

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from tempfile import mkdtemp
 
 import pytest
@@ -19,10 +18,9 @@ from every_block.test_block_state import (  # noqa: F401
     test_threads_with_an_instance_each_are_as_if_alone,
 )
 from every_block.test_refused_calls import test_results_that_are_not_finite_change_nothing  # noqa: F401
-from shell.facade import facade
+from shell.facade import IN_3, in_either
 from shell.fixtures import instance, situation  # noqa: F401
 from shell.instance import Library, load
-from shell.selection import built
 
 from friction_fmus import catalogue
 
@@ -30,5 +28,4 @@ from friction_fmus import catalogue
 @pytest.fixture(scope="module", params=tuple(catalogue()))
 def library(request: pytest.FixtureRequest) -> Library:
     """Each block of the catalogue in turn."""
-    folder = mkdtemp(prefix="fmi3-")
-    return load(facade(built(request.param, folder), built(request.param, Path(folder) / "3", fmi=3)))
+    return load(in_either(request.param + IN_3, mkdtemp(prefix="fmi3-")))

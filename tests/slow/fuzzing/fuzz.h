@@ -8,6 +8,10 @@
 
 #include <float.h>
 
+#ifndef INSIDE /* facade.c defines it */
+#define INSIDE(c) (c)
+#endif
+
 #define HOLDS(condition, text)                                                                                         \
     do {                                                                                                               \
         if (!(condition)) {                                                                                            \

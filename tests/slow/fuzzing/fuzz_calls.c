@@ -32,11 +32,11 @@ static FuzzValues fuzz_values(Fuzz *in, const Instance *c, int type)
     for (size_t i = 0; i < v.count; i++) {
         for (int tries = 0; tries < 8; tries++) {
             v.references[i] = fuzz_reference(in);
-            if (v.references[i] < VALUES && c->row_of[v.references[i]]->type == type)
+            if (v.references[i] < VALUES && INSIDE(c)->row_of[v.references[i]]->type == type)
                 break;
         }
         const double value = fuzz_number(in);
-        const Row *const row = v.references[i] < VALUES ? c->row_of[v.references[i]] : &rows[0];
+        const Row *const row = v.references[i] < VALUES ? INSIDE(c)->row_of[v.references[i]] : &rows[0];
         const double start = row->starts ? row->starts[v.references[i] - row->index] : row->start;
         v.reals[i] = fuzz_choice(in, 2) && row->role != ROLE_INPUT ? start * (1.0 + 0.1 * value) : value;
         const double whole = value * (fuzz_choice(in, 2) ? start : 1.0);
@@ -58,10 +58,10 @@ static void fuzz_finite(const Instance *c, const FuzzValues *v, const fmi2Real *
 {
     for (size_t i = 0; i < v->count; i++) {
 #ifdef GUARDED
-        if (c->row_of[v->references[i]]->role == ROLE_INPUT)
+        if (INSIDE(c)->row_of[v->references[i]]->role == ROLE_INPUT)
             continue;
 #endif
-        HOLDS(isfinite(results[i]), c->row_of[v->references[i]]->name);
+        HOLDS(isfinite(results[i]), INSIDE(c)->row_of[v->references[i]]->name);
     }
 }
 
@@ -128,7 +128,7 @@ static fmi2Status call_step(Fuzz *in, Instance *c)
     static const double steps[] = {1e-3, 1e-2, 1e-4, 0.1, 1.0, 1e-9, 1e-3 / 3.0};
     const unsigned kind = fuzz_choice(in, 16);
     const double h = kind < 7 ? steps[kind] : kind < 14 ? 1e-3 : fuzz_number(in);
-    const double t = fuzz_choice(in, 16) ? c->model.time : fuzz_number(in);
+    const double t = fuzz_choice(in, 16) ? INSIDE(c)->model.time : fuzz_number(in);
     return fmi2DoStep(c, t, h, fuzz_choice(in, 2));
 }
 
@@ -137,6 +137,16 @@ static fmi2Status call_setup(Fuzz *in, Instance *c)
     const fmi2Boolean tolerance = fuzz_choice(in, 4) == 1, stop = fuzz_choice(in, 4) == 1;
     return fmi2SetupExperiment(c, tolerance, fuzz_number(in), fuzz_choice(in, 4) ? 0.0 : fuzz_number(in), stop,
                                fuzz_number(in));
+}
+
+#ifdef FMI_3
+static fmi2Status call_status_of(Fuzz *in, Instance *c) { return call_get(in, c); }
+static fmi2Status call_cancel(Fuzz *in, Instance *c) { return call_get(in, c); }
+#else
+static fmi2Status call_cancel(Fuzz *in, Instance *c)
+{
+    (void)in;
+    return fmi2CancelStep(c);
 }
 
 static fmi2Status call_status_of(Fuzz *in, Instance *c)
@@ -154,6 +164,7 @@ static fmi2Status call_status_of(Fuzz *in, Instance *c)
     default: return fmi2GetStringStatus(c, kind, &text);
     }
 }
+#endif
 
 static fmi2Status call_rare(Fuzz *in, Instance *c)
 {
@@ -161,7 +172,7 @@ static fmi2Status call_rare(Fuzz *in, Instance *c)
     const fmi2ValueReference first = 0;
     fmi2String text = "";
     switch (fuzz_choice(in, 12)) {
-    case 0: return fmi2CancelStep(c);
+    case 0: return call_cancel(in, c);
     case 1: return fmi2SetDebugLogging(c, fuzz_choice(in, 2), fuzz_choice(in, 3), &names[fuzz_choice(in, 2)]);
     case 2: return fmi2GetString(c, &first, fuzz_choice(in, 2), &text);
     case 3: return fmi2SetString(c, &first, fuzz_choice(in, 2), &text);
@@ -190,7 +201,9 @@ static fmi2Status call_set_time(Fuzz *in, Instance *c)
 {
     static const double steps[] = {1e-3, 1e-2, 1e-4, 0.1, 1.0, 0.0, -1e-3, 1e-3 / 3.0};
     const unsigned kind = fuzz_choice(in, 12);
-    return fmi2SetTime(c, kind < 8 ? c->model.time + steps[kind] : kind < 11 ? c->model.time : fuzz_number(in));
+    return fmi2SetTime(c, kind < 8    ? INSIDE(c)->model.time + steps[kind]
+                          : kind < 11 ? INSIDE(c)->model.time
+                                      : fuzz_number(in));
 }
 
 static fmi2Status call_set_states(Fuzz *in, Instance *c)
@@ -257,10 +270,12 @@ static fmi2Status call_exchange(Fuzz *in, Instance *c)
 /* What can be written can be read. */
 static void fuzz_written_state(Instance *c, fmi2FMUstate state)
 {
-    static Saved bytes;
+    static fmi2Byte bytes[sizeof(Saved) + 1000];
+    size_t size = 0;
     fmi2FMUstate read = NULL;
-    HOLDS(fmi2SerializeFMUstate(c, state, (fmi2Byte *)&bytes, sizeof bytes) == fmi2OK, "a state cannot be written");
-    HOLDS(fmi2DeSerializeFMUstate(c, (fmi2Byte *)&bytes, sizeof bytes, &read) == fmi2OK, "a state of a run is refused");
+    HOLDS(fmi2SerializedFMUstateSize(c, state, &size) == fmi2OK && size <= sizeof bytes, "a state has no size");
+    HOLDS(fmi2SerializeFMUstate(c, state, bytes, size) == fmi2OK, "a state cannot be written");
+    HOLDS(fmi2DeSerializeFMUstate(c, bytes, size, &read) == fmi2OK, "a state of a run is refused");
     fmi2FreeFMUstate(c, &read);
 }
 
@@ -280,7 +295,7 @@ static void fuzz_calls(fmi2Type kind, const uint8_t *bytes, size_t count)
         fmi2Status status;
         bool stepped = false;
         const unsigned call = fuzz_choice(&in, 16);
-        memcpy(&before, &c->model, sizeof before);
+        memcpy(&before, &INSIDE(c)->model, sizeof before);
         switch (call) {
         case 0: status = call_setup(&in, c); break;
         case 1: status = fmi2EnterInitializationMode(c); break;
@@ -304,7 +319,7 @@ static void fuzz_calls(fmi2Type kind, const uint8_t *bytes, size_t count)
         HOLDS(status == fmi2OK || status == fmi2Warning || status == fmi2Discard || status == fmi2Error,
               "a status that is never due");
         if (status >= fmi2Discard)
-            HOLDS(fuzz_unchanged(&before, &c->model, stepped && status == fmi2Discard),
+            HOLDS(fuzz_unchanged(&before, &INSIDE(c)->model, stepped && status == fmi2Discard),
                   "a refused call changes something");
     }
     fmi2FreeFMUstate(c, &state);

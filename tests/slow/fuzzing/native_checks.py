@@ -6,7 +6,7 @@
     python native_checks.py minimise FOLDER [BLOCK...]  what fuzzing has found and kept in FOLDER, into the corpora
 
 Corpora are in ``corpus/TARGET/BLOCK``; an input that fails is written to the working directory as ``BLOCK-crash-...``
-and is run again by the target that `fuzz` leaves behind: its command is shown.
+and is run again by the target that `fuzz` leaves behind: its command is shown. ``BLOCK:3`` is the block in FMI 3.0.
 """
 
 from __future__ import annotations
@@ -23,6 +23,7 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).parents[2]))
 
+from shell.facade import FACADE, IN_3
 from shell.selection import COMPOSITES, built
 
 from friction_fmus import catalogue
@@ -50,12 +51,16 @@ class FoundError(AssertionError):
 
 def targets(name: str) -> tuple[str, ...]:
     """The fuzz targets of a block or composite."""
+    if name.endswith(IN_3):
+        return () if name.removesuffix(IN_3) in COMPOSITES else TARGETS[:1]
     return COMPOSITE_TARGETS if name in COMPOSITES else TARGETS
 
 
 def unpacked(name: str, folder: Path, into: Path) -> Path:
     """The sources of an FMU, in a folder of their own: two programs of a block may be made side by side."""
-    with zipfile.ZipFile(built(name, folder)) as archive:
+    plain = name.removesuffix(IN_3)
+    fmu = built(plain, folder) if name == plain else built(plain, folder / "fmi3", fmi=3)
+    with zipfile.ZipFile(fmu) as archive:
         archive.extractall(into, [entry for entry in archive.namelist() if entry.startswith("sources/")])
     return into / "sources"
 
@@ -77,9 +82,11 @@ def compiled(name: str, source: str, flags: Sequence[str], folder: Path, compile
         ``clang`` or ``gcc``.
     """
     program = folder / f"{name}_{Path(source).stem}_{flags[0].partition('=')[2].replace(',', '_')}"
+    plain = name.removesuffix(IN_3)
     sources = unpacked(name, folder, program.with_suffix(".fmu"))
+    block = [f'-DBLOCK="{plain}.c"'] if name == plain else [f'-DBLOCK="{FACADE}"', f'-DFMI_3="fmi3_{plain}.c"']
     command = [compiler, "-std=gnu11", "-ffp-contract=off", "-fno-math-errno", "-Wall", "-Wextra", "-Werror", *flags]
-    command += ["-I", str(header_folder()), "-I", str(sources), f'-DBLOCK="{name}.c"']
+    command += ["-I", str(header_folder()), "-I", str(sources), *block]
     command += [str(HERE / source), *map(str, sorted(sources.glob("part_*.c")))]
     command += ["-o", str(program), "-lm", "-pthread"]
     run = subprocess.run(command, capture_output=True, text=True, check=False)
@@ -155,8 +162,12 @@ def check_warnings(name: str, folder: Path) -> None:
     FoundError
         With the first warning.
     """
+    plain = name.removesuffix(IN_3)
     sources = unpacked(name, folder, folder / f"{name}_warnings")
-    files = [f"{name}.c", *(path.name for path in sorted(sources.glob("part_*.c")))]
+    files = [
+        f"{plain}.c" if name == plain else f"fmi3_{plain}.c",
+        *(path.name for path in sorted(sources.glob("part_*.c"))),
+    ]
     for compiler, level, file in product(COMPILERS, LEVELS, files):
         command = [compiler, "-std=c99", level, *WARNINGS, "-I", str(header_folder()), "-c", file, "-o", os.devnull]
         run = subprocess.run(command, cwd=sources, capture_output=True, text=True, check=False)
@@ -208,7 +219,8 @@ def _all(jobs: Sequence[tuple[object, ...]]) -> int:
 def main(command: str, *arguments: str) -> int:
     """What the module's docstring says."""
     rest = arguments[1:] if command in ("fuzz", "minimise") else arguments
-    names = list(rest or (*catalogue(), *COMPOSITES))
+    every = (*catalogue(), *COMPOSITES)
+    names = list(rest or (*every, *(name + IN_3 for name in every)))
     folder = Path(tempfile.mkdtemp(prefix="native-checks-"))
     if command == "fuzz":
         pairs = [(name, target) for name in names for target in targets(name)]

@@ -31,7 +31,9 @@ SELECTION = ("LuGre", "GenericAsperity", "Leuven", "Actuator", "PID", "Repetitiv
 CHAINS = ("BurridgeKnopoff", "FrenkelKontorova", "FrenkelKontorovaTomlinson")
 """Blocks with large local arrays, of which an optimising compiler says most."""
 SECONDS = 3
-PAIRS = [(name, target) for name in (*SELECTION, *COMPOSITES) for target in targets(name)]
+SELECTION_3 = ("GMS:3", "PID:3")
+"""The same in FMI 3.0: with arrays, and with a clock."""
+PAIRS = [(name, target) for name in (*SELECTION, *COMPOSITES, *SELECTION_3) for target in targets(name)]
 
 needs_clang = pytest.mark.skipif(shutil.which("clang") is None, reason="clang is not installed")
 
@@ -45,13 +47,13 @@ def test_fuzzing_finds_nothing(name: str, target: str, tmp_path: Path, monkeypat
 
 @needs_clang
 @pytest.mark.parametrize("sanitizer", [ADDRESS, THREAD], ids=lambda flags: str(flags[0]))
-@pytest.mark.parametrize("name", (*SELECTION, *COMPOSITES))
+@pytest.mark.parametrize("name", (*SELECTION, *COMPOSITES, *SELECTION_3, "compensated_axis:3"))
 def test_threads_with_an_instance_each_under_a_sanitizer(name: str, sanitizer: tuple[str, ...], tmp_path: Path) -> None:
     run_threads(name, sanitizer, tmp_path)
 
 
 @pytest.mark.skipif(not all(map(shutil.which, COMPILERS)), reason="gcc and clang are not both installed")
-@pytest.mark.parametrize("name", (*SELECTION, *CHAINS, *COMPOSITES))
+@pytest.mark.parametrize("name", (*SELECTION, *CHAINS, *COMPOSITES, *SELECTION_3, "compensated_axis:3"))
 def test_no_level_of_optimisation_brings_out_a_warning(name: str, tmp_path: Path) -> None:
     check_warnings(name, tmp_path)
 

@@ -8,7 +8,8 @@ from pathlib import Path
 import pytest
 from call_machine import run
 from shell.elsewhere import Elsewhere
-from shell.selection import COMPOSITES
+from shell.facade import IN_3, in_either
+from shell.selection import COMPOSITES, SHELL_BLOCKS
 
 from friction_fmus import catalogue
 
@@ -23,3 +24,8 @@ def elsewhere() -> Iterator[Elsewhere]:
 @pytest.mark.parametrize("name", (*catalogue(), *COMPOSITES))
 def test_random_calls(name: str, build_fmu: Callable[..., Path], elsewhere: Elsewhere, tmp_path: Path) -> None:
     elsewhere.run(build_fmu(name), tmp_path / "calls.txt", 60 if name in COMPOSITES else 12)
+
+
+@pytest.mark.parametrize("name", (*SHELL_BLOCKS, COMPOSITES[1]))
+def test_random_calls_in_fmi_3(name: str, elsewhere: Elsewhere, tmp_path: Path) -> None:
+    elsewhere.run(in_either(name + IN_3, tmp_path), tmp_path / "calls.txt", 12)

@@ -5,18 +5,22 @@
 
 #include <pthread.h>
 
+#ifndef INSIDE /* facade.c defines it */
+#define INSIDE(c) (c)
+#endif
+
 enum { THREADS = 4, CALLS = 300 };
 
 #ifdef COMPOSITE /* the time is its first variable, the inputs follow */
 #define NO_EXCHANGE
 #define REFERENCE(i)    ((fmi2ValueReference)(i) + 1)
 #define IS_REAL(c, i)   (variables[i].type == REAL)
-#define HASHED(c)       (c)->memory.signals, sizeof(c)->memory.signals
+#define HASHED(c)       INSIDE(c)->memory.signals, sizeof INSIDE(c)->memory.signals
 #define MAKE_GUID(guid) const char *const guid = GUID
 #else
 #define REFERENCE(i)  inputs[i]
-#define IS_REAL(c, i) ((c)->row_of[i]->type == TYPE_REAL)
-#define HASHED(c)     &(c)->model, VALUES * sizeof(double)
+#define IS_REAL(c, i) (INSIDE(c)->row_of[i]->type == TYPE_REAL)
+#define HASHED(c)     &INSIDE(c)->model, VALUES * sizeof(double)
 #define MAKE_GUID(guid)                                                                                                \
     char guid[GUID_LENGTH + 2];                                                                                        \
     write_guid(guid)
@@ -38,7 +42,7 @@ static double drawn(uint64_t *seed) /* -1 to 1 */
 static void advance_by(Instance *c, double h)
 {
 #ifndef NO_EXCHANGE
-    if (KIND(c) == fmi2ModelExchange) {
+    if (KIND(INSIDE(c)) == fmi2ModelExchange) {
         fmi2Real states[ALL_STATES + 1], rates[ALL_STATES + 1], left[INDICATORS + 1];
         fmi2EventInfo info;
         fmi2NewDiscreteStates(c, &info);
@@ -47,14 +51,14 @@ static void advance_by(Instance *c, double h)
         fmi2GetDerivatives(c, rates, ALL_STATES);
         for (int i = 0; i < ALL_STATES; i++)
             states[i] += h * rates[i];
-        fmi2SetTime(c, c->model.time + h);
+        fmi2SetTime(c, INSIDE(c)->model.time + h);
         fmi2SetContinuousStates(c, states, ALL_STATES);
         fmi2GetEventIndicators(c, left, INDICATORS);
         fmi2EnterEventMode(c);
         return;
     }
 #endif
-    fmi2DoStep(c, NOW(c), h, fmi2True);
+    fmi2DoStep(c, NOW(INSIDE(c)), h, fmi2True);
 }
 
 static void *trial(void *given)
