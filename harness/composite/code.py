@@ -110,6 +110,11 @@ def _read(part: FmuPart) -> tuple[str, str, dict[str, str], tuple[str, ...]]:
         root = etree.fromstring(
             read_zip(archive, "modelDescription.xml"), etree.XMLParser(resolve_entities=False, no_network=True)
         )
+        if root.get("fmiVersion") != "2.0":
+            raise BuildError(
+                f"'{part.name}' is an FMU of FMI {root.get('fmiVersion')}, but a composite FMU is made of FMUs of FMI 2.0: "
+                f"export {part.path.name} as FMI 2.0"
+            )
         simulation = root.find("CoSimulation")
         assert simulation is not None, "the part has checked its archive"
         listed = tuple(str(file.get("name")) for file in simulation.iterfind("SourceFiles/File"))

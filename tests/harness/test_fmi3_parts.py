@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import pickle
+import subprocess
+import sys
 from collections.abc import Callable, Sequence
 from functools import cache
 from pathlib import Path
@@ -204,3 +206,33 @@ def test_states_keep_the_next_event(tmp_path: Path) -> None:
     calls.get()
     assert y.tolist() == after.tolist() == [7, 2]
     part.close()
+
+
+# ---- other tools
+
+
+@pytest.fixture(scope="module")
+def powers(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The FMU that pythonfmu3 makes of foreign/powers.py."""
+    pytest.importorskip("pythonfmu3")
+    folder = tmp_path_factory.mktemp("pythonfmu3")
+    source = Path(__file__).parent / "foreign" / "powers.py"
+    command = [sys.executable, "-m", "pythonfmu3", "build", "-f", str(source), "-d", str(folder)]
+    subprocess.run(command, check=True, timeout=100, capture_output=True)
+    return folder / "Powers.fmu"
+
+
+@pytest.mark.filterwarnings("ignore")
+@pytest.mark.parametrize("isolate", [False, True])
+def test_an_fmu_of_pythonfmu3_runs(powers: Path, isolate: bool) -> None:
+    """Beside a block of FMI 2.0 that drives it: arrays, integers of 64 bits, Booleans."""
+    parts = [FmuPart("one", powers, isolate=isolate), FmuPart("ramp", fmu("Sine"))]
+    start = {"ramp.offset": 1.0, **{f"ramp.amplitude[{k}]": 0.0 for k in (1, 2, 3, 4)}}
+    with System(parts, ["ramp.r -> one.rate"], start) as system:
+        result = system.run(stop=1.0, step=0.1, master="gauss-seidel")
+    t = np.asarray(result["time"])
+    for k in (1, 2, 3):
+        assert np.asarray(result[f"one.powers[{k}]"])[1:] == pytest.approx(t[1:] ** k, rel=1e-12)
+    assert list(np.asarray(result["one.steps"])) == list(range(11))
+    assert list(np.asarray(result["one.late"])) == [bool(x > 0.45) for x in t]
+    assert np.asarray(result["one.decay"])[1:] == pytest.approx(0.9 ** np.arange(1, 11), rel=1e-12)

@@ -58,7 +58,11 @@ typedef struct {
 typedef fmi2Component C2;
 typedef const fmi2ValueReference R2;
 
+#ifdef _WIN32
+#define SHOWN __declspec(dllexport)
+#else
 #define SHOWN __attribute__((visibility("default")))
+#endif
 #define CALL(NAME, ...)                                                                                                \
     SHOWN fmi2Status fmi2##NAME(C2 component, ##__VA_ARGS__);                                                          \
     SHOWN fmi2Status fmi2##NAME(C2 component, ##__VA_ARGS__)

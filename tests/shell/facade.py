@@ -10,6 +10,7 @@ from pathlib import Path
 from lxml import etree
 from shell.selection import built
 
+from harness.compiling.platforms import PLATFORMS
 from harness.compiling.toolchain import FLAGS, compiler, header_folder
 
 IN_3 = ":3"
@@ -17,26 +18,28 @@ IN_3 = ":3"
 FACADE = Path(__file__).with_suffix(".c")
 
 
-def facade(two: Path, three: Path) -> Path:
+def facade(two: Path, three: Path, platform: str = "linux64") -> Path:
     """Make an FMU with the description of FMI 2.0, whose library calls the functions of FMI 3.0.
 
     Parameters
     ----------
     two, three : Path
         The same block or composite in both versions. The new FMU is written beside the second one.
+    platform : str
+        The platform of the library.
     """
-    path = three.with_name(f"{three.stem}-facade.fmu")
+    path = three.with_name(f"{three.stem}-facade-{platform}.fmu")
     if path.exists():
         return path
     with tempfile.TemporaryDirectory() as scratch, zipfile.ZipFile(two) as old, zipfile.ZipFile(three) as new:
         folder = Path(scratch)
-        library = library_of(new, folder)
+        library = library_of(new, folder, platform)
         with zipfile.ZipFile(folder / "new.fmu", "w") as made:
             for name in old.namelist():
                 if not name.startswith(("binaries/", "sources/")):
                     made.writestr(name, old.read(name))
-            (place,) = (name for name in old.namelist() if name.startswith("binaries/linux64/"))
-            made.write(library, place)
+            suffix = PLATFORMS[platform].suffix
+            made.write(library, f"binaries/{platform}/{three.stem}{suffix}")
         (folder / "new.fmu").replace(path)
     return path
 
@@ -48,7 +51,7 @@ def in_either(name: str, folder: str | Path) -> Path:
     return two if name == plain else facade(two, built(plain, Path(folder) / "fmi3", fmi=3))
 
 
-def library_of(archive: zipfile.ZipFile, folder: Path) -> Path:
+def library_of(archive: zipfile.ZipFile, folder: Path, platform: str) -> Path:
     """Compile the sources of an FMU of FMI 3.0 with the facade."""
     for name in archive.namelist():
         if name.startswith("sources/"):
@@ -58,6 +61,7 @@ def library_of(archive: zipfile.ZipFile, folder: Path) -> Path:
     (folder / "sources" / FACADE.name).write_text(FACADE.read_text(encoding="utf-8"), encoding="utf-8")
     plain = (flag for flag in FLAGS if flag not in ("-Werror", "-Wpedantic", "-O2"))
     flags = [*plain, "-O0", "-fno-sanitize=undefined", f'-DFMI_3="{main}"']  # compiled in a fifth of the time
-    command = [*compiler(), *flags, "-isystem", str(header_folder()), FACADE.name, *others]
+    (target,) = PLATFORMS[platform].targets
+    command = [*compiler(target), *flags, "-isystem", str(header_folder()), FACADE.name, *others]
     subprocess.run([*command, "-shared", "-lm", "-o", "facade.so"], cwd=folder / "sources", check=True)
     return folder / "sources" / "facade.so"

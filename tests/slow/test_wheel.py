@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib.metadata
+import importlib.util
 import math
 import os
 import subprocess
@@ -11,6 +12,7 @@ import zipfile
 from importlib.metadata import Distribution
 from pathlib import Path
 
+import fmpy
 import pytest
 from packaging.requirements import Requirement
 
@@ -67,6 +69,7 @@ REFUSED = [
     (["show", "PID"], "casadi", "build"),
     (["study", "demo", "-o", "out"], "plotly", "study"),
     (["build", "LuGre", "-o", "own", "--set", "Fc=2"], "ziglang", "build"),
+    (["build", "LuGre", "-o", "own", "--fmi", "3"], "ziglang", "build"),
     (["compose", "{examples}/stick_slip.toml", "-o", "axis.fmu"], "ziglang", "build"),
     (["sweep", "{examples}/stick_slip.toml", "-o", "out", "--vary", "mass.m=1,2"], "pyarrow", "parquet"),
     (["run", "{examples}/stick_slip.toml", "--stop", "0.1", "-o", "run.parquet"], "pyarrow", "parquet"),
@@ -170,6 +173,18 @@ def test_commands_without_extras(
     filled = [argument.format(wheel=installed, examples=ROOT / "examples") for argument in arguments]
     done = run(["-m", "friction_fmus", *filled], environment, tmp_path)
     assert (done.returncode, done.stderr) == (0, "")
+
+
+def test_fmi_3_is_compiled_on_demand(environment: dict[str, str], tmp_path: Path) -> None:
+    """With the compiler, and without casadi."""
+    spec = importlib.util.find_spec("ziglang")
+    assert spec is not None and spec.origin is not None
+    (tmp_path / "zig").mkdir()
+    (tmp_path / "zig" / "ziglang").symlink_to(Path(spec.origin).parent)
+    found = environment | {"PYTHONPATH": os.pathsep.join((environment["PYTHONPATH"], str(tmp_path / "zig")))}
+    done = run(["-m", "friction_fmus", "build", "PID", "--fmi", "3", "-o", "own"], found, tmp_path)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert fmpy.read_model_description(str(tmp_path / "own" / "PID.fmu")).fmiVersion == "3.0"
 
 
 @pytest.mark.parametrize(("arguments", "package", "extra"), REFUSED, ids=str)

@@ -6,9 +6,12 @@ import logging
 from collections.abc import Mapping
 from pathlib import Path
 
+import numpy as np
 import pytest
 from interop.importers import SMALL, default_experiment, deviation, in_fmpy, without_start
 from interop.loops import EVERY, STEP, STOP, Loop, Trajectories, beside_each_other, of_loop
+
+from harness import FmuPart, System
 
 assembly = pytest.importorskip("fmu_manipulation_toolbox.assembly")
 
@@ -24,7 +27,7 @@ def exposed(name: str) -> str:
     return name.replace(".", "_")
 
 
-def container(loop: Loop, step: float, folder: Path) -> Path:
+def container(loop: Loop, step: float, folder: Path, fmi: int = 2) -> Path:
     """A container of a loop with all its outputs."""
     node = assembly.AssemblyNode("container.fmu", step, auto_link=False, auto_input=False, auto_output=False)
 
@@ -40,7 +43,7 @@ def container(loop: Loop, step: float, folder: Path) -> Path:
         node.add_output(*place(name), exposed(name))
     for name, value in loop.start.items():
         node.add_start_value(*place(name), str(value).lower())
-    node.make_fmu(folder)
+    node.make_fmu(folder, fmi_version=fmi)
     return folder / node.name
 
 
@@ -73,3 +76,18 @@ def test_every_fmu_in_a_closed_loop_gives_the_trajectory_of_jacobi(loops: Mappin
         for block, x in loops.items()
     }
     assert {block: error for block, error in errors.items() if not error < 1e-8} == {}
+
+
+def test_a_container_in_fmi_3_is_a_part_of_the_harness(loops: Mapping[str, Loop], tmp_path: Path) -> None:
+    """With the values of the container in FMI 2.0."""
+    found = {}
+    for fmi in (2, 3):
+        folder = tmp_path / str(fmi)
+        folder.mkdir()
+        loop = loops["LuGre"]
+        with System([FmuPart("axis", container(loop, STEP, folder, fmi))], [], {}) as system:
+            result = system.run(stop=0.5, step=1e-3)
+        found[fmi] = {name: np.asarray(result[f"axis.{exposed(name)}"]) for name in loop.outputs()}
+    for name, values in found[2].items():
+        assert found[3][name] == pytest.approx(values, rel=1e-12, abs=1e-15), name
+    assert max(np.ptp(values) for values in found[3].values()) > 0.0
