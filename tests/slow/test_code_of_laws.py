@@ -23,6 +23,7 @@ from laws.test_emit import (  # noqa: F401
 )
 from laws.test_law_blocks import test_the_blocks_sample_is_casadis, test_the_table_says_what_the_law_says  # noqa: F401
 from laws.test_preview import check_long_preview
+from thorough import some
 
 from friction_fmus.codegen import export_law
 
@@ -45,7 +46,8 @@ def test_c99_and_c17_without_a_warning_and_the_example_runs(name: str, tmp_path:
         export_law(name, tmp_path, real=real)
         extra = ["-Wdouble-promotion"] if real == "float" else []
         outputs = set()
-        for compiler, standard in product(COMPILERS, ("c99", "c17")):
+        pairs = [*product(COMPILERS, ("c99", "c17"))]
+        for compiler, standard in some(pairs, [*zip(COMPILERS, ("c99", "c17"), strict=False)]):
             program = compiled(tmp_path, compiler, f"-std={standard}", *extra)
             outputs.add(subprocess.run([program], capture_output=True, text=True, check=True).stdout)
         assert len(outputs) == 1

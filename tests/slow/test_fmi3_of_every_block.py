@@ -16,6 +16,7 @@ from fmpy.fmi2 import FMU2Model
 from fmpy.fmi3 import FMU3Model
 from fmpy.validation import validate_fmu
 from shell.selection import COMPOSITES, built
+from thorough import some
 
 from friction_fmus import catalogue
 from harness import FmuPart
@@ -78,7 +79,7 @@ def trajectory(path: Path, seed: int) -> bytes:
     return b"".join(out)
 
 
-@pytest.mark.parametrize("seed", [1, 2, 3])
+@pytest.mark.parametrize("seed", some([1, 2, 3], [1]))
 def test_co_simulation_gives_the_same_numbers(pair: tuple[Path, Path], seed: int) -> None:
     two, other = pair
     first = trajectory(two, seed + zlib.crc32(two.stem.encode()))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import subprocess
+from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +13,7 @@ from codegen.test_loop import EXAMPLE
 from codegen.test_numbers import LAWS, same_bits, same_numbers
 from codegen.test_travel import STROKES, motion
 from codegen.test_unit_test import without_fault
+from thorough import some
 
 from benchmarks.law_runs import LawC, rows_of, run_casadi
 from friction_fmus.codegen import CORES, Core, export_law, measure, target
@@ -20,7 +22,7 @@ from friction_fmus.codegen.emulation import RANDOM, run, trace
 from friction_fmus.codegen.export import make_export
 from friction_fmus.codegen.program import CALLS, samples
 from friction_fmus.codegen.readme import ACCURACY, TRAVEL
-from friction_fmus.codegen.target import EMULATOR, M0PLUS, M4F, assembly, call, compile_law, emulate, link_program
+from friction_fmus.codegen.target import EMULATOR, M0PLUS, M4F, M7, assembly, call, compile_law, emulate, link_program
 from friction_fmus.codegen.unit_test import unit_test
 from friction_fmus.codegen.vectors import EXACT as EXACT_FUNCTIONS
 from friction_fmus.codegen.vectors import N, vectors
@@ -28,6 +30,8 @@ from friction_fmus.lawkit.law import Kind
 
 WARNINGS = ("-Wall", "-Wextra", "-Wconversion", "-Wpedantic", "-Wshadow", "-Werror")
 UNITS = [*LAWS, str(EXAMPLE)]
+TARGETS = some([*product(CORES, ("float", "double"))], [(M0PLUS, "double"), (M4F, "float"), (M7, "double")])
+on_targets = pytest.mark.parametrize(("core", "real"), TARGETS, ids=lambda each: getattr(each, "name", each))
 pytestmark = pytest.mark.skipif(bool(target.missing()), reason=f"{' and '.join(target.missing())} not installed")
 
 STRAIGHT = """
@@ -45,8 +49,7 @@ def straight(
 """
 
 
-@pytest.mark.parametrize("core", CORES, ids=lambda core: core.name)
-@pytest.mark.parametrize("real", ["float", "double"])
+@on_targets
 @pytest.mark.parametrize("name", UNITS)
 def test_the_target_computes_the_same(name: str, real: str, core: Core, tmp_path: Path) -> None:
     """Bit by bit, but for another C library's exp and pow."""
@@ -85,8 +88,7 @@ law = "PredictiveFilter"
 FIVE = ("LuGreFeedforward", "GMSFeedforward", "ExtendedStateObserver", "PID", "KalmanFriction")
 
 
-@pytest.mark.parametrize("core", CORES, ids=lambda core: core.name)
-@pytest.mark.parametrize("real", ["float", "double"])
+@on_targets
 @pytest.mark.parametrize("name", [*FIVE, str(EXAMPLE), "exact"])
 def test_the_target_computes_the_same_over_the_travel(name: str, real: str, core: Core, tmp_path: Path) -> None:
     """Five laws and two loops at 0 to 10 m, against casadi in double: the same bits, or as the README of float says."""
@@ -139,8 +141,7 @@ def result_on_target(export, core: Core, folder: Path) -> int:
     return subprocess.run([EMULATOR, "-cpu", "max", "./program"], cwd=folder, check=False).returncode
 
 
-@pytest.mark.parametrize("core", CORES, ids=lambda core: core.name)
-@pytest.mark.parametrize("real", ["float", "double"])
+@on_targets
 @pytest.mark.parametrize("name", UNITS)
 def test_the_unit_test_passes_on_the_target(name: str, real: str, core: Core, tmp_path: Path) -> None:
     """And its instructions can be counted."""

@@ -147,7 +147,7 @@ def run_threads(name: str, sanitizer: Sequence[str], folder: Path) -> None:
         raise FoundError(f"{name}, {sanitizer[0]}: {run.stdout}{run.stderr[:3000]}")
 
 
-def check_warnings(name: str, folder: Path) -> None:
+def check_warnings(name: str, folder: Path, levels: Sequence[str] = LEVELS) -> None:
     """Compile a block by each compiler at each level: some warnings come with optimisation only.
 
     Parameters
@@ -156,6 +156,8 @@ def check_warnings(name: str, folder: Path) -> None:
         The block.
     folder : Path
         Where its FMU and sources go.
+    levels : sequence of str
+        Levels of optimisation.
 
     Raises
     ------
@@ -168,7 +170,7 @@ def check_warnings(name: str, folder: Path) -> None:
         f"{plain}.c" if name == plain else f"fmi3_{plain}.c",
         *(path.name for path in sorted(sources.glob("part_*.c"))),
     ]
-    for compiler, level, file in product(COMPILERS, LEVELS, files):
+    for compiler, level, file in product(COMPILERS, levels, files):
         command = [compiler, "-std=c99", level, *WARNINGS, "-I", str(header_folder()), "-c", file, "-o", os.devnull]
         run = subprocess.run(command, cwd=sources, capture_output=True, text=True, check=False)
         if run.returncode != 0 or run.stderr:
