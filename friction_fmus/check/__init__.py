@@ -1,7 +1,7 @@
 """Checks of an FMU: the archive, the XML, and the behaviour of the binary in a separate process.
 
-The checks apply to any FMI 2.0 FMU. The rules are functions in `archive`, `definitions`, `variables`,
-`structure` and `side_files`, and probes in `probes`; each rule is one function.
+The checks apply to any FMU of FMI 2.0 or 3.0. The rules are functions in `archive`, `definitions`, `variables`,
+`structure`, `side_files` and `fmi3`, and probes in `probes`; each rule is one function.
 """
 
 from __future__ import annotations
@@ -12,6 +12,7 @@ from pathlib import Path
 
 from fmpy import read_model_description
 from fmpy.model_description import ValidationError
+from lxml import etree
 
 from friction_fmus.check import definitions, structure, variables
 from friction_fmus.check.archive import Contents, examine_archive, list_members, read_member, truncated_libraries
@@ -27,6 +28,8 @@ from friction_fmus.check.description import (
     wrong_encoding,
 )
 from friction_fmus.check.findings import DESCRIPTION, RULES, Finding, Rule, apply, declare
+from friction_fmus.check.fmi3 import Model3
+from friction_fmus.check.fmi3.binary import examine_binary_3
 from friction_fmus.check.side_files import examine_side_files
 from friction_fmus.errors import FrictionError, UnknownNameError, nearest
 
@@ -37,6 +40,10 @@ _MODULES = (definitions, variables, structure)
 
 _DANGEROUS = ("zip-", "path-outside", "path-backslash", "path-symlink", "path-duplicate", "path-clash", "path-long")
 
+_ONLY_FMI_2 = ("source-headers", "source-undeclared")
+"""Rules of the archive that do not hold in FMI 3.0."""
+
+SCHEMA_3 = declare("fmi3-schema", "error", "2.4", "modelDescription.xml violates the schema of FMI 3.0.", "fmi3")
 FMPY = declare("fmpy", "error", "2.2", "The check of fmpy finds an error that no other rule finds.", "description")
 
 
@@ -59,7 +66,7 @@ def check(
     Returns
     -------
     list of Finding
-        The findings in order of severity. A file that is not an FMI 2.0 FMU gives one finding.
+        The findings in order of severity. A file that is not an FMU of FMI 2.0 or 3.0 gives one finding.
 
     Raises
     ------
@@ -93,6 +100,8 @@ def _examine(path: Path, static: bool, time_limit: float) -> list[Finding]:
     root = parse(data)
     if isinstance(root, Finding):
         return [*examine_archive(contents), root]
+    if root.tag == "fmiModelDescription" and root.get("fmiVersion", "").startswith("3."):
+        return _examine_3(path, contents, data, root, static, time_limit)
     model = Model(root)
     refusals = list(_refusals(model))
     if refusals:
@@ -104,10 +113,36 @@ def _examine(path: Path, static: bool, time_limit: float) -> list[Finding]:
     findings += apply("description", model)
     if not any(finding.rule.startswith(_DANGEROUS) for finding in findings):
         findings += examine_side_files(contents, model)
-        if not any(finding.severity == "error" for finding in findings):
+        if not _errors(findings):
             findings += _fmpy(path)
         findings += _libraries(contents, model, static, time_limit)
     return findings
+
+
+def _examine_3(
+    path: Path, contents: Contents, data: bytes, root: etree._Element, static: bool, time_limit: float
+) -> list[Finding]:
+    """Return the findings in an FMI 3.0 FMU."""
+    model = Model3(root)
+    contents = replace(contents, identifier=model.identifier)
+    findings = [finding for finding in examine_archive(contents) if finding.rule not in _ONLY_FMI_2]
+    findings += wrong_encoding(data, root)
+    findings += [SCHEMA_3.finding(text, DESCRIPTION, line=line) for text, line in violations(root, _XSD_3)]
+    if not _errors(findings):
+        findings += apply("fmi3", model)
+    if not any(finding.rule.startswith(_DANGEROUS) for finding in findings):
+        findings += examine_side_files(contents, model)
+        if not _errors(findings):
+            findings += _fmpy(path)
+        truncated = list(truncated_libraries(contents))
+        findings += truncated
+        if not (static or truncated or _errors(findings)) and contents.below("binaries"):
+            findings += examine_binary_3(contents, model, time_limit)
+    return [replace(finding, standard="FMI 3.0.2") for finding in findings]
+
+
+def _errors(findings: list[Finding]) -> bool:
+    return any(finding.severity == "error" for finding in findings)
 
 
 def _unless_told(found: list[Finding], also: Finding) -> list[Finding]:
@@ -123,6 +158,7 @@ def _libraries(contents: Contents, model: Model, static: bool, time_limit: float
 
 
 _XSD = "fmi2/fmi2ModelDescription.xsd"
+_XSD_3 = "fmi3/fmi3ModelDescription.xsd"
 
 
 def _refusals(model: Model) -> Iterator[Finding]:
@@ -132,7 +168,7 @@ def _refusals(model: Model) -> Iterator[Finding]:
         text = f"the root element is {model.root.tag}, not fmiModelDescription; export it as FMI 2.0"
         yield VERSION.finding(text, DESCRIPTION, line=line_of(model.root))
     elif version != "2.0":
-        text = f"fmiVersion is {version!r}, but only 2.0 is supported; export it as FMI 2.0"
+        text = f"fmiVersion is {version!r}, but only 2.0 and 3.0 are supported; export it as FMI 2.0 or 3.0"
         yield VERSION.finding(text, DESCRIPTION, line=line_of(model.root))
     elif not model.interfaces:
         text = "the FMU declares neither CoSimulation nor ModelExchange; export it again"

@@ -18,19 +18,22 @@ from lxml import etree
 from friction_fmus.check.archive import Contents, unpack
 from friction_fmus.check.description import Model, Variable, integer, real
 from friction_fmus.check.findings import RULES, Finding, declare
-from friction_fmus.check.probes import events, lifecycle, stepping, surroundings
+from friction_fmus.check.probes import arrays, events, lifecycle, stepping, surroundings
 from friction_fmus.check.probes.host import CRASHES, ONLY, PROBES, SEVERAL
 from friction_fmus.check.probes.library import TRACE_SIZE
 from friction_fmus.check.probes.rules import RULES as BINARY_RULES
+from friction_fmus.check.probes.rules import RULES_3
 from friction_fmus.errors import FrictionError
 from harness.compiling.platforms import NATIVE
 from harness.storage.scratch import ScratchFolder
 
-_MODULES: Final = (lifecycle, stepping, events, surroundings)
+_MODULES: Final = (lifecycle, stepping, events, arrays, surroundings)
 """Modules that register the probes, in this order."""
 
 for _id, (_severity, _section, _summary) in BINARY_RULES.items():
     declare(_id, _severity, _section, _summary, "binary")  # type: ignore[arg-type]
+for _id, (_severity, _section, _summary) in RULES_3.items():
+    declare(_id, _severity, _section, _summary, "fmi3")  # type: ignore[arg-type]
 
 NO_BINARY = declare("no-binary-here", "note", "2.3", "There is no binary for this machine, so none was run.", "binary")
 
@@ -43,7 +46,7 @@ _FLAGS: Final = (
     "providesDirectionalDerivative",
 )
 _PROGRAM: Final = (
-    "import sys; sys.path.append({folder!r}); from probes import lifecycle, stepping, events, surroundings; "
+    "import sys; sys.path.append({folder!r}); from probes import lifecycle, stepping, events, arrays, surroundings; "
     "from probes.host import main; main({place!r}, {names!r})"
 )
 _DEBUG: Final = "run this call in a debugger"
@@ -83,6 +86,28 @@ def examine_binary(contents: Contents, model: Model, time_limit: float) -> list[
 def _examine(contents: Contents, model: Model, interface: etree._Element, time_limit: float) -> list[Finding]:
     """Run the probes of one interface."""
     binary = f"binaries/{NATIVE.folder}/{interface.get('modelIdentifier', '')}{NATIVE.suffix}"
+    once = _flag(interface, "canBeInstantiatedOnlyOncePerProcess")
+    return run_probes(contents, binary, _job(model, interface), _probes(model, interface, once), once, time_limit)
+
+
+def run_probes(
+    contents: Contents, binary: str, job: dict[str, Any], names: list[str], once: bool, time_limit: float
+) -> list[Finding]:
+    """Run probes of one interface and return their findings.
+
+    Parameters
+    ----------
+    contents, time_limit
+        See `examine_binary`.
+    binary : str
+        The library in the archive.
+    job : dict
+        What the probes need to know of the XML.
+    names : list of str
+        The probes.
+    once : bool
+        Whether each probe needs a process of its own.
+    """
     if binary not in contents.names:
         found = sorted({path.parts[1] for path in contents.below("binaries") if len(path.parts) > 2})
         there = ", ".join(found) or "none"
@@ -92,15 +117,14 @@ def _examine(contents: Contents, model: Model, interface: etree._Element, time_l
     with ScratchFolder("friction-fmus-check-") as name:
         folder = Path(name).resolve()
         unpack(contents, folder / "fmu")
-        job = _job(model, interface) | {
+        job = job | {
             "folder": str(folder),
             "binary": str(folder / "fmu" / binary),
             "resources": str(folder / "fmu" / "resources"),
         }
         (folder / "job.json").write_text(json.dumps(job), encoding="utf-8")
         (folder / "trace").write_bytes(b" " * TRACE_SIZE)
-        once = _flag(interface, "canBeInstantiatedOnlyOncePerProcess")
-        return list(_supervise(folder, _probes(model, interface, once), once, binary, time_limit))
+        return list(_supervise(folder, names, once, binary, time_limit))
 
 
 def _probes(model: Model, interface: etree._Element, once: bool) -> list[str]:

@@ -9,8 +9,8 @@ from typing import Any, Final, Literal
 Severity = Literal["error", "warning", "note"]
 """Severities: a violation of the standard; a likely problem with importers; advice."""
 
-Kind = Literal["archive", "description", "binary"]
-"""Kinds of rules: the part of the FMU that a rule examines."""
+Kind = Literal["archive", "description", "binary", "fmi3"]
+"""Kinds of rules: the part of the FMU that a rule examines; "fmi3" stands for the XML of FMI 3.0."""
 
 DESCRIPTION: Final = "modelDescription.xml"
 
@@ -29,10 +29,10 @@ class Rule:
     severity : {"error", "warning", "note"}
         Severity; only notes leave the exit status at 0.
     section : str
-        Section of FMI 2.0.5.
+        Section of FMI 2.0.5; of FMI 3.0.2 for the kind "fmi3".
     summary : str
         One sentence that describes the error.
-    kind : {"archive", "description", "binary"}
+    kind : {"archive", "description", "binary", "fmi3"}
         The examined part of the FMU.
     """
 
@@ -41,6 +41,11 @@ class Rule:
     section: str
     summary: str
     kind: Kind
+
+    @property
+    def standard(self) -> str:
+        """The version of FMI that the section refers to."""
+        return "FMI 3.0.2" if self.kind == "fmi3" else "FMI 2.0.5"
 
     def finding(self, message: str, file: str = "", *, line: int | None = None, variable: str | None = None) -> Finding:
         """Return a finding of this rule, with long texts shortened in the middle."""
@@ -66,6 +71,8 @@ class Finding:
         Line in the file.
     variable : str, optional
         Name of the variable.
+    standard : str
+        The version of FMI.
     """
 
     rule: str
@@ -74,6 +81,13 @@ class Finding:
     file: str = ""
     line: int | None = None
     variable: str | None = None
+    standard: str = "FMI 2.0.5"
+
+    @property
+    def source(self) -> str:
+        """The standard, with its section if the rule is of this version, such as ``FMI 2.0.5, 2.2.7``."""
+        known = RULES[self.rule]
+        return f"{self.standard}, {known.section}" if known.standard == self.standard else self.standard
 
     @property
     def place(self) -> str:

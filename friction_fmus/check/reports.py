@@ -35,7 +35,7 @@ def as_text(results: Results, console: Console) -> None:
         for finding in findings:
             line = Text(f"{path}: {finding.place}: " if finding.file else f"{path}: ")
             line.append(finding.severity, _STYLE[finding.severity])
-            line.append(f" [{finding.rule}] {finding.message} (FMI 2.0.5, {RULES[finding.rule].section})")
+            line.append(f" [{finding.rule}] {finding.message} ({finding.source})")
             console.print(line, soft_wrap=True)
         console.print(Text(f"{path}: {_summary(findings)}"), soft_wrap=True)
 
@@ -64,7 +64,7 @@ def as_sarif(results: Results) -> str:
             {
                 "id": rule.id,
                 "shortDescription": {"text": rule.summary},
-                "help": {"text": f"{rule.summary} See section {rule.section} of FMI 2.0.5."},
+                "help": {"text": f"{rule.summary} See section {rule.section} of {rule.standard}."},
                 "defaultConfiguration": {"level": rule.severity},
                 "properties": {"section": rule.section, "tags": [rule.kind]},
             }
@@ -128,7 +128,7 @@ def _quoted(path: str) -> str:
 def rules_table() -> Table:
     """Return all rules as a table for a terminal."""
     table = Table(box=None, pad_edge=False)
-    for heading in ("rule", "severity", "FMI 2.0.5", "error"):
+    for heading in ("rule", "severity", "section", "error"):
         table.add_column(heading)
     for rule in RULES.values():
         table.add_row(rule.id, Text(rule.severity, _STYLE[rule.severity]), rule.section, rule.summary)

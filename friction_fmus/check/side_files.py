@@ -10,6 +10,7 @@ from lxml import etree
 from friction_fmus.check.archive import Contents, read_member
 from friction_fmus.check.description import Model, line_of, name_of, parse, violations, wrong_encoding
 from friction_fmus.check.findings import Finding, declare
+from friction_fmus.check.fmi3.description import Model3
 
 TERMINALS: Final = "terminalsAndIcons/terminalsAndIcons.xml"
 BUILD: Final = "sources/buildDescription.xml"
@@ -20,7 +21,7 @@ _ICON = declare("terminals-icon", "warning", "2.3", "A named icon is missing.", 
 _BUILD = declare("build-description", "error", "2.3", f"{BUILD} is invalid or names missing files.", "archive")
 
 
-def examine_side_files(contents: Contents, model: Model) -> Iterator[Finding]:
+def examine_side_files(contents: Contents, model: Model | Model3) -> Iterator[Finding]:
     """Yield the findings in these files, if they exist."""
     for file, rule, schema, examine in (
         (TERMINALS, _TERMINALS, "fmi3TerminalsAndIcons.xsd", _terminals),
@@ -45,7 +46,7 @@ def examine_side_files(contents: Contents, model: Model) -> Iterator[Finding]:
         yield from examine(contents, model, root)
 
 
-def _terminals(contents: Contents, model: Model, root: etree._Element) -> Iterator[Finding]:
+def _terminals(contents: Contents, model: Model | Model3, root: etree._Element) -> Iterator[Finding]:
     names = {v.name for v in model.variables}
     for element in root.iter("TerminalMemberVariable", "TerminalStreamMemberVariable"):
         for attribute in ("variableName", "inStreamVariableName", "outStreamVariableName"):
@@ -60,7 +61,7 @@ def _terminals(contents: Contents, model: Model, root: etree._Element) -> Iterat
             yield _ICON.finding(message, TERMINALS, line=line_of(element))
 
 
-def _build(contents: Contents, _model: Model, root: etree._Element) -> Iterator[Finding]:
+def _build(contents: Contents, _model: Model | Model3, root: etree._Element) -> Iterator[Finding]:
     for element in root.iter("SourceFile"):
         if f"sources/{element.get('name')}" not in contents.names:
             message = f"the source file {element.get('name')!r} is missing in sources; add it or remove the entry"

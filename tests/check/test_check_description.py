@@ -91,7 +91,6 @@ FAULTS: dict[str, list[tuple[Edit, str]]] = {
         (experiment(stepSize="short"), "short"),
     ],
     "fmi-version": [
-        (lambda root: root.set("fmiVersion", "3.0"), "3.0"),
         (lambda root: root.set("fmiVersion", "1.0"), "1.0"),
         (lambda root: root.set("fmiVersion", "2.0.5"), "2.0.5"),
         (lambda root: setattr(root, "tag", "model"), "model"),

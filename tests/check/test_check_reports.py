@@ -80,6 +80,7 @@ def test_json(fmus: tuple[str, str, str], capsys: pytest.CaptureFixture[str]) ->
         "message": "Fc starts at -1, below its min 1e-09; choose a value inside the limits",
         "file": "modelDescription.xml",
         "variable": "Fc",
+        "standard": "FMI 2.0.5",
     }
 
 

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from .library import Library, MissingError, RefusedError
+from .library3 import Library3
 
 Report = Callable[..., None]
 """``report(rule, message, variable=None)``"""
@@ -23,7 +24,7 @@ SEVERAL: Final[set[str]] = set()
 CRASHES: Final[dict[str, str]] = {}
 """Rules for a crash or a hang in a probe, if not the general ones."""
 ONLY: Final[dict[str, str]] = {}
-"""Probes of one interface only: "co-simulation" or "model exchange"."""
+"""Probes of one interface only, "co-simulation" or "model exchange", or of FMI 3.0."""
 
 
 def probe(*, several: bool = False, crash: str = "", only: str = "") -> Callable[[Probe], Probe]:
@@ -63,13 +64,14 @@ def main(folder: str, names: list[str]) -> None:
         os.write(report_file, json.dumps(line).encode() + b"\n")
 
     def report(rule: str, message: str, variable: str | None = None) -> None:
-        write(finding=rule, message=message, variable=variable)
+        write(finding=rule, message=library.named(message), variable=variable)
 
     write(probe="load")
     try:
-        library = Library(job, trace)
+        library = (Library3 if job.get("version") == 3 else Library)(job, trace)
     except OSError as error:
-        report("binary-not-loadable", f"the library cannot be loaded ({error}); build it for this platform")
+        message = f"the library cannot be loaded ({error}); build it for this platform"
+        write(finding="binary-not-loadable", message=message, variable=None)
         write(end="load")
         return
     for name in names:

@@ -135,6 +135,9 @@ class Library:
         Memory for the name of the function being called, in case it never returns.
     """
 
+    version = b"2.0"
+    """What the library has to answer to GetVersion."""
+
     def __init__(self, job: dict[str, Any], trace: mmap.mmap) -> None:
         """Load the library."""
         self.job, self._trace = job, trace
@@ -148,16 +151,24 @@ class Library:
         self.mark("loading")
         self._handle = ctypes.CDLL(job["binary"])
         self.exchange: bool = job["exchange"]
+        self._bind()
+        libc = ctypes.cdll.msvcrt if sys.platform == "win32" else ctypes.CDLL(None)
+        self._logger = _LOGGER(self._log)
+        addresses = [ctypes.cast(function, c_void_p).value for function in (self._logger, libc.calloc, libc.free)]
+        self._callbacks = _Callbacks(*addresses, None, None)
+
+    def _bind(self) -> None:
+        """Find the functions and set the types of their arguments."""
         signatures = _COMMON | (_EXCHANGE if self.exchange else _CO_SIMULATION)
         self.missing = [name for name in signatures if not hasattr(self._handle, f"fmi2{name}")]
         for name, arguments in signatures.items():
             if name not in self.missing:
                 function = getattr(self._handle, f"fmi2{name}")
                 function.argtypes, function.restype = arguments, _RESULTS.get(name, c_int)
-        libc = ctypes.cdll.msvcrt if sys.platform == "win32" else ctypes.CDLL(None)
-        self._logger = _LOGGER(self._log)
-        addresses = [ctypes.cast(function, c_void_p).value for function in (self._logger, libc.calloc, libc.free)]
-        self._callbacks = _Callbacks(*addresses, None, None)
+
+    def named(self, message: str) -> str:
+        """Return a message with the names of the version of FMI."""
+        return message
 
     def mark(self, function: str) -> None:
         """Store the name of the function being called."""

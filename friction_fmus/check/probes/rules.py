@@ -57,3 +57,15 @@ RULES: Final = {
         "The library changes the working directory, the locale or the rounding mode.",
     ),
 }
+
+RULES_3: Final = {
+    "fmi3-configuration": (
+        "error",
+        "2.2.1",
+        "A structural parameter cannot be set in its mode, or elsewhere too.",
+    ),
+    "fmi3-adjoint": ("error", "2.2.11", "An adjoint derivative disagrees with a directional derivative."),
+    "fmi3-event-mode": ("error", "4.2.2", "A co-simulation with events fails."),
+    "fmi3-intermediate-update": ("error", "4.2.2", "Intermediate updates are out of order or end a step."),
+}
+"""Rules of what FMI 3.0 adds, with sections of FMI 3.0.2."""

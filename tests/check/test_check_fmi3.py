@@ -1,0 +1,177 @@
+"""`check` of FMI 3.0: nothing in our FMUs, and each fault that is put into one."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+import zipfile
+from pathlib import Path
+
+import pytest
+from fmi3.slaves import three
+from lxml import etree
+from shell.selection import SHELL_BLOCKS
+from thorough import some
+
+from friction_fmus.check import RULES, check
+from harness.compiling.toolchain import FLAGS, compiler, header_folder
+
+XML = "modelDescription.xml"
+
+
+def rules(path: Path, *, static: bool = False) -> set[str]:
+    return {finding.rule for finding in check(path, static=static)}
+
+
+@pytest.mark.parametrize("name", some([*SHELL_BLOCKS, "compensated_axis"], ["GMS", "PID"]))
+def test_nothing_is_found_in_our_fmus(name: str) -> None:
+    assert [str(finding) for finding in check(three(name))] == []
+
+
+def changed(name: str, folder: Path, old: str, new: str, member: str = XML) -> Path:
+    """The FMU with another text in one of its files."""
+    path = folder / f"{name}.fmu"
+    with zipfile.ZipFile(three(name)) as source, zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as target:
+        for item in source.infolist():
+            data = source.read(item)
+            if item.filename == member:
+                text = re.sub(old, new, data.decode(), count=1)
+                assert text != data.decode(), "nothing is changed"
+                data = text.encode()
+            target.writestr(item.filename, data)
+    return path
+
+
+DESCRIPTIONS = {
+    "schema": ("PID", 'causality="input"', 'causality="inward"', "fmi3-schema"),
+    "name twice": ("PID", 'name="Kd"', 'name="Kp"', "fmi3-duplicate"),
+    "reference twice": ("LuGre", '(name="sigma1" valueReference=)"1"', r'\1"0"', "fmi3-duplicate"),
+    "variability": ("LuGre", '(name="v" .*?)"continuous"', r'\1"fixed"', "fmi3-variability"),
+    "continuous Boolean": (
+        "LuGre",
+        '(name="asymmetric" .*?)"parameter" variability="tunable"',
+        r'\1"local" variability="continuous"',
+        "fmi3-variability",
+    ),
+    "no start": ("LuGre", '(name="sigma1" .*?) start="[^"]*"', r"\1", "fmi3-start"),
+    "start of a result": ("LuGre", '(name="F" .*?)/>', r'\1 start="1"/>', "fmi3-start"),
+    "too few starts": ("GMS", '(name="k" .*?start=)"(\\S+) (\\S+) [^"]*"', r'\1"\2 \3"', "fmi3-start"),
+    "outside limits": ("LuGre", '(name="sigma1" .*?start=)"[^"]*"', r'\1"-1"', "fmi3-limits"),
+    "dimension": ("GMS", 'Dimension valueReference="\\d+"', 'Dimension valueReference="999"', "fmi3-dimension"),
+    "type": ("LuGre", 'declaredType="Force"', 'declaredType="Farce"', "fmi3-type"),
+    "unit": ("LuGre", '(name="sigma0" .*?unit=)"N/m"', r'\1"lbf"', "fmi3-type"),
+    "no time": ("LuGre", '(name="time" .*?causality=)"independent"', r'\1"local"', "fmi3-independent"),
+    "derivative": ("LuGre", 'derivative="19"', 'derivative="8"', "fmi3-derivative"),
+    "interval": ("PID", ' intervalDecimal="[^"]*"', "", "fmi3-clock"),
+    "negative interval": ("PID", 'intervalDecimal="', 'intervalDecimal="-', "fmi3-clock"),
+    "clock of another type": ("PID", '(name="u" )', r'\1clocks="0" ', "fmi3-clocked"),
+    "no event mode": ("PID", ' hasEventMode="true" mightReturnEarlyFromDoStep="true"', "", "fmi3-no-event-mode"),
+    "early return": ("PID", ' hasEventMode="true"', "", "fmi3-flags"),
+    "unknown output": ("LuGre", '<Output valueReference="18"', '<Output valueReference="999"', "fmi3-structure"),
+    "output missing": ("LuGre", '<Output valueReference="18".*?/>', "", "fmi3-outputs"),
+    "state missing": ("LuGre", "<ContinuousStateDerivative .*?/>", "", "fmi3-states"),
+    "initial unknown missing": ("LuGre", '<InitialUnknown valueReference="18".*?/>', "", "fmi3-initial-unknowns"),
+}
+
+
+@pytest.mark.parametrize("fault", DESCRIPTIONS)
+def test_faults_of_the_description_are_found(fault: str, tmp_path: Path) -> None:
+    name, old, new, rule = DESCRIPTIONS[fault]
+    assert rule in rules(changed(name, tmp_path, old, new), static=True)
+
+
+def test_every_rule_of_fmi_3_has_a_fault() -> None:
+    faults = {rule for *_, rule in (*DESCRIPTIONS.values(), *BINARIES.values())}
+    assert faults >= {rule.id for rule in RULES.values() if rule.kind == "fmi3"}
+
+
+BINARIES = {
+    "adjoint": ("LuGre", "fmi3_derivatives.h", r"sum \+= seed", "sum -= seed", "fmi3-adjoint"),
+    "endless events": ("PID", "fmi3_events.h", r"\*again = info[^;]*", "*again = true", "event-iteration"),
+    "no interval": (
+        "PID",
+        "fmi3_clock.h",
+        r"intervals\[i\] = c->inside->model.Ts",
+        "intervals[i] = 0.0",
+        "fmi3-event-mode",
+    ),
+    "late update": (
+        "PID",
+        "fmi3_step.h",
+        r"c->update\(c->environment, now",
+        "c->update(c->environment, now + 1.0",
+        "fmi3-intermediate-update",
+    ),
+    "size at any time": (
+        "GMS",
+        "fmi3_instance.h",
+        "= CONFIGURATION_3,\n    MAY3_GetS",
+        "= CONFIGURATION_3 | INITIALIZATION_3,\n    MAY3_GetS",
+        "fmi3-configuration",
+    ),
+    "wrong elements": (
+        "GMS",
+        "fmi3_values.h",
+        r"        values \+= size;",
+        "        values[size - 1] += 1.0, values += size;",
+        "start-differs",
+    ),
+    "any token": (
+        "LuGre",
+        "fmi3_life.h",
+        r"strcmp\(token, TOKEN\) != 0",
+        "strcmp(token, TOKEN) == 77",
+        "guid-not-checked",
+    ),
+    "state": (
+        "LuGre",
+        "fmi3_state.h",
+        r"= fmi2SetFMUstate\(c->inside, saved->inside\)",
+        "= fmi2OK",
+        "state-not-restored",
+    ),
+    "crash": (
+        "LuGre",
+        "fmi3_step.h",
+        r"    const double whole_end = t \+ h;",
+        "    const double whole_end = t + h; *(volatile int *)0 = 1;",
+        "binary-crashes",
+    ),
+    "missing": (
+        "LuGre",
+        "fmi3_clock.h",
+        r"fmi3Status fmi3GetShiftFraction\(",
+        "fmi3Status unnamed(",
+        "function-missing",
+    ),
+    "other version": ("LuGre", "fmi3_life.h", "return fmi3Version", 'return "2.0"', "version-answer"),
+    "refused start": (
+        "PID",
+        "fmi3_values.h",
+        r'ENTER_3\("SetFloat64", MAY3_Set\)',
+        r'ENTER_3("SetFloat64", STEPS_3)',
+        "variable-not-settable",
+    ),
+}
+
+
+@pytest.mark.parametrize("fault", BINARIES)
+def test_faults_of_the_binary_are_found(fault: str, tmp_path: Path) -> None:
+    name, file, old, new, rule = BINARIES[fault]
+    path = changed(name, tmp_path, old, new, f"sources/{file}")
+    with zipfile.ZipFile(path) as archive:
+        archive.extractall(tmp_path)
+    build = etree.parse(tmp_path / "sources" / "buildDescription.xml")
+    files = [str(each.get("name")) for each in build.iter("SourceFile")]
+    (library,) = (tmp_path / "binaries").glob("*/*")
+    plain = [flag for flag in FLAGS if flag not in ("-Werror", "-Wall", "-Wextra", "-Wpedantic", "-O2")]
+    command = [*compiler(), *plain, "-O0", "-fno-sanitize=undefined", "-w", "-isystem", str(header_folder())]
+    subprocess.run([*command, *files, "-shared", "-lm", "-o", str(library)], cwd=tmp_path / "sources", check=True)
+    with zipfile.ZipFile(tmp_path / "made.fmu", "w") as made:
+        for entry in sorted(tmp_path.rglob("*")):
+            top = entry.relative_to(tmp_path).parts[0]
+            if entry.is_file() and not top.endswith(".fmu"):
+                made.write(entry, entry.relative_to(tmp_path))
+    found = check(tmp_path / "made.fmu")
+    assert rule in {finding.rule for finding in found}, [str(finding) for finding in found]
+    assert all("fmi2" not in finding.message for finding in found)
