@@ -110,10 +110,11 @@ def _read(part: FmuPart) -> tuple[str, str, dict[str, str], tuple[str, ...]]:
         root = etree.fromstring(
             read_zip(archive, "modelDescription.xml"), etree.XMLParser(resolve_entities=False, no_network=True)
         )
-        if root.get("fmiVersion") != "2.0":
+        version = root.get("fmiVersion")
+        if version != "2.0":
             raise BuildError(
-                f"'{part.name}' is an FMU of FMI {root.get('fmiVersion')}, but a composite FMU is made of FMUs of FMI 2.0: "
-                f"export {part.path.name} as FMI 2.0"
+                f"'{part.name}' is an FMU of FMI {version}, but a composite FMU is made of FMUs of FMI 2.0: export "
+                f"{part.path.name} as FMI 2.0"
             )
         simulation = root.find("CoSimulation")
         assert simulation is not None, "the part has checked its archive"
