@@ -101,6 +101,8 @@ static fmi2Status refuse_step(Instance *c, double t, double h)
 fmi2Status fmi2Terminate(fmi2Component component)
 {
     ENTER("Terminate", MAY_Terminate)
+    if (MODE(c) & EXCHANGING)
+        (void)settle_or_return(c, "fmi2Terminate"); /* a terminated part takes no inputs; its values can be read */
     ALL_PARTS("fmi2Terminate", f->terminate(p))
     warn_of_errors(c, true);
     MODE(c) = TERMINATED;

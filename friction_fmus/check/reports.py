@@ -64,9 +64,9 @@ def as_sarif(results: Results) -> str:
             {
                 "id": rule.id,
                 "shortDescription": {"text": rule.summary},
-                "help": {"text": f"{rule.summary} See section {rule.section} of {rule.standard}."},
+                "help": {"text": f"See section {rule.section} of {rule.standard}."},
                 "defaultConfiguration": {"level": rule.severity},
-                "properties": {"section": rule.section, "tags": [rule.kind]},
+                "properties": {"tags": [rule.kind]},
             }
             for rule in rules
         ],

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from fmpy import read_model_description, simulate_fmu
+from shell.facade import IN_3, in_either
 from shell.instance import MODEL_EXCHANGE, Instance, load
 
 from friction_fmus import fmu
@@ -97,3 +98,21 @@ def test_for_co_simulation_only(friction: str, every: int, wire: str | Wire, tmp
     refused = Instance(library, kind=MODEL_EXCHANGE)
     assert refused.pointer is None
     assert b"co-simulation only" in refused.messages[-1][-1]
+
+
+@pytest.mark.parametrize("name", ["compensated_axis", "compensated_axis" + IN_3])
+def test_a_terminated_composite_has_the_values_of_its_last_state(name: str, tmp_path: Path) -> None:
+    """Of the state that was set last, though the parts took its values only when something was read."""
+    library = load(in_either(name, tmp_path))
+    with Instance(library, kind=MODEL_EXCHANGE) as read, Instance(library, kind=MODEL_EXCHANGE) as terminated:
+        values = []
+        for instance in (read, terminated):
+            instance.exchange()
+            states = np.array(instance.vector("GetContinuousStates", library.states)) + 1e-3
+            instance.must("SetTime", 1e-4)
+            instance.must("SetContinuousStates", np.ctypeslib.as_ctypes(states), len(states))
+            if instance is terminated:
+                instance.must("Terminate")
+            found = [*instance.vector("GetDerivatives", library.states), *instance.get(*library.names("output"))]
+            values.append([*found, *instance.vector("GetEventIndicators", library.indicators)])
+    assert values[0] == values[1]

@@ -20,6 +20,8 @@ from friction_fmus import build
 NAMES = ("GMS", "PID")
 """With arrays, and with a clock."""
 FOLDERS = {"x86_64-linux", "x86_64-windows", "x86_64-darwin", "aarch64-linux", "aarch64-darwin"}
+OF_THE_LINKER = {"_mh_dylib_header", "__dso_handle"}
+"""Symbols that the linker adds to a library for macOS."""
 HEADER = (Path(fmpy.__file__).parent / "c-code" / "fmi3Functions.h").read_text(encoding="utf-8")
 FUNCTIONS = {*re.findall(r"#define (fmi3\w+) +fmi3FullName", HEADER), "friction_fmus_SetInputDerivatives"}
 
@@ -37,7 +39,9 @@ def test_every_platform_exports_the_functions_of_fmi_3(name: str, tmp_path: Path
             assert all(str(each.name).lower().startswith(SYSTEM_DLLS) for each in found.imports)
         else:
             exported = {str(symbol.name) for symbol in found.exported_symbols}
-        assert {text.removeprefix("_") for text in exported} == FUNCTIONS, folder
+        if isinstance(found, lief.MachO.Binary):
+            exported = {text.removeprefix("_") for text in exported} - OF_THE_LINKER
+        assert exported == FUNCTIONS, folder
 
 
 @pytest.mark.parametrize("platform", [name for name, (_, runner) in RUNNERS.items() if runner])
