@@ -14,6 +14,7 @@ from pathlib import Path
 import pytest
 from fmpy import read_model_description
 from shell.selection import built
+from thorough import THOROUGH, left_out
 
 from friction_fmus import build, fmu
 
@@ -27,8 +28,11 @@ LONG = (
 )
 
 
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """The order of `LONG`, then all others; a worker takes a file at a time."""
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    """The order of `LONG`, then all others; a worker takes a file at a time. What is for the night is left out."""
+    if not THOROUGH and (out := left_out(items)):
+        config.hook.pytest_deselected(items=[*out])
+        items[:] = [item for item in items if item not in out]
     items.sort(key=lambda item: LONG.index(item.path.name) if item.path.name in LONG else len(LONG))
 
 

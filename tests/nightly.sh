@@ -27,7 +27,7 @@ step env EXCHANGE_MOTIONS=100 "$python" -m pytest -q -n 2 tests/slow/test_exchan
 step "$python" tests/slow/soak.py
 step "$python" tests/slow/fuzzing/mutants.py "$mutants"
 for kernel in Prescott Haswell SkylakeX; do
-    step env OPENBLAS_CORETYPE="$kernel" "$python" -m pytest -q -n 2
+    step env OPENBLAS_CORETYPE="$kernel" THOROUGH=1 "$python" -m pytest -q -n 2
     step env OPENBLAS_CORETYPE="$kernel" ALL_ODD_VALUES=1 THOROUGH=1 "$python" -m pytest -q -n 2 tests/slow
 done
 exit "$failed"

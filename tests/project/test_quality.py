@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import ast
+import re
 import subprocess
 import sys
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from thorough import ONE_IN
 
 ROOT = Path(__file__).parents[2]
 C_FILES = sorted(
@@ -88,3 +90,9 @@ def test_mypy_knows_the_lazy_names(tmp_path: Path) -> None:
     assert len(errors) == 5, run.stdout
     for error, text in zip(errors, ("System", "Experiment", "out_dir", "Sistem", "bild"), strict=True):
         assert text in error
+
+
+def test_tests_with_a_selection_of_repetitions_exist() -> None:
+    for name in ONE_IN:
+        file, _, test = name.partition("::")
+        assert re.search(rf"\b{test}\b", (ROOT / "tests" / file).read_text(encoding="utf-8")), name

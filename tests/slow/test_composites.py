@@ -36,7 +36,7 @@ def servo(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @seed(20261123)
-@settings(random_seed_settings(int(os.environ.get("RANDOM_SYSTEMS", "20"))))
+@settings(random_seed_settings(int(os.environ.get("RANDOM_SYSTEMS", "8"))))
 @given(data=st.data())
 def test_random_systems(tmp_path_factory: pytest.TempPathFactory, data: st.DataObject) -> None:
     check_random_system(tmp_path_factory.getbasetemp(), data)

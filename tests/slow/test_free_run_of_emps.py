@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import pytest
+from thorough import nightly
 
 from friction_fmus.data import load_emps
 from friction_fmus.identification import identify
 
 
+@nightly
 def test_emps_runs_freely_for_half_the_record() -> None:
     """The second half from its force and its first state; 4.4 mm were reached before without a drift of the offset.
 

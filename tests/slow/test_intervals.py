@@ -1,6 +1,7 @@
 """Intervals of identified parameters, bias included: simulated axes with encoder, velocity estimation and delay.
 
-``python tests/slow/test_intervals.py 200 1000`` prints the coverage for 200 axes, from the random seed 1000 on.
+``PYTHONPATH=tests python tests/slow/test_intervals.py 200 1000`` prints the coverage for 200 axes, from the random seed
+1000 on.
 """
 
 from __future__ import annotations
@@ -10,6 +11,7 @@ import tempfile
 from pathlib import Path
 
 import numpy as np
+from thorough import nightly
 
 from friction_fmus import identify
 from friction_fmus.axis.loop import Plant, Trajectory, closed_loop, run_loop
@@ -70,6 +72,7 @@ def coverage(count: int, first: int = 0) -> dict[str, float]:
     return {name: float(np.mean(each)) for name, each in hits.items()}
 
 
+@nightly
 def test_intervals_cover_the_truth_in_nine_of_ten_axes() -> None:
     """With 40 axes, 0.85 is one standard deviation below 0.9."""
     found = coverage(40)
