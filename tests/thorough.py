@@ -13,6 +13,7 @@ _T = TypeVar("_T")
 THOROUGH = bool(os.environ.get("THOROUGH"))
 
 ONE_IN: Final[Mapping[str, int]] = {
+    "check/test_check_catalogue.py::test_nothing_is_found_in_a_block": 2,
     "codegen/test_numbers.py::test_double_has_the_bits_of_the_fmu_and_of_casadi": 2,
     "composite/test_composite_as_block.py::test_extreme_finite_values_are_computed_or_refused_but_never_give_nan": 2,
     "every_block/test_block_package.py::test_every_parameter_matters": 2,
@@ -26,6 +27,7 @@ ONE_IN: Final[Mapping[str, int]] = {
     "slow/fuzzing/test_native_checks.py::test_fuzzing_finds_nothing": 2,
     "slow/fuzzing/test_native_checks.py::test_no_level_of_optimisation_brings_out_a_warning": 2,
     "slow/fuzzing/test_native_checks.py::test_threads_with_an_instance_each_under_a_sanitizer": 2,
+    "slow/fuzzing/test_random_calls.py::test_random_calls": 2,
     "slow/importers/test_composite_importers.py::test_one_and_two_axes_under_control": 2,
     "slow/test_code_of_laws.py::test_c99_and_c17_without_a_warning_and_the_example_runs": 2,
     "slow/test_code_of_laws.py::test_double_has_the_bits_of_the_fmu_and_of_casadi_over_a_long_run": 3,

@@ -25,7 +25,7 @@ BLOCKS = (*catalogue(), *COMPOSITES)
 _AMPLITUDE = {"m": 1e-3, "m/s": 5e-3, "m/s2": 0.5, "rad": 1e-3, "rad/s": 5e-3}
 
 
-@pytest.fixture(params=BLOCKS)
+@pytest.fixture(params=some(BLOCKS, BLOCKS[::2]))
 def pair(request: pytest.FixtureRequest, build_fmu: Callable[..., Path]) -> tuple[Path, Path]:
     """The FMU of a block in both versions."""
     name = str(request.param)

@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 from foreign import RUNNERS, drive, missing
 from robustness.test_damaged_cache import check_end_of_library
+from thorough import some
 
 from friction_fmus import BuildError, build, catalogue
 from harness.compiling.platforms import PLATFORMS, select
@@ -48,9 +49,9 @@ def exports(name: str) -> int:
 
 @pytest.fixture(scope="module")
 def fmus(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
-    """Every block for every platform."""
+    """Each night every block, for every platform."""
     folder = tmp_path_factory.mktemp("all")
-    return {name: build(name, folder, platforms=["all"]) for name in catalogue()}
+    return {name: build(name, folder, platforms=["all"]) for name in some((*catalogue(),), [*catalogue()][::3])}
 
 
 @pytest.fixture(scope="module")
@@ -155,7 +156,7 @@ def test_other_platforms_compute_the_same(
         flags, far = np.all(a == np.rint(a), axis=0), np.abs(a - b) > 1e-11 * np.abs(a).max(axis=0)
         assert not far[:, ~flags].any(), (name, rounded)
         assert far[:, flags].any(axis=1).mean() < 0.01, (name, rounded)
-    assert exact > 25
+    assert exact > len(fmus) / 3.5
 
 
 def test_same_bytes_from_another_folder_at_another_time(tmp_path: Path) -> None:
