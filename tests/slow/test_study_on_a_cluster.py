@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from thorough import nightly
 
 from friction_fmus.cli.main import main
 
@@ -76,6 +77,7 @@ def numbers(folder: Path) -> dict[str, Any]:
     }
 
 
+@nightly
 def test_the_study_on_two_workers_is_that_of_one_process(tmp_path: Path, scheduler: str) -> None:
     settings = tmp_path / "demo.toml"
     settings.write_text(SETTINGS, encoding="utf-8")

@@ -14,10 +14,11 @@ from foreign import RUNNERS, drive, missing
 from shell.facade import facade
 from shell.selection import built
 from test_platforms import SYSTEM_DLLS, parsed
+from thorough import some
 
 from friction_fmus import build
 
-NAMES = ("GMS", "PID")
+NAMES = some(("GMS", "PID"), ("PID",))
 """With arrays, and with a clock."""
 FOLDERS = {"x86_64-linux", "x86_64-windows", "x86_64-darwin", "aarch64-linux", "aarch64-darwin"}
 OF_THE_LINKER = {"_mh_dylib_header", "__dso_handle"}
