@@ -63,5 +63,5 @@ def library_of(archive: zipfile.ZipFile, folder: Path, platform: str) -> Path:
     flags = [*plain, "-O0", "-fno-sanitize=undefined", f'-DFMI_3="{main}"']  # compiled in a fifth of the time
     (target,) = PLATFORMS[platform].targets
     command = [*compiler(target), *flags, "-isystem", str(header_folder()), FACADE.name, *others]
-    subprocess.run([*command, "-shared", "-lm", "-o", "facade.so"], cwd=folder / "sources", check=True)
+    subprocess.run([*command, "-shared", "-s", "-lm", "-o", "facade.so"], cwd=folder / "sources", check=True)
     return folder / "sources" / "facade.so"

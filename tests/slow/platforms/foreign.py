@@ -40,10 +40,11 @@ def host(platform: str, folder: Path) -> Path:
     """Compiles the program that drives the FMUs."""
     target, _ = RUNNERS[platform]
     program = folder / ("host.exe" if platform == "win64" else "host")
-    flags = ["-std=gnu99", "-O1", "-Wall", "-Wextra", "-Werror", "-ffp-contract=off", "-I", str(header_folder())]
+    flags = ["-std=gnu99", "-O2", "-Wall", "-Wextra", "-Werror", "-ffp-contract=off", "-s", "-I", str(header_folder())]
     source = str(Path(__file__).with_name("host.c"))
     libraries = [] if platform == "win64" else ["-ldl"]
-    subprocess.run([*compiler(target), *flags, source, "-o", str(program), *libraries], check=True)
+    command = [*compiler(target), *flags, source, "-o", str(program), *libraries]
+    subprocess.run(command, cwd=folder, check=True)  # zig compiles its libraries again for a folder above its own
     return program
 
 

@@ -13,7 +13,7 @@ from types import MappingProxyType
 import fmpy
 import pytest
 
-SOURCES = Path(__file__).parent / "foreign"
+SOURCES = Path(__file__).parent / "harness" / "foreign"
 
 _OUTPUT = 'causality="output"'
 _INPUT = 'causality="input"'
