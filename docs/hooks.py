@@ -1,4 +1,4 @@
-"""Hooks for MkDocs: notebooks as pages, and links out of this folder."""
+"""Hooks for MkDocs: notebooks as pages, the rules of `check`, and links out of this folder."""
 
 from __future__ import annotations
 
@@ -14,6 +14,8 @@ from mkdocs.structure.files import File, Files
 from nbconvert import MarkdownExporter
 from nbconvert.preprocessors import ExecutePreprocessor
 
+from friction_fmus.check.findings import RULES
+
 DOCS = Path(__file__).parent
 NOTEBOOKS = DOCS.parent / "examples" / "notebooks"
 
@@ -27,10 +29,24 @@ def on_files(files: Files, config: MkDocsConfig, **_: Any) -> Files:
 
 
 def on_page_markdown(markdown: str, **_: Any) -> str:
-    """Replace links to files outside of this folder by their names, and name pages by their titles."""
+    """Add the rules of `check`, replace links to files outside of this folder by names, and name pages by titles."""
+    markdown = markdown.replace("<!-- rules -->", rules_page())
     folders = "benchmarks|examples|fmu_src|friction_fmus|harness|tests"
     inside = re.sub(rf"\[([^\]]+)\]\(\.\./(?:{folders})/[^)]*\)", r"`\1`", markdown)
     return re.sub(r"\[([\w-]+\.md)\]\(", lambda match: f"[{title(match[1])}](", inside)
+
+
+def rules_page() -> str:
+    """Return the rules of `check` as tables."""
+    titles = {"archive": "The archive", "description": "modelDescription.xml", "binary": "The binary"}
+    lines = []
+    for kind, heading in titles.items():
+        lines += [f"### {heading}", "", "| rule | severity | FMI 2.0.5 | error |", "|---|---|---|---|"]
+        for rule in RULES.values():
+            if rule.kind == kind:
+                lines.append(f"| `{rule.id}` | {rule.severity} | {rule.section} | {rule.summary} |")
+        lines.append("")
+    return "\n".join(lines)
 
 
 def title(page: str) -> str:

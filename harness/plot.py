@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -15,6 +16,8 @@ if TYPE_CHECKING:
 
 def plot(result: Result, path: str | Path, names: Sequence[str] = ()) -> None:
     """Plot a result over time, with one panel per unit, and write the figure to a file.
+
+    A variable whose error bound is known gets a band of this width.
 
     Parameters
     ----------
@@ -41,7 +44,8 @@ def plot(result: Result, path: str | Path, names: Sequence[str] = ()) -> None:
         if name not in known:
             raise UnknownNameError(f"'{name}' was not recorded: {nearest(name, known)}")
     panels: dict[str, list[str]] = {}
-    for name in names or known:
+    bounds = {str(result[name].attrs.get("ancillary_variables", "")) for name in known}
+    for name in names or [name for name in known if name not in bounds]:
         panels.setdefault(str(result[name].attrs.get("units", "1")), []).append(name)
     if not panels:
         raise OutputError(f"there is nothing to plot in {path}: record at least one variable")
@@ -55,7 +59,13 @@ def plot(result: Result, path: str | Path, names: Sequence[str] = ()) -> None:
     time = result["time"].to_numpy()
     for axis, (unit, members) in zip(axes, panels.items(), strict=True):
         for name in members:
-            axis.plot(time, result[name].to_numpy(), label=name, linewidth=1.0)
+            values = result[name].to_numpy()
+            (line,) = axis.plot(time, values, label=name, linewidth=1.0)
+            bound = result[name].attrs.get("ancillary_variables")
+            if bound in known:
+                error = result[bound].where(result[bound] < math.inf).to_numpy()
+                band = {"color": line.get_color(), "alpha": 0.25, "linewidth": 0.0}
+                axis.fill_between(time, values - error, values + error, **band)
         axis.set_ylabel(f"{members[0]} [{unit}]" if len(members) == 1 else f"[{unit}]")
         axis.grid(alpha=0.3)
         if len(members) > 1:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -14,7 +14,9 @@ from friction_fmus.axis.elements import Compensator, Plant, Trajectory
 from friction_fmus.axis.pool import PartPool
 from friction_fmus.axis.servo import Servo
 from harness import Experiment, ExperimentError, Result, System, Wire
+from harness.accuracy.numbers import measure_bounds
 from harness.engine.defect import inaccurate
+from harness.engine.tap import Recorder
 
 RECORDED = ("axis.x", "servo.u")
 """Variables recorded at every sample of the servo."""
@@ -142,11 +144,31 @@ def run_loop(system: System) -> Trace:
         If the run fails, or is reported as wrong with every master.
     """
     _, result = accurate(system)
-    # a row of the result has the position at its time and the force of the sampling period that ends there
-    return Trace(
-        q=np.asarray(result["axis.x"].to_numpy(), dtype=np.float64)[:-1],
-        force=np.asarray(result["servo.u"].to_numpy(), dtype=np.float64)[1:],
-    )
+    return _trace(*(result[name].to_numpy() for name in RECORDED))
+
+
+def numerical_error(system: System, measure: Callable[[Trace], float]) -> float:
+    """Return the error bound of a number that summarises the run of an axis, from runs with other steps.
+
+    Raises
+    ------
+    HarnessError
+        As of `run_loop`, or if the run cannot be repeated with another step.
+    """
+    system, result = accurate(system)
+    assert system.experiment is not None
+
+    def measured(recorded: Recorder) -> dict[str, float]:
+        return {"number": measure(_trace(*(recorded.column(name) for name in RECORDED)))}
+
+    own = {"number": measure(_trace(*(result[name].to_numpy() for name in RECORDED)))}
+    (bound,) = measure_bounds(system, system.experiment, measured, own).values()
+    return bound
+
+
+def _trace(position: NDArray[np.float64], force: NDArray[np.float64]) -> Trace:
+    """Return the trace of a result, whose rows have the force of the sampling period that ends there."""
+    return Trace(q=position[:-1], force=force[1:])
 
 
 __all__ = [
@@ -157,6 +179,7 @@ __all__ = [
     "accurate",
     "block",
     "closed_loop",
+    "numerical_error",
     "run_loop",
     "typed",
     "with_gain",

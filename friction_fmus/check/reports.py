@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import sys
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
@@ -133,20 +132,3 @@ def rules_table() -> Table:
     for rule in RULES.values():
         table.add_row(rule.id, Text(rule.severity, _STYLE[rule.severity]), rule.section, rule.summary)
     return table
-
-
-def rules_page() -> str:
-    """Return all rules as the tables of docs/check.md."""
-    titles = {"archive": "The archive", "description": "modelDescription.xml", "binary": "The binary"}
-    lines = []
-    for kind, title in titles.items():
-        lines += [f"### {title}", "", "| rule | severity | FMI 2.0.5 | error |", "|---|---|---|---|"]
-        for rule in RULES.values():
-            if rule.kind == kind:
-                lines.append(f"| `{rule.id}` | {rule.severity} | {rule.section} | {rule.summary} |")
-        lines.append("")
-    return "\n".join(lines)
-
-
-if __name__ == "__main__":
-    sys.stdout.write(rules_page())

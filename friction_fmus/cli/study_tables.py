@@ -33,6 +33,7 @@ def show_study(console: Console, result: StudyResult) -> None:
             "Tracking error: root mean square of reference minus position over the whole run. Worst case: with "
             "friction, mass, delay, encoder and load changed. Drive force: only the part above the loop bandwidth."
         )
+        console.print(_numerical(result))
         left = sum(row.metrics is None for row in result.compensators)
         if left:
             console.print(f"{left} compensators do not apply to this axis; the report states the reasons.")
@@ -137,6 +138,16 @@ def compensator_table(result: StudyResult) -> Table:
             "" if row.cycles is None else f"{row.cycles:.0f}",
         )
     return table
+
+
+def _numerical(result: StudyResult) -> str:
+    """Return how far the tracking errors are off, in a sentence."""
+    runs = [(row.name, row.metrics) for row in result.compensators if row.metrics is not None]
+    shares = {name: run.rms_bound / run.rms for name, run in runs if run.rms_bound is not None and run.rms > 0.0}
+    if not shares:
+        return "Numerical error of the tracking errors: not known."
+    worst = max(shares, key=lambda name: shares[name])
+    return f"Numerical error of the tracking errors: at most {100.0 * shares[worst]:.2g} % ({worst})."
 
 
 def _tuned(row: CompensatorResult) -> str:

@@ -28,6 +28,8 @@ class Metrics:
     chatter : float or None
         Root mean square of the drive force above the bandwidth of the loop while the reference rests, in `units.force`;
         None if it does not rest.
+    rms_bound : float or None
+        Bound of the numerical error of `rms`; None for a run that was not repeated with another step.
     """
 
     rms: float
@@ -37,6 +39,7 @@ class Metrics:
     variation: float
     settling: float | None = None
     chatter: float | None = None
+    rms_bound: float | None = None
 
 
 @dataclass(frozen=True)

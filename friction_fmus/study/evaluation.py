@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Final
@@ -9,13 +10,13 @@ from typing import Final
 import numpy as np
 
 from friction_fmus.axis.elements import Compensator, Trajectory
-from friction_fmus.axis.loop import closed_loop, run_loop, with_gain
+from friction_fmus.axis.loop import closed_loop, numerical_error, run_loop, with_gain
 from friction_fmus.axis.pool import PartPool
 from friction_fmus.axis.servo import Servo
 from friction_fmus.identification import Array
 from friction_fmus.study.cases import Case, changed
 from friction_fmus.study.compensator_records import Corner, LoopMargins, Metrics, Trial
-from friction_fmus.study.metrics import Bench, judge
+from friction_fmus.study.metrics import Bench, judge, rms
 from friction_fmus.study.records import Curve
 from friction_fmus.study.thinning import thinned
 from harness import HarnessError, System
@@ -111,6 +112,7 @@ def _evaluated(bench: Bench, schemes: Sequence[Scheme], cases: Sequence[Case], p
         reason = next((trial.failure for trial in trials if trial.failure), "")
         return Evaluation(None, None, tuple(trials), (), None, reason, tuple(schemes))
     scheme, metrics, error = _best(possible)
+    metrics = replace(metrics, rms_bound=_rms_bound(system_of(bench, scheme, pool), bench))
     corners = tuple(_corner(bench, scheme, case, pool) for case in cases)
     drawn = thinned(bench.servo.Ts * np.arange(float(len(error))), error)
     return Evaluation(scheme, metrics, tuple(trials), corners, drawn, schemes=tuple(schemes))
@@ -163,3 +165,12 @@ def _judged(system: System, bench: Bench) -> tuple[Metrics | None, Array | None,
     except HarnessError as error:
         return None, None, str(error)
     return judge(trace, bench)
+
+
+def _rms_bound(system: System, bench: Bench) -> float | None:
+    """Return the bound of the numerical error of the tracking error; None if the run cannot be repeated."""
+    try:
+        bound = numerical_error(system, lambda trace: rms(bench.r[: len(trace.q)] - trace.q))
+    except HarnessError:
+        return None
+    return bound if math.isfinite(bound) else None

@@ -76,13 +76,13 @@ def judge(trace: Trace, bench: Bench) -> tuple[Metrics | None, Array | None, str
     high = high_frequency(trace.force, bench)
     resting = at_rest(bench.r, bench.servo.Ts)
     metrics = Metrics(
-        rms=_rms(error),
+        rms=rms(error),
         largest=float(np.max(np.abs(error))),
-        effort=_rms(trace.force),
-        effort_high=_rms(high),
+        effort=rms(trace.force),
+        effort_high=rms(high),
         variation=float(np.sum(np.abs(np.diff(trace.force)))) / (len(error) * bench.servo.Ts),
         settling=settling(error, bench) if bench.band else None,
-        chatter=_rms(high[resting]) if resting.any() else None,
+        chatter=rms(high[resting]) if resting.any() else None,
     )
     return metrics, error, ""
 
@@ -134,5 +134,6 @@ def at_rest(r: Array, Ts: float) -> Array:
     return resting
 
 
-def _rms(values: Array) -> float:
+def rms(values: Array) -> float:
+    """Return the root mean square."""
     return float(np.sqrt(np.mean(np.square(values))))

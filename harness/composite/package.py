@@ -32,13 +32,13 @@ from harness.parts.fmu import FmuPart
 from harness.storage.atomic import atomic_path
 from harness.storage.zip_file import zipped
 from harness.system.assembly import Assembly
-from harness.system.experiment import LOOP_TOLERANCE, Experiment
+from harness.system.experiment import COUPLING_TOLERANCE, LOOP_TOLERANCE, Experiment
 from harness.system.graph import check_loops, stepping_order
 from harness.system.initialisation import start_order
 from harness.system.layout import make_plan
 
-ERRORS: Final = {"newton": 0.0, "adaptive": 1e-5}
-"""Tolerated coupling error of each master that a composite FMU can contain, see `harness.masters.adaptive`."""
+MASTERS: Final = ("newton", "adaptive")
+"""Masters that a composite FMU can contain."""
 
 _HEADERS: Final = ("fmi2_modes.h", "fmi2_calls.h", "fmi2_hash.h", "fmi2_saved.h")
 
@@ -83,9 +83,10 @@ def compose(
     exchanges = exchange_fault(inner) is None
     variables = composite_variables(inner, interface, exchanges=exchanges)
     tolerance = experiment.loop_tolerance or LOOP_TOLERANCE
+    error = (experiment.coupling_tolerance or COUPLING_TOLERANCE) if experiment.master == "adaptive" else 0.0
 
     def tables(guid: str) -> str:
-        return table_file(identifier, guid, whole, plan, start, codes, variables, ERRORS[experiment.master], tolerance)
+        return table_file(identifier, guid, whole, plan, start, codes, variables, error, tolerance)
 
     files = {**_shell(), **{key: text for code in codes.values() for key, text in code.sources.items()}}
     units = (f"{identifier}.c", *dict.fromkeys(key for code in codes.values() for key in code.wrappers))
@@ -128,7 +129,7 @@ def _experiment(system: Assembly, step: float | None, master: str | None) -> Exp
     BuildError
         If the system has no step, or a setting that an FMU cannot have.
     """
-    if master is not None and master not in ERRORS:
+    if master is not None and master not in MASTERS:
         raise BuildError(f"a composite FMU cannot contain the master {master!r}: give newton or adaptive")
     experiment = system.experiment
     if step is not None and not 0.0 < step < math.inf:
@@ -140,7 +141,7 @@ def _experiment(system: Assembly, step: float | None, master: str | None) -> Exp
             f"the experiment of '{system.name}' has the manipulator {experiment.manipulators[0]}, which a composite "
             "FMU cannot contain: remove it"
         )
-    chosen = master or (experiment.master if experiment and experiment.master in ERRORS else "newton")
+    chosen = master or (experiment.master if experiment and experiment.master in MASTERS else "newton")
     if experiment is None:
         assert step is not None
         return Experiment(stop=1000.0 * step, step=step, master=chosen)

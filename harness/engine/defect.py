@@ -14,7 +14,7 @@ from harness.engine.library import bytes_of, mirrors
 from harness.engine.native import Engine
 from harness.parts.part import Port
 from harness.system.plan import MovingWire, Schedule, map_of
-from harness.units import parse_unit
+from harness.units import BaseUnit, parse_unit
 
 _LOG = logging.getLogger("harness")
 _INT, _REAL = ctypes.c_int64, ctypes.c_double
@@ -170,13 +170,23 @@ class Coupling:
             for k, velocity in enumerate(self.wires):
                 if (force.source, force.target) != (velocity.target, velocity.source):
                     continue
-                if [_exponents(self.plan.ports[self.plan.names[wire.output]]) for wire in (force, velocity)] in _POWER:
+                if are_power(*(self.plan.ports[self.plan.names[wire.output]] for wire in (force, velocity))):
                     found.append((i, k))
         return found
 
 
+def are_power(force: Port, speed: Port) -> bool:
+    """Return whether two values are a force and a velocity, or a torque and an angular velocity."""
+    return [_exponents(force), _exponents(speed)] in _POWER
+
+
+def unit_of(port: Port) -> BaseUnit | None:
+    """Return the unit of a port, None if it has none that is known."""
+    return port.base or parse_unit(port.unit or "")
+
+
 def _exponents(port: Port) -> tuple[int, ...] | None:
-    unit = port.base or parse_unit(port.unit or "")
+    unit = unit_of(port)
     return unit.exponents if unit else None
 
 

@@ -5,15 +5,16 @@ from __future__ import annotations
 from functools import partial
 
 from harness.masters.newton import Loops
-from harness.system.experiment import LOOP_TOLERANCE, Experiment
+from harness.system.experiment import COUPLING_TOLERANCE, LOOP_TOLERANCE, Experiment
 from harness.system.plan import Plan, Schedule
 
 
 def master(plan: Plan, experiment: Experiment) -> Schedule:
-    """Divide communication steps so that the coupling error stays below 1e-5 of the magnitude of each value.
+    """Divide communication steps so that the coupling error stays below a share of the magnitude of each value.
 
     The energy error of a power bond (force error times mean velocity plus velocity error times mean force) is then
-    below 2e-5 times the product of both magnitudes and the step.
+    below twice this share, by default 1e-5, times the product of both magnitudes and the step.
     """
     tolerance = experiment.loop_tolerance or LOOP_TOLERANCE
-    return Schedule(algorithm=partial(Loops, tolerance=tolerance, error=1e-5), implicit=True)
+    error = experiment.coupling_tolerance or COUPLING_TOLERANCE
+    return Schedule(algorithm=partial(Loops, tolerance=tolerance, error=error), implicit=True)

@@ -9,6 +9,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any, Final
 
+from harness.engine.integrator import TOLERANCE
 from harness.errors import HarnessError, PartError, StartValueError, not_whole
 from harness.parts.archive import Archive, open_archive
 from harness.parts.exchange import ExchangeInstance
@@ -116,13 +117,18 @@ class FmuPart(Part):
             port for name, port in ports.items() if _is_parameter(variables[name]) or _is_text_input(variables[name])
         )
         self.observables = tuple(
-            ports[name] for name in numeric if variables[name].causality not in {"input", "output"}
+            ports[name] for name in numeric if variables[name].causality not in ("input", "output")
         )
         self.dependencies, self.undeclared = _dependencies(self.archive)
         self.strict = str(self.archive.description.generationTool or "").startswith("friction-fmus")
         self.saves = bool(self.archive.interface.canGetAndSetFMUstate)
         self.identity = str(self.archive.description.guid)
         self.sampled = bool(self.outputs) and all(port.held for port in self.outputs)
+
+    def inner_tolerance(self, given: float | None) -> float:
+        """Return the tolerance of the run, or that of the default experiment, for an FMU of another tool."""
+        stated = float(getattr(self.archive.description.defaultExperiment, "tolerance", None) or 0.0)
+        return 0.0 if self.strict else given or (TOLERANCE if self.archive.exchange else stated)
 
     def resize(self, start: Mapping[str, StartValue]) -> None:
         """Give arrays of an FMI 3.0 FMU the sizes that these values of structural parameters state."""
@@ -300,10 +306,7 @@ class FmuPart(Part):
             kind = self.archive.ports[name].type
             first = index - len(blocks[-1][1]) if blocks and blocks[-1][0] == kind else index
             references = [self.archive.variables[other].valueReference for other in names[first : index + 1]]
-            blocks = [
-                *(blocks[:-1] if first < index else blocks),
-                (kind, references, values[first : index + 1]),
-            ]
+            blocks = [*(blocks[:-1] if first < index else blocks), (kind, references, values[first : index + 1])]
         return blocks
 
     def _exchange(

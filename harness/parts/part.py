@@ -185,6 +185,16 @@ class Part(ABC):
         """Whether outputs may vary continuously between communication points."""
         return not self.sampled and self.every == 1 and not (self.outputs and all(port.held for port in self.outputs))
 
+    def inner_tolerance(self, given: float | None) -> float:
+        """Return the relative error that a solver inside the part may leave, if the part has one.
+
+        Parameters
+        ----------
+        given : float or None
+            The tolerance of the run.
+        """
+        return 0.0
+
     def resize(self, start: Mapping[str, StartValue]) -> None:  # noqa: B027, most parts have no such parameters
         """Adapt the ports to those start values that are sizes of arrays."""
 

@@ -45,6 +45,7 @@ def sweep(
     keep: Sequence[str] = (),
     resolve: Callable[[str], Path] | None = None,
     progress: Progress | None = None,
+    accuracy: bool = False,
 ) -> xr.Dataset:
     """Run a system with many parameter sets.
 
@@ -54,8 +55,8 @@ def sweep(
         The system, its TOML file or SSP archive, or a module-level function that returns it.
     samples : iterable of mapping of str to value, or of ParameterSet
         A parameter set for each run: start values "part.port" and settings of the experiment (``start``, ``stop``,
-        ``step``, ``master``, ``decimate``, ``tolerance``, ``extrapolation``, ``loop_tolerance``). See `grid`,
-        `latin_hypercube`, `sobol` and `read_samples`.
+        ``step``, ``master``, ``decimate``, ``tolerance``, ``extrapolation``, ``loop_tolerance``,
+        ``coupling_tolerance``). See `grid`, `latin_hypercube`, `sobol` and `read_samples`.
     measure : str, callable, or several of them
         Results of each run: ``final``, ``min``, ``max``, ``max_abs``, ``mean`` or ``rms`` over the recorded rows of a
         variable, such as ``rms(part.port)``, where ``*`` and ``?`` match outputs; or module-level functions that return
@@ -75,6 +76,8 @@ def sweep(
         See `System.from_toml`.
     progress : Progress or None
         Receives the number of completed runs.
+    accuracy : bool
+        Whether each run is repeated with other steps, which gives each measure ``x`` an error bound ``x.bound``.
 
     Returns
     -------
@@ -96,7 +99,7 @@ def sweep(
         parameter_sets = checked_samples(samples, model)
         types = column_types(parameter_sets)
         units = _check_names(model, parameter_sets)
-        job = _make_job(system, model, measure, experiment, keep)
+        job = replace(_make_job(system, model, measure, experiment, keep), accuracy=accuracy)
         if output is None:
             if keep:
                 raise SweepError("keep names trajectories to store, but there is no folder: give an output folder")

@@ -48,7 +48,7 @@ def description(system: System, job: Job, samples: Sequence[Sample]) -> dict[str
         "experiment": experiment | {"manipulators": [repr(one) for one in job.experiment.manipulators]},
         "measures": [label(measure) for measure in job.measures],
         "keep": job.keep,
-    }
+    } | ({"accuracy": True} if job.accuracy else {})
 
 
 def _identity(part: Part) -> list[str]:

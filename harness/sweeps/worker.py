@@ -10,6 +10,7 @@ from dataclasses import dataclass, field, replace
 from time import perf_counter
 from typing import Any, Final
 
+from harness.accuracy.numbers import measure_bounds
 from harness.engine.tap import Recorder
 from harness.errors import HarnessError, SweepError
 from harness.parts.fmu import FmuPart
@@ -21,7 +22,10 @@ from harness.sweeps.samples import Sample
 from harness.system.experiment import Experiment
 from harness.system.system import System
 
-SETTINGS: Final = ("start", "stop", "step", "master", "decimate", "tolerance", "extrapolation", "loop_tolerance")
+SETTINGS: Final = (
+    *("start", "stop", "step", "master", "decimate", "tolerance", "extrapolation"),
+    *("loop_tolerance", "coupling_tolerance"),
+)
 """Settings of the experiment that can be swept; names of start values contain a dot."""
 
 _PROBED: Final = 1000
@@ -46,6 +50,8 @@ class Job:
         Functions of the result of a run.
     keep : tuple of str
         Variables whose trajectories are returned.
+    accuracy : bool
+        Whether each measure gets an error bound.
     """
 
     key: str
@@ -53,6 +59,7 @@ class Job:
     experiment: Experiment
     measures: tuple[Measure, ...]
     keep: tuple[str, ...] = ()
+    accuracy: bool = False
 
 
 @dataclass
@@ -109,6 +116,8 @@ class Runner:
             try:
                 recorded = self._run(values)
                 outcome.measures = self._measured(recorded)
+                if self.job.accuracy:
+                    outcome.measures |= self._bounds(values, outcome.measures)
                 outcome.kept = recorded.result()[list(self.job.keep)] if self.job.keep else None
             except HarnessError as error:
                 outcome.error = str(error)
@@ -161,6 +170,16 @@ class Runner:
                     raise SweepError(f"two measures are called '{name}': rename the result of {label(measure)}")
             numbers |= given
         return numbers
+
+    def _bounds(self, values: Sample, measured: Mapping[str, float]) -> dict[str, float]:
+        """Return the error bound of each measure."""
+        settings, start = _split(values)
+        system, experiment = self.system.with_start(start), replace(self.job.experiment, **settings)
+        bounds = measure_bounds(system, experiment, self._measured, measured)
+        for name in bounds:
+            if name in measured:
+                raise SweepError(f"two measures are called '{name}': rename one of them")
+        return bounds
 
     def _probe(self, values: Sample) -> None:
         """Use new instances in every run if reset instances do not behave like new ones.

@@ -15,6 +15,10 @@ LOOP_TOLERANCE: Final = 3e-8
 more."""
 
 
+COUPLING_TOLERANCE: Final = 1e-5
+"""Default of `Experiment.coupling_tolerance`."""
+
+
 @dataclass(frozen=True)
 class Experiment:
     """Settings of a run.
@@ -42,6 +46,9 @@ class Experiment:
     loop_tolerance : float or None
         Residual relative to the magnitude of the values at which the masters newton and adaptive accept a loop as
         solved; None stands for 3e-8. A smaller value needs more evaluations, and reduces noise and creep at rest.
+    coupling_tolerance : float or None
+        Coupling error relative to the magnitude of the values from which the master adaptive chooses its inner steps;
+        None stands for 1e-5.
     manipulators : tuple of Manipulator
         Changes to the values of connections during the run.
 
@@ -61,6 +68,7 @@ class Experiment:
     order: tuple[str, ...] = ()
     extrapolation: int = 0
     loop_tolerance: float | None = None
+    coupling_tolerance: float | None = None
     manipulators: tuple[Manipulator, ...] = ()
 
     def __post_init__(self) -> None:
@@ -89,6 +97,12 @@ class Experiment:
             )
         if self.extrapolation and self.master != "jacobi":
             raise ExperimentError(f"the master {self.master} does not extrapolate: use jacobi or leave it out")
+        if self.coupling_tolerance is not None and not (
+            is_number(self.coupling_tolerance) and 1e-12 <= self.coupling_tolerance <= 1e-2
+        ):
+            raise ExperimentError(
+                f"the coupling tolerance is {shown(self.coupling_tolerance)}: give a number from 1e-12 to 0.01"
+            )
         ratio = (self.stop - self.start) / self.step
         if ratio > MOST_TICKS:
             raise ExperimentError(

@@ -184,18 +184,21 @@ class System(StoredSystem):
         order: Sequence[str] | None = None,
         extrapolation: int | None = None,
         loop_tolerance: float | None = None,
+        coupling_tolerance: float | None = None,
         manipulators: Sequence[Manipulator] | None = None,
         taps: Sequence[Tap] = (),
         progress: Progress | None = None,
         resume: str | Path | None = None,
         checkpoint: str | Path | None = None,
         pace: float | None = None,
+        accuracy: bool | float = False,
     ) -> Result:
         """Run the system; arguments that are not given are taken from its experiment.
 
         Parameters
         ----------
-        start, stop, step, master, record, decimate, tolerance, order, extrapolation, loop_tolerance, manipulators
+        start, stop, step, master, record, decimate, tolerance, order, extrapolation, loop_tolerance, \
+        coupling_tolerance, manipulators
             See `Experiment`.
         taps : sequence of Tap
             Functions that receive values during the run.
@@ -206,6 +209,9 @@ class System(StoredSystem):
             and step and is bit-identical to an uninterrupted run.
         pace : float or None
             Simulated time per wall-clock time, 1 for real time; None runs as fast as possible.
+        accuracy : bool or float
+            Whether the run is repeated with other steps to tell how far each variable is off; a number is the required
+            accuracy relative to the range of each variable, instead of 0.01. See `run_with_accuracy` for the result.
 
         Returns
         -------
@@ -228,6 +234,7 @@ class System(StoredSystem):
             "tolerance": tolerance,
             "extrapolation": extrapolation,
             "loop_tolerance": loop_tolerance,
+            "coupling_tolerance": coupling_tolerance,
         }
         lists = {"record": record, "order": order, "manipulators": manipulators}
         changes: dict[str, Any] = {key: value for key, value in given.items() if value is not None}
@@ -238,7 +245,12 @@ class System(StoredSystem):
             raise ExperimentError(f"the system '{self.name}' has no experiment: give stop and step")
         else:
             experiment = Experiment(**changes)
-        return run(self, experiment, Options(taps, progress, resume, checkpoint, pace))
+        options = Options(taps, progress, resume, checkpoint, pace)
+        if accuracy is False:
+            return run(self, experiment, options)
+        from harness.accuracy.assess import REQUIRED, run_with_accuracy  # scipy takes long to import
+
+        return run_with_accuracy(self, experiment, options, REQUIRED if accuracy is True else accuracy)
 
     def close(self) -> None:
         """Unload all parts and remove their temporary files."""

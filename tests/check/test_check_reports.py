@@ -1,4 +1,4 @@
-"""What the command writes: text, JSON and SARIF, and the exit status; the page of the rules."""
+"""What the command writes: text, JSON and SARIF, and the exit status."""
 
 from __future__ import annotations
 
@@ -12,9 +12,6 @@ from pydantic_sarif.model import StaticAnalysisResultsFormatSarifVersion210JsonS
 
 from friction_fmus.__main__ import main
 from friction_fmus.check import RULES, check
-from friction_fmus.check.reports import rules_page
-
-ROOT = Path(__file__).parent.parent.parent
 
 
 @pytest.fixture
@@ -117,9 +114,3 @@ def test_a_rule_is_one_sentence() -> None:
     for rule in RULES.values():
         assert rule.summary.endswith(".") and ". " not in rule.summary
         assert rule.section.split(".")[0] in ("2", "3", "4")
-
-
-def test_the_page_has_the_rules_of_the_code() -> None:
-    page = (ROOT / "docs" / "check.md").read_text(encoding="utf-8")
-    shown = page.partition("<!-- rules -->\n")[2]
-    assert shown == rules_page(), "python -m friction_fmus.check.reports prints them"

@@ -54,6 +54,7 @@ EXPERIMENT = Experiment(
     order=("b", "c", "a"),
     extrapolation=2,
     loop_tolerance=1e-9,
+    coupling_tolerance=1e-6,
     manipulators=(
         Bias("b.u", 1 / 3, start=0.5),
         Noise("c.u", sigma=0.1, seed=7, stop=0.75),

@@ -16,6 +16,8 @@ import pytest
 from lxml import html
 from playwright.sync_api import sync_playwright
 
+from friction_fmus.check import RULES
+
 ROOT = Path(__file__).parents[2]
 CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
 PUBLIC = ("", ".lawkit.law", ".identification", ".conditions", ".procedures", ".doctor", ".check", ".codegen")
@@ -50,6 +52,8 @@ def test_the_site_is_whole_and_asks_no_other_host(site: Path) -> None:
     assert loaded_from_elsewhere(pages) == []
     assert [sheet for path in site.rglob("*.css") for sheet in re.findall(OUTSIDE, path.read_text("utf-8"))] == []
     assert missing_in_the_reference(site / "api") == []
+    cells = {cell.text_content() for cell in pages[site / "check.html"].iter("td")}
+    assert [rule for rule in RULES.values() if not {rule.id, rule.summary} <= cells] == []
     for name, said in PRINTED.items():
         page = pages[site / "notebooks" / f"{name}.html"]
         assert [text for text in said if text not in page.text_content()] == []

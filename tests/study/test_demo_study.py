@@ -77,6 +77,14 @@ def test_the_true_model_comes_first_and_is_found(study: Study) -> None:
     assert study.result.plant == "LuGre"
 
 
+def test_tracking_errors_say_how_far_they_are_off(study: Study) -> None:
+    runs = [row.metrics for row in study.result.compensators if row.metrics is not None]
+    assert runs
+    for metrics in runs:
+        assert metrics.rms_bound is not None
+        assert 0.0 < metrics.rms_bound < 0.2 * metrics.rms
+
+
 def test_compensators_gain(study: Study) -> None:
     none = study.result.compensator("none")
     assert none.metrics is not None

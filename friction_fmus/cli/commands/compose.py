@@ -30,7 +30,7 @@ def run(options: argparse.Namespace) -> None:
         If the system cannot be written as an FMU.
     """
     from friction_fmus.cli.systems import open_system
-    from harness.composite.package import ERRORS
+    from harness.composite.package import MASTERS
 
     with open_system(options.system, open_inputs=True) as system:
         system.to_fmu(
@@ -45,5 +45,5 @@ def run(options: argparse.Namespace) -> None:
         )
         replaced = system.experiment.master if system.experiment and not options.master else "newton"
     print(options.output)
-    if replaced not in ERRORS:
+    if replaced not in MASTERS:
         print(f"the FMU contains the master newton in place of {replaced}; --master chooses", file=sys.stderr)

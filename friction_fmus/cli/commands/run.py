@@ -1,7 +1,8 @@
 """Run a system of FMUs.
 
 If the run fails, the result recorded up to that time is written. The exit status is 1 if the result is reported as
-wrong, unless --allow-inaccurate is given.
+wrong, unless --allow-inaccurate is given. With --accuracy the run is repeated with other steps, which tells how far
+each variable is off; with --require the exit status is also 1 if one of them is less accurate.
 """
 
 from __future__ import annotations
@@ -34,6 +35,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--checkpoint", type=Path, metavar="FILE", help="write the state at the end to this file")
     parser.add_argument("--pace", type=float, metavar="FACTOR", help="simulated seconds per second; 1 is real time")
     parser.add_argument("--plot", type=Path, metavar="FILE", help=f"plot the result: {listed(_PICTURES)}")
+    parser.add_argument("--accuracy", action="store_true", help="tell how far each variable is off")
+    parser.add_argument(
+        "--require", type=float, metavar="ERROR", help="required accuracy relative to the range, such as 1e-3"
+    )
     add_allow_inaccurate(parser)
 
 
@@ -43,7 +48,7 @@ def run(options: argparse.Namespace) -> int:
     Returns
     -------
     int
-        1 if the result is reported as wrong and that is not allowed, otherwise 0.
+        1 if the result is reported as wrong or less accurate than required and that is not allowed, otherwise 0.
 
     Raises
     ------
@@ -72,6 +77,7 @@ def run(options: argparse.Namespace) -> int:
                 resume=options.resume,
                 checkpoint=options.checkpoint,
                 pace=options.pace,
+                accuracy=options.accuracy if options.require is None else options.require,
             )
         except (HarnessError, Interrupted) as error:
             if error.result is None:
@@ -84,7 +90,13 @@ def run(options: argparse.Namespace) -> int:
         picture.parent.mkdir(parents=True, exist_ok=True)
         harness.plot(result, picture)
     console.print(f"{options.output}: {_size(result)}", soft_wrap=True)
-    return int(inaccurate(result.attrs) and not options.allow_inaccurate)
+    missed = False
+    if "accuracy" in result.attrs:
+        from friction_fmus.cli.accuracy_table import show_accuracy
+
+        reached = show_accuracy(result)
+        missed = options.require is not None and not reached
+    return int((inaccurate(result.attrs) or missed) and not options.allow_inaccurate)
 
 
 def _keep(result: harness.Result, message: str, path: Path, shown: Path) -> str:
@@ -102,4 +114,5 @@ def _save(result: harness.Result, path: Path) -> None:
 
 
 def _size(result: harness.Result) -> str:
-    return f"{result.sizes['time']} rows of {len(result.data_vars)} variables"
+    bounds = sum("ancillary_variables" in variable.attrs for variable in result.data_vars.values())
+    return f"{result.sizes['time']} rows of {len(result.data_vars) - bounds} variables"

@@ -57,6 +57,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     where = parser.add_mutually_exclusive_group()
     where.add_argument("--executor", choices=["processes", "threads", "serial"], default="processes")
     add_scheduler(where)
+    parser.add_argument("--accuracy", action="store_true", help="tell how far each measure is off")
     add_allow_inaccurate(parser)
 
 
@@ -91,6 +92,7 @@ def run(options: argparse.Namespace) -> int:
             experiment=_experiment(system, options),
             keep=options.keep,
             progress=SweepBar(bar),
+            accuracy=options.accuracy,
         )
     errors = [str(error) for error in result["error"].to_numpy() if error]
     warnings = [str(text) for text in result["warnings"].to_numpy()[result["error"].to_numpy() == ""] if text]

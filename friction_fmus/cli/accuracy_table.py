@@ -1,0 +1,80 @@
+"""The errors of a result as a table."""
+
+from __future__ import annotations
+
+import math
+
+from rich.table import Table
+
+from friction_fmus.cli.console import console, styled
+from harness import Result
+
+_STYLES = {"right": "green", "sensitive": "yellow", "too coarse": "yellow", "not resolved": "red", "wrong": "bold red"}
+
+
+def show_accuracy(result: Result) -> bool:
+    """Print the error of each variable, and what to do.
+
+    Returns
+    -------
+    bool
+        Whether all variables have the required accuracy.
+    """
+    table = Table(box=None, pad_edge=False)
+    for heading in ("variable", "error bound", "of the range", "events within", "order", "verdict"):
+        table.add_column(heading)
+    for name, variable in result.data_vars.items():
+        attributes = variable.attrs
+        if "verdict" not in attributes:
+            continue
+        bound = float(result[attributes["ancillary_variables"]].max())
+        order, late = attributes["observed_order"], attributes.get("event_error")
+        table.add_row(
+            str(name),
+            f"{bound:.2g} {attributes.get('units', '')}".rstrip(),
+            f"{attributes['relative_error']:.1g}",
+            f"{late:.2g} s" if late is not None else "",
+            f"{order:.1f}" if math.isfinite(order) else "",
+            styled((attributes["verdict"], _STYLES[attributes["verdict"]])),
+        )
+    console.print(table)
+    for name, variable in result.data_vars.items():
+        if "period" in variable.attrs:
+            console.print(
+                "{}: period {:.4g} s ± {:.1g} s, amplitude {:.4g} ± {:.1g} {}".format(
+                    name,
+                    *(variable.attrs[key] for key in ("period", "period_error", "amplitude", "amplitude_error")),
+                    variable.attrs.get("units", ""),
+                ),
+                soft_wrap=True,
+            )
+    return _conclude(result)
+
+
+def _conclude(result: Result) -> bool:
+    """Print the conclusion in a sentence."""
+    attributes = result.attrs
+    verdict, required = attributes["accuracy"], attributes["required_accuracy"]
+    for name, variable in result.data_vars.items():
+        if "energy" in variable.attrs:
+            net, error = variable.attrs["energy"], variable.attrs["energy_error"]
+            console.print(f"{name} and its velocity transfer {net:.4g} J ± {error:.1g} J", soft_wrap=True)
+    if "largest_coupling_error" in attributes:
+        console.print(f"largest coupling error: {attributes['largest_coupling_error']}", soft_wrap=True)
+    step = attributes.get("suggested_step")
+    text = {
+        "right": f"all variables are right to {required:g} of their ranges",
+        "sensitive": "the motion depends on the smallest errors: only its periods and amplitudes are right",
+        "too coarse": f"the required accuracy of {required:g} is not reached",
+        "not resolved": "the runs with other steps do not converge: use a much shorter step",
+        "wrong": "the result is wrong",
+    }[verdict]
+    if step is not None:
+        other = "" if attributes["master"] in ("newton", "adaptive") else "--master newton or "
+        text += f"; use {other}--step {step:.6g}"
+    if "suggested_factor" in attributes:
+        text += f", with {attributes['suggested_factor']} times the values of every and delay"
+    if "suggested_coupling_tolerance" in attributes:
+        text += f" and coupling_tolerance = {attributes['suggested_coupling_tolerance']:.2g} in [experiment]"
+    console.print(text, soft_wrap=True)
+    return bool(verdict == "right")

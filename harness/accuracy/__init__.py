@@ -1,0 +1,1 @@
+"""Accuracy: how far a result is off, from the same run with other steps."""

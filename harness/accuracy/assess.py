@@ -1,0 +1,153 @@
+"""A run with the error of its result, from the same run with other steps."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Any, Final
+
+import numpy as np
+
+from harness.accuracy.connections import Energy, energy, missed, power_pairs
+from harness.accuracy.estimate import VERDICTS, Estimate, estimate
+from harness.accuracy.numbers import BOUND
+from harness.accuracy.repeat import Repetition, repeated
+from harness.accuracy.rungs import scaled_tolerance, step_counts
+from harness.accuracy.suggestion import suggested_step
+from harness.accuracy.tolerances import noise_of, order_of
+from harness.engine.defect import inaccurate
+from harness.errors import ExperimentError
+from harness.parts.part import Part
+from harness.result import Result
+from harness.run import Options
+from harness.system.assembly import Assembly
+from harness.system.experiment import Experiment
+from harness.system.layout import find_port, recorded_names
+from harness.system.wire import Wire
+
+REQUIRED: Final = 0.01
+"""Required accuracy relative to the range of each variable, unless another one is given."""
+
+
+def run_with_accuracy(system: Assembly, experiment: Experiment, options: Options, required: float) -> Result:
+    """Run a system and tell how far the result is off.
+
+    Parameters
+    ----------
+    system, experiment, options
+        As of `harness.run.run`.
+    required : float
+        Required accuracy relative to the range of each variable.
+
+    Returns
+    -------
+    xarray.Dataset
+        As of `harness.run.run`. Each variable ``x`` has a companion ``x.bound``, its error bound, and the attributes
+        ``relative_error``, ``observed_order``, ``verdict`` and, where its events were compared, ``event_error`` [s]; a
+        force that transfers energy has ``energy`` and ``energy_error`` [J]. The Dataset has the attributes
+        ``accuracy``, the worst verdict, ``required_accuracy``, ``largest_coupling_error``, a connection, and
+        ``suggested_step`` [s] if another step is needed, for the master adaptive with ``suggested_coupling_tolerance``,
+        and where sample times or delays are counted in steps with ``suggested_factor``, which these counts then need.
+
+    Raises
+    ------
+    HarnessError
+        As of `harness.run.run`, or if the run cannot be repeated with another step.
+    """
+    check_required(required)
+    names = recorded_names(system.parts, experiment.record)
+    wires = [wire for wire in system.wires if _moves(system.parts, wire)]
+    every = tuple(dict.fromkeys((*names, *(wire.source for wire in wires))))
+    runs = repeated(system, replace(experiment, record=every), options)
+    first = runs[0].recorder
+    result = first.result()[names]
+    if len(runs) > 1:
+        most, noise = order_of(experiment), noise_of(system, experiment)
+        tracks = {name: [run.track(name) for run in runs] for name in every}
+        found = {
+            name: estimate(
+                tracks[name],
+                most=most,
+                noise=noise,
+                nominal=find_port(system.parts, name, "record").nominal,
+                required=required,
+            )
+            for name in names
+        }
+        if inaccurate(first.attributes):
+            found = {name: replace(each, verdict="wrong", **_unbounded(each)) for name, each in found.items()}
+        energies = [
+            energy(system.parts, pair, tracks[pair[0].source], tracks[pair[1].source], most, noise)
+            for pair in power_pairs(system.parts, wires)
+        ]
+        result = _with_errors(result, found, energies)
+        result = result.assign_attrs(_conclusions(system, found, experiment, required))
+        if wires:
+            result.attrs["largest_coupling_error"] = _weakest(system, runs[0], wires, most)
+    else:
+        result.attrs["accuracy"] = VERDICTS[-1] if inaccurate(first.attributes) else "not resolved"
+    return result.assign_attrs(required_accuracy=required)
+
+
+def check_required(required: float) -> None:
+    """Raise an error if an accuracy cannot be required."""
+    if not 1e-12 <= required < 1.0:
+        raise ExperimentError(f"the required accuracy is {required}: give a number from 1e-12 to below 1, such as 1e-3")
+
+
+def _unbounded(estimate: Estimate) -> dict[str, Any]:
+    """Return the bound of a result that is known to be wrong, which other steps cannot tell."""
+    return {"bound": np.full(len(estimate.bound), np.inf), "relative": np.inf, "shift": 0.0}
+
+
+def _moves(parts: Mapping[str, Part], wire: Wire) -> bool:
+    """Return whether a connection passes a Real value that may vary between samples."""
+    (name, output), (target, _) = wire.ends
+    port = next(port for port in parts[name].outputs if port.name == output)
+    return port.type == "Real" and parts[name].moves and parts[target].moves
+
+
+def _weakest(system: Assembly, run: Repetition, wires: Sequence[Wire], most: float) -> str:
+    """Return the connection that misses most of its values."""
+
+    def size(wire: Wire) -> float:
+        return missed(run.track(wire.source), most, find_port(system.parts, wire.source, "connection").nominal)
+
+    return str(max(wires, key=size))
+
+
+def _with_errors(result: Result, found: Mapping[str, Estimate], energies: Sequence[Energy]) -> Result:
+    """Return the result with the errors of its variables."""
+    for name, one in found.items():
+        variable = result[name]
+        variable.attrs |= {"relative_error": one.relative, "observed_order": one.convergence.order}
+        variable.attrs |= {"verdict": one.verdict, "ancillary_variables": name + BOUND}
+        if one.shift > 0.0:
+            variable.attrs |= {"event_error": one.shift, "relative_event_error": one.relative_shift}
+        if one.oscillation is not None:
+            variable.attrs |= {"period": one.oscillation.period, "period_error": one.oscillation.period_error}
+            variable.attrs |= {"amplitude": one.oscillation.amplitude}
+            variable.attrs |= {"amplitude_error": one.oscillation.amplitude_error}
+        about = {"units": variable.attrs.get("units"), "description": f"error bound of {name}"}
+        result[name + BOUND] = ("time", one.bound, {key: text for key, text in about.items() if text})
+    for each in energies:
+        if each.pair[0].source in found:
+            result[each.pair[0].source].attrs |= {"energy": each.net, "energy_error": each.error}
+    return result
+
+
+def _conclusions(
+    system: Assembly, found: Mapping[str, Estimate], experiment: Experiment, required: float
+) -> dict[str, Any]:
+    """Return the worst verdict, and the step that is better."""
+    attributes: dict[str, Any] = {
+        "accuracy": max((one.verdict for one in found.values()), key=VERDICTS.index, default=VERDICTS[0])
+    }
+    step = suggested_step([*found.values()], experiment, required)
+    if step is not None:
+        attributes["suggested_step"] = step
+        if experiment.master == "adaptive":
+            attributes["suggested_coupling_tolerance"] = scaled_tolerance(experiment, step / experiment.step)
+        if step_counts(system, experiment):
+            attributes["suggested_factor"] = round(experiment.step / step)
+    return attributes

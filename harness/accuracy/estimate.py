@@ -1,0 +1,204 @@
+"""The error of each variable of a run, from the same run with other steps."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from fractions import Fraction
+from itertools import pairwise
+from typing import Final, Literal, TypeAlias
+
+import numpy as np
+
+from harness.accuracy.alignment import Alignment, align, aligned_difference
+from harness.accuracy.convergence import IRREGULAR, REGULAR, Convergence, converge, envelope
+from harness.accuracy.oscillation import Oscillation, oscillation
+from harness.parts.part import Values
+
+Verdict: TypeAlias = Literal["right", "sensitive", "too coarse", "not resolved", "wrong"]
+VERDICTS: Final[tuple[Verdict, ...]] = ("right", "sensitive", "too coarse", "not resolved", "wrong")
+"""From the best to the worst."""
+
+MUCH: Final = 3.0
+"""By what factor events explain a difference, if it is one of time."""
+
+AGREEMENT: Final = 0.05
+"""Largest relative difference of periods and amplitudes of the same motion."""
+
+REMEMBERED: Final = 0.2
+"""Least bound over the largest one until then: a difference that is small by chance proves nothing."""
+
+SMOOTHING: Final = 0.005
+"""Half of the span over which a bound holds the largest difference, as a share of the run: differences pass zero."""
+
+NOTHING: Final = 1e-8
+"""Largest value over the nominal value of a variable that counts as zero."""
+
+
+@dataclass(frozen=True)
+class Track:
+    """One variable in one run.
+
+    Parameters
+    ----------
+    ratio : Fraction
+        Step of the run over that of the run in question.
+    stride : Fraction
+        Steps of the run in question between two rows.
+    times, values : float64 array, shape (n,)
+        The rows.
+    """
+
+    ratio: Fraction
+    stride: Fraction
+    times: Values
+    values: Values
+
+    def together(self, other: Track) -> tuple[Values, Values, Values]:
+        """Return the times of the rows that both runs have, and the values of both."""
+        unit = math.lcm(self.stride.denominator, other.stride.denominator)
+        strides = int(self.stride * unit), int(other.stride * unit)
+        common = math.lcm(*strides)
+        here, there = (slice(None, None, common // stride) for stride in strides)
+        count = min(len(self.values[here]), len(other.values[there]))
+        return self.times[here][:count], self.values[here][:count], other.values[there][:count]
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """The error of a variable.
+
+    Parameters
+    ----------
+    bound : float64 array, shape (n,)
+        Error bound at each row, in the unit of the variable.
+    relative : float
+        Its largest value over the range of the variable.
+    shift : float
+        Bound of the error of the times of events [s]; 0 if the runs were compared at equal times.
+    relative_shift : float
+        The same over the time between two events.
+    convergence : Convergence
+        Observed order.
+    verdict : Verdict
+        What may be concluded.
+    oscillation : Oscillation or None
+        Period and amplitude of a motion that no step reproduces at each time.
+    """
+
+    bound: Values
+    relative: float
+    shift: float
+    relative_shift: float
+    convergence: Convergence
+    verdict: Verdict
+    oscillation: Oscillation | None = None
+
+    @property
+    def largest(self) -> float:
+        """Error bound over the whole run, in the unit of the variable."""
+        return float(np.max(self.bound))
+
+    @property
+    def worst(self) -> float:
+        """The larger of both relative errors, which the required accuracy limits."""
+        return max(self.relative, self.relative_shift)
+
+
+def estimate(tracks: Sequence[Track], *, most: float, noise: float, nominal: float, required: float) -> Estimate:
+    """Return the error of a variable of the first run.
+
+    Parameters
+    ----------
+    tracks : sequence of Track
+        The run in question, then those with twice and four times the step, or that with half of it.
+    most : float
+        Order of the master.
+    noise : float
+        Relative error that the tolerances of loops and parts leave.
+    nominal : float
+        Typical magnitude of the variable.
+    required : float
+        Required accuracy relative to the range.
+    """
+    own = tracks[0]
+    if not all(np.isfinite(track.values).all() for track in tracks):
+        never = Convergence(math.nan, math.inf, math.nan)
+        return Estimate(np.full(len(own.values), np.inf), np.inf, 0.0, 0.0, never, "not resolved")
+    size = max(size_of(own.values), NOTHING * nominal)
+    floor, finer = noise * size, tracks[1].ratio < 1
+    pairs = [*pairwise(tracks)]
+    found = _at_equal_times(own, pairs, most, size, floor, finer=finer)
+    if found.relative <= required:
+        return found
+    aligned = _at_events(own, pairs, most, size, floor, finer=finer)
+    if aligned is not None and aligned.worst < found.relative / MUCH:
+        found = aligned
+    if found.worst <= required:
+        return found
+    if found.convergence.resolved and found.worst < 1.0:
+        return replace(found, verdict="too coarse")
+    moving = oscillation([(track.times, track.values) for track in tracks])
+    if moving is not None and moving.worst <= AGREEMENT:
+        return replace(found, verdict="sensitive", oscillation=moving)
+    return replace(found, verdict="not resolved")
+
+
+def size_of(values: Values) -> float:
+    """Return the range of a variable, or the magnitude of one that is constant."""
+    largest, span = float(np.max(np.abs(values))), float(np.ptp(values))
+    return span if span > NOTHING * largest else largest
+
+
+def _upper(near: Values, far: Values | None, convergence: Convergence, floor: float) -> Values:
+    """Return the bound from differences; if the runs do not converge, a multiple of all they differ by."""
+    if convergence.resolved:
+        local = envelope(near, max(4, int(SMOOTHING * len(near))))
+        differences = np.maximum(local, np.maximum(REMEMBERED * np.maximum.accumulate(near), convergence.least))
+        return differences * convergence.factor + floor
+    most = float(np.max(near)) if far is None else max(float(np.max(near)), float(np.max(far)))
+    return np.full(len(near), IRREGULAR * most + floor)
+
+
+def _at_equal_times(
+    own: Track, pairs: Sequence[tuple[Track, Track]], most: float, size: float, floor: float, *, finer: bool
+) -> Estimate:
+    """Return the estimate from differences at equal times."""
+    differences = []
+    for a, b in pairs:
+        times, here, there = a.together(b)
+        differences.append((times, np.abs(here - there)))
+    times, near = differences[0]
+    far = differences[1][1] if len(differences) > 1 else None
+    convergence = converge(near, far, most, size, floor, finer=finer)
+    bound = np.asarray(np.interp(own.times, times, _upper(near, far, convergence, floor)))
+    return Estimate(bound, float(np.max(bound)) / size, 0.0, 0.0, convergence, "right")
+
+
+def _at_events(
+    own: Track, pairs: Sequence[tuple[Track, Track]], most: float, size: float, floor: float, *, finer: bool
+) -> Estimate | None:
+    """Return the estimate from differences at corresponding events, or None if there are none."""
+    found: list[tuple[Alignment, Values]] = []
+    for a, b in pairs:
+        count = int(np.searchsorted(a.times, b.times[-1], side="right"))
+        times, values = a.times[:count], a.values[:count]
+        by = align(times, values, b.times, b.values)
+        if by is None:
+            break
+        found.append((by, aligned_difference(times, values, b.times, b.values, by)))
+    if not found:
+        return None
+    (events, near), *others = found
+    far = others[0] if others else None
+    row = float(own.times[1] - own.times[0])
+    sizes = converge(near, far[1] if far else None, most, size, floor, finer=finer)
+    sizes = replace(sizes, factor=sizes.factor * IRREGULAR / REGULAR)  # what looks like a shift is taken for one
+    shifts = np.abs(events.shifts), np.abs(far[0].shifts) if far else None
+    late = converge(*shifts, most, events.interval, row, finer=finer)
+    upper = _upper(near, far[1] if far else None, sizes, floor)
+    bound = np.append(upper, np.full(len(own.values) - len(upper), upper[-1]))
+    shift = float(np.max(_upper(shifts[0], shifts[1], late, row)))
+    worse = late if not late.resolved or (sizes.resolved and late.expected < sizes.expected) else sizes
+    return Estimate(bound, float(np.max(bound)) / size, shift, shift / events.interval, worse, "right")

@@ -1,0 +1,116 @@
+"""Rungs: the same run with other communication steps.
+
+A longer step must not change the system: sampled parts keep their sample times and delays their durations. A part that
+is sampled in every second step leaves room for twice the step only. One that is sampled in every step leaves none: the
+run is then repeated with half the step.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from fractions import Fraction
+from typing import Final
+
+from harness.errors import ExperimentError
+from harness.parts.part import Part, StartValue
+from harness.parts.series import SeriesPart
+from harness.system.assembly import Assembly
+from harness.system.experiment import COUPLING_TOLERANCE, LOOP_TOLERANCE, Experiment
+from harness.system.manipulator import Delay, DropOut, Manipulator, Noise
+from harness.system.wire import Wire
+
+COARSER: Final = (Fraction(2), Fraction(4))
+TWICE: Final = (Fraction(2),)
+FINER: Final = (Fraction(1, 2),)
+
+FEWEST_STEPS: Final = 8
+"""Fewest communication steps of a run whose accuracy can be told."""
+
+
+@dataclass(frozen=True)
+class Scaled:
+    """A system whose sampled parts and delays count steps of another length; see `Assembly`."""
+
+    name: str
+    parts: Mapping[str, Part]
+    wires: Sequence[Wire]
+    start: Mapping[str, StartValue]
+    strict: bool
+    experiment: Experiment | None
+
+
+def ratios(system: Assembly, experiment: Experiment) -> tuple[Fraction, ...]:
+    """Return the steps of the other runs over the step of this one: 2 and 4, or what the sample times leave of them.
+
+    Raises
+    ------
+    ExperimentError
+        If the run cannot be repeated with another step.
+    """
+    for each in experiment.manipulators:
+        if isinstance(each, (Noise, DropOut)):
+            raise ExperimentError(
+                f"the {each} draws a random number in each step, so that a run with another step is another run: "
+                "remove it, or run without accuracy"
+            )
+    if experiment.ticks < FEWEST_STEPS:
+        raise ExperimentError(
+            f"a run of {experiment.ticks} steps is too short to tell its accuracy: use a step of at most "
+            f"{(experiment.stop - experiment.start) / FEWEST_STEPS:.6g} s"
+        )
+    counts = step_counts(system, experiment)
+    return next((given for given in (COARSER, TWICE) if all(count % given[-1] == 0 for count in counts)), FINER)
+
+
+def step_counts(system: Assembly, experiment: Experiment) -> list[int]:
+    """Return the sample times and delays of a system, in communication steps."""
+    counts = [part.every for part in system.parts.values() if _keeps_time(part)]
+    counts += [wire.delay for wire in system.wires if wire.delay]
+    return counts + [each.ticks for each in experiment.manipulators if isinstance(each, Delay)]
+
+
+def _keeps_time(part: Part) -> bool:
+    """Return whether the sample time of a part is a property of the system; a record has times of its own."""
+    return part.sampled and not isinstance(part, SeriesPart)
+
+
+@contextmanager
+def rung(system: Assembly, experiment: Experiment, ratio: Fraction) -> Iterator[tuple[Assembly, Experiment]]:
+    """Provide the system and the experiment with a step of so many times the given one.
+
+    The run ends with the last whole step; its recorded rows are about as far apart as those of the given experiment.
+    The parts are shared with the given system.
+    """
+    sampled = [part for part in system.parts.values() if _keeps_time(part)]
+    every = [part.every for part in sampled]
+    wires = [replace(wire, delay=int(wire.delay / ratio)) for wire in system.wires]
+    ticks = int(experiment.ticks / ratio)
+    step = experiment.step * float(ratio)
+    other = replace(
+        experiment,
+        step=step,
+        stop=experiment.stop if ticks * ratio == experiment.ticks else experiment.start + ticks * step,
+        decimate=max(1, int(experiment.decimate / ratio)),
+        manipulators=tuple(_scaled(each, ratio) for each in experiment.manipulators),
+        coupling_tolerance=scaled_tolerance(experiment, float(ratio)) if experiment.master == "adaptive" else None,
+        loop_tolerance=min(max((experiment.loop_tolerance or LOOP_TOLERANCE) * float(ratio) ** 2, 1e-14), 1e-2),
+    )
+    scaled = Scaled(system.name, system.parts, wires, system.start, system.strict, system.experiment)
+    try:
+        for part, count in zip(sampled, every, strict=True):
+            part.every = int(count / ratio)
+        yield scaled, other
+    finally:
+        for part, count in zip(sampled, every, strict=True):
+            part.every = count
+
+
+def _scaled(manipulator: Manipulator, ratio: Fraction) -> Manipulator:
+    return replace(manipulator, ticks=int(manipulator.ticks / ratio)) if isinstance(manipulator, Delay) else manipulator
+
+
+def scaled_tolerance(experiment: Experiment, ratio: float) -> float:
+    """Return the coupling tolerance with which the inner steps of adaptive grow as the communication step does."""
+    return min(max((experiment.coupling_tolerance or COUPLING_TOLERANCE) * ratio**2, 1e-12), 1e-2)

@@ -1,0 +1,113 @@
+"""The error that a run states: against closed forms, and in what it refuses, keeps and writes."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+from accuracy.known import decay, driven, sampled
+
+from friction_fmus.__main__ import main
+from friction_fmus.cli.systems import open_system
+from harness import (
+    ExperimentError,
+    Noise,
+    load_result,
+    plot,
+)
+
+EXAMPLE = Path(__file__).parents[2] / "examples" / "stick_slip.toml"
+
+
+@pytest.mark.parametrize(
+    ("master", "step", "order"), [("newton", 0.02, 2.0), ("gauss-seidel", 2e-3, 1.0), ("jacobi", 2e-3, 1.0)]
+)
+def test_a_decay_has_the_error_of_its_closed_form(master: str, step: float, order: float) -> None:
+    with decay() as system:
+        result = system.run(stop=2.0, step=step, master=master, record=["mass.v"], accuracy=True)
+    error = np.abs(result["mass.v"].to_numpy() - np.exp(-2.0 * result["time"].to_numpy()))
+    bound = result["mass.v.bound"].to_numpy()
+    assert error.max() > 1e-6
+    assert (error <= bound).all()
+    assert bound.max() < 3.0 * error.max()
+    assert result["mass.v"].attrs["observed_order"] == pytest.approx(order, abs=0.1)
+    assert result["mass.v"].attrs["verdict"] == "right"
+    assert result.attrs["accuracy"] == "right"
+    assert "suggested_step" not in result.attrs
+
+
+def test_the_suggested_step_reaches_what_is_required() -> None:
+    with decay() as system:
+        coarse = system.run(stop=2.0, step=2e-3, master="gauss-seidel", accuracy=1e-4)
+        assert coarse.attrs["accuracy"] == "too coarse"
+        step = coarse.attrs["suggested_step"]
+        assert coarse.attrs["step"] / step == pytest.approx(round(coarse.attrs["step"] / step), abs=1e-9)
+        fine = system.run(stop=2.0, step=step, master="gauss-seidel", accuracy=1e-4)
+    assert fine.attrs["accuracy"] == "right"
+    assert np.abs(fine["mass.v"].to_numpy() - np.exp(-2.0 * fine["time"].to_numpy())).max() < 1e-4
+
+
+def test_the_run_itself_is_the_one_without_accuracy() -> None:
+    with driven("LuGre") as system:
+        plain = system.run(stop=0.2, step=1e-3, master="newton", record=["mass.*"])
+        told = system.run(stop=0.2, step=1e-3, master="newton", record=["mass.*"], accuracy=True)
+    bounds = {f"{name}.bound" for name in plain.data_vars}
+    assert set(told.data_vars) == set(plain.data_vars) | bounds
+    for name in plain.data_vars:
+        assert np.array_equal(told[name], plain[name])
+        assert told[f"{name}.bound"].attrs.get("units") == plain[name].attrs.get("units")
+    assert plain.attrs.items() <= told.attrs.items()
+
+
+def test_parts_sample_as_before_and_afterwards() -> None:
+    """Four steps for each sample leave room for longer ones; one step does not, so that shorter ones are tried."""
+    for every, observed in ((4, True), (1, False)):
+        with sampled(every) as system:
+            before = [part.every for part in system.parts.values()]
+            result = system.run(stop=0.4, step=0.5e-3 / every, master="newton", accuracy=True)
+            assert [part.every for part in system.parts.values()] == before
+        assert result.attrs["accuracy"] == "right"
+        assert math.isfinite(result["axis.v"].attrs["observed_order"]) == observed
+
+
+def test_a_slip_that_comes_late_is_an_error_of_time() -> None:
+    with open_system(EXAMPLE) as system:
+        result = system.run(stop=9.5, step=1e-3, master="gauss-seidel", accuracy=True)
+        right = system.run(stop=9.5, step=2e-5, master="newton")
+    force = result["friction.F"]
+    late = force.attrs["event_error"]
+    assert 1e-3 < late < 0.02
+    slips = [float(each["time"][int(np.argmax(each["friction.F"].to_numpy()))]) for each in (result, right)]
+    assert abs(slips[0] - slips[1]) <= late
+
+
+def test_what_cannot_be_told_is_refused_before_the_run(tmp_path: Path) -> None:
+    with driven("LuGre") as system:
+        for settings, reason in (
+            ({"manipulators": [Noise("friction.v", 1e-6)]}, "draws a random number in each step"),
+            ({"checkpoint": tmp_path / "state"}, "run it as a whole"),
+            ({"accuracy": 2.0}, "required accuracy is 2.0"),
+            ({"stop": 0.004}, "too short to tell its accuracy"),
+        ):
+            with pytest.raises(ExperimentError, match=reason):
+                system.run(**{"stop": 0.2, "step": 1e-3, "accuracy": True, **settings})  # type: ignore[arg-type]
+    assert not [*tmp_path.iterdir()]
+
+
+def test_the_command_shows_a_table_and_its_status_is_that_of_the_requirement(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    run = ["run", str(EXAMPLE), "--stop", "10", "-o", str(tmp_path / "out.nc")]
+    assert main([*run, "--accuracy", "--plot", str(tmp_path / "out.png")]) == 0
+    shown = capsys.readouterr().out
+    assert "error bound" in shown and "largest coupling error: " in shown
+    assert "3 variables" in shown
+    assert main([*run, "--require", "1e-6"]) == 1
+    assert "the required accuracy of 1e-06 is not reached" in capsys.readouterr().out
+    assert main([*run, "--require", "1e-6", "--allow-inaccurate"]) == 0
+    kept = load_result(tmp_path / "out.nc")
+    assert kept["mass.x"].attrs["verdict"] in {"right", "too coarse"}
+    plot(kept, tmp_path / "again.png")
+    assert (tmp_path / "again.png").stat().st_size > 10_000
