@@ -151,7 +151,11 @@ def aligned_difference(
     there = times + by.at(times)
     first, last = (np.interp(there + late, other_times, other_values) for late in (-row, row))
     around = [first, last]
-    begin, end = (np.searchsorted(other_times, there + late) for late in (-row, row))
+    other_row = other_times[1] - other_times[0]
+    begin, end = (
+        np.ceil((there + late - other_times[0]) / other_row).astype(np.int64).clip(0, len(other_times))
+        for late in (-row, row)
+    )
     for k in range(int(np.max(end - begin))):  # the rows in between, of which there are one or two
         inside = np.minimum(begin + k, end - 1)
         around.append(np.where(end > begin, other_values[np.clip(inside, 0, len(other_values) - 1)], first))

@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import replace
+from fractions import Fraction
 from typing import Any, Final
 
 import numpy as np
 
-from harness.accuracy.connections import Energy, energy, missed, power_pairs
-from harness.accuracy.estimate import VERDICTS, Estimate, estimate
+from harness.accuracy.connections import energy, missed, power_pairs
+from harness.accuracy.estimate import VERDICTS, Estimate, Track, estimate
 from harness.accuracy.numbers import BOUND
-from harness.accuracy.repeat import Repetition, repeated
+from harness.accuracy.repeat import repeated
 from harness.accuracy.rungs import scaled_tolerance, step_counts
 from harness.accuracy.suggestion import suggested_step
 from harness.accuracy.tolerances import noise_of, order_of
@@ -58,35 +59,32 @@ def run_with_accuracy(system: Assembly, experiment: Experiment, options: Options
     names = recorded_names(system.parts, experiment.record)
     wires = [wire for wire in system.wires if _moves(system.parts, wire)]
     every = tuple(dict.fromkeys((*names, *(wire.source for wire in wires))))
-    runs = repeated(system, replace(experiment, record=every), options)
-    first = runs[0].recorder
-    result = first.result()[names]
-    if len(runs) > 1:
-        most, noise = order_of(experiment), noise_of(system, experiment)
-        tracks = {name: [run.track(name) for run in runs] for name in every}
-        found = {
-            name: estimate(
-                tracks[name],
-                most=most,
-                noise=noise,
-                nominal=find_port(system.parts, name, "record").nominal,
-                required=required,
-            )
-            for name in names
-        }
-        if inaccurate(first.attributes):
-            found = {name: replace(each, verdict="wrong", **_unbounded(each)) for name, each in found.items()}
-        energies = [
-            energy(system.parts, pair, tracks[pair[0].source], tracks[pair[1].source], most, noise)
-            for pair in power_pairs(system.parts, wires)
-        ]
-        result = _with_errors(result, found, energies)
-        result = result.assign_attrs(_conclusions(system, found, experiment, required))
-        if wires:
-            result.attrs["largest_coupling_error"] = _weakest(system, runs[0], wires, most)
-    else:
-        result.attrs["accuracy"] = VERDICTS[-1] if inaccurate(first.attributes) else "not resolved"
-    return result.assign_attrs(required_accuracy=required)
+    whole, runs = repeated(system, replace(experiment, record=every), options)
+    result = whole[names].assign_attrs(required_accuracy=required)
+    wrong = inaccurate(whole.attrs)
+    if not runs:
+        return result.assign_attrs(accuracy="wrong" if wrong else "not resolved")
+
+    def tracks(name: str) -> list[Track]:
+        values = np.asarray(whole[name].to_numpy(), dtype=np.float64)
+        own = Track(Fraction(1), Fraction(experiment.decimate), whole["time"].to_numpy(), values)
+        return [own, *(run.track(name) for run in runs)]
+
+    most, noise = order_of(experiment), noise_of(system, experiment)
+    found = {}
+    for name in names:
+        nominal = find_port(system.parts, name, "record").nominal
+        one = estimate(tracks(name), most=most, noise=noise, nominal=nominal, required=required)
+        found[name] = replace(one, verdict="wrong", **_unbounded(one)) if wrong else one
+        _attach(result, name, found[name])
+    for pair in power_pairs(system.parts, wires):
+        each = energy(system.parts, pair, tracks(pair[0].source), tracks(pair[1].source), most, noise)
+        if pair[0].source in found:
+            result[pair[0].source].attrs |= {"energy": each.net, "energy_error": each.error}
+    if wires:
+        lost = {wire: missed(tracks(wire.source)[0], most, _nominal(system, wire)) for wire in wires}
+        result.attrs["largest_coupling_error"] = str(max(lost, key=lambda wire: lost[wire]))
+    return result.assign_attrs(_conclusions(system, found, experiment, required))
 
 
 def check_required(required: float) -> None:
@@ -107,33 +105,23 @@ def _moves(parts: Mapping[str, Part], wire: Wire) -> bool:
     return port.type == "Real" and parts[name].moves and parts[target].moves
 
 
-def _weakest(system: Assembly, run: Repetition, wires: Sequence[Wire], most: float) -> str:
-    """Return the connection that misses most of its values."""
-
-    def size(wire: Wire) -> float:
-        return missed(run.track(wire.source), most, find_port(system.parts, wire.source, "connection").nominal)
-
-    return str(max(wires, key=size))
+def _nominal(system: Assembly, wire: Wire) -> float:
+    return find_port(system.parts, wire.source, "connection").nominal
 
 
-def _with_errors(result: Result, found: Mapping[str, Estimate], energies: Sequence[Energy]) -> Result:
-    """Return the result with the errors of its variables."""
-    for name, one in found.items():
-        variable = result[name]
-        variable.attrs |= {"relative_error": one.relative, "observed_order": one.convergence.order}
-        variable.attrs |= {"verdict": one.verdict, "ancillary_variables": name + BOUND}
-        if one.shift > 0.0:
-            variable.attrs |= {"event_error": one.shift, "relative_event_error": one.relative_shift}
-        if one.oscillation is not None:
-            variable.attrs |= {"period": one.oscillation.period, "period_error": one.oscillation.period_error}
-            variable.attrs |= {"amplitude": one.oscillation.amplitude}
-            variable.attrs |= {"amplitude_error": one.oscillation.amplitude_error}
-        about = {"units": variable.attrs.get("units"), "description": f"error bound of {name}"}
-        result[name + BOUND] = ("time", one.bound, {key: text for key, text in about.items() if text})
-    for each in energies:
-        if each.pair[0].source in found:
-            result[each.pair[0].source].attrs |= {"energy": each.net, "energy_error": each.error}
-    return result
+def _attach(result: Result, name: str, one: Estimate) -> None:
+    """Attach its error to a variable of a result."""
+    variable = result[name]
+    variable.attrs |= {"relative_error": one.relative, "observed_order": one.convergence.order}
+    variable.attrs |= {"verdict": one.verdict, "ancillary_variables": name + BOUND}
+    if one.shift > 0.0:
+        variable.attrs |= {"event_error": one.shift, "relative_event_error": one.relative_shift}
+    if one.oscillation is not None:
+        variable.attrs |= {"period": one.oscillation.period, "period_error": one.oscillation.period_error}
+        variable.attrs |= {"amplitude": one.oscillation.amplitude}
+        variable.attrs |= {"amplitude_error": one.oscillation.amplitude_error}
+    about = {"units": variable.attrs.get("units"), "description": f"error bound of {name}"}
+    result[name + BOUND] = ("time", one.bound, {key: text for key, text in about.items() if text})
 
 
 def _conclusions(

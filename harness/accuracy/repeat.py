@@ -9,13 +9,16 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from fractions import Fraction
+from functools import cached_property
 
 import numpy as np
 
 from harness.accuracy.estimate import Track
 from harness.accuracy.rungs import FINER, ratios, rung
 from harness.engine.tap import Progress, Recorder
-from harness.errors import ExperimentError, HarnessError
+from harness.errors import ExperimentError, HarnessError, Interrupted
+from harness.parts.part import Values
+from harness.result import Result
 from harness.run import Options, Session
 from harness.system.assembly import Assembly
 from harness.system.experiment import Experiment
@@ -38,14 +41,17 @@ class Repetition:
     ratio: Fraction
     recorder: Recorder
 
+    @cached_property
+    def times(self) -> Values:
+        """Times of its rows [s]."""
+        return self.recorder.times
+
     def track(self, name: str) -> Track:
         """One variable of the run."""
-        recorder = self.recorder
-        stride = self.ratio * recorder.decimate
-        return Track(self.ratio, stride, recorder.times[: recorder.filled], recorder.column(name))
+        return Track(self.ratio, self.ratio * self.recorder.decimate, self.times, self.recorder.column(name))
 
 
-def repeated(system: Assembly, experiment: Experiment, options: Options) -> list[Repetition]:
+def repeated(system: Assembly, experiment: Experiment, options: Options) -> tuple[Result, list[Repetition]]:
     """Run a system, and again with other steps.
 
     Parameters
@@ -55,7 +61,7 @@ def repeated(system: Assembly, experiment: Experiment, options: Options) -> list
 
     Returns
     -------
-    list of Repetition
+    (xarray.Dataset, list of Repetition)
         The run in question, and those of the others that did not fail, in the order of `harness.accuracy.rungs.ratios`.
 
     Raises
@@ -69,8 +75,12 @@ def repeated(system: Assembly, experiment: Experiment, options: Options) -> list
         )
     given = ratios(system, experiment)
     shares = _shares(options.progress, (Fraction(1), *given))
-    first = Session(system, experiment, replace(options, progress=next(shares, None))).run(system.start)
-    return [Repetition(Fraction(1), first), *others(system, experiment, given, shares, native=options.native)]
+    result = Session(system, experiment, replace(options, progress=next(shares, None))).run(system.start).result()
+    try:
+        return result, others(system, experiment, given, shares, native=options.native)
+    except Interrupted as interrupted:
+        interrupted.result = result
+        raise
 
 
 def others(

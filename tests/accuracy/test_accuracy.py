@@ -17,6 +17,7 @@ from harness import (
     load_result,
     plot,
 )
+from harness.errors import Interrupted
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "stick_slip.toml"
 
@@ -111,3 +112,22 @@ def test_the_command_shows_a_table_and_its_status_is_that_of_the_requirement(
     assert kept["mass.x"].attrs["verdict"] in {"right", "too coarse"}
     plot(kept, tmp_path / "again.png")
     assert (tmp_path / "again.png").stat().st_size > 10_000
+
+
+class Impatient:
+    """Progress that interrupts when the run itself is over."""
+
+    def update(self, done: int, total: int) -> None:
+        """As Ctrl-C does."""
+        if done > 0.7 * total:
+            raise KeyboardInterrupt
+
+
+def test_an_interrupted_estimate_keeps_the_run() -> None:
+    with driven("LuGre") as system:
+        plain = system.run(stop=0.2, step=1e-3, master="newton")
+        with pytest.raises(Interrupted) as interrupted:
+            system.run(stop=0.2, step=1e-3, master="newton", accuracy=True, progress=Impatient())
+    kept = interrupted.value.result
+    assert kept is not None
+    assert np.array_equal(kept["mass.x"], plain["mass.x"])

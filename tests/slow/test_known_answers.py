@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -81,8 +82,10 @@ def runs() -> tuple[list[Row], list[tuple[str, bool]]]:
 
 def test_the_bound_covers_the_error(runs: tuple[list[Row], list[tuple[str, bool]]]) -> None:
     rows, _ = runs
-    missed = [row for row in rows if not row.covered]
-    assert len(missed) <= 0.05 * len(rows), missed
+    bounded = [row for row in rows if math.isfinite(row.bound)]
+    assert len(bounded) > 0.8 * len(rows)
+    missed = [row for row in bounded if not row.covered]
+    assert len(missed) <= 0.05 * len(bounded), missed
 
 
 def test_nothing_is_called_right_that_is_not(runs: tuple[list[Row], list[tuple[str, bool]]]) -> None:
@@ -92,7 +95,7 @@ def test_nothing_is_called_right_that_is_not(runs: tuple[list[Row], list[tuple[s
 
 def test_the_bound_is_not_much_larger_than_the_error(runs: tuple[list[Row], list[tuple[str, bool]]]) -> None:
     rows, _ = runs
-    assert np.median([row.bound / row.error for row in rows if row.error > 1e-6]) <= 10.0
+    assert np.median([row.bound / row.error for row in rows if math.isfinite(row.bound) and row.error > 1e-6]) <= 10.0
 
 
 def test_suggested_steps_reach_what_is_required(runs: tuple[list[Row], list[tuple[str, bool]]]) -> None:
