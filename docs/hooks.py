@@ -38,10 +38,20 @@ def on_page_markdown(markdown: str, **_: Any) -> str:
 
 def rules_page() -> str:
     """Return the rules of `check` as tables."""
-    titles = {"archive": "The archive", "description": "modelDescription.xml", "binary": "The binary"}
+    titles = {
+        "archive": "The archive",
+        "description": "modelDescription.xml",
+        "binary": "The binary",
+        "fmi3": "FMI 3.0",
+    }
     lines = []
     for kind, heading in titles.items():
-        lines += [f"### {heading}", "", "| rule | severity | FMI 2.0.5 | error |", "|---|---|---|---|"]
+        lines += [
+            f"### {heading}",
+            "",
+            f"| rule | severity | {'FMI 3.0' if kind == 'fmi3' else 'FMI 2.0.5'} | error |",
+            "|---|---|---|---|",
+        ]
         for rule in RULES.values():
             if rule.kind == kind:
                 lines.append(f"| `{rule.id}` | {rule.severity} | {rule.section} | {rule.summary} |")
