@@ -155,8 +155,10 @@ def _upper(near: Values, far: Values | None, convergence: Convergence, floor: fl
     """Return the bound from differences; if the runs do not converge, a multiple of all they differ by."""
     if convergence.resolved:
         local = envelope(near, max(4, int(SMOOTHING * len(near))))
-        differences = np.maximum(local, np.maximum(REMEMBERED * np.maximum.accumulate(near), convergence.least))
-        return differences * convergence.factor + floor
+        differences = np.maximum(local, REMEMBERED * np.maximum.accumulate(near))
+        largest = float(np.max(near))
+        enough = max(1.0, convergence.least / largest) if largest > 0.0 else 1.0
+        return differences * (enough * convergence.factor) + floor
     most = float(np.max(near)) if far is None else max(float(np.max(near)), float(np.max(far)))
     return np.full(len(near), IRREGULAR * most + floor)
 

@@ -32,29 +32,32 @@ class Row:
     verdict : str
         As stated.
     bound, error : float
-        Over the range, the error beside events that the run states to be late.
+        The largest ones over the range, the error beside events that the run states to be late.
+    share : float
+        Share of the rows whose error is within their bound.
     """
 
     what: str
     verdict: str
     bound: float
     error: float
+    share: float
 
     @property
     def covered(self) -> bool:
-        return self.error <= self.bound
+        return self.error <= self.bound and self.share >= 0.95
 
 
 def judged(case: Known, result: Result, right: Result) -> list[Row]:
     """What a run states beside what is true."""
     rows = []
     for name in case.record:
-        attributes, bound = result[name].attrs, float(result[f"{name}.bound"].max())
+        attributes, bound = result[name].attrs, result[f"{name}.bound"].to_numpy()
         size = max(float(np.ptp(right[name].to_numpy())), NOTHING)
-        error = float(true_error(result, right, name, attributes.get("event_error", 0.0)).max())
-        rows.append(
-            Row(f"{case}, {name}", attributes["verdict"], bound / size, max(0.0, error - OF_THE_REFERENCE) / size)
-        )
+        error = true_error(result, right, name, attributes.get("event_error", 0.0)) - OF_THE_REFERENCE
+        largest = max(0.0, float(error.max())) / size
+        what = f"{case}, {name}"
+        rows.append(Row(what, attributes["verdict"], bound.max() / size, largest, float(np.mean(error <= bound))))
     return rows
 
 
