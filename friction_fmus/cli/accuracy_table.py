@@ -8,6 +8,8 @@ from rich.table import Table
 
 from friction_fmus.cli.console import console, styled
 from harness import Result
+from harness.accuracy.suggestion import MARGIN
+from harness.accuracy.tolerances import OF_LOOPS
 
 _STYLES = {"right": "green", "sensitive": "yellow", "too coarse": "yellow", "not resolved": "red", "wrong": "bold red"}
 
@@ -32,7 +34,7 @@ def show_accuracy(result: Result) -> bool:
         table.add_row(
             str(name),
             f"{bound:.2g} {attributes.get('units', '')}".rstrip(),
-            f"{attributes['relative_error']:.1g}",
+            f"{attributes['relative_error']:.2g}",
             f"{late:.2g} s" if late is not None else "",
             f"{order:.1f}" if math.isfinite(order) else "",
             styled((attributes["verdict"], _STYLES[attributes["verdict"]])),
@@ -61,6 +63,8 @@ def _conclude(result: Result) -> bool:
             console.print(f"{name} and its velocity transfer {net:.4g} J ± {error:.1g} J", soft_wrap=True)
     if "largest_coupling_error" in attributes:
         console.print(f"largest coupling error: {attributes['largest_coupling_error']}", soft_wrap=True)
+    error, source = attributes["tolerance_error"], attributes["tolerance_source"]
+    console.print(f"no step makes errors smaller than {error:.1g} of the range ({source})", soft_wrap=True)
     step = attributes.get("suggested_step")
     text = {
         "right": f"all variables are right to {required:g} of their ranges",
@@ -69,6 +73,8 @@ def _conclude(result: Result) -> bool:
         "not resolved": "the runs with other steps do not converge: use a much shorter step",
         "wrong": "the result is wrong",
     }[verdict]
+    if verdict == "too coarse" and step is None:
+        text += f"; {_without_step(error, required, source)}"
     if step is not None:
         other = "" if attributes["master"] in ("newton", "adaptive") else "--master newton or "
         text += f"; use {other}--step {step:.6g}"
@@ -78,3 +84,12 @@ def _conclude(result: Result) -> bool:
         text += f" and coupling_tolerance = {attributes['suggested_coupling_tolerance']:.2g} in [experiment]"
     console.print(text, soft_wrap=True)
     return bool(verdict == "right")
+
+
+def _without_step(error: float, required: float, source: str) -> str:
+    """Return what to do where no step is suggested."""
+    if error < MARGIN * required:
+        return "no step that is practical reaches it"
+    if source == "loop_tolerance":
+        return f"set loop_tolerance = {0.5 * MARGIN * required / OF_LOOPS:.1g} in [experiment]"
+    return "require less" if source == "rounding" else f"lower the {source}"

@@ -15,7 +15,7 @@ from harness.accuracy.numbers import BOUND
 from harness.accuracy.repeat import repeated
 from harness.accuracy.rungs import scaled_tolerance, step_counts
 from harness.accuracy.suggestion import suggested_step
-from harness.accuracy.tolerances import noise_of, order_of
+from harness.accuracy.tolerances import floor_of, order_of
 from harness.engine.defect import inaccurate
 from harness.errors import ExperimentError
 from harness.parts.part import Part
@@ -46,9 +46,13 @@ def run_with_accuracy(system: Assembly, experiment: Experiment, options: Options
         As of `harness.run.run`. Each variable ``x`` has a companion ``x.bound``, its error bound, and the attributes
         ``relative_error``, ``observed_order``, ``verdict`` and, where its events were compared, ``event_error`` [s]; a
         force that transfers energy has ``energy`` and ``energy_error`` [J]. The Dataset has the attributes
-        ``accuracy``, the worst verdict, ``required_accuracy``, ``largest_coupling_error``, a connection, and
-        ``suggested_step`` [s] if another step is needed, for the master adaptive with ``suggested_coupling_tolerance``,
-        and where sample times or delays are counted in steps with ``suggested_factor``, which these counts then need.
+
+        * ``accuracy``, the worst verdict, and ``required_accuracy``;
+        * ``tolerance_error``, the relative error that no shorter step reduces, and ``tolerance_source``;
+        * ``largest_coupling_error``, a connection;
+        * if another step is needed, ``suggested_step`` [s], for the master adaptive with
+          ``suggested_coupling_tolerance``, and where sample times or delays are counted in steps with
+          ``suggested_factor``, which these counts then need.
 
     Raises
     ------
@@ -60,7 +64,10 @@ def run_with_accuracy(system: Assembly, experiment: Experiment, options: Options
     wires = [wire for wire in system.wires if _moves(system.parts, wire)]
     every = tuple(dict.fromkeys((*names, *(wire.source for wire in wires))))
     whole, runs = repeated(system, replace(experiment, record=every), options)
-    result = whole[names].assign_attrs(required_accuracy=required)
+    most, floor = order_of(experiment), floor_of(system, experiment)
+    result = whole[names].assign_attrs(
+        required_accuracy=required, tolerance_error=floor.error, tolerance_source=floor.source
+    )
     wrong = inaccurate(whole.attrs)
     if not runs:
         return result.assign_attrs(accuracy="wrong" if wrong else "not resolved")
@@ -70,21 +77,20 @@ def run_with_accuracy(system: Assembly, experiment: Experiment, options: Options
         own = Track(Fraction(1), Fraction(experiment.decimate), whole["time"].to_numpy(), values)
         return [own, *(run.track(name) for run in runs)]
 
-    most, noise = order_of(experiment), noise_of(system, experiment)
     found = {}
     for name in names:
         nominal = find_port(system.parts, name, "record").nominal
-        one = estimate(tracks(name), most=most, noise=noise, nominal=nominal, required=required)
+        one = estimate(tracks(name), most=most, noise=floor.error, nominal=nominal, required=required)
         found[name] = replace(one, verdict="wrong", **_unbounded(one)) if wrong else one
         _attach(result, name, found[name])
     for pair in power_pairs(system.parts, wires):
-        each = energy(system.parts, pair, tracks(pair[0].source), tracks(pair[1].source), most, noise)
+        each = energy(system.parts, pair, tracks(pair[0].source), tracks(pair[1].source), most, floor.error)
         if pair[0].source in found:
             result[pair[0].source].attrs |= {"energy": each.net, "energy_error": each.error}
     if wires:
         lost = {wire: missed(tracks(wire.source)[0], most, _nominal(system, wire)) for wire in wires}
         result.attrs["largest_coupling_error"] = str(max(lost, key=lambda wire: lost[wire]))
-    return result.assign_attrs(_conclusions(system, found, experiment, required))
+    return result.assign_attrs(_conclusions(system, found, experiment, required, floor.error))
 
 
 def check_required(required: float) -> None:
@@ -125,13 +131,13 @@ def _attach(result: Result, name: str, one: Estimate) -> None:
 
 
 def _conclusions(
-    system: Assembly, found: Mapping[str, Estimate], experiment: Experiment, required: float
+    system: Assembly, found: Mapping[str, Estimate], experiment: Experiment, required: float, floor: float
 ) -> dict[str, Any]:
     """Return the worst verdict, and the step that is better."""
     attributes: dict[str, Any] = {
         "accuracy": max((one.verdict for one in found.values()), key=VERDICTS.index, default=VERDICTS[0])
     }
-    step = suggested_step([*found.values()], experiment, required)
+    step = suggested_step([*found.values()], experiment, required, floor)
     if step is not None:
         attributes["suggested_step"] = step
         if experiment.master == "adaptive":

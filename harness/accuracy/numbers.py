@@ -12,7 +12,7 @@ import numpy as np
 from harness.accuracy.convergence import IRREGULAR, converge
 from harness.accuracy.repeat import others
 from harness.accuracy.rungs import ratios
-from harness.accuracy.tolerances import noise_of, order_of
+from harness.accuracy.tolerances import floor_of, order_of
 from harness.engine.tap import Recorder
 from harness.system.assembly import Assembly
 from harness.system.experiment import Experiment
@@ -53,7 +53,7 @@ def measure_bounds(
     runs = others(system, experiment, ratios(system, experiment))
     finer = bool(runs) and runs[0].ratio < 1
     numbers = [found, *(measure(run.recorder) for run in runs)]
-    most, noise = order_of(experiment), noise_of(system, experiment)
+    most, noise = order_of(experiment), floor_of(system, experiment).error
     return {
         name + BOUND: number_bound([each[name] for each in numbers], most=most, noise=noise, finer=finer)
         for name in found

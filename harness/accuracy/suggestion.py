@@ -16,16 +16,29 @@ SHORTEST: Final = 4096
 """Largest quotient of the present and the suggested step: beyond it, the observed order says nothing."""
 
 
-def suggested_step(found: Sequence[Estimate], experiment: Experiment, required: float) -> float | None:
+def suggested_step(found: Sequence[Estimate], experiment: Experiment, required: float, floor: float) -> float | None:
     """Return the step with which all variables have the required accuracy [s].
 
     It is the present step over a whole number, so that sampled parts keep their sample times.
 
+    Parameters
+    ----------
+    found : sequence of Estimate
+        The error of each variable.
+    experiment : Experiment
+        Settings of the run.
+    required : float
+        Required accuracy relative to the range.
+    floor : float
+        Relative error that no shorter step reduces.
+
     Returns
     -------
     float or None
-        None if the present step suffices, or if the runs do not converge.
+        None if the present step suffices, if the runs do not converge, or if no step suffices.
     """
+    if floor >= MARGIN * required:
+        return None
     quotients = [1]
     for one in found:
         if one.verdict in {"right", "sensitive"}:

@@ -2,22 +2,48 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Final
 
 from harness.system.assembly import Assembly
 from harness.system.experiment import LOOP_TOLERANCE, Experiment
 
+LOOP_SOLVERS: Final = frozenset({"newton", "adaptive"})
+"""Masters that solve loops."""
+
 ROUNDING: Final = 1e-9
 """Relative error that rounding leaves in a long run."""
+
+OF_LOOPS: Final = 10.0
+"""Relative error of a variable over the tolerance of the loops."""
+
+
+@dataclass(frozen=True)
+class Floor:
+    """The relative error that no shorter step reduces.
+
+    Parameters
+    ----------
+    error : float
+        Its size, relative to the range of a variable.
+    source : str
+        The setting or the part that leaves it: ``rounding``, ``loop_tolerance`` or ``tolerance of NAME``.
+    """
+
+    error: float
+    source: str
 
 
 def order_of(experiment: Experiment) -> float:
     """Return the order with which the master converges at best."""
-    return 2.0 if experiment.master in {"newton", "adaptive"} or experiment.extrapolation else 1.0
+    return 2.0 if experiment.master in LOOP_SOLVERS or experiment.extrapolation else 1.0
 
 
-def noise_of(system: Assembly, experiment: Experiment) -> float:
-    """Return the relative error that no shorter step reduces: of loops, of rounding, of solvers inside the parts."""
-    loops = 10.0 * (experiment.loop_tolerance or LOOP_TOLERANCE) if order_of(experiment) > 1.0 else 0.0
-    inside = [part.inner_tolerance(experiment.tolerance) for part in system.parts.values()]
-    return max(ROUNDING, loops, *inside)
+def floor_of(system: Assembly, experiment: Experiment) -> Floor:
+    """Return the error that loops, rounding and solvers inside the parts leave, whichever is largest."""
+    found = [Floor(ROUNDING, "rounding")]
+    if experiment.master in LOOP_SOLVERS:
+        found.append(Floor(OF_LOOPS * (experiment.loop_tolerance or LOOP_TOLERANCE), "loop_tolerance"))
+    for name, part in system.parts.items():
+        found.append(Floor(part.inner_tolerance(experiment.tolerance), f"tolerance of {name}"))
+    return max(found, key=lambda floor: floor.error)

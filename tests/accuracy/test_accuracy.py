@@ -50,6 +50,28 @@ def test_the_suggested_step_reaches_what_is_required() -> None:
     assert np.abs(fine["mass.v"].to_numpy() - np.exp(-2.0 * fine["time"].to_numpy())).max() < 1e-4
 
 
+def test_no_step_is_suggested_where_tolerances_leave_more_than_is_required() -> None:
+    """A loop tolerance of 1e-4 moves the decay by more than 1e-5; with the suggested one, the decay is right."""
+    with decay() as system:
+        settings = {"stop": 2.0, "step": 1e-3, "master": "newton", "record": ["mass.v"], "accuracy": 1e-5}
+        coarse = system.run(**settings, loop_tolerance=1e-4)  # type: ignore[arg-type]
+        assert coarse.attrs["accuracy"] == "too coarse"
+        assert coarse.attrs["tolerance_source"] == "loop_tolerance"
+        assert coarse.attrs["tolerance_error"] > 1e-5
+        assert "suggested_step" not in coarse.attrs
+        fine = system.run(**settings, loop_tolerance=1e-8)  # type: ignore[arg-type]
+    assert fine.attrs["accuracy"] == "right"
+    assert np.abs(fine["mass.v"].to_numpy() - np.exp(-2.0 * fine["time"].to_numpy())).max() < 1e-5
+
+
+def test_the_command_names_the_tolerance_to_lower(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    command = ["run", str(EXAMPLE), "--stop", "2", "--master", "newton", "-o", str(tmp_path / "out.nc")]
+    assert main([*command, "--require", "1e-7"]) == 1
+    shown = capsys.readouterr().out
+    assert "no step makes errors smaller than 3e-07 of the range (loop_tolerance)" in shown
+    assert "set loop_tolerance = 4e-09 in [experiment]" in shown
+
+
 def test_the_run_itself_is_the_one_without_accuracy() -> None:
     with driven("LuGre") as system:
         plain = system.run(stop=0.2, step=1e-3, master="newton", record=["mass.*"])
