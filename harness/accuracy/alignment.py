@@ -70,13 +70,14 @@ def crossings(times: Values, values: Values, level: float, band: float) -> tuple
     (turns,) = np.nonzero(sides[1:] != sides[:-1])
     if len(turns) > MOST_EVENTS:
         return np.zeros(0), np.zeros(0)
-    found = np.empty(len(turns))
-    for number, turn in enumerate(turns):
-        first, last = outside[turn], outside[turn + 1]
-        passed = np.nonzero(above[first + 1 : last + 1] * sides[turn] <= 0.0)[0][0]
-        k = int(first + 1 + passed)
-        share = above[k - 1] / (above[k - 1] - above[k])
-        found[number] = times[k - 1] + share * (times[k] - times[k - 1])
+    k = np.empty(len(turns), dtype=np.int64)
+    for side in (-1.0, 1.0):
+        passed = (side * above[:-1] > 0.0) & (side * above[1:] <= 0.0)
+        rows = np.flatnonzero(passed) + 1
+        mine = sides[turns] == side
+        k[mine] = rows[np.searchsorted(rows, outside[turns[mine]], side="right")]
+    share = above[k - 1] / (above[k - 1] - above[k])
+    found = times[k - 1] + share * (times[k] - times[k - 1])
     return found, np.asarray(sides[turns + 1], dtype=np.float64)
 
 
@@ -150,7 +151,7 @@ def aligned_difference(
     row = times[1] - times[0]
     there = times + by.at(times)
     first, last = (np.interp(there + late, other_times, other_values) for late in (-row, row))
-    around = [first, last]
+    low, high = np.minimum(first, last), np.maximum(first, last)
     other_row = other_times[1] - other_times[0]
     begin, end = (
         np.ceil((there + late - other_times[0]) / other_row).astype(np.int64).clip(0, len(other_times))
@@ -158,5 +159,6 @@ def aligned_difference(
     )
     for k in range(int(np.max(end - begin))):  # the rows in between, of which there are one or two
         inside = np.minimum(begin + k, end - 1)
-        around.append(np.where(end > begin, other_values[np.clip(inside, 0, len(other_values) - 1)], first))
-    return np.asarray(np.maximum(0.0, np.maximum(values - np.max(around, axis=0), np.min(around, axis=0) - values)))
+        among = np.where(end > begin, other_values[np.clip(inside, 0, len(other_values) - 1)], first)
+        low, high = np.minimum(low, among), np.maximum(high, among)
+    return np.asarray(np.maximum(0.0, np.maximum(values - high, low - values)))

@@ -18,7 +18,7 @@ from harness.accuracy.suggestion import suggested_step
 from harness.accuracy.tolerances import floor_of, order_of
 from harness.engine.defect import inaccurate
 from harness.errors import ExperimentError
-from harness.parts.part import Part
+from harness.parts.part import Part, Values
 from harness.result import Result
 from harness.run import Options
 from harness.system.assembly import Assembly
@@ -77,12 +77,13 @@ def run_with_accuracy(system: Assembly, experiment: Experiment, options: Options
         own = Track(Fraction(1), Fraction(experiment.decimate), whole["time"].to_numpy(), values)
         return [own, *(run.track(name) for run in runs)]
 
-    found = {}
+    found, bounds = {}, {}
     for name in names:
         nominal = find_port(system.parts, name, "record").nominal
         one = estimate(tracks(name), most=most, noise=floor.error, nominal=nominal, required=required)
         found[name] = replace(one, verdict="wrong", **_unbounded(one)) if wrong else one
-        _attach(result, name, found[name])
+        bounds[name + BOUND] = _attach(result, name, found[name])
+    result = result.assign(bounds)
     for pair in power_pairs(system.parts, wires):
         each = energy(system.parts, pair, tracks(pair[0].source), tracks(pair[1].source), most, floor.error)
         if pair[0].source in found:
@@ -115,8 +116,8 @@ def _nominal(system: Assembly, wire: Wire) -> float:
     return find_port(system.parts, wire.source, "connection").nominal
 
 
-def _attach(result: Result, name: str, one: Estimate) -> None:
-    """Attach its error to a variable of a result."""
+def _attach(result: Result, name: str, one: Estimate) -> tuple[str, Values, dict[str, str]]:
+    """Attach its error to a variable of a result, and return the companion with the bound."""
     variable = result[name]
     variable.attrs |= {"relative_error": one.relative, "observed_order": one.convergence.order}
     variable.attrs |= {"verdict": one.verdict, "ancillary_variables": name + BOUND}
@@ -127,7 +128,7 @@ def _attach(result: Result, name: str, one: Estimate) -> None:
         variable.attrs |= {"amplitude": one.oscillation.amplitude}
         variable.attrs |= {"amplitude_error": one.oscillation.amplitude_error}
     about = {"units": variable.attrs.get("units"), "description": f"error bound of {name}"}
-    result[name + BOUND] = ("time", one.bound, {key: text for key, text in about.items() if text})
+    return "time", one.bound, {key: text for key, text in about.items() if text}
 
 
 def _conclusions(
