@@ -187,6 +187,7 @@ static void wire_newton(Instance *c)
         .most_unknowns = MOST,
         .tolerance = LOOP_TOLERANCE,
         .error = LOOP_ERROR,
+        .doubt = DOUBT,
         .finest = FINEST,
         .proposed = m->proposed,
         .before = m->before,

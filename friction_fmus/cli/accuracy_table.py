@@ -80,8 +80,10 @@ def _conclude(result: Result) -> bool:
         text += f"; use {other}--step {step:.6g}"
     if "suggested_factor" in attributes:
         text += f", with {attributes['suggested_factor']} times the values of every and delay"
-    if "suggested_coupling_tolerance" in attributes:
-        text += f" and coupling_tolerance = {attributes['suggested_coupling_tolerance']:.2g} in [experiment]"
+    tolerances = [name for name in ("coupling_tolerance", "step_tolerance") if f"suggested_{name}" in attributes]
+    settings = [f"{name} = {attributes[f'suggested_{name}']:.2g}" for name in tolerances]
+    if settings:
+        text += f" and {' and '.join(settings)} in [experiment]"
     console.print(text, soft_wrap=True)
     return bool(verdict == "right")
 

@@ -13,9 +13,9 @@ from harness.accuracy.connections import energy, missed, power_pairs
 from harness.accuracy.estimate import VERDICTS, Estimate, Track, estimate
 from harness.accuracy.numbers import BOUND
 from harness.accuracy.repeat import repeated
-from harness.accuracy.rungs import scaled_tolerance, step_counts
+from harness.accuracy.rungs import scaled_step_tolerance, scaled_tolerance, step_counts
 from harness.accuracy.suggestion import suggested_step
-from harness.accuracy.tolerances import floor_of, order_of
+from harness.accuracy.tolerances import floor_of, has_lines, order_of
 from harness.engine.defect import inaccurate
 from harness.errors import ExperimentError
 from harness.parts.part import Part, Values
@@ -51,8 +51,8 @@ def run_with_accuracy(system: Assembly, experiment: Experiment, options: Options
         * ``tolerance_error``, the relative error that no shorter step reduces, and ``tolerance_source``;
         * ``largest_coupling_error``, a connection;
         * if another step is needed, ``suggested_step`` [s], for the master adaptive with
-          ``suggested_coupling_tolerance``, and where sample times or delays are counted in steps with
-          ``suggested_factor``, which these counts then need.
+          ``suggested_coupling_tolerance``, where steps were divided with ``suggested_step_tolerance``, and where
+          sample times or delays are counted in steps with ``suggested_factor``, which these counts then need.
 
     Raises
     ------
@@ -89,9 +89,11 @@ def run_with_accuracy(system: Assembly, experiment: Experiment, options: Options
         if pair[0].source in found:
             result[pair[0].source].attrs |= {"energy": each.net, "energy_error": each.error}
     if wires:
-        lost = {wire: missed(tracks(wire.source)[0], most, _nominal(system, wire)) for wire in wires}
+        lines = has_lines(experiment)
+        lost = {wire: missed(tracks(wire.source)[0], lines, _nominal(system, wire)) for wire in wires}
         result.attrs["largest_coupling_error"] = str(max(lost, key=lambda wire: lost[wire]))
-    return result.assign_attrs(_conclusions(system, found, experiment, required, floor.error))
+    divided = int(whole.attrs.get("rejected", 0)) > 0
+    return result.assign_attrs(_conclusions(system, found, experiment, required, floor.error, divided=divided))
 
 
 def check_required(required: float) -> None:
@@ -132,9 +134,15 @@ def _attach(result: Result, name: str, one: Estimate) -> tuple[str, Values, dict
 
 
 def _conclusions(
-    system: Assembly, found: Mapping[str, Estimate], experiment: Experiment, required: float, floor: float
+    system: Assembly,
+    found: Mapping[str, Estimate],
+    experiment: Experiment,
+    required: float,
+    floor: float,
+    *,
+    divided: bool,
 ) -> dict[str, Any]:
-    """Return the worst verdict, and the step that is better."""
+    """Return the worst verdict, and the step that is better; the pieces of divided steps shrink with it."""
     attributes: dict[str, Any] = {
         "accuracy": max((one.verdict for one in found.values()), key=VERDICTS.index, default=VERDICTS[0])
     }
@@ -143,6 +151,8 @@ def _conclusions(
         attributes["suggested_step"] = step
         if experiment.master == "adaptive":
             attributes["suggested_coupling_tolerance"] = scaled_tolerance(experiment, step / experiment.step)
+        if divided:
+            attributes["suggested_step_tolerance"] = scaled_step_tolerance(experiment, step / experiment.step)
         if step_counts(system, experiment):
             attributes["suggested_factor"] = round(experiment.step / step)
     return attributes

@@ -98,12 +98,12 @@ def energy(
     return Energy(pair, float(own.values[-1]), passed, bound + rows)
 
 
-def missed(track: Track, most: float, nominal: float) -> float:
+def missed(track: Track, lines: bool, nominal: float) -> float:
     """Return how much of a value a connection misses between rows, over the range of the value (rms).
 
     A held value misses what changes within a step, a value on a line what it is bent.
     """
-    change = np.diff(track.values, 2 if most > 1.0 else 1)
+    change = np.diff(track.values, 2 if lines else 1)
     size = max(size_of(track.values), NOTHING * nominal)
     return float(np.sqrt(np.mean(np.square(change)))) / size if size > 0.0 and len(change) else 0.0
 

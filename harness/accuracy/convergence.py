@@ -14,7 +14,7 @@ import numpy as np
 
 from harness.parts.part import Values
 
-REGULAR: Final = 2.0
+REGULAR: Final = 2.5
 """Safety factor for three runs that converge as expected. Roache has 1.25, for smooth solutions."""
 
 IRREGULAR: Final = 3.0

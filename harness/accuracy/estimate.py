@@ -26,7 +26,7 @@ MUCH: Final = 3.0
 AGREEMENT: Final = 0.05
 """Largest relative difference of periods and amplitudes of the same motion."""
 
-REMEMBERED: Final = 0.2
+REMEMBERED: Final = 0.5
 """Least bound over the largest one until then: a difference that is small by chance proves nothing."""
 
 SMOOTHING: Final = 0.005

@@ -17,7 +17,7 @@ from harness.errors import ExperimentError
 from harness.parts.part import Part, StartValue
 from harness.parts.series import SeriesPart
 from harness.system.assembly import Assembly
-from harness.system.experiment import COUPLING_TOLERANCE, LOOP_TOLERANCE, Experiment
+from harness.system.experiment import COUPLING_TOLERANCE, LOOP_TOLERANCE, STEP_TOLERANCE, Experiment
 from harness.system.manipulator import Delay, DropOut, Manipulator, Noise
 from harness.system.wire import Wire
 
@@ -95,6 +95,7 @@ def rung(system: Assembly, experiment: Experiment, ratio: Fraction) -> Iterator[
         decimate=max(1, int(experiment.decimate / ratio)),
         manipulators=tuple(_scaled(each, ratio) for each in experiment.manipulators),
         coupling_tolerance=scaled_tolerance(experiment, float(ratio)) if experiment.master == "adaptive" else None,
+        step_tolerance=scaled_step_tolerance(experiment, float(ratio)),
         loop_tolerance=min(max((experiment.loop_tolerance or LOOP_TOLERANCE) * float(ratio) ** 2, 1e-14), 1e-2),
     )
     scaled = Scaled(system.name, system.parts, wires, system.start, system.strict, system.experiment)
@@ -114,3 +115,8 @@ def _scaled(manipulator: Manipulator, ratio: Fraction) -> Manipulator:
 def scaled_tolerance(experiment: Experiment, ratio: float) -> float:
     """Return the coupling tolerance with which the inner steps of adaptive grow as the communication step does."""
     return min(max((experiment.coupling_tolerance or COUPLING_TOLERANCE) * ratio**2, 1e-12), 1e-2)
+
+
+def scaled_step_tolerance(experiment: Experiment, ratio: float) -> float:
+    """Return the step tolerance with which the pieces of divided steps grow as the communication step does."""
+    return min(max((experiment.step_tolerance or STEP_TOLERANCE) * ratio**2, 1e-6), 0.5)

@@ -35,8 +35,17 @@ class Floor:
 
 
 def order_of(experiment: Experiment) -> float:
-    """Return the order with which the master converges at best."""
-    return 2.0 if experiment.master in LOOP_SOLVERS or experiment.extrapolation else 1.0
+    """Return the order with which the master converges at best.
+
+    The inner steps of adaptive follow from a tolerance, to which their error is not quite proportional: it counts as of
+    first order.
+    """
+    return 2.0 if experiment.master == "newton" or experiment.extrapolation else 1.0
+
+
+def has_lines(experiment: Experiment) -> bool:
+    """Return whether the master passes values as lines instead of held values."""
+    return experiment.master in LOOP_SOLVERS or experiment.extrapolation > 0
 
 
 def floor_of(system: Assembly, experiment: Experiment) -> Floor:

@@ -32,7 +32,7 @@ from harness.parts.fmu import FmuPart
 from harness.storage.atomic import atomic_path
 from harness.storage.zip_file import zipped
 from harness.system.assembly import Assembly
-from harness.system.experiment import COUPLING_TOLERANCE, LOOP_TOLERANCE, Experiment
+from harness.system.experiment import COUPLING_TOLERANCE, LOOP_TOLERANCE, STEP_TOLERANCE, Experiment
 from harness.system.graph import check_loops, stepping_order
 from harness.system.initialisation import start_order
 from harness.system.layout import make_plan
@@ -85,8 +85,10 @@ def compose(
     tolerance = experiment.loop_tolerance or LOOP_TOLERANCE
     error = (experiment.coupling_tolerance or COUPLING_TOLERANCE) if experiment.master == "adaptive" else 0.0
 
+    doubt = experiment.step_tolerance or STEP_TOLERANCE
+
     def tables(guid: str) -> str:
-        return table_file(identifier, guid, whole, plan, start, codes, variables, error, tolerance)
+        return table_file(identifier, guid, whole, plan, start, codes, variables, error, tolerance, doubt)
 
     files = {**_shell(), **{key: text for code in codes.values() for key, text in code.sources.items()}}
     units = (f"{identifier}.c", *dict.fromkeys(key for code in codes.values() for key in code.wrappers))

@@ -38,6 +38,7 @@ def table_file(
     variables: Sequence[Variable],
     error: float,
     tolerance: float,
+    doubt: float,
 ) -> str:
     """Return the text of the C file.
 
@@ -55,7 +56,7 @@ def table_file(
         Sources of the parts.
     variables : sequence of Variable
         The variables of the FMU.
-    error, tolerance : float
+    error, tolerance, doubt : float
         As of `Loops`.
     """
     loops = Loops(Engine(plan, ()), tolerance, error)
@@ -71,6 +72,7 @@ def table_file(
         f"#define STEP_SIZE {c_number(plan.step)}",
         f"#define LOOP_TOLERANCE {c_number(tolerance)}",
         f"#define LOOP_ERROR {c_number(error)}",
+        f"#define DOUBT {c_number(doubt)}",
         f"#define UNRESOLVED {c_number(UNRESOLVED)}",
         f"#define FINEST {c_number(FINEST_ADAPTIVE if error > 0.0 else FINEST)}",
         "",

@@ -1,7 +1,7 @@
 /* Step checks of the implicit masters. A loop may converge at every step and still be wrong: a mass on a spring that
    oscillates many times within a step amplifies small errors. Some steps are therefore solved a second time, in two
    halves: at scheduled ticks, and where a value is far from its prediction. If the mean or the end value of a line
-   differs by more than DOUBT times its magnitude, the step is divided, and the following steps are checked until
+   differs by more than `doubt` (0.02) times its magnitude, the step is divided, and the following steps are checked until
    undivided steps agree with their halves again. A step that passes its check keeps its values bit for bit. */
 
 #ifndef STEP_CHECK_H
@@ -9,8 +9,7 @@
 
 #include "quasi_newton.h"
 
-#define DOUBT    0.02 /* of the largest magnitude so far, between a step and its halves */
-#define AT_START 0.2  /* the same in the first EARLY ticks of a value that starts at 0, whose magnitude is unknown */
+#define AT_START 10.0 /* factor of `doubt` in the first EARLY ticks of a value that starts at 0: its size is unknown */
 #define SURPRISE 0.05 /* of the magnitude, between an unknown and its linear prediction */
 #define LEAP     1.5  /* over the largest magnitude so far */
 #define HOPELESS 30.0 /* root of the sum of the squares of the unresolved errors, over the magnitude */
@@ -116,7 +115,7 @@ static int solve_halves(Engine *e, Newton *newton, int64_t number, const Span *s
     return status;
 }
 
-/* Return the largest difference between a span and its halves over DOUBT. If the solution lies at a jump, the unknown
+/* Return the largest difference between a span and its halves over the tolerated one. If the solution lies at a jump, the unknown
    is the holding force: only its mean counts, and the values beyond the jump are rounding errors. Keep the error that
    would remain: the mean counts over the whole step, of which the span is a part. An instantaneous event, such as a
    mass that stops, is never resolved, but does not matter in a span that is short enough. */
@@ -131,7 +130,7 @@ static double difference(const Engine *e, Newton *newton, int64_t number, const 
             const Moving *const a = &newton->kept_lines[k], *const b = &newton->moving[k];
             if (!a->inner || (jumped && a->unknown < 0))
                 continue;
-            const double tolerated = early && a->from_rest ? AT_START : DOUBT;
+            const double tolerated = newton->doubt * (early && a->from_rest ? AT_START : 1.0);
             const double in_mean = fabs(whole[k] - halves[k]), at_end = jumped ? 0.0 : fabs(a->u1 - b->u1);
             const double apart = fmax(in_mean, at_end), size = fmax(a->scale, fmax(fabs(a->u1), fabs(b->u1)));
             const double remains = fmax((s->to - s->from) * in_mean, at_end);

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-from functools import partial
-
-from harness.masters.newton import Loops
-from harness.system.experiment import COUPLING_TOLERANCE, LOOP_TOLERANCE, Experiment
+from harness.masters.newton import implicit
+from harness.system.experiment import COUPLING_TOLERANCE, Experiment
 from harness.system.plan import Plan, Schedule
 
 
@@ -15,6 +13,4 @@ def master(plan: Plan, experiment: Experiment) -> Schedule:
     The energy error of a power bond (force error times mean velocity plus velocity error times mean force) is then
     below twice this share, by default 1e-5, times the product of both magnitudes and the step.
     """
-    tolerance = experiment.loop_tolerance or LOOP_TOLERANCE
-    error = experiment.coupling_tolerance or COUPLING_TOLERANCE
-    return Schedule(algorithm=partial(Loops, tolerance=tolerance, error=error), implicit=True)
+    return implicit(experiment, experiment.coupling_tolerance or COUPLING_TOLERANCE)

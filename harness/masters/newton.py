@@ -24,7 +24,7 @@ from harness.engine.library import bytes_of, library, mirrors
 from harness.engine.line import attach_lines
 from harness.engine.native import Engine
 from harness.errors import ExperimentError
-from harness.system.experiment import LOOP_TOLERANCE, Experiment
+from harness.system.experiment import LOOP_TOLERANCE, STEP_TOLERANCE, Experiment
 from harness.system.plan import MovingWire, Plan, Schedule
 
 _LOG = logging.getLogger("harness")
@@ -42,7 +42,13 @@ HOPELESS: Final = 30.0
 
 def master(plan: Plan, experiment: Experiment) -> Schedule:
     """Solve every loop once per communication step, or in shorter inner steps where the step check requires it."""
-    return Schedule(algorithm=partial(Loops, tolerance=experiment.loop_tolerance or LOOP_TOLERANCE), implicit=True)
+    return implicit(experiment)
+
+
+def implicit(experiment: Experiment, error: float = 0.0) -> Schedule:
+    """Return the schedule of an implicit master with this coupling error; see `Loops`."""
+    tolerance, doubt = experiment.loop_tolerance or LOOP_TOLERANCE, experiment.step_tolerance or STEP_TOLERANCE
+    return Schedule(algorithm=partial(Loops, tolerance=tolerance, error=error, doubt=doubt), implicit=True)
 
 
 @mirrors("Moving")
@@ -85,7 +91,7 @@ class NewtonData(ctypes.Structure):
         *((name, _POINTER) for name in ("order", "continuous", "moving", "unknowns", "held", "held_values")),
         *((name, _POINTER) for name in ("w", "w_last", "trend", "scale", "surprise", "growth", "r", "work", "inverse")),
         ("most_unknowns", _INT),
-        *((name, _REAL) for name in ("tolerance", "error", "finest")),
+        *((name, _REAL) for name in ("tolerance", "error", "doubt", "finest")),
         *((name, _POINTER) for name in ("proposed", "before", "guards", "kept_lines", "kept")),
         ("worst_residual", _REAL),
         *((name, _INT) for name in ("jumped", "evaluations", "substeps", "rejected")),
@@ -133,6 +139,8 @@ class Loops(Algorithm):
     error : float
         Tolerated coupling error relative to the magnitude of the values, which determines the inner steps; 0: one step
         for every tick.
+    doubt : float
+        Difference of a step from its halves, relative to the magnitude of the values, from which it is divided.
 
     Raises
     ------
@@ -140,7 +148,7 @@ class Loops(Algorithm):
         If a part of a loop cannot be rolled back.
     """
 
-    def __init__(self, engine: Engine, tolerance: float, error: float = 0.0) -> None:
+    def __init__(self, engine: Engine, tolerance: float, error: float = 0.0, doubt: float = STEP_TOLERANCE) -> None:
         """Find the loops and fill in the data."""
         plan = engine.plan
         wires = plan.moving_wires
@@ -172,7 +180,7 @@ class Loops(Algorithm):
                 self._check(engine, group)
         self.groups, self.plan = groups, plan
         self.unknowns, self.inner, self.wires = unknowns, inner, wires
-        self._engine, self._tolerance, self._error = engine, tolerance, error
+        self._engine, self._tolerance, self._error, self._doubt = engine, tolerance, error, doubt
         self.numbers = [
             numbers[wire.output] if wire in inner and place[wire.source] >= place[wire.target] else -1 for wire in wires
         ]
@@ -209,7 +217,7 @@ class Loops(Algorithm):
             setattr(data, name, keep(array))
         data.r, data.work = keep(np.zeros(n)), keep(np.zeros(6 * most + most * most))
         data.most_unknowns = most
-        data.tolerance, data.error = self._tolerance, self._error
+        data.tolerance, data.error, data.doubt = self._tolerance, self._error, self._doubt
         data.finest = FINEST_ADAPTIVE if self._error > 0.0 else FINEST
         engine.advance_by("newton_tick", data)
         library().newton_begin(ctypes.addressof(engine.data), ctypes.addressof(data))

@@ -59,6 +59,7 @@ typedef struct {
     int64_t most_unknowns;      /* largest number of unknowns of a group */
     double tolerance;           /* tolerance of r over scale */
     double error;               /* tolerated error of a step over scale; 0: fixed steps */
+    double doubt;               /* tolerated difference of a step from its halves over the magnitude */
     double finest;              /* largest number of inner steps per step, unless convergence needs more */
     double *proposed, *before;  /* [s] next inner step of each group; its last one, or 0 */
     StepCheck *guards;          /* one for each group */

@@ -28,7 +28,7 @@ TYPES: Final = MappingProxyType(
 _LOG = logging.getLogger("harness")
 _SCALARS: Final[Mapping[str, Callable[[str], Any]]] = MappingProxyType(
     {"step": float, "master": str, "decimate": int, "extrapolation": int}
-    | dict.fromkeys(("tolerance", "loop_tolerance", "coupling_tolerance"), float)
+    | dict.fromkeys(("tolerance", "loop_tolerance", "coupling_tolerance", "step_tolerance"), float)
 )
 _PART: Final[Mapping[str, Callable[[Any], Any]]] = MappingProxyType(
     {"every": int, "model": str, "isolate": lambda text: text == "true", "timeout": float}

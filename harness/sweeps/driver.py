@@ -56,7 +56,7 @@ def sweep(
     samples : iterable of mapping of str to value, or of ParameterSet
         A parameter set for each run: start values "part.port" and settings of the experiment (``start``, ``stop``,
         ``step``, ``master``, ``decimate``, ``tolerance``, ``extrapolation``, ``loop_tolerance``,
-        ``coupling_tolerance``). See `grid`, `latin_hypercube`, `sobol` and `read_samples`.
+        ``coupling_tolerance``, ``step_tolerance``). See `grid`, `latin_hypercube`, `sobol` and `read_samples`.
     measure : str, callable, or several of them
         Results of each run: ``final``, ``min``, ``max``, ``max_abs``, ``mean`` or ``rms`` over the recorded rows of a
         variable, such as ``rms(part.port)``, where ``*`` and ``?`` match outputs; or module-level functions that return

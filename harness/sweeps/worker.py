@@ -24,7 +24,7 @@ from harness.system.system import System
 
 SETTINGS: Final = (
     *("start", "stop", "step", "master", "decimate", "tolerance", "extrapolation"),
-    *("loop_tolerance", "coupling_tolerance"),
+    *("loop_tolerance", "coupling_tolerance", "step_tolerance"),
 )
 """Settings of the experiment that can be swept; names of start values contain a dot."""
 

@@ -18,6 +18,9 @@ more."""
 COUPLING_TOLERANCE: Final = 1e-5
 """Default of `Experiment.coupling_tolerance`."""
 
+STEP_TOLERANCE: Final = 0.02
+"""Default of `Experiment.step_tolerance`."""
+
 
 @dataclass(frozen=True)
 class Experiment:
@@ -49,6 +52,9 @@ class Experiment:
     coupling_tolerance : float or None
         Coupling error relative to the magnitude of the values from which the master adaptive chooses its inner steps;
         None stands for 1e-5.
+    step_tolerance : float or None
+        Difference between a step and its two halves, relative to the magnitude of the values, from which the masters
+        newton and adaptive divide a step that they check; None stands for 0.02.
     manipulators : tuple of Manipulator
         Changes to the values of connections during the run.
 
@@ -69,6 +75,7 @@ class Experiment:
     extrapolation: int = 0
     loop_tolerance: float | None = None
     coupling_tolerance: float | None = None
+    step_tolerance: float | None = None
     manipulators: tuple[Manipulator, ...] = ()
 
     def __post_init__(self) -> None:
@@ -102,6 +109,12 @@ class Experiment:
         ):
             raise ExperimentError(
                 f"the coupling tolerance is {shown(self.coupling_tolerance)}: give a number from 1e-12 to 0.01"
+            )
+        if self.step_tolerance is not None and not (
+            is_number(self.step_tolerance) and 1e-6 <= self.step_tolerance <= 0.5
+        ):
+            raise ExperimentError(
+                f"the tolerance of steps is {shown(self.step_tolerance)}: give a number from 1e-6 to 0.5"
             )
         ratio = (self.stop - self.start) / self.step
         if ratio > MOST_TICKS:

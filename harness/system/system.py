@@ -185,6 +185,7 @@ class System(StoredSystem):
         extrapolation: int | None = None,
         loop_tolerance: float | None = None,
         coupling_tolerance: float | None = None,
+        step_tolerance: float | None = None,
         manipulators: Sequence[Manipulator] | None = None,
         taps: Sequence[Tap] = (),
         progress: Progress | None = None,
@@ -198,7 +199,7 @@ class System(StoredSystem):
         Parameters
         ----------
         start, stop, step, master, record, decimate, tolerance, order, extrapolation, loop_tolerance, \
-        coupling_tolerance, manipulators
+        coupling_tolerance, step_tolerance, manipulators
             See `Experiment`.
         taps : sequence of Tap
             Functions that receive values during the run.
@@ -235,6 +236,7 @@ class System(StoredSystem):
             "extrapolation": extrapolation,
             "loop_tolerance": loop_tolerance,
             "coupling_tolerance": coupling_tolerance,
+            "step_tolerance": step_tolerance,
         }
         lists = {"record": record, "order": order, "manipulators": manipulators}
         changes: dict[str, Any] = {key: value for key, value in given.items() if value is not None}

@@ -38,7 +38,9 @@ _PART_KINDS: Final[_Kinds] = {
 }
 _WIRE_KINDS: Final[_Kinds] = {"gain": _NUMBER, "offset": _NUMBER, "delay": _WHOLE}
 _EXPERIMENT_KINDS: Final[_Kinds] = {
-    **dict.fromkeys(("stop", "step", "start", "tolerance", "loop_tolerance", "coupling_tolerance"), _NUMBER),
+    **dict.fromkeys(
+        ("stop", "step", "start", "tolerance", "loop_tolerance", "coupling_tolerance", "step_tolerance"), _NUMBER
+    ),
     **dict.fromkeys(("decimate", "extrapolation"), _WHOLE),
     **dict.fromkeys(("record", "order"), (texts, "a list of texts")),
     "master": _TEXT,

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Hashable, Mapping
 from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import xarray as xr
@@ -255,19 +256,25 @@ def reference(case: Known) -> Result:
     with case.make() as system:
         finer = divided(system, case.fine)
         return finer.run(
-            stop=case.stop, step=case.step / case.fine, master="newton", record=case.record, loop_tolerance=1e-11
+            stop=case.stop,
+            step=case.step / case.fine,
+            master="newton",
+            record=case.record,
+            loop_tolerance=1e-11,
+            step_tolerance=1e-4,
         )
 
 
-def again(case: Known, factor: int, tolerance: float | None) -> Result:
-    """The run with a step so many times as short."""
+def again(case: Known, factor: int, suggested: Mapping[Hashable, Any]) -> Result:
+    """The run with a step so many times as short, and the tolerances that are suggested with it."""
     with case.make() as system:
         return divided(system, factor).run(
             stop=case.stop,
             step=case.step / factor,
             master=case.master,
             record=case.record,
-            coupling_tolerance=tolerance,
+            coupling_tolerance=suggested.get("suggested_coupling_tolerance"),
+            step_tolerance=suggested.get("suggested_step_tolerance"),
             accuracy=True,
         )
 

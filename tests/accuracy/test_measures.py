@@ -52,7 +52,7 @@ def test_a_run_that_cannot_be_repeated_is_the_error_of_its_row() -> None:
 @pytest.mark.parametrize(
     ("values", "bound"),
     [
-        ([1.001, 1.004, 1.016], 2.0 * 0.003 / 3.0),  # second order: 1 + 0.1 h^2 with h = 0.1
+        ([1.001, 1.004, 1.016], 2.5 * 0.003 / 3.0),  # second order: 1 + 0.1 h^2 with h = 0.1
         ([1.01, 1.01, 1.16], 0.15 / 4.0),  # agreement by chance
         ([1.0, math.nan, 1.0], math.inf),
         ([1.0], math.inf),

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from accuracy.known import driven
 from scipy.integrate import solve_ivp
 
 from harness import ExperimentError, FmuPart, Result, SeriesPart, System
@@ -126,3 +127,18 @@ def test_tolerance_of_loops_sets_what_remains(build_fmu: BuildFmu) -> None:
 def test_a_tolerance_of_loops_that_makes_no_sense(build_fmu: BuildFmu, tolerance: float) -> None:
     with held_axis(build_fmu) as system, pytest.raises(ExperimentError, match=r"give a number from 1e-14 to 0\.01"):
         system.run(stop=1.0, step=1e-3, master="newton", loop_tolerance=tolerance)
+
+
+def test_tolerance_of_steps_sets_which_are_divided() -> None:
+    """The force of two sines kinks nowhere, but break-aways are faster than the step."""
+    with driven("LuGre", 9.0) as system:
+        fine = system.run(stop=1.0, step=1e-5, master="newton", decimate=100, loop_tolerance=1e-11)
+        runs = [system.run(stop=1.0, step=1e-3, master="newton", step_tolerance=each) for each in (0.02, 1e-3, 1e-4)]
+        with pytest.raises(ExperimentError, match=r"the tolerance of steps is 0\.0: give a number from 1e-6 to 0\.5"):
+            system.run(stop=1.0, step=1e-3, master="newton", step_tolerance=0.0)
+    divided = [int(run.attrs["substeps"]) for run in runs]
+    forces = [run["friction.F"].to_numpy() for run in (fine, *runs)]
+    errors = [float(np.abs(force - forces[0]).max()) for force in forces[1:]]
+    assert divided[0] < divided[1] < divided[2]
+    assert errors[1] < 0.5 * errors[0]
+    assert errors[2] < 0.1 * errors[0]

@@ -55,6 +55,7 @@ EXPERIMENT = Experiment(
     extrapolation=2,
     loop_tolerance=1e-9,
     coupling_tolerance=1e-6,
+    step_tolerance=0.01,
     manipulators=(
         Bias("b.u", 1 / 3, start=0.5),
         Noise("c.u", sigma=0.1, seed=7, stop=0.75),

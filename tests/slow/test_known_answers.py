@@ -77,7 +77,7 @@ def runs() -> tuple[list[Row], list[tuple[str, bool]]]:
         rows += found
         step = result.attrs.get("suggested_step")
         if step is not None and case.step / step <= LONGEST:
-            finer = again(case, round(case.step / step), result.attrs.get("suggested_coupling_tolerance"))
+            finer = again(case, round(case.step / step), result.attrs)
             suggestions.append((str(case), all(row.error <= REQUIRED for row in judged(case, finer, right))))
     logging.getLogger("harness").setLevel(logging.NOTSET)
     return rows, suggestions
