@@ -5,7 +5,7 @@ Nothing here is from the library: tests compare its FMUs with these integrations
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from math import copysign, exp, expm1, log1p
 from typing import Any
@@ -136,4 +136,31 @@ def pulled(contact: Slip | Leuven, speed: float, until: float, v_up: float) -> l
         if run.status == 1:
             which = next(i for i, times in enumerate(run.t_events) if times.size)
             y[2:] = contact.change(which, y[1], y[2:])
+    return found
+
+
+def turns(
+    sliding: Callable[[float, float], float], held: tuple[float, float], mass: Mapping[str, float]
+) -> list[tuple[float, float]]:
+    """Return times and positions at which an oscillator turns, until friction between the limits `held` keeps it.
+
+    `sliding` is the friction as a function of velocity and direction; the oscillator starts at rest.
+    """
+    m, k, d = mass["m"], mass["k"], mass["d"]
+    t, x, found = 0.0, mass["x0"], []
+    while not held[0] <= -k * x <= held[1]:
+        way = copysign(1.0, -x)
+
+        def rhs(_: float, y: Array, way: float = way) -> list[float]:
+            return [y[1], (-k * y[0] - d * y[1] - sliding(y[1], way)) / m]
+
+        def at_rest(_: float, y: Array, way: float = way) -> float:
+            return way * y[1]
+
+        at_rest.terminal, at_rest.direction = True, -1.0  # type: ignore[attr-defined]
+        precise: dict[str, Any] = {"method": "DOP853", "rtol": 1e-13, "atol": 1e-16}
+        away = solve_ivp(rhs, (t, t + 1e-4), [x, 0.0], **precise)  # so that the next event is the end of the motion
+        run = solve_ivp(rhs, (t + 1e-4, t + 10.0), away.y[:, -1], events=at_rest, **precise)
+        t, x = float(run.t[-1]), float(run.y[0, -1])
+        found.append((t, x))
     return found

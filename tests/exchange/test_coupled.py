@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from exchange.reference import MASS, SPRING, Leuven, Slip, pulled
+from exchange.reference import MASS, SPRING, Leuven, Slip, pulled, turns
 from fmpy import extract, read_model_description
 from fmpy.fmi2 import FMU2Model
 from fmpy.simulation import instantiate_fmu
@@ -259,6 +259,29 @@ def test_decay_of_an_oscillator(couple: Callable[..., Loop]) -> None:
     assert len(pair.events) == at_rest
     # the solver stops the mass to 1e-14 m/s, and nothing but friction could stop the rest
     assert pair.get("mass.x") == pytest.approx(0.05, abs=1e-7)
+
+
+def test_an_oscillator_turns_in_one_event_each_and_comes_to_rest(couple: Callable[..., Loop]) -> None:
+    """Over friction that differs between the directions (the Lorentzian curve), with an offset."""
+    forward = {"Fc": 0.8, "Fs": 1.5, "Fv": 0.6, "vs": 0.05, "delta": 1.6}
+    backward = {"Fc": 1.1, "Fs": 1.2, "Fv": 0.9, "vs": 0.11, "delta": 2.5}
+    offset = 0.13
+
+    def sliding(v: float, way: float) -> float:
+        p = forward if way > 0.0 else backward
+        curve = p["Fc"] + (p["Fs"] - p["Fc"]) / (1.0 + abs(v / p["vs"]) ** p["delta"])
+        return way * curve + p["Fv"] * v + offset
+
+    mass = {"m": 0.8, "k": 40.0, "d": 0.25, "x0": 0.35}
+    expected = turns(sliding, (offset - backward["Fs"], offset + forward["Fs"]), mass)
+    contact = {"shape": 1, "offset": offset, "asymmetric": 1.0, **forward}
+    pair = couple("Stribeck", mass, contact | {f"{key}_neg": value for key, value in backward.items()}, 1e-12)
+    pair.run(8.0)
+    assert len(expected) == 4
+    start, *events = pair.events
+    assert start < 1e-9
+    assert events == pytest.approx([t for t, _ in expected], abs=1e-9)
+    assert pair.get("mass.x") == pytest.approx(expected[-1][1], abs=1e-9)
 
 
 @pytest.mark.parametrize("friction", ["GMS", "Leuven", "ModifiedLeuven", "ElastoPlastic", "MaxwellSlip"])
