@@ -23,10 +23,11 @@ enum { INDICATORS = 0 };
 #endif
 
 typedef struct {
-    Model model;               /* everything in a saved state */
-    Model backup;              /* state at the start of the step, or work space */
-    bool follows;              /* the backup is from the last step */
-    const Row *row_of[VALUES]; /* rows by value reference */
+    Model model;                           /* everything in a saved state */
+    double gap[2 - sizeof(Model) / 8 % 2]; /* aligns the backup like the model, so that copying is fast */
+    Model backup;                          /* state at the start of the step, or work space */
+    bool follows;                          /* the backup is from the last step */
+    const Row *row_of[VALUES];             /* rows by value reference */
     fmi2CallbackLogger logger;
     fmi2ComponentEnvironment environment;
     int logging;

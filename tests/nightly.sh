@@ -23,7 +23,7 @@ step "$python" tests/slow/fuzzing/call_machine.py "$seconds"
 step tests/slow/sanitized.sh address
 step tests/slow/sanitized.sh thread
 step env RANDOM_SYSTEMS=220 "$python" -m pytest -q tests/slow/test_composites.py -k random
-step env EXCHANGE_MOTIONS=100 "$python" -m pytest -q -n 2 tests/slow/test_exchange_motions.py
+step env THOROUGH=1 EXCHANGE_MOTIONS=100 "$python" -m pytest -q -n 2 tests/slow/test_exchange_motions.py
 step "$python" tests/slow/soak.py
 step "$python" tests/slow/fuzzing/mutants.py "$mutants"
 for kernel in Prescott Haswell SkylakeX; do

@@ -52,8 +52,10 @@ static void range(const Model *m, double *low, double *high)
 static void equations(Model *m)
 {
     GIVEN(m)
-    const double level = load_of(Fn, Fn0) * Fc, direction = direction_of(m);
+    const double direction = direction_of(m);
 
-    m->stuck = stuck_at(m, direction);
-    m->F = direction == 0.0 ? clip(F_ext, -level, level) : direction * level;
+    if (direction == 0.0)
+        at_rest(m);
+    else
+        sliding(m, direction * (load_of(Fn, Fn0) * Fc));
 }

@@ -71,13 +71,12 @@ static double reserve(const Model *m) { return load_of(m->Fn, m->Fn0) * m->Fs - 
 static void equations(Model *m)
 {
     GIVEN(m)
-    const bool frozen = m->run.frozen;
-    const double load = load_of(Fn, Fn0), side = frozen ? m->memory.side : side_of(v, DV);
-    const bool rest = side == 0.0;
+    const bool frozen = m->run.frozen, rest = frozen ? m->memory.side == 0.0 : fabs(v) < DV || v == 0.0;
+    const double load = load_of(Fn, Fn0);
 
-    m->stuck = frozen ? m->memory.stuck : rest && reserve(m) >= 0.0 ? 1.0 : 0.0;
+    m->stuck = !rest ? 0.0 : frozen ? m->memory.stuck : reserve(m) >= 0.0 ? 1.0 : 0.0;
     m->v_reported = rest ? 0.0 : v;
-    m->F = rest ? clip(F_ext, -load * Fs, load * Fs) : side * load * Fc + Fv * v;
+    m->F = rest ? clip(F_ext, -load * Fs, load * Fs) : (frozen ? m->memory.side : sign(v)) * load * Fc + Fv * v;
 }
 
 /* Return DV, or a speed that no drive resolves: a solver does not reach v = 0 exactly. */

@@ -83,7 +83,7 @@ static bool is_band(const Model *model)
 static double edge(double DV) { return nextafter(DV, 0.0); }
 
 /* Return how far F_ext is below the friction that holds the mass inside the band. */
-static double reserve(const Model *model)
+static inline double reserve(const Model *model)
 {
     GIVEN(model)
     const double load = load_of(Fn, Fn0);

@@ -74,10 +74,9 @@ static void range(const Model *m, double *low, double *high)
 }
 
 /* Return the friction in steady sliding, from the parameters for the direction of motion. */
-static double level(const Model *m, bool backward)
+static double level(const Model *m, bool negative)
 {
     GIVEN(m)
-    const bool negative = asymmetric && backward;
     double (*const curve)(double, double, double, double, double) = shape == 1 ? stribeck_lorentzian : stribeck;
     return negative ? curve(v, Fc_neg, Fs_neg, vs_neg, delta_neg) : curve(v, Fc, Fs, vs, delta);
 }
@@ -85,12 +84,13 @@ static double level(const Model *m, bool backward)
 static void equations(Model *m)
 {
     GIVEN(m)
-    const double load = load_of(Fn, Fn0), direction = direction_of(m);
-    const double viscous = asymmetric && direction < 0.0 ? Fv_neg : Fv;
-    double low, high;
-    range(m, &low, &high);
+    const double direction = direction_of(m);
 
-    m->stuck = stuck_at(m, direction);
-    m->F = direction == 0.0 ? clip(F_ext, low, high) /* (4) */
-                            : direction * load * level(m, direction < 0.0) + viscous * v + offset;
+    if (direction == 0.0)
+        at_rest(m); /* (4) */
+    else {
+        const bool negative = asymmetric && direction < 0.0;
+        const double viscous = negative ? Fv_neg : Fv;
+        sliding(m, direction * load_of(Fn, Fn0) * level(m, negative) + viscous * v + offset);
+    }
 }

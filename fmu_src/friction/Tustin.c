@@ -55,11 +55,10 @@
 static void equations(Model *m)
 {
     GIVEN(m)
-    const double load = load_of(Fn, Fn0), direction = direction_of(m);
-    double low, high;
-    range(m, &low, &high);
+    const double direction = direction_of(m);
 
-    m->stuck = stuck_at(m, direction);
-    m->F = direction == 0.0 ? clip(F_ext, low, high) /* (4) */
-                            : direction * load * stribeck(v, Fc, Fs, vs, 1.0) + Fv * v;
+    if (direction == 0.0)
+        at_rest(m); /* (4) */
+    else
+        sliding(m, direction * load_of(Fn, Fn0) * stribeck(v, Fc, Fs, vs, 1.0) + Fv * v);
 }

@@ -1,5 +1,6 @@
 /* Rest in the models that jump at v = 0, for model exchange: rest begins where v reaches 0, as exactly as the solver
-   locates it, and ends where v has changed by a speed that no drive resolves, or at once beyond static friction.
+   locates it, and ends where v has changed by a speed that no drive resolves, or at once beyond static friction. If
+   F_ext is beyond static friction when v reaches 0, motion is reversed in one event.
    Friction at rest balances F_ext from `low` to `high`, which the block defines. Included after block.h. */
 
 #ifndef REST_H
@@ -33,9 +34,20 @@ static double reserve(const Model *m)
     return fmin(m->F_ext - low, high - m->F_ext);
 }
 
-static inline double stuck_at(const Model *m, double direction)
+/* Compute the results at rest. */
+static void at_rest(Model *m)
 {
-    return m->run.frozen ? m->memory.stuck : direction == 0.0 && reserve(m) >= 0.0 ? 1.0 : 0.0;
+    double low, high;
+    range(m, &low, &high);
+    m->F = clip(m->F_ext, low, high);
+    m->stuck = m->run.frozen ? m->memory.stuck : m->F == m->F_ext ? 1.0 : 0.0;
+}
+
+/* Compute the results in motion. */
+static inline void sliding(Model *m, double friction)
+{
+    m->F = friction;
+    m->stuck = 0.0;
 }
 
 static double until_moving(const Model *m)
@@ -58,7 +70,7 @@ static void transition(Model *m)
         if (until_moving(m) <= 0.0 && v != 0.0)
             now->direction = fabs(v) > ARRIVAL ? sign(v) : sign(v - now->at);
     } else if (now->direction * v <= 0.0)
-        now->direction = fabs(v) > ARRIVAL ? sign(v) : 0.0;
+        now->direction = fabs(v) > ARRIVAL || reserve(m) < 0.0 ? sign(v) : 0.0;
     now->stuck = now->direction == 0.0 && reserve(m) >= 0.0 ? 1.0 : 0.0;
     if (now->direction == 0.0 && (v == 0.0 || until_moving(m) <= 0.0))
         now->at = v;

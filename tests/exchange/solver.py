@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from bisect import bisect_right
 from collections.abc import Callable, Mapping, Sequence
 from ctypes import c_double, c_void_p
 from itertools import pairwise
@@ -55,6 +56,9 @@ class Exchange:
         self.nodes = nodes
         self.inputs = [self.references[name] for name in lines]
         self.lines = np.array(list(lines.values())).reshape(len(lines), len(nodes))
+        slopes = np.diff(self.lines, append=self.lines[:, -1:]) / np.diff(nodes, append=np.inf)
+        self._times = nodes.tolist()
+        self._pieces = np.stack([self.lines, slopes], axis=-1).transpose(1, 0, 2).tolist()
         self.start = {self.references[name]: value for name, value in start_values.items()}
 
     def read(self, fmu: Any, names: Sequence[str]) -> list[float]:
@@ -75,7 +79,9 @@ class Exchange:
         return set(map(float, self.nodes[1:-1][(begins | ends).any(axis=0)]))
 
     def at(self, t: float) -> list[float]:
-        return [float(np.interp(t, self.nodes, line)) for line in self.lines]
+        """The lines at a time; `np.interp` for each of them would take a third of the time of a run."""
+        k = max(bisect_right(self._times, t) - 1, 0)
+        return [value + slope * (t - self._times[k]) for value, slope in self._pieces[k]]
 
     def _instance(self, kind: str) -> Any:
         return instantiate_fmu(str(self.folder), self.description, fmi_type=kind)

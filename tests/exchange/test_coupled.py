@@ -9,10 +9,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from exchange.reference import MASS, SPRING, Leuven, Slip, pulled, turns
 from fmpy import extract, read_model_description
 from fmpy.fmi2 import FMU2Model
 from fmpy.simulation import instantiate_fmu
 from fmpy.sundials import CVodeSolver
+from scipy.integrate import solve_ivp
+from scipy.optimize import brentq
+from thorough import some
 
 from friction_fmus import build
 from harness import FmuPart, System
@@ -139,6 +143,30 @@ def test_stick_slip_over_lugre(couple: Callable[..., Loop]) -> None:
     assert pair.events == []
 
 
+PULLED = {"m": MASS, "k": SPRING, "v_support": 0.01}
+CONTACTS = {
+    "GMS": (
+        Slip(k=(6e4, 4e4), alpha=(0.6, 0.4), C=100.0, sigma=60.0),
+        {"N": 2, "k[1]": 6e4, "k[2]": 4e4, "alpha[1]": 0.6, "alpha[2]": 0.4, "C": 100.0, "sigma": 60.0, "sigma2": 0.0},
+    ),
+    "Leuven": (
+        Leuven(A=4.0, zc=4e-5, n=2.0, sigma1=316.0),
+        {"A": 4.0, "zc": 4e-5, "n": 2.0, "sigma1": 316.0, "sigma2": 0.0},
+    ),
+}
+
+
+@pytest.mark.parametrize("friction", some([*CONTACTS], ["GMS"]))
+def test_stick_slip_is_that_of_the_equations_in_scipy(friction: str, couple: Callable[..., Loop]) -> None:
+    contact, parameters = CONTACTS[friction]
+    expected = pulled(contact, speed=0.01, until=1.65, v_up=0.01)
+    pair = couple(friction, PULLED, parameters)
+    slips = crossings(pair, 1.65, 0.01)
+    assert len(slips) == len(expected) == 2
+    assert slips == pytest.approx(expected, rel=1e-7)
+    assert slips[1] - slips[0] == pytest.approx(expected[1] - expected[0], rel=1e-7)
+
+
 def test_stick_slip_with_a_drop_of_friction(couple: Callable[..., Loop]) -> None:
     """Benchmark B13, closed form: m = 1 kg, k = 2 N/m, Fs = 1.5 N, Fc = 1 N, pulled at 0.1 m/s."""
     m, k, V, drop = 1.0, 2.0, 0.1, 0.5
@@ -183,9 +211,9 @@ def test_stick_slip_on_a_belt(couple: Callable[..., Loop]) -> None:
 def test_friction_that_falls_with_velocity_on_a_belt(couple: Callable[..., Loop], tmp_path: Path) -> None:
     """Benchmark B10 (Leine and others 1998): F = Fs / (1 + 3 |v_rel|), by a block of one's own."""
     stiction = (Path(__file__).parents[2] / "fmu_src" / "friction" / "Stiction.c").read_text(encoding="utf-8")
-    law = "direction * load * Fc + Fv * v"
+    law = "direction * load_of(Fn, Fn0) * Fc + Fv * v"
     assert law in stiction
-    own = stiction.replace(law, "direction * load * Fc / (1.0 + Fv * fabs(v))").replace(
+    own = stiction.replace(law, "direction * load_of(Fn, Fn0) * Fc / (1.0 + Fv * fabs(v))").replace(
         "MODEL    Stiction", "MODEL    Leine"
     )
     (tmp_path / "Leine.c").write_text(own, encoding="utf-8")
@@ -193,11 +221,30 @@ def test_friction_that_falls_with_velocity_on_a_belt(couple: Callable[..., Loop]
     loop = couple(friction, BELT, {"Fs": 1.0, "Fc": 1.0, "Fv": 3.0}, 1e-12, plant="Belt")
     _, *found = changes(loop, 40.0)
     away, at_rest = [c for c in found if not c[2]], [c for c in found if c[2]]
-    assert np.diff([t for t, *_ in away]) == pytest.approx(12.0010313, abs=1e-7)
+    period, slip, stop = leine()
+    assert (period, slip, stop) == pytest.approx((12.0010313, 4.2959995, -0.5410064), abs=1e-7)
+    assert np.diff([t for t, *_ in away]) == pytest.approx(period, rel=1e-9)
     for begin, end in zip(away, at_rest, strict=False):
-        assert end[0] - begin[0] == pytest.approx(4.2959995, abs=1e-7)
+        assert end[0] - begin[0] == pytest.approx(slip, rel=1e-9)
         assert begin[1] == pytest.approx(1.0, abs=1e-9)
-        assert end[1] == pytest.approx(-0.5410064, abs=1e-7)
+        assert end[1] == pytest.approx(stop, abs=1e-9)
+
+
+def leine() -> tuple[float, float, float]:
+    """Return period, duration of the slip, and position at its end, from the equations of B10 by SciPy."""
+    V = BELT["v_belt"]
+    slip = solve_ivp(
+        lambda _, y: [y[1], -y[0] + 1.0 / (1.0 + 3.0 * (V - y[1]))],
+        (0.0, 6.0),
+        [1.0, V],
+        "DOP853",
+        rtol=1e-13,
+        atol=1e-15,
+        dense_output=True,
+    )
+    end = brentq(lambda t: slip.sol(t)[1] - V, 3.0, 6.0, xtol=1e-14)
+    x = float(slip.sol(end)[0])
+    return end + (1.0 - x) / V, end, x
 
 
 def test_decay_of_an_oscillator(couple: Callable[..., Loop]) -> None:
@@ -212,6 +259,29 @@ def test_decay_of_an_oscillator(couple: Callable[..., Loop]) -> None:
     assert len(pair.events) == at_rest
     # the solver stops the mass to 1e-14 m/s, and nothing but friction could stop the rest
     assert pair.get("mass.x") == pytest.approx(0.05, abs=1e-7)
+
+
+def test_an_oscillator_turns_in_one_event_each_and_comes_to_rest(couple: Callable[..., Loop]) -> None:
+    """Over friction that differs between the directions (the Lorentzian curve), with an offset."""
+    forward = {"Fc": 0.8, "Fs": 1.5, "Fv": 0.6, "vs": 0.05, "delta": 1.6}
+    backward = {"Fc": 1.1, "Fs": 1.2, "Fv": 0.9, "vs": 0.11, "delta": 2.5}
+    offset = 0.13
+
+    def sliding(v: float, way: float) -> float:
+        p = forward if way > 0.0 else backward
+        curve = p["Fc"] + (p["Fs"] - p["Fc"]) / (1.0 + abs(v / p["vs"]) ** p["delta"])
+        return way * curve + p["Fv"] * v + offset
+
+    mass = {"m": 0.8, "k": 40.0, "d": 0.25, "x0": 0.35}
+    expected = turns(sliding, (offset - backward["Fs"], offset + forward["Fs"]), mass)
+    contact = {"shape": 1, "offset": offset, "asymmetric": 1.0, **forward}
+    pair = couple("Stribeck", mass, contact | {f"{key}_neg": value for key, value in backward.items()}, 1e-12)
+    pair.run(8.0)
+    assert len(expected) == 4
+    start, *events = pair.events
+    assert start < 1e-9
+    assert events == pytest.approx([t for t, _ in expected], abs=1e-9)
+    assert pair.get("mass.x") == pytest.approx(expected[-1][1], abs=1e-9)
 
 
 @pytest.mark.parametrize("friction", ["GMS", "Leuven", "ModifiedLeuven", "ElastoPlastic", "MaxwellSlip"])

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from pathlib import Path
+from time import process_time
 
 import numpy as np
 import pytest
 from exchange.cases import CASES, Case, agreement, covered, wanted
 from exchange.solver import Exchange
 from fmpy import extract
+from thorough import some
 
 from friction_fmus import build
 
@@ -27,9 +29,9 @@ def test_every_block_is_compared() -> None:
     assert covered() == wanted()
 
 
-@pytest.mark.parametrize("name", ["LuGre", "GMS", "Coulomb", "KarnoppMass"])
+@pytest.mark.parametrize("name", some([*CASES], ["LuGre asymmetric", "GMS", "Coulomb", "KarnoppMass"]))
 def test_rotational_twins_agree(name: str, tmp_path: Path) -> None:
-    agreement(CASES[name], lambda block, **_: build(block, tmp_path, domain="rotational"), 3)
+    agreement(CASES[name], lambda block, **start: build(block, tmp_path, start, domain="rotational"), 3)
 
 
 HELD = {name: case for name, case in CASES.items() if "v" in case.inputs}
@@ -46,6 +48,27 @@ def test_standstill_takes_no_events_and_no_time(name: str, build_fmu: Callable[.
         for key, value in case.inputs.items()
     }
     run = Exchange(Path(extract(str(fmu), str(fmu.with_suffix(".held")))), nodes, lines, {})
+    begin = process_time()
     _, events = run.model_exchange(case.outputs, step=None)
+    assert process_time() - begin < 1.0
     stops = [t for t in events if t > 0.04 - 1e-9]
     assert len(stops) <= 3 and all(t < 0.04 + 1e-6 for t in stops)
+
+
+RESTING = ("Coulomb", "Stiction", "Tustin", "Stribeck")
+
+
+@pytest.mark.parametrize(("F_ext", "each"), [(0.5, 2), (-0.5, 2), (2.0, 1), (-2.0, 1)])
+@pytest.mark.parametrize("name", RESTING)
+def test_a_reversal_is_one_event_or_a_rest(name: str, F_ext: float, each: int, build_fmu: Callable[..., Path]) -> None:
+    """Friction that balances F_ext holds between two events, 1e-10 m/s apart; beyond static friction there is one."""
+    fmu = build_fmu(name)
+    nodes = np.linspace(0.0, 1.0, 101)
+    lines = {"v": 1e-3 * np.sin(20.0 * nodes + 0.3), "F_ext": np.full(101, F_ext), "Fn": np.ones(101)}
+    run = Exchange(Path(extract(str(fmu), str(fmu.with_suffix(".reversals")))), nodes, lines, {})
+    _, events = run.model_exchange(["F"])
+    v = lines["v"]
+    before = np.flatnonzero(v[:-1] * v[1:] < 0.0)
+    zeros = nodes[before] + 0.01 * v[before] / (v[before] - v[before + 1])
+    assert len(zeros) == 6
+    assert events == pytest.approx(np.repeat(zeros, each), abs=1e-8)
