@@ -10,7 +10,9 @@ from pathlib import Path
 from types import MappingProxyType, SimpleNamespace
 from typing import Any, Final
 
-from harness.errors import FmuError
+from harness.errors import FmuError, StartValueError
+from harness.parts.part import StartValue
+from harness.values import shown
 
 TYPES: Final = (
     "Float64",
@@ -54,6 +56,8 @@ class Array:
         Number of its first element, and how many there are; strings have elements too.
     structural : bool
         Whether it is a structural parameter.
+    shape : tuple of int
+        Sizes of its dimensions; () for a scalar.
     """
 
     name: str
@@ -62,6 +66,7 @@ class Array:
     first: int
     count: int
     structural: bool
+    shape: tuple[int, ...]
 
 
 @dataclass(frozen=True)
@@ -135,7 +140,9 @@ def flatten(path: Path, description: Any, sizes: Mapping[str, int]) -> tuple[Any
         shape = _shape(path, variable, known)
         own = list(_elements(path, variable, shape, sizes, len(scalars)))
         structural = variable.causality == "structuralParameter"
-        arrays.append(Array(variable.name, variable.type, variable.valueReference, len(scalars), len(own), structural))
+        arrays.append(
+            Array(variable.name, variable.type, variable.valueReference, len(scalars), len(own), structural, shape)
+        )
         scalars += own
         starts += [math.nan if each.start is None and variable.start else _number(each.start) for each in own]
         of_name[variable.name] = own
@@ -144,6 +151,29 @@ def flatten(path: Path, description: Any, sizes: Mapping[str, int]) -> tuple[Any
     names = {name: tuple(str(each.name) for each in own) for name, own in of_name.items()}
     flat = Flat(tuple(arrays), len(scalars), _clocks(path, description), tuple(starts), names)
     return _description(description, scalars, of_name), flat
+
+
+def stated_sizes(flat: Flat | None, part: str, start: Mapping[str, StartValue]) -> dict[str, int]:
+    """Return the values of structural parameters among the start values of a part.
+
+    Raises
+    ------
+    StartValueError
+        If one of them is not a whole number.
+    """
+    sizes = {}
+    for name in start.keys() & (flat.structural if flat is not None else {}).keys():
+        value = start[name]
+        if isinstance(value, str) or not math.isfinite(value) or value != int(value):
+            raise StartValueError(f"start value {shown(value)} of {part}.{name} is not a whole number: give a size")
+        sizes[name] = int(value)
+    return sizes
+
+
+def element_names(name: str, shape: Sequence[int]) -> Iterator[str]:
+    """Return the names of the elements of an array, in row-major order; a scalar keeps its name."""
+    for index in itertools.product(*(range(1, size + 1) for size in shape)):
+        yield f"{name}[{','.join(map(str, index))}]" if shape else name
 
 
 def _shape(path: Path, variable: Any, known: Mapping[int, Any]) -> tuple[int, ...]:
@@ -176,10 +206,9 @@ def _elements(
         raise FmuError(
             f"variable '{variable.name}' of {path} has {count} elements, but {len(texts)} start values: export it again"
         )
-    indices = itertools.product(*(range(1, size + 1) for size in shape))
-    for k, index in enumerate(indices):
+    for k, name in enumerate(element_names(variable.name, shape)):
         yield SimpleNamespace(
-            name=f"{variable.name}[{','.join(map(str, index))}]" if shape else variable.name,
+            name=name,
             valueReference=first + k,
             type=_PORT[variable.type],
             causality="parameter" if variable.causality == "structuralParameter" else variable.causality,

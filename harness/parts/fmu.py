@@ -13,6 +13,7 @@ from harness.engine.integrator import TOLERANCE
 from harness.errors import HarnessError, PartError, StartValueError, not_whole
 from harness.parts.archive import Archive, open_archive
 from harness.parts.exchange import ExchangeInstance
+from harness.parts.flat import stated_sizes
 from harness.parts.fmi2 import Instance, Library, State
 from harness.parts.fmi3 import Instance3, Library3
 from harness.parts.part import Calls, Native, Part, Port, StartValue, Values
@@ -132,8 +133,7 @@ class FmuPart(Part):
 
     def resize(self, start: Mapping[str, StartValue]) -> None:
         """Give arrays of an FMI 3.0 FMU the sizes that these values of structural parameters state."""
-        known = self.archive.flat.structural if self.archive.flat is not None else {}
-        sizes = {name: _whole(value) for name, value in start.items() if name in known}
+        sizes = stated_sizes(self.archive.flat, self.name, start)
         if sizes:
             self._describe(open_archive(self.path, sizes))
 

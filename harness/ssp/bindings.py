@@ -1,18 +1,22 @@
-"""Start values from the parameter bindings of an SSD (SSP 1.0, 5.3.2)."""
+"""Start values from the parameter bindings of an SSD (SSP 1.0 and 2.0, 5.3.2)."""
 
 from __future__ import annotations
 
 import logging
+from collections.abc import Container, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 
 from lxml import etree
 
 from harness.errors import SystemFileError
 from harness.parts.part import StartValue
+from harness.ssp.arrays import shown
 from harness.ssp.document import SPACES, SSM, SSV, parse_document
 from harness.ssp.flatten import Network
 from harness.ssp.package import Package
+from harness.ssp.parameter import Parameter
 from harness.ssp.ssm import Entry, parse_ssm
-from harness.ssp.ssv import MEDIA_TYPE, Parameter, ParameterSet, parse_ssv
+from harness.ssp.ssv import MEDIA_TYPE, ParameterSet, parse_ssv
 from harness.ssp.structure import Node, Path, Structure
 from harness.ssp.transformation import Linear
 
@@ -20,75 +24,136 @@ _MAPPING_TYPE = "application/x-ssp-parameter-mapping"
 _LOG = logging.getLogger("harness")
 
 
-def bound_values(package: Package, structure: Structure, network: Network) -> dict[str, StartValue]:
-    """Return the start values of all parts, in the units of their variables.
-
-    A later binding overrides an earlier one, and a binding of a system overrides the bindings of its elements. An
-    unknown name is ignored with a warning, as SSP 1.0 requires.
+@dataclass(frozen=True)
+class Binding:
+    """A parameter binding with the files that it names.
 
     Parameters
     ----------
-    package : Package
-        The archive, with the parameter sets.
-    structure : Structure
-        Elements of the SSD.
-    network : Network
-        Connections of the SSD.
+    path : Path
+        The element to which it belongs.
+    parameters : ParameterSet
+        The parameters.
+    mapping : mapping of str to list of Entry, or None
+        Entries by the name of the source; None if every parameter keeps its name.
+    prefix : str
+        Prefix of all names in the parameter set.
+    where : str
+        Name of the binding, for messages.
+    """
 
-    Returns
-    -------
-    dict of str to value
-        Values by ``part.variable``.
+    path: Path
+    parameters: ParameterSet
+    mapping: Mapping[str, list[Entry]] | None
+    prefix: str
+    where: str
+
+    def entries(self) -> Iterator[tuple[Parameter, tuple[int, ...], str, Entry]]:
+        """Return each value with the shape of its array, its index such as ``[1,2]``, and its target."""
+        origins = self.parameters.origins()
+        for bare, parameter in self.parameters.parameters.items():
+            array = origins.get(bare, bare)
+            shape, name, index = self.parameters.arrays.get(array, ()), self.prefix + array, bare[len(array) :]
+            if self.mapping is None:
+                yield parameter, shape, index, Entry(name, Linear(), False)
+            else:
+                for entry in self.mapping.get(name, ()):
+                    yield parameter, shape, index, entry
+
+
+def read_bindings(package: Package, structure: Structure) -> list[Binding]:
+    """Return all parameter bindings, each before those that override it.
 
     Raises
     ------
     SystemFileError
         If a parameter set or a mapping is missing or invalid.
+    """
+    inside_out = [*structure.components.items(), *reversed(list(structure.systems.items()))]
+    return [
+        _binding(package, structure, path, binding)
+        for path, element in inside_out
+        for binding in element.iterfind("ssd:ParameterBindings/ssd:ParameterBinding", SPACES)
+    ]
+
+
+def bound_values(
+    bindings: Sequence[Binding], structure: Structure, network: Network, only: Container[Node] | None = None
+) -> dict[Node, StartValue]:
+    """Return the start values of all parts, in the units of their variables.
+
+    A later binding overrides an earlier one, and a binding of a system overrides the bindings of its elements. An
+    unknown name is ignored with a warning, as SSP requires.
+
+    Parameters
+    ----------
+    bindings : sequence of Binding
+        The bindings, from `read_bindings`.
+    structure : Structure
+        Elements of the SSD.
+    network : Network
+        Connections of the SSD.
+    only : container of Node or None
+        Variables whose values are wanted; None returns all.
+
+    Returns
+    -------
+    dict of Node to value
+        Values by variable.
+
+    Raises
+    ------
+    SystemFileError
+        If the sizes of a parameter and of its variable differ.
     UnitError, StartValueError
         If a value does not fit its variable.
     """
     values: dict[Node, Parameter] = {}
-    inside_out = [*structure.components.items(), *reversed(list(structure.systems.items()))]
-    for path, element in inside_out:
-        for binding in element.iterfind("ssd:ParameterBindings/ssd:ParameterBinding", SPACES):
-            values |= _binding(package, structure, network, path, binding)
-    start: dict[str, StartValue] = {}
+    for binding in bindings:
+        values |= _bound(binding, structure, network, quiet=only is not None)
+    start: dict[Node, StartValue] = {}
     for node, parameter in values.items():
         port = network.settable(node)
         assert port is not None  # only nodes with a port are found
-        name = f"{network.parts[node.path].name}.{node.name}"
-        start[name] = parameter.start_value(port, f"start value {name}")
+        if only is None or node in only:
+            start[node] = parameter.start_value(port, f"start value {network.name(node)}")
     return start
 
 
-def _binding(
-    package: Package, structure: Structure, network: Network, path: Path, binding: etree._Element
-) -> dict[Node, Parameter]:
-    """Return the values of one binding of the element at the path."""
+def _bound(binding: Binding, structure: Structure, network: Network, *, quiet: bool) -> dict[Node, Parameter]:
+    """Return the values of one binding."""
+    values: dict[Node, Parameter] = {}
+    for parameter, shape, index, entry in binding.entries():
+        for node in _named(structure, binding.path, entry.target):
+            known = structure.shapes.get(node, shape)
+            if known != shape:
+                raise SystemFileError(
+                    f"{binding.where} has {shown(shape)} for '{node}', which is {shown(known)}: correct its Dimension"
+                )
+        name = entry.target + index
+        nodes = [node for node in _named(structure, binding.path, name) if _exists(structure, network, node)]
+        if not nodes and not quiet:
+            _LOG.warning("%s: there is no variable '%s', its value is ignored", binding.where, name)
+        for node in nodes:
+            landed = parameter.landed(
+                network.unit(node),
+                f"{node} in {network.where}",
+                suppress=entry.suppress,
+                transformation=entry.transformation,
+            )
+            values |= network.spread(node, landed)
+    return values
+
+
+def _binding(package: Package, structure: Structure, path: Path, binding: etree._Element) -> Binding:
+    """Return one binding of the element at the path."""
     where = f"a parameter binding of '{'.'.join(path) or 'the system'}' in {package.path}"
     if binding.get("type", MEDIA_TYPE) != MEDIA_TYPE:
         raise SystemFileError(f"{where} is of type {binding.get('type')}: write an SSV parameter set instead")
     component = structure.components.get(path)
     parameters = _parameters(package, component, binding, where)
     mapping = _mapping(package, component, binding, where)
-    prefix = binding.get("prefix", "")
-    values: dict[Node, Parameter] = {}
-    for bare, parameter in parameters.parameters.items():
-        name = prefix + bare
-        entries = [Entry(name, Linear(), False)] if mapping is None else mapping.get(name, [])
-        for entry in entries:
-            nodes = [node for node in _named(structure, path, entry.target) if _exists(structure, network, node)]
-            if not nodes:
-                _LOG.warning("%s: there is no variable '%s', its value is ignored", where, entry.target)
-            for node in nodes:
-                landed = parameter.landed(
-                    network.unit(node),
-                    f"{node} in {package.path}",
-                    suppress=entry.suppress,
-                    transformation=entry.transformation,
-                )
-                values |= network.spread(node, landed)
-    return values
+    return Binding(path, parameters, mapping, binding.get("prefix", ""), where)
 
 
 def _named(structure: Structure, path: Path, name: str) -> list[Node]:

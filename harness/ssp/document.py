@@ -1,4 +1,4 @@
-"""XML of System Structure and Parameterization (SSP) 1.0: names, validated reading, writing."""
+"""XML of System Structure and Parameterization (SSP) 1.0 and 2.0: names, validated reading, writing."""
 
 from __future__ import annotations
 
@@ -31,6 +31,9 @@ SPACES: Final[Mapping[str, str]] = MappingProxyType(
     }
 )
 
+#: Element with the size of one dimension of an array, in SSP 2.0.
+DIMENSION: Final = f"{{{SSC}}}Dimension"
+
 #: Generating tool stated in written files.
 TOOL: Final = "friction-fmus"
 
@@ -41,6 +44,10 @@ _SCHEMAS: Final = MappingProxyType(
         SSV: "SystemStructureParameterValues.xsd",
         SSM: "SystemStructureParameterMapping.xsd",
     }
+)
+#: Folder of the schemas by version.
+_FOLDERS: Final = MappingProxyType(
+    {"1.0": Path(fmpy.__file__).parent / "ssp" / "schema", "2.0": Path(__file__).parent / "schema"}
 )
 
 
@@ -59,13 +66,13 @@ def parse_document(data: bytes, space: str, where: str) -> etree._Element:
     Raises
     ------
     SystemFileError
-        If the document is not XML or not valid against the schema of SSP 1.0.
+        If the document is not XML or not valid against the schema of its version.
     """
     parser = etree.XMLParser(resolve_entities=False, no_network=True, remove_comments=True, remove_pis=True)
     try:
         root = etree.fromstring(data, parser)
     except etree.XMLSyntaxError as error:
-        raise SystemFileError(f"{where} is not XML: {error.msg}; export it again") from error
+        raise SystemFileError(f"{where} is not XML: {' '.join(error.msg.split())}; export it again") from error
     if root.getroottree().docinfo.internalDTD is not None:
         raise SystemFileError(f"{where} has a DOCTYPE with its own definitions: remove it")
     return check_element(root, space, where)
@@ -77,12 +84,15 @@ def check_element(element: etree._Element, space: str, where: str) -> etree._Ele
     if element.tag != expected:
         raise SystemFileError(f"{where} starts with {element.tag}: give one that starts with {expected}")
     version = element.get("version", "")
-    if version and not version.startswith("1."):
-        raise SystemFileError(f"{where} is of version {version}: export it as SSP 1.0")
+    known = next((folder for folder in _FOLDERS if version.startswith(folder[:2])), None)
+    if version and known is None:
+        raise SystemFileError(f"{where} is of version {version}: export it as SSP 1.0 or 2.0")
+    known = known or "1.0"
     try:
-        _schema(space).assertValid(element)
+        _schema(space, known).assertValid(element)
     except etree.DocumentInvalid as error:
-        raise SystemFileError(f"{where} is not valid SSP 1.0: {error}; correct it there") from error
+        reason = " ".join(str(error).split())
+        raise SystemFileError(f"{where} is not valid SSP {known}: {reason}; correct it there") from error
     return element
 
 
@@ -116,5 +126,5 @@ def to_bytes(root: etree._Element) -> bytes:
 
 
 @cache
-def _schema(space: str) -> etree.XMLSchema:
-    return etree.XMLSchema(etree.parse(Path(fmpy.__file__).parent / "ssp" / "schema" / _SCHEMAS[space]))
+def _schema(space: str, version: str) -> etree.XMLSchema:
+    return etree.XMLSchema(etree.parse(_FOLDERS[version] / _SCHEMAS[space]))

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from harness.errors import SystemFileError, UnitError
 from harness.parts.part import Part, Port
 from harness.ssp.annotations import read_wire
-from harness.ssp.ssv import Parameter
+from harness.ssp.parameter import Parameter
 from harness.ssp.structure import Edge, Node, Path, Structure
 from harness.ssp.transformation import Linear
 from harness.ssp.units import Signal, known_unit
@@ -92,6 +92,10 @@ class Network:
         """Return the FMU variable that the node stands for, if it accepts a start value."""
         return self._settable.get(node)
 
+    def name(self, node: Node) -> str:
+        """Return the name ``part.variable`` of an FMU variable."""
+        return f"{self.parts[node.path].name}.{node.name}"
+
     def unit(self, node: Node) -> BaseUnit | None:
         """Return the unit of a connector or variable: from the FMU, else from the file."""
         own = self._own_unit(node)
@@ -118,7 +122,14 @@ class Network:
 
     def _wire(self, chain: list[Edge]) -> Wire:
         source, target = chain[0].source, chain[-1].target
-        if self.structure.connectors[target].kind == "parameter":
+        ends = [self.structure.connectors[node] for node in (source, target)]
+        kind = next((end.type for end in ends if end.type in ("Binary", "String")), None)
+        if kind is not None:
+            raise SystemFileError(
+                f"{self.where} connects '{source}' to '{target}' of type {kind}, which is not supported: "
+                "remove the connection"
+            )
+        if ends[1].kind in ("parameter", "structuralParameter"):
             raise SystemFileError(
                 f"{self.where} connects '{source}' to the parameter '{target}', which is not supported: "
                 "give the parameter a value instead"
@@ -141,7 +152,4 @@ class Network:
         # connections between known units are converted automatically, others need the factor
         converts = self._own_unit(source) is not None and self._own_unit(target) is not None
         gain, offset = (signal.gain, signal.offset) if converts else signal.number(str(chain[-1]))
-        return Wire(self._name(source), self._name(target), gain, offset, delay)
-
-    def _name(self, node: Node) -> str:
-        return f"{self.parts[node.path].name}.{node.name}"
+        return Wire(self.name(source), self.name(target), gain, offset, delay)

@@ -1,15 +1,15 @@
-"""The elements of an SSD, nested systems included (SSP 1.0, chapter 5)."""
+"""The elements of an SSD, nested systems included (SSP 1.0 and 2.0, chapter 5)."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Final, TypeAlias
 
 from lxml import etree
 
 from harness.errors import SystemFileError
-from harness.ssp.document import SPACES
+from harness.ssp.document import DIMENSION, SPACES
 from harness.ssp.transformation import Transformation, flag, read_transformation
 from harness.ssp.units import known_unit
 from harness.units import BaseUnit
@@ -40,13 +40,19 @@ class Connector:
     Parameters
     ----------
     kind : str
-        ``input``, ``output``, ``parameter`` or ``calculatedParameter``.
+        Such as ``input``, ``output``, ``parameter`` or ``calculatedParameter``.
     unit : BaseUnit or None
         The unit, if it is stated and known.
+    type : str
+        Type of its values, such as ``Real``; empty if it is not stated.
+    shape : tuple of int or None
+        Sizes of an array; None where the file states none.
     """
 
     kind: str
     unit: BaseUnit | None
+    type: str = ""
+    shape: tuple[int | None, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -63,6 +69,8 @@ class Edge:
         Whether unit conversion is suppressed.
     element : lxml element
         The XML element, with its annotations.
+    source_index, target_index : tuple of int
+        Indices of the connected element of an array; () if everything is connected.
     """
 
     source: Node
@@ -70,6 +78,8 @@ class Edge:
     transformation: Transformation
     suppress: bool
     element: etree._Element
+    source_index: tuple[int, ...] = ()
+    target_index: tuple[int, ...] = ()
 
     def __str__(self) -> str:
         """Return a text with both ends."""
@@ -90,12 +100,15 @@ class Structure:
         All connectors.
     edges : tuple of Edge
         All connections.
+    shapes : mapping of Node to tuple of int
+        Sizes of the arrays before they were split into elements; () for a scalar.
     """
 
     systems: Mapping[Path, etree._Element]
     components: Mapping[Path, etree._Element]
     connectors: Mapping[Node, Connector]
     edges: tuple[Edge, ...]
+    shapes: Mapping[Node, tuple[int, ...]] = field(default_factory=dict)
 
 
 def read_structure(root: etree._Element, units: Mapping[str, BaseUnit], where: str) -> Structure:
@@ -132,15 +145,41 @@ def read_structure(root: etree._Element, units: Mapping[str, BaseUnit], where: s
     connectors: dict[Node, Connector] = {}
     for path, element in (*systems.items(), *components.items()):
         for item in element.iterfind("ssd:Connectors/ssd:Connector", SPACES):
-            unit = next((typed.get("unit") for typed in item.iterfind("ssc:Real", SPACES)), None)
-            base = known_unit(unit, units.get(unit) if unit else None)
-            connectors[Node(path, item.get("name", ""))] = Connector(item.get("kind", ""), base)
+            node = Node(path, item.get("name", ""))
+            connectors[node] = _connector(item, units, f"the connector '{node}' in {where}")
     edges = [
         _edge(path, element, connectors, where)
         for path, system in systems.items()
         for element in system.iterfind("ssd:Connections/ssd:Connection", SPACES)
     ]
     return Structure(systems, components, connectors, tuple(edges))
+
+
+def _connector(element: etree._Element, units: Mapping[str, BaseUnit], where: str) -> Connector:
+    typed = next((each for each in element.iterfind("ssc:*", SPACES) if each.tag != DIMENSION), None)
+    kind = "" if typed is None else etree.QName(typed).localname
+    if kind == "Clock":
+        raise SystemFileError(f"{where} is a clock, which is not supported: remove it, as FMUs state their own clocks")
+    unit = None if typed is None else typed.get("unit")
+    base = known_unit(unit, units.get(unit) if unit else None)
+    return Connector(element.get("kind", ""), base, kind, read_shape(element, where))
+
+
+def read_shape(element: etree._Element, where: str) -> tuple[int | None, ...]:
+    """Return the sizes of a connector or parameter of SSP 2.0; None stands for one that is not stated.
+
+    Raises
+    ------
+    SystemFileError
+        If a dimension states its size twice.
+    """
+    sizes = []
+    for dimension in element.iterfind(DIMENSION):
+        size = dimension.get("size")
+        if size is not None and dimension.get("sizeConnector") is not None:
+            raise SystemFileError(f"{where} has a Dimension with both size and sizeConnector: remove one")
+        sizes.append(None if size is None else int(size))
+    return tuple(sizes)
 
 
 def _walk(path: Path, element: etree._Element) -> Iterator[tuple[Path, etree._Element]]:
@@ -165,20 +204,25 @@ def _edge(path: Path, element: etree._Element, connectors: Mapping[Node, Connect
         node = Node(path if inner is None else (*path, inner), element.get(f"{end}Connector", ""))
         if node not in connectors:
             raise SystemFileError(f"{where} connects '{node}', which is not a connector: correct the connection")
-        ends.append(node)
-    first, second = ends
+        if connectors[node].kind in ("inout", "unspecified"):
+            raise SystemFileError(
+                f"{where} connects '{node}', which is of the kind {connectors[node].kind}: make it an input or output"
+            )
+        ends.append((node, tuple(int(index) for index in element.get(f"{end}Indices", "").split())))
+    (first, first_index), (second, second_index) = ends
     forward = _gives(path, first, connectors)
     if forward == _gives(path, second, connectors):
         raise SystemFileError(
             f"{where} connects '{first}' and '{second}', of which {'both give' if forward else 'none gives'} a value: "
             "connect outputs to inputs"
         )
-    source, target = (first, second) if forward else (second, first)
     transformation, suppress = read_transformation(element), flag(element, "suppressUnitConversion")
-    return Edge(source, target, transformation, suppress, element)
+    if forward:
+        return Edge(first, second, transformation, suppress, element, first_index, second_index)
+    return Edge(second, first, transformation, suppress, element, second_index, first_index)
 
 
 def _gives(path: Path, node: Node, connectors: Mapping[Node, Connector]) -> bool:
     """Return whether a connector provides values to the inside of the system at the path."""
-    given = {"input", "parameter"} if node.path == path else {"output", "calculatedParameter"}
-    return connectors[node].kind in given
+    own, inner = ("input", "parameter", "structuralParameter"), ("output", "calculatedParameter", "constant", "local")
+    return connectors[node].kind in (own if node.path == path else inner)

@@ -9,12 +9,15 @@ from pathlib import Path
 from lxml import etree
 
 from harness.errors import SystemFileError
+from harness.parts.flat import Array
 from harness.parts.fmu import FmuPart
 from harness.parts.part import Port, StartValue
 from harness.ssp.annotations import annotate, write_experiment, write_part, write_step
 from harness.ssp.document import SPACES, SSD, TOOL, set_text, sub, to_bytes
+from harness.ssp.fmi3 import arrays_of, grouped, indices, needs_two
 from harness.ssp.package import SSD_NAME, write_package
-from harness.ssp.ssv import Parameter, ParameterSet, ssv_element
+from harness.ssp.ssv import ParameterSet, ssv_element
+from harness.ssp.start import start_parameters
 from harness.ssp.structure import FMU_TYPE
 from harness.ssp.units import known_unit, write_units
 from harness.system.assembly import Assembly
@@ -56,26 +59,35 @@ def _sources(fmus: Mapping[str, FmuPart]) -> dict[str, str]:
 
 
 def _document(system: Assembly, fmus: Mapping[str, FmuPart], sources: Mapping[str, str]) -> etree._Element:
+    written = {name: _written(system, part) for name, part in fmus.items()}
+    arrays = {name: arrays_of(part) for name, part in fmus.items()}
+    two = any(needs_two(arrays[name][each]) for name in fmus for each in written[name] if each in arrays[name])
+    arrays = arrays if two else {name: {} for name in fmus}
     # all namespaces are declared here, as libcosim reads a nested declaration as an attribute
     root = etree.Element(f"{{{SSD}}}SystemStructureDescription", nsmap=dict(SPACES))
-    for key, text in {"version": "1.0", "name": system.name, "generationTool": TOOL}.items():
+    for key, text in {"version": "2.0" if two else "1.0", "name": system.name, "generationTool": TOOL}.items():
         set_text(root, key, text)
     element = sub(root, "ssd:System", name=system.name)
     units: dict[str, BaseUnit] = {}
-    wired = {end for wire in system.wires for end in (wire.source, wire.target)}
     if fmus:
         elements = sub(element, "ssd:Elements")
         for name, part in fmus.items():
-            ends = ((split_name(dotted), value) for dotted, value in system.start.items())
-            start = {port: value for (owner, port), value in ends if owner == name}
-            # the default type of SSP 1.0, stated because OMSimulator opens no component without it
+            # the default type of SSP, stated because OMSimulator opens no component without it
             component = sub(elements, "ssd:Component", name=name, type=FMU_TYPE, source=sources[name])
-            _component(component, part, wired, start, units)
+            _connectors(component, part, written[name], arrays[name], units)
+            start = _start(system, part)
+            if start:
+                parameters, shapes = start_parameters(part, start, arrays[name])
+                binding = sub(sub(component, "ssd:ParameterBindings"), "ssd:ParameterBinding")
+                values = ParameterSet(SET_NAME, parameters, arrays=shapes)
+                ssv_element(values, sub(binding, "ssd:ParameterValues"))
+            write_part(component, part)
     if system.wires:
         connections = sub(element, "ssd:Connections")
         ports = {f"{name}.{port.name}": port for name, part in fmus.items() for port in (*part.inputs, *part.outputs)}
-        for wire in system.wires:
-            _connection(connections, wire, ports[wire.source], ports[wire.target])
+        dotted = {f"{name}.{each}": array for name in fmus for each, array in arrays[name].items() if array.shape}
+        for wire, whole in grouped(system.wires, dotted):
+            _connection(connections, wire, ports[wire.source], ports[wire.target], dotted, whole)
     if system.experiment is not None:
         write_step(element, system.experiment)
     write_units(root, "ssd:Units", units)
@@ -84,34 +96,48 @@ def _document(system: Assembly, fmus: Mapping[str, FmuPart], sources: Mapping[st
     return root
 
 
-def _component(
+def _start(system: Assembly, part: FmuPart) -> dict[str, StartValue]:
+    """Return the given start values of a part."""
+    ends = ((split_name(dotted), value) for dotted, value in system.start.items())
+    return {port: value for (owner, port), value in ends if owner == part.name}
+
+
+def _written(system: Assembly, part: FmuPart) -> dict[str, str]:
+    """Return the variables that stand in the file: kinds of the connectors, empty for other start values."""
+    wired = {end for wire in system.wires for end in (wire.source, wire.target)}
+    # fmpy sets an input to 0 if it has a connector but no connection
+    kinds = {port.name: "input" for port in part.inputs if f"{part.name}.{port.name}" in wired}
+    # libcosim cannot read connectors of enumerations
+    kinds |= {port.name: "output" for port in part.outputs if not port.items or f"{part.name}.{port.name}" in wired}
+    return kinds | {name: kinds.get(name, "") for name in _start(system, part)}
+
+
+def _connectors(
     element: etree._Element,
     part: FmuPart,
-    wired: set[str],
-    start: Mapping[str, StartValue],
+    written: Mapping[str, str],
+    arrays: Mapping[str, Array],
     units: dict[str, BaseUnit],
 ) -> None:
-    # fmpy sets an input to 0 if it has a connector but no connection
-    ports = [
-        *((port, "input") for port in part.inputs if f"{part.name}.{port.name}" in wired),
-        # libcosim cannot read connectors of enumerations
-        *((port, "output") for port in part.outputs if not port.items or f"{part.name}.{port.name}" in wired),
-    ]
-    if ports:
-        connectors = sub(element, "ssd:Connectors")
-        for port, kind in ports:
-            connector = sub(connectors, "ssd:Connector", name=port.name, kind=kind)
-            if not port.items:  # a connector without a type has the type of the variable
-                typed = sub(connector, f"ssc:{port.type}")
-                unit = _shared_unit(port, units)
-                if unit is not None:
-                    typed.set("unit", unit)
-    if start:
-        by_name = {port.name: port for port in (*part.inputs, *part.parameters)}
-        parameters = {name: _parameter(part.name, by_name[name], value) for name, value in start.items()}
-        binding = sub(sub(element, "ssd:ParameterBindings"), "ssd:ParameterBinding")
-        ssv_element(ParameterSet(SET_NAME, parameters), sub(binding, "ssd:ParameterValues"))
-    write_part(element, part)
+    ports = [port for port in (*part.inputs, *part.outputs) if written.get(port.name)]
+    if not ports:
+        return
+    connectors = sub(element, "ssd:Connectors")
+    made = set()
+    for port in ports:
+        array = arrays.get(port.name)
+        name, kind, shape = (port.name, port.type, ()) if array is None else (array.name, array.type, array.shape)
+        if name in made:
+            continue
+        made.add(name)
+        connector = sub(connectors, "ssd:Connector", name=name, kind=written[port.name])
+        if not port.items:  # a connector without a type has the type of the variable
+            typed = sub(connector, f"ssc:{kind}")
+            unit = _shared_unit(port, units)
+            if unit is not None:
+                typed.set("unit", unit)
+        for size in shape:
+            sub(connector, "ssc:Dimension", size=str(size))
 
 
 def _shared_unit(port: Port, units: dict[str, BaseUnit]) -> str | None:
@@ -122,40 +148,22 @@ def _shared_unit(port: Port, units: dict[str, BaseUnit]) -> str | None:
     return port.unit
 
 
-def _parameter(part: str, port: Port, value: StartValue) -> Parameter:
-    """Return a start value with the type and the unit of its variable."""
-    where = f"start value {value!r} of {part}.{port.name}"
-    try:
-        if port.type == "String":
-            return Parameter(str(value))
-        if port.type == "Real":
-            unit = port.unit if known_unit(port.unit, port.base) is not None else None
-            return Parameter(float(value), unit, port.base)
-        number = int(value)
-        if number != value:
-            raise ValueError(value)
-        if port.items:
-            return Parameter({number: item for item, number in port.items}[number], item=True)
-        return Parameter(bool(number) if port.type == "Boolean" else number)
-    except (KeyError, ValueError) as error:
-        raise SystemFileError(f"{where} has the wrong type: give {_expected(port)}") from error
-
-
-def _expected(port: Port) -> str:
-    return f"one of {', '.join(str(number) for _, number in port.items)}" if port.items else f"a {port.type}"
-
-
-def _connection(connections: etree._Element, wire: Wire, output: Port, input_: Port) -> None:
+def _connection(
+    connections: etree._Element, wire: Wire, output: Port, input_: Port, arrays: Mapping[str, Array], whole: bool
+) -> None:
     """Write a connection, including the unit conversion, as most tools do not convert units."""
     converts = units_agree(output.unit, output.base, input_.unit, input_.base) is False
     (start, start_connector), (end, end_connector) = wire.ends
+    source, target = arrays.get(wire.source), arrays.get(wire.target)
     element = sub(
         connections,
         "ssd:Connection",
         startElement=start,
-        startConnector=start_connector,
+        startConnector=start_connector if source is None else source.name,
+        startIndices=None if source is None or whole else indices(start_connector),
         endElement=end,
-        endConnector=end_connector,
+        endConnector=end_connector if target is None else target.name,
+        endIndices=None if target is None or whole else indices(end_connector),
         suppressUnitConversion="true" if converts else None,
     )
     if converts or (wire.gain, wire.offset) != (1.0, 0.0):

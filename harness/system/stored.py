@@ -79,7 +79,7 @@ class StoredSystem:
 
     @classmethod
     def from_ssp(cls, path: str | Path, folder: str | Path | None = None) -> Self:
-        """Read an archive of System Structure and Parameterization 1.0.
+        """Read an archive of System Structure and Parameterization 1.0 or 2.0.
 
         The FMU ``c`` in a nested system ``s`` becomes the part ``s_c``. Unconnected inputs keep the start values of
         their FMUs. The experiment is None without a stop time or a communication step (or base step of OSP).
@@ -100,7 +100,7 @@ class StoredSystem:
         ------
         SystemFileError
             If the file cannot be read or is invalid, or if it contains signal dictionaries, components that are not
-            FMUs, tables that map values or calculated parameters.
+            FMUs, tables that map values, calculated parameters, clocks, or connections of strings or binary values.
         HarnessError
             If the described system is invalid.
         """
@@ -108,6 +108,8 @@ class StoredSystem:
 
     def to_ssp(self, path: str | Path) -> None:
         """Write an SSP archive for `from_ssp`, including the FMUs.
+
+        Its version is 1.0, or 2.0 if it contains arrays or types that only FMI 3.0 has.
 
         Parameters
         ----------

@@ -143,17 +143,30 @@ class System(StoredSystem):
             parameters = read_ssv(parameters)
         if isinstance(parameters, ParameterSet):
             parameters = parameters.parameters
+        values, unknown = self._landed({prefix + bare: given for bare, given in parameters.items()})
+        if unknown:  # elements of an array whose size these parameters change
+            more, unknown = self.with_start(values)._landed(unknown)
+            values |= more
+        # the new system rejects a name that does not exist or cannot be set
+        return self.with_start(values | {name: given.value for name, given in unknown.items()})
+
+    def _landed(
+        self, parameters: Mapping[str, Parameter | StartValue]
+    ) -> tuple[dict[str, StartValue], dict[str, Parameter]]:
+        """Return the values in the units of their variables, and the parameters without a variable."""
         values: dict[str, StartValue] = {}
-        for bare, given in parameters.items():
-            dotted = prefix + bare
+        unknown: dict[str, Parameter] = {}
+        for dotted, given in parameters.items():
             owner, name = split_name(dotted)
             part = find_part(self.parts, owner, f"parameter {dotted}")
             port = next((port for port in (*part.inputs, *part.parameters) if port.name == name), None)
             if not isinstance(given, Parameter):
                 values[dotted] = given
-            else:  # the new system rejects a name that does not exist or cannot be set
-                values[dotted] = given.value if port is None else given.start_value(port, dotted)
-        return self.with_start(values)
+            elif port is None:
+                unknown[dotted] = given
+            else:
+                values[dotted] = given.start_value(port, dotted)
+        return values, unknown
 
     def with_start(self, values: Mapping[str, StartValue]) -> System:
         """Return a copy of the system with changed start values.

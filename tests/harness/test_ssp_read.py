@@ -311,8 +311,8 @@ def test_file_and_fmu_disagree(archive: Callable[..., Path]) -> None:
         ("a.ssp", {"SystemStructure.ssd": f"<ssv:ParameterSet {NAMESPACES}/>"}, "starts with"),
         (
             "a.ssp",
-            {"SystemStructure.ssd": ssd("").replace('version="1.0"', 'version="2.0"')},
-            "is of version 2.0: export it",
+            {"SystemStructure.ssd": ssd("").replace('version="1.0"', 'version="3.0"')},
+            "is of version 3.0: export it",
         ),
         ("a.ssp", {"SystemStructure.ssd": ssd(""), "../evil": ""}, "'../evil' points outside"),
         ("a.ssp", {"SystemStructure.ssd": ssd(""), "/evil": ""}, "'/evil' points outside"),

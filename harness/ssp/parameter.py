@@ -1,0 +1,115 @@
+"""One value of a parameter set."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+from harness.errors import StartValueError, nearest
+from harness.parts.part import Port, StartValue
+from harness.ssp.transformation import Linear, Transformation
+from harness.ssp.units import converted, known_unit
+from harness.units import BaseUnit
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """One value of a parameter set.
+
+    Parameters
+    ----------
+    value : float, int, bool or str
+        The value, in the given unit.
+    unit : str or None
+        Unit of a float; None stands for the unit of the variable that receives the value.
+    base : BaseUnit or None
+        The unit in base units; None derives it from the unit name.
+    description : str
+        One line of text.
+    item : bool
+        Whether the value is the name of an enumeration item.
+    type : str
+        Type of FMI 3.0, such as ``Int64``, which SSP 2.0 states; empty for the types of SSP 1.0.
+    """
+
+    value: StartValue
+    unit: str | None = None
+    base: BaseUnit | None = None
+    description: str = ""
+    item: bool = False
+    type: str = ""
+
+    def __post_init__(self) -> None:
+        """Convert a number with a unit to a float."""
+        if self.unit is not None and type(self.value) is int:
+            object.__setattr__(self, "value", float(self.value))
+
+    def landed(
+        self, base: BaseUnit | None, where: str, *, suppress: bool = False, transformation: Transformation | None = None
+    ) -> Parameter:
+        """Return the parameter at a connector or variable with this unit: first converted, then transformed.
+
+        Parameters
+        ----------
+        base : BaseUnit or None
+            Unit of the connector or variable.
+        where : str
+            Its name, for messages.
+        suppress : bool
+            Whether unit conversion is suppressed.
+        transformation : Linear, Table or None
+            Transformation of the converted value.
+
+        Returns
+        -------
+        Parameter
+            The parameter in the new unit.
+
+        Raises
+        ------
+        UnitError
+            If the units measure different quantities.
+        StartValueError
+            If the value cannot be transformed.
+        """
+        value, own = self.value, known_unit(self.unit, self.base)
+        if own is not None and base is not None and not suppress and isinstance(value, float):
+            factor, offset = converted(own, base, where)
+            value = factor * value + offset
+        value = (transformation or Linear())(value, where)
+        return replace(self, value=value, unit=None, base=base or own)
+
+    def start_value(self, port: Port, where: str) -> StartValue:
+        """Return this parameter as the start value of a variable, in the unit of the variable.
+
+        Parameters
+        ----------
+        port : Port
+            The variable.
+        where : str
+            Its name, for messages.
+
+        Returns
+        -------
+        float, int, bool or str
+            The start value.
+
+        Raises
+        ------
+        UnitError
+            If the units measure different quantities.
+        StartValueError
+            If the value does not have the type of the variable.
+        """
+        value = self.landed(known_unit(port.unit, port.base), where).value
+        if self.item:
+            items = dict(port.items)
+            if value not in items:
+                raise StartValueError(f"{where} has no item '{value}': {nearest(str(value), items)}")
+            return items[str(value)]
+        if port.type == "Real" and isinstance(value, (int, float)) and not isinstance(value, bool):
+            if isinstance(value, int) and int(float(value)) != value:
+                raise StartValueError(f"{where} is {value}, which is not exact as a float: choose a smaller number")
+            return float(value)
+        if type(value) is {"Integer": int, "Boolean": bool, "String": str}.get(port.type):
+            return value
+        raise StartValueError(f"{where} is {value!r}, which is not of type {port.type}: give a value of this type")
