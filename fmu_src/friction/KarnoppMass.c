@@ -61,6 +61,7 @@
 #define STEPS_BY   step
 #define EVENTS     2
 #define DECIDES_BY transition
+#define REINITIALISES "w"
 #define MEMORY     struct band
 #define VALID_BY   is_band
 #define KEEPS_BY   keep_decisions

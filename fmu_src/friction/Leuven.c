@@ -79,6 +79,7 @@
 #define STEPS_BY   step
 #define EVENTS     3
 #define DECIDES_BY transition
+#define REINITIALISES "z"
 #define WARNING    "there are more reversal points than the stacks can store; inner loops are discarded"
 #define MEMORY     struct reversals
 #define VALID_BY   are_reversals
