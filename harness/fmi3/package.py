@@ -197,7 +197,8 @@ def _source(
 
 def _row(kind: str, resized: bool, intermediate: bool, length: int) -> str:
     """Return a `Variable3` in C."""
-    return f"{{IS_{kind.upper()}, {str(resized).lower()}, {str(intermediate).lower()}, {length}}}"
+    flags = (kind == "Float64" and length == 1, resized, intermediate)
+    return f"{{IS_{kind.upper()}, {', '.join(str(flag).lower() for flag in flags)}, {length}}}"
 
 
 def _build_description(identifier: str, compiled: Sequence[str]) -> bytes:
@@ -206,6 +207,14 @@ def _build_description(identifier: str, compiled: Sequence[str]) -> bytes:
     files = etree.SubElement(configuration, "SourceFileSet", language="C99")
     for name in compiled:
         etree.SubElement(files, "SourceFile", name=name)
+    etree.SubElement(
+        files,
+        "PreprocessorDefinition",
+        name="FMI3_OVERRIDE_FUNCTION_PREFIX",
+        value="",
+        optional="true",
+        description=f"for a shared library; in a static one, the functions have the prefix {identifier}_",
+    )
     return bytes(etree.tostring(root, xml_declaration=True, encoding="UTF-8", pretty_print=True))
 
 
