@@ -63,7 +63,7 @@ def find_port(parts: Mapping[str, Part], dotted: str, context: str) -> Port:
     ports = {port.name: port for port in (*part.inputs, *part.outputs, *part.observables)}
     if port_name not in ports:
         raise UnknownNameError(
-            f"'{part_name}' has no variable '{port_name}' (in {context}): {nearest(port_name, ports)}"
+            f"'{part_name}' has no variable '{port_name}' (in {context}): {part.hint(port_name, ports)}"
         )
     return ports[port_name]
 
