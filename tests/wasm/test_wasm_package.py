@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import gzip
 import json
+import re
+import shlex
 import shutil
 import subprocess
 from pathlib import Path
@@ -191,6 +193,21 @@ def test_values_steps_and_states(package: Path) -> None:
     assert found["after"] == found["again"]
     assert found["after"][0] == 1.001
     assert found["reset"] == [1, 2, 0.75, 0]
+
+
+@needs_node
+def test_commands_and_program_of_the_page_work(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    page = (EXAMPLES.parent / "docs" / "browser.md").read_text()
+    (commands,), (program,) = (re.findall(rf"```{kind}\n(.*?)```", page, re.S) for kind in ("console", "js"))
+    (tmp_path / "examples").symlink_to(EXAMPLES)
+    monkeypatch.chdir(tmp_path)
+    for command in commands.splitlines():
+        assert main(shlex.split(command)[1:]) == 0
+    assert (tmp_path / "web" / "stick_slip-wasm" / "stick_slip.wasm").is_file()
+    rows, last, after = node(program.replace("./web/", (tmp_path / "web").as_uri() + "/")).split()
+    assert int(rows) == 2001
+    assert abs(float(last)) < 1.2
+    assert float(after) != float(last)
 
 
 @needs_node
