@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gzip
 import random
 import subprocess
 from collections.abc import Mapping
@@ -21,12 +22,14 @@ from shell.instance import Instance, Library, RefusedError, load, signals
 from shell.selection import COMPOSITES, built
 from thorough import some
 from wasm.engines import CASES, ENGINES, NODE, in_node, run_in
+from wasm.test_wasm_package import LARGEST
 
 from friction_fmus import catalogue
 from harness.compiling.sources import source_folder
 from harness.compiling.toolchain import compiler, header_folder
 from harness.system.experiment import LOOP_TOLERANCE
 from harness.wasm import WasmModel, class_script, wasm_model
+from harness.wasm.module import imports
 
 NAMES = (*some(tuple(catalogue()), tuple(catalogue())[::3]), *COMPOSITES)
 STEPS, PART = 300, 6
@@ -143,6 +146,13 @@ def rounded(library: Library) -> set[str]:
     """The functions in `ROUNDED` that the block calls."""
     binary = lief.parse(str(library.binary))
     return {str(symbol.name) for symbol in binary.imported_symbols} & ROUNDED
+
+
+def test_modules_need_nothing_and_are_small(fmus: Mapping[str, Path]) -> None:
+    for name, fmu in fmus.items():
+        found = module(fmu).module
+        assert imports(found) == ()
+        assert name in COMPOSITES or len(gzip.compress(found, 9)) <= LARGEST, name
 
 
 @pytest.mark.parametrize("engine", ENGINES)
