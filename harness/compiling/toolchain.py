@@ -28,6 +28,21 @@ SECTIONS = ("-ffunction-sections", "-fdata-sections")
 QUIET = ("-w",)
 """Flag for files of other tools."""
 
+_EXPORTS = (
+    *("malloc", "free", "fmi2FreeInstance", "fmi2SetupExperiment", "fmi2EnterInitializationMode"),
+    *("fmi2ExitInitializationMode", "fmi2Reset", "fmi2DoStep", "fmi2SetRealInputDerivatives", "fmi2FreeFMUstate"),
+    *(f"fmi2{verb}{kind}" for verb in ("Get", "Set") for kind in ("Real", "Integer", "Boolean", "FMUstate")),
+)
+"""What a WebAssembly module exports beside its memory and the functions of ``fmu_src/wasm``."""
+
+_WASM_LINK_FLAGS = (
+    *("-mexec-model=reactor", "-Os", "-s"),
+    "-Wl,-z,stack-size=1048576",  # the stack lies below all data, so that an overflow is an error
+    *(f"-Wl,--export={name}" for name in _EXPORTS),
+)
+_SMALL = tuple(f"-D{name}=wasm_{name}" for name in ("snprintf", "vsnprintf", "exp2", "log"))
+"""Functions of the C library that would make a module much larger, and have substitutes in ``fmu_src/wasm``."""
+
 
 def cache_folder() -> Path:
     """Return the folder for cached build results; ``FRICTION_FMUS_CACHE`` overrides it."""
@@ -102,7 +117,20 @@ def identity(target: str | None = None) -> str:
     """Return everything that determines the compiled bytes for given sources."""
     command = compiler(target)
     shown = command if target is None and os.environ.get("CC") else ["zig", *command[1:]]  # without its folder
-    return "\n".join([*shown, _version(tuple(command)), *FLAGS, *LINK_FLAGS])
+    link = _WASM_LINK_FLAGS if _is_wasm(target) else LINK_FLAGS
+    return "\n".join([*shown, _version(tuple(command)), *_flags(target), *link])
+
+
+def _is_wasm(target: str | None) -> bool:
+    return "wasm" in (target or "")
+
+
+def _flags(target: str | None, *, own: bool = True) -> list[str]:
+    """Return the flags for a file of this project, or of another tool."""
+    if not _is_wasm(target):
+        return [*FLAGS]
+    replaced = {"-O2": ("-Os",), "-fPIC": ()}  # a module is downloaded, and never moved in memory
+    return [*(flag for given in FLAGS for flag in replaced.get(given, (given,))), *(_SMALL if own else ())]
 
 
 def compile_library(
@@ -129,7 +157,7 @@ def compile_library(
         If the file does not compile; the message quotes the compiler's first error.
     """
     include = ["-isystem", str(header_folder())] if headers else []
-    command = [*compiler(target), *FLAGS, *include, source, "-o", str(library), *_link_flags(library, target)]
+    command = [*compiler(target), *_flags(target), *include, source, "-o", str(library), *_link_flags(library, target)]
     _run(folder, command, f"{source} does not compile", target)
 
 
@@ -137,7 +165,7 @@ def compile_object(folder: Path, source: str, output: Path, *, warns: bool = Tru
     """Compile a C file that includes the FMI headers to an object file; see `compile_library`."""
     command = [
         *compiler(target),
-        *FLAGS,
+        *_flags(target, own=warns),
         *SECTIONS,
         *QUIET[warns:],
         "-isystem",  # the headers of FMI 3.0 have function types without prototype
@@ -163,6 +191,8 @@ def unused_flags(target: str | None) -> tuple[str, ...]:
 
 
 def _link_flags(library: Path, target: str | None) -> list[str]:
+    if _is_wasm(target):
+        return [*_WASM_LINK_FLAGS]
     if "linux" in (target or sys.platform):
         return [*LINK_FLAGS, "-Wl,--build-id=none"]
     if "macos" in (target or "") or sys.platform == "darwin":
