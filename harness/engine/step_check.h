@@ -9,8 +9,7 @@
 
 #include "quasi_newton.h"
 
-#define AT_START 10.0 /* factor of `doubt` in the first EARLY ticks of a value that starts at 0: its size is unknown   \
-                       */
+#define AT_START        10.0 /* factor of `doubt` in the first EARLY ticks of a value that starts at 0 */
 #define SURPRISE        0.05 /* of the magnitude, between an unknown and its linear prediction */
 #define LEAP            1.5  /* over the largest magnitude so far */
 #define HOPELESS        30.0 /* root of the sum of the squares of the unresolved errors, over the magnitude */
