@@ -1,0 +1,320 @@
+/* What the lab computes: each view runs a model and returns curves and a sentence about them. */
+(function (live) {
+  "use strict";
+  const TICK = 2e-3; /* step inside the composites [s] */
+  const value = (name, text, unit, start, min, max, more = {}) => ({ name, text, unit, start, min, max, ...more });
+  const { quantity } = live;
+
+  /* ---- the block alone, moved along a path --------------------------------------------------------------------- */
+
+  /* Return the inputs of a block that is moved: a force on it is large enough to break away. */
+  function moving(run, velocity, force) {
+    const push = typeof velocity === "number" ? Math.sign(velocity) * force : velocity.map((v) => Math.sign(v) * force);
+    return run.has("F_ext") ? { v: velocity, F_ext: push } : { v: velocity };
+  }
+
+  function pushing(values) {
+    return 10 * Math.max(1, ...Object.values(values).filter((each) => Math.abs(each) < 1e3));
+  }
+
+  /* Friction at steady velocities: each is held until the force no longer changes. */
+  function sliding(run, values, fastest, reach) {
+    const speeds = Array.from({ length: 44 }, (_, i) => fastest * Math.pow(1 - i / 44, 2.5));
+    const halves = [1, -1].map((direction) => {
+      run.begin(values);
+      return speeds.map((speed) => {
+        const v = direction * speed;
+        let before, F;
+        for (let time = (5 * reach) / speed + 1e-3, i = 0; i < 8; i++, time *= 2) {
+          const found = run.advance(time / 4, 4, moving(run, v, pushing(values)), ["F"]).F;
+          before = F;
+          F = (found[1] + found[2] + found[3] + found[4]) / 4;
+          if (Math.abs(F - before) < 1e-4 * Math.abs(F)) break;
+        }
+        return [v, F];
+      });
+    });
+    const points = [...halves[1], ...halves[0].reverse()];
+    return { x: Float64Array.from(points, (p) => p[0]), y: Float64Array.from(points, (p) => p[1]) };
+  }
+
+  /* A path in steps of one length through these turning points. */
+  function path(turns, length) {
+    const signs = [];
+    for (let i = 1; i < turns.length; i++) {
+      const steps = Math.round((turns[i] - turns[i - 1]) / length);
+      for (let k = 0; k < Math.abs(steps); k++) signs.push(Math.sign(steps));
+    }
+    return signs;
+  }
+
+  /* Friction over a path with a detour, and without: a model with memory closes the inner loop. */
+  function loop(run, values, { amplitude, detour, speed }) {
+    const length = amplitude / 60;
+    const turn = 0.3 * amplitude;
+    const signs = path([0, amplitude, -amplitude, turn, turn - detour * amplitude, amplitude, -amplitude], length);
+    const v = Float64Array.from([...signs, 0], (sign) => sign * speed);
+    run.begin(values);
+    const F = run.advance(length / speed, v.length - 1, moving(run, v, pushing(values)), ["F"]).F;
+    const x = new Float64Array(v.length);
+    for (let i = 1; i < x.length; i++) x[i] = x[i - 1] + length * signs[i - 1];
+    return { x, y: F };
+  }
+
+  const contact = {
+    id: "contact",
+    title: "Force over velocity and path",
+    text: "The contact alone is moved: at steady velocities, and slowly to and fro with a detour.",
+    part: "block",
+    controls: [
+      value("fastest", "highest velocity", "m/s", 5e-3, 1e-5, 1),
+      value("amplitude", "amplitude of the path", "m", 3e-5, 1e-7, 1e-2),
+      value("detour", "detour, as a part of the amplitude", "", 0.8, 0, 1.2),
+      value("speed", "speed along the path", "m/s", 1e-5, 1e-7, 1e-2),
+    ],
+    charts: [
+      { title: "Steady sliding", x: ["velocity", "m/s"], y: ["friction", "N"] },
+      { title: "Presliding with a detour", x: ["displacement", "m"], y: ["friction", "N"] },
+    ],
+    compute(run, values, setup) {
+      const curve = sliding(run, values, setup.fastest, run.about.reach);
+      const hysteresis = loop(run, values, setup);
+      const half = curve.y.slice(curve.y.length / 2);
+      const top = half.indexOf(Math.max(...half));
+      const steady = curve.x[curve.x.length / 2 + top];
+      const text = "largest steady friction " + quantity(half[top], "N") + " at " + quantity(steady, "m/s");
+      return { charts: [[curve], [hysteresis]], text };
+    },
+  };
+
+  /* ---- a mass on the contact, in a composite with the loop solved inside --------------------------------------- */
+
+  const IDLE = {
+    "pid.Kp": 0, "pid.Kd": 0, "pid.Ki": 0, "pid.Ts": TICK, "feedforward.gain": 0, "feedforward.Ts": TICK,
+    "feedforward.m": 0, "dither.gain": 0, "dither.Ts": TICK, "dither.u_min": -1e6, "dither.u_max": 1e6,
+    "reference.amplitude[1]": 0, "reference.offset": 0, "axis.k": 0, "axis.d": 0, "axis.v_support": 0, "axis.x0": 0,
+    "axis.F_load": 0, "pid.db": 0,
+  };
+
+  /* Return times, and a step of whole ticks in which they have at most so many rows. */
+  function rows(duration, most = 1500) {
+    const ticks = Math.max(Math.round(duration / TICK), 2);
+    const each = Math.ceil(ticks / most);
+    const count = Math.floor(ticks / each) + 1;
+    return { step: each * TICK, count, t: Float64Array.from({ length: count }, (_, i) => i * each * TICK) };
+  }
+
+  function move(run, friction, values, duration, outputs, force, most) {
+    const { step, count, t } = rows(duration, most);
+    run.begin({ ...IDLE, ...values, ...friction });
+    const inputs = force ? { "axis.F_load": t.map(force) } : {};
+    return { t, ...run.advance(step, count - 1, inputs, outputs, Boolean(force)) };
+  }
+
+  const after = (t, y, since) => y.filter((_, i) => t[i] >= since);
+  const largest = (y) => y.reduce((most, each) => Math.max(most, Math.abs(each)), 0);
+
+  /* Return the times at which a series rises through a level. */
+  function risings(t, y, level) {
+    const found = [];
+    for (let i = 1; i < t.length; i++) {
+      if (y[i - 1] < level && y[i] >= level) found.push(t[i - 1] + ((level - y[i - 1]) / (y[i] - y[i - 1])) * (t[i] - t[i - 1]));
+    }
+    return found;
+  }
+
+  const mass = value("m", "mass", "kg", 1, 0.01, 100);
+
+  const breakAway = {
+    id: "break-away",
+    title: "Break-away",
+    text: "The force on a mass grows steadily until the mass slides.",
+    part: "axis",
+    controls: [value("rate", "growth of the force", "N/s", 2, 0.02, 200), value("top", "largest force", "N", 2, 0.1, 20), mass],
+    charts: [
+      { title: "Force", x: ["time", "s"], y: ["force", "N"], tight: true },
+      { title: "Displacement until break-away", x: ["time", "s"], y: ["displacement", "m"], tight: true },
+    ],
+    compute(run, friction, { rate, top, m }) {
+      const end = top / rate;
+      const force = (t) => Math.min(rate * t, top);
+      const found = move(run, friction, { "axis.m": m }, Math.min(1.2 * end, 40), ["axis.x", "axis.v", "friction.F"], force);
+      const most = found["friction.F"].indexOf(Math.max(...found["friction.F"]));
+      const limit = Math.max(2.5 * found["axis.x"][most], 1e-7);
+      const shown = found["axis.x"].map((x) => (x > limit ? NaN : x));
+      const slides = found["axis.x"][found["axis.x"].length - 1] > limit;
+      return {
+        charts: [
+          [{ x: found.t, y: found.t.map(force), label: "applied force", aside: true }, { x: found.t, y: found["friction.F"] }],
+          [{ x: found.t, y: shown }],
+        ],
+        text: slides
+          ? "breaks away at " + quantity(found["friction.F"][most], "N") + ", after " + quantity(found["axis.x"][most], "m")
+          : "holds the mass, which moved by " + quantity(found["axis.x"].at(-1), "m"),
+      };
+    },
+  };
+
+  const hold = {
+    id: "hold",
+    title: "Held under vibration",
+    text: "A constant force with a small vibration pushes a mass: friction should hold it.",
+    part: "axis",
+    controls: [
+      value("bias", "constant force", "N", 0.6, 0, 3),
+      value("vibration", "amplitude of the vibration", "N", 0.3, 0, 2),
+      value("frequency", "frequency of the vibration", "Hz", 1, 0.2, 20),
+      mass,
+    ],
+    charts: [
+      { title: "Displacement", x: ["time", "s"], y: ["displacement", "m"], tight: true },
+      { title: "Applied force", x: ["time", "s"], y: ["force", "N"], tight: true },
+    ],
+    compute(run, friction, { bias, vibration, frequency, m }) {
+      const cycles = 20;
+      const force = (t) => (t < 1 ? bias * t : bias + vibration * Math.sin(2 * Math.PI * frequency * (t - 1)));
+      const found = move(run, friction, { "axis.m": m }, 1 + cycles / frequency, ["axis.x"], force, 12000);
+      const at = (t) => found["axis.x"][Math.min(Math.round(t / (found.t[1] - found.t[0])), found.t.length - 1)];
+      const drift = (at(1 + cycles / frequency) - at(1 + cycles / 2 / frequency)) / (cycles / 2);
+      return {
+        charts: [[{ x: found.t, y: found["axis.x"] }], [{ x: found.t, y: found.t.map(force), label: "applied force", aside: true }]],
+        text: Math.abs(drift) < 1e-12 ? "no drift" : "drifts by " + quantity(drift, "m") + " per cycle",
+      };
+    },
+  };
+
+  const stickSlip = {
+    id: "stick-slip",
+    title: "Stick-slip",
+    text: "A belt moves under a mass that a spring holds: the same as a spring whose end is pulled, as it is drawn here.",
+    part: "axis",
+    controls: [
+      value("speed", "speed of the belt", "m/s", 0.1, 1e-3, 1),
+      value("k", "stiffness of the spring", "N/m", 2, 0.1, 1000),
+      value("d", "damping beside the spring", "N.s/m", 0, 0.01, 10, { zero: true }),
+      mass,
+      value("duration", "duration", "s", 25, 2, 30),
+    ],
+    charts: [
+      { title: "Speed of the mass", x: ["time", "s"], y: ["velocity", "m/s"], tight: true },
+      { title: "Force of the spring", x: ["time", "s"], y: ["force", "N"], tight: true },
+    ],
+    compute(run, friction, { speed, k, d, m, duration }) {
+      const values = { "axis.v_support": speed, "axis.k": k, "axis.d": d, "axis.m": m };
+      const found = move(run, friction, values, duration, ["axis.x", "axis.v", "axis.x_support"]);
+      const pull = found["axis.x"].map((x, i) => k * (found["axis.x_support"][i] - x));
+      const slips = risings(found.t, found["axis.v"], 0.5 * speed);
+      const stuck = after(found.t, found["axis.v"], duration / 2);
+      const sticks = stuck.some((v) => Math.abs(v) < 0.01 * speed) && slips.length > 1;
+      const period = (slips.at(-1) - slips[1]) / (slips.length - 2);
+      return {
+        charts: [
+          [
+            { x: found.t, y: found.t.map(() => speed), label: "belt", aside: true },
+            { x: found.t, y: found["axis.v"] },
+          ],
+          [{ x: found.t, y: pull }],
+        ],
+        text: sticks
+          ? "sticks and slips" + (slips.length > 2 ? ", every " + quantity(period, "s") : "") + ", up to " + quantity(largest(found["axis.v"]), "m/s")
+          : slips.length > 2 && largest(stuck.map((v) => v - speed)) > 0.05 * speed ? "oscillates without sticking" : "slides steadily",
+      };
+    },
+  };
+
+  /* ---- the position loop --------------------------------------------------------------------------------------- */
+
+  const gains = (Kp, Kd, Ki) => [
+    value("Kp", "proportional gain", "N/m", Kp, Kp / 100, Kp * 100, { zero: true }),
+    value("Kd", "derivative gain", "N.s/m", Kd, Kd / 100, Kd * (Kd > 50 ? 4 : 100), { zero: true }),
+    value("Ki", "integral gain", "N/(m.s)", Ki, Ki / 100, Ki * 100, { zero: true }),
+  ];
+
+  const servo = ({ Kp, Kd, Ki, m }) => ({ "pid.Kp": Kp, "pid.Kd": Kd, "pid.Ki": Ki, "axis.m": m });
+
+  const goal = {
+    id: "goal",
+    title: "Move to a goal",
+    text: "A PID controller moves a mass to a goal, sampled every 2 ms.",
+    part: "axis",
+    controls: [
+      ...gains(3, 6, 4),
+      value("db", "dead-band: the integral stops while the error is smaller", "m", 0, 1e-3, 0.3, { zero: true }),
+      value("dither", "amplitude of a force that shakes the mass", "N", 0, 0.1, 100, { zero: true }),
+      value("shaking", "frequency of that force", "Hz", 20, 1, 100),
+      value("goal", "distance of the goal", "m", 1, 1e-4, 2),
+      mass,
+      value("duration", "duration", "s", 60, 2, 60),
+    ],
+    charts: [
+      { title: "Distance to the goal", x: ["time", "s"], y: ["error", "m"], tight: true },
+      { title: "Motor force", x: ["time", "s"], y: ["force", "N"], tight: true },
+    ],
+    compute(run, friction, setup) {
+      const values = {
+        ...servo(setup), "pid.db": setup.db, "reference.offset": setup.goal, "dither.gain": setup.dither > 0 ? 1 : 0,
+        "dither.Ad": setup.dither, "dither.frequency": setup.shaking,
+      };
+      const found = move(run, friction, values, setup.duration, ["axis.x", "axis.v", "pid.u"]);
+      const error = found["axis.x"].map((x) => setup.goal - x);
+      const late = after(found.t, error, 0.5 * setup.duration);
+      const shaken = setup.dither > 0;
+      const span = Math.max(...late) - Math.min(...late);
+      const crossings = risings(found.t, error, 0).length + risings(found.t, error.map((e) => -e), 0).length;
+      const text = !shaken && span > 0.02 * setup.goal && crossings > 1
+        ? "hunts, by up to " + quantity(largest(late), "m")
+        : "ends " + quantity(Math.abs(error.at(-1)), "m") + " from the goal";
+      const zero = { x: found.t, y: found.t.map(() => 0), aside: true, label: "goal" };
+      const band = setup.db > 0
+        ? [1, -1].map((sign) => ({ x: found.t, y: found.t.map(() => sign * setup.db), aside: true, label: "dead-band" }))
+        : [];
+      return { charts: [[zero, ...band, { x: found.t, y: error }], [{ x: found.t, y: found["pid.u"] }]], text };
+    },
+  };
+
+  const track = {
+    id: "track",
+    title: "Follow a sine",
+    text: "A PID controller moves a mass along a sine, as one axis of a circle does; each reversal is a quadrant.",
+    part: "axis",
+    controls: [
+      value("amplitude", "amplitude", "m", 0.01, 1e-6, 0.1),
+      value("frequency", "frequency", "Hz", 0.16, 0.1, 5),
+      value("feedforward", "part of the friction curve that is fed forward", "", 0, 0, 1),
+      value("level", "Coulomb friction in the feedforward", "N", 1, 0.1, 10),
+      ...gains(12e3, 190, 250e3),
+      mass,
+    ],
+    charts: [
+      { title: "Tracking error", x: ["time", "s"], y: ["error", "m"], tight: true },
+      { title: "Friction and feedforward", x: ["time", "s"], y: ["force", "N"], tight: true },
+    ],
+    compute(run, friction, setup) {
+      const period = 1 / setup.frequency;
+      const values = {
+        ...servo(setup), "pid.m": setup.m, "reference.amplitude[1]": setup.amplitude, "reference.frequency[1]": setup.frequency,
+        "reference.phase[1]": Math.PI / 2, "axis.x0": setup.amplitude, "feedforward.gain": setup.feedforward,
+        "feedforward.Fc": setup.level, "feedforward.Fs": 1.5 * setup.level,
+      };
+      const names = ["axis.x", "reference.r", "friction.F", "feedforward.u"];
+      const found = move(run, friction, values, 2.2 * period, names, null, 3000);
+      const from = found.t.findIndex((t) => t >= 0.6 * period);
+      const t = found.t.slice(from);
+      const error = found["reference.r"].map((r, i) => r - found["axis.x"][i]).slice(from);
+      return {
+        charts: [
+          [{ x: t, y: error }],
+          [
+            { x: t, y: found["feedforward.u"].slice(from), aside: true, label: "feedforward" },
+            { x: t, y: found["friction.F"].slice(from) },
+          ],
+        ],
+        text: "largest error " + quantity(largest(error), "m"),
+      };
+    },
+  };
+
+  live.views = [contact, breakAway, hold, stickSlip, goal, track];
+  live.moving = moving;
+  live.pushing = pushing;
+})(FrictionLive);
