@@ -52,6 +52,9 @@ _CROSS = (
 PLATFORMS: Final[Mapping[str, Platform]] = {platform.folder: platform for platform in _CROSS}
 """All platforms by name."""
 
+WASM: Final = Platform("wasm32", ".wasm", ("wasm32-wasi",))
+"""A WebAssembly module. FMI has no such platform, so that it is not in `PLATFORMS`; `harness.wasm` builds it."""
+
 
 def select(names: tuple[str, ...]) -> tuple[Platform, ...]:
     """Return the platforms with these names.

@@ -28,6 +28,23 @@ SECTIONS = ("-ffunction-sections", "-fdata-sections")
 QUIET = ("-w",)
 """Flag for files of other tools."""
 
+_EXPORTS = (
+    *("malloc", "free", "fmi2FreeInstance", "fmi2SetupExperiment", "fmi2EnterInitializationMode"),
+    *("fmi2ExitInitializationMode", "fmi2Terminate", "fmi2Reset", "fmi2DoStep", "fmi2SetRealInputDerivatives"),
+    *(f"fmi2{verb}{kind}" for verb in ("Get", "Set") for kind in ("Real", "Integer", "Boolean", "FMUstate")),
+    *("fmi2FreeFMUstate", "fmi2SerializedFMUstateSize", "fmi2SerializeFMUstate", "fmi2DeSerializeFMUstate"),
+)
+"""What a WebAssembly module exports, beside its memory and the functions of ``fmu_src/wasm``."""
+
+_WASM_LINK_FLAGS = (
+    *("-mexec-model=reactor", "-O2", "-s", "-lm"),
+    # the stack of a module lies before its data, so that an overflow is an error
+    "-Wl,-z,stack-size=1048576",
+    *(f"-Wl,--export={name}" for name in _EXPORTS),
+)
+# the C library's functions print long double too, which would be a third of a module; see print.c
+_WASM_PRINT = ("-Dsnprintf=wasm_snprintf", "-Dvsnprintf=wasm_vsnprintf")
+
 
 def cache_folder() -> Path:
     """Return the folder for cached build results; ``FRICTION_FMUS_CACHE`` overrides it."""
@@ -102,7 +119,18 @@ def identity(target: str | None = None) -> str:
     """Return everything that determines the compiled bytes for given sources."""
     command = compiler(target)
     shown = command if target is None and os.environ.get("CC") else ["zig", *command[1:]]  # without its folder
-    return "\n".join([*shown, _version(tuple(command)), *FLAGS, *LINK_FLAGS])
+    return "\n".join([*shown, _version(tuple(command)), *_flags(target), *(_WASM_LINK_FLAGS if _wasm(target) else LINK_FLAGS)])
+
+
+def _wasm(target: str | None) -> bool:
+    return "wasm" in (target or "")
+
+
+def _flags(target: str | None, *, warns: bool = True) -> list[str]:
+    """Return the flags with which a file of this project (``warns``) or of another tool is compiled."""
+    if not _wasm(target):
+        return [*FLAGS]
+    return [*(flag for flag in FLAGS if flag != "-fPIC"), *(_WASM_PRINT if warns else ())]
 
 
 def compile_library(
@@ -129,7 +157,7 @@ def compile_library(
         If the file does not compile; the message quotes the compiler's first error.
     """
     include = ["-isystem", str(header_folder())] if headers else []
-    command = [*compiler(target), *FLAGS, *include, source, "-o", str(library), *_link_flags(library, target)]
+    command = [*compiler(target), *_flags(target), *include, source, "-o", str(library), *_link_flags(library, target)]
     _run(folder, command, f"{source} does not compile", target)
 
 
@@ -137,7 +165,7 @@ def compile_object(folder: Path, source: str, output: Path, *, warns: bool = Tru
     """Compile a C file that includes the FMI headers to an object file; see `compile_library`."""
     command = [
         *compiler(target),
-        *FLAGS,
+        *_flags(target, warns=warns),
         *SECTIONS,
         *QUIET[warns:],
         "-isystem",  # the headers of FMI 3.0 have function types without prototype
@@ -163,6 +191,8 @@ def unused_flags(target: str | None) -> tuple[str, ...]:
 
 
 def _link_flags(library: Path, target: str | None) -> list[str]:
+    if _wasm(target):
+        return [*_WASM_LINK_FLAGS]
     if "linux" in (target or sys.platform):
         return [*LINK_FLAGS, "-Wl,--build-id=none"]
     if "macos" in (target or "") or sys.platform == "darwin":

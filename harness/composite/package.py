@@ -36,6 +36,7 @@ from harness.system.experiment import COUPLING_TOLERANCE, LOOP_TOLERANCE, Experi
 from harness.system.graph import check_loops, stepping_order
 from harness.system.initialisation import start_order
 from harness.system.layout import make_plan
+from harness.wasm import is_wasm, wasm_model, write_package
 
 MASTERS: Final = ("newton", "adaptive")
 """Masters that a composite FMU can contain."""
@@ -56,13 +57,16 @@ def compose(
     fmi: int = 2,
 ) -> None:
     """Write a system as one FMU; see `System.to_fmu`."""
-    identifier = path.stem if name is None else name
+    identifier = path.stem.removesuffix("-wasm") if name is None else name
     if not re.fullmatch(r"[A-Za-z_]\w{0,99}", identifier, re.ASCII):
         raise BuildError(
             f"{identifier!r} cannot be the name of an FMU: give a name of letters, digits and _, with a letter first"
         )
     experiment = _experiment(system, step, master)
-    targets = select(tuple(platforms))
+    wasm = is_wasm(platforms, fmi)
+    if wasm and path.suffix == ".fmu":
+        raise BuildError(f"the platform wasm32 makes a folder, but {path} names an FMU: give {path.stem}-wasm")
+    targets = () if wasm else select(tuple(platforms))
     inner, taken = without_sources(system, inputs)
     check_parts(inner)
     interface = choose_interface(inner, taken, inputs, outputs)
@@ -115,6 +119,9 @@ def compose(
     for target in targets if fmi == 2 else ():
         members[f"binaries/{target.folder}/{identifier}{target.suffix}"] = linked(target, compiling, identifier, quiet)
     content = zipped(members, made)
+    if wasm:
+        write_package(wasm_model(content, quiet), path)
+        return
     if fmi == 3:
         content = fmi_3(content, targets, quiet=quiet)
     with atomic_path(path) as temporary:
