@@ -104,7 +104,8 @@
     return { step: each * TICK, count, t: Float64Array.from({ length: count }, (_, i) => i * each * TICK) };
   }
 
-  function move(run, friction, values, duration, outputs, force, most) {
+  /* Run the loop of a view: what its parts are set to, how long it runs, and a force on the mass over time. */
+  function move(run, friction, { values, duration, force, most }, outputs) {
     const { step, count, t } = rows(duration, most);
     run.begin({ ...IDLE, ...values, ...friction });
     const inputs = force ? { "axis.F_load": t.map(force) } : {};
@@ -135,17 +136,22 @@
       { title: "Force", x: ["time", "s"], y: ["force", "N"], tight: true },
       { title: "Displacement until break-away", x: ["time", "s"], y: ["displacement", "m"], tight: true },
     ],
-    compute(run, friction, { rate, top, m }) {
-      const end = top / rate;
-      const force = (t) => Math.min(rate * t, top);
-      const found = move(run, friction, { "axis.m": m }, Math.min(1.2 * end, 40), ["axis.x", "axis.v", "friction.F"], force);
+    loop: ({ rate, top, m }) => ({
+      values: { "axis.m": m },
+      duration: Math.min((1.2 * top) / rate, 40),
+      force: (t) => Math.min(rate * t, top),
+      note: "axis.F_load grows from 0 by " + rate + " N/s to " + top + " N",
+    }),
+    compute(run, friction, setup) {
+      const loop = this.loop(setup);
+      const found = move(run, friction, loop, ["axis.x", "friction.F"]);
       const most = found["friction.F"].indexOf(Math.max(...found["friction.F"]));
       const limit = Math.max(2.5 * found["axis.x"][most], 1e-7);
       const shown = found["axis.x"].map((x) => (x > limit ? NaN : x));
       const slides = found["axis.x"][found["axis.x"].length - 1] > limit;
       return {
         charts: [
-          [{ x: found.t, y: found.t.map(force), label: "applied force", aside: true }, { x: found.t, y: found["friction.F"] }],
+          [{ x: found.t, y: found.t.map(loop.force), label: "applied force", aside: true }, { x: found.t, y: found["friction.F"] }],
           [{ x: found.t, y: shown }],
         ],
         text: slides
@@ -154,6 +160,8 @@
       };
     },
   };
+
+  const CYCLES = 20; /* of the vibration */
 
   const hold = {
     id: "hold",
@@ -170,14 +178,20 @@
       { title: "Displacement", x: ["time", "s"], y: ["displacement", "m"], tight: true },
       { title: "Applied force", x: ["time", "s"], y: ["force", "N"], tight: true },
     ],
-    compute(run, friction, { bias, vibration, frequency, m }) {
-      const cycles = 20;
-      const force = (t) => (t < 1 ? bias * t : bias + vibration * Math.sin(2 * Math.PI * frequency * (t - 1)));
-      const found = move(run, friction, { "axis.m": m }, 1 + cycles / frequency, ["axis.x"], force, 12000);
+    loop: ({ bias, vibration, frequency, m }) => ({
+      values: { "axis.m": m },
+      duration: 1 + CYCLES / frequency,
+      force: (t) => (t < 1 ? bias * t : bias + vibration * Math.sin(2 * Math.PI * frequency * (t - 1))),
+      most: 12000,
+      note: "axis.F_load grows to " + bias + " N in 1 s, then vibrates by " + vibration + " N at " + frequency + " Hz",
+    }),
+    compute(run, friction, setup) {
+      const loop = this.loop(setup);
+      const found = move(run, friction, loop, ["axis.x"]);
       const at = (t) => found["axis.x"][Math.min(Math.round(t / (found.t[1] - found.t[0])), found.t.length - 1)];
-      const drift = (at(1 + cycles / frequency) - at(1 + cycles / 2 / frequency)) / (cycles / 2);
+      const drift = (at(loop.duration) - at((loop.duration + 1) / 2)) / (CYCLES / 2);
       return {
-        charts: [[{ x: found.t, y: found["axis.x"] }], [{ x: found.t, y: found.t.map(force), label: "applied force", aside: true }]],
+        charts: [[{ x: found.t, y: found["axis.x"] }], [{ x: found.t, y: found.t.map(loop.force), label: "applied force", aside: true }]],
         text: Math.abs(drift) < 1e-12 ? "no drift" : "drifts by " + quantity(drift, "m") + " per cycle",
       };
     },
@@ -199,9 +213,13 @@
       { title: "Speed of the mass", x: ["time", "s"], y: ["velocity", "m/s"], tight: true },
       { title: "Force of the spring", x: ["time", "s"], y: ["force", "N"], tight: true },
     ],
-    compute(run, friction, { speed, k, d, m, duration }) {
-      const values = { "axis.v_support": speed, "axis.k": k, "axis.d": d, "axis.m": m };
-      const found = move(run, friction, values, duration, ["axis.x", "axis.v", "axis.x_support"]);
+    loop: ({ speed, k, d, m, duration }) => ({
+      values: { "axis.v_support": speed, "axis.k": k, "axis.d": d, "axis.m": m },
+      duration,
+    }),
+    compute(run, friction, setup) {
+      const { speed, k, duration } = setup;
+      const found = move(run, friction, this.loop(setup), ["axis.x", "axis.v", "axis.x_support"]);
       const pull = found["axis.x"].map((x, i) => k * (found["axis.x_support"][i] - x));
       const slips = risings(found.t, found["axis.v"], 0.5 * speed);
       const stuck = after(found.t, found["axis.v"], duration / 2);
@@ -250,12 +268,15 @@
       { title: "Distance to the goal", x: ["time", "s"], y: ["error", "m"], tight: true },
       { title: "Motor force", x: ["time", "s"], y: ["force", "N"], tight: true },
     ],
-    compute(run, friction, setup) {
-      const values = {
+    loop: (setup) => ({
+      values: {
         ...servo(setup), "pid.db": setup.db, "reference.offset": setup.goal, "dither.gain": setup.dither > 0 ? 1 : 0,
         "dither.Ad": setup.dither, "dither.frequency": setup.shaking,
-      };
-      const found = move(run, friction, values, setup.duration, ["axis.x", "axis.v", "pid.u"]);
+      },
+      duration: setup.duration,
+    }),
+    compute(run, friction, setup) {
+      const found = move(run, friction, this.loop(setup), ["axis.x", "pid.u"]);
       const error = found["axis.x"].map((x) => setup.goal - x);
       const late = after(found.t, error, 0.5 * setup.duration);
       const shaken = setup.dither > 0;
@@ -289,16 +310,18 @@
       { title: "Tracking error", x: ["time", "s"], y: ["error", "m"], tight: true },
       { title: "Friction and feedforward", x: ["time", "s"], y: ["force", "N"], tight: true },
     ],
-    compute(run, friction, setup) {
-      const period = 1 / setup.frequency;
-      const values = {
+    loop: (setup) => ({
+      values: {
         ...servo(setup), "pid.m": setup.m, "reference.amplitude[1]": setup.amplitude, "reference.frequency[1]": setup.frequency,
         "reference.phase[1]": Math.PI / 2, "axis.x0": setup.amplitude, "feedforward.gain": setup.feedforward,
         "feedforward.Fc": setup.level, "feedforward.Fs": 1.5 * setup.level,
-      };
-      const names = ["axis.x", "reference.r", "friction.F", "feedforward.u"];
-      const found = move(run, friction, values, 2.2 * period, names, null, 3000);
-      const from = found.t.findIndex((t) => t >= 0.6 * period);
+      },
+      duration: 2.2 / setup.frequency,
+      most: 3000,
+    }),
+    compute(run, friction, setup) {
+      const found = move(run, friction, this.loop(setup), ["axis.x", "reference.r", "friction.F", "feedforward.u"]);
+      const from = found.t.findIndex((t) => t >= 0.6 / setup.frequency);
       const t = found.t.slice(from);
       const error = found["reference.r"].map((r, i) => r - found["axis.x"][i]).slice(from);
       return {
@@ -313,6 +336,11 @@
       };
     },
   };
+
+  for (const view of [breakAway, hold, stickSlip, goal, track]) {
+    const { loop } = view;
+    view.system = (setup) => ({ ...loop(setup), values: { ...IDLE, ...loop(setup).values } });
+  }
 
   live.views = [contact, breakAway, hold, stickSlip, goal, track];
   live.moving = moving;

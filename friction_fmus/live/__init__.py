@@ -19,7 +19,7 @@ SCRIPTS: Final = ("fmu.js", *_SCRIPTS)
 
 def assets() -> dict[str, str]:
     """Return the scripts and styles that pages with models share, by file name."""
-    names = (*_SCRIPTS, "uplot.css", "uplot.LICENSE", "live.css")
+    names = (*_SCRIPTS, "uplot.css", "uplot.LICENSE", "live.css", "page.css")
     return {"fmu.js": class_script()} | {name: (_FOLDER / name).read_text(encoding="utf-8") for name in names}
 
 

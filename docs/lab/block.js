@@ -1,0 +1,101 @@
+/* The live figure of a block's page: its experiment, repeated with other parameters. */
+(function (live) {
+  "use strict";
+  const { element } = live;
+  const NUMBERS = 8; /* sliders that are shown at once */
+
+  function unpacked(value) {
+    if (typeof value === "number") return value;
+    const text = atob(value);
+    return new Float64Array(Uint8Array.from(text, (character) => character.charCodeAt(0)).buffer);
+  }
+
+  /* Return a view, as the lab has them, that repeats recorded runs. */
+  function repeated(figures) {
+    const runs = figures.map(({ runs }) => runs.map((run) => ({
+      ...run, inputs: Object.fromEntries(Object.entries(run.inputs).map(([name, values]) => [name, unpacked(values)])),
+    })));
+    return {
+      controls: [],
+      charts: figures.map(({ x, y, caption }) => ({ title: caption, x, y })),
+      compute(run, values) {
+        const charts = figures.map((figure, k) => {
+          const found = runs[k].map(({ step, steps, inputs, outputs }) => {
+            run.begin(values);
+            const taken = Object.fromEntries(Object.entries(inputs).filter(([name]) => run.has(name)));
+            const all = Object.fromEntries(Object.entries(inputs).map(([name, given]) => [name, typeof given === "number" ? new Float64Array(steps + 1).fill(given) : given]));
+            return { ...all, ...run.advance(step, steps, booleans(run, taken), outputs) };
+          });
+          const at = (place, number) => typeof place !== "object" ? unpacked(place) : found[number][place.name].slice(place.from, place.from + place.count);
+          return figure.curves.map(({ x, y, run: number, label, aside }) => ({ x: at(x, number), y: at(y, number), label, aside }));
+        });
+        return { charts, text: "" };
+      },
+    };
+  }
+
+  /* Return inputs in which those of the type Boolean are true or false. */
+  function booleans(run, inputs) {
+    return Object.fromEntries(Object.entries(inputs).map(([name, given]) => {
+      if (run.model.variables.get(name).type !== "Boolean") return [name, given];
+      return [name, typeof given === "number" ? given !== 0 : Array.from(given, (each) => each !== 0)];
+    }));
+  }
+
+  async function show(box) {
+    const name = box.dataset.block;
+    const run = new live.Run(await live.load(name));
+    const about = run.about;
+    const view = about.figures ? repeated(about.figures) : live.views.find(({ id }) => id === "contact");
+    const setup = Object.fromEntries(view.controls.map(({ name: key, start }) => [key, start]));
+    if (about.reach) {
+      const scales = { fastest: about.speed, amplitude: 1.2 * about.reach, speed: about.speed / 100 };
+      for (const [key, scale] of Object.entries(scales)) setup[key] = Number(scale.toPrecision(2));
+    }
+    const shown = [...run.model.variables.values()].filter(
+      ({ causality, start, name: each }) => causality === "parameter" && start !== undefined && isFinite(start) && each !== "Ts");
+    const values = Object.fromEntries(shown.map(({ name: each, start }) => [each, start]));
+    const typical = (unit) => Math.max(0, ...shown.filter((each) => each.unit === unit).map((each) => Math.abs(each.start)));
+    const rare = ({ name: each, type }) => /\[|_neg$/.test(each) || type === "Boolean";
+    const ordered = [...shown.filter((each) => !rare(each)), ...shown.filter(rare)];
+    const rows = ordered.map((variable) => {
+      const { unit = "", description = "", min = -Infinity, max = Infinity, type } = variable;
+      const told = { name: variable.name, text: description, unit, start: Number(variable.start), min, max, type };
+      return live.slider({ ...told, ...live.rangeOf(told, typical(unit)), accepts: live.limits(told) }, (key, value) => {
+        values[key] = type === "Boolean" ? value !== 0 : value;
+        redraw();
+      }).element;
+    });
+    const count = Math.min(NUMBERS, ordered.filter((each) => !rare(each)).length);
+    const more = rows.slice(count);
+    const motion = view.controls.map((each) => live.slider({ ...each, start: setup[each.name] }, (key, value) => {
+      setup[key] = value;
+      redraw();
+    }).element);
+    const others = [...more, ...motion];
+    const figures = element("div", { className: "figures" });
+    const result = element("p", { className: "caption", role: "status" });
+    box.replaceChildren(figures, element("section", { className: "controls", "aria-label": "Parameters of " + name }, ...rows.slice(0, count),
+      ...(others.length ? [element("details", {}, element("summary", {}, "More"), ...others)] : [])));
+    const charts = view.charts.map((each) => live.chart(figures.appendChild(element("figure")), each));
+    figures.append(result);
+
+    function draw() {
+      try {
+        const found = view.compute(run, values, setup);
+        found.charts.forEach((curves, k) => charts[k].draw(curves.map((curve) => ({ ...curve, role: curve.aside ? "aside" : "first" }))));
+        result.textContent = found.text && name + ": " + found.text + ".";
+      } catch (error) {
+        result.textContent = name + " does not run with these values: " + error.message;
+      }
+    }
+    const redraw = live.redrawing(draw);
+    draw();
+    live.onTheme(() => charts.forEach((chart) => chart.redraw()));
+    box.dataset.ready = name;
+  }
+
+  for (const box of document.querySelectorAll(".live-block")) {
+    show(box).catch((error) => box.append(element("p", { role: "alert" }, error.message)));
+  }
+})(FrictionLive);
