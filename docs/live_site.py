@@ -64,7 +64,8 @@ def lab_files() -> Iterator[tuple[str, str]]:
     for name in models():
         yield f"models/{name}.js", block_script(name)
     for name in ON_A_MASS:
-        yield f"models/{name}-axis.js", axis_script(name)
+        for system in ("mass", "axis"):
+            yield f"models/{name}-{system}.js", system_script(name, system)
     names = {"models": models(), "onMass": ON_A_MASS}
     listed = ", ".join(f"{key}: {list(value)!r}" for key, value in names.items())
     yield "models/names.js", f"FrictionLive.catalogue = {{ {listed} }};\n".replace("'", '"')
@@ -77,19 +78,19 @@ def block_script(name: str) -> str:
 
 
 @cache
-def axis_script(friction: str) -> str:
-    """Return the script of the position loop with a friction model.
+def system_script(friction: str, name: str) -> str:
+    """Return the script of the system in ``NAME.toml`` with a friction model.
 
-    All loops have one name while they compile, so that they share the code of their other parts.
+    A system has the same name with each model while it compiles, so that the code of its other parts is compiled once.
     """
-    text = (LAB / "axis.toml").read_text(encoding="utf-8").replace('"LuGre"', f'"{friction}"')
+    text = (LAB / f"{name}.toml").read_text(encoding="utf-8").replace('"LuGre"', f'"{friction}"')
     with TemporaryDirectory() as folder:
-        file, made = Path(folder) / "axis.toml", Path(folder) / "axis.fmu"
+        file, made = Path(folder) / f"{name}.toml", Path(folder) / f"{name}.fmu"
         file.write_text(text, encoding="utf-8")
         with System.from_toml(file, resolve=fmu, open_inputs=True) as system:
             system.to_fmu(made, platforms=())
         model = wasm_model(made.read_bytes())
-    named = replace(model, description={**model.description, "name": f"{friction}-axis"})
+    named = replace(model, description={**model.description, "name": f"{friction}-{name}"})
     return model_script(named, {"toml": text})
 
 
@@ -119,7 +120,7 @@ def block_page(block: Block, found: dict[str, Any]) -> str:
     """Return the page of a block: what it is, the live figure with its fallback, variables and source."""
     first, *rest = [markdown(each) for each in paragraphs(block.notes)]
     live = "speed" in found["about"] or found["about"].get("figures")
-    parts = ["---", "hide: [toc]", "---", "", f"# {block.name}", "", first, ""]
+    parts = ["---", "hide: [navigation, toc]", "---", "", f"# {block.name}", "", first, ""]
     parts += [live_figure(block.name, len(found["pictures"]))] if live or found["pictures"] else []
     parts += ["\n\n".join(rest), "", "## Variables", ""]
     for title, entries in found["groups"].items():
