@@ -5,9 +5,10 @@
 
 from __future__ import annotations
 
+import json
 import re
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
@@ -57,18 +58,19 @@ def equations(block: Block) -> str:
     return "\n\n".join("\n".join(each.lines) for each in paragraphs(block.notes) if each.equations)
 
 
-def lab_files() -> Iterator[tuple[str, str]]:
-    """Return the files of the lab, by path in its folder."""
+def lab_files(chosen: Sequence[str] | None = None) -> Iterator[tuple[str, str]]:
+    """Return the files of the lab that are made, by path in its folder, with all or some friction models."""
+    known = models() if chosen is None else chosen
+    on_mass = [name for name in ON_A_MASS if name in known]
     for name, text in assets().items():
         yield f"live/{name}", text
-    for name in models():
+    for name in known:
         yield f"models/{name}.js", block_script(name)
-    for name in ON_A_MASS:
+    for name in on_mass:
         for system in ("mass", "axis"):
             yield f"models/{name}-{system}.js", system_script(name, system)
-    names = {"models": models(), "onMass": ON_A_MASS}
-    listed = ", ".join(f"{key}: {list(value)!r}" for key, value in names.items())
-    yield "models/names.js", f"FrictionLive.catalogue = {{ {listed} }};\n".replace("'", '"')
+    names = json.dumps({"models": known, "onMass": on_mass})
+    yield "models/names.js", f"FrictionLive.catalogue = {names};\n"
 
 
 @cache
@@ -154,13 +156,13 @@ def lab_page() -> str:
     return f"---\nhide: [navigation, toc]\ntitle: Lab\n---\n\n{inside}"
 
 
-def write_lab(folder: Path) -> None:
-    """Write the lab as a folder of its own."""
+def write_lab(folder: Path, chosen: Sequence[str] | None = None) -> None:
+    """Write the lab as a folder of its own, with all or some friction models."""
+    folder.mkdir(parents=True, exist_ok=True)
     for source in LAB.iterdir():
-        if source.suffix in (".html", ".js", ".css", ".png", ".csv"):
-            (folder / source.name).parent.mkdir(parents=True, exist_ok=True)
+        if source.suffix != ".toml":
             (folder / source.name).write_bytes(source.read_bytes())
-    for name, text in lab_files():
+    for name, text in lab_files(chosen):
         (folder / name).parent.mkdir(parents=True, exist_ok=True)
         (folder / name).write_text(text, encoding="utf-8")
 

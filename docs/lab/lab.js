@@ -78,6 +78,11 @@
     return name in scales ? Number(scales[name].toPrecision(2)) : start;
   }
 
+  /* Remove values, from an address, of names that do not exist. */
+  function known(values, exists) {
+    for (const name of Object.keys(values)) if (!exists(name)) delete values[name];
+  }
+
   /* ---- controls ---------------------------------------------------------------------------------------------- */
 
   function change(group, name, value, start) {
@@ -232,6 +237,8 @@
       return;
     }
     if (state !== mine) return;
+    state.models.forEach((name, side) => known(state[ROLES[side]], (each) => runs.get(side + scriptOf(name)).has(prefix() + each)));
+    known(state.setup, (each) => view.controls.some((control) => control.name === each));
     drawn.replaceChildren();
     charts = view.charts.map((about) => live.chart(drawn.appendChild(element("figure")), about));
     drop.replaceChildren(...(view.id === "record" ? recordRows() : []));

@@ -336,8 +336,7 @@
     controls: [
       value("amplitude", "amplitude", "m", 0.01, 1e-6, 0.1),
       value("frequency", "frequency", "Hz", 0.16, 0.1, 5),
-      value("feedforward", "part of the friction curve that is fed forward", "", 0, 0, 1),
-      value("level", "Coulomb friction in the feedforward", "N", 1, 0.1, 10),
+      value("feedforward", "Coulomb level of a friction curve that is fed forward; 0: none", "N", 0, 0.01, 10, { zero: true }),
       ...gains(12e3, 190, 250e3),
       mass,
     ],
@@ -348,8 +347,8 @@
     loop: (setup) => ({
       values: {
         ...servo(setup), "pid.m": setup.m, "reference.amplitude[1]": setup.amplitude, "reference.frequency[1]": setup.frequency,
-        "reference.phase[1]": Math.PI / 2, "axis.x0": setup.amplitude, "feedforward.gain": setup.feedforward,
-        "feedforward.Fc": setup.level, "feedforward.Fs": 1.5 * setup.level,
+        "reference.phase[1]": Math.PI / 2, "axis.x0": setup.amplitude, "feedforward.gain": setup.feedforward > 0 ? 1 : 0,
+        "feedforward.Fc": setup.feedforward || 1, "feedforward.Fs": 1.5 * (setup.feedforward || 1),
       },
       duration: 2.2 / setup.frequency,
       most: 3000,

@@ -38,7 +38,7 @@
 
   /* Make a chart in a box. `about`: title, and name and unit of x and y. */
   function chart(box, about) {
-    const title = element("h3", {}, about.title);
+    const title = element("h2", {}, about.title);
     const legend = element("p", { className: "legend" });
     const area = element("div", { className: "area", role: "img", "aria-label": about.title });
     const place = element("output", { className: "place", "aria-live": "off" });
