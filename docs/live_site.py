@@ -5,9 +5,10 @@
 
 from __future__ import annotations
 
+import json
 import re
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
@@ -57,17 +58,19 @@ def equations(block: Block) -> str:
     return "\n\n".join("\n".join(each.lines) for each in paragraphs(block.notes) if each.equations)
 
 
-def lab_files() -> Iterator[tuple[str, str]]:
-    """Return the files of the lab, by path in its folder."""
+def lab_files(chosen: Sequence[str] | None = None) -> Iterator[tuple[str, str]]:
+    """Return the files of the lab that are made, by path in its folder, with all or some friction models."""
+    known = models() if chosen is None else chosen
+    on_mass = [name for name in ON_A_MASS if name in known]
     for name, text in assets().items():
         yield f"live/{name}", text
-    for name in models():
+    for name in known:
         yield f"models/{name}.js", block_script(name)
-    for name in ON_A_MASS:
-        yield f"models/{name}-axis.js", axis_script(name)
-    names = {"models": models(), "onMass": ON_A_MASS}
-    listed = ", ".join(f"{key}: {list(value)!r}" for key, value in names.items())
-    yield "models/names.js", f"FrictionLive.catalogue = {{ {listed} }};\n".replace("'", '"')
+    for name in on_mass:
+        for system in ("mass", "axis"):
+            yield f"models/{name}-{system}.js", system_script(name, system)
+    names = json.dumps({"models": known, "onMass": on_mass})
+    yield "models/names.js", f"FrictionLive.catalogue = {names};\n"
 
 
 @cache
@@ -77,19 +80,19 @@ def block_script(name: str) -> str:
 
 
 @cache
-def axis_script(friction: str) -> str:
-    """Return the script of the position loop with a friction model.
+def system_script(friction: str, name: str) -> str:
+    """Return the script of the system in ``NAME.toml`` with a friction model.
 
-    All loops have one name while they compile, so that they share the code of their other parts.
+    A system has the same name with each model while it compiles, so that the code of its other parts is compiled once.
     """
-    text = (LAB / "axis.toml").read_text(encoding="utf-8").replace('"LuGre"', f'"{friction}"')
+    text = (LAB / f"{name}.toml").read_text(encoding="utf-8").replace('"LuGre"', f'"{friction}"')
     with TemporaryDirectory() as folder:
-        file, made = Path(folder) / "axis.toml", Path(folder) / "axis.fmu"
+        file, made = Path(folder) / f"{name}.toml", Path(folder) / f"{name}.fmu"
         file.write_text(text, encoding="utf-8")
         with System.from_toml(file, resolve=fmu, open_inputs=True) as system:
             system.to_fmu(made, platforms=())
         model = wasm_model(made.read_bytes())
-    named = replace(model, description={**model.description, "name": f"{friction}-axis"})
+    named = replace(model, description={**model.description, "name": f"{friction}-{name}"})
     return model_script(named, {"toml": text})
 
 
@@ -119,7 +122,7 @@ def block_page(block: Block, found: dict[str, Any]) -> str:
     """Return the page of a block: what it is, the live figure with its fallback, variables and source."""
     first, *rest = [markdown(each) for each in paragraphs(block.notes)]
     live = "speed" in found["about"] or found["about"].get("figures")
-    parts = ["---", "hide: [toc]", "---", "", f"# {block.name}", "", first, ""]
+    parts = ["---", "hide: [navigation, toc]", "---", "", f"# {block.name}", "", first, ""]
     parts += [live_figure(block.name, len(found["pictures"]))] if live or found["pictures"] else []
     parts += ["\n\n".join(rest), "", "## Variables", ""]
     for title, entries in found["groups"].items():
@@ -153,13 +156,13 @@ def lab_page() -> str:
     return f"---\nhide: [navigation, toc]\ntitle: Lab\n---\n\n{inside}"
 
 
-def write_lab(folder: Path) -> None:
-    """Write the lab as a folder of its own."""
+def write_lab(folder: Path, chosen: Sequence[str] | None = None) -> None:
+    """Write the lab as a folder of its own, with all or some friction models."""
+    folder.mkdir(parents=True, exist_ok=True)
     for source in LAB.iterdir():
-        if source.suffix in (".html", ".js", ".css", ".png", ".csv"):
-            (folder / source.name).parent.mkdir(parents=True, exist_ok=True)
+        if source.suffix != ".toml":
             (folder / source.name).write_bytes(source.read_bytes())
-    for name, text in lab_files():
+    for name, text in lab_files(chosen):
         (folder / name).parent.mkdir(parents=True, exist_ok=True)
         (folder / name).write_text(text, encoding="utf-8")
 

@@ -10,36 +10,38 @@
     return new Float64Array(Uint8Array.from(text, (character) => character.charCodeAt(0)).buffer);
   }
 
+  const column = (given, rows) => (typeof given === "number" ? new Float64Array(rows).fill(given) : given);
+  const mapped = (object, call) => Object.fromEntries(Object.entries(object).map(([name, each]) => [name, call(each, name)]));
+
+  /* Repeat a recorded run; return its columns: time, inputs and outputs. */
+  function repeat(run, values, { step, steps, inputs, outputs }) {
+    const columns = mapped(inputs, (given) => column(given, steps + 1));
+    const taken = Object.fromEntries(Object.entries(columns).filter(([name]) => run.has(name)).map(([name, given]) =>
+      [name, run.model.variables.get(name).type === "Boolean" ? Array.from(given, (each) => each !== 0) : given]));
+    run.begin(values);
+    if (typeof step === "number") return { ...columns, ...run.advance(step, steps, taken, outputs) };
+    const parts = Array.from(step, (length, i) => run.advance(length, 1, mapped(taken, (given) => given.slice(i, i + 2)), outputs));
+    return { ...columns, ...mapped(parts[0], (first, name) => Float64Array.of(first[0], ...parts.map((part) => part[name][1]))) };
+  }
+
   /* Return a view, as the lab has them, that repeats recorded runs. */
   function repeated(figures) {
-    const runs = figures.map(({ runs }) => runs.map((run) => ({
-      ...run, inputs: Object.fromEntries(Object.entries(run.inputs).map(([name, values]) => [name, unpacked(values)])),
-    })));
+    const runs = figures.map((figure) => figure.runs.map((run) => ({ ...run, step: unpacked(run.step), inputs: mapped(run.inputs, unpacked) })));
     return {
       controls: [],
-      charts: figures.map(({ x, y, caption }) => ({ title: caption, x, y })),
+      charts: figures.map(({ x, y, caption }) => ({ title: caption.replace(/\.$/, ""), x, y })),
       compute(run, values) {
         const charts = figures.map((figure, k) => {
-          const found = runs[k].map(({ step, steps, inputs, outputs }) => {
-            run.begin(values);
-            const taken = Object.fromEntries(Object.entries(inputs).filter(([name]) => run.has(name)));
-            const all = Object.fromEntries(Object.entries(inputs).map(([name, given]) => [name, typeof given === "number" ? new Float64Array(steps + 1).fill(given) : given]));
-            return { ...all, ...run.advance(step, steps, booleans(run, taken), outputs) };
-          });
-          const at = (place, number) => typeof place !== "object" ? unpacked(place) : found[number][place.name].slice(place.from, place.from + place.count);
-          return figure.curves.map(({ x, y, run: number, label, aside }) => ({ x: at(x, number), y: at(y, number), label, aside }));
+          const found = runs[k].map((each) => repeat(run, values, each));
+          const at = (place, { run: number, x, y }) => {
+            if (place.name) return found[number][place.name].slice(place.from, place.from + place.count);
+            return column(unpacked(place), (x.count || y.count));
+          };
+          return figure.curves.map((curve) => ({ x: at(curve.x, curve), y: at(curve.y, curve), label: curve.label, aside: curve.aside }));
         });
         return { charts, text: "" };
       },
     };
-  }
-
-  /* Return inputs in which those of the type Boolean are true or false. */
-  function booleans(run, inputs) {
-    return Object.fromEntries(Object.entries(inputs).map(([name, given]) => {
-      if (run.model.variables.get(name).type !== "Boolean") return [name, given];
-      return [name, typeof given === "number" ? given !== 0 : Array.from(given, (each) => each !== 0)];
-    }));
   }
 
   async function show(box) {
@@ -49,7 +51,7 @@
     const view = about.figures ? repeated(about.figures) : live.views.find(({ id }) => id === "contact");
     const setup = Object.fromEntries(view.controls.map(({ name: key, start }) => [key, start]));
     if (about.reach) {
-      const scales = { fastest: about.speed, amplitude: 1.2 * about.reach, speed: about.speed / 100 };
+      const scales = { fastest: about.speed, amplitude: 0.6 * about.reach, speed: about.speed / 100 };
       for (const [key, scale] of Object.entries(scales)) setup[key] = Number(scale.toPrecision(2));
     }
     const shown = [...run.model.variables.values()].filter(

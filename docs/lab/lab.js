@@ -36,7 +36,7 @@
 
   /* ---- models and values ------------------------------------------------------------------------------------- */
 
-  const scriptOf = (name) => (view.part === "axis" ? name + "-axis" : name);
+  const scriptOf = (name) => (view.part === "block" ? name : name + "-" + view.part);
   const possible = (name) => view.part === "block" || live.catalogue.onMass.includes(name);
 
   /* Return an instance for a side of the comparison; each side has its own, as both may have the same model. */
@@ -46,7 +46,7 @@
     return runs.get(key);
   }
 
-  const prefix = () => (view.part === "axis" ? "friction." : "");
+  const prefix = () => (view.part === "block" ? "" : "friction.");
 
   /* Return the parameters of the friction model: those that are often changed, and the others. */
   function parametersOf(run) {
@@ -74,8 +74,13 @@
   function startOf(name, start) {
     const about = live.about[state.models[0]] || {};
     if (view.id !== "contact" || !about.reach) return start;
-    const scales = { fastest: about.speed, amplitude: 1.2 * about.reach, speed: about.speed / 100 };
+    const scales = { fastest: about.speed, amplitude: 0.6 * about.reach, speed: about.speed / 100 };
     return name in scales ? Number(scales[name].toPrecision(2)) : start;
+  }
+
+  /* Remove values, from an address, of names that do not exist. */
+  function known(values, exists) {
+    for (const name of Object.keys(values)) if (!exists(name)) delete values[name];
   }
 
   /* ---- controls ---------------------------------------------------------------------------------------------- */
@@ -187,7 +192,7 @@
 
   function exportTexts() {
     const side = 0;
-    const run = view.part === "axis" ? { ...view.system(setup()), toml: live.about[scriptOf(state.models[side])].toml } : null;
+    const run = view.system ? { ...view.system(setup()), toml: live.about[scriptOf(state.models[side])].toml } : null;
     source.textContent = share[FORMATS[format.value]](state.models[side], state.first, run);
   }
 
@@ -232,6 +237,8 @@
       return;
     }
     if (state !== mine) return;
+    state.models.forEach((name, side) => known(state[ROLES[side]], (each) => runs.get(side + scriptOf(name)).has(prefix() + each)));
+    known(state.setup, (each) => view.controls.some((control) => control.name === each));
     drawn.replaceChildren();
     charts = view.charts.map((about) => live.chart(drawn.appendChild(element("figure")), about));
     drop.replaceChildren(...(view.id === "record" ? recordRows() : []));
@@ -239,9 +246,9 @@
       const start = startOf(about.name, about.start);
       return row("setup", { ...about, start, min: Math.min(about.min, start), max: Math.max(about.max, start) });
     });
-    controls.replaceChildren(
-      ...state.models.map((name, side) => group(name, modelRows(side, runs.get(side + scriptOf(name))), ROLES[side])),
-      ...(settings.length ? [group("Experiment", settings)] : []));
+    const friction = state.models.map((name, side) => group(name, modelRows(side, runs.get(side + scriptOf(name))), ROLES[side]));
+    const experiment = settings.length ? [group(view.part === "axis" ? "Controller and motion" : "Experiment", settings)] : [];
+    controls.replaceChildren(...(view.part === "axis" ? [...experiment, ...friction] : [...friction, ...experiment]));
     papers.replaceChildren(...state.models.map((_, side) => paper(side)));
     draw();
     lab.dataset.ready = state.view;

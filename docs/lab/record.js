@@ -94,7 +94,7 @@
   live.views.push({
     id: "record",
     title: "Your record",
-    text: "The models follow the motion of a CSV file with columns such as t [s], x [mm] or v [m/s], and F [N]. It stays on this computer.",
+    text: "The models follow the motion of a CSV file with columns such as t [s], x [mm] or v [m/s], and F [N], positive while v is positive. It stays on this computer.",
     part: "block",
     controls: [],
     charts: [
@@ -106,7 +106,8 @@
       const { t, v, F, step, linear } = record;
       run.begin(values);
       const model = run.advance(step, t.length - 1, live.moving(run, v, live.pushing(values)), ["F"], linear).F;
-      const difference = Math.sqrt(model.reduce((sum, each, i) => sum + (each - F[i]) ** 2, 0) / F.length);
+      const difference = Math.sqrt(model.reduce((sum, each, i) => sum + (i > 0 ? (each - F[i]) ** 2 : 0), 0) / (F.length - 1));
+      model[0] = NaN; /* before the first step, the model does not know how it came there */
       const speed = linear ? v : v.map((_, i) => v[Math.max(i - 1, 0)]);
       return {
         charts: [

@@ -1,7 +1,8 @@
 /* What the lab computes: each view runs a model and returns curves and a sentence about them. */
 (function (live) {
   "use strict";
-  const TICK = 2e-3; /* step inside the composites [s] */
+  const TICKS = { mass: 5e-3, axis: 2e-3 }; /* steps inside the systems, in mass.toml and axis.toml [s] */
+  const FEWEST = 600; /* steps of a run; the systems divide their own steps for it */
   const value = (name, text, unit, start, min, max, more = {}) => ({ name, text, unit, start, min, max, ...more });
   const { quantity } = live;
 
@@ -58,7 +59,8 @@
     const F = run.advance(length / speed, v.length - 1, moving(run, v, pushing(values)), ["F"]).F;
     const x = new Float64Array(v.length);
     for (let i = 1; i < x.length; i++) x[i] = x[i - 1] + length * signs[i - 1];
-    return { x, y: F };
+    const there = 60 + 120 + 78; /* steps to the turning point of the detour */
+    return { x, y: F, miss: F[there] - F[there + 2 * Math.round(60 * detour)] };
   }
 
   const contact = {
@@ -68,7 +70,7 @@
     part: "block",
     controls: [
       value("fastest", "highest velocity", "m/s", 5e-3, 1e-5, 1),
-      value("amplitude", "amplitude of the path", "m", 3e-5, 1e-7, 1e-2),
+      value("amplitude", "amplitude of the path", "m", 2e-5, 1e-7, 1e-2),
       value("detour", "detour, as a part of the amplitude", "", 0.8, 0, 1.2),
       value("speed", "speed along the path", "m/s", 1e-5, 1e-7, 1e-2),
     ],
@@ -79,10 +81,10 @@
     compute(run, values, setup) {
       const curve = sliding(run, values, setup.fastest, run.about.reach);
       const hysteresis = loop(run, values, setup);
-      const half = curve.y.slice(curve.y.length / 2);
-      const top = half.indexOf(Math.max(...half));
-      const steady = curve.x[curve.x.length / 2 + top];
-      const text = "largest steady friction " + quantity(half[top], "N") + " at " + quantity(steady, "m/s");
+      const most = Math.max(...curve.y);
+      const text = "has up to " + quantity(most, "N") + " of friction, " + quantity(curve.y.at(-1), "N") + " at " + quantity(setup.fastest, "m/s") +
+        (setup.detour > 0 ? Math.abs(hysteresis.miss) < 1e-3 * most
+          ? ", and returns to its reversal point" : ", and misses its reversal point by " + quantity(Math.abs(hysteresis.miss), "N") : "");
       return { charts: [[curve], [hysteresis]], text };
     },
   };
@@ -90,26 +92,26 @@
   /* ---- a mass on the contact, in a composite with the loop solved inside --------------------------------------- */
 
   const IDLE = {
-    "pid.Kp": 0, "pid.Kd": 0, "pid.Ki": 0, "pid.Ts": TICK, "feedforward.gain": 0, "feedforward.Ts": TICK,
-    "feedforward.m": 0, "dither.gain": 0, "dither.Ts": TICK, "dither.u_min": -1e6, "dither.u_max": 1e6,
-    "reference.amplitude[1]": 0, "reference.offset": 0, "axis.k": 0, "axis.d": 0, "axis.v_support": 0, "axis.x0": 0,
-    "axis.F_load": 0, "pid.db": 0,
+    "pid.Kp": 0, "pid.Kd": 0, "pid.Ki": 0, "pid.Ts": TICKS.axis, "feedforward.gain": 0, "feedforward.Ts": TICKS.axis,
+    "feedforward.m": 0, "dither.gain": 0, "dither.Ts": TICKS.axis, "dither.u_min": -1e6, "dither.u_max": 1e6,
+    "reference.amplitude[1]": 0, "reference.offset": 0, "pid.db": 0, "pid.m": 0,
   };
+  const REST = { "axis.k": 0, "axis.d": 0, "axis.v_support": 0, "axis.x0": 0, "axis.v0": 0, "axis.F_load": 0 };
 
-  /* Return times, and a step of whole ticks in which they have at most so many rows. */
-  function rows(duration, most = 1500) {
-    const ticks = Math.max(Math.round(duration / TICK), 2);
-    const each = Math.ceil(ticks / most);
-    const count = Math.floor(ticks / each) + 1;
-    return { step: each * TICK, count, t: Float64Array.from({ length: count }, (_, i) => i * each * TICK) };
+  /* Return times at equal steps: some ticks of the system, or parts of a tick if the run is short. */
+  function rows(duration, tick, most = 1500) {
+    const ticks = Math.round(duration / tick);
+    const step = ticks < FEWEST ? duration / FEWEST : Math.ceil(ticks / most) * tick;
+    return { step, t: Float64Array.from({ length: Math.floor(duration / step + 1e-6) + 1 }, (_, i) => i * step) };
   }
 
   /* Run the loop of a view: what its parts are set to, how long it runs, and a force on the mass over time. */
   function move(run, friction, { values, duration, force, most }, outputs) {
-    const { step, count, t } = rows(duration, most);
-    run.begin({ ...IDLE, ...values, ...friction });
+    const servo = run.has("pid.Kp");
+    const { step, t } = rows(duration, servo ? TICKS.axis : TICKS.mass, most);
+    run.begin({ ...REST, ...(servo ? IDLE : {}), ...values, ...friction });
     const inputs = force ? { "axis.F_load": t.map(force) } : {};
-    return { t, ...run.advance(step, count - 1, inputs, outputs, Boolean(force)) };
+    return { t, ...run.advance(step, t.length - 1, inputs, outputs, Boolean(force)) };
   }
 
   const after = (t, y, since) => y.filter((_, i) => t[i] >= since);
@@ -130,7 +132,7 @@
     id: "break-away",
     title: "Break-away",
     text: "The force on a mass grows steadily until the mass slides.",
-    part: "axis",
+    part: "mass",
     controls: [value("rate", "growth of the force", "N/s", 2, 0.02, 200), value("top", "largest force", "N", 2, 0.1, 20), mass],
     charts: [
       { title: "Force", x: ["time", "s"], y: ["force", "N"], tight: true },
@@ -167,7 +169,7 @@
     id: "hold",
     title: "Held under vibration",
     text: "A constant force with a small vibration pushes a mass: friction should hold it.",
-    part: "axis",
+    part: "mass",
     controls: [
       value("bias", "constant force", "N", 0.6, 0, 3),
       value("vibration", "amplitude of the vibration", "N", 0.3, 0, 2),
@@ -201,7 +203,7 @@
     id: "stick-slip",
     title: "Stick-slip",
     text: "A belt moves under a mass that a spring holds: the same as a spring whose end is pulled, as it is drawn here.",
-    part: "axis",
+    part: "mass",
     controls: [
       value("speed", "speed of the belt", "m/s", 0.1, 1e-3, 1),
       value("k", "stiffness of the spring", "N/m", 2, 0.1, 1000),
@@ -223,7 +225,7 @@
       const pull = found["axis.x"].map((x, i) => k * (found["axis.x_support"][i] - x));
       const slips = risings(found.t, found["axis.v"], 0.5 * speed);
       const stuck = after(found.t, found["axis.v"], duration / 2);
-      const sticks = stuck.some((v) => Math.abs(v) < 0.01 * speed) && slips.length > 1;
+      const sticks = stuck.filter((v) => Math.abs(v) < 0.01 * speed).length > 0.1 * stuck.length && slips.length > 1;
       const period = (slips.at(-1) - slips[1]) / (slips.length - 2);
       return {
         charts: [
@@ -258,11 +260,9 @@
     controls: [
       ...gains(3, 6, 4),
       value("db", "dead-band: the integral stops while the error is smaller", "m", 0, 1e-3, 0.3, { zero: true }),
-      value("dither", "amplitude of a force that shakes the mass", "N", 0, 0.1, 100, { zero: true }),
-      value("shaking", "frequency of that force", "Hz", 20, 1, 100),
       value("goal", "distance of the goal", "m", 1, 1e-4, 2),
       mass,
-      value("duration", "duration", "s", 60, 2, 60),
+      value("duration", "duration", "s", 50, 2, 120),
     ],
     charts: [
       { title: "Distance to the goal", x: ["time", "s"], y: ["error", "m"], tight: true },
@@ -270,19 +270,17 @@
     ],
     loop: (setup) => ({
       values: {
-        ...servo(setup), "pid.db": setup.db, "reference.offset": setup.goal, "dither.gain": setup.dither > 0 ? 1 : 0,
-        "dither.Ad": setup.dither, "dither.frequency": setup.shaking,
+        ...servo(setup), "pid.db": setup.db, "reference.offset": setup.goal,
       },
       duration: setup.duration,
     }),
     compute(run, friction, setup) {
       const found = move(run, friction, this.loop(setup), ["axis.x", "pid.u"]);
       const error = found["axis.x"].map((x) => setup.goal - x);
-      const late = after(found.t, error, 0.5 * setup.duration);
-      const shaken = setup.dither > 0;
+      const late = after(found.t, error, 0.7 * setup.duration);
       const span = Math.max(...late) - Math.min(...late);
       const crossings = risings(found.t, error, 0).length + risings(found.t, error.map((e) => -e), 0).length;
-      const text = !shaken && span > 0.02 * setup.goal && crossings > 1
+      const text = span > 0.02 * setup.goal && crossings > 1
         ? "hunts, by up to " + quantity(largest(late), "m")
         : "ends " + quantity(Math.abs(error.at(-1)), "m") + " from the goal";
       const zero = { x: found.t, y: found.t.map(() => 0), aside: true, label: "goal" };
@@ -290,6 +288,43 @@
         ? [1, -1].map((sign) => ({ x: found.t, y: found.t.map(() => sign * setup.db), aside: true, label: "dead-band" }))
         : [];
       return { charts: [[zero, ...band, { x: found.t, y: error }], [{ x: found.t, y: found["pid.u"] }]], text };
+    },
+  };
+
+  const dither = {
+    id: "dither",
+    title: "Shaken by dither",
+    text: "A PD controller moves a mass towards a goal; a fast oscillation is added to its force, sampled every 2 ms.",
+    part: "axis",
+    controls: [
+      value("force", "amplitude of the oscillation", "N", 5, 0.1, 20, { zero: true }),
+      value("frequency", "frequency of the oscillation", "Hz", 30, 10, 60),
+      value("Kp", "proportional gain", "N/m", 300, 30, 3000),
+      value("Kd", "derivative gain", "N.s/m", 20, 1, 200),
+      value("goal", "distance of the goal", "m", 1.5e-3, 1e-5, 1e-2),
+      mass,
+      value("duration", "duration", "s", 1.5, 0.2, 3),
+    ],
+    charts: [
+      { title: "Distance to the goal", x: ["time", "s"], y: ["error", "m"], tight: true },
+      { title: "Friction", x: ["time", "s"], y: ["force", "N"], tight: true },
+    ],
+    loop: (setup) => ({
+      values: {
+        ...servo({ ...setup, Ki: 0 }), "reference.offset": setup.goal, "dither.gain": 1, "dither.Ad": setup.force,
+        "dither.frequency": setup.frequency, "axis.v0": -setup.force / (2 * Math.PI * setup.frequency * setup.m),
+      },
+      duration: setup.duration,
+    }),
+    compute(run, friction, setup) {
+      const found = move(run, friction, this.loop(setup), ["axis.x", "friction.F"]);
+      const error = found["axis.x"].map((x) => setup.goal - x);
+      const late = after(found.t, error, setup.duration - 3 / setup.frequency);
+      const mean = late.reduce((sum, each) => sum + each, 0) / late.length;
+      return {
+        charts: [[{ x: found.t, y: found.t.map(() => 0), aside: true, label: "goal" }, { x: found.t, y: error }], [{ x: found.t, y: found["friction.F"] }]],
+        text: "ends " + quantity(Math.abs(mean), "m") + " from the goal, in the mean",
+      };
     },
   };
 
@@ -301,8 +336,7 @@
     controls: [
       value("amplitude", "amplitude", "m", 0.01, 1e-6, 0.1),
       value("frequency", "frequency", "Hz", 0.16, 0.1, 5),
-      value("feedforward", "part of the friction curve that is fed forward", "", 0, 0, 1),
-      value("level", "Coulomb friction in the feedforward", "N", 1, 0.1, 10),
+      value("feedforward", "Coulomb level of a friction curve that is fed forward; 0: none", "N", 0, 0.01, 10, { zero: true }),
       ...gains(12e3, 190, 250e3),
       mass,
     ],
@@ -313,8 +347,8 @@
     loop: (setup) => ({
       values: {
         ...servo(setup), "pid.m": setup.m, "reference.amplitude[1]": setup.amplitude, "reference.frequency[1]": setup.frequency,
-        "reference.phase[1]": Math.PI / 2, "axis.x0": setup.amplitude, "feedforward.gain": setup.feedforward,
-        "feedforward.Fc": setup.level, "feedforward.Fs": 1.5 * setup.level,
+        "reference.phase[1]": Math.PI / 2, "axis.x0": setup.amplitude, "feedforward.gain": setup.feedforward > 0 ? 1 : 0,
+        "feedforward.Fc": setup.feedforward || 1, "feedforward.Fs": 1.5 * (setup.feedforward || 1),
       },
       duration: 2.2 / setup.frequency,
       most: 3000,
@@ -337,12 +371,13 @@
     },
   };
 
-  for (const view of [breakAway, hold, stickSlip, goal, track]) {
+  for (const view of [breakAway, hold, stickSlip, goal, dither, track]) {
     const { loop } = view;
-    view.system = (setup) => ({ ...loop(setup), values: { ...IDLE, ...loop(setup).values } });
+    const idle = view.part === "axis" ? IDLE : { "axis.F_drive": 0 };
+    view.system = (setup) => ({ ...loop(setup), values: { ...idle, ...loop(setup).values } });
   }
 
-  live.views = [contact, breakAway, hold, stickSlip, goal, track];
+  live.views = [contact, breakAway, hold, stickSlip, goal, dither, track];
   live.moving = moving;
   live.pushing = pushing;
 })(FrictionLive);

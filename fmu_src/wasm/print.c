@@ -4,6 +4,7 @@
 
 #include <math.h>
 #include <stdarg.h>
+#include <stdbool.h>
 #include <stdint.h>
 #include <stdio.h>
 #include <string.h>
@@ -40,92 +41,57 @@ static void put_whole(Sink *s, uint64_t value, unsigned base, int width, char pa
         put(s, digits[--n]);
 }
 
-/* Decimal digits of a number 0.d1 d2 d3 ... times 10^point. 2^-1074 has 767 digits. */
+/* Decimal digits: digit[POINT + p] counts 10^p, for p from `low` to `high`. */
+enum { POINT = 1076, MOST_DIGITS = POINT + 312 };
 typedef struct {
-    unsigned char digit[800];
-    int count, point;
+    unsigned char digit[MOST_DIGITS];
+    int low, high;
 } Decimal;
 
-static void twice(Decimal *d)
+/* Compute all digits of a positive finite number: those of its 53 bits, doubled or halved as often as needed. */
+static void decimal(Decimal *d, double x)
 {
-    int carry = 0;
-    for (int k = d->count; k-- > 0;) {
-        const int value = 2 * d->digit[k] + carry;
-        carry = value > 9;
-        d->digit[k] = (unsigned char)(value - 10 * carry);
-    }
-    if (carry) {
-        memmove(d->digit + 1, d->digit, (size_t)d->count++);
-        d->digit[0] = 1;
-        d->point++;
-    }
-}
-
-static void half(Decimal *d)
-{
-    int rest = 0;
-    for (int k = 0; k < d->count; k++) {
-        const int value = 10 * rest + d->digit[k];
-        d->digit[k] = (unsigned char)(value / 2);
-        rest = value % 2;
-    }
-    if (rest)
-        d->digit[d->count++] = 5;
-    if (d->digit[0] == 0) {
-        memmove(d->digit, d->digit + 1, (size_t)--d->count);
-        d->point--;
-    }
-}
-
-/* Return all digits of a positive finite number. */
-static Decimal decimal(double x)
-{
+    unsigned char *const digit = d->digit + POINT;
     int exponent;
     uint64_t whole = (uint64_t)ldexp(frexp(x, &exponent), 53);
-    Decimal d = {.count = 17, .point = 17};
-    for (int k = 17; k-- > 0; whole /= 10)
-        d.digit[k] = (unsigned char)(whole % 10);
-    while (d.digit[0] == 0) {
-        memmove(d.digit, d.digit + 1, (size_t)--d.count);
-        d.point--;
-    }
+    memset(d, 0, sizeof *d);
+    for (; whole > 0; whole /= 10)
+        digit[d->high++] = (unsigned char)(whole % 10);
     for (exponent -= 53; exponent > 0; exponent--)
-        twice(&d);
+        for (int p = d->low, carry = 0; p <= d->high || carry; p++) {
+            const int value = 2 * digit[p] + carry;
+            carry = value > 9;
+            digit[p] = (unsigned char)(value - 10 * carry);
+            d->high = p > d->high ? p : d->high;
+        }
     for (; exponent < 0; exponent++)
-        half(&d);
-    return d;
+        for (int p = d->high, rest = 0; p >= d->low || rest; p--) {
+            const int value = 10 * rest + digit[p];
+            rest = value % 2;
+            digit[p] = (unsigned char)(value / 2);
+            d->low = p < d->low ? p : d->low;
+        }
+    while (digit[d->high] == 0)
+        d->high--;
 }
 
-/* Round to this number of digits, a tie to an even digit, and remove zeros at the end. */
+/* Round to this number of digits, a tie to an even digit, and leave out zeros at the end. */
 static void round_to(Decimal *d, int precision)
 {
-    if (d->count > precision) {
-        int more = d->digit[precision] >= 5;
-        if (d->digit[precision] == 5) {
-            int k = precision + 1;
-            while (k < d->count && d->digit[k] == 0)
-                k++;
-            more = k < d->count || d->digit[precision - 1] % 2 == 1;
-        }
-        d->count = precision;
-        int k = precision;
-        while (more && k-- > 0) {
-            more = d->digit[k] == 9;
-            d->digit[k] = (unsigned char)(more ? 0 : d->digit[k] + 1);
-        }
-        if (more) {
-            d->digit[0] = 1;
-            d->point++;
-        }
+    unsigned char *const digit = d->digit + POINT;
+    int last = d->high - precision + 1;
+    if (last > d->low) {
+        while (d->low < last - 1 && digit[d->low] == 0)
+            d->low++;
+        const int half = digit[last - 1];
+        const bool up = half > 5 || (half == 5 && (d->low < last - 1 || digit[last] % 2 == 1));
+        for (d->low = last; up && digit[last] == 9; last++)
+            digit[last] = 0;
+        digit[last] = (unsigned char)(digit[last] + up);
+        d->high = last > d->high ? last : d->high;
     }
-    while (d->count > 1 && d->digit[d->count - 1] == 0)
-        d->count--;
-}
-
-static void put_digits(Sink *s, const Decimal *d, int from, int end)
-{
-    for (int k = from; k < end; k++)
-        put(s, (char)('0' + (k >= 0 && k < d->count ? d->digit[k] : 0)));
+    while (d->low < d->high && digit[d->low] == 0)
+        d->low++;
 }
 
 /* %g with this precision. */
@@ -134,19 +100,22 @@ static void put_number(Sink *s, double x, int precision)
     if (signbit(x))
         put(s, '-');
     if (!isfinite(x) || x == 0.0) {
-        put_text(s, isnan(x) ? "nan" : isinf(x) ? "inf" : "0", SIZE_MAX);
+        put_text(s, isnan(x) ? "nan" : x == 0.0 ? "0" : "inf", SIZE_MAX);
         return;
     }
-    Decimal d = decimal(fabs(x));
-    round_to(&d, precision > 0 ? precision : 1);
-    const int exponent = d.point - 1;
-    const int before = exponent < -4 || exponent >= precision ? 1 : d.point; /* digits before the decimal point */
-    put_digits(s, &d, before > 0 ? 0 : -1, before > 0 ? before : 0);
-    if (d.count > before) {
-        put(s, '.');
-        put_digits(s, &d, before, d.count);
+    Decimal d;
+    decimal(&d, fabs(x));
+    round_to(&d, precision);
+    const int exponent = d.high;
+    const bool scientific = exponent < -4 || exponent >= precision;
+    const int point = scientific ? exponent : 0; /* the power of ten before the decimal point */
+    const int first = exponent > point ? exponent : point;
+    for (int p = first; p >= (d.low < point ? d.low : point); p--) {
+        if (p == point - 1)
+            put(s, '.');
+        put(s, (char)('0' + d.digit[POINT + p]));
     }
-    if (before != d.point) {
+    if (scientific) {
         put(s, 'e');
         put(s, exponent < 0 ? '-' : '+');
         put_whole(s, (uint64_t)(exponent < 0 ? -exponent : exponent), 10, 2, '0');

@@ -2,6 +2,7 @@
 (function (live) {
   "use strict";
   const { element, readable, spaced } = live;
+  const WIDTHS = { first: 2, second: 2, aside: 1.5, measured: 4 };
   const DASHES = { first: [], second: [7, 4], aside: [2, 3], measured: [] };
 
   function colours(box) {
@@ -37,7 +38,7 @@
 
   /* Make a chart in a box. `about`: title, and name and unit of x and y. */
   function chart(box, about) {
-    const title = element("h3", {}, about.title);
+    const title = element("h2", {}, about.title);
     const legend = element("p", { className: "legend" });
     const area = element("div", { className: "area", role: "img", "aria-label": about.title });
     const place = element("output", { className: "place", "aria-live": "off" });
@@ -50,8 +51,8 @@
         side,
         label: name + (unit ? " [" + spaced(unit) + "]" : ""),
         labelSize: 18,
-        size: side === 3 ? 52 : 34,
-        gap: 4,
+        size: side === 3 ? 46 : 20,
+        gap: 3,
         font: "12px system-ui, sans-serif",
         labelFont: "12px system-ui, sans-serif",
         stroke: () => colours(box)("text"),
@@ -61,7 +62,7 @@
       };
     }
 
-    function make(curves, units) {
+    function make(curves, units, data) {
       if (plot) plot.destroy();
       plot = new uPlot(
         {
@@ -79,7 +80,7 @@
               scale: "y",
               facets: [{ scale: "x", auto: false }, { scale: "y", auto: false }],
               stroke: () => colours(box)(curve.role),
-              width: curve.role === "aside" ? 1.5 : 2,
+              width: WIDTHS[curve.role],
               dash: DASHES[curve.role],
               points: { show: false },
               paths: line,
@@ -97,7 +98,7 @@
             ],
           },
         },
-        null,
+        data,
         area,
       );
       legend.replaceChildren(
@@ -128,7 +129,7 @@
       const data = [null, ...curves.map((curve) => [curve.x.map((v) => v * fx), curve.y.map((v) => v * fy)])];
       const wanted = JSON.stringify([ux, uy, curves.map((curve) => [curve.role, curve.label])]);
       if (wanted !== shape) {
-        make(curves, [ux, uy]);
+        make(curves, [ux, uy], data);
         shape = wanted;
       }
       plot.setData(data);

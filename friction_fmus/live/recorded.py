@@ -105,7 +105,7 @@ def recorded_figures(bench: Bench) -> dict[str, Any]:
 
 
 def _figure(panel: Panel, courses: Sequence[Course]) -> dict[str, Any] | None:
-    """Return a figure, or None if its curves are not those of runs with equal steps."""
+    """Return a figure, or None if its curves are not columns of runs."""
     curves = [_found(curve, courses) for curve in panel.curves]
     if not all(curves):
         return None
@@ -122,11 +122,10 @@ def _figure(panel: Panel, courses: Sequence[Course]) -> dict[str, Any] | None:
 def _found(curve: Curve, courses: Sequence[Course]) -> dict[str, Any] | None:
     about = {"label": curve.label, "aside": curve.aside}
     for number, course in enumerate(courses):
-        if not np.allclose(np.diff(course.times), course.times[1] - course.times[0], rtol=1e-6):
-            continue
-        y = _place(curve.y, {name: column for name, column in _columns(course).items() if curve.aside or name in course.names})
+        columns = _columns(course)
+        y = _place(curve.y, {name: values for name, values in columns.items() if curve.aside or name in course.names})
         if y is not None:
-            x = _place(curve.x, _columns(course))
+            x = _place(curve.x, columns)
             return {**about, "run": number, "x": _packed(curve.x) if x is None else x, "y": y}
     return {**about, "x": _packed(curve.x), "y": _packed(curve.y)} if curve.aside else None
 
@@ -149,9 +148,11 @@ def _place(values: Vector, columns: Mapping[str, Vector]) -> dict[str, Any] | No
 def _run(course: Course) -> dict[str, Any]:
     columns = _columns(course)
     given = {name: columns[name] for name in (course.inputs[0] if course.inputs else {})}
+    lengths = np.diff(course.times)
+    equal = np.allclose(lengths, lengths[0], rtol=1e-6)
     return {
-        "step": course.times[1] - course.times[0],
-        "steps": len(course.times) - 1,
+        "step": lengths[0] if equal else _packed(lengths),
+        "steps": lengths.size,
         "outputs": course.names,
         "inputs": {name: _packed(np.append(column, column[-1])) for name, column in given.items()},
     }

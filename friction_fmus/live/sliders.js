@@ -52,12 +52,12 @@
     function show(typed) {
       range.value = toPosition(value);
       range.setAttribute("aria-valuetext", live.quantity(value, about.unit));
-      if (!typed) number.value = Number(value.toPrecision(12));
+      if (!typed) number.value = Number(value.toPrecision(6));
       reset.disabled = value === about.start;
     }
 
     function take(given, typed) {
-      const fault = typeof given === "number" && isFinite(given) ? about.accepts && about.accepts(given) : "Enter a number.";
+      const fault = typeof given === "number" && isFinite(given) ? about.accepts && about.accepts(given) : about.name + " must be a number.";
       problem.hidden = !fault;
       problem.textContent = fault || "";
       if (fault) return;
@@ -114,12 +114,13 @@
     return { min: Math.max(min, size / 100), max: Math.min(max, size * 100), zero: min <= 0 };
   }
 
-  /* Return a sentence if a variable of a model does not take a value. */
-  function limits({ min, max, type }) {
+  /* Return a function that returns a sentence if a variable of a model does not take a value. */
+  function limits({ name, unit, min, max, type }) {
+    const limit = (value) => value + (unit ? " " + live.spaced(unit) : "") + ".";
     return (value) => {
-      if (value < min) return "At least " + min + ".";
-      if (value > max) return "At most " + max + ".";
-      return type === "Integer" && value % 1 !== 0 ? "Enter a whole number." : "";
+      if (value < min) return name + " must be at least " + limit(min);
+      if (value > max) return name + " must be at most " + limit(max);
+      return type === "Integer" && value % 1 !== 0 ? name + " must be a whole number." : "";
     };
   }
 

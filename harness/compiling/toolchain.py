@@ -30,20 +30,18 @@ QUIET = ("-w",)
 
 _EXPORTS = (
     *("malloc", "free", "fmi2FreeInstance", "fmi2SetupExperiment", "fmi2EnterInitializationMode"),
-    *("fmi2ExitInitializationMode", "fmi2Terminate", "fmi2Reset", "fmi2DoStep", "fmi2SetRealInputDerivatives"),
+    *("fmi2ExitInitializationMode", "fmi2Reset", "fmi2DoStep", "fmi2SetRealInputDerivatives", "fmi2FreeFMUstate"),
     *(f"fmi2{verb}{kind}" for verb in ("Get", "Set") for kind in ("Real", "Integer", "Boolean", "FMUstate")),
-    *("fmi2FreeFMUstate", "fmi2SerializedFMUstateSize", "fmi2SerializeFMUstate", "fmi2DeSerializeFMUstate"),
 )
-"""What a WebAssembly module exports, beside its memory and the functions of ``fmu_src/wasm``."""
+"""What a WebAssembly module exports beside its memory and the functions of ``fmu_src/wasm``."""
 
 _WASM_LINK_FLAGS = (
-    *("-mexec-model=reactor", "-O2", "-s", "-lm"),
-    # the stack of a module lies before its data, so that an overflow is an error
-    "-Wl,-z,stack-size=1048576",
+    *("-mexec-model=reactor", "-Os", "-s"),
+    "-Wl,-z,stack-size=1048576",  # the stack lies below all data, so that an overflow is an error
     *(f"-Wl,--export={name}" for name in _EXPORTS),
 )
-# the C library's functions print long double too, which would be a third of a module; see print.c
-_WASM_PRINT = ("-Dsnprintf=wasm_snprintf", "-Dvsnprintf=wasm_vsnprintf")
+_SMALL = tuple(f"-D{name}=wasm_{name}" for name in ("snprintf", "vsnprintf", "exp2", "log"))
+"""Functions of the C library that would make a module much larger, and have substitutes in ``fmu_src/wasm``."""
 
 
 def cache_folder() -> Path:
@@ -119,18 +117,20 @@ def identity(target: str | None = None) -> str:
     """Return everything that determines the compiled bytes for given sources."""
     command = compiler(target)
     shown = command if target is None and os.environ.get("CC") else ["zig", *command[1:]]  # without its folder
-    return "\n".join([*shown, _version(tuple(command)), *_flags(target), *(_WASM_LINK_FLAGS if _wasm(target) else LINK_FLAGS)])
+    link = _WASM_LINK_FLAGS if _is_wasm(target) else LINK_FLAGS
+    return "\n".join([*shown, _version(tuple(command)), *_flags(target), *link])
 
 
-def _wasm(target: str | None) -> bool:
+def _is_wasm(target: str | None) -> bool:
     return "wasm" in (target or "")
 
 
-def _flags(target: str | None, *, warns: bool = True) -> list[str]:
-    """Return the flags with which a file of this project (``warns``) or of another tool is compiled."""
-    if not _wasm(target):
+def _flags(target: str | None, *, own: bool = True) -> list[str]:
+    """Return the flags for a file of this project, or of another tool."""
+    if not _is_wasm(target):
         return [*FLAGS]
-    return [*(flag for flag in FLAGS if flag != "-fPIC"), *(_WASM_PRINT if warns else ())]
+    replaced = {"-O2": ("-Os",), "-fPIC": ()}  # a module is downloaded, and never moved in memory
+    return [*(flag for given in FLAGS for flag in replaced.get(given, (given,))), *(_SMALL if own else ())]
 
 
 def compile_library(
@@ -165,7 +165,7 @@ def compile_object(folder: Path, source: str, output: Path, *, warns: bool = Tru
     """Compile a C file that includes the FMI headers to an object file; see `compile_library`."""
     command = [
         *compiler(target),
-        *_flags(target, warns=warns),
+        *_flags(target, own=warns),
         *SECTIONS,
         *QUIET[warns:],
         "-isystem",  # the headers of FMI 3.0 have function types without prototype
@@ -191,7 +191,7 @@ def unused_flags(target: str | None) -> tuple[str, ...]:
 
 
 def _link_flags(library: Path, target: str | None) -> list[str]:
-    if _wasm(target):
+    if _is_wasm(target):
         return [*_WASM_LINK_FLAGS]
     if "linux" in (target or sys.platform):
         return [*LINK_FLAGS, "-Wl,--build-id=none"]

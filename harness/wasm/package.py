@@ -89,8 +89,10 @@ def class_script() -> str:
     ``script-src 'self' 'wasm-unsafe-eval'``.
     """
     text = (_FOLDER / CLASS).read_text(encoding="utf-8")
-    return (_FOLDER / "classic.js").read_text(encoding="utf-8").replace(
-        "/* model.js */", re.sub(r"^export ", "", text, flags=re.M).strip()
+    return (
+        (_FOLDER / "classic.js")
+        .read_text(encoding="utf-8")
+        .replace("/* model.js */", re.sub(r"^export ", "", text, flags=re.M).strip())
     )
 
 
@@ -176,5 +178,5 @@ def write_package(model: WasmModel, folder: Path) -> Path:
 
 
 def _json(value: object) -> str:
-    """Return JSON on one line that is also JavaScript."""
-    return json.dumps(value, ensure_ascii=True, separators=(",", ":"))
+    """Return JSON on one line that may stand in JavaScript and in HTML."""
+    return json.dumps(value, separators=(",", ":")).replace("<", "\\u003c")
