@@ -36,9 +36,9 @@
     return { stroke: path, fill: null, clip: null, band: null, gaps: null, flags: 0 };
   }
 
-  /* Make a chart in a box. `about`: title, and name and unit of x and y. */
+  /* Make a chart in a box. `about`: title, name and unit of x and y, and element of the heading. */
   function chart(box, about) {
-    const title = element("h2", {}, about.title);
+    const title = element(about.heading || "h2", {}, about.title);
     const legend = element("p", { className: "legend" });
     const area = element("div", { className: "area", role: "img", "aria-label": about.title });
     const place = element("output", { className: "place", "aria-live": "off" });
@@ -132,7 +132,10 @@
         make(curves, [ux, uy], data);
         shape = wanted;
       }
-      plot.setData(data);
+      plot.batch(() => {
+        plot.setData(data);
+        for (const key of ["x", "y"]) plot.setScale(key, { min: shown[key][0], max: shown[key][1] });
+      });
       plot.redraw(true, true);
       const names = [...new Set(curves.map((curve) => curve.label).filter(Boolean))].join(", ");
       area.setAttribute("aria-label", about.title + (names ? ": " + names : ""));

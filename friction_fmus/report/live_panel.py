@@ -29,6 +29,9 @@ POINTS: Final = 1000
 DIGITS: Final = 5
 """Number of digits of a slider's initial value."""
 
+RECORDED: Final = {"position error": "error", "drive force": "force", "drive torque": "force"}
+"""Curves of the panel, by the label of the record's plot."""
+
 
 @dataclass(frozen=True)
 class ShownRun:
@@ -97,6 +100,7 @@ def live_panel(study: StudyResult, axis: WhatIf) -> LivePanel:
                  for run in axis.runs],
         "knobs": [_slider(knob) for knob in axis.knobs],
         "recorded": _recorded(study),
+        "largest": max(run.metrics.largest for run in axis.runs),
         "views": {} if (turn := reversal(study.record)) is None else {"around a reversal": turn},
     }  # fmt: skip
     text = json.dumps(data, separators=(",", ":"), ensure_ascii=True)
@@ -135,13 +139,15 @@ def _slider(knob: Knob) -> Mapping[str, Any]:
     }
 
 
-def _recorded(study: StudyResult) -> Mapping[str, list[float]] | None:
-    """Return the recorded force over time."""
+def _recorded(study: StudyResult) -> Mapping[str, Mapping[str, list[float]]]:
+    """Return the recorded tracking error and force over time."""
+    found = {}
     for picture in study.record:
-        if picture.y_label in ("force", "torque") and "measured" in picture.data:
-            x, y = thinned(picture.data["measured"], points=2 * POINTS)
-            return {"t": [float(f"{t:.6g}") for t in x], "F": [float(f"{F:.4g}") for F in y]}
-    return None
+        name = RECORDED.get(picture.y_label)
+        if name and picture.data:
+            x, y = thinned(next(iter(picture.data.values())), points=2 * POINTS)
+            found[name] = {"t": [float(f"{t:.6g}") for t in x], "y": [float(f"{value:.4g}") for value in y]}
+    return found
 
 
 def _packed(values: Array, kind: str) -> str:

@@ -1,7 +1,7 @@
 /* The what-if panel: the sliders, and runs of the axis in WebAssembly. */
 (async function () {
   "use strict";
-  const FIRST = 60, NEXT = 30; // ms of computing before the first drawing, and between later chances to move a slider
+  const FIRST = 50, NEXT = 30; // ms of computing before the first drawing, and between later chances to move a slider
   const CHUNK = 500; // samples
   const COLUMNS = 900; // the smallest and the largest value of each are drawn
   const ROLES = ["first", "second"];
@@ -104,21 +104,29 @@
   }
 
   const { position, force } = told.units;
+  const most = (values) => values.reduce((found, value) => Math.max(found, Math.abs(value)), 0);
+  // the recorded servo may have an error so much larger that it hides all others
+  const record = { label: "recorded error", shown: Boolean(told.recorded.error) && most(told.recorded.error.y) < 2 * told.largest };
   const errors = chart(document.getElementById("what-if-error"), {
-    title: "Tracking error", x: ["time", "s"], y: ["reference \u2212 position", position], tight: true,
+    title: "Tracking error", heading: "h3", x: ["time", "s"], y: ["reference \u2212 position", position], tight: true,
   });
   const forces = chart(document.getElementById("what-if-force"), {
-    title: "Drive " + told.forceName, x: ["time", "s"], y: [told.forceName, force], tight: true,
+    title: "Drive " + told.forceName, heading: "h3", x: ["time", "s"], y: [told.forceName, force], tight: true,
   });
+
+  /* Return what was recorded, as a list of no curve or one. */
+  function recorded(name) {
+    const found = told.recorded[name];
+    const points = found && thin(found.t, found.y, found.t.length);
+    return points && points.x.length ? [{ ...points, label: "recorded", role: "measured" }] : [];
+  }
 
   function draw() {
     const seen = runs.filter((run) => run.shown && run.done);
-    const curve = (run, name) => ({ ...thin(times, run[name], run.done), label: run.label, role: run.role });
+    const curves = (name) => seen.map((run) => ({ ...thin(times, run[name], run.done), label: run.label, role: run.role })).reverse();
     const report = seen.map((run) => ({ ...thin(times, run.report.error, samples), label: "report", role: "aside" }));
-    errors.draw([...(changed() ? report : []), ...seen.map((run) => curve(run, "error")).reverse()]);
-    const recorded = told.recorded && thin(told.recorded.t, told.recorded.F, told.recorded.t.length);
-    const measured = recorded && recorded.x.length ? [{ ...recorded, label: "recorded", role: "measured" }] : [];
-    forces.draw([...measured, ...seen.map((run) => curve(run, "force")).reverse()]);
+    errors.draw([...(record.shown ? recorded("error") : []), ...(changed() ? report : []), ...curves("error")]);
+    forces.draw([...recorded("force"), ...curves("force")]);
   }
 
   /* Return a length or an angle as the report prints it. */
@@ -132,7 +140,7 @@
 
   const rows = [...panel.querySelectorAll("tbody tr")];
   const said = panel.querySelector(".said");
-  const span = r.reduce((most, value) => Math.max(most, value), -Infinity) - r.reduce((least, value) => Math.min(least, value), Infinity);
+  const span = r.reduce((found, value) => Math.max(found, value), -Infinity) - r.reduce((found, value) => Math.min(found, value), Infinity);
 
   function summarise() {
     const told = [];
@@ -198,6 +206,10 @@
       },
       update,
     );
+    const range = row.element.querySelector("input[type=range]");
+    const mark = element("datalist", { id: range.id + "-report" }, element("option", { value: range.value }));
+    range.setAttribute("list", mark.id);
+    row.element.append(mark);
     return { about, row };
   });
   const resets = element("button", { type: "button", textContent: "Reset all", disabled: true });
@@ -205,7 +217,6 @@
     for (const { about, row } of knobs) row.value = about.start;
     update();
   });
-  const tools = element("div", { className: "tools" }, resets);
   const views = Object.entries({ "whole run": null, ...told.views }).map(([name, span]) => {
     const button = element("button", { type: "button", textContent: name });
     button.setAttribute("aria-pressed", String(span === null));
@@ -216,22 +227,28 @@
     });
     return button;
   });
-  if (views.length > 1) tools.append(...views);
-  const boxes = runs.map((run) => {
-    const box = element("input", { type: "checkbox", checked: true });
+  const tools = (name, ...buttons) => {
+    const group = element("div", { className: "tools", role: "group" }, ...buttons);
+    group.setAttribute("aria-label", name);
+    return group;
+  };
+  const boxes = [...runs, ...(told.recorded.error ? [record] : [])].map((run) => {
+    const box = element("input", { type: "checkbox", checked: run.shown });
     box.addEventListener("input", () => {
       run.shown = box.checked;
       draw();
     });
     return element("label", { className: "check" }, box, " show " + run.label);
   });
-  panel.querySelector(".controls").append(...knobs.map(({ row }) => row.element), tools, ...(boxes.length > 1 ? boxes : []));
+  panel.querySelector(".controls").append(...knobs.map(({ row }) => row.element), tools("Sliders", resets));
+  if (views.length > 1) panel.querySelector(".controls").append(tools("Time", ...views));
+  if (boxes.length > 1) panel.querySelector(".controls").append(...boxes);
 
   // the values of the report first, to draw its curves beside others
   runs.forEach(begin);
+  while (!compute(NEXT)) await new Promise((resolve) => setTimeout(resolve));
   panel.hidden = false;
   document.querySelector(".what-if-picture").classList.add("replaced");
-  compute(Infinity);
   for (const run of runs) run.report = { error: run.error.slice() };
   draw();
   summarise();

@@ -211,7 +211,7 @@ def _knobs(bench: Bench, schemes: Sequence[Scheme], systems: Sequence[System]) -
         ),
         Knob(
             "delay",
-            "from command to force",
+            f"from command to force, in samples of {1e3 * servo.Ts:g} ms",
             "samples",
             float(servo.delay),
             float(min(delays.values())),
