@@ -108,7 +108,7 @@
   // the recorded servo may have an error so much larger that it hides all others
   const record = { label: "recorded error", shown: Boolean(told.recorded.error) && most(told.recorded.error.y) < 2 * told.largest };
   const errors = chart(document.getElementById("what-if-error"), {
-    title: "Tracking error", heading: "h3", x: ["time", "s"], y: ["reference \u2212 position", position], tight: true,
+    title: "Tracking error", heading: "h3", x: ["time", "s"], y: ["error", position], tight: true,
   });
   const forces = chart(document.getElementById("what-if-force"), {
     title: "Drive " + told.forceName, heading: "h3", x: ["time", "s"], y: [told.forceName, force], tight: true,
@@ -200,8 +200,8 @@
         id: "what-if-" + about.name,
         accepts: (value) => {
           const least = about.zero ? 0 : about.min;
-          if (value < least || value > about.max) return "Between " + least + " and " + about.max + ".";
-          return about.integer && value % 1 !== 0 ? "Enter a whole number." : "";
+          if (value < least || value > about.max) return about.name + " must be between " + least + " and " + about.max + ".";
+          return about.integer && value % 1 !== 0 ? about.name + " must be a whole number." : "";
         },
       },
       update,

@@ -39,11 +39,11 @@ from friction_fmus.study.settings_file import SETTINGS_FILE, settings_of
 from friction_fmus.study.steps import CACHE, Step, StepCache, run_steps, workers
 from friction_fmus.study.summary import ProgressReporter, identifier, overview
 from friction_fmus.study.trust import force_findings, loop_findings, mass_findings, not_trusted, without_loop
-from friction_fmus.study.what_if import WhatIf, what_if
+from friction_fmus.study.what_if import WhatIf, panel_of
 from friction_fmus.study.wiring import Figures
 from friction_fmus.study.words import result_in_rotary_words
 from friction_fmus.version import VERSION
-from harness import HarnessError, Progress, System
+from harness import Progress, System
 from harness.compiling import toolchain
 from harness.extras import require
 from harness.processors import available
@@ -352,10 +352,7 @@ class _Study:
         runs = [(comparison.rows[0], Scheme(bench.servo))]
         if comparison.recommended is not comparison.rows[0]:
             runs.insert(0, (comparison.recommended, comparison.chosen))
-        try:
-            return what_if(bench, runs, _noise(len(bench.r)))
-        except HarnessError as error:
-            return f"There are no sliders here, because the axis cannot be compiled for the browser: {error}"
+        return panel_of(bench, runs, _noise(len(bench.r)))
 
     def _doctor(self) -> tuple[ConditionResult, ...]:
         """Return the conditions of the exported axis, violated ones first."""

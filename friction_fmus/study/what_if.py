@@ -20,7 +20,7 @@ from friction_fmus.identification import Array
 from friction_fmus.study.compensator_records import CompensatorResult, Metrics
 from friction_fmus.study.evaluation import Scheme, off_by, system_of
 from friction_fmus.study.metrics import Bench
-from harness import FmuPart, System, Wire
+from harness import FmuPart, HarnessError, System, Wire
 from harness.system.wire import split_name
 from harness.wasm import WasmModel
 
@@ -120,6 +120,14 @@ class WhatIf:
     whole: bool = True
 
 
+def panel_of(bench: Bench, found: Sequence[tuple[CompensatorResult, Scheme]], noise: Array) -> WhatIf | str:
+    """Return the axis for the browser, see `what_if`, or a sentence that says why it cannot be compiled."""
+    try:
+        return what_if(bench, found, noise)
+    except HarnessError as error:
+        return f"There are no sliders here, because the axis cannot be compiled for the browser: {error}"
+
+
 def what_if(bench: Bench, found: Sequence[tuple[CompensatorResult, Scheme]], noise: Array) -> WhatIf:
     """Compile the axis for the browser.
 
@@ -140,7 +148,7 @@ def what_if(bench: Bench, found: Sequence[tuple[CompensatorResult, Scheme]], noi
     shown = [(row.name, row.metrics, scheme) for row, scheme in found if row.metrics is not None]
     with PartPool() as pool:
         systems = [variable_system(bench, scheme, pool) for _, _, scheme in shown]
-        knobs = _knobs(bench, [scheme for _, _, scheme in shown], systems)
+        knobs = knobs_of(bench, [scheme for _, _, scheme in shown], systems)
         with ThreadPoolExecutor(len(systems)) as threads:
             models = list(threads.map(_module, systems, [f"axis{i}" for i in range(len(systems))]))
     runs = tuple(Run(name, metrics, model) for (name, metrics, _), model in zip(shown, models, strict=True))
@@ -183,7 +191,8 @@ def _delays(servo: Servo) -> dict[str, int]:
     return {f"delayed{1 + i // TERMS}.gain[{1 + i % TERMS}]": first + i for i in range(DELAYS)}
 
 
-def _knobs(bench: Bench, schemes: Sequence[Scheme], systems: Sequence[System]) -> tuple[Knob, ...]:
+def knobs_of(bench: Bench, schemes: Sequence[Scheme], systems: Sequence[System]) -> tuple[Knob, ...]:
+    """Return what can be changed in systems that `variable_system` returned for some schemes."""
     delays = _delays(bench.servo)
     servo, mass, rotary = bench.servo, bench.plant.mass, bench.trajectory.rotary
     frictions = [off_by(system, 1.0, 1.0) for system in systems]
@@ -243,4 +252,12 @@ def _module(system: System, name: str) -> WasmModel:
         return WasmModel((folder / f"{name}.wasm").read_bytes(), description)
 
 
-__all__ = ["Knob", "Run", "WhatIf", "variable_system", "what_if"]
+__all__ = [
+    "Knob",
+    "Run",
+    "WhatIf",
+    "knobs_of",
+    "panel_of",
+    "variable_system",
+    "what_if",
+]
