@@ -252,11 +252,9 @@ def test_the_panel_follows_a_finger(browser: Browser, report: Path) -> None:
         page = watched.page
         first = errors_shown(page)
         slider = page.locator("#what-if .slider input[type=range]").first
-        slider.scroll_into_view_if_needed()
-        page.evaluate("scrollBy(0, 200)")
         box = slider.bounding_box()
         assert box is not None
-        page.touchscreen.tap(box["x"] + 0.8 * box["width"], box["y"] + 0.5 * box["height"])
+        slider.tap(position={"x": 0.8 * box["width"], "y": 0.5 * box["height"]})
         assert settled(page) != first
         assert watched.messages == []
 
@@ -276,8 +274,10 @@ def test_the_panel_redraws_within_100_ms(browser: Browser, report: Path) -> None
 def test_an_unstable_loop_is_called_unstable(browser: Browser, report: Path) -> None:
     with opened(browser, report, "desktop") as watched:
         page = watched.page
-        page.locator("#what-if .slider", has_text="delay").locator("input[type=number]").fill("7")
-        page.locator("#what-if .slider", has_text="loop gain").locator("input[type=number]").fill("3")
+        for name, value in (("delay", "7"), ("loop gain", "3"), ("mass", "0.25")):
+            page.locator("#what-if .slider", has=page.get_by_text(name, exact=True)).get_by_role("spinbutton").fill(
+                value
+            )
         now = settled(page)
         assert "unstable" in page.locator("#what-if [role=status]").inner_text()
         assert now[1][1] == "\u2013"
