@@ -1,7 +1,7 @@
 /* The what-if panel: the sliders, and runs of the axis in WebAssembly. */
 (async function () {
   "use strict";
-  const FIRST = 50, NEXT = 30; // ms of computing before the first drawing, and between later chances to move a slider
+  const FIRST = 50, NEXT = 40; // ms of computing before the first drawing, and before each later one
   const CHUNK = 500; // samples
   const COLUMNS = 900; // the smallest and the largest value of each are drawn
   const ROLES = ["first", "second"];
@@ -27,8 +27,9 @@
 
   const runs = await Promise.all(
     told.runs.map(async ({ model, label }, i) => {
-      const block = (await frictionFmus.load(model)).instantiate();
-      const inputs = Object.keys(sources).filter((name) => block.model.variables.has(name));
+      const loaded = await frictionFmus.load(model);
+      const inputs = Object.keys(sources).filter((name) => loaded.variables.has(name));
+      const block = loaded.instantiate(Object.fromEntries(inputs.map((name) => [name, sources[name][0]])));
       return { block, label, inputs, role: told.runs.length > 1 ? ROLES[i] : ROLES[0], number: i, shown: true };
     }),
   );
@@ -44,6 +45,7 @@
   }
 
   function begin(run) {
+    if (run.done === samples) run.before = { error: run.error, force: run.force };
     Object.assign(run, { error: new Float64Array(samples), force: new Float64Array(samples), done: 0, failure: "" });
     try {
       run.block.reset(settings(run));
@@ -57,7 +59,7 @@
     const rows = (values) => values.subarray(run.done, run.done + steps + 1);
     const inputs = Object.fromEntries(run.inputs.map((name) => [name, rows(sources[name])]));
     try {
-      const found = run.block.run({ step: Ts, steps, inputs, outputs: ["axis.x", "servo.u"], interpolation: "hold" });
+      const found = run.block.run({ step: Ts, steps, inputs, outputs: ["axis.x", "servo.u"] });
       for (let k = 0; k < steps; k++) {
         run.error[run.done + k] = r[run.done + k] - found["axis.x"][k];
         run.force[run.done + k] = found["servo.u"][k + 1];
@@ -70,21 +72,21 @@
 
   const going = (run) => run.done < samples && !run.failure;
 
-  /* Go on with all runs, the one that is behind first, for a time [ms]. */
+  /* Go on with all runs for a time [ms]: those that are shown first, and of these the one that is behind. */
   function compute(limit) {
     const end = performance.now() + limit;
     while (runs.some(going) && performance.now() < end) {
-      advance(runs.filter(going).reduce((last, run) => (run.done < last.done ? run : last)));
+      const left = runs.filter((run) => run.shown && going(run));
+      advance((left.length ? left : runs.filter(going)).reduce((last, run) => (run.done < last.done ? run : last)));
     }
     return !runs.some(going);
   }
 
   let view = null; // begin and end of what is drawn [s], or null for everything
 
-  /* Return the points of a curve: the extremes in each column. */
-  function thin(x, y, count) {
+  /* Return the points of a curve between two samples: the extremes in each column. */
+  function thin(x, y, to, from = 0) {
     const inside = (t) => !view || (t >= view[0] && t <= view[1]);
-    let [from, to] = [0, count];
     while (from < to && !inside(x[from])) from++;
     while (to > from && !inside(x[to - 1])) to--;
     const width = Math.max(1, (to - from) / COLUMNS);
@@ -125,8 +127,10 @@
     const seen = runs.filter((run) => run.shown && run.done);
     const curves = (name) => seen.map((run) => ({ ...thin(times, run[name], run.done), label: run.label, role: run.role })).reverse();
     const report = seen.map((run) => ({ ...thin(times, run.report.error, samples), label: "report", role: "aside" }));
-    errors.draw([...(record.shown ? recorded("error") : []), ...(changed() ? report : []), ...curves("error")]);
-    forces.draw([...recorded("force"), ...curves("force")]);
+    // what the last run was like, for the time that this one has not reached yet
+    const rest = (name) => seen.map((run) => ({ ...thin(times, (run.before || run)[name], samples, run.done), label: "", role: "aside" }));
+    errors.draw([...(record.shown ? recorded("error") : []), ...(changed() ? report : []), ...rest("error"), ...curves("error")]);
+    forces.draw([...recorded("force"), ...rest("force"), ...curves("force")]);
   }
 
   /* Return a length or an angle as the report prints it. */
@@ -174,7 +178,7 @@
     }
     waiting = setTimeout(() => {
       const now = compute(NEXT);
-      if (now) draw();
+      draw();
       finish(now);
     });
   }

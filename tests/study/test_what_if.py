@@ -34,7 +34,7 @@ def test_a_knob_changes_the_axis_as_the_study_does(
     tmp_path: Path, case: Case, law: Compensator | None, noise: float
 ) -> None:
     bench = bench_of(tmp_path, replace(SERVO, noise=noise))
-    scheme = Scheme(bench.servo, 0.8, compensator=law)
+    scheme = Scheme(bench.servo, 0.8, compensator=law, table=law is not None)
     servo, trajectory = changed(scheme.servo, bench.trajectory, case)
     with PartPool() as pool:
         studied = system_of(replace(bench, trajectory=trajectory), replace(scheme, servo=servo), pool)
