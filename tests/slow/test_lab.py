@@ -182,7 +182,9 @@ def test_presets_show_what_independent_computations_give(browser: Browser, lab: 
         assert figures(str(page.text_content(".result")))[0] == pytest.approx(63.903e-3, rel=2e-2)
         assert "hunts" not in show(page, "preset", value="dead-band")
         sentence = show(page, "preset", value="memory")
-        assert "GMS has" in sentence and sentence.index("returns") > sentence.index("GMS has") > sentence.index("misses")
+        assert "GMS has" in sentence and sentence.index("returns") > sentence.index("GMS has") > sentence.index(
+            "misses"
+        )
         without, ahead = (figures(show(page, "preset", value=name))[0] for name in ("quadrants", "feedforward"))
         assert ahead < 0.6 * without
 
@@ -209,7 +211,10 @@ def test_a_strict_policy_and_axe_have_no_objection(browser: Browser, lab: Path, 
 
 def test_an_address_holds_the_state_and_texts_can_be_copied(browser: Browser, lab: Path) -> None:
     address = (lab / "index.html").as_uri()
-    with opened(browser, f"{address}#view=goal&models=LuGre,GMS&s.Kp=30&a.Fs=2&b.Fc=0.5&a.nothing=1&s.Kd=x") as (page, _):
+    with opened(browser, f"{address}#view=goal&models=LuGre,GMS&s.Kp=30&a.Fs=2&b.Fc=0.5&a.nothing=1&s.Kd=x") as (
+        page,
+        _,
+    ):
         page.wait_for_selector("#lab[data-ready]", timeout=30_000)
         assert page.input_value(".group.first [aria-label='Fs in N']") == "2"
         assert page.input_value(".group.second [aria-label='Fc in N']") == "0.5"
@@ -226,7 +231,10 @@ def test_an_address_holds_the_state_and_texts_can_be_copied(browser: Browser, la
 def test_copied_texts_run(browser: Browser, lab: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The system file gives the figures of the page in the harness, and the programs run."""
     monkeypatch.chdir(tmp_path)
-    with opened(browser, (lab / "index.html").as_uri() + "#view=stick-slip&models=LuGre&s.d=0.4&a.sigma2=0") as (page, _):
+    with opened(browser, (lab / "index.html").as_uri() + "#view=stick-slip&models=LuGre&s.d=0.4&a.sigma2=0") as (
+        page,
+        _,
+    ):
         page.wait_for_selector("#lab[data-ready]", timeout=30_000)
         period = figures(str(page.text_content(".result")))[0]
         page.select_option("#format", "Python")
@@ -276,7 +284,11 @@ def test_claims_of_presets_are_those_of_the_documentation() -> None:
     presets = (ROOT / "docs" / "lab" / "presets.js").read_text(encoding="utf-8")
     claims = (ROOT / "docs" / "literature.md").read_text(encoding="utf-8")
     effects = (ROOT / "docs" / "effects.md").read_text(encoding="utf-8")
-    tables = {re.sub(r"[-\s]+", "-", re.sub(r"[^\w\s-]", "", line[4:].lower())) for line in effects.splitlines() if line.startswith("### ")}
+    tables = {
+        re.sub(r"[-\s]+", "-", re.sub(r"[^\w\s-]", "", line[4:].lower()))
+        for line in effects.splitlines()
+        if line.startswith("### ")
+    }
     assert len(re.findall(r"\bid:", presets)) == len(re.findall(r"\bclaim:", presets)) >= 8
     assert [claim for claim in re.findall(r'claim: "(.*)"', presets) if f"- {claim} **" not in claims] == []
     assert [name for name in re.findall(r'script: "(.*)"', presets) if not (ROOT / "examples" / name).is_file()] == []
