@@ -30,12 +30,20 @@ DOCS = Path(__file__).parent
 LAB = DOCS / "lab"
 ON_A_MASS = ("LuGre", "ElastoPlastic", "Dahl", "GMS", "ModifiedLeuven", "Leuven", "MaxwellSlip", "BlimanSorine")
 """Friction models that the lab also puts under a mass: their force follows from the velocity alone, continuously."""
-KINDS = {"friction": "Friction models", "plant": "Plants", "law": "Compensator laws", "controller": "Controllers", "signal": "Signals"}
+KINDS = {
+    "friction": "Friction models",
+    "plant": "Plants",
+    "law": "Compensator laws",
+    "controller": "Controllers",
+    "signal": "Signals",
+}
 
 
 def models() -> list[str]:
     """Return the models of the lab: friction that opposes a given velocity."""
-    return [name for name, block in catalogue().items() if block.kind == "friction" and "speed" in described(name)["about"]]
+    return [
+        name for name, block in catalogue().items() if block.kind == "friction" and "speed" in described(name)["about"]
+    ]
 
 
 @cache
@@ -110,11 +118,17 @@ def block_pages() -> Iterator[tuple[str, str | bytes]]:
 
 def index_page() -> str:
     """Return the list of all blocks."""
-    lines = ["# All blocks", "", "Each page has the equations, the variables and a figure that moves with the parameters."]
+    lines = [
+        "# All blocks",
+        "",
+        "Each page has the equations, the variables and a figure that moves with the parameters.",
+    ]
     for kind, heading in KINDS.items():
         lines += ["", f"## {heading}", "", "| block | |", "|---|---|"]
         blocks = [block for block in catalogue().values() if block.kind == kind]
-        lines += [f"| [{block.name}]({block.name}.md) | {block.summary.replace('|', chr(92) + '|')} |" for block in blocks]
+        lines += [
+            f"| [{block.name}]({block.name}.md) | {block.summary.replace('|', chr(92) + '|')} |" for block in blocks
+        ]
     return "\n".join(lines) + "\n"
 
 
@@ -142,7 +156,10 @@ def live_figure(name: str, pictures: int) -> str:
         f'<img src="{name}-{number}.svg" alt="Behaviour of {name} with its start values" width="403" height="288">'
         for number in range(1, pictures + 1)
     )
-    scripts = "".join(f'<script src="../lab/{file}" defer></script>' for file in (*(f"live/{s}" for s in SCRIPTS), "views.js", "block.js"))
+    scripts = "".join(
+        f'<script src="../lab/{file}" defer></script>'
+        for file in (*(f"live/{s}" for s in SCRIPTS), "views.js", "block.js")
+    )
     styles = "".join(f'<link rel="stylesheet" href="../lab/live/{file}.css">' for file in ("uplot", "live"))
     return f'<div class="live-block" data-block="{name}">{images}</div>\n{styles}{scripts}\n'
 
@@ -153,6 +170,7 @@ def lab_page() -> str:
     body = re.search(r"<!-- lab -->\n(.*)<!-- /lab -->", text, re.S)
     assert body, "docs/lab/index.html marks the lab"
     inside = re.sub(r'(src|href)="(?!https?:|#|\.\./)', r'\1="lab/', body[1]).replace('"../', '"')
+    inside = inside.replace('<div id="lab">', '<div id="lab" data-pages="./">')
     return f"---\nhide: [navigation, toc]\ntitle: Lab\n---\n\n{inside}"
 
 

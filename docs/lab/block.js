@@ -16,12 +16,23 @@
   /* Repeat a recorded run; return its columns: time, inputs and outputs. */
   function repeat(run, values, { step, steps, inputs, outputs }) {
     const columns = mapped(inputs, (given) => column(given, steps + 1));
-    const taken = Object.fromEntries(Object.entries(columns).filter(([name]) => run.has(name)).map(([name, given]) =>
+    const taken = Object.fromEntries(Object.entries(columns).filter(([name]) => run.takes(name)).map(([name, given]) =>
       [name, run.model.variables.get(name).type === "Boolean" ? Array.from(given, (each) => each !== 0) : given]));
     run.begin(values);
     if (typeof step === "number") return { ...columns, ...run.advance(step, steps, taken, outputs) };
     const parts = Array.from(step, (length, i) => run.advance(length, 1, mapped(taken, (given) => given.slice(i, i + 2)), outputs));
     return { ...columns, ...mapped(parts[0], (first, name) => Float64Array.of(first[0], ...parts.map((part) => part[name][1]))) };
+  }
+
+  /* Return the figures of a block, and the force of a law if none of them shows it. */
+  function withForce(figures, model) {
+    const force = model.variables.get("u");
+    const shown = figures.some(({ curves }) => curves.some(({ y }) => y.name === "u"));
+    if (!force || force.causality !== "output" || shown) return figures;
+    const [{ runs }] = figures;
+    const all = (name) => ({ name, from: 0, count: runs[0].steps + 1 });
+    const curves = [{ x: all("time"), y: all("u"), run: 0, label: "", aside: false }];
+    return [...figures, { x: ["time", "s"], y: ["u", force.unit || ""], caption: "Output in this motion", curves, runs: [{ ...runs[0], outputs: ["u"] }] }];
   }
 
   /* Return a view, as the lab has them, that repeats recorded runs. */
@@ -48,7 +59,7 @@
     const name = box.dataset.block;
     const run = new live.Run(await live.load(name));
     const about = run.about;
-    const view = about.figures ? repeated(about.figures) : live.views.find(({ id }) => id === "contact");
+    const view = about.figures ? repeated(withForce(about.figures, run.model)) : live.views.find(({ id }) => id === "contact");
     const setup = Object.fromEntries(view.controls.map(({ name: key, start }) => [key, start]));
     if (about.reach) {
       const scales = { fastest: about.speed, amplitude: 0.6 * about.reach, speed: about.speed / 100 };
@@ -58,7 +69,7 @@
       ({ causality, start, name: each }) => causality === "parameter" && start !== undefined && isFinite(start) && each !== "Ts");
     const values = Object.fromEntries(shown.map(({ name: each, start }) => [each, start]));
     const typical = (unit) => Math.max(0, ...shown.filter((each) => each.unit === unit).map((each) => Math.abs(each.start)));
-    const rare = ({ name: each, type }) => /\[|_neg$/.test(each) || type === "Boolean";
+    const rare = ({ name: each, type }) => /\[|_neg$|0$|^seed$|^dt$/.test(each) || type === "Boolean";
     const ordered = [...shown.filter((each) => !rare(each)), ...shown.filter(rare)];
     const rows = ordered.map((variable) => {
       const { unit = "", description = "", min = -Infinity, max = Infinity, type } = variable;
@@ -86,12 +97,12 @@
       try {
         const found = view.compute(run, values, setup);
         found.charts.forEach((curves, k) => charts[k].draw(curves.map((curve) => ({ ...curve, role: curve.aside ? "aside" : "first" }))));
-        result.textContent = found.text && name + ": " + found.text + ".";
+        result.textContent = found.text && name + " " + found.text + ".";
       } catch (error) {
         result.textContent = name + " does not run with these values: " + error.message;
       }
     }
-    const redraw = live.redrawing(draw);
+    const redraw = live.redrawing(draw, result);
     draw();
     live.onTheme(() => charts.forEach((chart) => chart.redraw()));
     box.dataset.ready = name;

@@ -154,7 +154,7 @@
     exportTexts();
   }
 
-  const redraw = live.redrawing(draw);
+  const redraw = live.redrawing(draw, result);
 
   /* ---- texts ------------------------------------------------------------------------------------------------- */
 

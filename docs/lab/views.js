@@ -26,7 +26,7 @@
       return speeds.map((speed) => {
         const v = direction * speed;
         let before, F;
-        for (let time = (5 * reach) / speed + 1e-3, i = 0; i < 8; i++, time *= 2) {
+        for (let time = (5 * reach) / speed + 1e-3, i = 0; i < 5; i++, time *= 2) {
           const found = run.advance(time / 4, 4, moving(run, v, pushing(values)), ["F"]).F;
           before = F;
           F = (found[1] + found[2] + found[3] + found[4]) / 4;
@@ -83,7 +83,7 @@
       const hysteresis = loop(run, values, setup);
       const most = Math.max(...curve.y);
       const text = "has up to " + quantity(most, "N") + " of friction, " + quantity(curve.y.at(-1), "N") + " at " + quantity(setup.fastest, "m/s") +
-        (setup.detour > 0 ? Math.abs(hysteresis.miss) < 1e-3 * most
+        (setup.detour > 0 && run.about.features.includes("presliding") ? Math.abs(hysteresis.miss) < 1e-3 * most
           ? ", and returns to its reversal point" : ", and misses its reversal point by " + quantity(Math.abs(hysteresis.miss), "N") : "");
       return { charts: [[curve], [hysteresis]], text };
     },

@@ -155,18 +155,30 @@
     new MutationObserver(call).observe(document.body, { attributes: true, attributeFilter: ["data-md-color-scheme"] });
   }
 
-  /* Return a function that asks for a redraw before the next frame, and measures the time from the first request. */
-  function redrawing(draw) {
-    let asked = null;
+  const SLOW = 200; /* ms: a figure that takes longer is drawn when the slider rests for REST */
+  const REST = 250;
+
+  /* Return a function that asks for a redraw before the next frame, and measures the time from the first request. The
+     sentence tells that a slow figure is being computed. */
+  function redrawing(draw, sentence) {
+    let asked = null, took = 0, timer;
+    function now() {
+      const begin = asked, computing = performance.now();
+      asked = null;
+      draw();
+      took = performance.now() - computing;
+      queueMicrotask(() => performance.measure("redraw", { start: begin, end: performance.now() }));
+    }
     return () => {
-      if (asked !== null) return;
-      asked = performance.now();
-      requestAnimationFrame(() => {
-        const begin = asked;
-        asked = null;
-        draw();
-        queueMicrotask(() => performance.measure("redraw", { start: begin, end: performance.now() }));
-      });
+      if (took > SLOW) {
+        clearTimeout(timer);
+        asked = performance.now();
+        sentence.textContent = "Computing\u2026";
+        timer = setTimeout(() => requestAnimationFrame(now), REST);
+      } else if (asked === null) {
+        asked = performance.now();
+        requestAnimationFrame(now);
+      }
     };
   }
 

@@ -37,6 +37,11 @@ var FrictionLive = (function () {
       return this.model.variables.has(name);
     }
 
+    /* Return whether a name is that of an input. */
+    takes(name) {
+      return this.has(name) && this.model.variables.get(name).causality === "input";
+    }
+
     /* Start anew with these values. */
     begin(values) {
       this.block.reset(values);
