@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -35,6 +36,16 @@ def run_parts(system: System, stop: float, master: str = "newton") -> dict[str, 
     """The outputs of all parts in the harness."""
     result = system.run(stop=stop, master=master, record=["*"])
     return {str(name): result[name].to_numpy() for name in result.data_vars}
+
+
+def divided(system: System, step: float, parts: int) -> System:
+    """A system whose grid contains points between those of another one, which is at `step`, with the same samples."""
+    for part in system.parts.values():
+        if not part.moves:
+            part.every *= parts
+    assert system.experiment is not None
+    experiment = replace(system.experiment, step=step / parts, record=("*",))
+    return System(system.parts.values(), system.wires, system.start, experiment)
 
 
 def differing(found: Mapping[str, np.ndarray], expected: Mapping[str, np.ndarray], every: int = 1) -> list[str]:
