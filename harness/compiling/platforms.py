@@ -128,7 +128,7 @@ def _linked(target: str | None, units: Mapping[str, Mapping[str, str]], library:
 
     with ThreadPoolExecutor(available()) as pool:
         objects = dict(zip(units, pool.map(make, units), strict=True))
-    flags = " ".join(toolchain.unused_flags(target))
+    flags = " ".join(toolchain.object_flags(target))
     digest = _digest(
         target, f"{library} {flags}", {unit: hashlib.sha256(data).hexdigest() for unit, data in objects.items()}
     )

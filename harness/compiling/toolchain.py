@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import platform
+import re
 import shlex
 import subprocess
 import sys
@@ -180,14 +181,18 @@ def compile_object(folder: Path, source: str, output: Path, *, warns: bool = Tru
 
 def link_library(folder: Path, objects: Sequence[str], library: Path, *, target: str | None = None) -> None:
     """Link object files to a shared library; see `compile_library`."""
-    command = [*compiler(target), *objects, "-o", str(library), *_link_flags(library, target), *unused_flags(target)]
-    _run(folder, command, f"{library.name} cannot be linked", target)
+    command = [*compiler(target), *objects, "-o", str(library), *_link_flags(library, target), *object_flags(target)]
+    _run(folder, command, f"{library.name} cannot be linked; correct the sources of its parts", target)
 
 
-def unused_flags(target: str | None) -> tuple[str, ...]:
-    """Return the flags with which the linker removes what nothing calls."""
-    apple = "macos" in (target or "") or (target is None and sys.platform == "darwin")
-    return ("-Wl,-dead_strip",) if apple else ("-Wl,--gc-sections",)
+def object_flags(target: str | None) -> tuple[str, ...]:
+    """Return the flags with which the linker removes what nothing calls, and finds what nothing defines."""
+    name = target or sys.platform
+    if "macos" in name or name == "darwin":
+        return ("-Wl,-dead_strip",)
+    # under Windows a missing function is an error anyway; a sanitizer defines its own in the program
+    strict = "linux" in name and not any(flag.startswith("-fsanitize") for flag in compiler(target))
+    return ("-Wl,--gc-sections", *(("-Wl,-z,defs",) if strict else ()))
 
 
 def _link_flags(library: Path, target: str | None) -> list[str]:
@@ -204,5 +209,6 @@ def _run(folder: Path, command: Sequence[str], what: str, target: str | None) ->
     _version(tuple(compiler(target)))
     run = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
     if run.returncode != 0:
-        complaints = [line for line in run.stderr.splitlines() if "error" in line] or run.stderr.splitlines()
+        lines = run.stderr.splitlines()
+        complaints = [line for line in lines if re.search("error|undefined|multiple definition", line)] or lines
         raise BuildError(f"{what}: {complaints[0] if complaints else 'the compiler failed'}")
