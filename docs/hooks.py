@@ -1,8 +1,9 @@
-"""Hooks for MkDocs: notebooks as pages, the rules of `check`, and links out of this folder."""
+"""Hooks for MkDocs: notebooks and blocks as pages, the lab, the rules of `check`, and links out of this folder."""
 
 from __future__ import annotations
 
 import re
+import sys
 from functools import cache
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -17,11 +18,17 @@ from nbconvert.preprocessors import ExecutePreprocessor
 from friction_fmus.check.findings import RULES
 
 DOCS = Path(__file__).parent
+sys.path.append(str(DOCS))
+from live_site import block_pages, lab_files, lab_page  # noqa: E402
+
 NOTEBOOKS = DOCS.parent / "examples" / "notebooks"
 
 
 def on_files(files: Files, config: MkDocsConfig, **_: Any) -> Files:
-    """Add a page and the figures of each notebook."""
+    """Add the lab, the pages of the blocks, and a page and the figures of each notebook."""
+    files.append(File.generated(config, "lab.md", content=lab_page()))
+    for name, content in (*((f"lab/{name}", text) for name, text in lab_files()), *block_pages()):
+        files.append(File.generated(config, name, content=content))
     for path in sorted(NOTEBOOKS.glob("*.ipynb")):
         for name, content in notebook_page(path.stem, path.read_text(encoding="utf-8")).items():
             files.append(File.generated(config, f"notebooks/{name}", content=content))

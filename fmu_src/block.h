@@ -30,6 +30,7 @@
                 event. While m->run.frozen, `equations` follows m->memory instead of deciding by itself
      EVENTS     the number of decisions that end at events. The block then defines `static void indicators(const Model
                 *m, double *left)`: each value is positive until its decision ends
+     REINITIALISES the continuous states that DECIDES_BY changes, as text separated by commas
      NO_EXCHANGE the reason why a continuous block cannot be used for model exchange, as text
      REQUIRES   the name of `static const char *f(const Model *m)`: returns the violated relation of parameters as
                 text, or NULL; a block with a violated relation is neither initialised nor stepped   */

@@ -83,7 +83,7 @@ fmi3Status fmi3GetShiftFraction(fmi3Instance instance, const fmi3ValueReference 
     return fmi3OK;
 }
 
-/* The importer may set the interval of no clock: set the parameter Ts instead. */
+/* The importer may set the interval of no clock, as modelDescription.xml states none: set the parameter Ts instead. */
 #define CANNOT_SET_DECIMAL(name)                                                                                       \
     fmi3Status fmi3Set##name(fmi3Instance instance, const fmi3ValueReference references[], size_t n,                   \
                              const fmi3Float64 values[])                                                               \

@@ -3,7 +3,9 @@
 #ifndef FMI3_INSTANCE_H
 #define FMI3_INSTANCE_H
 
+#ifndef FMI3_FUNCTION_PREFIX /* an importer that compiles may choose another one */
 #define FMI3_FUNCTION_PREFIX PASTE(MODEL, _)
+#endif
 #include "fmi3Functions.h"
 
 /* Modes, and the modes in which each function may be called (FMI 3.0.2, tables in sections 2.3, 3.2 and 4.2). */
@@ -38,6 +40,13 @@ enum {
     MAY3_SetTime                   = EVENTS_3 | CONTINUOUS_3
 };
 /* clang-format on */
+
+/* Before a function that is called rarely: its caller, which is called at every step, saves fewer registers. */
+#if defined __GNUC__
+#define APART __attribute__((noinline))
+#else
+#define APART
+#endif
 
 typedef struct {
     Instance *inside;

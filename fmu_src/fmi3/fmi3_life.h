@@ -64,8 +64,8 @@ fmi3Instance fmi3InstantiateCoSimulation(fmi3String name, fmi3String token, fmi3
     if (events && !HAS_EVENT_MODE)
         fault = "it has no event mode; instantiate it with eventModeUsed = false";
     for (size_t i = 0; i < intermediates; i++)
-        if (!intermediate || intermediate[i] >= ALL_REFERENCES || variables_3[intermediate[i]].type == NO_VARIABLE)
-            fault = "an intermediate variable has an unknown value reference";
+        if (!intermediate || intermediate[i] >= ALL_REFERENCES || !variables_3[intermediate[i]].intermediate)
+            fault = "a required intermediate variable is not marked with intermediateUpdate in modelDescription.xml";
     Shell *const c = instantiated_3(name, token, fmi2CoSimulation, visible, logging, environment, logger, fault);
     if (c) {
         c->events = events;

@@ -68,21 +68,18 @@ fmi3Status friction_fmus_SetInputDerivatives(fmi3Instance instance, const fmi3Va
 {
     ENTER_3_AS(fmi2CoSimulation, "SetInputDerivatives", NEW_3 | INITIALIZATION_3 | STEPS_3)
     for (size_t i = 0; references && i < n; i++)
-        REQUIRE_3(references[i] < REFERENCES && variables_3[references[i]].type == IS_FLOAT64 &&
-                      variables_3[references[i]].length == 1,
+        REQUIRE_3(references[i] < REFERENCES && variables_3[references[i]].plain,
                   "was called with value reference %u: there is no Float64 input with it", references[i])
     return (fmi3Status)fmi2SetRealInputDerivatives(c->inside, references, n, orders, values);
 }
 
-fmi3Status fmi3DoStep(fmi3Instance instance, fmi3Float64 t, fmi3Float64 h, fmi3Boolean keeps_no_state,
-                      fmi3Boolean *event, fmi3Boolean *terminate, fmi3Boolean *early, fmi3Float64 *last)
+/* Step in pieces. */
+static APART fmi3Status pieces_3(Shell *c, double t, double h, bool keeps_no_state, bool *event, bool *early,
+                                 double *last)
 {
-    ENTER_3_AS(fmi2CoSimulation, "DoStep", MAY3_DoStep)
-    REQUIRE_3(event && terminate && early && last, "was called with a null pointer")
     const double whole_end = t + h;
     double end = whole_end;
     fmi2Status worst = fmi2OK;
-    *event = *terminate = *early = false;
     *last = t;
     for (double now = t;;) {
         const double stop = next_stop_3(c, now, end);
@@ -98,6 +95,18 @@ fmi3Status fmi3DoStep(fmi3Instance instance, fmi3Float64 t, fmi3Float64 h, fmi3B
             return (fmi3Status)worst;
         }
     }
+}
+
+fmi3Status fmi3DoStep(fmi3Instance instance, fmi3Float64 t, fmi3Float64 h, fmi3Boolean keeps_no_state,
+                      fmi3Boolean *event, fmi3Boolean *terminate, fmi3Boolean *early, fmi3Float64 *last)
+{
+    ENTER_3_AS(fmi2CoSimulation, "DoStep", MAY3_DoStep)
+    REQUIRE_3(event && terminate && early && last, "was called with a null pointer")
+    *event = *terminate = *early = false;
+    *last = t + h;
+    if (!c->update && !c->events) /* in one piece */
+        return (fmi3Status)fmi2DoStep(c->inside, t, h, keeps_no_state ? 1 : 0);
+    return pieces_3(c, t, h, keeps_no_state, event, early, last);
 }
 
 #endif

@@ -27,8 +27,7 @@ static inline bool plain_3(const fmi3ValueReference references[], size_t n, cons
 {
     bool plain = n == count && references && values;
     for (size_t i = 0; plain && i < n; i++)
-        plain = references[i] < REFERENCES && variables_3[references[i]].type == IS_FLOAT64 &&
-                variables_3[references[i]].length == 1;
+        plain = references[i] < REFERENCES && variables_3[references[i]].plain;
     return plain;
 }
 
@@ -64,6 +63,34 @@ static fmi3Status get_indicators_3(const Shell *c, double *values)
     return fmi3OK;
 }
 
+/* Get variables of which some may be arrays. */
+static APART fmi3Status get_arrays_3(Shell *c, const fmi3ValueReference references[], size_t n, double values[],
+                                     size_t count)
+{
+    fmi3Status status = check_variables_3(c, references, n, values, count, IS_FLOAT64);
+    for (size_t i = 0; i < n && status == fmi3OK; i++) {
+        const size_t size = size_of_3(c, references[i]);
+        status = references[i] == INDICATORS_REFERENCE
+                     ? get_indicators_3(c, values)
+                     : (fmi3Status)fmi2GetReal(c->inside, c->elements + references[i], size, values);
+        values += size;
+    }
+    return status;
+}
+
+/* Set variables of which some may be arrays. */
+static APART fmi3Status set_arrays_3(Shell *c, const fmi3ValueReference references[], size_t n, const double values[],
+                                     size_t count)
+{
+    const fmi3Status status = check_variables_3(c, references, n, values, count, IS_FLOAT64);
+    if (status != fmi3OK)
+        return status;
+    for (size_t i = 0; i < n; i++)
+        REQUIRE_3(references[i] != INDICATORS_REFERENCE, "cannot set event indicators")
+    REQUIRE_ELEMENTS(list, references, n, count)
+    return (fmi3Status)fmi2SetReal(c->inside, list, count, values);
+}
+
 fmi3Status fmi3GetFloat64(fmi3Instance instance, const fmi3ValueReference references[], size_t n, fmi3Float64 values[],
                           size_t count)
 {
@@ -79,15 +106,7 @@ fmi3Status fmi3GetFloat64(fmi3Instance instance, const fmi3ValueReference refere
 #endif
         return (fmi3Status)fmi2GetReal(c->inside, references, n, values);
     }
-    fmi3Status status = check_variables_3(c, references, n, values, count, IS_FLOAT64);
-    for (size_t i = 0; i < n && status == fmi3OK; i++) {
-        const size_t size = size_of_3(c, references[i]);
-        status = references[i] == INDICATORS_REFERENCE
-                     ? get_indicators_3(c, values)
-                     : (fmi3Status)fmi2GetReal(c->inside, c->elements + references[i], size, values);
-        values += size;
-    }
-    return status;
+    return get_arrays_3(c, references, n, values, count);
 }
 
 fmi3Status fmi3SetFloat64(fmi3Instance instance, const fmi3ValueReference references[], size_t n,
@@ -96,13 +115,7 @@ fmi3Status fmi3SetFloat64(fmi3Instance instance, const fmi3ValueReference refere
     ENTER_3("SetFloat64", MAY3_Set)
     if (plain_3(references, n, values, count))
         return (fmi3Status)fmi2SetReal(c->inside, references, n, values);
-    const fmi3Status status = check_variables_3(c, references, n, values, count, IS_FLOAT64);
-    if (status != fmi3OK)
-        return status;
-    for (size_t i = 0; i < n; i++)
-        REQUIRE_3(references[i] != INDICATORS_REFERENCE, "cannot set event indicators")
-    REQUIRE_ELEMENTS(list, references, n, count)
-    return (fmi3Status)fmi2SetReal(c->inside, list, count, values);
+    return set_arrays_3(c, references, n, values, count);
 }
 
 fmi3Status fmi3GetInt32(fmi3Instance instance, const fmi3ValueReference references[], size_t n, fmi3Int32 values[],

@@ -10,8 +10,10 @@ enum { NO_VARIABLE, IS_FLOAT64, IS_INT32, IS_BOOLEAN, IS_UINT64, IS_CLOCK };
 
 typedef struct {
     uint8_t type;
-    bool resized;    /* the structural parameter is its length */
-    uint32_t length; /* number of elements, 1 for a scalar */
+    bool plain;        /* a scalar of type Float64 */
+    bool resized;      /* the structural parameter is its length */
+    bool intermediate; /* may be read in intermediate updates */
+    uint32_t length;   /* number of elements, 1 for a scalar */
 } Variable3;
 
 #endif

@@ -58,12 +58,13 @@
     MASS  (m)
 /* clang-format on */
 
-#define STEPS_BY   step
-#define EVENTS     2
-#define DECIDES_BY transition
-#define MEMORY     struct band
-#define VALID_BY   is_band
-#define KEEPS_BY   keep_decisions
+#define STEPS_BY      step
+#define EVENTS        2
+#define DECIDES_BY    transition
+#define REINITIALISES "w"
+#define MEMORY        struct band
+#define VALID_BY      is_band
+#define KEEPS_BY      keep_decisions
 
 struct band {     /* in model exchange */
     double side;  /* of the band on which the mass slides; 0: inside */

@@ -76,12 +76,13 @@
 
 #include "reversals.h"
 
-#define STEPS_BY   step
-#define EVENTS     3
-#define DECIDES_BY transition
-#define WARNING    "there are more reversal points than the stacks can store; inner loops are discarded"
-#define MEMORY     struct reversals
-#define VALID_BY   are_reversals
+#define STEPS_BY      step
+#define EVENTS        3
+#define DECIDES_BY    transition
+#define REINITIALISES "z"
+#define WARNING       "there are more reversal points than the stacks can store; inner loops are discarded"
+#define MEMORY        struct reversals
+#define VALID_BY      are_reversals
 
 #include "block.h"
 #include "leuven.h"

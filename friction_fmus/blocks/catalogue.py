@@ -70,6 +70,8 @@ class Block:
         Origin of its equations: their numbers in the source, or that they are from memory.
     no_exchange : str
         Why it cannot be used for model exchange; empty if it can.
+    reinitialises : tuple of str
+        Continuous states that an event of model exchange may change.
     about : About
         Further declarations in its file.
     """
@@ -85,6 +87,7 @@ class Block:
     bibtex: tuple[str, ...] = ()
     status: str = ""
     no_exchange: str = ""
+    reinitialises: tuple[str, ...] = ()
     about: About = field(default_factory=About)
 
     @property
@@ -143,7 +146,11 @@ def read_c_block(path: Path, kind: str) -> Block:
 
     lines = notes.group(1).splitlines() if notes else []
     page = "\n".join(line.removeprefix("   ").rstrip() for line in lines).strip()
-    features = tuple(part.strip() for part in text("FEATURES").split(",") if part.strip())
+
+    def words(macro: str) -> tuple[str, ...]:
+        return tuple(part.strip() for part in text(macro).split(",") if part.strip())
+
+    features = words("FEATURES")
     if unknown := set(features) - set(FEATURES):
         raise FrictionError(f"{path} states the feature {unknown.pop()!r}; known features are {', '.join(FEATURES)}")
     found = re.findall(r"/\*\s*(@\w+\{.*?\})\s*\*/", code, re.S)
@@ -155,6 +162,7 @@ def read_c_block(path: Path, kind: str) -> Block:
         bibtex=(*cited(about.cites), *entries),
         status=text("STATUS"),
         no_exchange=text("NO_EXCHANGE"),
+        reinitialises=words("REINITIALISES"),
         about=about,
     )
 

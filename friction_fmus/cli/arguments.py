@@ -57,7 +57,7 @@ def add_fmi(parser: argparse.ArgumentParser) -> None:
         nargs="+",
         default=["native"],
         metavar="PLATFORM",
-        help="native (default), all, or FMI platform names such as win64",
+        help="native (default), all, FMI platform names such as win64, or wasm32 for JavaScript",
     )
     parser.add_argument("--fmi", type=int, choices=(2, 3), default=2, help="version of FMI; default: 2")
 

@@ -114,11 +114,12 @@ def model_description(block: Block, description: Description, identifier: str) -
     etree.SubElement(root, "DefaultExperiment", startTime="0", stopTime="1", tolerance="1e-10", stepSize="0.001")
 
     model_variables = etree.SubElement(root, "ModelVariables")
+    jumping = block.reinitialises if description.exchanges else ()
     rotary = "rad" in units or "rad/s" in units
     for v in variables:
         # the normal force of a rotary axis is still a force
         text = in_rotary_words(v.text) if rotary and v.unit != "N" else v.text
-        _scalar_variable(model_variables, v, text, index, description.sampled)
+        _scalar_variable(model_variables, v, text, index, description.sampled, v.name in jumping)
 
     structure = etree.SubElement(root, "ModelStructure")
     outputs = [v for v in variables if v.role in (OUTPUT, STATE_OUTPUT)]
@@ -161,7 +162,9 @@ def _type_definitions(root: etree._Element, units: list[str]) -> None:
             etree.SubElement(simple, "Real", quantity=QUANTITIES[unit], unit=unit)
 
 
-def _scalar_variable(parent: etree._Element, v: Variable, text: str, index: dict[int, int], sampled: bool) -> None:
+def _scalar_variable(
+    parent: etree._Element, v: Variable, text: str, index: dict[int, int], sampled: bool, jumps: bool
+) -> None:
     causality, variability, initial = ROLE[v.role]
     if variability == "continuous" and (v.type != 0 or (sampled and v.role in (OUTPUT, LOCAL, STATE, STATE_OUTPUT))):
         variability = "discrete"
@@ -187,6 +190,8 @@ def _scalar_variable(parent: etree._Element, v: Variable, text: str, index: dict
         typed["start"] = convert(v.start)
     if v.role == DERIVATIVE:
         typed["derivative"] = str(index[v.origin])
+    if jumps:
+        typed["reinit"] = "true"
     etree.SubElement(scalar, "Integer" if v.type == INTEGER else "Real", typed)
 
 

@@ -36,7 +36,7 @@ def models_page() -> str:
 def _section(block: Block) -> str:
     first, *rest = paragraphs(block.notes)
     leads = [paragraph for paragraph in rest if paragraph.lead]
-    parts = [_markdown(paragraph) for paragraph in (first, *leads, *_equations(rest))]
+    parts = [markdown(paragraph) for paragraph in (first, *leads, *_equations(rest))]
     return "\n\n".join([f"## {block.name}", *parts, f"Source: {block.origin}."]) + "\n"
 
 
@@ -50,7 +50,8 @@ def _equations(notes: Sequence[Paragraph]) -> list[Paragraph]:
     return shown
 
 
-def _markdown(paragraph: Paragraph) -> str:
+def markdown(paragraph: Paragraph) -> str:
+    """Return a paragraph of the notes of a block in Markdown."""
     if paragraph.equations:
         return "\n".join(["```text", *(INDENT + line for line in paragraph.lines), "```"])
     lead = f"**{paragraph.lead}** " if paragraph.lead else ""

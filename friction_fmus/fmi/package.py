@@ -36,6 +36,7 @@ from harness.storage.atomic import atomic_path
 from harness.storage.cache import cached
 from harness.storage.files import read_source, reason
 from harness.storage.scratch import ScratchFolder
+from harness.wasm import WasmModel, is_wasm, wasm_model, write_package
 
 SHIPPED = PACKAGE / "fmus"
 """Folder of the FMUs for all platforms in an installed package; a checkout has none."""
@@ -66,7 +67,7 @@ def build(
     model : str or Path
         Name of a block (`friction-fmus list`), or path of a block's ``.c`` or a law's ``.py`` file.
     out_dir : path-like
-        Folder for ``NAME.fmu``; it is created if needed.
+        Folder for ``NAME.fmu``, or for the folder ``NAME-wasm``; it is created if needed.
     start : mapping of str to number, optional
         New default start values, in the units of the block.
     name : str, optional
@@ -76,7 +77,8 @@ def build(
     domain : {"translational", "rotational"}
         The rotational twin uses N.m, rad and kg.m2 in place of N, m and kg, and has the suffix ``Rotational``.
     platforms : sequence of str
-        Platforms of the binaries: ``"native"``, ``"all"`` or names such as ``"win64"``, see `PLATFORMS`.
+        Platforms of the binaries: ``"native"``, ``"all"`` or names such as ``"win64"``, see `PLATFORMS`. ``"wasm32"``
+        alone writes a WebAssembly module with a JavaScript class in place of an FMU.
     fmi : {2, 3}
         Version of FMI: 2.0, or 3.0 with arrays, clocks and adjoint derivatives. The numbers are the same.
     compiling : callable, optional
@@ -86,13 +88,16 @@ def build(
     Returns
     -------
     Path
-        The FMU, which is written completely or not at all.
+        The FMU or the folder, which is written completely or not at all.
 
     Raises
     ------
     UnknownNameError, BuildError
         If the model is unknown; if it cannot be built.
     """
+    if is_wasm(platforms, fmi):
+        made = wasm_block(model, start, name, files, domain=domain)
+        return write_package(made, Path(out_dir) / f"{made.name}-wasm")
     if fmi == 2:
         file, content = _built(model, start, name, files, domain, platforms, compiling)
     else:
@@ -100,6 +105,19 @@ def build(
         file, content = _built(model, start, name, files, domain, ("native",))
         content = fmi_3(content, targets, compiling)
     return _write(content, Path(out_dir) / file)
+
+
+def wasm_block(
+    model: str | Path,
+    start: Start | None = None,
+    name: str | None = None,
+    files: Mapping[str, str] | None = None,
+    *,
+    domain: Literal["translational", "rotational"] = "translational",
+) -> WasmModel:
+    """Return a block as a WebAssembly module with the description of its variables; see `build`."""
+    _, content = _built(model, start, name, files, domain, ("native",))
+    return wasm_model(content)
 
 
 def _built(

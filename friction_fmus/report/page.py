@@ -15,14 +15,16 @@ from plotly.offline import get_plotlyjs
 from friction_fmus.fmi.rotary import html_in_rotary_words
 from friction_fmus.identification import ROTARY
 from friction_fmus.report import numbers, views
+from friction_fmus.report.live_panel import live_panel
 from friction_fmus.report.sections import Section, sections
 from friction_fmus.study.result import StudyResult
+from friction_fmus.study.what_if import WhatIf
 from harness.storage.atomic import atomic_path
 
 FOLDER = Path(__file__).parent
 
 
-def write_report(study: StudyResult, path: Path) -> None:
+def write_report(study: StudyResult, path: Path, panel: WhatIf | str = "") -> None:
     """Write the report of a study as one HTML file; an incomplete file never appears.
 
     Parameters
@@ -31,6 +33,8 @@ def write_report(study: StudyResult, path: Path) -> None:
         Result of the study.
     path : Path
         Path of the file; its folder must exist.
+    panel : WhatIf or str
+        Axis for the what-if panel, or a sentence that says why there is none.
 
     Raises
     ------
@@ -38,36 +42,40 @@ def write_report(study: StudyResult, path: Path) -> None:
         If the file cannot be written.
     """
     with atomic_path(path) as temporary:
-        temporary.write_text(report_html(study), encoding="utf-8", newline="\n")
+        temporary.write_text(report_html(study, panel), encoding="utf-8", newline="\n")
 
 
-def report_html(study: StudyResult) -> str:
+def report_html(study: StudyResult, panel: WhatIf | str = "") -> str:
     """Return the report of a study as one HTML page.
 
     Parameters
     ----------
     study : StudyResult
         Result of the study.
+    panel : WhatIf or str
+        Axis for the what-if panel, or a sentence that says why there is none.
 
     Returns
     -------
     str
         HTML 5 without references to other files; equal studies give equal pages. Texts of the study are escaped, and
-        the content security policy only allows the two scripts of the page.
+        the content security policy only allows the scripts of the page.
     """
     script = (FOLDER / "page.js").read_text(encoding="utf-8")
+    live = None if isinstance(panel, str) else live_panel(study, panel)
     environment = _environment()
 
     def body(name: str, section: Section) -> Markup:
         template = environment.get_template(f"sections/{name}.html")
-        return Markup(template.render(study=study, **section.content(study)))
+        return Markup(template.render(study=study, panel=live or panel, **section.content(study)))
 
     page = environment.get_template("page.html").render(
         study=study,
         style=(FOLDER / "page.css").read_text(encoding="utf-8"),
         script=script,
+        live=live,
         library=_library(),
-        hashes=[_hash(text) for text in (script, get_plotlyjs())],
+        hashes=[_hash(text) for text in (script, get_plotlyjs(), *([live.script] if live else []))],
         sections=[
             {"name": name, "title": section.TITLE, "body": body(name, section)} for name, section in sections().items()
         ],

@@ -18,13 +18,14 @@ from friction_fmus.axis.start import from_rest
 from friction_fmus.blocks.catalogue import catalogue
 from friction_fmus.doctor import examine
 from friction_fmus.errors import FrictionError
-from friction_fmus.identification import ROTARY, filtered_motion, identifiable
+from friction_fmus.identification import ROTARY, Array, filtered_motion, identifiable
 from friction_fmus.identification.fit.simulation_data import default_settings
 from friction_fmus.study.comparison import Comparison, compare
 from friction_fmus.study.compensator_records import Recommendation
 from friction_fmus.study.compensators import AxisKnowledge, check_names, period_of
 from friction_fmus.study.config import ALL, ConfigError, StudyConfig, load_config
 from friction_fmus.study.data import Data, build_reference, load_data, measured_servo
+from friction_fmus.study.evaluation import Scheme
 from friction_fmus.study.export import OWN, export_models, export_recommended
 from friction_fmus.study.metrics import Bench
 from friction_fmus.study.models import INVERSE, IdentifiedModel, identify_model, inverse_model, ranked
@@ -38,6 +39,7 @@ from friction_fmus.study.settings_file import SETTINGS_FILE, settings_of
 from friction_fmus.study.steps import CACHE, Step, StepCache, run_steps, workers
 from friction_fmus.study.summary import ProgressReporter, identifier, overview
 from friction_fmus.study.trust import force_findings, loop_findings, mass_findings, not_trusted, without_loop
+from friction_fmus.study.what_if import WhatIf, panel_of
 from friction_fmus.study.wiring import Figures
 from friction_fmus.study.words import result_in_rotary_words
 from friction_fmus.version import VERSION
@@ -119,11 +121,12 @@ def run_study(
     with workers(0 if executor is not None else processes or available()) as own:
         study = _Study(config, folder, StepCache(folder / CACHE), executor or own, reporter, force)
         result = study.run()
+        panel = study.panel
     result = replace(result, seconds=time.perf_counter() - begin)
     result = result_in_rotary_words(result) if result.units == ROTARY else result
     from friction_fmus.report import write_report
 
-    write_report(result, folder / "report.html")
+    write_report(result, folder / "report.html", panel)
     with atomic_path(folder / "study.json") as temporary:
         temporary.write_text(result.to_json(), encoding="utf-8")
     reporter(1.0)
@@ -166,6 +169,7 @@ class _Study:
     executor: Executor | None
     progress: ProgressReporter
     force: bool
+    panel: WhatIf | str = ""
 
     def run(self) -> StudyResult:
         self.progress(0.0)
@@ -201,6 +205,7 @@ class _Study:
             name, citation = data.longest.name, data.longest.citation
             files += export_recommended(self.out, bench, comparison.chosen, name, citation, figures)
             doctor = self._doctor()
+            self.panel = self._panel(bench, comparison)
         self.progress(0.97)
         record = data.longest
         files += settings_of(self.config, data, self.out)
@@ -303,9 +308,7 @@ class _Study:
         r = from_rest(recorded, servo.Ts)
         at = servo.Ts * np.arange(float(len(r)))
         reference = build_reference(at, r, self.out / CACHE, f"{identifier(record.name)}Path", data.rotary)
-        noise = build_reference(
-            at, np.random.default_rng(SEED).standard_normal(len(at)), self.out / CACHE, "Noise", data.rotary
-        )
+        noise = build_reference(at, _noise(len(at)), self.out / CACHE, "Noise", data.rotary)
         plant = best.plant if best.mass > 0.0 else replace(best.plant, mass=servo.mass or 0.0)
         v0 = float((r[1] - r[0]) / servo.Ts)
         trajectory = Trajectory(
@@ -344,6 +347,13 @@ class _Study:
         steps = next_steps(bench, found.chosen, found.recommended, [model.row for model in models], units)
         return replace(found, recommendation=replace(found.recommendation, next_steps=steps))
 
+    def _panel(self, bench: Bench, comparison: Comparison) -> WhatIf | str:
+        """Return the axis for the what-if panel of the report, or why there is none."""
+        runs = [(comparison.rows[0], Scheme(bench.servo))]
+        if comparison.recommended is not comparison.rows[0]:
+            runs.insert(0, (comparison.recommended, comparison.chosen))
+        return panel_of(bench, runs, _noise(len(bench.r)))
+
     def _doctor(self) -> tuple[ConditionResult, ...]:
         """Return the conditions of the exported axis, violated ones first."""
         with System.from_ssp(self.out / OWN / "axis.ssp") as system:
@@ -358,6 +368,11 @@ class _Study:
 
     def _run(self, steps: Sequence[Step], begin: float, end: float) -> list[Any]:
         return run_steps(steps, self.store, self.executor, self.progress.steps(begin, end, len(steps)))
+
+
+def _noise(samples: int) -> Array:
+    """Return the noise of the measured position with standard deviation 1."""
+    return np.random.default_rng(SEED).standard_normal(samples)
 
 
 __all__ = ["StudyError", "run_study"]

@@ -52,6 +52,9 @@ _CROSS = (
 PLATFORMS: Final[Mapping[str, Platform]] = {platform.folder: platform for platform in _CROSS}
 """All platforms by name."""
 
+WASM: Final = Platform("wasm32", ".wasm", ("wasm32-wasi",))
+"""A WebAssembly module. FMI has no such platform, so that it is not in `PLATFORMS`; `harness.wasm` builds it."""
+
 
 def select(names: tuple[str, ...]) -> tuple[Platform, ...]:
     """Return the platforms with these names.
@@ -125,7 +128,7 @@ def _linked(target: str | None, units: Mapping[str, Mapping[str, str]], library:
 
     with ThreadPoolExecutor(available()) as pool:
         objects = dict(zip(units, pool.map(make, units), strict=True))
-    flags = " ".join(toolchain.unused_flags(target))
+    flags = " ".join(toolchain.object_flags(target))
     digest = _digest(
         target, f"{library} {flags}", {unit: hashlib.sha256(data).hexdigest() for unit, data in objects.items()}
     )

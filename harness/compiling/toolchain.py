@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import platform
+import re
 import shlex
 import subprocess
 import sys
@@ -27,6 +28,21 @@ SECTIONS = ("-ffunction-sections", "-fdata-sections")
 """Flags of object files, so that the linker can remove what nothing calls."""
 QUIET = ("-w",)
 """Flag for files of other tools."""
+
+_EXPORTS = (
+    *("malloc", "free", "fmi2FreeInstance", "fmi2SetupExperiment", "fmi2EnterInitializationMode"),
+    *("fmi2ExitInitializationMode", "fmi2Reset", "fmi2DoStep", "fmi2SetRealInputDerivatives", "fmi2FreeFMUstate"),
+    *(f"fmi2{verb}{kind}" for verb in ("Get", "Set") for kind in ("Real", "Integer", "Boolean", "FMUstate")),
+)
+"""What a WebAssembly module exports beside its memory and the functions of ``fmu_src/wasm``."""
+
+_WASM_LINK_FLAGS = (
+    *("-mexec-model=reactor", "-Os", "-s"),
+    "-Wl,-z,stack-size=1048576",  # the stack lies below all data, so that an overflow is an error
+    *(f"-Wl,--export={name}" for name in _EXPORTS),
+)
+_SMALL = tuple(f"-D{name}=wasm_{name}" for name in ("snprintf", "vsnprintf", "exp2", "log"))
+"""Functions of the C library that would make a module much larger, and have substitutes in ``fmu_src/wasm``."""
 
 
 def cache_folder() -> Path:
@@ -102,7 +118,20 @@ def identity(target: str | None = None) -> str:
     """Return everything that determines the compiled bytes for given sources."""
     command = compiler(target)
     shown = command if target is None and os.environ.get("CC") else ["zig", *command[1:]]  # without its folder
-    return "\n".join([*shown, _version(tuple(command)), *FLAGS, *LINK_FLAGS])
+    link = _WASM_LINK_FLAGS if _is_wasm(target) else LINK_FLAGS
+    return "\n".join([*shown, _version(tuple(command)), *_flags(target), *link])
+
+
+def _is_wasm(target: str | None) -> bool:
+    return "wasm" in (target or "")
+
+
+def _flags(target: str | None, *, own: bool = True) -> list[str]:
+    """Return the flags for a file of this project, or of another tool."""
+    if not _is_wasm(target):
+        return [*FLAGS]
+    replaced = {"-O2": ("-Os",), "-fPIC": ()}  # a module is downloaded, and never moved in memory
+    return [*(flag for given in FLAGS for flag in replaced.get(given, (given,))), *(_SMALL if own else ())]
 
 
 def compile_library(
@@ -129,7 +158,7 @@ def compile_library(
         If the file does not compile; the message quotes the compiler's first error.
     """
     include = ["-isystem", str(header_folder())] if headers else []
-    command = [*compiler(target), *FLAGS, *include, source, "-o", str(library), *_link_flags(library, target)]
+    command = [*compiler(target), *_flags(target), *include, source, "-o", str(library), *_link_flags(library, target)]
     _run(folder, command, f"{source} does not compile", target)
 
 
@@ -137,7 +166,7 @@ def compile_object(folder: Path, source: str, output: Path, *, warns: bool = Tru
     """Compile a C file that includes the FMI headers to an object file; see `compile_library`."""
     command = [
         *compiler(target),
-        *FLAGS,
+        *_flags(target, own=warns),
         *SECTIONS,
         *QUIET[warns:],
         "-isystem",  # the headers of FMI 3.0 have function types without prototype
@@ -152,17 +181,23 @@ def compile_object(folder: Path, source: str, output: Path, *, warns: bool = Tru
 
 def link_library(folder: Path, objects: Sequence[str], library: Path, *, target: str | None = None) -> None:
     """Link object files to a shared library; see `compile_library`."""
-    command = [*compiler(target), *objects, "-o", str(library), *_link_flags(library, target), *unused_flags(target)]
-    _run(folder, command, f"{library.name} cannot be linked", target)
+    command = [*compiler(target), *objects, "-o", str(library), *_link_flags(library, target), *object_flags(target)]
+    _run(folder, command, f"{library.name} cannot be linked; correct the sources of its parts", target)
 
 
-def unused_flags(target: str | None) -> tuple[str, ...]:
-    """Return the flags with which the linker removes what nothing calls."""
-    apple = "macos" in (target or "") or (target is None and sys.platform == "darwin")
-    return ("-Wl,-dead_strip",) if apple else ("-Wl,--gc-sections",)
+def object_flags(target: str | None) -> tuple[str, ...]:
+    """Return the flags with which the linker removes what nothing calls, and finds what nothing defines."""
+    name = target or sys.platform
+    if "macos" in name or name == "darwin":
+        return ("-Wl,-dead_strip",)
+    # under Windows a missing function is an error anyway; a sanitizer defines its own in the program
+    strict = "linux" in name and not any(flag.startswith("-fsanitize") for flag in compiler(target))
+    return ("-Wl,--gc-sections", *(("-Wl,-z,defs",) if strict else ()))
 
 
 def _link_flags(library: Path, target: str | None) -> list[str]:
+    if _is_wasm(target):
+        return [*_WASM_LINK_FLAGS]
     if "linux" in (target or sys.platform):
         return [*LINK_FLAGS, "-Wl,--build-id=none"]
     if "macos" in (target or "") or sys.platform == "darwin":
@@ -174,5 +209,6 @@ def _run(folder: Path, command: Sequence[str], what: str, target: str | None) ->
     _version(tuple(compiler(target)))
     run = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
     if run.returncode != 0:
-        complaints = [line for line in run.stderr.splitlines() if "error" in line] or run.stderr.splitlines()
+        lines = run.stderr.splitlines()
+        complaints = [line for line in lines if re.search("error|undefined|multiple definition", line)] or lines
         raise BuildError(f"{what}: {complaints[0] if complaints else 'the compiler failed'}")

@@ -10,7 +10,7 @@ from typing import Any
 
 from lxml import etree
 
-from harness.composite.exchange import states
+from harness.composite.exchange import reinitialised, states
 from harness.composite.variables import Variable
 from harness.errors import BuildError
 from harness.parts.fmu import FmuPart
@@ -107,8 +107,9 @@ def composite_description(
     etree.SubElement(root, "DefaultExperiment", {name: _number(value) for name, value in times.items()})
     listed = etree.SubElement(root, "ModelVariables")
     places = {variable.name: i for i, variable in enumerate(variables, start=1)}
+    jumping = {f"{fmu.name}.{state}" for fmu in fmus if texts.exchanges for state in reinitialised(fmu)}
     for reference, variable in enumerate(variables):
-        _variable(listed, variable, reference, types, places)
+        _variable(listed, variable, reference, types, places, variable.inner in jumping)
     structure = etree.SubElement(root, "ModelStructure")
     outputs = [(i, v) for i, v in enumerate(variables, start=1) if v.causality == "output"]
     _unknowns(structure, "Outputs", ((i, dependencies[v.name]) for i, v in outputs))
@@ -220,7 +221,12 @@ def _types(root: etree._Element, variables: Sequence[Variable]) -> set[str]:
 
 
 def _variable(
-    parent: etree._Element, variable: Variable, reference: int, types: set[str], places: Mapping[str, int]
+    parent: etree._Element,
+    variable: Variable,
+    reference: int,
+    types: set[str],
+    places: Mapping[str, int],
+    jumps: bool,
 ) -> None:
     port = variable.port
     attributes = {"name": variable.name, "valueReference": str(reference)}
@@ -250,6 +256,8 @@ def _variable(
         typed["start"] = convert(float(variable.start))
     if variable.state:
         typed["derivative"] = str(places[variable.state])
+    if jumps:
+        typed["reinit"] = "true"
     etree.SubElement(scalar, port.type, typed)
 
 

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from lxml import etree
+
 from harness.parts.fmu import FmuPart
+from harness.storage.zip_file import open_zip, read_zip
 from harness.system.assembly import Assembly
 
 
@@ -27,6 +30,18 @@ def states(part: FmuPart) -> dict[str, str]:
     """Return the derivatives of an FMU by name, each with its state, in the order of its state vector."""
     found = (unknown.variable for unknown in part.archive.description.derivatives)
     return {variable.name: variable.derivative.name for variable in found}
+
+
+def reinitialised(part: FmuPart) -> set[str]:
+    """Return the states of an FMU that its events may change, which fmpy does not read."""
+    with open_zip(part.path) as archive:
+        root = etree.fromstring(read_zip(archive, "modelDescription.xml"))
+    scalars = root.iterfind("ModelVariables/ScalarVariable")
+    return {
+        str(scalar.get("name"))
+        for scalar in scalars
+        if any(real.get("reinit") in ("true", "1") for real in scalar.iterfind("Real"))
+    }
 
 
 def inner_name(part: str, own: str) -> str:

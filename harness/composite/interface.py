@@ -157,7 +157,7 @@ def choose_interface(
             owner, port_name = split_name(name)
             find_part(system.parts, owner, "inputs")
             raise UnknownNameError(f"'{owner}' has no input '{port_name}' (in inputs): {nearest(name, free)}")
-    shown = recorded_names(system.parts, ("*",) if outputs is None else outputs)
+    shown = recorded_names(system.parts, ("*",) if outputs is None else outputs, "outputs")
     known = {f"{part.name}.{port.name}" for part in system.parts.values() for port in part.outputs}
     for name in shown:
         if name not in known:

@@ -19,7 +19,7 @@ from harness.composite.description import Texts, composite_description
 from harness.composite.diagram import loop_icon
 from harness.composite.documentation import documentation
 from harness.composite.exchange import exchange_fault
-from harness.composite.interface import check_parts, choose_interface, opened, without_sources
+from harness.composite.interface import OpenSystem, check_parts, choose_interface, opened, without_sources
 from harness.composite.tables import table_file
 from harness.composite.terminals import FOLDER as TERMINALS
 from harness.composite.terminals import composite_terminals
@@ -29,6 +29,7 @@ from harness.errors import BuildError, ExperimentError
 from harness.fmi3 import fmi_3
 from harness.parts.feedthrough import find_feedthrough
 from harness.parts.fmu import FmuPart
+from harness.run import run
 from harness.storage.atomic import atomic_path
 from harness.storage.zip_file import zipped
 from harness.system.assembly import Assembly
@@ -36,6 +37,8 @@ from harness.system.experiment import COUPLING_TOLERANCE, LOOP_TOLERANCE, STEP_T
 from harness.system.graph import check_loops, stepping_order
 from harness.system.initialisation import start_order
 from harness.system.layout import make_plan
+from harness.values import is_number
+from harness.wasm import is_wasm, wasm_model, write_package
 
 MASTERS: Final = ("newton", "adaptive")
 """Masters that a composite FMU can contain."""
@@ -56,13 +59,20 @@ def compose(
     fmi: int = 2,
 ) -> None:
     """Write a system as one FMU; see `System.to_fmu`."""
-    identifier = path.stem if name is None else name
+    for key, names in {"inputs": inputs, "outputs": outputs, "platforms": platforms}.items():
+        if isinstance(names, str):
+            raise BuildError(f"{key} is the text {names!r}: give a list of names")
+    if fmi not in (2, 3):
+        raise BuildError(f"a composite FMU cannot be of FMI {fmi}: give 2 or 3")
+    wasm = is_wasm(platforms, fmi)
+    _check_path(path, system, folder=wasm)
+    identifier = path.stem.removesuffix("-wasm") if name is None else name
     if not re.fullmatch(r"[A-Za-z_]\w{0,99}", identifier, re.ASCII):
         raise BuildError(
             f"{identifier!r} cannot be the name of an FMU: give a name of letters, digits and _, with a letter first"
         )
     experiment = _experiment(system, step, master)
-    targets = select(tuple(platforms))
+    targets = () if wasm else select(tuple(platforms))
     inner, taken = without_sources(system, inputs)
     check_parts(inner)
     interface = choose_interface(inner, taken, inputs, outputs)
@@ -71,6 +81,7 @@ def compose(
         raise BuildError(f"the start value {texts[0]} is a text, which a composite FMU cannot set: remove it")
     codes = part_codes(inner.parts, identifier)
     find_feedthrough(system, experiment)
+    _start(inner, experiment)
     whole = opened(inner, interface)
     source = next((part for part in whole.parts if part not in inner.parts), None)
     order = [part for part in experiment.order or stepping_order(system.parts, system.wires) if part in inner.parts]
@@ -84,13 +95,14 @@ def compose(
     variables = composite_variables(inner, interface, exchanges=exchanges)
     tolerance = experiment.loop_tolerance or LOOP_TOLERANCE
     error = (experiment.coupling_tolerance or COUPLING_TOLERANCE) if experiment.master == "adaptive" else 0.0
-
     doubt = experiment.step_tolerance or STEP_TOLERANCE
 
     def tables(guid: str) -> str:
         return table_file(identifier, guid, whole, plan, start, codes, variables, error, tolerance, doubt)
 
     files = {**_shell(), **{key: text for code in codes.values() for key, text in code.sources.items()}}
+    if f"{identifier}.c" in files:
+        raise BuildError(f"{identifier!r} is also the name of a source of a part: give the FMU another name")
     units = (f"{identifier}.c", *dict.fromkeys(key for code in codes.values() for key in code.wrappers))
     made = _time_stamp(system)
 
@@ -117,10 +129,30 @@ def compose(
     for target in targets if fmi == 2 else ():
         members[f"binaries/{target.folder}/{identifier}{target.suffix}"] = linked(target, compiling, identifier, quiet)
     content = zipped(members, made)
+    if wasm:
+        write_package(wasm_model(content, quiet), path)
+        return
     if fmi == 3:
         content = fmi_3(content, targets, quiet=quiet)
     with atomic_path(path) as temporary:
         temporary.write_bytes(content)
+
+
+def _check_path(path: Path, system: Assembly, *, folder: bool) -> None:
+    """Raise an error if the FMU or its folder cannot have this path, or would replace a part of its own."""
+    if folder and path.suffix.lower() == ".fmu":
+        raise BuildError(f"the platform wasm32 makes a folder, but {path} names an FMU: give {path.stem}-wasm")
+    if not folder and path.suffix.lower() != ".fmu":
+        raise BuildError(f"{path} is not the name of an FMU: give a name that ends in .fmu")
+    for part in system.parts.values():
+        if isinstance(part, FmuPart) and part.path.resolve() == path.resolve():
+            raise BuildError(f"{path} is the part '{part.name}' of the system: give the FMU another name")
+
+
+def _start(system: OpenSystem, experiment: Experiment) -> None:
+    """Start the parts once: an FMU with start values that a part rejects could not be used."""
+    inner = [wire for wire in system.wires if wire.ends[0][0] in system.parts]
+    run(replace(system, wires=inner), replace(experiment, stop=experiment.start, order=(), record=()))
 
 
 def _experiment(system: Assembly, step: float | None, master: str | None) -> Experiment:
@@ -134,7 +166,7 @@ def _experiment(system: Assembly, step: float | None, master: str | None) -> Exp
     if master is not None and master not in MASTERS:
         raise BuildError(f"a composite FMU cannot contain the master {master!r}: give newton or adaptive")
     experiment = system.experiment
-    if step is not None and not 0.0 < step < math.inf:
+    if step is not None and not (is_number(step) and 0.0 < step < math.inf):
         raise ExperimentError(f"the step is {step} s: give a positive number of seconds")
     if experiment is None and step is None:
         raise ExperimentError(f"the system '{system.name}' has no experiment: give a step")

@@ -1,18 +1,18 @@
 /* Step checks of the implicit masters. A loop may converge at every step and still be wrong: a mass on a spring that
    oscillates many times within a step amplifies small errors. Some steps are therefore solved a second time, in two
    halves: at scheduled ticks, and where a value is far from its prediction. If the mean or the end value of a line
-   differs by more than `doubt` (0.02) times its magnitude, the step is divided, and the following steps are checked until
-   undivided steps agree with their halves again. A step that passes its check keeps its values bit for bit. */
+   differs by more than `doubt` (0.02) times its magnitude, the step is divided, and the following steps are checked
+   until undivided steps agree with their halves again. A step that passes its check keeps its values bit for bit. */
 
 #ifndef STEP_CHECK_H
 #define STEP_CHECK_H
 
 #include "quasi_newton.h"
 
-#define AT_START 10.0 /* factor of `doubt` in the first EARLY ticks of a value that starts at 0: its size is unknown */
-#define SURPRISE 0.05 /* of the magnitude, between an unknown and its linear prediction */
-#define LEAP     1.5  /* over the largest magnitude so far */
-#define HOPELESS 30.0 /* root of the sum of the squares of the unresolved errors, over the magnitude */
+#define AT_START        10.0 /* factor of `doubt` in the first EARLY ticks of a value that starts at 0 */
+#define SURPRISE        0.05 /* of the magnitude, between an unknown and its linear prediction */
+#define LEAP            1.5  /* over the largest magnitude so far */
+#define HOPELESS        30.0 /* root of the sum of the squares of the unresolved errors, over the magnitude */
 #define MOST_UNRESOLVED 40.0 /* sum of the shares of their steps */
 #define AMPLIFIED       4.0  /* ratio of error to tolerance that an amplified value counts as */
 enum { CHECK_EVERY = 512, CHECK_SOON = 16, ALARM = 4, MOST_PATIENCE = 64, SOON = 16, MOST_RECURRENCES = 8, EARLY = 8 };
@@ -115,10 +115,10 @@ static int solve_halves(Engine *e, Newton *newton, int64_t number, const Span *s
     return status;
 }
 
-/* Return the largest difference between a span and its halves over the tolerated one. If the solution lies at a jump, the unknown
-   is the holding force: only its mean counts, and the values beyond the jump are rounding errors. Keep the error that
-   would remain: the mean counts over the whole step, of which the span is a part. An instantaneous event, such as a
-   mass that stops, is never resolved, but does not matter in a span that is short enough. */
+/* Return the largest difference between a span and its halves over the tolerated one. If the solution lies at a jump,
+   the unknown is the holding force: only its mean counts, and the values beyond the jump are rounding errors. Keep the
+   error that would remain: the mean counts over the whole step, of which the span is a part. An instantaneous event,
+   such as a mass that stops, is never resolved, but does not matter in a span that is short enough. */
 static double difference(const Engine *e, Newton *newton, int64_t number, const Span *s, const double *whole,
                          const double *halves, bool jumped, bool early)
 {

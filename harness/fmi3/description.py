@@ -31,8 +31,8 @@ class Traits:
     ----------
     token : str
         Instantiation token.
-    sampling_time : str or None
-        Start value of Ts, in s, if the FMU takes its samples at the ticks of a clock.
+    sampled : bool
+        Whether the FMU takes its samples at the ticks of a clock.
     references : int
         Number of value references in FMI 2.0. The event indicators and the clock have the next two.
     indicators : int
@@ -40,7 +40,7 @@ class Traits:
     """
 
     token: str
-    sampling_time: str | None
+    sampled: bool
     references: int
     indicators: int
 
@@ -70,8 +70,8 @@ def description_3(old: etree._Element, variables: Sequence[Variable], traits: Tr
     names = {v.name for v in variables}
     if traits.indicators:
         _indicators(listed, traits, names)
-    if traits.sampling_time is not None:
-        _clock(listed, traits, traits.sampling_time, names)
+    if traits.sampled:
+        _clock(listed, traits, names)
     structure = etree.SubElement(root, "ModelStructure")
     for group, name in (
         ("Outputs", "Output"),
@@ -95,7 +95,7 @@ def _kinds(root: etree._Element, old: etree._Element, traits: Traits) -> None:
         etree.SubElement(root, "ModelExchange", {"modelIdentifier": identifier, **flags})
     flags = _flags(simulation, _SIMULATION)
     flags |= {"providesIntermediateUpdate": "true", "canReturnEarlyAfterIntermediateUpdate": "true"}
-    if traits.sampling_time is not None:
+    if traits.sampled:
         flags |= {"hasEventMode": "true", "mightReturnEarlyFromDoStep": "true"}
     etree.SubElement(root, "CoSimulation", {"modelIdentifier": identifier, **flags})
 
@@ -133,6 +133,8 @@ def _variable(parent: etree._Element, v: Variable, by_index: Sequence[Variable],
     attributes = {key: str(value) for key, value in given.items() if value is not None}
     if v.type == "UInt64":
         attributes["causality"] = "structuralParameter"
+    if v.is_intermediate:
+        attributes["intermediateUpdate"] = "true"
     attributes |= _texts(typed)
     if v.type == "Int32":
         attributes.pop("declaredType", None)  # an enumeration, which is an integer here
@@ -168,7 +170,8 @@ def _indicators(parent: etree._Element, traits: Traits, names: set[str]) -> None
     etree.SubElement(element, "Dimension", start=str(traits.indicators))
 
 
-def _clock(parent: etree._Element, traits: Traits, interval: str, names: set[str]) -> None:
+def _clock(parent: etree._Element, traits: Traits, names: set[str]) -> None:
+    """Add the clock. Importers ask for its interval: an attribute intervalDecimal would permit them to set it."""
     etree.SubElement(
         parent,
         "Clock",
@@ -177,7 +180,6 @@ def _clock(parent: etree._Element, traits: Traits, interval: str, names: set[str
         description="ticks at the samples, every Ts",
         causality="input",
         intervalVariability="fixed",
-        intervalDecimal=interval,
     )
 
 

@@ -124,15 +124,14 @@ def _assemble(
     references = 1 + max(int(str(each.get("valueReference"))) for each in scalars)
     indicators = int(old.get("numberOfEventIndicators") or 0)
     sampled = re.search(r"^#define SAMPLED\b", files[f"{identifier}.c"], re.M) is not None
-    sampling_time = next((str(v.typed.get("start")) for v in variables if v.name == "Ts"), None) if sampled else None
 
     def source(token: str) -> str:
         return _source(old, identifier, token, variables, references, indicators, sampled)
 
-    traits = Traits("", sampling_time, references, indicators)
+    traits = Traits("", sampled, references, indicators)
     token = guid_of(files, source(""), description_3(old, variables, traits).decode())
     files[main] = source(token)
-    traits = Traits(token, sampling_time, references, indicators)
+    traits = Traits(token, sampled, references, indicators)
     made = {
         name: data
         for name, data in members.items()
@@ -168,11 +167,11 @@ def _source(
 ) -> str:
     """Return the C file with the tables."""
     rows = [
-        f"    [{v.reference}] = {{IS_{v.type.upper()}, {str(v.size is not None).lower()}, {len(v.elements)}}},"
+        f"    [{v.reference}] = {_row(v.type, v.size is not None, v.is_intermediate, len(v.elements))},"
         for v in sorted(variables, key=lambda each: each.reference)
     ]
-    rows += [f"    [INDICATORS_REFERENCE] = {{IS_FLOAT64, false, {indicators}}},"] if indicators else []
-    rows += ["    [CLOCK_REFERENCE] = {IS_CLOCK, false, 1},"] if sampled else []
+    rows += [f"    [INDICATORS_REFERENCE] = {_row('Float64', False, False, indicators)},"] if indicators else []
+    rows += [f"    [CLOCK_REFERENCE] = {_row('Clock', False, False, 1)},"] if sampled else []
     of_scalar = {int(str(each.get("valueReference"))): v for v in variables for each in v.elements}
     scalars = old.findall("ModelVariables/ScalarVariable")
     states: list[int] = []
@@ -196,12 +195,26 @@ def _source(
     )
 
 
+def _row(kind: str, resized: bool, intermediate: bool, length: int) -> str:
+    """Return a `Variable3` in C."""
+    flags = (kind == "Float64" and length == 1, resized, intermediate)
+    return f"{{IS_{kind.upper()}, {', '.join(str(flag).lower() for flag in flags)}, {length}}}"
+
+
 def _build_description(identifier: str, compiled: Sequence[str]) -> bytes:
     root = etree.Element("fmiBuildDescription", fmiVersion="3.0")
     configuration = etree.SubElement(root, "BuildConfiguration", modelIdentifier=identifier)
     files = etree.SubElement(configuration, "SourceFileSet", language="C99")
     for name in compiled:
         etree.SubElement(files, "SourceFile", name=name)
+    etree.SubElement(
+        files,
+        "PreprocessorDefinition",
+        name="FMI3_OVERRIDE_FUNCTION_PREFIX",
+        value="",
+        optional="true",
+        description=f"for a shared library; in a static one, the functions have the prefix {identifier}_",
+    )
     return bytes(etree.tostring(root, xml_declaration=True, encoding="UTF-8", pretty_print=True))
 
 

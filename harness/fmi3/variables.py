@@ -52,6 +52,12 @@ class Variable:
     size: int | None = None
 
     @property
+    def is_intermediate(self) -> bool:
+        """Whether an importer may read it in an intermediate update: a result that is continuous in time."""
+        causality, variability = self.elements[0].get("causality"), self.elements[0].get("variability")
+        return self.type == "Float64" and causality in (None, "local", "output") and variability in (None, "continuous")
+
+    @property
     def typed(self) -> etree._Element:
         """The element of the first one in FMI 2.0 that holds type, start value and limits."""
         return self.elements[0][0]

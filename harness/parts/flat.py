@@ -85,6 +85,8 @@ class Flat:
         Start value of each element, or 0; NaN if none is stated as the size of the array was changed.
     elements_of : mapping of str to tuple of str
         Names of the elements of each variable.
+    others : mapping of str to str
+        Types of the variables that are no ports, clocks and binaries.
     """
 
     arrays: tuple[Array, ...]
@@ -92,6 +94,7 @@ class Flat:
     clocks: tuple[Any, ...]
     starts: tuple[float, ...]
     elements_of: Mapping[str, tuple[str, ...]]
+    others: Mapping[str, str]
 
     def names(self, array: Array) -> tuple[str, ...]:
         """Return the names of the elements."""
@@ -149,7 +152,8 @@ def flatten(path: Path, description: Any, sizes: Mapping[str, int]) -> tuple[Any
         if len(scalars) > MOST_ELEMENTS:
             raise FmuError(f"{path} has more than {MOST_ELEMENTS} elements of variables: choose smaller arrays")
     names = {name: tuple(str(each.name) for each in own) for name, own in of_name.items()}
-    flat = Flat(tuple(arrays), len(scalars), _clocks(path, description), tuple(starts), names)
+    others = {v.name: v.type for v in description.modelVariables if v.type not in _PORT}
+    flat = Flat(tuple(arrays), len(scalars), _clocks(path, description), tuple(starts), names, others)
     return _description(description, scalars, of_name), flat
 
 

@@ -109,8 +109,8 @@ class FmuPart(Part):
 
     def _describe(self, archive: Archive) -> None:
         """Store what the description says."""
-        self.archive = archive
-        ports, variables = self.archive.ports, self.archive.variables
+        self.archive, ports, variables = archive, archive.ports, archive.variables
+        self.others = {} if archive.flat is None else archive.flat.others
         numeric = [name for name in ports if ports[name].type != "String"]
         self.inputs = tuple(ports[name] for name in numeric if variables[name].causality == "input")
         self.outputs = tuple(ports[name] for name in numeric if variables[name].causality == "output")

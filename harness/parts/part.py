@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from types import MappingProxyType
 from typing import Final, Literal, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
-from harness.errors import HarnessError
+from harness.errors import HarnessError, nearest
 from harness.notebook import part_html, part_text
 from harness.units import BaseUnit
 
@@ -147,6 +148,8 @@ class Part(ABC):
         Whether an input with neither a connection nor a given value is an error, even if the part states a start value.
     saves : bool
         Whether the state can be saved and restored.
+    others : mapping of str to str
+        Types of its variables that are no ports, by name.
     sampled : bool
         Whether the outputs change only at the beginning of a step (controllers, estimators).
     every : int
@@ -169,8 +172,15 @@ class Part(ABC):
     parameters: tuple[Port, ...] = ()
     observables: tuple[Port, ...] = ()
     dependencies: Mapping[str, frozenset[str]]
+    others: Mapping[str, str] = MappingProxyType({})
     sampled: bool = False
     every: int = 1
+
+    def hint(self, name: str, known: Iterable[str]) -> str:
+        """Return why a name is none of the known ones, or which of these is the most similar."""
+        if kind := self.others.get(name):
+            return f"it is of the type {kind}, which cannot be connected, set or recorded"
+        return nearest(name, known)
 
     def __repr__(self) -> str:
         """Return the kind, the name and the numbers of variables."""

@@ -16,7 +16,7 @@ from harness.system.plan import Plan
 from harness.system.wire import find_part, split_name, wire_map
 
 
-def recorded_names(parts: Mapping[str, Part], patterns: Iterable[str]) -> list[str]:
+def recorded_names(parts: Mapping[str, Part], patterns: Iterable[str], context: str = "record") -> list[str]:
     """Return the names of the variables that match patterns.
 
     Parameters
@@ -25,6 +25,8 @@ def recorded_names(parts: Mapping[str, Part], patterns: Iterable[str]) -> list[s
         All parts by name.
     patterns : iterable of str
         Full names ``part.port`` of any readable variables, or patterns with ``*`` and ``?`` for outputs.
+    context : str
+        Where the patterns come from, for messages.
 
     Returns
     -------
@@ -42,10 +44,10 @@ def recorded_names(parts: Mapping[str, Part], patterns: Iterable[str]) -> list[s
         if "*" in pattern or "?" in pattern:
             meant = matching(pattern, outputs)
             if not meant and pattern != "*":
-                raise UnknownNameError(f"no output matches '{pattern}' (in record): {nearest(pattern, outputs)}")
+                raise UnknownNameError(f"no output matches '{pattern}' (in {context}): {nearest(pattern, outputs)}")
             found.update(dict.fromkeys(meant))
         else:
-            find_port(parts, pattern, "record")
+            find_port(parts, pattern, context)
             found[pattern] = None
     return list(found)
 
@@ -63,7 +65,7 @@ def find_port(parts: Mapping[str, Part], dotted: str, context: str) -> Port:
     ports = {port.name: port for port in (*part.inputs, *part.outputs, *part.observables)}
     if port_name not in ports:
         raise UnknownNameError(
-            f"'{part_name}' has no variable '{port_name}' (in {context}): {nearest(port_name, ports)}"
+            f"'{part_name}' has no variable '{port_name}' (in {context}): {part.hint(port_name, ports)}"
         )
     return ports[port_name]
 

@@ -17,7 +17,6 @@ from harness.errors import (
     UnconnectedError,
     UnknownNameError,
     WireError,
-    nearest,
 )
 from harness.notebook import system_html, system_text
 from harness.parts.fmu import FmuPart
@@ -304,7 +303,7 @@ class System(StoredSystem):
                 continue
             if name in {port.name for port in (*part.outputs, *part.observables)}:
                 raise StartValueError(f"{dotted} is computed by its part: set a parameter or an input instead")
-            raise UnknownNameError(f"'{owner}' has no input or parameter '{name}': {nearest(name, settable)}")
+            raise UnknownNameError(f"'{owner}' has no input or parameter '{name}': {part.hint(name, settable)}")
 
     def _keep_stated(self) -> None:
         """Give unconnected inputs of FMUs of other tools the start values that the FMUs state."""

@@ -128,7 +128,7 @@ def _end(parts: Mapping[str, Part], wire: Wire, dotted: str, role: str) -> Port:
             f"{dotted} is one of the {other} of '{part_name}' (in connection {wire}): connect an output to an input"
         )
     raise UnknownNameError(
-        f"'{part_name}' has no '{port_name}' among its {role} (in connection {wire}): {nearest(port_name, ports)}"
+        f"'{part_name}' has no '{port_name}' among its {role} (in connection {wire}): {part.hint(port_name, ports)}"
     )
 
 

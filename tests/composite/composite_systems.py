@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +16,8 @@ from harness import Experiment, FmuPart, HarnessError, SeriesPart, System, Wire
 from harness.units import units_agree
 
 STEP = 1e-3
+BINARY_STEP = 2.0**-10
+"""A step whose halves and sums are exact, so that an importer and the harness compute the same lengths."""
 
 POOL = (
     *("Mass", "TwoMass", "LuGre", "Dahl", "Viscous", "MaxwellSlip", "ElastoPlastic", "Actuator"),
@@ -37,6 +40,16 @@ def run_parts(system: System, stop: float, master: str = "newton") -> dict[str, 
     return {str(name): result[name].to_numpy() for name in result.data_vars}
 
 
+def divided(system: System, parts: int) -> System:
+    """The system with a grid that contains points between its grid points, and the same sample times."""
+    for part in system.parts.values():
+        if isinstance(part, FmuPart) and not part.moves:
+            part.every *= parts
+    assert system.experiment is not None
+    experiment = replace(system.experiment, step=system.experiment.step / parts)
+    return System(system.parts.values(), system.wires, system.start, experiment)
+
+
 def differing(found: Mapping[str, np.ndarray], expected: Mapping[str, np.ndarray], every: int = 1) -> list[str]:
     """The outputs that are not equal bit for bit."""
     return [name for name in found if not np.array_equal(found[name], expected[name][::every], equal_nan=True)]
@@ -45,6 +58,7 @@ def differing(found: Mapping[str, np.ndarray], expected: Mapping[str, np.ndarray
 @st.composite
 def random_systems(draw: st.DrawFn) -> System:
     """Systems of 2 to 8 parts with loops, sampled and continuous parts, delays, gains and offsets."""
+    step = draw(st.sampled_from((STEP, BINARY_STEP)))
     models = draw(st.lists(st.sampled_from(POOL), min_size=2, max_size=8))
     parts: list[FmuPart | SeriesPart] = [
         FmuPart(f"p{k}", fmu(model), every=draw(st.sampled_from((1, 1, 1, 2, 3)))) for k, model in enumerate(models)
@@ -95,18 +109,27 @@ def random_systems(draw: st.DrawFn) -> System:
                 start[name] = bool(port.start)
         if isinstance(part, FmuPart):
             sample_time = [port.name for port in part.parameters if port.name == "Ts"]
-            start |= {f"{part.name}.{name}": part.every * STEP for name in sample_time}
-    return System(parts, wires, start, Experiment(stop=0.05, step=STEP), name="random")
+            start |= {f"{part.name}.{name}": part.every * step for name in sample_time}
+    return System(parts, wires, start, Experiment(stop=50 * step, step=step), name="random")
 
 
 def equal_or_both_fail(system: System, path: Path, every: int) -> None:
     """Compare a system in the harness with its composite FMU; errors of a run must occur in both."""
+    assert system.experiment is not None
+    step = system.experiment.step
+    compare(system, path, 48 * step, every * step, every)
+    if step == BINARY_STEP and not any(wire.delay for wire in system.wires):  # delays count steps
+        compare(divided(system, 2), path, 48 * step, 0.5 * step, 1)
+
+
+def compare(system: System, path: Path, stop: float, step: float, every: int) -> None:
+    """Compare a composite FMU, run with a step of `every` steps of the system, with the system."""
     try:
-        expected = run_parts(system, 0.048)
+        expected = run_parts(system, stop)
     except HarnessError:
         expected = None
     try:
-        found = run_composite(path, 0.048, every * STEP)
+        found = run_composite(path, stop, step)
     except HarnessError as error:
         assert expected is None, error
         return

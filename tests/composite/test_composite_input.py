@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+import shutil
 import subprocess
 import sys
 from collections.abc import Callable
@@ -26,11 +28,16 @@ EXAMPLES = Path(__file__).parents[2] / "examples"
         ({"inputs": ["axis.F"]}, ["no part 'axis'"]),
         ({"outputs": ["mass.x", "mass.x"]}, ["mass.x", "listed twice"]),
         ({"outputs": ["friction.Fs"]}, ["friction.Fs", "not an output"]),
-        ({"outputs": ["friction.Q*"]}, ["friction.Q*"]),
+        ({"outputs": ["friction.Q*"]}, ["friction.Q*", "in outputs"]),
+        ({"outputs": ["friction.q"]}, ["'q'", "in outputs"]),
+        ({"inputs": "mass.F_drive"}, ["inputs", "list of names"]),
         ({"name": "2nd axis"}, ["2nd axis", "letters"]),
         ({"master": "jacobi"}, ["jacobi", "newton or adaptive"]),
         ({"platforms": ["os2"]}, ["os2"]),
         ({"step": 0.0}, ["step"]),
+        ({"step": "1e-3"}, ["step", "positive number"]),
+        ({"fmi": 1}, ["FMI 1", "2 or 3"]),
+        ({"name": "part_LuGre"}, ["part_LuGre", "another name"]),
     ],
 )
 def test_wrong_options(tmp_path: Path, options: dict[str, object], words: list[str]) -> None:
@@ -43,6 +50,31 @@ def check(message: str, words: list[str], folder: Path) -> None:
     assert all(word in message for word in words), message
     assert "\n" not in message
     assert not (folder / "axis.fmu").exists()
+
+
+def test_the_file_is_an_fmu_and_no_part_of_the_system(tmp_path: Path) -> None:
+    """A slip such as ``compose axis.toml -o axis.toml`` must not replace the system file."""
+    shutil.copy(EXAMPLES / "stick_slip.toml", tmp_path / "axis.toml")
+    with open_system(tmp_path / "axis.toml") as system, pytest.raises(HarnessError, match=r"ends in \.fmu"):
+        system.to_fmu(tmp_path / "axis.toml")
+    part = FmuPart("mass", shutil.copy(fmu("Mass"), tmp_path / "mass.fmu"))
+    with System([part], [], REST, STEPS) as system, pytest.raises(HarnessError, match="is the part 'mass'"):
+        system.to_fmu(tmp_path / "mass.fmu")
+    assert (tmp_path / "axis.toml").read_bytes() == (EXAMPLES / "stick_slip.toml").read_bytes()
+    assert (tmp_path / "mass.fmu").read_bytes() == fmu("Mass").read_bytes()
+
+
+@pytest.mark.parametrize(
+    ("start", "words"),
+    [
+        ({"mass.m": -1.0}, ["mass", "-1", "[1e-12, inf]"]),
+        ({"mass.v_support": math.nan}, ["mass", "v_support = nan"]),
+    ],
+)
+def test_start_values_that_a_part_rejects(tmp_path: Path, start: dict[str, float], words: list[str]) -> None:
+    with open_system(EXAMPLES / "stick_slip.toml") as system, pytest.raises(HarnessError) as caught:
+        system.with_start(start).to_fmu(tmp_path / "axis.fmu")
+    check(str(caught.value), words, tmp_path)
 
 
 def test_a_part_in_python(tmp_path: Path) -> None:
@@ -87,6 +119,7 @@ def broken(member: str, data: bytes) -> bytes | None:
         (lambda m, d: None if m == "sources/Mass.c" else d, {}, ["'mass'", "Mass.c"]),
         (lambda m, d: d, {"resources__table.csv": b"1"}, ["'mass'", "resources"]),
         (broken, {}, ["part_Mass.c does not compile"]),
+        (lambda m, d: b"" if m == "sources/Mass.c" else d, {}, ["cannot be linked", "Mass_fmi2"]),
     ],
 )
 def test_a_part_that_cannot_be_compiled(
@@ -108,6 +141,15 @@ def test_a_loop_that_the_master_cannot_solve(tmp_path: Path) -> None:
     with System([part], ["pid.u -> pid.f"], start, STEPS) as system, pytest.raises(HarnessError) as caught:
         system.to_fmu(tmp_path / "axis.fmu")
     check(str(caught.value), ["algebraic loop pid.u -> pid.f -> pid.u", "delay"], tmp_path)
+
+
+def test_a_loop_without_a_solution(tmp_path: Path) -> None:
+    """y = y + 1."""
+    part = FmuPart("sum", fmu("Sum"))
+    start = {f"sum.{port.name}": 1.0 for port in part.inputs if port.name != "u1"}
+    with System([part], ["sum.y -> sum.u1"], start, STEPS) as system, pytest.raises(HarnessError) as caught:
+        system.to_fmu(tmp_path / "axis.fmu")
+    check(str(caught.value), ["algebraic loop through sum.y -> sum.u1", "start values"], tmp_path)
 
 
 def test_a_reference_must_become_inputs_entirely(tmp_path: Path) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from zipfile import ZipFile
 
@@ -12,6 +13,7 @@ from composite.composite_systems import (
     STEP,
     check_random_system,
     differing,
+    divided,
     random_seed_settings,
     run_composite,
     run_parts,
@@ -38,6 +40,25 @@ def test_examples_are_equal_to_the_harness(compose: Callable[[str], Path], name:
     found = run_composite(path, 2.0, every * step)
     assert set(found) == set(expected)
     assert differing(found, expected, every) == []
+
+
+@pytest.mark.parametrize("name", [*COMPOSITES, "two_axes"])
+def test_points_between_grid_points_are_those_of_a_finer_grid(tmp_path: Path, name: str) -> None:
+    """Bit for bit against the harness with a grid that contains them, as far as no step check finds an error.
+
+    The times are binary fractions, so that the importer and the harness compute the same lengths.
+    """
+    step, stop = 2.0**-11, 2.0
+    with open_system(EXAMPLES / f"{name}.toml") as system:
+        assert system.experiment is not None
+        start = {key: step for key in system.start if key.endswith(".Ts")}
+        experiment = replace(system.experiment, stop=stop, step=step)
+        changed = System(system.parts.values(), system.wires, system.start | start, experiment)
+        changed.to_fmu(tmp_path / "axis.fmu")
+        result = divided(changed, 2).run(master="newton", record=["*"])
+    assert result.attrs["rejected"] == 0
+    found = run_composite(tmp_path / "axis.fmu", stop, 0.5 * step)
+    assert differing(found, {str(key): result[key].to_numpy() for key in result.data_vars}) == []
 
 
 def test_a_system_from_an_ssp_archive(tmp_path: Path) -> None:

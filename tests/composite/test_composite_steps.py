@@ -15,8 +15,10 @@ import pytest
 from shell.instance import DISCARD, ERROR, OK, WARNING, Instance, Library, load
 
 from friction_fmus import fmu
+from friction_fmus.cli.systems import open_system
 from harness import Experiment, FmuPart, System
 
+EXAMPLES = Path(__file__).parents[2] / "examples"
 NAMES = ("mass.x", "mass.v", "friction.F")
 
 
@@ -49,6 +51,18 @@ def test_points_between_grid_points_do_not_move_the_grid(tmp_path: Path) -> None
     found = trajectory(load(tmp_path / "smooth.fmu"), [1e-5 * tick for tick in ticks])
     error = np.abs(found - expected[ticks[1:]]).max(axis=0)
     assert (error <= 1e-9 * np.abs(expected).max(axis=0)).all()
+
+
+def test_any_points_between_grid_points_are_those_of_a_finer_grid(tmp_path: Path) -> None:
+    """Stick-slip at irregular binary fractions: bit for bit what another inner grid through these points gives."""
+    ticks = {*range(0, 40_000, 8), *np.random.default_rng(17).integers(0, 40_000, 3000).tolist()}
+    found = []
+    for step in (2.0**-10, 2.0**-11):
+        with open_system(EXAMPLES / "stick_slip.toml") as system:
+            system.to_fmu(tmp_path / f"axis{step}.fmu", name="axis", step=step)
+        found.append(trajectory(load(tmp_path / f"axis{step}.fmu"), [tick * 2.0**-14 for tick in sorted(ticks)]))
+    assert np.array_equal(*found)
+    assert np.ptp(found[0], axis=0).all()
 
 
 def test_samples_are_taken_at_the_grid_whatever_the_importer_does(compose: Callable[[str], Path]) -> None:

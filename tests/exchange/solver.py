@@ -15,6 +15,7 @@ from fmpy.fmi2 import FMU2Model, FMU2Slave
 from fmpy.simulation import instantiate_fmu
 from fmpy.sundials import CVodeSolver
 from fmpy.sundials.libraries import sundials_cvode
+from lxml import etree
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
@@ -59,6 +60,9 @@ class Exchange:
         slopes = np.diff(self.lines, append=self.lines[:, -1:]) / np.diff(nodes, append=np.inf)
         self._times = nodes.tolist()
         self._pieces = np.stack([self.lines, slopes], axis=-1).transpose(1, 0, 2).tolist()
+        reals = etree.parse(Path(folder) / "modelDescription.xml").iterfind("ModelVariables/ScalarVariable/Real")
+        self.reinitialised = [real.getparent().get("name") for real in reals if real.get("reinit") == "true"]
+        self.jumps = 0
         self.start = {self.references[name]: value for name, value in start_values.items()}
 
     def read(self, fmu: Any, names: Sequence[str]) -> list[float]:
@@ -158,12 +162,13 @@ class Exchange:
         fmu.freeInstance()
         return np.array(rows), events
 
-    @staticmethod
-    def _event(fmu: FMU2Model) -> float:
-        """Iterate the event, and return the next time event."""
+    def _event(self, fmu: FMU2Model) -> float:
+        """Iterate the event, and return the next time event; count the events that change a state."""
         for _ in range(MOST_ITERATIONS):
-            again, terminate, _, _, defined, at = fmu.newDiscreteStates()
+            again, terminate, _, jumped, defined, at = fmu.newDiscreteStates()
             assert not terminate
+            assert not jumped or self.reinitialised, "an event changes a state, but none is marked with reinit"
+            self.jumps += jumped
             if not again:
                 fmu.enterContinuousTimeMode()
                 return float(at) if defined else float("inf")

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import zipfile
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 import pytest
 from fmpy import read_model_description, simulate_fmu
+from lxml import etree
 from shell.facade import IN_3, in_either
 from shell.instance import MODEL_EXCHANGE, Instance, load
 
@@ -64,6 +67,18 @@ def test_a_record_has_an_event_at_each_sample(interpolation: str, tmp_path: Path
         assert found["record.F"] == pytest.approx(forces[rows - before], abs=0.0)
         impulse = np.append(0.0, np.cumsum(np.diff(times) * forces[:-1]))
         assert found["mass.v"] == pytest.approx(np.interp(t, times, impulse), abs=1e-9)
+
+
+@pytest.mark.parametrize("version", [2, 3])
+def test_states_that_an_event_of_a_part_changes_are_marked(version: Literal[2, 3], tmp_path: Path) -> None:
+    parts = [FmuPart("mass", fmu("Mass")), FmuPart("friction", fmu("Leuven"))]
+    wires = ["mass.v -> friction.v", "friction.F -> mass.F_friction"]
+    with System(parts, wires, start={"mass.F_drive": 0.0}) as system:
+        system.to_fmu(tmp_path / "Pulled.fmu", step=1e-3, fmi=version)
+    with zipfile.ZipFile(tmp_path / "Pulled.fmu") as archive:
+        root = etree.fromstring(archive.read("modelDescription.xml"))
+    (marked,) = root.iterfind(".//*[@reinit]")
+    assert (marked.getparent() if version == 2 else marked).get("name") == "friction.z"
 
 
 def test_the_end_of_a_record_ends_the_simulation(tmp_path: Path) -> None:

@@ -34,6 +34,20 @@ def test_rotational_twins_agree(name: str, tmp_path: Path) -> None:
     agreement(CASES[name], lambda block, **start: build(block, tmp_path, start, domain="rotational"), 3)
 
 
+@pytest.mark.parametrize(("name", "state", "start"), [("Leuven", "z", {}), ("KarnoppMass", "w", {"v0": 0.05})])
+def test_states_that_an_event_changes_are_marked(
+    name: str, state: str, start: dict[str, float], build_fmu: Callable[..., Path]
+) -> None:
+    """A reversal; a mass that comes to rest. The other cases of this file check that no other state changes."""
+    nodes = np.array([0.0, 0.1, 0.2])
+    lines = {"v": np.array([1e-3, -1e-3, 0.0]), "Fn": np.ones(3)} if name == "Leuven" else {"F_ext": np.zeros(3)}
+    fmu = build_fmu(name, **start)
+    run = Exchange(Path(extract(str(fmu), str(fmu.with_suffix(".marked")))), nodes, lines, {})
+    run.model_exchange(["time"])
+    assert run.jumps == 1
+    assert run.reinitialised == [state]
+
+
 HELD = {name: case for name, case in CASES.items() if "v" in case.inputs}
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ctypes
 import subprocess
+import zipfile
 from collections.abc import Callable
 from ctypes import byref, c_bool, c_double, c_void_p
 from pathlib import Path
@@ -147,11 +148,15 @@ def test_the_clock_has_the_interval_of_ts() -> None:
     with Slave(three("PID"), eventModeUsed=True) as one:
         clock = one.variables["samples"]
         assert (clock.type, clock.intervalVariability) == ("Clock", "fixed")
+        assert clock.intervalDecimal is None  # it depends on Ts: importers ask for it
         one.enterInitializationMode()
         one.set("Ts", 4e-3)
         references, interval, qualifier = (ctypes.c_uint * 1)(one.reference("samples")), c_double(), ctypes.c_int()
         one.fmi3GetIntervalDecimal(one.component, references, 1, byref(interval), byref(qualifier))
         assert (interval.value, qualifier.value) == (4e-3, 2)
+        one.refuses(
+            lambda: one.fmi3SetIntervalDecimal(one.component, references, 1, byref(interval)), "the parameter Ts"
+        )
         one.exitInitializationMode()
         one.setClock([clock.valueReference], [True])
         assert one.getClock([clock.valueReference])[0]
@@ -202,6 +207,33 @@ def test_an_importer_may_end_a_step_at_a_sample(name: str) -> None:
         assert 0.0035 <= last <= 0.004 + 1e-12
         assert one.doStep(last, 0.01 - last)[2]
         assert times == sorted(times)
+
+
+@pytest.mark.parametrize("name", ["LuGre", "PID", "GMS", "compensated_axis"])
+def test_intermediate_variables_are_the_results_that_are_continuous(name: str) -> None:
+    """Those marked with intermediateUpdate can be required and read in an update; no other one can be required."""
+    found: list[object] = []
+    variables = [v for v in fmpy.read_model_description(str(three(name))).modelVariables if v.name != "time"]
+    with zipfile.ZipFile(three(name)) as archive:  # fmpy does not read the attribute
+        root = etree.fromstring(archive.read("modelDescription.xml"))
+    marked = [int(str(each.get("valueReference"))) for each in root.iterfind(".//*[@intermediateUpdate='true']")]
+    plain = [v for v in variables if not v.name.startswith("event_indicators")]
+    results = [v for v in plain if v.type == "Float64" and v.causality in ("output", "local", None)]
+    assert marked == [v.valueReference for v in results if v.variability in ("continuous", None)]
+    size = {v.valueReference: int(np.prod(v.shape or (1,))) for v in variables}
+
+    def update(_: object, t: float, *_rest: object) -> None:
+        found.append([one.getFloat64([reference], nValues=size[reference]) for reference in marked])
+
+    options = {"requiredIntermediateVariables": marked, "intermediateUpdate": update}
+    with Slave(three(name), **options) as one:
+        one.initialise()
+        one.doStep(0.0, 0.01)
+        assert found and found[-1] == [one.getFloat64([reference], nValues=size[reference]) for reference in marked]
+    for v in variables:
+        if v.valueReference not in marked:
+            with pytest.raises(Exception, match="Failed to instantiate"):
+                Slave(three(name), requiredIntermediateVariables=[v.valueReference])
 
 
 def test_an_update_without_permission_ends_no_step() -> None:

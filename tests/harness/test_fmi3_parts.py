@@ -15,7 +15,7 @@ import pytest
 from types3 import types3
 
 from friction_fmus import build, fmu
-from harness import FmuError, FmuPart, HarnessError, PartError, StartValueError, System
+from harness import FmuError, FmuPart, HarnessError, PartError, StartValueError, System, UnknownNameError
 
 MASTERS = ["gauss-seidel", "jacobi", "newton", "adaptive"]
 WHOLE = {"i8": -100, "u8": 200, "i16": -30000, "u16": 60000, "i32": -(2**31), "u32": 2**32 - 2, "i64": -(2**53) + 2}
@@ -166,12 +166,20 @@ def test_failures_have_a_reason(tmp_path: Path, start: dict[str, int], reason: s
         ({"u64": 0.5}, "u64"),
         ({"i8": -129}, "i8"),
         ({"text": "bad"}, "the text is bad"),
-        ({"blob": 1.0}, "blob"),
+        ({"blob": 1.0}, "'blob': it is of the type Binary, which cannot be connected, set or recorded"),
     ],
 )
 def test_unsuitable_start_values_are_refused(tmp_path: Path, start: dict[str, float], reason: str) -> None:
     with pytest.raises(HarnessError, match=reason):
         run(tmp_path, **start)
+
+
+def test_binary_values_are_neither_connected_nor_recorded(tmp_path: Path) -> None:
+    path = types3(tmp_path / "types.fmu")
+    with pytest.raises(UnknownNameError, match="of the type Binary"):
+        System([FmuPart("p", path), FmuPart("q", fmu("Quantiser"))], ["q.y -> p.blob"], {})
+    with foreign(tmp_path, **INPUTS) as system, pytest.raises(UnknownNameError, match="of the type Binary"):
+        system.run(stop=0.1, step=0.01, master="gauss-seidel", record=["p.blob"])
 
 
 @pytest.mark.parametrize(

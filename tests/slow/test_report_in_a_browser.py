@@ -18,8 +18,10 @@ from axe_playwright_python.sync_playwright import Axe
 from PIL import Image
 from playwright.sync_api import Browser, Page, sync_playwright
 from study.made_up_study import made_up_study
+from study.small_axis import NOISE, bench_of, runs_of
 
 from friction_fmus.report import write_report
+from friction_fmus.study.what_if import panel_of
 
 CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
 SCREENS: dict[str, dict[str, Any]] = {
@@ -50,9 +52,13 @@ def browser() -> Iterator[Browser]:
 
 @pytest.fixture(scope="module")
 def report(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    file = tmp_path_factory.mktemp("report") / "report.html"
-    write_report(made_up_study(), file)
-    return file
+    """A made-up study with the what-if panel of a real axis."""
+    folder = tmp_path_factory.mktemp("report")
+    bench = bench_of(folder)
+    panel = panel_of(bench, runs_of(bench), NOISE)
+    assert not isinstance(panel, str), panel
+    write_report(made_up_study(), folder / "report.html", panel)
+    return folder / "report.html"
 
 
 @contextmanager
@@ -65,6 +71,7 @@ def opened(browser: Browser, report: Path, screen: str) -> Iterator[Watched]:
     page.on("pageerror", lambda error: watched.messages.append(str(error)))
     page.goto(report.as_uri())
     page.wait_for_selector("html[data-plots=drawn]", timeout=30_000)
+    page.wait_for_selector("#what-if[data-ready]", timeout=30_000)
     yield watched
     context.close()
 
@@ -187,3 +194,124 @@ def test_the_print_has_pages_and_all_plots(browser: Browser, report: Path) -> No
         assert inked(picture) > 0.005
         right = np.asarray(picture.convert("L"))[:, round(width) - 25 :]
         assert right.min() > 200, "something is cut off at the right margin"
+
+
+def errors_shown(page: Page) -> list[list[str]]:
+    """The rows of the panel: rms in the report and now, largest error in the report and now."""
+    return [row.locator("td").all_inner_texts() for row in page.locator("#what-if tbody tr").all()]
+
+
+def settled(page: Page) -> list[list[str]]:
+    page.wait_for_timeout(100)
+    page.wait_for_selector("#what-if[aria-busy=false]")
+    return errors_shown(page)
+
+
+@pytest.mark.parametrize("screen", SCREENS)
+def test_the_panel_starts_with_the_numbers_of_the_report(browser: Browser, report: Path, screen: str) -> None:
+    with opened(browser, report, screen) as watched:
+        for rms, rms_now, largest, largest_now in errors_shown(watched.page):
+            assert (rms_now, largest_now) == (rms, largest)
+        widths = watched.page.evaluate("[document.documentElement.scrollWidth, document.documentElement.clientWidth]")
+        assert widths[0] == widths[1]
+        assert not watched.page.locator(".what-if-picture").is_visible()
+        assert watched.messages == []
+
+
+def test_every_slider_moves_curves_and_numbers_and_is_reset_by_key(browser: Browser, report: Path) -> None:
+    with opened(browser, report, "desktop") as watched:
+        page = watched.page
+        first = errors_shown(page)
+        figures = page.locator("#what-if-error"), page.locator("#what-if-force")
+        drawn = [figure.screenshot() for figure in figures]
+        assert all(inked(Image.open(io.BytesIO(picture))) > 0.005 for picture in drawn)
+        for row in page.locator("#what-if .slider").all():
+            slider = row.locator("input[type=range]")
+            for _ in range(12):
+                slider.press("PageUp")
+            name = row.locator("b").inner_text()
+            assert settled(page) != first, name
+            assert figures[0].screenshot() != drawn[0], name
+            row.get_by_role("button").press("Enter")
+            assert settled(page) == first, name
+        page.locator("#what-if input[type=number]").first.fill("2")
+        double = settled(page)
+        assert double[1] != first[1]
+        page.get_by_role("button", name="Reset all").press("Enter")
+        assert settled(page) == first
+        page.locator("#what-if input[type=number]").first.fill("-1")
+        assert page.get_by_role("alert").inner_text() == "friction must be between 0.1 and 4."
+        assert errors_shown(page) == first
+        page.get_by_role("button", name="around a reversal").last.press("Enter")
+        assert figures[0].screenshot() != drawn[0]
+        assert watched.messages == []
+
+
+def test_the_panel_follows_a_finger(browser: Browser, report: Path) -> None:
+    with opened(browser, report, "phone") as watched:
+        page = watched.page
+        first = errors_shown(page)
+        slider = page.locator("#what-if .slider input[type=range]").first
+        box = slider.bounding_box()
+        assert box is not None
+        slider.tap(position={"x": 0.8 * box["width"], "y": 0.5 * box["height"]})
+        assert settled(page) != first
+        assert watched.messages == []
+
+
+def test_the_panel_redraws_within_100_ms(browser: Browser, report: Path) -> None:
+    with opened(browser, report, "desktop") as watched:
+        page = watched.page
+        slider = page.locator("#what-if .slider input[type=range]").first
+        for _ in range(15):
+            slider.press("ArrowRight")
+            settled(page)
+        taken = page.evaluate("performance.getEntriesByName('redraw').map((each) => each.duration)")
+        assert len(taken) >= 15
+        assert np.median(taken) <= 100.0
+
+
+def test_an_unstable_loop_is_called_unstable(browser: Browser, report: Path) -> None:
+    with opened(browser, report, "desktop") as watched:
+        page = watched.page
+        for name, value in (("delay", "7"), ("loop gain", "3"), ("mass", "0.25")):
+            page.locator("#what-if .slider", has=page.get_by_text(name, exact=True)).get_by_role("spinbutton").fill(
+                value
+            )
+        now = settled(page)
+        assert "unstable" in page.locator("#what-if [role=status]").inner_text()
+        assert now[1][1] == "\u2013"
+        assert watched.messages == []
+
+
+def test_without_scripts_there_is_a_picture_and_a_sentence(browser: Browser, report: Path) -> None:
+    context = browser.new_context(java_script_enabled=False)
+    page = context.new_page()
+    page.goto(report.as_uri())
+    picture = page.locator(".what-if-picture svg")
+    assert picture.is_visible()
+    assert inked(Image.open(io.BytesIO(picture.screenshot()))) > 0.005
+    assert (
+        "sliders change friction, mass, delay, loop gain and encoder step"
+        in page.locator(".what-if-picture").inner_text()
+    )
+    assert not page.locator("#what-if").is_visible()
+    context.close()
+
+
+def test_the_policy_of_the_page_forbids_the_network_and_other_scripts(browser: Browser, report: Path) -> None:
+    with opened(browser, report, "desktop") as watched:
+        page = watched.page
+        refused = page.evaluate("fetch('https://example.org/').then(() => false, () => true)")
+        assert refused
+        page.evaluate(
+            "document.body.append(Object.assign(document.createElement('script'), {text: 'window.other = 1'}))"
+        )
+        assert page.evaluate("window.other") is None
+        assert len(watched.messages) >= 2
+        assert all("Content Security Policy" in message for message in watched.messages)
+
+
+def test_the_panel_adds_less_than_a_megabyte(report: Path, tmp_path: Path) -> None:
+    write_report(made_up_study(), tmp_path / "report.html")
+    assert report.stat().st_size - (tmp_path / "report.html").stat().st_size < 1e6

@@ -148,6 +148,18 @@ def test_the_recommended_fmu_carries_its_parameters(study: Study) -> None:
             assert float(start[name]) == pytest.approx(value, rel=1e-12)
 
 
+def test_the_report_contains_the_axis_twice(study: Study) -> None:
+    """With the recommended compensator and without one; the browser test moves its sliders."""
+    page = (study.out / "report.html").read_text(encoding="utf-8")
+    (data,) = re.findall(r'<script type="application/json" id="what-if-data">(.*?)</script>', page, re.DOTALL)
+    content = json.loads(data)
+    assert [run["label"] for run in content["runs"]] == ["recommended", "no compensation"]
+    assert [knob["name"] for knob in content["knobs"]] == ["friction", "mass", "delay", "loop gain", "encoder step"]
+    assert content["knobs"][1]["start"] == pytest.approx(study.result.model("LuGre").parameters[0].value, rel=1e-4)
+    for run in content["runs"]:
+        assert f'frictionFmus.register({{"name":"{run["model"]}"' in page
+
+
 def test_the_doctor_has_looked(study: Study) -> None:
     assert len(study.result.doctor) > 5
     assert all(row.wrong for row in study.result.doctor if not row.ok)

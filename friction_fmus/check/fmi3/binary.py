@@ -78,7 +78,11 @@ def _job(model: Model3, element: etree._Element) -> dict[str, Any]:
             if v.causality == "structuralParameter" and (row := _array(model, v)) is not None and row["starts"]
         ],
         "clocks": [
-            {"name": v.name, "reference": v.reference}
+            {
+                "name": v.name,
+                "reference": v.reference,
+                "stated": any(v.get(each) is not None for each in ("intervalDecimal", "intervalCounter")),
+            }
             for v in model.variables
             if v.type == "Clock"
             and v.causality == "input"

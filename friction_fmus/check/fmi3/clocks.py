@@ -4,12 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from friction_fmus.check.description import real
+from friction_fmus.check.description import integer, real
 from friction_fmus.check.findings import Fault, rule
 from friction_fmus.check.fmi3.description import Model3
 from friction_fmus.check.fmi3.variables import at
-
-_STATED = ("constant", "fixed", "tunable")
 
 
 @rule("fmi3-clock", "error", "2.2.8", "A clock has no interval, or a wrong one.", "fmi3")
@@ -19,8 +17,8 @@ def _clock(model: Model3) -> Iterator[Fault]:
             continue
         variability, decimal = v.get("intervalVariability"), v.get("intervalDecimal")
         counter, resolution = real(v.get("intervalCounter")), real(v.get("resolution"))
-        if variability in _STATED and decimal is None and counter is None:
-            yield at(v, f"the clock {v.name} has a {variability} interval but states none; give intervalDecimal")
+        if variability == "constant" and decimal is None and counter is None:
+            yield at(v, f"the clock {v.name} has a constant interval but states none; give intervalDecimal")
         if decimal is not None and not (real(decimal) or 0.0) > 0.0:
             yield at(v, f"the clock {v.name} has the interval {decimal}; give a positive one")
         if counter is not None and not ((resolution or 0.0) > 0.0 and counter > 0.0):
@@ -31,18 +29,34 @@ def _clock(model: Model3) -> Iterator[Fault]:
             yield at(v, f"the output clock {v.name} is {variability}; only triggered clocks can be outputs")
 
 
-@rule("fmi3-clocked", "error", "2.4.7.5", "The attribute clocks names a variable that is no clock.", "fmi3")
+@rule("fmi3-clocked", "error", "2.4.7.5", "The attribute clocks or previous names an unsuitable variable.", "fmi3")
 def _clocked(model: Model3) -> Iterator[Fault]:
+    owners: dict[int, str] = {}
     for v in model.variables:
         for reference in v.clocks:
             clock = model.by_reference.get(-1 if reference is None else reference)
             if clock is None or clock.type != "Clock":
                 yield at(v, f"{v.name} names the clock {reference}, but no Clock has this value reference")
-        if v.clocks and v.variability != "discrete":
-            yield at(v, f"{v.name} is clocked and {v.variability}; a clocked variable is discrete")
+        if v.clocks and v.variability not in ("discrete", "tunable"):
+            yield at(v, f"{v.name} is clocked and {v.variability}; a clocked variable is discrete or tunable")
         previous = v.element.get("previous")
-        if previous is not None and (not previous.isdigit() or int(previous) not in model.by_reference):
+        if previous is None:
+            continue
+        reference = integer(previous)
+        value = model.by_reference.get(-1 if reference is None else reference)
+        if not v.clocks:
+            yield at(v, f"{v.name} has a previous value but no clock; name its clock in the attribute clocks")
+        if value is None:
             yield at(v, f"{v.name} names the previous value {previous}, which does not exist")
+        elif value is v or value.type != v.type or value.variability != "discrete" or value.causality == "input":
+            yield at(
+                v,
+                f"{v.name} names {value.name} as its previous value; name another discrete {v.type} that is no input",
+            )
+        elif owner := owners.get(reference or 0):
+            yield at(v, f"{v.name} and {owner} have the same previous value {value.name}; give each its own")
+        else:
+            owners[reference or 0] = v.name
 
 
 @rule("fmi3-no-event-mode", "error", "4.1.1", "There are input clocks, but no event mode to tick them in.", "fmi3")

@@ -42,7 +42,7 @@ def _outputs(model: Model3) -> Iterator[Fault]:
             yield at(v, f"{v.name} is listed as an output, but has causality {v.causality}")
 
 
-@rule("fmi3-states", "error", "2.4.8", "ModelStructure lists other derivatives than the variables declare.", "fmi3")
+@rule("fmi3-states", "error", "2.4.8", "ModelStructure lists other states than the variables declare.", "fmi3")
 def _states(model: Model3) -> Iterator[Fault]:
     listed = {integer(element.get("valueReference")) for element in model.structure("ContinuousStateDerivative")}
     for v in model.variables:
@@ -51,6 +51,11 @@ def _states(model: Model3) -> Iterator[Fault]:
             yield at(v, f"{v.name} is listed as a derivative, but names no state in the attribute derivative")
         if declared and v.reference not in listed and model.root.find("ModelExchange") is not None:
             yield at(v, f"{v.name} is the derivative of a state, but ModelStructure does not list it")
+    clocked = {integer(element.get("valueReference")) for element in model.structure("ClockedState")}
+    for v in model.variables:
+        if (v.element.get("previous") is not None) != (v.reference in clocked):
+            what = "ModelStructure lists it as" if v.reference in clocked else "its attribute previous makes it"
+            yield at(v, f"{v.name} is a clocked state in one place only: {what} one; declare both or none")
     for element in model.structure("EventIndicator"):
         indicator = model.by_reference.get(integer(element.get("valueReference")) or 0)
         if indicator is not None and (indicator.type not in FLOATS or indicator.variability != "continuous"):
@@ -74,7 +79,7 @@ def _flags(model: Model3) -> Iterator[Fault]:
     for element in model.interfaces:
         for flag, needed in (
             ("canSerializeFMUState", "canGetAndSetFMUState"),
-            ("mightReturnEarlyFromDoStep", "hasEventMode"),
+            ("canReturnEarlyAfterIntermediateUpdate", "providesIntermediateUpdate"),
         ):
             if element.get(flag) in ("true", "1") and element.get(needed) not in ("true", "1"):
                 yield Fault(f"{element.tag} declares {flag} without {needed}; declare both", line_of(element))

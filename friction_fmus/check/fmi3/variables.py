@@ -103,6 +103,22 @@ def _limits(model: Model3) -> Iterator[Fault]:
                 yield at(v, f"{v.name} starts at {text}, which is no item of its enumeration; correct one of them")
 
 
+@rule("fmi3-intermediate", "error", "2.4.7.4", "A parameter or clock is marked with intermediateUpdate.", "fmi3")
+def _intermediate(model: Model3) -> Iterator[Fault]:
+    for v in model.variables:
+        if v.element.get("intermediateUpdate") in ("true", "1") and (v.causality in PARAMETERS or v.type == "Clock"):
+            what = "clock" if v.type == "Clock" else "parameter"
+            yield at(v, f"{v.name} is a {what}, which no intermediate update accesses; remove intermediateUpdate")
+
+
+@rule("fmi3-reinit", "error", "2.4.7.5", "A variable that is no continuous state has the attribute reinit.", "fmi3")
+def _reinit(model: Model3) -> Iterator[Fault]:
+    states = {v.element.get("derivative") for v in model.variables}
+    for v in model.variables:
+        if v.element.get("reinit") in ("true", "1") and str(v.reference) not in states:
+            yield at(v, f"{v.name} has reinit but is no continuous state; remove reinit")
+
+
 @rule("fmi3-dimension", "error", "2.4.7.5", "A dimension has no size, or one that is no structural parameter.", "fmi3")
 def _dimension(model: Model3) -> Iterator[Fault]:
     for v in model.variables:

@@ -135,6 +135,8 @@ def _events(library: Library3, report: Report, pointer: int) -> None:
     if library.call("EnterInitializationMode", pointer) not in _GOOD or not tried("ExitInitializationMode"):
         return
     for clock in library.job["clocks"]:
+        if clock["stated"]:
+            continue  # importers need not ask then, and some FMUs refuse
         interval, qualifier, reference = c_double(), c_int(), (c_uint * 1)(clock["reference"])
         if not tried("GetIntervalDecimal", reference, c_size_t(1), byref(interval), byref(qualifier)):
             return

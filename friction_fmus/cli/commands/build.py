@@ -20,7 +20,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options."""
     parser.add_argument("names", nargs="*", metavar="NAME", help="name of a model, or its .c or .py file")
     parser.add_argument("--all", action="store_true", help="build all models")
-    parser.add_argument("-o", "--output", type=Path, default=Path(), metavar="DIR", help="folder for the FMUs")
+    parser.add_argument("-o", "--output", type=Path, default=Path(), metavar="DIR", help="folder for the results")
     parser.add_argument("--set", action="append", metavar="NAME=VALUE", help="start value; may be repeated")
     parser.add_argument("--domain", choices=DOMAINS, default=DOMAINS[0], help="rotational: units N.m, rad, kg.m2")
     add_fmi(parser)
@@ -39,6 +39,7 @@ def run(options: argparse.Namespace) -> None:
     from friction_fmus.cli.console import progress_bar
     from friction_fmus.fmi.package import build
     from harness.compiling.platforms import select
+    from harness.wasm import is_wasm
 
     if options.all == bool(options.names):
         raise FrictionError("give either names of models (`friction-fmus list` shows them) or --all")
@@ -46,7 +47,7 @@ def run(options: argparse.Namespace) -> None:
     start = parse_assignments(options.set)
     if start and len(names) != 1:
         raise FrictionError(f"--set applies to one model, but there are {len(names)}; build them one at a time")
-    platforms = len(select(tuple(options.platform)))
+    platforms = 1 if is_wasm(options.platform, options.fmi) else len(select(tuple(options.platform)))
     with progress_bar() as bar:
         task = bar.add_task("building", total=len(names) * platforms)
         for number, name in enumerate(names):

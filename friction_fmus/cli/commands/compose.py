@@ -12,7 +12,9 @@ from friction_fmus.cli.arguments import add_fmi, add_system
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options."""
     add_system(parser)
-    parser.add_argument("-o", "--output", type=Path, required=True, metavar="FILE", help="the FMU to write")
+    parser.add_argument(
+        "-o", "--output", type=Path, required=True, metavar="FILE", help="the FMU to write; a folder for wasm32"
+    )
     parser.add_argument("--name", metavar="IDENTIFIER", help="model identifier; default: the name of the file")
     parser.add_argument("--step", type=float, metavar="H", help="step inside the FMU [s]; default: the system's step")
     parser.add_argument("--master", metavar="NAME", help="master algorithm inside the FMU: newton or adaptive")

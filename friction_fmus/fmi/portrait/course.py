@@ -14,7 +14,7 @@ from fmpy.fmi2 import FMU2Slave, defaultCallbacks, fmi2CallbackFunctions, fmi2Ca
 from numpy.typing import NDArray
 
 from friction_fmus.blocks.catalogue import Block
-from friction_fmus.blocks.probe import BOOLEAN, INPUT, OUTPUT, REAL, STATE_OUTPUT, Description, Variable
+from friction_fmus.blocks.probe import BOOLEAN, INPUT, OUTPUT, REAL, STATE_OUTPUT, BlockVariables, Variable
 
 Vector = NDArray[np.floating[Any]]
 
@@ -79,13 +79,13 @@ class Bench:
     ----------
     block : Block
         The block.
-    description : Description
-        The description read from its binary.
+    description : BlockVariables
+        Its variables, read from its binary.
     folder : Path
         The unzipped FMU with a binary for this platform.
     """
 
-    def __init__(self, block: Block, description: Description, folder: Path) -> None:
+    def __init__(self, block: Block, description: BlockVariables, folder: Path) -> None:
         """Sort the variables."""
         self._block = block
         self.portrait = block.about.portrait

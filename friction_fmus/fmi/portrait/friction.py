@@ -19,7 +19,7 @@ SHARE = 0.9
 def friction_panels(bench: Bench) -> tuple[Panel, ...]:
     """Return friction over steady velocities and, for an elastic contact, over displacement in presliding."""
     peak = 4.0 * speed_scale(bench)
-    reach = _elastic_reach(bench, peak / 100.0)
+    reach = elastic_reach(bench, peak / 100.0)
     panels = [_sliding(bench, peak, reach or 0.0)]
     if reach is not None:
         panels.append(_loop(bench, peak / 100.0, 2.2 * reach))
@@ -31,7 +31,7 @@ def speed_scale(bench: Bench) -> float:
     return max((bench.start(name, 1e-3) for name in SPEEDS if name in bench.variables), default=1e-3)
 
 
-def _elastic_reach(bench: Bench, speed: float) -> float | None:
+def elastic_reach(bench: Bench, speed: float) -> float | None:
     """Return the displacement from rest to `SHARE` of the largest friction, or None if the contact is rigid."""
     times = np.concatenate([[0.0], np.geomspace(1e-4, 1e3, 141)])
     (force,) = bench.run(times, _moving(bench, np.full(times.size, speed)), ["F"])

@@ -1,0 +1,383 @@
+/* What the lab computes: each view runs a model and returns curves and a sentence about them. */
+(function (live) {
+  "use strict";
+  const TICKS = { mass: 5e-3, axis: 2.5e-3 }; /* steps inside the systems, in mass.toml and axis.toml [s] */
+  const FEWEST = 600; /* steps of a run; the systems divide their own steps for it */
+  const value = (name, text, unit, start, min, max, more = {}) => ({ name, text, unit, start, min, max, ...more });
+  const { quantity } = live;
+
+  /* ---- the block alone, moved along a path --------------------------------------------------------------------- */
+
+  /* Return the inputs of a block that is moved: a force on it is large enough to break away. */
+  function moving(run, velocity, force) {
+    const push = typeof velocity === "number" ? Math.sign(velocity) * force : velocity.map((v) => Math.sign(v) * force);
+    return run.has("F_ext") ? { v: velocity, F_ext: push } : { v: velocity };
+  }
+
+  function pushing(values) {
+    return 10 * Math.max(1, ...Object.values(values).filter((each) => Math.abs(each) < 1e3));
+  }
+
+  /* Friction at steady velocities: each is held until the force no longer changes. */
+  function sliding(run, values, fastest, reach) {
+    const speeds = Array.from({ length: 44 }, (_, i) => fastest * Math.pow(1 - i / 44, 2.5));
+    const halves = [1, -1].map((direction) => {
+      run.begin(values);
+      return speeds.map((speed) => {
+        const v = direction * speed;
+        let before, F;
+        for (let time = (5 * reach) / speed + 1e-3, i = 0; i < 5; i++, time *= 2) {
+          const found = run.advance(time / 4, 4, moving(run, v, pushing(values)), ["F"]).F;
+          before = F;
+          F = (found[1] + found[2] + found[3] + found[4]) / 4;
+          if (Math.abs(F - before) < 1e-4 * Math.abs(F)) break;
+        }
+        return [v, F];
+      });
+    });
+    const points = [...halves[1], ...halves[0].reverse()];
+    return { x: Float64Array.from(points, (p) => p[0]), y: Float64Array.from(points, (p) => p[1]) };
+  }
+
+  /* A path in steps of one length through these turning points. */
+  function path(turns, length) {
+    const signs = [];
+    for (let i = 1; i < turns.length; i++) {
+      const steps = Math.round((turns[i] - turns[i - 1]) / length);
+      for (let k = 0; k < Math.abs(steps); k++) signs.push(Math.sign(steps));
+    }
+    return signs;
+  }
+
+  /* Friction over a path with a detour, and without: a model with memory closes the inner loop. */
+  function loop(run, values, { amplitude, detour, speed }) {
+    const length = amplitude / 60;
+    const turn = 0.3 * amplitude;
+    const signs = path([0, amplitude, -amplitude, turn, turn - detour * amplitude, amplitude, -amplitude], length);
+    const v = Float64Array.from([...signs, 0], (sign) => sign * speed);
+    run.begin(values);
+    const F = run.advance(length / speed, v.length - 1, moving(run, v, pushing(values)), ["F"]).F;
+    const x = new Float64Array(v.length);
+    for (let i = 1; i < x.length; i++) x[i] = x[i - 1] + length * signs[i - 1];
+    const there = 60 + 120 + 78; /* steps to the turning point of the detour */
+    return { x, y: F, miss: F[there] - F[there + 2 * Math.round(60 * detour)] };
+  }
+
+  const contact = {
+    id: "contact",
+    title: "Force over velocity and path",
+    text: "The contact alone is moved: at steady velocities, and slowly to and fro with a detour.",
+    part: "block",
+    controls: [
+      value("fastest", "highest velocity", "m/s", 5e-3, 1e-5, 1),
+      value("amplitude", "amplitude of the path", "m", 2e-5, 1e-7, 1e-2),
+      value("detour", "detour, as a part of the amplitude", "", 0.8, 0, 1.2),
+      value("speed", "speed along the path", "m/s", 1e-5, 1e-7, 1e-2),
+    ],
+    charts: [
+      { title: "Steady sliding", x: ["velocity", "m/s"], y: ["friction", "N"] },
+      { title: "Presliding with a detour", x: ["displacement", "m"], y: ["friction", "N"] },
+    ],
+    compute(run, values, setup) {
+      const curve = sliding(run, values, setup.fastest, run.about.reach);
+      const hysteresis = loop(run, values, setup);
+      const most = Math.max(...curve.y);
+      const text = "has up to " + quantity(most, "N") + " of friction, " + quantity(curve.y.at(-1), "N") + " at " + quantity(setup.fastest, "m/s") +
+        (setup.detour > 0 && run.about.features.includes("presliding") ? Math.abs(hysteresis.miss) < 1e-3 * most
+          ? ", and returns to its reversal point" : ", and misses its reversal point by " + quantity(Math.abs(hysteresis.miss), "N") : "");
+      return { charts: [[curve], [hysteresis]], text };
+    },
+  };
+
+  /* ---- a mass on the contact, in a composite with the loop solved inside --------------------------------------- */
+
+  const IDLE = {
+    "pid.Kp": 0, "pid.Kd": 0, "pid.Ki": 0, "pid.Ts": TICKS.axis, "feedforward.gain": 0, "feedforward.Ts": TICKS.axis,
+    "feedforward.m": 0, "dither.gain": 0, "dither.frequency": 30, "dither.Ts": TICKS.axis, "dither.u_min": -1e6, "dither.u_max": 1e6,
+    "reference.amplitude[1]": 0, "reference.offset": 0, "pid.db": 0, "pid.m": 0,
+  };
+  const REST = { "axis.k": 0, "axis.d": 0, "axis.v_support": 0, "axis.x0": 0, "axis.v0": 0, "axis.F_load": 0 };
+
+  /* Return times at equal steps: some ticks of the system, or parts of a tick if the run is short. */
+  function rows(duration, tick, most = 1500) {
+    const ticks = Math.round(duration / tick);
+    const step = ticks < FEWEST ? duration / FEWEST : Math.ceil(ticks / most) * tick;
+    return { step, t: Float64Array.from({ length: Math.floor(duration / step + 1e-6) + 1 }, (_, i) => i * step) };
+  }
+
+  /* Run the loop of a view: what its parts are set to, how long it runs, and a force on the mass over time. */
+  function move(run, friction, { values, duration, force, most }, outputs) {
+    const servo = run.has("pid.Kp");
+    const { step, t } = rows(duration, servo ? TICKS.axis : TICKS.mass, most);
+    run.begin({ ...REST, ...(servo ? IDLE : {}), ...values, ...friction });
+    const inputs = force ? { "axis.F_load": t.map(force) } : {};
+    return { t, ...run.advance(step, t.length - 1, inputs, outputs, Boolean(force)) };
+  }
+
+  const after = (t, y, since) => y.filter((_, i) => t[i] >= since);
+  const largest = (y) => y.reduce((most, each) => Math.max(most, Math.abs(each)), 0);
+
+  /* Return the times at which a series rises through a level. */
+  function risings(t, y, level) {
+    const found = [];
+    for (let i = 1; i < t.length; i++) {
+      if (y[i - 1] < level && y[i] >= level) found.push(t[i - 1] + ((level - y[i - 1]) / (y[i] - y[i - 1])) * (t[i] - t[i - 1]));
+    }
+    return found;
+  }
+
+  const mass = value("m", "mass", "kg", 1, 0.01, 100);
+
+  const breakAway = {
+    id: "break-away",
+    title: "Break-away",
+    text: "The force on a mass grows steadily until the mass slides.",
+    part: "mass",
+    controls: [value("rate", "growth of the force", "N/s", 2, 0.02, 200), value("top", "largest force", "N", 2, 0.1, 20), mass],
+    charts: [
+      { title: "Force", x: ["time", "s"], y: ["force", "N"], tight: true },
+      { title: "Displacement until break-away", x: ["time", "s"], y: ["displacement", "m"], tight: true },
+    ],
+    loop: ({ rate, top, m }) => ({
+      values: { "axis.m": m },
+      duration: Math.min((1.2 * top) / rate, 40),
+      force: (t) => Math.min(rate * t, top),
+      note: "axis.F_load grows from 0 by " + rate + " N/s to " + top + " N",
+    }),
+    compute(run, friction, setup) {
+      const loop = this.loop(setup);
+      const found = move(run, friction, loop, ["axis.x", "friction.F"]);
+      const most = found["friction.F"].indexOf(Math.max(...found["friction.F"]));
+      const limit = Math.max(2.5 * found["axis.x"][most], 1e-7);
+      const shown = found["axis.x"].map((x) => (x > limit ? NaN : x));
+      const slides = found["axis.x"][found["axis.x"].length - 1] > limit;
+      return {
+        charts: [
+          [{ x: found.t, y: found.t.map(loop.force), label: "applied force", aside: true }, { x: found.t, y: found["friction.F"] }],
+          [{ x: found.t, y: shown }],
+        ],
+        text: slides
+          ? "breaks away at " + quantity(found["friction.F"][most], "N") + ", after " + quantity(found["axis.x"][most], "m")
+          : "holds the mass, which moved by " + quantity(found["axis.x"].at(-1), "m"),
+      };
+    },
+  };
+
+  const CYCLES = 20; /* of the vibration */
+
+  const hold = {
+    id: "hold",
+    title: "Held under vibration",
+    text: "A constant force with a small vibration pushes a mass: friction should hold it.",
+    part: "mass",
+    controls: [
+      value("bias", "constant force", "N", 0.6, 0, 3),
+      value("vibration", "amplitude of the vibration", "N", 0.3, 0, 2),
+      value("frequency", "frequency of the vibration", "Hz", 1, 0.2, 20),
+      mass,
+    ],
+    charts: [
+      { title: "Displacement", x: ["time", "s"], y: ["displacement", "m"], tight: true },
+      { title: "Applied force", x: ["time", "s"], y: ["force", "N"], tight: true },
+    ],
+    loop: ({ bias, vibration, frequency, m }) => ({
+      values: { "axis.m": m },
+      duration: 1 + CYCLES / frequency,
+      force: (t) => (t < 1 ? bias * t : bias + vibration * Math.sin(2 * Math.PI * frequency * (t - 1))),
+      most: 12000,
+      note: "axis.F_load grows to " + bias + " N in 1 s, then vibrates by " + vibration + " N at " + frequency + " Hz",
+    }),
+    compute(run, friction, setup) {
+      const loop = this.loop(setup);
+      const found = move(run, friction, loop, ["axis.x"]);
+      const at = (t) => found["axis.x"][Math.min(Math.round(t / (found.t[1] - found.t[0])), found.t.length - 1)];
+      const drift = (at(loop.duration) - at((loop.duration + 1) / 2)) / (CYCLES / 2);
+      return {
+        charts: [[{ x: found.t, y: found["axis.x"] }], [{ x: found.t, y: found.t.map(loop.force), label: "applied force", aside: true }]],
+        text: Math.abs(drift) < 1e-12 ? "no drift" : "drifts by " + quantity(drift, "m") + " per cycle",
+      };
+    },
+  };
+
+  const stickSlip = {
+    id: "stick-slip",
+    title: "Stick-slip",
+    text: "A belt moves under a mass that a spring holds: the same as a spring whose end is pulled, as it is drawn here.",
+    part: "mass",
+    controls: [
+      value("speed", "speed of the belt", "m/s", 0.1, 1e-3, 1),
+      value("k", "stiffness of the spring", "N/m", 2, 0.1, 1000),
+      value("d", "damping beside the spring", "N.s/m", 0, 0.01, 10, { zero: true }),
+      mass,
+      value("duration", "duration", "s", 25, 2, 30),
+    ],
+    charts: [
+      { title: "Speed of the mass", x: ["time", "s"], y: ["velocity", "m/s"], tight: true },
+      { title: "Force of the spring", x: ["time", "s"], y: ["force", "N"], tight: true },
+    ],
+    loop: ({ speed, k, d, m, duration }) => ({
+      values: { "axis.v_support": speed, "axis.k": k, "axis.d": d, "axis.m": m },
+      duration,
+    }),
+    compute(run, friction, setup) {
+      const { speed, k, duration } = setup;
+      const found = move(run, friction, this.loop(setup), ["axis.x", "axis.v", "axis.x_support"]);
+      const pull = found["axis.x"].map((x, i) => k * (found["axis.x_support"][i] - x));
+      const slips = risings(found.t, found["axis.v"], 0.5 * speed);
+      const stuck = after(found.t, found["axis.v"], duration / 2);
+      const sticks = stuck.filter((v) => Math.abs(v) < 0.01 * speed).length > 0.1 * stuck.length && slips.length > 1;
+      const period = (slips.at(-1) - slips[1]) / (slips.length - 2);
+      return {
+        charts: [
+          [
+            { x: found.t, y: found.t.map(() => speed), label: "belt", aside: true },
+            { x: found.t, y: found["axis.v"] },
+          ],
+          [{ x: found.t, y: pull }],
+        ],
+        text: sticks
+          ? "sticks and slips" + (slips.length > 2 ? ", every " + quantity(period, "s") : "") + ", up to " + quantity(largest(found["axis.v"]), "m/s")
+          : slips.length > 2 && largest(stuck.map((v) => v - speed)) > 0.05 * speed ? "oscillates without sticking" : "slides steadily",
+      };
+    },
+  };
+
+  /* ---- the position loop --------------------------------------------------------------------------------------- */
+
+  const gains = (Kp, Kd, Ki) => [
+    value("Kp", "proportional gain", "N/m", Kp, Kp / 100, Kp * 100, { zero: true }),
+    value("Kd", "derivative gain", "N.s/m", Kd, Kd / 100, Kd * (Kd > 50 ? 4 : 100), { zero: true }),
+    value("Ki", "integral gain", "N/(m.s)", Ki, Ki / 100, Ki * 100, { zero: true }),
+  ];
+
+  const servo = ({ Kp, Kd, Ki, m }) => ({ "pid.Kp": Kp, "pid.Kd": Kd, "pid.Ki": Ki, "axis.m": m });
+
+  const goal = {
+    id: "goal",
+    title: "Move to a goal",
+    text: "A PID controller moves a mass to a goal, sampled every 2.5 ms.",
+    part: "axis",
+    controls: [
+      ...gains(3, 6, 4),
+      value("db", "dead-band: the integral stops while the error is smaller", "m", 0, 1e-3, 0.3, { zero: true }),
+      value("goal", "distance of the goal", "m", 1, 1e-4, 2),
+      mass,
+      value("duration", "duration", "s", 50, 2, 120),
+    ],
+    charts: [
+      { title: "Distance to the goal", x: ["time", "s"], y: ["error", "m"], tight: true },
+      { title: "Motor force", x: ["time", "s"], y: ["force", "N"], tight: true },
+    ],
+    loop: (setup) => ({
+      values: {
+        ...servo(setup), "pid.db": setup.db, "reference.offset": setup.goal,
+      },
+      duration: setup.duration,
+    }),
+    compute(run, friction, setup) {
+      const found = move(run, friction, this.loop(setup), ["axis.x", "pid.u"]);
+      const error = found["axis.x"].map((x) => setup.goal - x);
+      const late = after(found.t, error, 0.7 * setup.duration);
+      const span = Math.max(...late) - Math.min(...late);
+      const crossings = risings(found.t, error, 0).length + risings(found.t, error.map((e) => -e), 0).length;
+      const text = span > 0.02 * setup.goal && crossings > 1
+        ? "hunts, by up to " + quantity(largest(late), "m")
+        : "ends " + quantity(Math.abs(error.at(-1)), "m") + " from the goal";
+      const zero = { x: found.t, y: found.t.map(() => 0), aside: true, label: "goal" };
+      const band = setup.db > 0
+        ? [1, -1].map((sign) => ({ x: found.t, y: found.t.map(() => sign * setup.db), aside: true, label: "dead-band" }))
+        : [];
+      return { charts: [[zero, ...band, { x: found.t, y: error }], [{ x: found.t, y: found["pid.u"] }]], text };
+    },
+  };
+
+  const dither = {
+    id: "dither",
+    title: "Shaken by dither",
+    text: "A PD controller moves a mass towards a goal; a fast oscillation is added to its force, sampled every 2.5 ms.",
+    part: "axis",
+    controls: [
+      value("force", "amplitude of the oscillation", "N", 5, 0.1, 20, { zero: true }),
+      value("frequency", "frequency of the oscillation", "Hz", 30, 10, 60),
+      value("Kp", "proportional gain", "N/m", 300, 30, 3000),
+      value("Kd", "derivative gain", "N.s/m", 20, 1, 200),
+      value("goal", "distance of the goal", "m", 1.5e-3, 1e-5, 1e-2),
+      mass,
+      value("duration", "duration", "s", 1.5, 0.2, 3),
+    ],
+    charts: [
+      { title: "Distance to the goal", x: ["time", "s"], y: ["error", "m"], tight: true },
+      { title: "Friction", x: ["time", "s"], y: ["force", "N"], tight: true },
+    ],
+    loop: (setup) => ({
+      values: {
+        ...servo({ ...setup, Ki: 0 }), "reference.offset": setup.goal, "dither.gain": 1, "dither.Ad": setup.force,
+        "dither.frequency": setup.frequency, "axis.v0": -setup.force / (2 * Math.PI * setup.frequency * setup.m),
+      },
+      duration: setup.duration,
+    }),
+    compute(run, friction, setup) {
+      const found = move(run, friction, this.loop(setup), ["axis.x", "friction.F"]);
+      const error = found["axis.x"].map((x) => setup.goal - x);
+      const late = after(found.t, error, setup.duration - 3 / setup.frequency);
+      const mean = late.reduce((sum, each) => sum + each, 0) / late.length;
+      return {
+        charts: [[{ x: found.t, y: found.t.map(() => 0), aside: true, label: "goal" }, { x: found.t, y: error }], [{ x: found.t, y: found["friction.F"] }]],
+        text: "ends " + quantity(Math.abs(mean), "m") + " from the goal, in the mean",
+      };
+    },
+  };
+
+  const track = {
+    id: "track",
+    title: "Follow a sine",
+    text: "A PID controller moves a mass along a sine, as one axis of a circle does; each reversal is a quadrant.",
+    part: "axis",
+    controls: [
+      value("amplitude", "amplitude", "m", 0.01, 1e-6, 0.1),
+      value("frequency", "frequency", "Hz", 0.16, 0.1, 5),
+      value("feedforward", "Coulomb level of a friction curve that is fed forward; 0: none", "N", 0, 0.01, 10, { zero: true }),
+      ...gains(12e3, 190, 250e3),
+      mass,
+    ],
+    charts: [
+      { title: "Tracking error", x: ["time", "s"], y: ["error", "m"], tight: true },
+      { title: "Friction and feedforward", x: ["time", "s"], y: ["force", "N"], tight: true },
+    ],
+    loop: (setup) => ({
+      values: {
+        ...servo(setup), "pid.m": setup.m, "reference.amplitude[1]": setup.amplitude, "reference.frequency[1]": setup.frequency,
+        "reference.phase[1]": Math.PI / 2, "axis.x0": setup.amplitude, "feedforward.gain": setup.feedforward > 0 ? 1 : 0,
+        "feedforward.Fc": setup.feedforward || 1, "feedforward.Fs": 1.5 * (setup.feedforward || 1),
+      },
+      duration: 2.2 / setup.frequency,
+      most: 3000,
+    }),
+    compute(run, friction, setup) {
+      const found = move(run, friction, this.loop(setup), ["axis.x", "reference.r", "friction.F", "feedforward.u"]);
+      const from = found.t.findIndex((t) => t >= 0.6 / setup.frequency);
+      const t = found.t.slice(from);
+      const error = found["reference.r"].map((r, i) => r - found["axis.x"][i]).slice(from);
+      return {
+        charts: [
+          [{ x: t, y: error }],
+          [
+            { x: t, y: found["feedforward.u"].slice(from), aside: true, label: "feedforward" },
+            { x: t, y: found["friction.F"].slice(from) },
+          ],
+        ],
+        text: "largest error " + quantity(largest(error), "m"),
+      };
+    },
+  };
+
+  for (const view of [breakAway, hold, stickSlip, goal, dither, track]) {
+    const { loop } = view;
+    const idle = view.part === "axis" ? IDLE : { "axis.F_drive": 0 };
+    view.system = (setup) => ({ ...loop(setup), values: { ...idle, ...loop(setup).values } });
+  }
+
+  live.views = [contact, breakAway, hold, stickSlip, goal, dither, track];
+  live.moving = moving;
+  live.pushing = pushing;
+})(FrictionLive);

@@ -1,0 +1,189 @@
+"""The lab and the pages of the blocks: files that follow from the blocks, for the site and for the lab's own folder.
+
+``python docs/live_site.py FOLDER`` writes the lab alone, as a folder that can be opened as a file or served.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+import sys
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+from zipfile import ZipFile
+
+from friction_fmus import fmu
+from friction_fmus.blocks.catalogue import Block, catalogue
+from friction_fmus.blocks.comment import paragraphs
+from friction_fmus.blocks.variable_table import variable_groups
+from friction_fmus.fmi.models_page import markdown
+from friction_fmus.fmi.package import wasm_block
+from friction_fmus.harness import System
+from friction_fmus.live import SCRIPTS, about_block, assets, model_script, opened
+from harness.wasm import wasm_model
+
+DOCS = Path(__file__).parent
+LAB = DOCS / "lab"
+ON_A_MASS = ("LuGre", "ElastoPlastic", "Dahl", "GMS", "ModifiedLeuven", "Leuven", "MaxwellSlip", "BlimanSorine")
+"""Friction models that the lab also puts under a mass: their force follows from the velocity alone, continuously."""
+KINDS = {
+    "friction": "Friction models",
+    "plant": "Plants",
+    "law": "Compensator laws",
+    "controller": "Controllers",
+    "signal": "Signals",
+}
+
+
+def models() -> list[str]:
+    """Return the models of the lab: friction that opposes a given velocity."""
+    return [
+        name for name, block in catalogue().items() if block.kind == "friction" and "speed" in described(name)["about"]
+    ]
+
+
+@cache
+def described(name: str) -> dict[str, Any]:
+    """Return what the page of a block shows: the variables, the picture, and what its script tells."""
+    block = catalogue()[name]
+    file = fmu(name)
+    with TemporaryDirectory() as folder, opened(block, file, Path(folder)) as bench:
+        about = about_block(bench) | {"equations": equations(block)}
+        groups = variable_groups(bench.description)
+    with ZipFile(file) as archive:
+        pictures = [
+            archive.read(member) for member in sorted(archive.namelist()) if re.search(r"/figure\d\.svg$", member)
+        ]
+    return {"about": about, "groups": groups, "pictures": pictures}
+
+
+def equations(block: Block) -> str:
+    """Return the equations of a block as text."""
+    return "\n\n".join("\n".join(each.lines) for each in paragraphs(block.notes) if each.equations)
+
+
+def lab_files(chosen: Sequence[str] | None = None) -> Iterator[tuple[str, str]]:
+    """Return the files of the lab that are made, by path in its folder, with all or some friction models."""
+    known = models() if chosen is None else chosen
+    on_mass = [name for name in ON_A_MASS if name in known]
+    for name, text in assets().items():
+        yield f"live/{name}", text
+    for name in known:
+        yield f"models/{name}.js", block_script(name)
+    for name in on_mass:
+        for system in ("mass", "axis"):
+            yield f"models/{name}-{system}.js", system_script(name, system)
+    names = json.dumps({"models": known, "onMass": on_mass})
+    yield "models/names.js", f"FrictionLive.catalogue = {names};\n"
+
+
+@cache
+def block_script(name: str) -> str:
+    """Return the script of a block."""
+    return model_script(wasm_block(name), described(name)["about"])
+
+
+@cache
+def system_script(friction: str, name: str) -> str:
+    """Return the script of the system in ``NAME.toml`` with a friction model.
+
+    A system has the same name with each model while it compiles, so that the code of its other parts is compiled once.
+    """
+    text = (LAB / f"{name}.toml").read_text(encoding="utf-8").replace('"LuGre"', f'"{friction}"')
+    with TemporaryDirectory() as folder:
+        file, made = Path(folder) / f"{name}.toml", Path(folder) / f"{name}.fmu"
+        file.write_text(text, encoding="utf-8")
+        with System.from_toml(file, resolve=fmu, open_inputs=True) as system:
+            system.to_fmu(made, platforms=())
+        model = wasm_model(made.read_bytes())
+    named = replace(model, description={**model.description, "name": f"{friction}-{name}"})
+    return model_script(named, {"toml": text})
+
+
+def block_pages() -> Iterator[tuple[str, str | bytes]]:
+    """Return the pages of the blocks with their pictures, by path in the documentation."""
+    yield "blocks/index.md", index_page()
+    for name, block in catalogue().items():
+        found = described(name)
+        yield f"blocks/{name}.md", block_page(block, found)
+        for number, picture in enumerate(found["pictures"], start=1):
+            yield f"blocks/{name}-{number}.svg", picture
+        if name not in models():
+            yield f"lab/models/{name}.js", block_script(name)
+
+
+def index_page() -> str:
+    """Return the list of all blocks."""
+    lines = [
+        "# All blocks",
+        "",
+        "Each page has the equations, the variables and a figure that moves with the parameters.",
+    ]
+    for kind, heading in KINDS.items():
+        lines += ["", f"## {heading}", "", "| block | |", "|---|---|"]
+        blocks = [block for block in catalogue().values() if block.kind == kind]
+        lines += [
+            f"| [{block.name}]({block.name}.md) | {block.summary.replace('|', chr(92) + '|')} |" for block in blocks
+        ]
+    return "\n".join(lines) + "\n"
+
+
+def block_page(block: Block, found: dict[str, Any]) -> str:
+    """Return the page of a block: what it is, the live figure with its fallback, variables and source."""
+    first, *rest = [markdown(each) for each in paragraphs(block.notes)]
+    live = "speed" in found["about"] or found["about"].get("figures")
+    parts = ["---", "hide: [navigation, toc]", "---", "", f"# {block.name}", "", first, ""]
+    parts += [live_figure(block.name, len(found["pictures"]))] if live or found["pictures"] else []
+    parts += ["\n\n".join(rest), "", "## Variables", ""]
+    for title, entries in found["groups"].items():
+        parts += [f"### {title}", "", "| name | unit | start | range | meaning |", "|---|---|---|---|---|"]
+        for e in entries:
+            cells = (f"`{e.name}`", e.unit, ", ".join(e.starts), e.limits, e.text)
+            parts.append(f"| {' | '.join(cell.replace('|', chr(92) + '|') for cell in cells)} |")
+        parts.append("")
+    parts += ["## Source", "", f"{block.origin}.", "", "```bibtex", *block.bibtex, "```", ""]
+    parts += ["```console", f"$ friction-fmus build {block.name}", "```", ""]
+    return "\n".join(parts)
+
+
+def live_figure(name: str, pictures: int) -> str:
+    """Return the live figure of a block as HTML; its content is what is seen without JavaScript."""
+    images = "".join(
+        f'<img src="{name}-{number}.svg" alt="Behaviour of {name} with its start values" width="403" height="288">'
+        for number in range(1, pictures + 1)
+    )
+    scripts = "".join(
+        f'<script src="../lab/{file}" defer></script>'
+        for file in (*(f"live/{s}" for s in SCRIPTS), "views.js", "block.js")
+    )
+    styles = "".join(f'<link rel="stylesheet" href="../lab/live/{file}.css">' for file in ("uplot", "live"))
+    return f'<div class="live-block" data-block="{name}">{images}</div>\n{styles}{scripts}\n'
+
+
+def lab_page() -> str:
+    """Return the page of the lab in the site, from its own page."""
+    text = (LAB / "index.html").read_text(encoding="utf-8")
+    body = re.search(r"<!-- lab -->\n(.*)<!-- /lab -->", text, re.S)
+    assert body, "docs/lab/index.html marks the lab"
+    inside = re.sub(r'(src|href)="(?!https?:|#|\.\./)', r'\1="lab/', body[1]).replace('"../', '"')
+    inside = inside.replace('<div id="lab">', '<div id="lab" data-pages="./">')
+    return f"---\nhide: [navigation, toc]\ntitle: Lab\n---\n\n{inside}"
+
+
+def write_lab(folder: Path, chosen: Sequence[str] | None = None) -> None:
+    """Write the lab as a folder of its own, with all or some friction models."""
+    folder.mkdir(parents=True, exist_ok=True)
+    for source in LAB.iterdir():
+        if source.suffix != ".toml":
+            (folder / source.name).write_bytes(source.read_bytes())
+    for name, text in lab_files(chosen):
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
+        (folder / name).write_text(text, encoding="utf-8")
+
+
+if __name__ == "__main__":
+    write_lab(Path(sys.argv[1]))

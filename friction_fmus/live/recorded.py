@@ -1,0 +1,165 @@
+"""The figures of a block as experiments that a page repeats with other parameters."""
+
+from __future__ import annotations
+
+import base64
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+from zipfile import ZipFile
+
+import numpy as np
+from fmpy.fmi1 import FMICallException
+
+from friction_fmus.blocks.catalogue import Block
+from friction_fmus.blocks.probe import BlockVariables, read_variables
+from friction_fmus.fmi.portrait.choice import experiment
+from friction_fmus.fmi.portrait.course import Bench as PortraitBench
+from friction_fmus.fmi.portrait.course import Curve, Panel, Session, Vector
+from friction_fmus.fmi.portrait.friction import elastic_reach, friction_panels, speed_scale
+from harness.compiling.platforms import NATIVE
+
+
+@dataclass
+class Course:
+    """A run: its times, and the inputs and outputs at these times."""
+
+    times: list[float]
+    inputs: list[Mapping[str, float]] = field(default_factory=list)
+    outputs: list[list[float]] = field(default_factory=list)
+    names: tuple[str, ...] = ()
+
+
+class _RecordedSession(Session):
+    """A session that keeps what it is given and what it returns."""
+
+    course: Course
+    _given: Mapping[str, float]
+
+    def put(self, inputs: Mapping[str, float]) -> None:
+        self._given = dict(inputs)
+        super().put(inputs)
+
+    def step(self, time: float, length: float) -> list[float]:
+        self.course.inputs.append(self._given)
+        self.course.times.append(time + length)
+        return super().step(time, length)
+
+    def values(self) -> list[float]:
+        found = super().values()
+        self.course.outputs.append(found)
+        return found
+
+
+class Bench(PortraitBench):
+    """A test bench that records its runs."""
+
+    def __init__(self, block: Block, description: BlockVariables, folder: Path) -> None:
+        """Begin without runs."""
+        super().__init__(block, description, folder)
+        self.block = block
+        self.description = description
+        self.courses: list[Course] = []
+
+    @contextmanager
+    def session(self, outputs: Sequence[str], start: float = 0.0) -> Iterator[Session]:
+        """Open a run and record it."""
+        with super().session(outputs, start) as plain:
+            session = _RecordedSession.__new__(_RecordedSession)
+            session.__dict__.update(plain.__dict__)
+            session.course = Course([start], names=tuple(outputs))
+            self.courses.append(session.course)
+            yield session
+
+
+@contextmanager
+def opened(block: Block, fmu: Path, folder: Path) -> Iterator[Bench]:
+    """Open the FMU of a block, unpacked in a folder, on a test bench."""
+    with ZipFile(fmu) as archive:
+        archive.extractall(folder)
+    library = folder / "binaries" / NATIVE.folder / f"{block.name}{NATIVE.suffix}"
+    yield Bench(block, read_variables(library), folder)
+
+
+def recorded_figures(bench: Bench) -> dict[str, Any]:
+    """Return the experiments behind the figures of a block, for JSON.
+
+    Friction that follows a velocity is moved by the page itself, which needs only the scales ``speed`` and ``reach`` of
+    the start values [m/s, m]. For other blocks, ``figures`` has the inputs of each run and the places of the curves in
+    its inputs and outputs.
+    """
+    chosen = experiment(bench)
+    if chosen is None:
+        return {}
+    try:
+        if chosen is friction_panels:
+            peak = 4.0 * speed_scale(bench)
+            return {"speed": peak, "reach": elastic_reach(bench, peak / 100.0) or 1e-3 * peak}
+        panels = chosen(bench)
+    except FMICallException:
+        return {}
+    figures = [_figure(panel, bench.courses) for panel in panels]
+    return {"figures": [figure for figure in figures if figure]}
+
+
+def _figure(panel: Panel, courses: Sequence[Course]) -> dict[str, Any] | None:
+    """Return a figure, or None if its curves are not columns of runs."""
+    curves = [_found(curve, courses) for curve in panel.curves]
+    if not all(curves):
+        return None
+    used = sorted({curve["run"] for curve in curves if curve and "run" in curve})
+    return {
+        "x": panel.x,
+        "y": panel.y,
+        "caption": panel.caption,
+        "curves": [{**curve, "run": used.index(curve.get("run", used[0]))} for curve in curves if curve],
+        "runs": [_run(courses[k]) for k in used],
+    }
+
+
+def _found(curve: Curve, courses: Sequence[Course]) -> dict[str, Any] | None:
+    about = {"label": curve.label, "aside": curve.aside}
+    for number, course in enumerate(courses):
+        columns = _columns(course)
+        y = _place(curve.y, {name: values for name, values in columns.items() if curve.aside or name in course.names})
+        if y is not None:
+            x = _place(curve.x, columns)
+            return {**about, "run": number, "x": _packed(curve.x) if x is None else x, "y": y}
+    return {**about, "x": _packed(curve.x), "y": _packed(curve.y)} if curve.aside else None
+
+
+def _columns(course: Course) -> dict[str, Vector]:
+    inputs = {name: [row[name] for row in course.inputs] for name in (course.inputs[0] if course.inputs else {})}
+    outputs = dict(zip(course.names, np.array(course.outputs).T, strict=True))
+    return {"time": np.array(course.times), **{k: np.array(v) for k, v in inputs.items()}, **outputs}
+
+
+def _place(values: Vector, columns: Mapping[str, Vector]) -> dict[str, Any] | None:
+    """Return where these values are: the name of a column, and the first row."""
+    for name, column in columns.items():
+        for first in range(column.size - values.size + 1):
+            if np.array_equal(column[first : first + values.size], values):
+                return {"name": name, "from": first, "count": values.size}
+    return None
+
+
+def _run(course: Course) -> dict[str, Any]:
+    columns = _columns(course)
+    given = {name: columns[name] for name in (course.inputs[0] if course.inputs else {})}
+    lengths = np.diff(course.times)
+    equal = np.allclose(lengths, lengths[0], rtol=1e-6)
+    return {
+        "step": lengths[0] if equal else _packed(lengths),
+        "steps": lengths.size,
+        "outputs": course.names,
+        "inputs": {name: _packed(np.append(column, column[-1])) for name, column in given.items()},
+    }
+
+
+def _packed(values: Vector) -> Any:
+    """Return a number for equal values, else 64-bit floating-point numbers in base64."""
+    if np.all(values == values[0]):
+        return float(values[0])
+    return base64.b64encode(np.asarray(values, "<f8").tobytes()).decode()

@@ -1,0 +1,128 @@
+/* A row of a slider, a number field and a reset button, all for one value. */
+(function (live) {
+  "use strict";
+  const STEPS = 1000;
+
+  /* Return a text with elements in it. */
+  function element(tag, properties = {}, ...children) {
+    const made = document.createElement(tag);
+    for (const [name, value] of Object.entries(properties)) {
+      if (name in made) made[name] = value;
+      else made.setAttribute(name, value);
+    }
+    made.append(...children);
+    return made;
+  }
+
+  /* Return how positions 0 to STEPS of a slider belong to values: on a logarithmic scale if the range spans more than
+     two decades, where position 0 is the value 0 if that is allowed. */
+  function scaleOf({ min, max, zero, integer }) {
+    const logarithmic = min > 0 && max / min > 100;
+    const first = zero ? 1 : 0;
+    const toValue = (position) => {
+      if (zero && position < first) return 0;
+      const share = (position - first) / (STEPS - first);
+      const value = logarithmic ? min * Math.pow(max / min, share) : min + share * (max - min);
+      return integer ? Math.round(value) : Number(value.toPrecision(3));
+    };
+    const toPosition = (value) => {
+      if (zero && value <= 0) return 0;
+      const share = logarithmic ? Math.log(Math.max(value, min) / min) / Math.log(max / min) : (value - min) / (max - min);
+      return Math.min(Math.max(first + share * (STEPS - first), first), STEPS);
+    };
+    return { toValue, toPosition };
+  }
+
+  /* Make a row. `about`: name, text, unit, start, and the range of the slider; `accepts(value)` returns a sentence about
+     a value that the model does not take, or nothing. */
+  function slider(about, onInput) {
+    if (about.boolean) return box(about, onInput);
+    const id = "value-" + (about.id || about.name).replace(/[^\w]+/g, "-");
+    const { toValue, toPosition } = scaleOf(about);
+    let value = about.start;
+    const range = element("input", { type: "range", min: 0, max: STEPS, step: 1, id });
+    const number = element("input", { type: "number", step: "any", "aria-label": about.name + " in " + (about.unit || "1") });
+    const reset = element("button", { type: "button", className: "reset", title: "Reset " + about.name, textContent: "↺" });
+    reset.setAttribute("aria-label", "Reset " + about.name);
+    const problem = element("p", { className: "problem", hidden: true, role: "alert" });
+    const label = element("label", { htmlFor: id }, element("b", {}, about.label || about.name), " ", about.text);
+    const unit = element("span", { className: "unit" }, live.spaced(about.unit));
+    const row = element("div", { className: "slider" }, label, range, number, unit, reset, problem);
+
+    function show(typed) {
+      range.value = toPosition(value);
+      range.setAttribute("aria-valuetext", live.quantity(value, about.unit));
+      if (!typed) number.value = Number(value.toPrecision(6));
+      reset.disabled = value === about.start;
+    }
+
+    function take(given, typed) {
+      const fault = typeof given === "number" && isFinite(given) ? about.accepts && about.accepts(given) : about.name + " must be a number.";
+      problem.hidden = !fault;
+      problem.textContent = fault || "";
+      if (fault) return;
+      value = given;
+      show(typed);
+      onInput(about.name, value);
+    }
+
+    range.addEventListener("input", () => take(toValue(Number(range.value))));
+    number.addEventListener("input", () => take(number.valueAsNumber, true));
+    number.addEventListener("change", () => show());
+    reset.addEventListener("click", () => {
+      take(about.start);
+      range.focus();
+    });
+    show();
+    return {
+      element: row,
+      get value() {
+        return value;
+      },
+      set value(given) {
+        value = given;
+        problem.hidden = true;
+        show();
+      },
+    };
+  }
+
+  /* Make a row for a value that is true or false. */
+  function box(about, onInput) {
+    const input = element("input", { type: "checkbox", checked: Boolean(about.start) });
+    const row = element("label", { className: "check" }, input, " ", element("b", {}, about.label || about.name), " " + about.text);
+    input.addEventListener("input", () => onInput(about.name, Number(input.checked)));
+    return {
+      element: row,
+      get value() {
+        return Number(input.checked);
+      },
+      set value(given) {
+        input.checked = Boolean(given);
+      },
+    };
+  }
+
+  /* Return the range of a slider for a variable of a model. `typical`: magnitude for a start value of zero. */
+  function rangeOf({ start, min, max, type }, typical) {
+    if (type === "Boolean") return { boolean: true };
+    const integer = type === "Integer";
+    const size = Math.abs(start) || typical || 1;
+    if (isFinite(min) && isFinite(max) && max / Math.max(min, size / 100) < 1000) return { min, max, integer };
+    if (integer) return { min: Math.max(min, 0), max: Math.min(max, Math.max(4 * size, 10)), integer };
+    if (min < 0) return { min: Math.max(min, -3 * size), max: Math.min(max, 3 * size) };
+    return { min: Math.max(min, size / 100), max: Math.min(max, size * 100), zero: min <= 0 };
+  }
+
+  /* Return a function that returns a sentence if a variable of a model does not take a value. */
+  function limits({ name, unit, min, max, type }) {
+    const limit = (value) => value + (unit ? " " + live.spaced(unit) : "") + ".";
+    return (value) => {
+      if (value < min) return name + " must be at least " + limit(min);
+      if (value > max) return name + " must be at most " + limit(max);
+      return type === "Integer" && value % 1 !== 0 ? name + " must be a whole number." : "";
+    };
+  }
+
+  Object.assign(live, { element, slider, rangeOf, limits });
+})(FrictionLive);

@@ -1,0 +1,170 @@
+"""The what-if panel of the page: its scripts, its data, and its picture without scripts."""
+
+from __future__ import annotations
+
+import base64
+import json
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+
+from friction_fmus.fmi.portrait.course import Curve as PlainCurve
+from friction_fmus.fmi.portrait.course import Panel
+from friction_fmus.fmi.portrait.drawing import chart
+from friction_fmus.identification import Array
+from friction_fmus.live import SCRIPTS, assets
+from friction_fmus.report.figures import thinned
+from friction_fmus.report.numbers import multiple
+from friction_fmus.report.views import NO_COMPENSATION, NONE, label, reversal
+from friction_fmus.study.result import StudyResult
+from friction_fmus.study.what_if import Knob, WhatIf
+
+POINTS: Final = 1000
+"""Largest number of points of a curve of the picture."""
+
+DIGITS: Final = 5
+"""Number of digits of a slider's initial value."""
+
+RECORDED: Final = {"position error": "error", "drive force": "force", "drive torque": "force"}
+"""Curves of the panel, by the label of the record's plot."""
+
+
+@dataclass(frozen=True)
+class ShownRun:
+    """Row of the table of tracking errors: label, and the figures of the report."""
+
+    label: str
+    rms: float
+    largest: float
+
+
+@dataclass(frozen=True)
+class LivePanel:
+    """Panel for the templates.
+
+    Attributes
+    ----------
+    compensated : str
+        Name of the compensator; empty if none is recommended.
+    names : str
+        What the sliders change.
+    runs : tuple of ShownRun
+        Runs.
+    picture, data, script, style : str
+        SVG without scripts, JSON, JavaScript and CSS.
+    whole : bool
+        Whether the whole record is simulated.
+    seconds : float
+        Simulated time [s].
+    """
+
+    compensated: str
+    names: str
+    runs: tuple[ShownRun, ...]
+    picture: str
+    data: str
+    script: str
+    style: str
+    whole: bool
+    seconds: float
+
+
+def live_panel(study: StudyResult, axis: WhatIf) -> LivePanel:
+    """Return the panel of a study.
+
+    Parameters
+    ----------
+    study : StudyResult
+        Result of the study.
+    axis : WhatIf
+        The axis.
+    """
+    files = assets()
+    own = Path(__file__).with_name("what_if.js").read_text(encoding="utf-8")
+    models = [run.model.script() for run in axis.runs]
+    names = [knob.name for knob in axis.knobs]
+    unit = study.units.position
+    compensated = next((run.name for run in axis.runs if run.name != NONE), "")
+    data = {
+        "Ts": axis.Ts,
+        "r": _packed(axis.r, "<f8"),
+        "noise": _packed(axis.noise, "<f4"),
+        "runUp": axis.run_up,
+        "units": {"position": unit, "force": study.units.force},
+        "forceName": "torque" if unit == "rad" else "force",
+        "runs": [{"model": run.model.name, "label": "recommended" if run.name != NONE else NO_COMPENSATION}
+                 for run in axis.runs],
+        "knobs": [_slider(knob) for knob in axis.knobs],
+        "recorded": _recorded(study),
+        "largest": max(run.metrics.largest for run in axis.runs),
+        "views": {} if (turn := reversal(study.record)) is None else {"around a reversal": turn},
+    }  # fmt: skip
+    text = json.dumps(data, separators=(",", ":"), ensure_ascii=True)
+    return LivePanel(
+        label(compensated) if compensated else "",
+        f"{', '.join(names[:-1])} and {names[-1]}",
+        tuple(
+            ShownRun("recommended" if run.name != NONE else NO_COMPENSATION, run.metrics.rms, run.metrics.largest)
+            for run in axis.runs
+        ),
+        _picture(study, axis),
+        text.replace("<", "\\u003c").replace("&", "\\u0026"),
+        "\n".join([*(files[name] for name in SCRIPTS), *models, own]),
+        "\n".join(files[name] for name in ("uplot.css", "live.css")),
+        axis.whole,
+        axis.Ts * len(axis.r),
+    )
+
+
+def _slider(knob: Knob) -> Mapping[str, Any]:
+    """Return a slider in the displayed unit, and what a model's parameter is divided by its value."""
+    shown, factor = multiple(knob.unit, knob.start or 0.01 * knob.most)
+    start = float(f"{factor * knob.start:.{DIGITS}g}")
+    scale = knob.start / start if start else 1.0 / factor
+    return {
+        "name": knob.name,
+        "text": knob.text,
+        "unit": shown or "×",
+        "start": start,
+        "min": float(f"{factor * knob.least:.2g}"),
+        "max": float(f"{factor * knob.most:.2g}"),
+        "zero": knob.zero,
+        "integer": bool(knob.taps),
+        "settings": [{name: scale * value for name, value in each.items()} for each in knob.settings],
+        "taps": list(knob.taps),
+    }
+
+
+def _recorded(study: StudyResult) -> Mapping[str, Mapping[str, list[float]]]:
+    """Return the recorded tracking error and force over time."""
+    found = {}
+    for picture in study.record:
+        name = RECORDED.get(picture.y_label)
+        if name and picture.data:
+            x, y = thinned(next(iter(picture.data.values())), points=2 * POINTS)
+            found[name] = {"t": [float(f"{t:.6g}") for t in x], "y": [float(f"{value:.4g}") for value in y]}
+    return found
+
+
+def _packed(values: Array, kind: str) -> str:
+    return base64.b64encode(np.ascontiguousarray(values, dtype=kind).tobytes()).decode("ascii")
+
+
+def _picture(study: StudyResult, axis: WhatIf) -> str:
+    """Return the tracking errors of the study over time as SVG."""
+    found = {run.name: study.compensator(run.name).error for run in reversed(axis.runs)}
+    errors = {name: error for name, error in found.items() if error is not None}
+    if not errors:
+        return ""
+    unit, factor = multiple(study.units.position, np.concatenate([np.asarray(each.y) for each in errors.values()]))
+    curves = []
+    for name, error in errors.items():
+        x, y = thinned(error, (1.0, factor), POINTS)
+        curves.append(PlainCurve(x, y, label(name), aside=name == NONE and len(errors) > 1))
+    panel = Panel(tuple(curves), ("time", "s"), ("reference − position", unit), "")
+    text = chart(panel, "Tracking error").decode()
+    return re.sub(r"<\?xml.*?\?>\s*|<metadata>.*?</metadata>\s*", "", text, flags=re.DOTALL)

@@ -1,0 +1,301 @@
+"""The lab in a real browser: on a wide screen and on a phone, as a file and under a strict policy."""
+
+from __future__ import annotations
+
+import os
+import re
+import shutil
+import statistics
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from functools import partial
+from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+import pytest
+from axe_playwright_python.sync_playwright import Axe
+from playwright.sync_api import Browser, Page, sync_playwright
+
+ROOT = Path(__file__).parents[2]
+CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
+MODELS = ("LuGre", "ElastoPlastic", "Dahl", "GMS")
+POLICY = "default-src 'self'; script-src 'self' 'wasm-unsafe-eval'; style-src 'self'"
+SCREENS: dict[str, dict[str, Any]] = {
+    "wide": {"viewport": {"width": 1280, "height": 900}},
+    "phone": {"viewport": {"width": 390, "height": 844}, "is_mobile": True, "has_touch": True, "color_scheme": "dark"},
+}
+VIEWS = ("contact", "break-away", "hold", "stick-slip", "goal", "dither", "track")
+SERVO = ("goal", "dither", "track")
+pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="chromium is not installed")
+
+MOVE_ALL = """async (box) => {
+  const frame = () => new Promise((done) => requestAnimationFrame(() => setTimeout(done)));
+  const picture = () => [...document.querySelectorAll("#lab canvas")].map((each) => each.toDataURL()).join();
+  const drawn = () => performance.getEntriesByName("redraw").length;
+  const after = async (act) => {
+    const count = drawn();
+    act();
+    for (let k = 0; k < 300 && drawn() === count; k++) await frame();
+  };
+  const still = [], first = picture();
+  await frame();
+  if (picture() !== first) return ["the figure moves by itself"];
+  for (const range of box.querySelectorAll(":scope > .slider input[type=range]")) {
+    const before = picture(), value = Number(range.value);
+    for (const to of [value > 500 ? value - 250 : value + 250, value > 500 ? 100 : 900]) {
+      range.value = to;
+      await after(() => range.dispatchEvent(new Event("input")));
+      if (picture() !== before) break;
+    }
+    if (picture() === before) still.push(range.id);
+    const reset = range.closest(".slider").querySelector(".reset");
+    await after(() => reset.click());
+    if (!reset.disabled || Math.abs(range.value - value) > 1) still.push(range.id + " after reset");
+  }
+  return still;
+}"""
+
+
+class Server(SimpleHTTPRequestHandler):
+    """Serves a folder under a strict content-security policy."""
+
+    def end_headers(self) -> None:
+        self.send_header("Content-Security-Policy", POLICY)
+        super().end_headers()
+
+    def log_message(self, *_: object) -> None:
+        pass
+
+
+@pytest.fixture(scope="module")
+def lab(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("site") / "lab"
+    with pytest.MonkeyPatch.context() as patch:
+        patch.syspath_prepend(ROOT / "docs")
+        import_module("live_site").write_lab(folder, MODELS)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Browser]:
+    sandbox = ["--no-sandbox"] if os.getuid() == 0 else []  # which Chromium does not have for root
+    with sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=CHROMIUM, args=sandbox)
+        yield browser
+        browser.close()
+
+
+@contextmanager
+def opened(browser: Browser, address: str, screen: str = "wide", **more: Any) -> Iterator[tuple[Page, list[str]]]:
+    """Open a page, and note all requests and messages: there must be no message."""
+    context = browser.new_context(**SCREENS[screen], **more)
+    page = context.new_page()
+    requests: list[str] = []
+    messages: list[str] = []
+    page.on("request", lambda request: requests.append(request.url))
+    page.on("console", lambda message: messages.append(message.text))
+    page.on("pageerror", lambda error: messages.append(str(error)))
+    page.goto(address)
+    yield page, requests
+    assert messages == []
+    context.close()
+
+
+def show(page: Page, selection: str, **values: str) -> str:
+    """Choose in the lab, and return its sentence."""
+    page.evaluate("delete document.getElementById('lab').dataset.ready")
+    page.select_option(f"#{selection}", values["value"])
+    page.wait_for_selector("#lab[data-ready]", timeout=30_000)
+    return str(page.text_content(".result"))
+
+
+def until(page: Page, true: Callable[[], bool]) -> None:
+    """Wait until a condition holds: the page's policy does not let Playwright evaluate it in the page."""
+    end = time.monotonic() + 20.0
+    while not true():
+        assert time.monotonic() < end
+        page.wait_for_timeout(10)
+
+
+def figures(sentence: str) -> list[float]:
+    """Numbers with units in a sentence, in SI units."""
+    sizes = {"n": 1e-9, "µ": 1e-6, "m": 1e-3}
+    found = re.findall(r"(\d[\d.]*)\s([nµm]?)(?:m/s|m|N|s)\b", sentence.replace("\u00a0", " "))
+    return [float(number) * sizes.get(prefix, 1.0) for number, prefix in found]
+
+
+@pytest.mark.parametrize("screen", SCREENS)
+def test_every_control_moves_its_figure(browser: Browser, lab: Path, screen: str) -> None:
+    """Those of an experiment in the experiment, those of a model in one experiment at least."""
+    idle: dict[str, int] = {}
+    with opened(browser, (lab / "index.html").as_uri() + "#view=contact&models=LuGre", screen) as (page, requests):
+        page.wait_for_selector("#lab[data-ready]", timeout=30_000)
+        for view in VIEWS:
+            show(page, "view", value=view)
+            for group in page.query_selector_all(".controls > .group"):
+                still = group.evaluate(MOVE_ALL)
+                if "first" in str(group.get_attribute("class")):
+                    for name in still:
+                        idle[name] = idle.get(name, 0) + 1
+                else:
+                    assert still == [], view
+        widths = page.evaluate("[document.documentElement.scrollWidth, document.documentElement.clientWidth]")
+        assert widths[0] == widths[1], "the page scrolls sideways"
+    assert [name for name, times in idle.items() if times == len(VIEWS) or "reset" in name] == []
+    assert [url for url in requests if not url.startswith("file:")] == []
+
+
+@pytest.mark.parametrize("screen", SCREENS)
+def test_redraws_follow_the_slider(browser: Browser, lab: Path, screen: str) -> None:
+    """The median time from input to drawn figure is 50 ms at most, 100 ms for position loops."""
+    with opened(browser, (lab / "index.html").as_uri() + "#view=contact&models=LuGre", screen) as (page, _):
+        page.wait_for_selector("#lab[data-ready]", timeout=30_000)
+        slow = {}
+        for view in VIEWS:
+            show(page, "view", value=view)
+            page.evaluate("performance.clearMeasures()")
+            for k in range(15):
+                page.locator(".group.first input[type=range]").first.evaluate(
+                    "(range, k) => { range.value = 460 + 5 * k; range.dispatchEvent(new Event('input')); }", k
+                )
+                until(page, lambda n=k + 1: page.evaluate("performance.getEntriesByName('redraw').length") == n)  # type: ignore[misc]
+            times = page.evaluate("performance.getEntriesByName('redraw').map((entry) => entry.duration)")
+            print(f"{screen}, {view}: median {statistics.median(times):.0f} ms, largest {max(times):.0f} ms")
+            if statistics.median(times) > (100.0 if view in SERVO else 50.0):
+                slow[view] = statistics.median(times)
+    assert slow == {}
+
+
+def test_presets_show_what_independent_computations_give(browser: Browser, lab: Path) -> None:
+    """The figures are those that the scripts of the effects check, from ODE solvers at tight tolerances."""
+    with opened(browser, (lab / "index.html").as_uri()) as (page, _):
+        page.wait_for_selector("#lab[data-ready]", timeout=30_000)
+        sentence = show(page, "preset", value="drift")
+        assert figures(sentence)[0] == pytest.approx(6.088742e-6, rel=2e-3)
+        assert "ElastoPlastic no drift" in sentence
+        sentence = show(page, "preset", value="stick-slip")
+        assert figures(sentence) == pytest.approx([6.3627, 0.369816], rel=5e-3)
+        assert "Dahl slides steadily" in sentence
+        show(page, "preset", value="hunting")
+        page.fill("[aria-label='duration in s']", "120")
+        until(page, lambda: "64" in str(page.text_content(".result")))
+        assert figures(str(page.text_content(".result")))[0] == pytest.approx(63.903e-3, rel=2e-2)
+        assert "hunts" not in show(page, "preset", value="dead-band")
+        sentence = show(page, "preset", value="memory")
+        assert "GMS has" in sentence and sentence.index("returns") > sentence.index("GMS has") > sentence.index(
+            "misses"
+        )
+        without, ahead = (figures(show(page, "preset", value=name))[0] for name in ("quadrants", "feedforward"))
+        assert ahead < 0.6 * without
+
+
+@pytest.mark.parametrize("screen", SCREENS)
+def test_a_strict_policy_and_axe_have_no_objection(browser: Browser, lab: Path, screen: str) -> None:
+    server = ThreadingHTTPServer(("127.0.0.1", 0), partial(Server, directory=str(lab)))
+    threading.Thread(target=server.serve_forever, daemon=True).start()
+    origin = f"http://127.0.0.1:{server.server_port}/"
+    with opened(browser, f"{origin}index.html", screen) as (page, requests):
+        page.wait_for_selector("#lab[data-ready]", timeout=30_000)
+        for preset in ("drift", "hunting"):
+            show(page, "preset", value=preset)
+            found = Axe().run(page).response
+            assert len(found["passes"]) > 15
+            assert [(rule["id"], rule["nodes"][0]["html"]) for rule in found["violations"]] == []
+    server.shutdown()
+    server.server_close()
+    assert [url for url in requests if not url.startswith(origin)] == []
+    own = {url.removeprefix(origin) for url in requests if "/models/" not in url}
+    sizes = {name: (lab / name).stat().st_size for name in own}
+    print(f"the lab without models: {sum(sizes.values()) / 1e3:.0f} kB")
+    assert sum(sizes.values()) < 400e3
+
+
+def test_an_address_holds_the_state_and_texts_can_be_copied(browser: Browser, lab: Path) -> None:
+    address = (lab / "index.html").as_uri()
+    with opened(browser, f"{address}#view=goal&models=LuGre,GMS&s.Kp=30&a.Fs=2&b.Fc=0.5&a.nothing=1&s.Kd=x") as (
+        page,
+        _,
+    ):
+        page.wait_for_selector("#lab[data-ready]", timeout=30_000)
+        assert page.input_value(".group.first [aria-label='Fs in N']") == "2"
+        assert page.input_value(".group.second [aria-label='Fc in N']") == "0.5"
+        assert page.input_value("[aria-label='Kp in N/m']") == "30"
+        page.fill("[aria-label='Ki in N/(m.s)']", "-1")
+        page.fill(".group.first [aria-label='Fs in N']", "-2")
+        assert "Ki must be at least 0 N/(m\u00a0s)." in str(page.text_content(".problem:not([hidden])"))
+        assert "Fs must be at least 1e-9 N." in str(page.text_content(".group.first .problem:not([hidden])"))
+        until(page, lambda: "s.Kp=30&a.Fs=2&b.Fc=0.5" in page.url)
+        assert "nothing" not in page.url and "Kd" not in page.url
+        page.select_option("#format", "build command")
+        assert page.text_content(".exported pre") == "friction-fmus build LuGre -o fmus --name MyLuGre --set Fs=2"
+
+
+def test_copied_texts_run(browser: Browser, lab: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The system file gives the figures of the page in the harness, and the programs run."""
+    monkeypatch.chdir(tmp_path)
+    with opened(browser, (lab / "index.html").as_uri() + "#view=stick-slip&models=LuGre&s.d=0.4&a.sigma2=0") as (
+        page,
+        _,
+    ):
+        page.wait_for_selector("#lab[data-ready]", timeout=30_000)
+        period = figures(str(page.text_content(".result")))[0]
+        page.select_option("#format", "Python")
+        program = str(page.text_content(".exported pre"))
+        show(page, "view", value="contact")
+        moved = str(page.text_content(".exported pre"))
+    names: dict[str, Any] = {}
+    exec(program, names)
+    t, v = (names["result"][name].to_numpy() for name in ("time", "axis.v"))
+    slips = t[1:][(v[1:] >= 0.05) & (v[:-1] < 0.05)]
+    assert float(slips[-1] - slips[1]) / (slips.size - 2) == pytest.approx(period, rel=5e-3)
+    exec(moved, names)
+    assert names["result"]["mass.x"].to_numpy()[-1] > 0.0
+
+
+RECORDS = {
+    "": "fewer than three rows",
+    "t,x\n0,1\n1,2\n2,3\n": "no column of friction",
+    "t [s],x [inch],F [N]\n0,1,1\n1,1,1\n2,1,1\n": 'The unit "inch" of x is unknown',
+    "t,v,F\n0,1,1\n1,a,1\n2,1,1\n": 'Row 3 has "a"',
+    "t,v,F\n0,1,1\n2,1,1\n1,1,1\n": "does not increase from row 3 to row 4",
+}
+
+
+def test_a_record_is_compared_and_a_bad_file_gets_a_sentence(browser: Browser, lab: Path) -> None:
+    """Coulomb friction of 2 N at 0.1 m/s is 1 N above Dahl's 1 N."""
+    with opened(browser, (lab / "index.html").as_uri() + "#view=record&models=Dahl") as (page, requests):
+        page.wait_for_selector("#lab[data-ready]", timeout=30_000)
+        for text, sentence in RECORDS.items():
+            page.set_input_files("#record", {"name": "bad.csv", "mimeType": "text/csv", "buffer": text.encode()})
+            until(page, lambda sentence=sentence: sentence in str(page.text_content(".drop p")))  # type: ignore[misc]
+        rows = "\n".join(f"{k};{k * 0.1:.1f};2000".replace(".", ",") for k in range(1000))
+        file = {"name": "good.csv", "mimeType": "text/csv", "buffer": f"t [ms];x [mm];F [mN]\n{rows}".encode()}
+        page.set_input_files("#record", file)
+        until(page, lambda: "rms" in str(page.text_content(".result")))
+        assert figures(str(page.text_content(".result")))[0] == pytest.approx(1.0, abs=0.01)
+    assert [url for url in requests if not url.startswith("file:")] == []
+
+
+def test_without_scripts_there_are_words_and_a_picture(browser: Browser, lab: Path) -> None:
+    with opened(browser, (lab / "index.html").as_uri(), java_script_enabled=False) as (page, _):
+        assert "needs JavaScript" in str(page.text_content("main"))
+        assert page.evaluate is not None and page.locator("#lab img").bounding_box() is not None
+
+
+def test_claims_of_presets_are_those_of_the_documentation() -> None:
+    presets = (ROOT / "docs" / "lab" / "presets.js").read_text(encoding="utf-8")
+    claims = (ROOT / "docs" / "literature.md").read_text(encoding="utf-8")
+    effects = (ROOT / "docs" / "effects.md").read_text(encoding="utf-8")
+    tables = {
+        re.sub(r"[-\s]+", "-", re.sub(r"[^\w\s-]", "", line[4:].lower()))
+        for line in effects.splitlines()
+        if line.startswith("### ")
+    }
+    assert len(re.findall(r"\bid:", presets)) == len(re.findall(r"\bclaim:", presets)) >= 8
+    assert [claim for claim in re.findall(r'claim: "(.*)"', presets) if f"- {claim} **" not in claims] == []
+    assert [name for name in re.findall(r'script: "(.*)"', presets) if not (ROOT / "examples" / name).is_file()] == []
+    assert [name for name in re.findall(r'effect: "(.*)"', presets) if name not in tables] == []

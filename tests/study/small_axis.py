@@ -1,0 +1,41 @@
+"""A small axis with two runs of a study, for the what-if panel of the report."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from friction_fmus.axis.loop import Compensator, Plant, Trajectory
+from friction_fmus.axis.position_map import Grid, PositionMap
+from friction_fmus.study import Servo
+from friction_fmus.study.compensator_records import CompensatorResult
+from friction_fmus.study.data import LUGRE, build_reference
+from friction_fmus.study.evaluation import Scheme, evaluate
+from friction_fmus.study.metrics import Bench
+
+TS = 1e-3
+SERVO = Servo("PID", {"Kp": 12e3, "Kd": 190.0, "Ki": 900.0}, TS, 100.0, quantum=1e-7, noise=1e-7, delay=1)
+NODES = 20
+RIPPLE = tuple(0.5 * np.sin(np.arange(float(NODES))))
+TABLE = PositionMap(Grid(-2e-3, 12e-3 / (NODES - 1), NODES), RIPPLE, (0.1,) * NODES, 1e-3)
+PLANT = Plant("LuGre", LUGRE, 1.0, 0.2, TABLE)
+R = 4e-3 * (1.0 - np.cos(4.0 * np.pi * TS * np.arange(1001.0)))
+LAW = Compensator("LuGreFeedforward", "u", {**LUGRE, "m": 0.0})
+NOISE = np.random.default_rng(1).standard_normal(len(R))
+
+
+def bench_of(folder: Path, servo: Servo = SERVO) -> Bench:
+    t = TS * np.arange(float(len(R)))
+    reference, noise = build_reference(t, R, folder, "Reference"), build_reference(t, NOISE, folder, "Noise")
+    return Bench(servo, PLANT, Trajectory(reference, len(R), 0.0, 0.0, motion=True, offset=0.2, noise=noise), R)
+
+
+def runs_of(bench: Bench) -> list[tuple[CompensatorResult, Scheme]]:
+    """The compensator of the synthetic study and the servo alone, as a study finds them."""
+    found = []
+    schemes = {LAW.model: Scheme(bench.servo, 0.8, compensator=LAW, table=True), "none": Scheme(bench.servo)}
+    for name, scheme in schemes.items():
+        metrics = evaluate(bench, [scheme], ()).metrics
+        found.append((CompensatorResult(name, name, "feedforward", True, metrics=metrics), scheme))
+    return found
