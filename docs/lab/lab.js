@@ -78,10 +78,13 @@
     return name in scales ? Number(scales[name].toPrecision(2)) : start;
   }
 
-  /* Remove values, from an address, of names that do not exist. */
+  /* Remove values, from an address, of names that do not exist or out of limits. */
   function known(values, exists) {
-    for (const name of Object.keys(values)) if (!exists(name)) delete values[name];
+    for (const [name, value] of Object.entries(values)) if (!exists(name, value)) delete values[name];
   }
+
+  /* Return a function that returns a sentence if an experiment does not take a value. */
+  const limitsOf = ({ zero, min, ...about }) => live.limits({ ...about, min: zero ? 0 : min });
 
   /* ---- controls ---------------------------------------------------------------------------------------------- */
 
@@ -238,13 +241,13 @@
     }
     if (state !== mine) return;
     state.models.forEach((name, side) => known(state[ROLES[side]], (each) => runs.get(side + scriptOf(name)).has(prefix() + each)));
-    known(state.setup, (each) => view.controls.some((control) => control.name === each));
+    known(state.setup, (each, given) => view.controls.some((control) => control.name === each && !limitsOf(control)(given)));
     drawn.replaceChildren();
     charts = view.charts.map((about) => live.chart(drawn.appendChild(element("figure")), about));
     drop.replaceChildren(...(view.id === "record" ? recordRows() : []));
     const settings = view.controls.map((about) => {
       const start = startOf(about.name, about.start);
-      return row("setup", { ...about, start, min: Math.min(about.min, start), max: Math.max(about.max, start) });
+      return row("setup", { ...about, start, accepts: limitsOf(about) });
     });
     const friction = state.models.map((name, side) => group(name, modelRows(side, runs.get(side + scriptOf(name))), ROLES[side]));
     const experiment = settings.length ? [group(view.part === "axis" ? "Controller and motion" : "Experiment", settings)] : [];

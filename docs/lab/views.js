@@ -1,7 +1,7 @@
 /* What the lab computes: each view runs a model and returns curves and a sentence about them. */
 (function (live) {
   "use strict";
-  const TICKS = { mass: 5e-3, axis: 2e-3 }; /* steps inside the systems, in mass.toml and axis.toml [s] */
+  const TICKS = { mass: 5e-3, axis: 2.5e-3 }; /* steps inside the systems, in mass.toml and axis.toml [s] */
   const FEWEST = 600; /* steps of a run; the systems divide their own steps for it */
   const value = (name, text, unit, start, min, max, more = {}) => ({ name, text, unit, start, min, max, ...more });
   const { quantity } = live;
@@ -93,7 +93,7 @@
 
   const IDLE = {
     "pid.Kp": 0, "pid.Kd": 0, "pid.Ki": 0, "pid.Ts": TICKS.axis, "feedforward.gain": 0, "feedforward.Ts": TICKS.axis,
-    "feedforward.m": 0, "dither.gain": 0, "dither.Ts": TICKS.axis, "dither.u_min": -1e6, "dither.u_max": 1e6,
+    "feedforward.m": 0, "dither.gain": 0, "dither.frequency": 30, "dither.Ts": TICKS.axis, "dither.u_min": -1e6, "dither.u_max": 1e6,
     "reference.amplitude[1]": 0, "reference.offset": 0, "pid.db": 0, "pid.m": 0,
   };
   const REST = { "axis.k": 0, "axis.d": 0, "axis.v_support": 0, "axis.x0": 0, "axis.v0": 0, "axis.F_load": 0 };
@@ -255,7 +255,7 @@
   const goal = {
     id: "goal",
     title: "Move to a goal",
-    text: "A PID controller moves a mass to a goal, sampled every 2 ms.",
+    text: "A PID controller moves a mass to a goal, sampled every 2.5 ms.",
     part: "axis",
     controls: [
       ...gains(3, 6, 4),
@@ -294,7 +294,7 @@
   const dither = {
     id: "dither",
     title: "Shaken by dither",
-    text: "A PD controller moves a mass towards a goal; a fast oscillation is added to its force, sampled every 2 ms.",
+    text: "A PD controller moves a mass towards a goal; a fast oscillation is added to its force, sampled every 2.5 ms.",
     part: "axis",
     controls: [
       value("force", "amplitude of the oscillation", "N", 5, 0.1, 20, { zero: true }),

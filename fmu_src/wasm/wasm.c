@@ -60,7 +60,7 @@ typedef struct {
     int *whole, *orders;
 } Work;
 
-/* Set the inputs to their values in a row and, if `h` is positive, the rates at which Real inputs reach the next one. */
+/* Set the inputs to their values in a row and, if `h` is positive, the rates of Real inputs to the next row. */
 static fmi2Status set_inputs(fmi2Component c, const Work *w, const int counts[], const fmi2ValueReference *references,
                              const double *column, int rows, double h)
 {

@@ -11,7 +11,7 @@ def imports(module: bytes) -> tuple[str, ...]:
     """Return the functions and memories that a module needs, as "module.name"."""
     for section, data in _sections(module):
         if section == _IMPORTS:
-            found = []
+            found: list[str] = []
             count, place = _number(data, 0)
             while len(found) < count:
                 names = []
