@@ -6,6 +6,7 @@ import json
 import tempfile
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import ExitStack
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Final
@@ -146,8 +147,9 @@ def what_if(bench: Bench, found: Sequence[tuple[CompensatorResult, Scheme]], noi
         If a system cannot be compiled.
     """
     shown = [(row.name, row.metrics, scheme) for row, scheme in found if row.metrics is not None]
-    with PartPool() as pool:
-        systems = [variable_system(bench, scheme, pool) for _, _, scheme in shown]
+    with ExitStack() as stack:
+        # they are started side by side when they are compiled: none shares a part with another one
+        systems = [stack.enter_context(variable_system(bench, scheme, PartPool())) for _, _, scheme in shown]
         knobs = knobs_of(bench, [scheme for _, _, scheme in shown], systems)
         with ThreadPoolExecutor(len(systems)) as threads:
             models = list(threads.map(_module, systems, [f"axis{i}" for i in range(len(systems))]))
