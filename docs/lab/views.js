@@ -262,7 +262,7 @@
       value("db", "dead-band: the integral stops while the error is smaller", "m", 0, 1e-3, 0.3, { zero: true }),
       value("goal", "distance of the goal", "m", 1, 1e-4, 2),
       mass,
-      value("duration", "duration", "s", 50, 2, 120),
+      value("duration", "duration", "s", 45, 2, 120),
     ],
     charts: [
       { title: "Distance to the goal", x: ["time", "s"], y: ["error", "m"], tight: true },

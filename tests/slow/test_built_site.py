@@ -16,6 +16,7 @@ import pytest
 from lxml import html
 from playwright.sync_api import sync_playwright
 
+from friction_fmus.blocks.catalogue import catalogue
 from friction_fmus.check import RULES
 
 ROOT = Path(__file__).parents[2]
@@ -78,6 +79,41 @@ def test_search_works_on_a_page_opened_as_a_file_and_a_phone_shows_it_whole(site
             assert phone.evaluate("document.documentElement.scrollWidth") <= 360, name
         browser.close()
     assert [url for url in requests if not url.startswith(("file:", "data:", "blob:"))] == []
+
+
+@pytest.mark.skipif(CHROMIUM is None, reason="chromium is not installed")
+@pytest.mark.parametrize("width", [1280, 360])
+def test_pages_of_blocks_and_the_lab_are_live(site: Path, width: int) -> None:
+    """A model is loaded by its own page only; a page that does not name one loads none."""
+    sandbox = ["--no-sandbox"] if os.getuid() == 0 else []  # which Chromium does not have for root
+    messages: list[str] = []
+    requests: list[str] = []
+    assert {path.stem for path in (site / "blocks").glob("*.html")} == {*catalogue(), "index"}
+    with sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=CHROMIUM, args=sandbox)
+        page = browser.new_page(viewport={"width": width, "height": 800})
+        page.on("request", lambda request: requests.append(request.url))
+        page.on("console", lambda message: messages.append(message.text))
+        page.on("pageerror", lambda error: messages.append(str(error)))
+        for name in ("blocks/LuGre", "blocks/Mass", "blocks/LuGreObserver", "blocks/LeuvenFeedforward", "lab"):
+            requests.clear()
+            page.goto((site / f"{name}.html").as_uri())
+            page.wait_for_selector("[data-ready]", timeout=60_000)
+            pictures = "[...document.querySelectorAll('canvas')].map((each) => each.toDataURL()).join()"
+            before = page.evaluate(pictures)
+            page.locator(".slider input[type=range]").first.press("ArrowLeft")
+            page.locator(".slider input[type=range]").first.press("PageDown")
+            page.wait_for_function("performance.getEntriesByName('redraw').length > 0")
+            assert page.evaluate(pictures) != before, name
+            assert page.evaluate("document.documentElement.scrollWidth") <= width, name
+            loaded = {path for url in requests if "/models/" in (path := urlsplit(url).path)}
+            assert len(loaded) == (1 if name != "lab" else 3), loaded
+            assert [url for url in requests if not url.startswith(("file:", "data:", "blob:"))] == []
+        requests.clear()
+        page.goto((site / "blocks" / "index.html").as_uri())
+        assert [url for url in requests if "/models/" in url] == []
+        browser.close()
+    assert messages == []
 
 
 def broken_links(pages: dict[Path, html.HtmlElement]) -> list[str]:

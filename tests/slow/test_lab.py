@@ -158,7 +158,7 @@ def test_redraws_follow_the_slider(browser: Browser, lab: Path, screen: str) -> 
         for view in VIEWS:
             show(page, "view", value=view)
             page.evaluate("performance.clearMeasures()")
-            for k in range(15):
+            for k in range(9):
                 page.locator(".group.first input[type=range]").first.evaluate(
                     "(range, k) => { range.value = 460 + 5 * k; range.dispatchEvent(new Event('input')); }", k
                 )
