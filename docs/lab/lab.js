@@ -27,8 +27,9 @@
     element("div", { className: "choices" }, field("Effect", presets), field("Experiment", views),
       field("Model", names[0]), field("compared with", names[1])),
     claim,
+    text,
     element("div", { className: "bench" },
-      element("div", { className: "shown" }, text, drop, drawn, result),
+      element("div", { className: "shown" }, drop, drawn, result),
       element("section", { className: "controls-box", "aria-label": "Parameters" }, controls)),
     element("section", { "aria-label": "Equations and sources" }, papers),
     element("section", { "aria-label": "Copy" }, exported),
@@ -186,7 +187,7 @@
   }
 
   exported.append(
-    element("h2", {}, "Take it with you"),
+    element("h2", {}, "Copy these settings"),
     element("p", { className: "copies" }, field("as", format), " ",
       element("button", { type: "button", onclick: () => copy(source.textContent) }, "Copy"), " ",
       element("button", { type: "button", onclick: () => copy(location.href) }, "Copy link"), " ", copied),

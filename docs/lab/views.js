@@ -209,7 +209,7 @@
       value("k", "stiffness of the spring", "N/m", 2, 0.1, 1000),
       value("d", "damping beside the spring", "N.s/m", 0, 0.01, 10, { zero: true }),
       mass,
-      value("duration", "duration", "s", 25, 2, 30),
+      value("duration", "of the run", "s", 25, 2, 30),
     ],
     charts: [
       { title: "Speed of the mass", x: ["time", "s"], y: ["velocity", "m/s"], tight: true },
@@ -262,7 +262,7 @@
       value("db", "dead-band: the integral stops while the error is smaller", "m", 0, 1e-3, 0.3, { zero: true }),
       value("goal", "distance of the goal", "m", 1, 1e-4, 2),
       mass,
-      value("duration", "duration", "s", 45, 2, 120),
+      value("duration", "of the run", "s", 45, 2, 120),
     ],
     charts: [
       { title: "Distance to the goal", x: ["time", "s"], y: ["error", "m"], tight: true },
@@ -303,7 +303,7 @@
       value("Kd", "derivative gain", "N.s/m", 20, 1, 200),
       value("goal", "distance of the goal", "m", 1.5e-3, 1e-5, 1e-2),
       mass,
-      value("duration", "duration", "s", 1.5, 0.2, 3),
+      value("duration", "of the run", "s", 1.5, 0.2, 3),
     ],
     charts: [
       { title: "Distance to the goal", x: ["time", "s"], y: ["error", "m"], tight: true },
@@ -334,9 +334,9 @@
     text: "A PID controller moves a mass along a sine, as one axis of a circle does; each reversal is a quadrant.",
     part: "axis",
     controls: [
-      value("amplitude", "amplitude", "m", 0.01, 1e-6, 0.1),
-      value("frequency", "frequency", "Hz", 0.16, 0.1, 5),
-      value("feedforward", "Coulomb level of a friction curve that is fed forward; 0: none", "N", 0, 0.01, 10, { zero: true }),
+      value("amplitude", "of the sine", "m", 0.01, 1e-6, 0.1),
+      value("frequency", "of the sine", "Hz", 0.16, 0.1, 5),
+      value("feedforward", "Coulomb level of a friction curve that is fed forward; 0: none", "N", 0, 0, 3),
       ...gains(12e3, 190, 250e3),
       mass,
     ],
