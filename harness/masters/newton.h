@@ -24,7 +24,10 @@
 #define GA_F    (1.0 / (1.0 + RHO))
 #define GA_RATE (0.5 + GA_M - GA_F)
 
-enum { SOLVED = 0, NOT_CONVERGED = 101, MOST_EVALUATIONS = 60, MOST_BISECTIONS = 250, MOST_HALVINGS = 20 };
+enum { SOLVED = 0, NOT_CONVERGED = 101, MOST_EVALUATIONS = 60, MOST_BISECTIONS = 250 };
+#ifndef MOST_HALVINGS /* fuzzing has fewer */
+#define MOST_HALVINGS 20
+#endif
 
 /* Part of a step: from t to t + h, the fraction [from, to] of the whole step. */
 typedef struct {

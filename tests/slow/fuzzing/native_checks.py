@@ -35,8 +35,11 @@ COMPOSITE_TARGETS = ("composite",)
 STRICT = ("-fno-sanitize-recover=all", "-fno-omit-frame-pointer", "-g1", "-O1")
 ADDRESS = ("-fsanitize=address,undefined", *STRICT)
 THREAD = ("-fsanitize=thread", *STRICT)
-# MOST_TRIES: a step may not take long
-FUZZER = ("-fsanitize=fuzzer,address,undefined,float-cast-overflow", *STRICT, "-DMOST_TRIES=200")
+# a step may not take long, also with values at which a loop converges in the shortest inner steps only
+FUZZER = (
+    *("-fsanitize=fuzzer,address,undefined,float-cast-overflow", *STRICT),
+    *("-DMOST_TRIES=200", "-DMOST_HALVINGS=10"),
+)
 # forgeries are short, so there is no need to begin with shorter ones
 LENGTHS = {"calls": ("-max_len=600",), "state": ("-max_len=100", "-len_control=0"), "composite": ("-max_len=400",)}
 COMPILERS = ("gcc", "clang")
