@@ -19,7 +19,7 @@ from friction_fmus.identification import Array
 from friction_fmus.live import SCRIPTS, assets
 from friction_fmus.report.figures import thinned
 from friction_fmus.report.numbers import multiple
-from friction_fmus.report.views import NO_COMPENSATION, NONE, label, reversal
+from friction_fmus.report.views import NO_COMPENSATION, NONE, reversal
 from friction_fmus.study.result import StudyResult
 from friction_fmus.study.what_if import Knob, WhatIf
 
@@ -96,8 +96,7 @@ def live_panel(study: StudyResult, axis: WhatIf) -> LivePanel:
         "runUp": axis.run_up,
         "units": {"position": unit, "force": study.units.force},
         "forceName": "torque" if unit == "rad" else "force",
-        "runs": [{"model": run.model.name, "label": "recommended" if run.name != NONE else NO_COMPENSATION}
-                 for run in axis.runs],
+        "runs": [{"model": run.model.name, "label": _shown(run.name)} for run in axis.runs],
         "knobs": [_slider(knob) for knob in axis.knobs],
         "recorded": _recorded(study),
         "largest": max(run.metrics.largest for run in axis.runs),
@@ -105,12 +104,9 @@ def live_panel(study: StudyResult, axis: WhatIf) -> LivePanel:
     }  # fmt: skip
     text = json.dumps(data, separators=(",", ":"), ensure_ascii=True)
     return LivePanel(
-        label(compensated) if compensated else "",
+        compensated,
         f"{', '.join(names[:-1])} and {names[-1]}",
-        tuple(
-            ShownRun("recommended" if run.name != NONE else NO_COMPENSATION, run.metrics.rms, run.metrics.largest)
-            for run in axis.runs
-        ),
+        tuple(ShownRun(_shown(run.name), run.metrics.rms, run.metrics.largest) for run in axis.runs),
         _picture(study, axis),
         text.replace("<", "\\u003c").replace("&", "\\u0026"),
         "\n".join([*(files[name] for name in SCRIPTS), *models, own]),
@@ -118,6 +114,11 @@ def live_panel(study: StudyResult, axis: WhatIf) -> LivePanel:
         axis.whole,
         axis.Ts * len(axis.r),
     )
+
+
+def _shown(name: str) -> str:
+    """Return the short name of a run."""
+    return NO_COMPENSATION if name == NONE else "recommended"
 
 
 def _slider(knob: Knob) -> Mapping[str, Any]:
@@ -164,7 +165,7 @@ def _picture(study: StudyResult, axis: WhatIf) -> str:
     curves = []
     for name, error in errors.items():
         x, y = thinned(error, (1.0, factor), POINTS)
-        curves.append(PlainCurve(x, y, label(name), aside=name == NONE and len(errors) > 1))
+        curves.append(PlainCurve(x, y, _shown(name), aside=name == NONE and len(errors) > 1))
     panel = Panel(tuple(curves), ("time", "s"), ("reference − position", unit), "")
     text = chart(panel, "Tracking error").decode()
     return re.sub(r"<\?xml.*?\?>\s*|<metadata>.*?</metadata>\s*", "", text, flags=re.DOTALL)
