@@ -35,7 +35,7 @@ NEAR, CLOSE = 1e-4, 1e-7
 INSIDE = 1e-9
 
 #: Norm of a column of the Jacobian over that of the matrix, below which the residual does not depend on a coordinate.
-UNSEEN = 1e-9
+UNSEEN = 1e-7
 
 #: Relative increase of the cost for which an undetermined coordinate may be moved back towards its start value.
 SAME = 1e-4
@@ -269,7 +269,7 @@ def covariance(found: SearchResult, lengths: Sequence[int]) -> tuple[Array, bool
     weight, curvature = _weights(found.loss, (residual / found.scale) ** 2)
     # singular values of J, because small ones of J'J would be lost in rounding errors
     _, singular, right = np.linalg.svd(J * np.sqrt(curvature)[:, None], full_matrices=False)
-    right, singular = right[singular > 1e-7 * singular[0]], singular[singular > 1e-7 * singular[0]]
+    right, singular = right[singular > UNSEEN * singular[0]], singular[singular > UNSEEN * singular[0]]
     inverse = (right.T / singular**2) @ right
     if lag == 0 and found.loss == "linear":
         return inverse * float(residual @ residual) / max(1, len(residual) - J.shape[1]), False
