@@ -266,7 +266,7 @@ def reference(case: Known) -> Result:
 
 
 def again(case: Known, factor: int, suggested: Mapping[Hashable, Any]) -> Result:
-    """The run with a step so many times as short, and the tolerances that are suggested with it."""
+    """Run the case with its step over `factor`, and with the tolerances that are suggested with it."""
     with case.make() as system:
         return divided(system, factor).run(
             stop=case.stop,
