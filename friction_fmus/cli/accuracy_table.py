@@ -91,7 +91,7 @@ def _conclude(result: Result) -> bool:
 def _without_step(error: float, required: float, source: str) -> str:
     """Return what to do where no step is suggested."""
     if error < MARGIN * required:
-        return "no step that is practical reaches it"
+        return "no practical step reaches it"
     if source == "loop_tolerance":
         return f"set loop_tolerance = {0.5 * MARGIN * required / OF_LOOPS:.1g} in [experiment]"
     return "require less" if source == "rounding" else f"lower the {source}"
