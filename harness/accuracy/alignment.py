@@ -65,20 +65,21 @@ def crossings(times: Values, values: Values, level: float, band: float) -> tuple
         Times, interpolated linearly, and directions: 1 upwards, -1 downwards.
     """
     above = values - level
-    (outside,) = np.nonzero(np.abs(above) >= band)
-    sides = np.sign(above[outside])
-    (turns,) = np.nonzero(sides[1:] != sides[:-1])
+    sides = (above >= band).view(np.int8) - (above <= -band).view(np.int8)
+    ends = np.append(np.flatnonzero(sides[1:] != sides[:-1]), len(sides) - 1)
+    ends = ends[sides[ends] != 0]  # the last rows of the spans outside of the band
+    (turns,) = np.nonzero(sides[ends[1:]] != sides[ends[:-1]])
     if len(turns) > MOST_EVENTS:
         return np.zeros(0), np.zeros(0)
+    ends, ways = ends[turns], sides[ends[turns + 1]]
     k = np.empty(len(turns), dtype=np.int64)
-    for side in (-1.0, 1.0):
-        passed = (side * above[:-1] > 0.0) & (side * above[1:] <= 0.0)
-        rows = np.flatnonzero(passed) + 1
-        mine = sides[turns] == side
-        k[mine] = rows[np.searchsorted(rows, outside[turns[mine]], side="right")]
+    for way, before in ((-1, above > 0.0), (1, above < 0.0)):
+        rows = np.flatnonzero(before[:-1] & ~before[1:]) + 1
+        mine = ways == way
+        k[mine] = rows[np.searchsorted(rows, ends[mine], side="right")]
     share = above[k - 1] / (above[k - 1] - above[k])
     found = times[k - 1] + share * (times[k] - times[k - 1])
-    return found, np.asarray(sides[turns + 1], dtype=np.float64)
+    return found, ways.astype(np.float64)
 
 
 def align(times: Values, values: Values, other_times: Values, other_values: Values) -> Alignment | None:

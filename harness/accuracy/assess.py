@@ -8,9 +8,10 @@ from fractions import Fraction
 from typing import Any, Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from harness.accuracy.connections import energy, missed, power_pairs
-from harness.accuracy.estimate import VERDICTS, Estimate, Track, estimate
+from harness.accuracy.estimate import VERDICTS, Estimate, Track, estimate, unbounded
 from harness.accuracy.numbers import BOUND
 from harness.accuracy.repeat import repeated
 from harness.accuracy.rungs import scaled_step_tolerance, scaled_tolerance, step_counts
@@ -18,7 +19,7 @@ from harness.accuracy.suggestion import suggested_step
 from harness.accuracy.tolerances import floor_of, has_lines, order_of
 from harness.engine.defect import inaccurate
 from harness.errors import ExperimentError
-from harness.parts.part import Part, Values
+from harness.parts.part import Part
 from harness.result import Result
 from harness.run import Options
 from harness.system.assembly import Assembly
@@ -74,7 +75,8 @@ def run_with_accuracy(system: Assembly, experiment: Experiment, options: Options
 
     def tracks(name: str) -> list[Track]:
         values = np.asarray(whole[name].to_numpy(), dtype=np.float64)
-        own = Track(Fraction(1), Fraction(experiment.decimate), whole["time"].to_numpy(), values)
+        stride = experiment.decimate
+        own = Track(Fraction(1), Fraction(stride), experiment.start, experiment.step * stride, values)
         return [own, *(run.track(name) for run in runs)]
 
     found, bounds = {}, {}
@@ -104,7 +106,7 @@ def check_required(required: float) -> None:
 
 def _unbounded(estimate: Estimate) -> dict[str, Any]:
     """Return the bound of a result that is known to be wrong, which other steps cannot tell."""
-    return {"bound": np.full(len(estimate.bound), np.inf), "relative": np.inf, "shift": 0.0}
+    return {"bound": unbounded(len(estimate.bound)), "relative": np.inf, "shift": 0.0}
 
 
 def _moves(parts: Mapping[str, Part], wire: Wire) -> bool:
@@ -118,7 +120,7 @@ def _nominal(system: Assembly, wire: Wire) -> float:
     return find_port(system.parts, wire.source, "connection").nominal
 
 
-def _attach(result: Result, name: str, one: Estimate) -> tuple[str, Values, dict[str, str]]:
+def _attach(result: Result, name: str, one: Estimate) -> tuple[str, NDArray[np.float32], dict[str, str]]:
     """Attach its error to a variable of a result, and return the companion with the bound."""
     variable = result[name]
     variable.attrs |= {"relative_error": one.relative, "observed_order": one.convergence.order}

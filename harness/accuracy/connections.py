@@ -81,18 +81,21 @@ def energy(
     gain, offset = wire_map(wire, ports[0], ports[1])
     units = [unit_of(port) for port in ports]
     scale = math.prod(unit.factor for unit in units[1:] if unit is not None)
-    powers = [
-        replace(force, values=scale * (gain * force.values + offset) * speed.values)
-        for force, speed in zip(forces, speeds, strict=True)
-    ]
-    works = [replace(power, values=_integral(power.times, power.values)) for power in powers]
+    works: list[Track] = []
+    passed = rows = 0.0
+    for force, speed in zip(forces, speeds, strict=True):
+        power = (scale * gain) * force.values
+        power += scale * offset
+        power *= speed.values
+        work = _integral(force.row, power)
+        if not works:
+            rows = float(np.max(np.abs(_integral(2.0 * force.row, power[::2]) - work[::2])))  # of the integral itself
+            passed = float(_integral(force.row, np.abs(power, out=power))[-1])
+        works.append(replace(force, values=work))
     own = works[0]
-    passed = float(_integral(own.times, np.abs(powers[0].values))[-1])
     near, *further = (np.abs(np.subtract(*a.together(b)[1:])) for a, b in pairwise(works))
     far = further[0] if further else None
     how = converge(near, far, most, passed, noise * passed, finer=works[1].ratio < 1)
-    sparse = _integral(own.times[::2], powers[0].values[::2])
-    rows = float(np.max(np.abs(sparse - own.values[::2])))  # of the integral itself
     largest = max(float(np.max(each)) for each in (near, *further))
     bound = how.factor * max(float(np.max(near)), REMEMBERED * largest) if how.resolved else 3.0 * largest
     return Energy(pair, float(own.values[-1]), passed, bound + rows)
@@ -105,9 +108,12 @@ def missed(track: Track, lines: bool, nominal: float) -> float:
     """
     change = np.diff(track.values, 2 if lines else 1)
     size = max(size_of(track.values), NOTHING * nominal)
-    return float(np.sqrt(np.mean(np.square(change)))) / size if size > 0.0 and len(change) else 0.0
+    return math.sqrt(np.mean(np.square(change, out=change))) / size if size > 0.0 and len(change) else 0.0
 
 
-def _integral(times: Values, values: Values) -> Values:
-    """Return the integral up to each row."""
-    return np.concatenate([[0.0], np.cumsum(np.diff(times) * 0.5 * (values[1:] + values[:-1]))])
+def _integral(row: float, values: Values) -> Values:
+    """Return the integral up to each row, of values so far apart."""
+    found = np.zeros(len(values))
+    np.add(values[1:], values[:-1], out=found[1:])
+    found *= 0.5 * row
+    return np.cumsum(found, out=found)

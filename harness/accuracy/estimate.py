@@ -10,6 +10,7 @@ from itertools import pairwise
 from typing import Final, Literal, TypeAlias
 
 import numpy as np
+from numpy.typing import NDArray
 
 from harness.accuracy.alignment import Alignment, align, aligned_difference
 from harness.accuracy.convergence import IRREGULAR, REGULAR, Convergence, converge, envelope
@@ -32,6 +33,9 @@ REMEMBERED: Final = 0.5
 SMOOTHING: Final = 0.005
 """Half of the span over which a bound holds the largest difference, as a share of the run: differences pass zero."""
 
+BLOCKS: Final = 8
+"""Parts of that half span in which a bound is constant."""
+
 NOTHING: Final = 1e-8
 """Largest value over the nominal value of a variable that counts as zero."""
 
@@ -46,23 +50,31 @@ class Track:
         Step of the run over that of the run in question.
     stride : Fraction
         Steps of the run in question between two rows.
-    times, values : float64 array, shape (n,)
+    start, row : float
+        Time of the first row, and from one row to the next [s].
+    values : float64 array, shape (n,)
         The rows.
     """
 
     ratio: Fraction
     stride: Fraction
-    times: Values
+    start: float
+    row: float
     values: Values
 
-    def together(self, other: Track) -> tuple[Values, Values, Values]:
-        """Return the times of the rows that both runs have, and the values of both."""
+    @property
+    def times(self) -> Values:
+        """Times of the rows [s]; they are many, and seldom needed."""
+        return np.asarray(self.start + self.row * np.arange(len(self.values)))
+
+    def together(self, other: Track) -> tuple[int, Values, Values]:
+        """Return which rows of this run the other one has as well, such as every second one, and the values of both."""
         unit = math.lcm(self.stride.denominator, other.stride.denominator)
         strides = int(self.stride * unit), int(other.stride * unit)
-        common = math.lcm(*strides)
-        here, there = (slice(None, None, common // stride) for stride in strides)
-        count = min(len(self.values[here]), len(other.values[there]))
-        return self.times[here][:count], self.values[here][:count], other.values[there][:count]
+        every, others = (math.lcm(*strides) // stride for stride in strides)
+        here, there = self.values[::every], other.values[::others]
+        count = min(len(here), len(there))
+        return every, here[:count], there[:count]
 
 
 @dataclass(frozen=True)
@@ -71,8 +83,8 @@ class Estimate:
 
     Parameters
     ----------
-    bound : float64 array, shape (n,)
-        Error bound at each row, in the unit of the variable.
+    bound : float32 array, shape (n,)
+        Error bound at each row, in the unit of the variable, rounded up.
     relative : float
         Its largest value over the range of the variable.
     shift : float
@@ -87,7 +99,7 @@ class Estimate:
         Period and amplitude of a motion that no step reproduces at each time.
     """
 
-    bound: Values
+    bound: NDArray[np.float32]
     relative: float
     shift: float
     relative_shift: float
@@ -125,7 +137,7 @@ def estimate(tracks: Sequence[Track], *, most: float, noise: float, nominal: flo
     own = tracks[0]
     if not all(np.isfinite(track.values).all() for track in tracks):
         never = Convergence(math.nan, math.inf, math.nan)
-        return Estimate(np.full(len(own.values), np.inf), np.inf, 0.0, 0.0, never, "not resolved")
+        return Estimate(unbounded(len(own.values)), np.inf, 0.0, 0.0, never, "not resolved")
     size = max(size_of(own.values), NOTHING * nominal)
     floor, finer = noise * size, tracks[1].ratio < 1
     pairs = [*pairwise(tracks)]
@@ -151,16 +163,32 @@ def size_of(values: Values) -> float:
     return span if span > NOTHING * largest else largest
 
 
-def _upper(near: Values, far: Values | None, convergence: Convergence, floor: float) -> Values:
-    """Return the bound from differences; if the runs do not converge, a multiple of all they differ by."""
-    if convergence.resolved:
-        local = envelope(near, max(4, int(SMOOTHING * len(near))))
-        differences = np.maximum(local, REMEMBERED * np.maximum.accumulate(near))
-        largest = float(np.max(near))
-        enough = max(1.0, convergence.least / largest) if largest > 0.0 else 1.0
-        return differences * (enough * convergence.factor) + floor
-    most = float(np.max(near)) if far is None else max(float(np.max(near)), float(np.max(far)))
-    return np.full(len(near), IRREGULAR * most + floor)
+def unbounded(rows: int) -> NDArray[np.float32]:
+    """Return the bound of a result that nothing is known about."""
+    return np.full(rows, np.inf, dtype=np.float32)
+
+
+def _upper(near: Values, far: Values | None, convergence: Convergence, floor: float) -> tuple[int, Values]:
+    """Return how many differences have the same bound, and these bounds.
+
+    If the runs do not converge, it is a multiple of all they differ by.
+    """
+    if not convergence.resolved:
+        most = float(np.max(near)) if far is None else max(float(np.max(near)), float(np.max(far)))
+        return len(near), np.array([IRREGULAR * most + floor])
+    window = max(4, int(SMOOTHING * len(near)))
+    many = max(1, window // BLOCKS)
+    peaks = np.maximum.reduceat(near, np.arange(0, len(near), many))
+    differences = np.maximum(envelope(peaks, -(-window // many)), REMEMBERED * np.maximum.accumulate(peaks))
+    largest = float(np.max(peaks))
+    enough = max(1.0, convergence.least / largest) if largest > 0.0 else 1.0
+    return many, differences * (enough * convergence.factor) + floor
+
+
+def _spread(bounds: Values, many: int, rows: int) -> NDArray[np.float32]:
+    """Return bounds that so many rows each have in common, the last one to the end, rounded up."""
+    each = np.nextafter(bounds.astype(np.float32), np.float32(np.inf))
+    return np.append(np.repeat(each, many)[:rows], np.full(max(0, rows - many * len(each)), each[-1]))
 
 
 def _at_equal_times(
@@ -169,13 +197,14 @@ def _at_equal_times(
     """Return the estimate from differences at equal times."""
     differences = []
     for a, b in pairs:
-        times, here, there = a.together(b)
-        differences.append((times, np.abs(here - there)))
-    times, near = differences[0]
+        every, here, there = a.together(b)
+        differences.append((every, np.abs(here - there)))
+    every, near = differences[0]
     far = differences[1][1] if len(differences) > 1 else None
     convergence = converge(near, far, most, size, floor, finer=finer)
-    bound = np.asarray(np.interp(own.times, times, _upper(near, far, convergence, floor)))
-    return Estimate(bound, float(np.max(bound)) / size, 0.0, 0.0, convergence, "right")
+    many, upper = _upper(near, far, convergence, floor)
+    bound = _spread(upper, many * every, len(own.values))
+    return Estimate(bound, float(np.max(upper)) / size, 0.0, 0.0, convergence, "right")
 
 
 def _at_events(
@@ -184,23 +213,23 @@ def _at_events(
     """Return the estimate from differences at corresponding events, or None if there are none."""
     found: list[tuple[Alignment, Values]] = []
     for a, b in pairs:
-        count = int(np.searchsorted(a.times, b.times[-1], side="right"))
-        times, values = a.times[:count], a.values[:count]
-        by = align(times, values, b.times, b.values)
+        times, other_times = a.times, b.times
+        count = int(np.searchsorted(times, other_times[-1] + 0.5 * a.row, side="right"))
+        times, values = times[:count], a.values[:count]
+        by = align(times, values, other_times, b.values)
         if by is None:
             break
-        found.append((by, aligned_difference(times, values, b.times, b.values, by)))
+        found.append((by, aligned_difference(times, values, other_times, b.values, by)))
     if not found:
         return None
     (events, near), *others = found
     far = others[0] if others else None
-    row = float(own.times[1] - own.times[0])
     sizes = converge(near, far[1] if far else None, most, size, floor, finer=finer)
     sizes = replace(sizes, factor=sizes.factor * IRREGULAR / REGULAR)  # what looks like a shift is taken for one
     shifts = np.abs(events.shifts), np.abs(far[0].shifts) if far else None
-    late = converge(*shifts, most, events.interval, row, finer=finer)
-    upper = _upper(near, far[1] if far else None, sizes, floor)
-    bound = np.append(upper, np.full(len(own.values) - len(upper), upper[-1]))
-    shift = float(np.max(_upper(shifts[0], shifts[1], late, row)))
+    late = converge(*shifts, most, events.interval, own.row, finer=finer)
+    many, upper = _upper(near, far[1] if far else None, sizes, floor)
+    bound = _spread(upper, many, len(own.values))
+    shift = float(np.max(_upper(shifts[0], shifts[1], late, own.row)[1]))
     worse = late if not late.resolved or (sizes.resolved and late.expected < sizes.expected) else sizes
-    return Estimate(bound, float(np.max(bound)) / size, shift, shift / events.interval, worse, "right")
+    return Estimate(bound, float(np.max(upper)) / size, shift, shift / events.interval, worse, "right")

@@ -9,7 +9,6 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from fractions import Fraction
-from functools import cached_property
 
 import numpy as np
 
@@ -17,7 +16,6 @@ from harness.accuracy.estimate import Track
 from harness.accuracy.rungs import FINER, ratios, rung
 from harness.engine.tap import Progress, Recorder
 from harness.errors import ExperimentError, HarnessError, Interrupted
-from harness.parts.part import Values
 from harness.result import Result
 from harness.run import Options, Session
 from harness.system.assembly import Assembly
@@ -34,21 +32,21 @@ class Repetition:
     ----------
     ratio : Fraction
         Its step over that of the run in question.
+    start, step : float
+        Start of both runs, and step of the run in question [s].
     recorder : Recorder
         What it has recorded.
     """
 
     ratio: Fraction
+    start: float
+    step: float
     recorder: Recorder
-
-    @cached_property
-    def times(self) -> Values:
-        """Times of its rows [s]."""
-        return self.recorder.times
 
     def track(self, name: str) -> Track:
         """One variable of the run."""
-        return Track(self.ratio, self.ratio * self.recorder.decimate, self.times, self.recorder.column(name))
+        stride = self.ratio * self.recorder.decimate
+        return Track(self.ratio, stride, self.start, self.step * float(stride), self.recorder.column(name))
 
 
 def repeated(system: Assembly, experiment: Experiment, options: Options) -> tuple[Result, list[Repetition]]:
@@ -98,7 +96,7 @@ def others(
         with rung(system, experiment, ratio) as (scaled, other), _silent():
             try:
                 session = Session(scaled, other, Options(progress=progress, native=native))
-                found.append(Repetition(ratio, session.run(system.start)))
+                found.append(Repetition(ratio, experiment.start, experiment.step, session.run(system.start)))
             except HarnessError:
                 break
     return found if found or given == FINER else others(system, experiment, FINER, native=native)

@@ -96,7 +96,7 @@ def rung(system: Assembly, experiment: Experiment, ratio: Fraction) -> Iterator[
         manipulators=tuple(_scaled(each, ratio) for each in experiment.manipulators),
         coupling_tolerance=scaled_tolerance(experiment, float(ratio)) if experiment.master == "adaptive" else None,
         step_tolerance=scaled_step_tolerance(experiment, float(ratio)),
-        loop_tolerance=min(max((experiment.loop_tolerance or LOOP_TOLERANCE) * float(ratio) ** 2, 1e-14), 1e-2),
+        loop_tolerance=min(max((experiment.loop_tolerance or LOOP_TOLERANCE) * float(ratio) ** 3, 1e-14), 1e-2),
     )
     scaled = Scaled(system.name, system.parts, wires, system.start, system.strict, system.experiment)
     try:

@@ -160,8 +160,12 @@ class Engine:
         if done < last:
             raise self.failure()
 
-    def free_states(self) -> None:
-        """Free the states of FMUs that the loop has saved; call it before the FMUs are unloaded."""
+    def end(self) -> None:
+        """Free the states of FMUs that the loop has saved, and what `keep` keeps; call it before FMUs are unloaded.
+
+        A callback of a part in Python refers to this engine in a cycle, which must not keep the table alive.
+        """
+        self._kept = []
         for index, bound in self._bound.items():
             part, native = self.parts[index], bound.native
             for place in ("state", "other_state"):
@@ -199,18 +203,18 @@ class Engine:
         function : str
             Name of its exported function in C, an ``Advance`` of engine.h.
         data : Structure
-            What the function finds in ``algorithm``; kept until the next run begins.
+            What the function finds in ``algorithm``; kept until the run ends.
         """
         self.data.advance = ctypes.cast(getattr(library(), function), _POINTER)
         self.data.algorithm = self.keep_struct(data)
 
     def keep(self, array: np.ndarray[Any, Any]) -> int:
-        """Return the address of an array that is kept until the next run begins."""
+        """Return the address of an array that is kept until the run ends."""
         self._kept.append(array)
         return array.ctypes.data
 
     def keep_struct(self, struct: ctypes.Array[Any] | ctypes.Structure) -> int:
-        """Return the address of a struct or an array of them that is kept until the next run begins."""
+        """Return the address of a struct or an array of them that is kept until the run ends."""
         self._kept.append(struct)
         return ctypes.addressof(struct)
 

@@ -68,8 +68,8 @@ class NativeTicks:
         return {name: value for each in mechanisms for name, value in each.report().items()}
 
     def close(self) -> None:
-        """Free the states that were saved within steps."""
-        self._engine.free_states()
+        """Free the states that were saved within steps, and the table."""
+        self._engine.end()
 
 
 class PythonTicks:
