@@ -83,15 +83,18 @@ static bool is_band(const Model *model)
 /* Return the velocity just inside the band, which a body keeps when it comes to rest. */
 static double edge(double DV) { return nextafter(DV, 0.0); }
 
-/* Return how far F_ext is below the friction that holds the mass inside the band. */
-static inline double reserve(const Model *model)
+/* Return the friction that holds the mass inside the band against a force in this direction. */
+static inline double hold(const Model *model, double direction)
 {
     GIVEN(model)
-    const double load = load_of(Fn, Fn0);
-    const double sliding = load * Fc + Fv * DV; /* friction just outside the band */
-    const double high = w == edge(DV) ? fmax(load * Fs, sliding) : load * Fs;
-    const double low = w == -edge(DV) ? fmax(load * Fs, sliding) : load * Fs;
-    return fmin(F_ext + low, high - F_ext);
+    const double load = load_of(Fn, Fn0), level = load * Fs;
+    return direction * w == edge(DV) ? fmax(level, load * Fc + Fv * DV /* friction just outside */) : level;
+}
+
+/* Return how far F_ext is below that friction. */
+static double reserve(const Model *model)
+{
+    return fmin(model->F_ext + hold(model, -1.0), hold(model, 1.0) - model->F_ext);
 }
 
 static void equations(Model *model)
@@ -101,7 +104,10 @@ static void equations(Model *model)
     const double load = load_of(Fn, Fn0), side = frozen ? model->memory.side : fabs(w) < DV ? 0.0 : sign(w);
     const bool inside = side == 0.0;
 
-    model->stuck = frozen ? model->memory.stuck : inside && reserve(model) >= 0.0 ? 1.0 : 0.0;
+    if (frozen)
+        model->stuck = model->memory.stuck;
+    else
+        model->stuck = inside && F_ext >= -hold(model, -1.0) && F_ext <= hold(model, 1.0) ? 1.0 : 0.0;
     model->v = inside ? 0.0 : w;
     if (!inside)
         model->F = load * Fc * side + Fv * w;

@@ -75,10 +75,10 @@ static bool is_slip_memory(const Model *m)
     return good;
 }
 
-static void equations(Model *m)
+/* `frozen` is constant in each call, which a compiler uses. */
+static inline void elements(Model *m, bool frozen)
 {
     GIVEN(m)
-    const bool frozen = m->run.frozen;
     const double direction = sign(v);
     double sum = 0.0;
     for (int i = 0; i < 10; i++) {
@@ -89,6 +89,14 @@ static void equations(Model *m)
         sum += i < N ? limited(Fi[i], W[i]) : 0.0;
     }
     m->F = load_of(Fn, Fn0) * sum;
+}
+
+static void equations(Model *m)
+{
+    if (m->run.frozen)
+        elements(m, true);
+    else
+        elements(m, false);
 }
 
 static bool step(Model *m, double h)
