@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import gc
 import signal
 import threading
+import weakref
 from collections.abc import Callable
 from pathlib import Path
 
@@ -12,7 +14,7 @@ import pytest
 from harness_parts import bristle, mass, memoryless
 
 from harness import CallablePart, Experiment, FmuPart, PartError, Port, Result, System, Tap
-from harness.run import Options, run
+from harness.run import Options, Session, run
 
 BuildFmu = Callable[..., Path]
 WIRES = ["mass.v -> friction.v", "friction.F -> mass.F_friction"]
@@ -210,3 +212,18 @@ def test_jumps_of_coulomb_friction_are_no_defect(caplog: pytest.LogCaptureFixtur
     )
     np.testing.assert_allclose(abs(float(result["mass.x"].sel(time=np.pi, method="nearest"))), 0.99, atol=2e-3)
     assert not caplog.records
+
+
+@pytest.mark.parametrize("master", ["gauss-seidel", "newton"])
+def test_the_table_of_a_run_is_freed_without_the_garbage_collector(build_fmu: BuildFmu, master: str) -> None:
+    """Also that of a part in Python, whose callback refers to the engine."""
+    gc.disable()
+    try:
+        with servo(build_fmu) as system:
+            experiment = Experiment(stop=0.01, step=1e-3, master=master)
+            recorder = Session(system, experiment, Options()).run(system.start)
+            table = weakref.ref(recorder.rows)
+            del recorder
+            assert table() is None
+    finally:
+        gc.enable()
