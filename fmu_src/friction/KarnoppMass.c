@@ -107,7 +107,7 @@ static void equations(Model *model)
     if (frozen)
         model->stuck = model->memory.stuck;
     else
-        model->stuck = inside && F_ext >= -hold(model, -1.0) && F_ext <= hold(model, 1.0) ? 1.0 : 0.0;
+        model->stuck = inside && (fabs(F_ext) <= load * Fs || reserve(model) >= 0.0) ? 1.0 : 0.0;
     model->v = inside ? 0.0 : w;
     if (!inside)
         model->F = load * Fc * side + Fv * w;
