@@ -75,28 +75,18 @@ static bool is_slip_memory(const Model *m)
     return good;
 }
 
-/* `frozen` is constant in each call, which a compiler uses. */
-static inline void elements(Model *m, bool frozen)
+static void equations(Model *m)
 {
     GIVEN(m)
-    const double direction = sign(v);
+    const bool frozen = m->run.frozen;
     double sum = 0.0;
     for (int i = 0; i < 10; i++) {
-        const bool at_level = direction != 0.0 && !(direction * Fi[i] < W[i]);
-        const bool slips = i < N && (frozen ? m->memory.slips[i] != 0.0 : at_level);
+        const bool slips = i < N && (frozen ? m->memory.slips[i] != 0.0 : v != 0.0 && !(sign(v) * Fi[i] < W[i]));
         m->slipping[i] = slips ? 1.0 : 0.0;
         m->der_Fi[i] = i < N && !slips ? k[i] * v : 0.0;
         sum += i < N ? limited(Fi[i], W[i]) : 0.0;
     }
     m->F = load_of(Fn, Fn0) * sum;
-}
-
-static void equations(Model *m)
-{
-    if (m->run.frozen)
-        elements(m, true);
-    else
-        elements(m, false);
 }
 
 static bool step(Model *m, double h)
