@@ -2,73 +2,23 @@
 
 from __future__ import annotations
 
-import os
 import re
-import shutil
 import statistics
-import threading
 import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
-from functools import partial
-from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
+from collections.abc import Callable
 from importlib import import_module
 from pathlib import Path
 from typing import Any
 
 import pytest
-from axe_playwright_python.sync_playwright import Axe
-from playwright.sync_api import Browser, Page, sync_playwright
+from browser import SCREENS, idle_controls, needs_chromium, objections, opened, served
+from playwright.sync_api import Browser, Page
 
 ROOT = Path(__file__).parents[2]
-CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
 MODELS = ("LuGre", "ElastoPlastic", "Dahl", "GMS")
-POLICY = "default-src 'self'; script-src 'self' 'wasm-unsafe-eval'; style-src 'self'"
-SCREENS: dict[str, dict[str, Any]] = {
-    "wide": {"viewport": {"width": 1280, "height": 900}},
-    "phone": {"viewport": {"width": 390, "height": 844}, "is_mobile": True, "has_touch": True, "color_scheme": "dark"},
-}
 VIEWS = ("contact", "break-away", "hold", "stick-slip", "goal", "dither", "track")
 SERVO = ("goal", "dither", "track")
-pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="chromium is not installed")
-
-MOVE_ALL = """async (box) => {
-  const frame = () => new Promise((done) => requestAnimationFrame(() => setTimeout(done)));
-  const picture = () => [...document.querySelectorAll("#lab canvas")].map((each) => each.toDataURL()).join();
-  const drawn = () => performance.getEntriesByName("redraw").length;
-  const after = async (act) => {
-    const count = drawn();
-    act();
-    for (let k = 0; k < 300 && drawn() === count; k++) await frame();
-  };
-  const still = [], first = picture();
-  await frame();
-  if (picture() !== first) return ["the figure moves by itself"];
-  for (const range of box.querySelectorAll(":scope > .slider input[type=range]")) {
-    const before = picture(), value = Number(range.value);
-    for (const to of [value > 500 ? value - 250 : value + 250, value > 500 ? 100 : 900]) {
-      range.value = to;
-      await after(() => range.dispatchEvent(new Event("input")));
-      if (picture() !== before) break;
-    }
-    if (picture() === before) still.push(range.id);
-    const reset = range.closest(".slider").querySelector(".reset");
-    await after(() => reset.click());
-    if (!reset.disabled || Math.abs(range.value - value) > 1) still.push(range.id + " after reset");
-  }
-  return still;
-}"""
-
-
-class Server(SimpleHTTPRequestHandler):
-    """Serves a folder under a strict content-security policy."""
-
-    def end_headers(self) -> None:
-        self.send_header("Content-Security-Policy", POLICY)
-        super().end_headers()
-
-    def log_message(self, *_: object) -> None:
-        pass
+pytestmark = needs_chromium
 
 
 @pytest.fixture(scope="module")
@@ -78,31 +28,6 @@ def lab(tmp_path_factory: pytest.TempPathFactory) -> Path:
         patch.syspath_prepend(ROOT / "docs")
         import_module("live_site").write_lab(folder, MODELS)
     return folder
-
-
-@pytest.fixture(scope="module")
-def browser() -> Iterator[Browser]:
-    sandbox = ["--no-sandbox"] if os.getuid() == 0 else []  # which Chromium does not have for root
-    with sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=CHROMIUM, args=sandbox)
-        yield browser
-        browser.close()
-
-
-@contextmanager
-def opened(browser: Browser, address: str, screen: str = "wide", **more: Any) -> Iterator[tuple[Page, list[str]]]:
-    """Open a page, and note all requests and messages: there must be no message."""
-    context = browser.new_context(**SCREENS[screen], **more)
-    page = context.new_page()
-    requests: list[str] = []
-    messages: list[str] = []
-    page.on("request", lambda request: requests.append(request.url))
-    page.on("console", lambda message: messages.append(message.text))
-    page.on("pageerror", lambda error: messages.append(str(error)))
-    page.goto(address)
-    yield page, requests
-    assert messages == []
-    context.close()
 
 
 def show(page: Page, selection: str, **values: str) -> str:
@@ -137,7 +62,7 @@ def test_every_control_moves_its_figure(browser: Browser, lab: Path, screen: str
         for view in VIEWS:
             show(page, "view", value=view)
             for group in page.query_selector_all(".controls > .group"):
-                still = group.evaluate(MOVE_ALL)
+                still = idle_controls(page, group)
                 if "first" in str(group.get_attribute("class")):
                     for name in still:
                         idle[name] = idle.get(name, 0) + 1
@@ -207,18 +132,11 @@ def test_presets_show_what_independent_computations_give(browser: Browser, lab: 
 
 @pytest.mark.parametrize("screen", SCREENS)
 def test_a_strict_policy_and_axe_have_no_objection(browser: Browser, lab: Path, screen: str) -> None:
-    server = ThreadingHTTPServer(("127.0.0.1", 0), partial(Server, directory=str(lab)))
-    threading.Thread(target=server.serve_forever, daemon=True).start()
-    origin = f"http://127.0.0.1:{server.server_port}/"
-    with opened(browser, f"{origin}index.html", screen) as (page, requests):
+    with served(lab) as origin, opened(browser, f"{origin}index.html", screen) as (page, requests):
         page.wait_for_selector("#lab[data-ready]", timeout=30_000)
         for preset in ("drift", "hunting"):
             show(page, "preset", value=preset)
-            found = Axe().run(page).response
-            assert len(found["passes"]) > 15
-            assert [(rule["id"], rule["nodes"][0]["html"]) for rule in found["violations"]] == []
-    server.shutdown()
-    server.server_close()
+            assert objections(page) == []
     assert [url for url in requests if not url.startswith(origin)] == []
     own = {url.removeprefix(origin) for url in requests if "/models/" not in url}
     sizes = {name: (lab / name).stat().st_size for name in own}

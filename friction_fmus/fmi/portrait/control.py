@@ -19,7 +19,7 @@ def _times(bench: Bench, samples: int) -> Vector:
     return np.asarray(bench.start("Ts", 1e-3) * np.arange(samples + 1))
 
 
-def _sine(bench: Bench, periods: int) -> tuple[Vector, dict[str, Vector]]:
+def sine(bench: Bench, periods: int) -> tuple[Vector, dict[str, Vector]]:
     """Return a sinusoidal reference with speeds in the range where friction varies."""
     times = _times(bench, periods * POINTS)
     w = 2.0 * math.pi / (POINTS * bench.start("Ts", 1e-3))
@@ -31,7 +31,7 @@ def _sine(bench: Bench, periods: int) -> tuple[Vector, dict[str, Vector]]:
 
 def estimate(bench: Bench) -> tuple[Panel, ...]:
     """Return the friction estimate over velocity in the third period of a sinusoidal motion with Coulomb friction."""
-    times, motion = _sine(bench, 3)
+    times, motion = sine(bench, 3)
     coulomb, mass = bench.start("Fc", 1.0), bench.start("m", 1.0)
     applied = mass * motion["rdd"] + coulomb * np.sign(motion["rd"])
     measured = {"x": motion["r"], "v": motion["rd"], "u_prev": applied, "f_prev": 0.0 * applied}
@@ -50,7 +50,7 @@ def tracking(bench: Bench) -> tuple[Panel, ...]:
 
     The velocity of the mass is stepped so that the mass sticks exactly.
     """
-    times, motion = _sine(bench, 6)
+    times, motion = sine(bench, 6)
     Ts, mass, coulomb = times[1], bench.start("m", 1.0), bench.start("Fc", 1.0)
     x, v, velocity, estimated = 0.0, float(motion["rd"][0]), [], []
     with bench.session(["u", "F_hat"]) as session:
