@@ -88,7 +88,7 @@ def chromium() -> Iterator[Browser]:
 @contextmanager
 def opened(browser: Browser, address: str, screen: str = "wide", **more: Any) -> Iterator[tuple[Page, list[str]]]:
     """Open a page, and note all requests and messages: there must be no message."""
-    context = browser.new_context(**SCREENS[screen], **more)
+    context = browser.new_context(**{**SCREENS[screen], **more})
     page = context.new_page()
     requests: list[str] = []
     messages: list[str] = []

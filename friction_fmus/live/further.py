@@ -14,7 +14,7 @@ from typing import Final
 import numpy as np
 
 from friction_fmus.fmi.portrait.choice import Experiment
-from friction_fmus.fmi.portrait.control import TIME, sine
+from friction_fmus.fmi.portrait.control import TIME, move, sine
 from friction_fmus.fmi.portrait.course import Bench, Curve, Panel, Vector
 from friction_fmus.fmi.portrait.friction import largest_force, speed_scale
 
@@ -133,12 +133,20 @@ def pulses(bench: Bench) -> tuple[Panel, ...]:
     return (Panel(tuple(curves), TIME, bench.axis("u"), caption),)
 
 
+def quick_move(bench: Bench) -> tuple[Panel, ...]:
+    """Return the force over time for a move in few samples."""
+    times, motion = move(bench, 8)
+    (force,) = bench.run(times, motion, ["u"])
+    return (Panel((Curve(times, force),), TIME, bench.axis("u"), "Force for a move in eight samples."),)
+
+
 FURTHER: Final[Mapping[str, Experiment]] = {
     **dict.fromkeys(("DeadZoneTorque", "Stiction"), held),
     **dict.fromkeys(("Mass", "KarnoppMass"), position),
     **dict.fromkeys(("Sum", "SampledSum"), in_turn),
     **dict.fromkeys(("PID", "CascadePPI", "ResetPID", "MultiLoopKarnopp", "AdaptiveSlidingMode"), followed),
     **dict.fromkeys(("LuGreObserver", "GMSObserver", "AdaptiveLuGre"), followed),
+    "DiscreteInverse": quick_move,
     "Encoder": sampled,
     "FrictionResidual": over_table,
     "GMS": lag,

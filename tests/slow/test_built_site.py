@@ -13,7 +13,7 @@ from pathlib import Path
 from urllib.parse import unquote, urlsplit
 
 import pytest
-from browser import SCREENS, idle_controls, needs_chromium, opened
+from browser import POLICY, SCREENS, idle_controls, needs_chromium, objections, opened, served
 from lxml import html
 from playwright.sync_api import Browser
 from thorough import some
@@ -35,6 +35,8 @@ OUTSIDE = r"(?:@import|url\()\s*[\"']?(https?:[^\"')]*)"
 OWN = ("file:", "data:", "blob:")
 IDLE = re.compile(r'"idle":(\[[^\]]*\])')
 SCANNED = ("Coulomb", "ImpulsiveControl", "LeuvenFeedforward", "LuGre", "Mass", "Stiction")
+OF_THE_THEME = ('<nav class="md-code__nav">', "<code>")
+SCHEMES = {"light": "default", "dark": "slate"}
 MODULES = [*(f"friction_fmus{name}" for name in PUBLIC), "harness"]
 
 
@@ -100,6 +102,20 @@ def test_pages_of_blocks_and_the_lab_are_live(browser: Browser, site: Path, scre
             loaded = {path for url in requests if "/models/" in (path := urlsplit(url).path)}
             assert len(loaded) == (1 if name != "lab" else 3), loaded
             assert [url for url in requests if not url.startswith(OWN)] == []
+
+
+@needs_chromium
+@pytest.mark.parametrize("screen", SCREENS)
+def test_a_strict_policy_and_axe_have_no_objection(browser: Browser, site: Path, screen: str) -> None:
+    """As `data:`, the theme's style sheet has its icons."""
+    with served(site, f"{POLICY}; img-src 'self' data:") as origin:
+        for name, scheme in (("lab", "light"), ("lab", "dark"), ("blocks/LuGre", "dark")):
+            with opened(browser, f"{origin}{name}.html", screen, color_scheme=scheme) as (page, requests):
+                page.wait_for_selector("[data-ready]", timeout=60_000)
+                assert page.get_attribute("body", "data-md-color-scheme") == SCHEMES[scheme]
+                # the theme's code: its buttons are landmarks without a name, and on a phone it cannot be reached by key
+                assert [each for each in objections(page) if not each[1].startswith(OF_THE_THEME)] == []
+            assert [url for url in requests if not url.startswith((origin, "data:"))] == []
 
 
 @needs_chromium

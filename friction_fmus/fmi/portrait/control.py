@@ -106,7 +106,7 @@ def learning(bench: Bench) -> tuple[Panel, ...]:
     return (Panel((Curve(times, force),), TIME, bench.axis("u"), caption),)
 
 
-def _move(bench: Bench, samples: int) -> tuple[Vector, dict[str, Vector]]:
+def move(bench: Bench, samples: int) -> tuple[Vector, dict[str, Vector]]:
     """Return a move by 1 mm with continuous snap, with rest before and after."""
     times = _times(bench, 2 * samples)
     duration = times[samples]
@@ -118,15 +118,15 @@ def _move(bench: Bench, samples: int) -> tuple[Vector, dict[str, Vector]]:
 
 def inversion(bench: Bench) -> tuple[Panel, ...]:
     """Return the force over time for a smooth move."""
-    times, move = _move(bench, 100)
-    (force,) = bench.run(times, move, ["u"])
+    times, motion = move(bench, 100)
+    (force,) = bench.run(times, motion, ["u"])
     caption = f"Force for a smooth move of 0.001 {bench.variables['r'].unit}."
     return (Panel((Curve(times, force),), TIME, bench.axis("u"), caption),)
 
 
 def shaping(bench: Bench) -> tuple[Panel, ...]:
     """Return the reference before and after shaping, for a smooth move."""
-    times, move = _move(bench, 20)
-    (shaped,) = bench.run(times, move, ["r_out"])
-    curves = (Curve(times, move["r"], "r", aside=True), Curve(times, shaped, "r_out"))
+    times, motion = move(bench, 20)
+    (shaped,) = bench.run(times, motion, ["r_out"])
+    curves = (Curve(times, motion["r"], "r", aside=True), Curve(times, shaped, "r_out"))
     return (Panel(curves, TIME, bench.axis("r_out"), "Reference for a smooth move, before and after the filter."),)
