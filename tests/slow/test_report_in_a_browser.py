@@ -5,7 +5,7 @@ from __future__ import annotations
 import io
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -16,11 +16,13 @@ from axe_playwright_python.sync_playwright import Axe
 from browser import needs_chromium
 from PIL import Image
 from playwright.sync_api import Browser, Page
+from slow.test_rotary_study import linear_words
 from study.made_up_study import made_up_study
-from study.small_axis import NOISE, bench_of, runs_of
+from study.small_axis import NOISE, bench_of, rotary_bench_of, runs_of
 
+from friction_fmus.identification import ROTARY
 from friction_fmus.report import write_report
-from friction_fmus.study.what_if import panel_of
+from friction_fmus.study.what_if import WhatIf, panel_of
 
 SCREENS: dict[str, dict[str, Any]] = {
     "desktop": {"viewport": {"width": 1280, "height": 900}},
@@ -40,19 +42,25 @@ class Watched:
 
 
 @pytest.fixture(scope="module")
-def report(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A made-up study with the what-if panel of a real axis."""
-    folder = tmp_path_factory.mktemp("report")
-    bench = bench_of(folder)
+def panel(tmp_path_factory: pytest.TempPathFactory) -> WhatIf:
+    """The what-if panel of a simulated axis."""
+    bench = bench_of(tmp_path_factory.mktemp("axis"))
     panel = panel_of(bench, runs_of(bench), NOISE)
     assert not isinstance(panel, str), panel
-    write_report(made_up_study(), folder / "report.html", panel)
-    return folder / "report.html"
+    return panel
+
+
+@pytest.fixture(scope="module")
+def report(tmp_path_factory: pytest.TempPathFactory, panel: WhatIf) -> Path:
+    """A made-up study with the panel."""
+    path = tmp_path_factory.mktemp("report") / "report.html"
+    write_report(made_up_study(), path, panel)
+    return path
 
 
 @contextmanager
-def opened(browser: Browser, report: Path, screen: str) -> Iterator[Watched]:
-    context = browser.new_context(**SCREENS[screen])
+def opened(browser: Browser, report: Path, screen: str, **more: Any) -> Iterator[Watched]:
+    context = browser.new_context(**SCREENS[screen], **more)
     page = context.new_page()
     watched = Watched(page)
     page.on("request", lambda request: watched.requests.append(request.url))
@@ -258,6 +266,71 @@ def test_the_panel_redraws_within_100_ms(browser: Browser, report: Path) -> None
         taken = page.evaluate("performance.getEntriesByName('redraw').map((each) => each.duration)")
         assert len(taken) >= 15
         assert np.median(taken) <= 100.0
+
+
+def test_the_panel_of_a_rotary_axis_has_its_words_and_units(browser: Browser, tmp_path: Path) -> None:
+    bench = rotary_bench_of(tmp_path)
+    panel = panel_of(bench, runs_of(bench), NOISE)
+    assert not isinstance(panel, str), panel
+    write_report(replace(made_up_study(), units=ROTARY), tmp_path / "report.html", panel)
+    with opened(browser, tmp_path / "report.html", "phone") as watched:
+        page, box = watched.page, watched.page.locator("#what-if")
+        names = box.locator(".slider b").all_inner_texts()
+        assert names == ["friction", "inertia", "delay", "loop gain", "encoder step"]
+        units = dict(zip(names, box.locator(".slider .unit").all_inner_texts(), strict=True))
+        assert (units["inertia"], units["encoder step"]) == ("kg·m²", "µrad")
+        assert linear_words(box.inner_text()) == []
+        labels = box.locator("[aria-label]").evaluate_all("all => all.map((each) => each.getAttribute('aria-label'))")
+        assert linear_words(" ".join(labels)) == []
+        assert "Drive torque" in box.inner_text()
+        first = errors_shown(page)
+        for row in first:
+            rms, rms_now, largest, largest_now = (float(value.removesuffix("\u00a0mrad")) for value in row)
+            assert (rms_now, largest_now) == (pytest.approx(rms, rel=0.02), pytest.approx(largest, rel=0.02))
+        assert "so the numbers differ slightly" in page.locator("section", has=box).inner_text()
+        for row in box.locator(".slider").all():
+            row.locator("input[type=range]").fill("700")
+            assert settled(page) != first
+            row.get_by_role("button").press("Enter")
+            assert settled(page) == first
+        assert watched.messages == []
+
+
+def test_of_a_long_record_the_panel_has_the_first_part(browser: Browser, panel: WhatIf, tmp_path: Path) -> None:
+    """The part is 0.6 s, the record of the made-up study 20 s, with reversals at 7.5 s and 12.5 s."""
+    part = replace(panel, r=panel.r[:600], noise=panel.noise[:600], whole=False)
+    write_report(made_up_study(), tmp_path / "report.html", part)
+    with opened(browser, tmp_path / "report.html", "desktop") as watched:
+        page, box = watched.page, watched.page.locator("#what-if")
+        said = page.locator("section", has=box).inner_text().replace("\u00a0", " ")
+        assert "The first 600 ms of the record are simulated" in said, said
+        assert not box.get_by_role("button", name="around a reversal").is_visible()
+        assert float(page.locator("#what-if-error .u-axis").count()) == 2
+        time = page.locator("#what-if-error .area, #what-if-force .area")
+        assert time.count() == 2
+        first = errors_shown(page)
+        assert all("\u2013" not in row for row in first)
+        page.locator("#what-if input[type=number]").first.fill("2")
+        assert settled(page) != first
+        assert watched.messages == []
+
+
+def test_with_reduced_motion_nothing_moves_by_itself(browser: Browser, report: Path) -> None:
+    with opened(browser, report, "desktop", reduced_motion="reduce") as watched:
+        page = watched.page
+        slider = page.locator("#what-if .slider input[type=range]").first
+        moving = """[...document.querySelectorAll("*")].filter((each) => {
+            const { animationName, scrollBehavior } = getComputedStyle(each);
+            return animationName !== "none" || scrollBehavior === "smooth";
+        }).length + document.getAnimations().length"""
+        for act in (lambda: slider.press("PageUp"), lambda: slider.press("End")):
+            act()
+            settled(page)
+            assert page.evaluate(moving) == 0
+            before = page.locator("#what-if-error").screenshot()
+            page.wait_for_timeout(300)
+            assert page.locator("#what-if-error").screenshot() == before
+        assert watched.messages == []
 
 
 def test_an_unstable_loop_is_called_unstable(browser: Browser, report: Path) -> None:
