@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import shutil
 import threading
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from contextlib import contextmanager
 from functools import partial
 from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
@@ -24,7 +24,7 @@ SCREENS: dict[str, dict[str, Any]] = {
 }
 POLICY = "default-src 'self'; script-src 'self' 'wasm-unsafe-eval'; style-src 'self'"
 
-MOVE_ALL = """async (box) => {
+MOVE_ALL = """async ([box, known]) => {
   const SEEN = 30;  // pixels that change
   const redraws = () => performance.getEntriesByName("redraw").length;
   const after = async (act) => {
@@ -54,6 +54,7 @@ MOVE_ALL = """async (box) => {
   for (const input of box.querySelectorAll(".slider input[type=range], .check input")) {
     const before = picture(), value = Number(input.value);
     const name = input.closest(".slider, .check").querySelector("b").textContent;
+    if (known.includes(name)) continue;
     if (input.type === "checkbox") {
       await after(() => input.click());
       if (!changed(before)) still.push(name);
@@ -101,9 +102,12 @@ def opened(browser: Browser, address: str, screen: str = "wide", **more: Any) ->
     context.close()
 
 
-def idle_controls(page: Page, box: ElementHandle | None = None) -> list[str]:
-    """Move each control of a page, or of a part of it; return the names of those that change no figure visibly."""
-    found = (box or page.query_selector("body")).evaluate(MOVE_ALL)  # type: ignore[union-attr]
+def idle_controls(page: Page, box: ElementHandle | None = None, known: Collection[str] = ()) -> list[str]:
+    """Move each control of a page, or of a part of it; return the names of those that change no figure visibly.
+
+    Those that are known to change one are left out.
+    """
+    found = page.evaluate(MOVE_ALL, [box or page.query_selector("body"), [*known]])
     return [str(name) for name in found]
 
 
