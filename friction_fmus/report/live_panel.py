@@ -176,4 +176,11 @@ def _picture(study: StudyResult, axis: WhatIf) -> str:
         curves.append(PlainCurve(x, y, _shown(name), aside=name == NONE and len(errors) > 1))
     panel = Panel(tuple(curves), ("time", "s"), ("reference − position", unit), "")
     text = chart(panel, "Tracking error").decode()
-    return re.sub(r"<\?xml.*?\?>\s*|<metadata>.*?</metadata>\s*", "", text, flags=re.DOTALL)
+    text = re.sub(r"<\?xml.*?\?>\s*|<metadata>.*?</metadata>\s*|<style.*?</style>", "", text, flags=re.DOTALL)
+    return re.sub(r'\bstyle="([^"]*)"', lambda match: _as_attributes(match[1]), text)
+
+
+def _as_attributes(style: str) -> str:
+    """Return a style of SVG as attributes, which the policy of the page allows."""
+    pairs = (pair.split(":", 1) for pair in style.split(";") if pair.strip())
+    return " ".join(f'{name.strip()}="{value.strip()}"' for name, value in pairs)

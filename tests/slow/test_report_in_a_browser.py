@@ -361,7 +361,7 @@ def test_without_scripts_there_is_a_picture_and_a_sentence(browser: Browser, rep
     context.close()
 
 
-def test_the_policy_of_the_page_forbids_the_network_and_other_scripts(browser: Browser, report: Path) -> None:
+def test_the_policy_of_the_page_forbids_the_network_other_scripts_and_styles(browser: Browser, report: Path) -> None:
     with opened(browser, report, "desktop") as watched:
         page = watched.page
         refused = page.evaluate("fetch('https://example.org/').then(() => false, () => true)")
@@ -370,7 +370,12 @@ def test_the_policy_of_the_page_forbids_the_network_and_other_scripts(browser: B
             "document.body.append(Object.assign(document.createElement('script'), {text: 'window.other = 1'}))"
         )
         assert page.evaluate("window.other") is None
-        assert len(watched.messages) >= 2
+        page.evaluate(
+            "document.body.append(Object.assign(document.createElement('style'), {textContent: 'p {color: red}'}))"
+        )
+        page.evaluate("document.body.setAttribute('style', 'color: red')")
+        assert page.evaluate("getComputedStyle(document.querySelector('p')).color") != "rgb(255, 0, 0)"
+        assert len(watched.messages) >= 4
         assert all("Content Security Policy" in message for message in watched.messages)
 
 
