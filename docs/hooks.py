@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import re
 import sys
+from concurrent.futures import ThreadPoolExecutor
 from functools import cache
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
+from zlib import crc32
 
 import nbformat
 from mkdocs.config.defaults import MkDocsConfig
@@ -19,20 +21,46 @@ from friction_fmus.check.findings import RULES
 
 DOCS = Path(__file__).parent
 sys.path.append(str(DOCS))
-from live_site import block_pages, lab_files, lab_page  # noqa: E402
+from live_site import block_pages, lab_files, lab_page, prepare  # noqa: E402
 
 NOTEBOOKS = DOCS.parent / "examples" / "notebooks"
 
 
 def on_files(files: Files, config: MkDocsConfig, **_: Any) -> Files:
     """Add the lab, the pages of the blocks, and a page and the figures of each notebook."""
+    paths = sorted(NOTEBOOKS.glob("*.ipynb"))
+    with ThreadPoolExecutor() as threads:  # a notebook has a process of its own, and so has each compiler
+        notebooks = [threads.submit(notebook_page, path.stem, path.read_text(encoding="utf-8")) for path in paths]
+        prepare(threads)
     files.append(File.generated(config, "lab.md", content=lab_page()))
     for name, content in (*((f"lab/{name}", text) for name, text in lab_files()), *block_pages()):
         files.append(File.generated(config, name, content=content))
-    for path in sorted(NOTEBOOKS.glob("*.ipynb")):
-        for name, content in notebook_page(path.stem, path.read_text(encoding="utf-8")).items():
+    for notebook in notebooks:
+        for name, content in notebook.result().items():
             files.append(File.generated(config, f"notebooks/{name}", content=content))
     return files
+
+
+def on_post_build(config: MkDocsConfig, **_: Any) -> None:
+    """Move scripts inside of pages to files, for a policy without them, and correct what Material leaves to do.
+
+    Its search has no name, and tables that scroll sideways cannot be reached by key.
+    """
+    site = Path(config.site_dir)
+    folder = site / "assets" / "inside"
+    folder.mkdir(parents=True, exist_ok=True)
+    for path in site.rglob("*.html"):
+
+        def moved(match: re.Match[str], up: str = "../" * (len(path.relative_to(site).parts) - 1)) -> str:
+            name = f"{crc32(match[1].encode()):08x}.js"
+            (folder / name).write_text(match[1], encoding="utf-8")
+            return f'<script src="{up}assets/inside/{name}"></script>'
+
+        text = re.sub(r"<script>(.*?)</script>", moved, path.read_text(encoding="utf-8"), flags=re.DOTALL)
+        text = text.replace(
+            'data-md-component="search" role="dialog"', 'data-md-component="search" role="dialog" aria-label="Search"'
+        )
+        path.write_text(text.replace("<table>", '<table tabindex="0">'), encoding="utf-8")
 
 
 def on_page_markdown(markdown: str, **_: Any) -> str:

@@ -9,6 +9,7 @@ import json
 import re
 import sys
 from collections.abc import Iterator, Sequence
+from concurrent.futures import Executor, ThreadPoolExecutor
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
@@ -30,6 +31,8 @@ DOCS = Path(__file__).parent
 LAB = DOCS / "lab"
 ON_A_MASS = ("LuGre", "ElastoPlastic", "Dahl", "GMS", "ModifiedLeuven", "Leuven", "MaxwellSlip", "BlimanSorine")
 """Friction models that the lab also puts under a mass: their force follows from the velocity alone, continuously."""
+SYSTEMS = ("mass", "axis")
+"""System files of the lab, see `ON_A_MASS`."""
 KINDS = {
     "friction": "Friction models",
     "plant": "Plants",
@@ -61,6 +64,16 @@ def described(name: str) -> dict[str, Any]:
     return {"about": about, "groups": groups, "pictures": pictures}
 
 
+def prepare(threads: Executor, chosen: Sequence[str] | None = None) -> None:
+    """Compile and describe all or some blocks, and the systems of the lab, side by side; the results are kept."""
+    names = list(catalogue()) if chosen is None else list(chosen)
+    list(threads.map(described, names))
+    made = [threads.submit(block_script, name) for name in names]
+    made += [threads.submit(system_script, name, system) for name in ON_A_MASS if name in names for system in SYSTEMS]
+    for each in made:
+        each.result()
+
+
 def equations(block: Block) -> str:
     """Return the equations of a block as text."""
     return "\n\n".join("\n".join(each.lines) for each in paragraphs(block.notes) if each.equations)
@@ -75,7 +88,7 @@ def lab_files(chosen: Sequence[str] | None = None) -> Iterator[tuple[str, str]]:
     for name in known:
         yield f"models/{name}.js", block_script(name)
     for name in on_mass:
-        for system in ("mass", "axis"):
+        for system in SYSTEMS:
             yield f"models/{name}-{system}.js", system_script(name, system)
     names = json.dumps({"models": known, "onMass": on_mass})
     yield "models/names.js", f"FrictionLive.catalogue = {names};\n"
@@ -124,7 +137,7 @@ def index_page() -> str:
         "Each page has the equations, the variables and a figure that moves with the parameters.",
     ]
     for kind, heading in KINDS.items():
-        lines += ["", f"## {heading}", "", "| block | |", "|---|---|"]
+        lines += ["", f"## {heading}", "", "| block | what it is |", "|---|---|"]
         blocks = [block for block in catalogue().values() if block.kind == kind]
         lines += [
             f"| [{block.name}]({block.name}.md) | {block.summary.replace('|', chr(92) + '|')} |" for block in blocks
@@ -180,6 +193,8 @@ def write_lab(folder: Path, chosen: Sequence[str] | None = None) -> None:
     for source in LAB.iterdir():
         if source.suffix != ".toml":
             (folder / source.name).write_bytes(source.read_bytes())
+    with ThreadPoolExecutor() as threads:
+        prepare(threads, models() if chosen is None else chosen)
     for name, text in lab_files(chosen):
         (folder / name).parent.mkdir(parents=True, exist_ok=True)
         (folder / name).write_text(text, encoding="utf-8")

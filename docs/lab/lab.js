@@ -52,9 +52,9 @@
   /* Return the parameters of the friction model: those that are often changed, and the others. */
   function parametersOf(run) {
     const own = [...run.model.variables.values()].filter(
-      ({ name, causality, start }) => causality === "parameter" && name.startsWith(prefix()) && start !== undefined && isFinite(start),
+      ({ name, causality, start }) => causality === "parameter" && name.startsWith(prefix()) && name !== prefix() + live.SIDES && start !== undefined && isFinite(start),
     );
-    const rare = ({ name, type }) => /\[|_neg$|^Fn0$|^asymmetric$|^v_d$|^dead_band$|^seed$/.test(name.slice(prefix().length)) || type === "Boolean";
+    const rare = ({ name, type }) => /\[|_neg$|^Fn0$|^v_d$|^dead_band$|^seed$/.test(name.slice(prefix().length)) || type === "Boolean";
     return { main: own.filter((each) => !rare(each)), more: own.filter(rare) };
   }
 
@@ -63,7 +63,7 @@
   }
 
   function valuesOf(side) {
-    return Object.fromEntries(Object.entries(state[ROLES[side]]).map(([name, value]) => [prefix() + name, value]));
+    return Object.fromEntries(Object.entries(live.sided(state[ROLES[side]])).map(([name, value]) => [prefix() + name, value]));
   }
 
   /* Return the values of the experiment: those that were set, else its start values. */
@@ -127,7 +127,7 @@
     const run = runs.get(side + scriptOf(state.models[side]));
     const { main, more } = parametersOf(run);
     const given = valuesOf(side);
-    return view.compute(run, Object.fromEntries([...main, ...more].map(({ name, start }) => [name, given[name] ?? start])), setup());
+    return view.compute(run, { ...Object.fromEntries([...main, ...more].map(({ name, start }) => [name, start])), ...given }, setup());
   }
 
   function draw() {
@@ -197,7 +197,7 @@
   function exportTexts() {
     const side = 0;
     const run = view.system ? { ...view.system(setup()), toml: live.about[scriptOf(state.models[side])].toml } : null;
-    source.textContent = share[FORMATS[format.value]](state.models[side], state.first, run);
+    source.textContent = share[FORMATS[format.value]](state.models[side], live.sided(state.first), run);
   }
 
   function showClaim() {
@@ -241,7 +241,7 @@
       return;
     }
     if (state !== mine) return;
-    state.models.forEach((name, side) => known(state[ROLES[side]], (each) => runs.get(side + scriptOf(name)).has(prefix() + each)));
+    state.models.forEach((name, side) => known(state[ROLES[side]], (each) => runs.get(side + scriptOf(name)).model.variables.get(prefix() + each)?.causality === "parameter"));
     known(state.setup, (each, given) => view.controls.some((control) => control.name === each && !limitsOf(control)(given)));
     drawn.replaceChildren();
     charts = view.charts.map((about) => live.chart(drawn.appendChild(element("figure")), about));

@@ -94,7 +94,7 @@
   const IDLE = {
     "pid.Kp": 0, "pid.Kd": 0, "pid.Ki": 0, "pid.Ts": TICKS.axis, "feedforward.gain": 0, "feedforward.Ts": TICKS.axis,
     "feedforward.m": 0, "dither.gain": 0, "dither.frequency": 30, "dither.Ts": TICKS.axis, "dither.u_min": -1e6, "dither.u_max": 1e6,
-    "reference.amplitude[1]": 0, "reference.offset": 0, "pid.db": 0, "pid.m": 0,
+    "reference.amplitude[1]": 0, "reference.offset": 0, "pid.db": 0, "pid.db_ratio": 1, "pid.m": 0,
   };
   const REST = { "axis.k": 0, "axis.d": 0, "axis.v_support": 0, "axis.x0": 0, "axis.v0": 0, "axis.F_load": 0 };
 

@@ -5,9 +5,13 @@
   const WIDTHS = { first: 2, second: 2, aside: 1.5, measured: 4 };
   const DASHES = { first: [], second: [7, 4], aside: [2, 3], measured: [] };
 
+  /* Return a function that returns a colour of the page by name; an element resolves `light-dark`. */
   function colours(box) {
-    const style = getComputedStyle(box);
-    return (name) => style.getPropertyValue("--live-" + name).trim();
+    const probe = box.querySelector(".area");
+    return (name) => {
+      probe.style.color = "var(--live-" + name + ")";
+      return getComputedStyle(probe).color;
+    };
   }
 
   /* Return the range of values that contains the data: the one shown, unless it is too small or much too large. */

@@ -54,6 +54,12 @@ var FrictionLive = (function () {
     }
   }
 
+  /* The parameter that separates the directions of motion. */
+  const SIDES = "asymmetric";
+
+  /* Return changed values; with one of the negative direction, the directions are separate. */
+  const sided = (changed) => (Object.keys(changed).some((name) => /_neg$/.test(name)) ? { ...changed, [SIDES]: 1 } : changed);
+
   const PREFIXES = [[1e-9, "n"], [1e-6, "µ"], [1e-3, "m"], [1, ""], [1e3, "k"], [1e6, "M"], [1e9, "G"]];
   const PREFIXED = /^(m|N|s|Hz)([/.].*)?$/;
 
@@ -74,5 +80,5 @@ var FrictionLive = (function () {
     return Number((value * factor).toPrecision(digits)) + (name ? "\u00a0" + spaced(name) : "");
   }
 
-  return { about, load, Run, readable, spaced, quantity };
+  return { about, load, Run, SIDES, sided, readable, spaced, quantity };
 })();

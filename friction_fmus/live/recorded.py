@@ -19,6 +19,7 @@ from friction_fmus.fmi.portrait.choice import experiment
 from friction_fmus.fmi.portrait.course import Bench as PortraitBench
 from friction_fmus.fmi.portrait.course import Curve, Panel, Session, Vector
 from friction_fmus.fmi.portrait.friction import elastic_reach, friction_panels, speed_scale
+from friction_fmus.live.further import BEGIN, FURTHER, IDLE
 from harness.compiling.platforms import NATIVE
 
 
@@ -30,6 +31,7 @@ class Course:
     inputs: list[Mapping[str, float]] = field(default_factory=list)
     outputs: list[list[float]] = field(default_factory=list)
     names: tuple[str, ...] = ()
+    fixed: Mapping[str, float] = field(default_factory=dict)
 
 
 class _RecordedSession(Session):
@@ -62,6 +64,7 @@ class Bench(PortraitBench):
         self.block = block
         self.description = description
         self.courses: list[Course] = []
+        self.values = self.begin = BEGIN.get(block.name, {})
 
     @contextmanager
     def session(self, outputs: Sequence[str], start: float = 0.0) -> Iterator[Session]:
@@ -69,7 +72,8 @@ class Bench(PortraitBench):
         with super().session(outputs, start) as plain:
             session = _RecordedSession.__new__(_RecordedSession)
             session.__dict__.update(plain.__dict__)
-            session.course = Course([start], names=tuple(outputs))
+            fixed = {name: value for name, value in self.values.items() if self.begin.get(name) != value}
+            session.course = Course([start], names=tuple(outputs), fixed=fixed)
             self.courses.append(session.course)
             yield session
 
@@ -87,21 +91,26 @@ def recorded_figures(bench: Bench) -> dict[str, Any]:
     """Return the experiments behind the figures of a block, for JSON.
 
     Friction that follows a velocity is moved by the page itself, which needs only the scales ``speed`` and ``reach`` of
-    the start values [m/s, m]. For other blocks, ``figures`` has the inputs of each run and the places of the curves in
-    its inputs and outputs.
+    the start values [m/s, m]. ``figures`` has all others: the inputs of each run and the places of the curves in its
+    inputs and outputs. ``begin`` has the values with which the page begins, if they are not the start values, and
+    ``idle`` the names that have no effect in these figures.
     """
     chosen = experiment(bench)
     if chosen is None:
         return {}
+    name = bench.block.name
+    told: dict[str, Any] = {"begin": bench.begin, "idle": IDLE.get(name, ())}
+    experiments = [each for each in (chosen, FURTHER.get(name)) if each]
     try:
         if chosen is friction_panels:
             peak = 4.0 * speed_scale(bench)
-            return {"speed": peak, "reach": elastic_reach(bench, peak / 100.0) or 1e-3 * peak}
-        panels = chosen(bench)
+            told |= {"speed": peak, "reach": elastic_reach(bench, peak / 100.0) or 1e-3 * peak}
+            experiments.remove(chosen)
+        panels = [panel for each in experiments for panel in each(bench)]
     except FMICallException:
         return {}
     figures = [_figure(panel, bench.courses) for panel in panels]
-    return {"figures": [figure for figure in figures if figure]}
+    return told | {"figures": [figure for figure in figures if figure]}
 
 
 def _figure(panel: Panel, courses: Sequence[Course]) -> dict[str, Any] | None:
@@ -154,6 +163,7 @@ def _run(course: Course) -> dict[str, Any]:
         "step": lengths[0] if equal else _packed(lengths),
         "steps": lengths.size,
         "outputs": course.names,
+        "fixed": course.fixed,
         "inputs": {name: _packed(np.append(column, column[-1])) for name, column in given.items()},
     }
 

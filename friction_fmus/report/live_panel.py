@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import base64
 import json
+import math
 import re
+from bisect import bisect_right
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Final
 
@@ -56,8 +58,8 @@ class LivePanel:
         Runs.
     picture, data, script, style : str
         SVG without scripts, JSON, JavaScript and CSS.
-    whole : bool
-        Whether the whole record is simulated.
+    whole, same_master : bool
+        Whether the whole record is simulated, and with the master algorithm of the study.
     seconds : float
         Simulated time [s].
     """
@@ -70,6 +72,7 @@ class LivePanel:
     script: str
     style: str
     whole: bool
+    same_master: bool
     seconds: float
 
 
@@ -89,6 +92,8 @@ def live_panel(study: StudyResult, axis: WhatIf) -> LivePanel:
     names = [knob.name for knob in axis.knobs]
     unit = study.units.position
     compensated = next((run.name for run in axis.runs if run.name != NONE), "")
+    seconds = axis.Ts * (len(axis.r) - axis.run_up)
+    end = math.inf if axis.whole else seconds
     data = {
         "Ts": axis.Ts,
         "r": _packed(axis.r, "<f8"),
@@ -98,9 +103,9 @@ def live_panel(study: StudyResult, axis: WhatIf) -> LivePanel:
         "forceName": "torque" if unit == "rad" else "force",
         "runs": [{"model": run.model.name, "label": _shown(run.name)} for run in axis.runs],
         "knobs": [_slider(knob) for knob in axis.knobs],
-        "recorded": _recorded(study),
+        "recorded": _recorded(study, end),
         "largest": max(run.metrics.largest for run in axis.runs),
-        "views": {} if (turn := reversal(study.record)) is None else {"around a reversal": turn},
+        "views": {} if (turn := reversal(study.record, end=end)) is None else {"around a reversal": turn},
     }  # fmt: skip
     text = json.dumps(data, separators=(",", ":"), ensure_ascii=True)
     return LivePanel(
@@ -112,7 +117,8 @@ def live_panel(study: StudyResult, axis: WhatIf) -> LivePanel:
         "\n".join([*(files[name] for name in SCRIPTS), *models, own]),
         "\n".join(files[name] for name in ("uplot.css", "live.css")),
         axis.whole,
-        axis.Ts * len(axis.r),
+        axis.same_master,
+        seconds,
     )
 
 
@@ -140,13 +146,15 @@ def _slider(knob: Knob) -> Mapping[str, Any]:
     }
 
 
-def _recorded(study: StudyResult) -> Mapping[str, Mapping[str, list[float]]]:
-    """Return the recorded tracking error and force over time."""
+def _recorded(study: StudyResult, end: float) -> Mapping[str, Mapping[str, list[float]]]:
+    """Return the recorded tracking error and force over time, until an end [s]."""
     found = {}
     for picture in study.record:
         name = RECORDED.get(picture.y_label)
         if name and picture.data:
-            x, y = thinned(next(iter(picture.data.values())), points=2 * POINTS)
+            curve = next(iter(picture.data.values()))
+            count = bisect_right(curve.x, end)
+            x, y = thinned(replace(curve, x=curve.x[:count], y=curve.y[:count]), points=2 * POINTS)
             found[name] = {"t": [float(f"{t:.6g}") for t in x], "y": [float(f"{value:.4g}") for value in y]}
     return found
 
@@ -168,4 +176,11 @@ def _picture(study: StudyResult, axis: WhatIf) -> str:
         curves.append(PlainCurve(x, y, _shown(name), aside=name == NONE and len(errors) > 1))
     panel = Panel(tuple(curves), ("time", "s"), ("reference − position", unit), "")
     text = chart(panel, "Tracking error").decode()
-    return re.sub(r"<\?xml.*?\?>\s*|<metadata>.*?</metadata>\s*", "", text, flags=re.DOTALL)
+    text = re.sub(r"<\?xml.*?\?>\s*|<metadata>.*?</metadata>\s*|<style.*?</style>", "", text, flags=re.DOTALL)
+    return re.sub(r'\bstyle="([^"]*)"', lambda match: _as_attributes(match[1]), text)
+
+
+def _as_attributes(style: str) -> str:
+    """Return a style of SVG as attributes, which the policy of the page allows."""
+    pairs = (pair.split(":", 1) for pair in style.split(";") if pair.strip())
+    return " ".join(f'{name.strip()}="{value.strip()}"' for name, value in pairs)

@@ -141,6 +141,7 @@
 
   for (const box of boxes) {
     const { data, layout } = figure(box, false);
+    box.style.height = box.dataset.height + "px";
     await Plotly.newPlot(box, data, layout, {
       responsive: true,
       displaylogo: false,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 import gzip
+import re
 from functools import cache
 from hashlib import sha256
 from pathlib import Path
@@ -59,10 +60,11 @@ def report_html(study: StudyResult, panel: WhatIf | str = "") -> str:
     -------
     str
         HTML 5 without references to other files; equal studies give equal pages. Texts of the study are escaped, and
-        the content security policy only allows the scripts of the page.
+        the content security policy only allows the scripts and the style sheet of the page.
     """
     script = (FOLDER / "page.js").read_text(encoding="utf-8")
     live = None if isinstance(panel, str) else live_panel(study, panel)
+    style = (FOLDER / "page.css").read_text(encoding="utf-8") + (live.style if live else "")
     environment = _environment()
 
     def body(name: str, section: Section) -> Markup:
@@ -71,7 +73,9 @@ def report_html(study: StudyResult, panel: WhatIf | str = "") -> str:
 
     page = environment.get_template("page.html").render(
         study=study,
-        style=(FOLDER / "page.css").read_text(encoding="utf-8"),
+        style=style,
+        style_hash=_hash(style),
+        unused_styles=re.findall(r'getElementById\("([0-9a-f]{64})"\)', get_plotlyjs()),
         script=script,
         live=live,
         library=_library(),
@@ -109,6 +113,6 @@ def _library() -> str:
     return base64.b64encode(gzip.compress(get_plotlyjs().encode(), 9, mtime=0)).decode("ascii")
 
 
-def _hash(script: str) -> str:
-    """Return the source expression that allows one script in a content security policy (CSP level 3, 2.3.1)."""
-    return f"'sha256-{base64.b64encode(sha256(script.encode()).digest()).decode('ascii')}'"
+def _hash(text: str) -> str:
+    """Return the source expression that allows one script or style sheet in a policy (CSP level 3, 2.3.1)."""
+    return f"'sha256-{base64.b64encode(sha256(text.encode()).digest()).decode('ascii')}'"

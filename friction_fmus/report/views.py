@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+from bisect import bisect_right
 from collections.abc import Sequence
 
 import numpy as np
@@ -34,13 +36,14 @@ def axes(picture: Picture) -> tuple[tuple[str, str], tuple[float, float]]:
     return (titles[0], titles[1]), (factors[0], factors[1])
 
 
-def reversal(record: Sequence[Picture], part: float = 0.04) -> tuple[float, float] | None:
-    """Return a time span around the reversal nearest to the middle of the record; None without a reversal."""
+def reversal(record: Sequence[Picture], part: float = 0.04, end: float = math.inf) -> tuple[float, float] | None:
+    """Return a time span around the reversal nearest to the middle of a record; None without one before the end [s]."""
     for picture in record:
         curve = next((curve for name, curve in picture.data.items() if "reference" in name), None)
-        if curve is None or len(curve.x) < 3:
+        count = 0 if curve is None else bisect_right(curve.x, end)
+        if curve is None or count < 3:
             continue
-        x, y = np.asarray(curve.x), np.asarray(curve.y)
+        x, y = np.asarray(curve.x[:count]), np.asarray(curve.y[:count])
         moving = np.flatnonzero(np.diff(y))
         turns = x[moving[1:][np.diff(np.sign(np.diff(y)[moving])) != 0]]
         if turns.size:

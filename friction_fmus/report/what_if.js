@@ -200,7 +200,7 @@
     const row = slider(
       {
         ...about,
-        text: about.text + "; report: " + about.start + (about.unit === "\u00d7" ? "" : "\u00a0" + about.unit),
+        text: about.text + "; report: " + about.start + (about.unit === "\u00d7" || about.integer ? "" : "\u00a0" + about.unit),
         id: "what-if-" + about.name,
         accepts: (value) => {
           const least = about.zero ? 0 : about.min;

@@ -110,6 +110,8 @@ class WhatIf:
         Number of samples before the first one of the record.
     whole : bool
         Whether the reference is that of the study, not only its first `LONGEST` samples.
+    same_master : bool
+        Whether the study solves friction and motion together, as the modules do.
     """
 
     runs: tuple[Run, ...]
@@ -119,6 +121,7 @@ class WhatIf:
     noise: Array = field(default_factory=lambda: np.zeros(0))
     run_up: int = 0
     whole: bool = True
+    same_master: bool = True
 
 
 def panel_of(bench: Bench, found: Sequence[tuple[CompensatorResult, Scheme]], noise: Array) -> WhatIf | str:
@@ -151,12 +154,13 @@ def what_if(bench: Bench, found: Sequence[tuple[CompensatorResult, Scheme]], noi
         # they are started side by side when they are compiled: none shares a part with another one
         systems = [stack.enter_context(variable_system(bench, scheme, PartPool())) for _, _, scheme in shown]
         knobs = knobs_of(bench, [scheme for _, _, scheme in shown], systems)
+        same_master = all(system.experiment and system.experiment.master == "newton" for system in systems)
         with ThreadPoolExecutor(len(systems)) as threads:
             models = list(threads.map(_module, systems, [f"axis{i}" for i in range(len(systems))]))
     runs = tuple(Run(name, metrics, model) for (name, metrics, _), model in zip(shown, models, strict=True))
     kept = slice(LONGEST)
     heard = noise[kept] if "noise" in systems[0].parts else np.zeros(0)
-    return WhatIf(runs, knobs, bench.servo.Ts, bench.r[kept], heard, bench.run_up, len(bench.r) <= LONGEST)
+    return WhatIf(runs, knobs, bench.servo.Ts, bench.r[kept], heard, bench.run_up, len(bench.r) <= LONGEST, same_master)
 
 
 def variable_system(bench: Bench, scheme: Scheme, pool: PartPool) -> System:

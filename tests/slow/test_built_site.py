@@ -4,23 +4,24 @@ from __future__ import annotations
 
 import importlib
 import inspect
+import json
 import os
 import re
-import shutil
 import subprocess
 import sys
 from pathlib import Path
 from urllib.parse import unquote, urlsplit
 
 import pytest
+from browser import POLICY, SCREENS, idle_controls, needs_chromium, objections, opened, served
 from lxml import html
-from playwright.sync_api import sync_playwright
+from playwright.sync_api import Browser
+from thorough import some
 
 from friction_fmus.blocks.catalogue import catalogue
 from friction_fmus.check import RULES
 
 ROOT = Path(__file__).parents[2]
-CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
 PUBLIC = ("", ".lawkit.law", ".identification", ".conditions", ".procedures", ".doctor", ".check", ".codegen")
 PRINTED = {
     "models_compared": [
@@ -31,6 +32,11 @@ PRINTED = {
 }
 """What the notebooks must print; 6.09 µm is that of docs/effects.md, from an independent computation."""
 OUTSIDE = r"(?:@import|url\()\s*[\"']?(https?:[^\"')]*)"
+OWN = ("file:", "data:", "blob:")
+IDLE = re.compile(r'"idle":(\[[^\]]*\])')
+SCANNED = ("Coulomb", "ImpulsiveControl", "LeuvenFeedforward", "LuGre", "Mass", "Stiction")
+OF_THE_THEME = ('<nav class="md-code__nav">', "<code>")
+SCHEMES = {"light": "default", "dark": "slate"}
 MODULES = [*(f"friction_fmus{name}" for name in PUBLIC), "harness"]
 
 
@@ -61,40 +67,27 @@ def test_the_site_is_whole_and_asks_no_other_host(site: Path) -> None:
         assert page.xpath("//article//img")
 
 
-@pytest.mark.skipif(CHROMIUM is None, reason="chromium is not installed")
-def test_search_works_on_a_page_opened_as_a_file_and_a_phone_shows_it_whole(site: Path) -> None:
-    sandbox = ["--no-sandbox"] if os.getuid() == 0 else []  # which Chromium does not have for root
-    requests: list[str] = []
-    with sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=CHROMIUM, args=sandbox)
-        page = browser.new_page(viewport={"width": 1280, "height": 900})
-        page.on("request", lambda request: requests.append(request.url))
-        page.goto((site / "index.html").as_uri())
+@needs_chromium
+def test_search_works_on_a_page_opened_as_a_file_and_a_phone_shows_it_whole(browser: Browser, site: Path) -> None:
+    with opened(browser, (site / "index.html").as_uri()) as (page, requests):
         page.click(".md-search__input")
         page.keyboard.type("hunting")
         page.wait_for_selector(".md-search-result__item >> text=Effects of friction", timeout=60_000)
-        phone = browser.new_page(viewport={"width": 360, "height": 740}, is_mobile=True, has_touch=True)
+    with opened(browser, (site / "index.html").as_uri(), "phone") as (phone, _):
         for name in ("index", "which-compensator", "models", "check"):  # their tables scroll by themselves
             phone.goto((site / f"{name}.html").as_uri())
-            assert phone.evaluate("document.documentElement.scrollWidth") <= 360, name
-        browser.close()
-    assert [url for url in requests if not url.startswith(("file:", "data:", "blob:"))] == []
+            assert phone.evaluate("document.documentElement.scrollWidth") <= 390, name
+    assert [url for url in requests if not url.startswith(OWN)] == []
 
 
-@pytest.mark.skipif(CHROMIUM is None, reason="chromium is not installed")
-@pytest.mark.parametrize("width", [1280, 360])
-def test_pages_of_blocks_and_the_lab_are_live(site: Path, width: int) -> None:
+@needs_chromium
+@pytest.mark.parametrize("screen", SCREENS)
+def test_pages_of_blocks_and_the_lab_are_live(browser: Browser, site: Path, screen: str) -> None:
     """A model is loaded by its own page only; a page that does not name one loads none."""
-    sandbox = ["--no-sandbox"] if os.getuid() == 0 else []  # which Chromium does not have for root
-    messages: list[str] = []
-    requests: list[str] = []
+    width = SCREENS[screen]["viewport"]["width"]
     assert {path.stem for path in (site / "blocks").glob("*.html")} == {*catalogue(), "index"}
-    with sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=CHROMIUM, args=sandbox)
-        page = browser.new_page(viewport={"width": width, "height": 800})
-        page.on("request", lambda request: requests.append(request.url))
-        page.on("console", lambda message: messages.append(message.text))
-        page.on("pageerror", lambda error: messages.append(str(error)))
+    with opened(browser, (site / "blocks" / "index.html").as_uri(), screen) as (page, requests):
+        assert [url for url in requests if "/models/" in url] == []
         for name in ("blocks/LuGre", "blocks/Mass", "blocks/LuGreObserver", "blocks/LeuvenFeedforward", "lab"):
             requests.clear()
             page.goto((site / f"{name}.html").as_uri())
@@ -108,12 +101,35 @@ def test_pages_of_blocks_and_the_lab_are_live(site: Path, width: int) -> None:
             assert page.evaluate("document.documentElement.scrollWidth") <= width, name
             loaded = {path for url in requests if "/models/" in (path := urlsplit(url).path)}
             assert len(loaded) == (1 if name != "lab" else 3), loaded
-            assert [url for url in requests if not url.startswith(("file:", "data:", "blob:"))] == []
-        requests.clear()
-        page.goto((site / "blocks" / "index.html").as_uri())
-        assert [url for url in requests if "/models/" in url] == []
-        browser.close()
-    assert messages == []
+            assert [url for url in requests if not url.startswith(OWN)] == []
+
+
+@needs_chromium
+@pytest.mark.parametrize("screen", SCREENS)
+def test_a_strict_policy_and_axe_have_no_objection(browser: Browser, site: Path, screen: str) -> None:
+    """As `data:`, the theme's style sheet has its icons."""
+    with served(site, f"{POLICY}; img-src 'self' data:") as origin:
+        for name, scheme in (("lab", "light"), ("lab", "dark"), ("blocks/LuGre", "dark")):
+            with opened(browser, f"{origin}{name}.html", screen, color_scheme=scheme) as (page, requests):
+                page.wait_for_selector("[data-ready]", timeout=60_000)
+                assert page.get_attribute("body", "data-md-color-scheme") == SCHEMES[scheme]
+                # the theme's code: its buttons are landmarks without a name, and on a phone it cannot be reached by key
+                assert [each for each in objections(page) if not each[1].startswith(OF_THE_THEME)] == []
+            assert [url for url in requests if not url.startswith((origin, "data:"))] == []
+
+
+@needs_chromium
+@pytest.mark.parametrize("name", some(tuple(catalogue()), SCANNED))
+def test_every_slider_of_a_block_moves_a_figure(browser: Browser, site: Path, name: str) -> None:
+    """With sliders for all parameters, those without effect are the ones that the page leaves out."""
+    script = (site / "lab" / "models" / f"{name}.js").read_text(encoding="utf-8")
+    text, idle = IDLE.subn('"idle":[]', script), IDLE.search(script)
+    with opened(browser, "about:blank") as (page, _):
+        page.route(f"**/models/{name}.js", lambda route: route.fulfill(body=text[0], content_type="text/javascript"))
+        page.goto((site / "blocks" / f"{name}.html").as_uri())
+        page.wait_for_selector(f".live-block[data-ready={name}]", timeout=60_000)
+        assert text[1] == 1 and idle is not None
+        assert sorted(idle_controls(page)) == sorted(json.loads(idle[1]))
 
 
 def broken_links(pages: dict[Path, html.HtmlElement]) -> list[str]:

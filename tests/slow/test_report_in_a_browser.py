@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import io
-import os
-import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -15,21 +13,23 @@ import numpy as np
 import pypdfium2
 import pytest
 from axe_playwright_python.sync_playwright import Axe
+from browser import needs_chromium
 from PIL import Image
-from playwright.sync_api import Browser, Page, sync_playwright
+from playwright.sync_api import Browser, Page
+from slow.test_rotary_study import linear_words
 from study.made_up_study import made_up_study
-from study.small_axis import NOISE, bench_of, runs_of
+from study.small_axis import NOISE, bench_of, rotary_bench_of, runs_of
 
+from friction_fmus.identification import ROTARY
 from friction_fmus.report import write_report
-from friction_fmus.study.what_if import panel_of
+from friction_fmus.study.what_if import WhatIf, panel_of
 
-CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
 SCREENS: dict[str, dict[str, Any]] = {
     "desktop": {"viewport": {"width": 1280, "height": 900}},
     "phone": {"viewport": {"width": 360, "height": 740}, "is_mobile": True, "has_touch": True},
     "dark": {"viewport": {"width": 1280, "height": 900}, "color_scheme": "dark"},
 }
-pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="chromium is not installed")
+pytestmark = needs_chromium
 
 
 @dataclass
@@ -42,28 +42,25 @@ class Watched:
 
 
 @pytest.fixture(scope="module")
-def browser() -> Iterator[Browser]:
-    sandbox = ["--no-sandbox"] if os.getuid() == 0 else []  # which Chromium does not have for root
-    with sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=CHROMIUM, args=sandbox)
-        yield browser
-        browser.close()
+def panel(tmp_path_factory: pytest.TempPathFactory) -> WhatIf:
+    """The what-if panel of a simulated axis."""
+    bench = bench_of(tmp_path_factory.mktemp("axis"))
+    panel = panel_of(bench, runs_of(bench), NOISE)
+    assert not isinstance(panel, str), panel
+    return panel
 
 
 @pytest.fixture(scope="module")
-def report(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A made-up study with the what-if panel of a real axis."""
-    folder = tmp_path_factory.mktemp("report")
-    bench = bench_of(folder)
-    panel = panel_of(bench, runs_of(bench), NOISE)
-    assert not isinstance(panel, str), panel
-    write_report(made_up_study(), folder / "report.html", panel)
-    return folder / "report.html"
+def report(tmp_path_factory: pytest.TempPathFactory, panel: WhatIf) -> Path:
+    """A made-up study with the panel."""
+    path = tmp_path_factory.mktemp("report") / "report.html"
+    write_report(made_up_study(), path, panel)
+    return path
 
 
 @contextmanager
-def opened(browser: Browser, report: Path, screen: str) -> Iterator[Watched]:
-    context = browser.new_context(**SCREENS[screen])
+def opened(browser: Browser, report: Path, screen: str, **more: Any) -> Iterator[Watched]:
+    context = browser.new_context(**SCREENS[screen], **more)
     page = context.new_page()
     watched = Watched(page)
     page.on("request", lambda request: watched.requests.append(request.url))
@@ -271,6 +268,71 @@ def test_the_panel_redraws_within_100_ms(browser: Browser, report: Path) -> None
         assert np.median(taken) <= 100.0
 
 
+def test_the_panel_of_a_rotary_axis_has_its_words_and_units(browser: Browser, tmp_path: Path) -> None:
+    bench = rotary_bench_of(tmp_path)
+    panel = panel_of(bench, runs_of(bench), NOISE)
+    assert not isinstance(panel, str), panel
+    write_report(replace(made_up_study(), units=ROTARY), tmp_path / "report.html", panel)
+    with opened(browser, tmp_path / "report.html", "phone") as watched:
+        page, box = watched.page, watched.page.locator("#what-if")
+        names = box.locator(".slider b").all_inner_texts()
+        assert names == ["friction", "inertia", "delay", "loop gain", "encoder step"]
+        units = dict(zip(names, box.locator(".slider .unit").all_inner_texts(), strict=True))
+        assert (units["inertia"], units["encoder step"]) == ("kg·m²", "µrad")
+        assert linear_words(box.inner_text()) == []
+        labels = box.locator("[aria-label]").evaluate_all("all => all.map((each) => each.getAttribute('aria-label'))")
+        assert linear_words(" ".join(labels)) == []
+        assert "Drive torque" in box.inner_text()
+        first = errors_shown(page)
+        for row in first:
+            rms, rms_now, largest, largest_now = (float(value.removesuffix("\u00a0mrad")) for value in row)
+            assert (rms_now, largest_now) == (pytest.approx(rms, rel=0.02), pytest.approx(largest, rel=0.02))
+        assert "so the numbers differ slightly" in page.locator("section", has=box).inner_text()
+        for row in box.locator(".slider").all():
+            row.locator("input[type=range]").fill("700")
+            assert settled(page) != first
+            row.get_by_role("button").press("Enter")
+            assert settled(page) == first
+        assert watched.messages == []
+
+
+def test_of_a_long_record_the_panel_has_the_first_part(browser: Browser, panel: WhatIf, tmp_path: Path) -> None:
+    """The part is 0.6 s, the record of the made-up study 20 s, with reversals at 7.5 s and 12.5 s."""
+    part = replace(panel, r=panel.r[:600], noise=panel.noise[:600], whole=False)
+    write_report(made_up_study(), tmp_path / "report.html", part)
+    with opened(browser, tmp_path / "report.html", "desktop") as watched:
+        page, box = watched.page, watched.page.locator("#what-if")
+        said = page.locator("section", has=box).inner_text().replace("\u00a0", " ")
+        assert "The first 600 ms of the record are simulated" in said, said
+        assert not box.get_by_role("button", name="around a reversal").is_visible()
+        assert float(page.locator("#what-if-error .u-axis").count()) == 2
+        time = page.locator("#what-if-error .area, #what-if-force .area")
+        assert time.count() == 2
+        first = errors_shown(page)
+        assert all("\u2013" not in row for row in first)
+        page.locator("#what-if input[type=number]").first.fill("2")
+        assert settled(page) != first
+        assert watched.messages == []
+
+
+def test_with_reduced_motion_nothing_moves_by_itself(browser: Browser, report: Path) -> None:
+    with opened(browser, report, "desktop", reduced_motion="reduce") as watched:
+        page = watched.page
+        slider = page.locator("#what-if .slider input[type=range]").first
+        moving = """[...document.querySelectorAll("*")].filter((each) => {
+            const { animationName, scrollBehavior } = getComputedStyle(each);
+            return animationName !== "none" || scrollBehavior === "smooth";
+        }).length + document.getAnimations().length"""
+        for act in (lambda: slider.press("PageUp"), lambda: slider.press("End")):
+            act()
+            settled(page)
+            assert page.evaluate(moving) == 0
+            before = page.locator("#what-if-error").screenshot()
+            page.wait_for_timeout(300)
+            assert page.locator("#what-if-error").screenshot() == before
+        assert watched.messages == []
+
+
 def test_an_unstable_loop_is_called_unstable(browser: Browser, report: Path) -> None:
     with opened(browser, report, "desktop") as watched:
         page = watched.page
@@ -299,7 +361,7 @@ def test_without_scripts_there_is_a_picture_and_a_sentence(browser: Browser, rep
     context.close()
 
 
-def test_the_policy_of_the_page_forbids_the_network_and_other_scripts(browser: Browser, report: Path) -> None:
+def test_the_policy_of_the_page_forbids_the_network_other_scripts_and_styles(browser: Browser, report: Path) -> None:
     with opened(browser, report, "desktop") as watched:
         page = watched.page
         refused = page.evaluate("fetch('https://example.org/').then(() => false, () => true)")
@@ -308,7 +370,12 @@ def test_the_policy_of_the_page_forbids_the_network_and_other_scripts(browser: B
             "document.body.append(Object.assign(document.createElement('script'), {text: 'window.other = 1'}))"
         )
         assert page.evaluate("window.other") is None
-        assert len(watched.messages) >= 2
+        page.evaluate(
+            "document.body.append(Object.assign(document.createElement('style'), {textContent: 'p {color: red}'}))"
+        )
+        page.evaluate("document.body.setAttribute('style', 'color: red')")
+        assert page.evaluate("getComputedStyle(document.querySelector('p')).color") != "rgb(255, 0, 0)"
+        assert len(watched.messages) >= 4
         assert all("Content Security Policy" in message for message in watched.messages)
 
 

@@ -31,10 +31,22 @@ def bench_of(folder: Path, servo: Servo = SERVO) -> Bench:
     return Bench(servo, PLANT, Trajectory(reference, len(R), 0.0, 0.0, motion=True, offset=0.2, noise=noise), R)
 
 
+JOINT = Servo("CascadePPI", {"kp": 30.0, "kv": 0.4, "ki": 0.0}, TS, 5.0, quantum=2.0 * np.pi / 2**17)
+JOINT_FRICTION = {"sigma0": 50.0, "sigma1": 0.3, "sigma2": 0.01, "Fc": 0.05, "Fs": 0.075, "vs": 0.02, "delta": 2.0}
+
+
+def rotary_bench_of(folder: Path) -> Bench:
+    t = TS * np.arange(float(len(R)))
+    reference = build_reference(t, 100.0 * R, folder, "RotaryReference", rotary=True)
+    trajectory = Trajectory(reference, len(R), 0.0, 0.0, motion=True, rotary=True)
+    return Bench(JOINT, Plant("LuGre", JOINT_FRICTION, 2e-3), trajectory, 100.0 * R)
+
+
 def runs_of(bench: Bench) -> list[tuple[CompensatorResult, Scheme]]:
     """The compensator of the synthetic study and the servo alone, as a study finds them."""
     found = []
-    schemes = {LAW.model: Scheme(bench.servo, 0.8, compensator=LAW, table=True), "none": Scheme(bench.servo)}
+    law, table = Compensator(LAW.model, "u", {**bench.plant.values, "m": 0.0}), bench.plant.position is not None
+    schemes = {law.model: Scheme(bench.servo, 0.8, compensator=law, table=table), "none": Scheme(bench.servo)}
     for name, scheme in schemes.items():
         metrics = evaluate(bench, [scheme], ()).metrics
         found.append((CompensatorResult(name, name, "feedforward", True, metrics=metrics), scheme))

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 import shutil
 import subprocess
 from collections.abc import Sequence
@@ -11,14 +10,13 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from playwright.sync_api import sync_playwright
+from browser import chromium, needs_chromium
 
 CASES = Path(__file__).with_name("cases.js")
 NODE = shutil.which("node")
-CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
 ENGINES = (
     pytest.param("node", marks=pytest.mark.skipif(NODE is None, reason="node is not installed")),
-    pytest.param("chromium", marks=pytest.mark.skipif(CHROMIUM is None, reason="chromium is not installed")),
+    pytest.param("chromium", marks=needs_chromium),
 )
 POLICY = "default-src 'none'; script-src 'self' file: 'wasm-unsafe-eval'"
 
@@ -53,15 +51,12 @@ def in_chromium(scripts: Sequence[Path], cases: object, folder: Path) -> Any:
     page_file, said = folder / "page.html", []
     tags = "".join(f'<script src="{script.as_uri()}"></script>' for script in (*scripts, CASES))
     page_file.write_text(f'<!doctype html><meta http-equiv="Content-Security-Policy" content="{POLICY}">{tags}')
-    with sync_playwright() as playwright:
-        sandbox = ["--no-sandbox"] if os.getuid() == 0 else []  # which Chromium does not have for root
-        browser = playwright.chromium.launch(executable_path=CHROMIUM, args=sandbox)
+    with chromium() as browser:
         page = browser.new_page()
         page.on("console", lambda message: said.append(message.text))
         page.on("pageerror", lambda error: said.append(str(error)))
         page.goto(page_file.as_uri())
         found = json.loads(page.evaluate("async (cases) => JSON.stringify(await runCases(cases))", cases))
-        browser.close()
     assert said == []
     return found
 

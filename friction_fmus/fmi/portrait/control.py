@@ -19,7 +19,7 @@ def _times(bench: Bench, samples: int) -> Vector:
     return np.asarray(bench.start("Ts", 1e-3) * np.arange(samples + 1))
 
 
-def _sine(bench: Bench, periods: int) -> tuple[Vector, dict[str, Vector]]:
+def sine(bench: Bench, periods: int) -> tuple[Vector, dict[str, Vector]]:
     """Return a sinusoidal reference with speeds in the range where friction varies."""
     times = _times(bench, periods * POINTS)
     w = 2.0 * math.pi / (POINTS * bench.start("Ts", 1e-3))
@@ -31,7 +31,7 @@ def _sine(bench: Bench, periods: int) -> tuple[Vector, dict[str, Vector]]:
 
 def estimate(bench: Bench) -> tuple[Panel, ...]:
     """Return the friction estimate over velocity in the third period of a sinusoidal motion with Coulomb friction."""
-    times, motion = _sine(bench, 3)
+    times, motion = sine(bench, 3)
     coulomb, mass = bench.start("Fc", 1.0), bench.start("m", 1.0)
     applied = mass * motion["rdd"] + coulomb * np.sign(motion["rd"])
     measured = {"x": motion["r"], "v": motion["rd"], "u_prev": applied, "f_prev": 0.0 * applied}
@@ -50,7 +50,7 @@ def tracking(bench: Bench) -> tuple[Panel, ...]:
 
     The velocity of the mass is stepped so that the mass sticks exactly.
     """
-    times, motion = _sine(bench, 6)
+    times, motion = sine(bench, 6)
     Ts, mass, coulomb = times[1], bench.start("m", 1.0), bench.start("Fc", 1.0)
     x, v, velocity, estimated = 0.0, float(motion["rd"][0]), [], []
     with bench.session(["u", "F_hat"]) as session:
@@ -106,7 +106,7 @@ def learning(bench: Bench) -> tuple[Panel, ...]:
     return (Panel((Curve(times, force),), TIME, bench.axis("u"), caption),)
 
 
-def _move(bench: Bench, samples: int) -> tuple[Vector, dict[str, Vector]]:
+def move(bench: Bench, samples: int) -> tuple[Vector, dict[str, Vector]]:
     """Return a move by 1 mm with continuous snap, with rest before and after."""
     times = _times(bench, 2 * samples)
     duration = times[samples]
@@ -118,15 +118,15 @@ def _move(bench: Bench, samples: int) -> tuple[Vector, dict[str, Vector]]:
 
 def inversion(bench: Bench) -> tuple[Panel, ...]:
     """Return the force over time for a smooth move."""
-    times, move = _move(bench, 100)
-    (force,) = bench.run(times, move, ["u"])
+    times, motion = move(bench, 100)
+    (force,) = bench.run(times, motion, ["u"])
     caption = f"Force for a smooth move of 0.001 {bench.variables['r'].unit}."
     return (Panel((Curve(times, force),), TIME, bench.axis("u"), caption),)
 
 
 def shaping(bench: Bench) -> tuple[Panel, ...]:
     """Return the reference before and after shaping, for a smooth move."""
-    times, move = _move(bench, 20)
-    (shaped,) = bench.run(times, move, ["r_out"])
-    curves = (Curve(times, move["r"], "r", aside=True), Curve(times, shaped, "r_out"))
+    times, motion = move(bench, 20)
+    (shaped,) = bench.run(times, motion, ["r_out"])
+    curves = (Curve(times, motion["r"], "r", aside=True), Curve(times, shaped, "r_out"))
     return (Panel(curves, TIME, bench.axis("r_out"), "Reference for a smooth move, before and after the filter."),)

@@ -14,7 +14,7 @@ from fmpy.fmi2 import FMU2Slave, defaultCallbacks, fmi2CallbackFunctions, fmi2Ca
 from numpy.typing import NDArray
 
 from friction_fmus.blocks.catalogue import Block
-from friction_fmus.blocks.probe import BOOLEAN, INPUT, OUTPUT, REAL, STATE_OUTPUT, BlockVariables, Variable
+from friction_fmus.blocks.probe import BOOLEAN, INPUT, INTEGER, OUTPUT, REAL, STATE_OUTPUT, BlockVariables, Variable
 
 Vector = NDArray[np.floating[Any]]
 
@@ -83,6 +83,11 @@ class Bench:
         Its variables, read from its binary.
     folder : Path
         The unzipped FMU with a binary for this platform.
+
+    Attributes
+    ----------
+    values : mapping of str to float
+        Parameters that differ from the start values.
     """
 
     def __init__(self, block: Block, description: BlockVariables, folder: Path) -> None:
@@ -91,6 +96,7 @@ class Bench:
         self.portrait = block.about.portrait
         self._description = description
         self._folder = folder
+        self.values: Mapping[str, float] = {}
         self.variables: dict[str, Variable] = {v.name: v for v in description.variables}
         self.inputs = tuple(v.name for v in description.variables if v.role == INPUT and v.type == REAL)
         self.outputs = tuple(
@@ -102,13 +108,23 @@ class Bench:
         return set(names) <= {*self.inputs, *self.outputs}
 
     def start(self, name: str, otherwise: float) -> float:
-        """Return the start value of a parameter, if it exists and is positive."""
-        value = self.variables[name].start if name in self.variables else otherwise
+        """Return the value of a parameter at the start, if it exists and is positive."""
+        value = self.values.get(name, self.variables[name].start) if name in self.variables else otherwise
         return value if value > 0.0 else otherwise
 
     def axis(self, name: str) -> tuple[str, str]:
         """Return name and unit of a variable for the axis of a panel."""
         return name, self.variables[name].unit
+
+    @contextmanager
+    def changed(self, values: Mapping[str, float]) -> Iterator[None]:
+        """Run the block with other parameters."""
+        before = self.values
+        self.values = {**before, **values}
+        try:
+            yield
+        finally:
+            self.values = before
 
     @contextmanager
     def session(self, outputs: Sequence[str], start: float = 0.0) -> Iterator[Session]:
@@ -128,6 +144,7 @@ class Bench:
         fmu.instantiate(callbacks=SILENT)
         try:
             fmu.setupExperiment(startTime=start)
+            _set(fmu, [(self.variables[name], value) for name, value in self.values.items()])
             fmu.enterInitializationMode()
             yield Session(fmu, self.variables, outputs)
         finally:
@@ -191,11 +208,7 @@ class Session:
 
     def put(self, inputs: Mapping[str, float]) -> None:
         """Set the inputs; a Boolean is true if its value is not zero."""
-        given = [(self._inputs[name], value) for name, value in inputs.items() if name in self._inputs]
-        for type_, write, converted in ((REAL, self._fmu.setReal, float), (BOOLEAN, self._fmu.setBoolean, bool)):
-            chosen = {v.reference: converted(value) for v, value in given if v.type == type_}
-            if chosen:
-                write(list(chosen), list(chosen.values()))
+        _set(self._fmu, [(self._inputs[name], value) for name, value in inputs.items() if name in self._inputs])
 
     def step(self, time: float, length: float) -> list[float]:
         """Perform one communication step and return the outputs after it."""
@@ -205,3 +218,12 @@ class Session:
     def values(self) -> list[float]:
         """Return the current outputs."""
         return list(self._fmu.getReal(self._outputs))
+
+
+def _set(fmu: FMU2Slave, given: Sequence[tuple[Variable, float]]) -> None:
+    """Set variables; a Boolean is true if its value is not zero."""
+    writers = ((REAL, fmu.setReal, float), (INTEGER, fmu.setInteger, int), (BOOLEAN, fmu.setBoolean, bool))
+    for type_, write, converted in writers:
+        chosen = {v.reference: converted(value) for v, value in given if v.type == type_}
+        if chosen:
+            write(list(chosen), list(chosen.values()))

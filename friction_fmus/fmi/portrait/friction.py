@@ -40,12 +40,16 @@ def elastic_reach(bench: Bench, speed: float) -> float | None:
     return float(speed * times[first]) if first > 2 else None
 
 
+def largest_force(bench: Bench) -> float:
+    """Return the largest force among the start values, 1 if there is none."""
+    unit = next(bench.variables[name].unit for name in ("F", "F_drive") if name in bench.variables)
+    forces = (abs(v.start) for v in bench.variables.values() if v.unit == unit and math.isfinite(v.start))
+    return max(forces, default=0.0) or 1.0
+
+
 def _moving(bench: Bench, velocity: Vector) -> dict[str, Vector]:
     """Return the inputs for a motion; other forces are large enough to break away."""
-    forces = [
-        v.start for v in bench.variables.values() if v.unit == bench.variables["F"].unit and math.isfinite(v.start)
-    ]
-    return {"v": velocity, "F_ext": 10.0 * max(map(abs, forces), default=1.0) * np.sign(velocity)}
+    return {"v": velocity, "F_ext": 10.0 * largest_force(bench) * np.sign(velocity)}
 
 
 def _sliding(bench: Bench, peak: float, reach: float) -> Panel:
