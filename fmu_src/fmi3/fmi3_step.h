@@ -100,7 +100,7 @@ static APART fmi3Status pieces_3(Shell *c, double t, double h, bool keeps_no_sta
 fmi3Status fmi3DoStep(fmi3Instance instance, fmi3Float64 t, fmi3Float64 h, fmi3Boolean keeps_no_state,
                       fmi3Boolean *event, fmi3Boolean *terminate, fmi3Boolean *early, fmi3Float64 *last)
 {
-    ENTER_3_AS(fmi2CoSimulation, "DoStep", MAY3_DoStep)
+    ENTER_3("DoStep", MAY3_DoStep) /* no mode of model exchange is among them */
     REQUIRE_3(event && terminate && early && last, "was called with a null pointer")
     *event = *terminate = *early = false;
     *last = t + h;

@@ -3,7 +3,7 @@
 #ifndef FMI3_STEPS_H
 #define FMI3_STEPS_H
 
-static int step_3(Fmi3 *a, double t, double h)
+static inline int step_3(Fmi3 *a, double t, double h)
 {
     bool event = false, terminate = false, early = false;
     double last = t + h;
@@ -14,7 +14,7 @@ static int step_3(Fmi3 *a, double t, double h)
         return fails_3(a, TERMINATED_3, 0);
     if (early && last < t + h)
         return fails_3(a, EARLY_3, 0);
-    a->pending = event && a->uses_events;
+    a->pending = event;
     return status;
 }
 
@@ -85,6 +85,17 @@ static double next_event_3(const Fmi3 *a, double t)
     return next;
 }
 
+EXPORT int fmi3_step_plain(void *self, double t, double h, int keeps_no_state);
+
+/* Only for an FMU without clocks. */
+EXPORT int fmi3_step_plain(void *self, double t, double h, int keeps_no_state)
+{
+    (void)keeps_no_state;
+    Fmi3 *const a = (Fmi3 *)self;
+    a->failure = 0;
+    return step_3(a, t, h);
+}
+
 EXPORT int fmi3_do_step(void *self, double t, double h, int keeps_no_state);
 
 /* An event at the end of the step belongs to the next step, whose inputs it uses. */
@@ -93,8 +104,6 @@ EXPORT int fmi3_do_step(void *self, double t, double h, int keeps_no_state)
     (void)keeps_no_state;
     Fmi3 *const a = (Fmi3 *)self;
     a->failure = 0;
-    if (!a->uses_events)
-        return step_3(a, t, h);
     const double end = t + h;
     double now = t;
     for (int events = 0; events < MOST_EVENTS_3; events++) {

@@ -98,7 +98,8 @@ class Library3(Library):
         for function in needed:
             if not hasattr(self.slave.dll, f"fmi3{function}"):
                 raise ValueError(f"its library has no function fmi3{function}")
-        exported = {**ADAPTED, "DoStep": "fmi3_do_step", "SetRealInputDerivatives": "fmi3_set_slopes"}
+        step = "fmi3_do_step" if archive.flat.clocks else "fmi3_step_plain"
+        exported = {**ADAPTED, "DoStep": step, "SetRealInputDerivatives": "fmi3_set_slopes"}
         self.addresses = {name: _address(library(), function) for name, function in exported.items()}
 
 
