@@ -99,6 +99,7 @@ class FmuPart(Part):
         self.model = model
         self.every = every
         self.reuse = False
+        self._sizes: dict[str, int] = {}
         self._describe(open_archive(self.path))
         self._library: Library | None = None
         self.instance: Instance | None = None
@@ -134,8 +135,13 @@ class FmuPart(Part):
     def resize(self, start: Mapping[str, StartValue]) -> None:
         """Give arrays of an FMI 3.0 FMU the sizes that these values of structural parameters state."""
         sizes = stated_sizes(self.archive.flat, self.name, start)
-        if sizes:
-            self._describe(open_archive(self.path, sizes))
+        if sizes == self._sizes:
+            return
+        self._describe(open_archive(self.path, sizes))
+        self._sizes = sizes
+        if self._idle is not None:  # its arrays have other sizes
+            self._idle.release()
+            self._idle = None
 
     def enter_initialisation(
         self, start: float, stop: float, tolerance: float | None, values: Mapping[str, StartValue]
