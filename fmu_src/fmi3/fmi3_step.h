@@ -67,9 +67,6 @@ fmi3Status friction_fmus_SetInputDerivatives(fmi3Instance instance, const fmi3Va
                                              const fmi3Int32 orders[], const fmi3Float64 values[])
 {
     ENTER_3_AS(fmi2CoSimulation, "SetInputDerivatives", NEW_3 | INITIALIZATION_3 | STEPS_3)
-    for (size_t i = 0; references && i < n; i++)
-        REQUIRE_3(references[i] < REFERENCES && variables_3[references[i]].plain,
-                  "was called with value reference %u: there is no Float64 input with it", references[i])
     return (fmi3Status)fmi2SetRealInputDerivatives(c->inside, references, n, orders, values);
 }
 

@@ -40,7 +40,8 @@ class EnginePart(ctypes.Structure):
         ("call", _POINTER),
         ("component", _POINTER),
         *((name, _POINTER * 3) for name in ("set", "get")),
-        *((name, _POINTER) for name in ("do_step", "get_state", "set_state", "set_slopes", "state", "other_state")),
+        *((name, _POINTER) for name in ("do_step", "get_state", "set_state", "set_slopes")),
+        *((name, _POINTER) for name in ("instance", "set_scalars", "get_scalars", "do_step_3", "state", "other_state")),
         *((name, _POINTER) for name in ("input_references", "output_references")),
         *((name, _INT * 4) for name in ("inputs", "outputs")),
         *((name, _POINTER) for name in ("whole", "orders", "slopes")),
@@ -279,6 +280,9 @@ class Engine:
         part.do_step = at["DoStep"]
         part.get_state, part.set_state = at["GetFMUstate"], at["SetFMUstate"]
         part.set_slopes = at["SetRealInputDerivatives"] if native.interpolates else None
+        part.instance = native.instance
+        part.set_scalars, part.get_scalars = at.get("fmi3SetFloat64"), at.get("fmi3GetFloat64")
+        part.do_step_3 = at.get("fmi3DoStep")
         part.input_references = keep(np.array(native.inputs, dtype=np.uint32))
         part.output_references = keep(np.array(native.outputs, dtype=np.uint32))
         size = max(len(inputs), len(outputs), 1)

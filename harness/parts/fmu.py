@@ -188,6 +188,7 @@ class FmuPart(Part):
         )
         return Native(
             instance.stepped,
+            instance.inner,
             functions,
             set_,
             get,
