@@ -45,7 +45,7 @@ typedef struct {
     SetSlopes *set_slopes;
     void *instance; /* of an FMU of FMI 3.0, whose adapter is `component`; called directly where these are not NULL: */
     ExchangeScalars *set_scalars, *get_scalars; /* all Reals are scalars */
-    DoStep3 *do_step_3;                         /* it has no clocks */
+    DoStep3 *do_step_3;                         /* it has no clocks; states and slopes without adapter, too */
     void *state, *other_state;                  /* saved at the start of a step and of its second half */
     const uint32_t *input_references, *output_references;
     int64_t inputs[TYPES + 1];  /* range of its inputs in the signals, type by type: first, ..., one past the last */

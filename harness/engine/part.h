@@ -57,6 +57,9 @@ static inline int step_fmu(EnginePart *p, double t, double h)
     return p->do_step_3 ? step_3(p->do_step_3, p->instance, t, h, &event) : p->do_step(p->component, t, h, 1);
 }
 
+/* Return what the functions for states and slopes are called with. */
+static inline void *owner_of(const EnginePart *p) { return p->do_step_3 ? p->instance : p->component; }
+
 /* ---- operations ----------------------------------------------------------------------------------------------- */
 
 /* Set the inputs of a part. */
@@ -102,14 +105,11 @@ static int fetch_outputs(EnginePart *p, double *signals)
 
 static int step_part(EnginePart *p, double t, double h) { return p->call ? p->call(STEP, t, h) : step_fmu(p, t, h); }
 
-static int save_part(EnginePart *p)
-{
-    return p->call ? p->call(SAVE, 0.0, 0.0) : p->get_state(p->component, &p->state);
-}
+static int save_part(EnginePart *p) { return p->call ? p->call(SAVE, 0.0, 0.0) : p->get_state(owner_of(p), &p->state); }
 
 static int restore_part(EnginePart *p)
 {
-    return p->call ? p->call(RESTORE, 0.0, 0.0) : p->set_state(p->component, p->state);
+    return p->call ? p->call(RESTORE, 0.0, 0.0) : p->set_state(owner_of(p), p->state);
 }
 
 /* Exchange the two saved states of a part. */

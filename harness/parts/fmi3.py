@@ -193,7 +193,9 @@ class Instance3(Instance):
         """Return direct functions and the references of the FMU where all values are scalars of type Float64."""
         functions = dict(self.functions)
         if not self._flat.clocks:
-            functions["fmi3DoStep"] = _address(self._raw, "fmi3DoStep")
+            names = ("DoStep", *_STATES)
+            functions |= {f"fmi3{name}": _address(self._raw, f"fmi3{name}") for name in names}
+            functions["fmi3SetInputDerivatives"] = _address(self._raw, _SLOPES)
         plain = {a.first: a.reference for a in self._flat.arrays if a.type == "Float64" and a.count == 1}
         chosen = []
         for verb, elements in (("Set", inputs), ("Get", outputs)):
