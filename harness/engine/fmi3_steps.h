@@ -6,7 +6,7 @@
 static int step_on(Fmi3 *a, double t, double h)
 {
     bool event = false;
-    const int status = step_3(a->do_step, a->instance, t, h, &event);
+    const int status = step_instance(a->do_step, a->instance, t, h, &event);
     a->pending = event && a->uses_events;
     return status;
 }
@@ -35,7 +35,7 @@ static int settle_3(Fmi3 *a)
         if (status > 1)
             return status;
         if (terminate)
-            return TERMINATED_3;
+            return RUN_ENDED;
         a->next = defined ? next : INFINITY;
         if (!again)
             return a->enter_step_mode(a->instance);

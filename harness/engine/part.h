@@ -26,16 +26,16 @@ static int set_whole(EnginePart *p, const double *signals, int type, const uint3
  */
 
 /* Statuses of a step that the FMU itself accepted; the texts are in fmi3.py. */
-enum { TERMINATED_3 = 103, RETURNED_EARLY_3 };
+enum { RUN_ENDED = 103, STEP_ENDED };
 
-static inline int step_3(DoStep3 *do_step, void *instance, double t, double h, bool *event)
+static inline int step_instance(DoStep3 *do_step, void *instance, double t, double h, bool *event)
 {
     bool terminate = false, early = false;
     double last = t + h;
     const int status = do_step(instance, t, h, true, event, &terminate, &early, &last);
     if (status <= 1 && terminate)
-        return TERMINATED_3;
-    return status <= 1 && early && last < t + h ? RETURNED_EARLY_3 : status;
+        return RUN_ENDED;
+    return status <= 1 && early && last < t + h ? STEP_ENDED : status;
 }
 
 static inline int set_reals(EnginePart *p, const uint32_t *references, size_t n, void *values)
@@ -54,7 +54,7 @@ static inline int step_fmu(EnginePart *p, double t, double h)
 {
     bool event = false;
     /* noSetFMUStatePriorToCurrentPoint: common importers always pass true, even those that roll back */
-    return p->do_step_3 ? step_3(p->do_step_3, p->instance, t, h, &event) : p->do_step(p->component, t, h, 1);
+    return p->do_step_3 ? step_instance(p->do_step_3, p->instance, t, h, &event) : p->do_step(p->component, t, h, 1);
 }
 
 /* Return what the functions for states and slopes are called with. */
