@@ -21,7 +21,7 @@ from harness.parts.feedthrough import find_feedthrough
 from harness.parts.guard import Guard
 from harness.parts.part import StartValue
 from harness.result import Result
-from harness.system.assembly import Assembly
+from harness.system.assembly import Assembly, resize_parts
 from harness.system.experiment import Experiment
 from harness.system.graph import check_loops
 from harness.system.initialisation import Initialisation
@@ -125,6 +125,7 @@ class Session:
     def __init__(self, system: Assembly, experiment: Experiment, options: Options | None = None) -> None:
         """Lay it out."""
         self._system, self._experiment, self._options = system, experiment, options or Options()
+        resize_parts(system)
         self._guard = Guard([*system.parts.values()])
         self._saved = None
         if self._options.resume:

@@ -67,9 +67,6 @@ fmi3Status friction_fmus_SetInputDerivatives(fmi3Instance instance, const fmi3Va
                                              const fmi3Int32 orders[], const fmi3Float64 values[])
 {
     ENTER_3_AS(fmi2CoSimulation, "SetInputDerivatives", NEW_3 | INITIALIZATION_3 | STEPS_3)
-    for (size_t i = 0; references && i < n; i++)
-        REQUIRE_3(references[i] < REFERENCES && variables_3[references[i]].plain,
-                  "was called with value reference %u: there is no Float64 input with it", references[i])
     return (fmi3Status)fmi2SetRealInputDerivatives(c->inside, references, n, orders, values);
 }
 
@@ -100,7 +97,7 @@ static APART fmi3Status pieces_3(Shell *c, double t, double h, bool keeps_no_sta
 fmi3Status fmi3DoStep(fmi3Instance instance, fmi3Float64 t, fmi3Float64 h, fmi3Boolean keeps_no_state,
                       fmi3Boolean *event, fmi3Boolean *terminate, fmi3Boolean *early, fmi3Float64 *last)
 {
-    ENTER_3_AS(fmi2CoSimulation, "DoStep", MAY3_DoStep)
+    ENTER_3("DoStep", MAY3_DoStep) /* no mode of model exchange is among them */
     REQUIRE_3(event && terminate && early && last, "was called with a null pointer")
     *event = *terminate = *early = false;
     *last = t + h;

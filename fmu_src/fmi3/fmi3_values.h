@@ -22,14 +22,55 @@ static fmi3Status check_variables_3(const Shell *c, const fmi3ValueReference ref
     return fmi3OK;
 }
 
-/* Return whether all variables are scalars of type Float64 with a value each. */
-static inline bool plain_3(const fmi3ValueReference references[], size_t n, const double *values, size_t count)
+/* Return whether this is a scalar of type Float64. */
+static inline bool plain_3(fmi3ValueReference reference)
+{
+    return reference < REFERENCES && variables_3[reference].plain;
+}
+
+/* Return whether all variables are such scalars, with a value each. */
+static bool all_plain_3(const fmi3ValueReference references[], size_t n, const double *values, size_t count)
 {
     bool plain = n == count && references && values;
     for (size_t i = 0; plain && i < n; i++)
-        plain = references[i] < REFERENCES && variables_3[references[i]].plain;
+        plain = plain_3(references[i]);
     return plain;
 }
+
+/* The calls at every step, of scalars of a block, are done here at once. They return false if a call is anything else;
+   the functions for all cases follow. */
+#ifndef COMPOSITE_H
+static inline bool got_scalars_3(const Shell *c, const fmi3ValueReference references[], size_t n, double values[])
+{
+    Model *const m = &c->inside->model;
+    size_t i = 0;
+    while (i < n && plain_3(references[i])) {
+        values[i] = *value_of(m, references[i]);
+        i++;
+    }
+    return i == n;
+}
+
+/* Return whether this is an input that may be set in every mode, to a value that `check_set` accepts of any block. */
+static inline bool settable_input_3(const Instance *c, fmi3ValueReference reference, double value)
+{
+    const Row *const row = c->row_of[reference];
+    return row->role == ROLE_INPUT && isfinite(value) && value >= row->min && value <= row->max;
+}
+
+/* Each input is checked before the first one is set. */
+static inline bool set_scalars_3(const Shell *c, const fmi3ValueReference references[], size_t n, const double values[])
+{
+    Model *const m = &c->inside->model;
+    for (size_t i = 0; i < n; i++)
+        if (!plain_3(references[i]) || !settable_input_3(c->inside, references[i], values[i]))
+            return false;
+    for (size_t i = 0; i < n; i++)
+        *value_of(m, references[i]) = values[i];
+    m->run.stale = m->run.stale || n > 0;
+    return true;
+}
+#endif
 
 /* Return the elements of all variables, which were checked; NULL if there are too many. */
 static const fmi2ValueReference *elements_of_3(Shell *c, const fmi3ValueReference references[], size_t n, size_t count)
@@ -64,9 +105,11 @@ static fmi3Status get_indicators_3(const Shell *c, double *values)
 }
 
 /* Get variables of which some may be arrays. */
-static APART fmi3Status get_arrays_3(Shell *c, const fmi3ValueReference references[], size_t n, double values[],
-                                     size_t count)
+static APART fmi3Status get_float64_3(Shell *c, const fmi3ValueReference references[], size_t n, double values[],
+                                      size_t count)
 {
+    if (all_plain_3(references, n, values, count))
+        return (fmi3Status)fmi2GetReal(c->inside, references, n, values);
     fmi3Status status = check_variables_3(c, references, n, values, count, IS_FLOAT64);
     for (size_t i = 0; i < n && status == fmi3OK; i++) {
         const size_t size = size_of_3(c, references[i]);
@@ -79,9 +122,11 @@ static APART fmi3Status get_arrays_3(Shell *c, const fmi3ValueReference referenc
 }
 
 /* Set variables of which some may be arrays. */
-static APART fmi3Status set_arrays_3(Shell *c, const fmi3ValueReference references[], size_t n, const double values[],
-                                     size_t count)
+static APART fmi3Status set_float64_3(Shell *c, const fmi3ValueReference references[], size_t n, const double values[],
+                                      size_t count)
 {
+    if (all_plain_3(references, n, values, count))
+        return (fmi3Status)fmi2SetReal(c->inside, references, n, values);
     const fmi3Status status = check_variables_3(c, references, n, values, count, IS_FLOAT64);
     if (status != fmi3OK)
         return status;
@@ -95,27 +140,22 @@ fmi3Status fmi3GetFloat64(fmi3Instance instance, const fmi3ValueReference refere
                           size_t count)
 {
     ENTER_3("GetFloat64", MAY3_Get)
-    if (plain_3(references, n, values, count)) {
 #ifndef COMPOSITE_H
-        Model *const m = &c->inside->model;
-        if (!m->run.stale) {
-            for (size_t i = 0; i < n; i++)
-                values[i] = *value_of(m, references[i]);
-            return fmi3OK;
-        }
+    if (n == count && references && values && !c->inside->model.run.stale && got_scalars_3(c, references, n, values))
+        return fmi3OK;
 #endif
-        return (fmi3Status)fmi2GetReal(c->inside, references, n, values);
-    }
-    return get_arrays_3(c, references, n, values, count);
+    return get_float64_3(c, references, n, values, count);
 }
 
 fmi3Status fmi3SetFloat64(fmi3Instance instance, const fmi3ValueReference references[], size_t n,
                           const fmi3Float64 values[], size_t count)
 {
     ENTER_3("SetFloat64", MAY3_Set)
-    if (plain_3(references, n, values, count))
-        return (fmi3Status)fmi2SetReal(c->inside, references, n, values);
-    return set_arrays_3(c, references, n, values, count);
+#ifndef COMPOSITE_H
+    if (n == count && references && values && (MODE(c->inside) & MAY_Set) && set_scalars_3(c, references, n, values))
+        return fmi3OK;
+#endif
+    return set_float64_3(c, references, n, values, count);
 }
 
 fmi3Status fmi3GetInt32(fmi3Instance instance, const fmi3ValueReference references[], size_t n, fmi3Int32 values[],

@@ -17,6 +17,7 @@ from friction_fmus.identification.data.quantities import fits, parse_quantity, u
 from friction_fmus.identification.data.table_files import read_table
 from friction_fmus.identification.data.tables import Table
 from friction_fmus.study.settings_file import GAIN_UNITS, SETTINGS_FILE, Known, write_settings
+from harness.storage.atomic import make_folder
 
 BLANK = f'"{MISSING}"'
 
@@ -62,7 +63,7 @@ def write_configuration(data: Path, folder: Path) -> None:
     missing = [need[0] for need in NEEDED if not guess.columns.keys() & set(need)]
     missing += [role for role in guess.problems if role not in guess.columns and role not in missing]
     measurement = None if missing else read_measurement(DataMapping(data, columns=guess.columns))
-    folder.mkdir(parents=True, exist_ok=True)
+    make_folder(folder)
     write_settings(folder, table, Known(guess.columns, guess.suggestions, servo, measurement))
     console.print(f"Settings: {path}", soft_wrap=True)
     for role in missing:

@@ -23,7 +23,7 @@ from friction_fmus.codegen.wrapper import wrapper
 from friction_fmus.errors import FrictionError
 from friction_fmus.lawkit.declarations import check_identifier
 from friction_fmus.lawkit.emit.c_text import DOUBLE, FLOAT
-from harness.storage.atomic import atomic_path
+from harness.storage.atomic import atomic_path, make_folder
 
 
 def export_law(
@@ -76,7 +76,7 @@ def export_law(
         texts[f"{prefix}_table.h"] = table_header(export)
         texts[f"{prefix}_table.c"] = table_source(export, export.table)
     folder = Path(out_dir)
-    folder.mkdir(parents=True, exist_ok=True)
+    make_folder(folder)
     for name, text in texts.items():
         with atomic_path(folder / name) as temporary:
             temporary.write_text(text, encoding="utf-8", newline="\n")

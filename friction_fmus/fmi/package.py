@@ -32,7 +32,7 @@ from harness import drawing, html
 from harness.compiling import toolchain
 from harness.compiling.platforms import NATIVE, Platform, native_library, select
 from harness.fmi3 import fmi_3
-from harness.storage.atomic import atomic_path
+from harness.storage.atomic import atomic_path, make_folder
 from harness.storage.cache import cached
 from harness.storage.files import read_source, reason
 from harness.storage.scratch import ScratchFolder
@@ -315,7 +315,7 @@ def _hash(texts: Iterable[str]) -> str:
 
 def _write(content: bytes, target: Path) -> Path:
     """Write a file completely or not at all, and create its folder if needed."""
-    target.parent.mkdir(parents=True, exist_ok=True)
+    make_folder(target.parent)
     with atomic_path(target) as temporary:
         temporary.write_bytes(content)
     return target

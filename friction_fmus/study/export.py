@@ -21,7 +21,7 @@ from friction_fmus.study.recording import with_tracking_error
 from friction_fmus.study.records import WrittenFile
 from friction_fmus.study.wiring import NOTHING, Figures, wiring
 from harness import FmuPart, Parameter, ParameterSet, open_archive, write_ssv
-from harness.storage.atomic import atomic_path
+from harness.storage.atomic import atomic_path, make_folder
 
 OWN: Final = "recommended"
 """Folder of the files of the recommendation."""
@@ -54,7 +54,7 @@ def export_recommended(
         of a law if its output `u` is used; otherwise it is the gain of the connection to the servo.
     """
     folder = out / OWN
-    folder.mkdir(parents=True, exist_ok=True)
+    make_folder(folder)
     written: list[WrittenFile] = []
     both = {"feedforward": scheme.feedforward, "compensator": scheme.compensator}
     if scheme.compensator is None:
@@ -120,7 +120,7 @@ def export_models(out: Path, models: Sequence[IdentifiedModel], rotary: bool, ci
     """Write the best model as FMU, and the parameters of every identified model as SSV."""
     written = []
     folder = out / "models"
-    folder.mkdir(parents=True, exist_ok=True)
+    make_folder(folder)
     domain: Literal["translational", "rotational"] = "rotational" if rotary else "translational"
     for found in models:
         if found.row.rank is None:

@@ -27,6 +27,7 @@ import harness
 from friction_fmus.blocks.catalogue import source_folder
 from friction_fmus.study.result import plain
 from friction_fmus.version import VERSION
+from harness.storage.atomic import make_folder
 from harness.storage.cache import keep, kept
 
 CACHE: Final = ".study"
@@ -83,7 +84,7 @@ class StepCache:
     def __init__(self, folder: Path) -> None:
         """Create the folder."""
         self.folder = folder
-        folder.mkdir(parents=True, exist_ok=True)
+        make_folder(folder)
         self.reused = 0
 
     def get(self, step: Step) -> Any:

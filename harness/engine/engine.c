@@ -32,13 +32,11 @@ EXPORT int64_t fixed_point_work(int64_t n) { return FIXED_POINT_WORK(n); }
 /* Data to set, step and read one part in a single pass, stored contiguously. Only for FMUs that exchange Reals only and
    are stepped at every tick. */
 typedef struct {
-    void *component;
-    Exchange *set, *get;
-    DoStep *do_step;
+    EnginePart *part;
     const uint32_t *input_references, *output_references;
     double *inputs, *outputs;
     const int64_t *sources;
-    int64_t input_count, output_count, part;
+    int64_t input_count, output_count, number;
 } Turn;
 
 enum { MOST_TURNS = 16 };
@@ -53,15 +51,12 @@ static int64_t turns_of(const Engine *e, Turn *turns)
         return 0;
     for (int64_t i = 0; i < count; i++) {
         const int64_t *const operations = e->program + 6 * i, part = operations[1];
-        const EnginePart *const p = &e->parts[part];
+        EnginePart *const p = &e->parts[part];
         if (operations[0] != SET || operations[2] != STEP || operations[4] != GET || operations[3] != part ||
             operations[5] != part || p->call || p->every > 1 || p->inputs[INTEGER] < p->inputs[TYPES] ||
             p->outputs[INTEGER] < p->outputs[TYPES])
             return 0;
-        turns[i] = (Turn){p->component,
-                          p->set[REAL],
-                          p->get[REAL],
-                          p->do_step,
+        turns[i] = (Turn){p,
                           p->input_references,
                           p->output_references,
                           e->signals + p->inputs[REAL],
@@ -80,16 +75,16 @@ static inline bool take_turn(Engine *e, const Turn *p, double t)
         p->inputs[i] = e->signals[p->sources[i]];
     int operation = SET, status = 0;
     if (p->input_count > 0)
-        status = p->set(p->component, p->input_references, (size_t)p->input_count, p->inputs);
+        status = set_reals(p->part, p->input_references, (size_t)p->input_count, p->inputs);
     if (status <= 1) {
         operation = STEP;
-        status = p->do_step(p->component, t, e->step, 1);
+        status = step_fmu(p->part, t, e->step);
     }
     if (status <= 1 && p->output_count > 0) {
         operation = GET;
-        status = p->get(p->component, p->output_references, (size_t)p->output_count, p->outputs);
+        status = get_reals(p->part, p->output_references, (size_t)p->output_count, p->outputs);
     }
-    return status <= 1 || failed(e, p->part, operation, status, t);
+    return status <= 1 || failed(e, p->number, operation, status, t);
 }
 
 static void record(Engine *e)

@@ -26,6 +26,9 @@ enum type { REAL, INTEGER, BOOLEAN, TYPES };
 enum operation { SET, STEP, GET, SAVE, RESTORE, SLOPES, SWAP };
 
 typedef int Exchange(void *component, const uint32_t *references, size_t n, void *values);
+typedef int ExchangeScalars(void *instance, const uint32_t *references, size_t n, void *values, size_t count);
+typedef int DoStep3(void *instance, double t, double h, bool keeps_no_state, bool *event, bool *terminate, bool *early,
+                    double *last);
 typedef int DoStep(void *component, double t, double h, int keeps_no_state);
 typedef int GetState(void *component, void **state);
 typedef int SetState(void *component, void *state);
@@ -40,7 +43,10 @@ typedef struct {
     GetState *get_state;
     SetState *set_state;
     SetSlopes *set_slopes;
-    void *state, *other_state; /* saved at the start of a step and of its second half */
+    void *instance; /* of an FMU of FMI 3.0, whose adapter is `component`; called directly where these are not NULL: */
+    ExchangeScalars *set_scalars, *get_scalars; /* all Reals are scalars */
+    DoStep3 *do_step_3;                         /* it has no clocks; states and slopes without adapter, too */
+    void *state, *other_state;                  /* saved at the start of a step and of its second half */
     const uint32_t *input_references, *output_references;
     int64_t inputs[TYPES + 1];  /* range of its inputs in the signals, type by type: first, ..., one past the last */
     int64_t outputs[TYPES + 1]; /* range of its outputs */

@@ -6,6 +6,7 @@
 #define FMI3_H
 
 #include "fmi3_values.h"
+#include "part.h"
 
 #include <stdlib.h>
 #include <string.h>
@@ -13,7 +14,7 @@
 enum { LARGEST_SIZE_3 = 8, MOST_EVENTS_3 = 10000, MOST_UPDATES_3 = 100 };
 
 /* Why a call failed that the FMU itself accepted; the texts are in fmi3.py. */
-enum { NOT_WHOLE_3 = 1, TOO_LARGE_3, TERMINATED_3, EARLY_3, UPDATES_3, EVENTS_3 };
+enum { NOT_WHOLE_3 = 1, TOO_LARGE_3, UPDATES_3, EVENTS_3 };
 
 typedef struct {
     uint32_t reference; /* value reference in the FMU */
@@ -31,8 +32,7 @@ typedef struct {
 typedef struct {
     void *instance;
     Transfer3 *set[TYPES_3], *get[TYPES_3];
-    int (*do_step)(void *instance, double t, double h, bool keeps_no_state, bool *event, bool *terminate, bool *early,
-                   double *last);
+    DoStep3 *do_step;
     int (*enter_event_mode)(void *instance);
     int (*enter_step_mode)(void *instance);
     int (*set_clock)(void *instance, const uint32_t *references, size_t n, const bool *values);

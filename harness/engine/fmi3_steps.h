@@ -3,17 +3,10 @@
 #ifndef FMI3_STEPS_H
 #define FMI3_STEPS_H
 
-static int step_3(Fmi3 *a, double t, double h)
+static int step_on(Fmi3 *a, double t, double h)
 {
-    bool event = false, terminate = false, early = false;
-    double last = t + h;
-    const int status = a->do_step(a->instance, t, h, true, &event, &terminate, &early, &last);
-    if (status > 1)
-        return status;
-    if (terminate)
-        return fails_3(a, TERMINATED_3, 0);
-    if (early && last < t + h)
-        return fails_3(a, EARLY_3, 0);
+    bool event = false;
+    const int status = step_instance(a->do_step, a->instance, t, h, &event);
     a->pending = event && a->uses_events;
     return status;
 }
@@ -42,7 +35,7 @@ static int settle_3(Fmi3 *a)
         if (status > 1)
             return status;
         if (terminate)
-            return fails_3(a, TERMINATED_3, 0);
+            return RUN_ENDED;
         a->next = defined ? next : INFINITY;
         if (!again)
             return a->enter_step_mode(a->instance);
@@ -94,7 +87,7 @@ EXPORT int fmi3_do_step(void *self, double t, double h, int keeps_no_state)
     Fmi3 *const a = (Fmi3 *)self;
     a->failure = 0;
     if (!a->uses_events)
-        return step_3(a, t, h);
+        return step_on(a, t, h);
     const double end = t + h;
     double now = t;
     for (int events = 0; events < MOST_EVENTS_3; events++) {
@@ -103,7 +96,7 @@ EXPORT int fmi3_do_step(void *self, double t, double h, int keeps_no_state)
             return status;
         double target = next_event_3(a, now);
         target = target < end - 1e-9 * h ? target : end;
-        status = step_3(a, now, now == t && target == end ? h : target - now);
+        status = step_on(a, now, now == t && target == end ? h : target - now);
         if (status > 1 || target == end)
             return status;
         now = target;

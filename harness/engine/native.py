@@ -40,7 +40,8 @@ class EnginePart(ctypes.Structure):
         ("call", _POINTER),
         ("component", _POINTER),
         *((name, _POINTER * 3) for name in ("set", "get")),
-        *((name, _POINTER) for name in ("do_step", "get_state", "set_state", "set_slopes", "state", "other_state")),
+        *((name, _POINTER) for name in ("do_step", "get_state", "set_state", "set_slopes")),
+        *((name, _POINTER) for name in ("instance", "set_scalars", "get_scalars", "do_step_3", "state", "other_state")),
         *((name, _POINTER) for name in ("input_references", "output_references")),
         *((name, _INT * 4) for name in ("inputs", "outputs")),
         *((name, _POINTER) for name in ("whole", "orders", "slopes")),
@@ -168,10 +169,14 @@ class Engine:
         self._kept = []
         for index, bound in self._bound.items():
             part, native = self.parts[index], bound.native
+            if native is not None:
+                direct = "fmi3DoStep" in native.functions
+                free = _FREE(native.functions["fmi3FreeFMUState" if direct else "FreeFMUstate"])
+                owner = native.instance if direct else native.component
             for place in ("state", "other_state"):
                 state = _POINTER(getattr(part, place))
                 if native is not None and state:
-                    _FREE(native.functions["FreeFMUstate"])(native.component, ctypes.byref(state))
+                    free(owner, ctypes.byref(state))
                 setattr(part, place, None)
 
     @contextmanager
@@ -281,8 +286,14 @@ class Engine:
         part.set = (_POINTER * 3)(*(at[f"Set{kind}"] for kind in _TYPES))
         part.get = (_POINTER * 3)(*(at[f"Get{kind}"] for kind in _TYPES))
         part.do_step = at["DoStep"]
-        part.get_state, part.set_state = at["GetFMUstate"], at["SetFMUstate"]
-        part.set_slopes = at["SetRealInputDerivatives"] if native.interpolates else None
+        direct = "fmi3DoStep" in at
+        part.get_state = at["fmi3GetFMUState" if direct else "GetFMUstate"]
+        part.set_state = at["fmi3SetFMUState" if direct else "SetFMUstate"]
+        if native.interpolates:
+            part.set_slopes = at["fmi3SetInputDerivatives" if direct else "SetRealInputDerivatives"]
+        part.instance = native.instance
+        part.set_scalars, part.get_scalars = at.get("fmi3SetFloat64"), at.get("fmi3GetFloat64")
+        part.do_step_3 = at.get("fmi3DoStep")
         part.input_references = keep(np.array(native.inputs, dtype=np.uint32))
         part.output_references = keep(np.array(native.outputs, dtype=np.uint32))
         size = max(len(inputs), len(outputs), 1)

@@ -59,6 +59,17 @@ class Archive:
         """Model identifier and capabilities of the interface that is used."""
         return self.description.modelExchange if self.exchange else self.description.coSimulation
 
+    def feedthrough(self) -> tuple[dict[str, frozenset[str]], frozenset[str]]:
+        """Return the direct feedthrough of each output, and the outputs without such a declaration."""
+        inputs = frozenset(name for name, variable in self.variables.items() if variable.causality == "input")
+        stated = {
+            unknown.variable.name: inputs & {variable.name for variable in unknown.dependencies}
+            for unknown in self.description.outputs
+            if unknown.dependencies is not None
+        }
+        outputs = [name for name, variable in self.variables.items() if variable.causality == "output"]
+        return {name: stated.get(name, inputs) for name in outputs}, frozenset(outputs) - stated.keys()
+
 
 def open_archive(path: Path, sizes: Mapping[str, int] = MappingProxyType({})) -> Archive:
     """Check an FMU file and read its model description without unpacking it.

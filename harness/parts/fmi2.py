@@ -166,6 +166,8 @@ class Instance:
         Address of the instance.
     stepped : int
         What is passed to the following functions in its place.
+    inner : int or None
+        Address of the instance itself, if it is of FMI 3.0.
     functions : mapping of str to int
         Addresses of the functions that the engine calls, by name without ``fmi2``.
     set_, get : dict of str to callable
@@ -192,6 +194,7 @@ class Instance:
         self._fatal = False
         self._log = logging.getLogger(f"harness.{name}")
         self.component = 0
+        self.inner: int | None = None
         self.interpolates = False
         try:
             self._instantiate(library, archive)

@@ -28,13 +28,16 @@ _REASONS: Final[Mapping[int, str]] = MappingProxyType(
     {
         1: "the value of {name} is not a whole number in the range of {type}",
         2: "the value of {name} is too large for an exact number here",
-        3: "it ended the simulation (terminateSimulation)",
-        4: "it ended the step early, which was not allowed",
-        5: "its discrete states do not settle: after 100 calls it still asks for another",
-        6: "it has more than 10000 events in one communication step: use a shorter step",
+        3: "its discrete states do not settle: after 100 calls it still asks for another",
+        4: "it has more than 10000 events in one communication step: use a shorter step",
+        103: "it ended the simulation (terminateSimulation)",
+        104: "it ended the step early, which was not allowed",
     }
 )
-"""Reasons for a failure of fmi3.h."""
+"""Reasons for a failure of fmi3.h, and for a status of part.h."""
+
+_OF_STEPS: Final = (103, 104)
+"""Those of them that are the status of a step."""
 
 _SLOPES: Final = "friction_fmus_SetInputDerivatives"
 """Function of FMUs of this project that sets time derivatives of inputs, which FMI 3.0 does not have."""
@@ -137,6 +140,7 @@ class Instance3(Instance):
         made = loaded.slave.instantiate(log, bool(flat.clocks))
         if not made:
             raise ValueError("no instance")
+        self.inner = made
         self._adapter = self._adapt(made)
         self.component = ctypes.addressof(self._adapter)
         self._own = Calls(self._raw, self._adapter, flat)
@@ -188,12 +192,17 @@ class Instance3(Instance):
     ) -> tuple[Mapping[str, int], Sequence[int], Sequence[int]]:
         """Return direct functions and the references of the FMU where all values are scalars of type Float64."""
         functions = dict(self.functions)
+        if not self._flat.clocks:
+            names = ("DoStep", *_STATES)
+            functions |= {f"fmi3{name}": _address(self._raw, f"fmi3{name}") for name in names}
+            functions["fmi3SetInputDerivatives"] = _address(self._raw, _SLOPES)
         plain = {a.first: a.reference for a in self._flat.arrays if a.type == "Float64" and a.count == 1}
         chosen = []
         for verb, elements in (("Set", inputs), ("Get", outputs)):
             direct = all(element in plain for element in elements)
             if direct:
                 functions[f"{verb}Real"] = _address(library(), f"fmi3_{verb.lower()}_plain")
+                functions[f"fmi3{verb}Float64"] = _address(self._raw, f"fmi3{verb}Float64")
             elif verb == "Set":
                 del functions["SetRealInputDerivatives"]
             chosen.append([plain[element] for element in elements] if direct else elements)
@@ -231,8 +240,8 @@ class Instance3(Instance):
     def failure(self, function: str, status: int, time: float | None = None) -> PartError:
         """Return the error for a failed call, with the reason of the adapter or the last message of the FMU."""
         error = super().failure(_NAMES.get(function, function.replace("fmi2", "fmi3")), status, time)
-        code, element = int(self._adapter.failure), int(self._adapter.failed)
-        if not code:
+        code, element = int(self._adapter.failure) or status, int(self._adapter.failed)
+        if not self._adapter.failure and status not in _OF_STEPS:
             return error
         self._adapter.failure = 0
         array = next(a for a in self._flat.arrays if a.first <= element < a.first + max(a.count, 1))

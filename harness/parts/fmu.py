@@ -99,6 +99,7 @@ class FmuPart(Part):
         self.model = model
         self.every = every
         self.reuse = False
+        self._sizes: dict[str, int] = {}
         self._describe(open_archive(self.path))
         self._library: Library | None = None
         self.instance: Instance | None = None
@@ -120,7 +121,7 @@ class FmuPart(Part):
         self.observables = tuple(
             ports[name] for name in numeric if variables[name].causality not in ("input", "output")
         )
-        self.dependencies, self.undeclared = _dependencies(self.archive)
+        self.dependencies, self.undeclared = archive.feedthrough()
         self.strict = str(self.archive.description.generationTool or "").startswith("friction-fmus")
         self.saves = bool(self.archive.interface.canGetAndSetFMUstate)
         self.identity = str(self.archive.description.guid)
@@ -134,8 +135,13 @@ class FmuPart(Part):
     def resize(self, start: Mapping[str, StartValue]) -> None:
         """Give arrays of an FMI 3.0 FMU the sizes that these values of structural parameters state."""
         sizes = stated_sizes(self.archive.flat, self.name, start)
-        if sizes:
-            self._describe(open_archive(self.path, sizes))
+        if sizes == self._sizes:
+            return
+        self._describe(open_archive(self.path, sizes))
+        self._sizes = sizes
+        if self._idle is not None:  # its arrays have other sizes
+            self._idle.release()
+            self._idle = None
 
     def enter_initialisation(
         self, start: float, stop: float, tolerance: float | None, values: Mapping[str, StartValue]
@@ -182,6 +188,7 @@ class FmuPart(Part):
         )
         return Native(
             instance.stepped,
+            instance.inner,
             functions,
             set_,
             get,
@@ -386,15 +393,3 @@ def _is_parameter(variable: Any) -> bool:
 def _is_text_input(variable: Any) -> bool:
     """Return whether this is a String input: it cannot be connected and is set once, like a parameter."""
     return bool(variable.causality == "input" and variable.type == "String")
-
-
-def _dependencies(archive: Archive) -> tuple[dict[str, frozenset[str]], frozenset[str]]:
-    """Return the direct feedthrough of each output, and the outputs without such a declaration."""
-    inputs = frozenset(name for name, variable in archive.variables.items() if variable.causality == "input")
-    stated = {
-        unknown.variable.name: inputs & {variable.name for variable in unknown.dependencies}
-        for unknown in archive.description.outputs
-        if unknown.dependencies is not None
-    }
-    outputs = [name for name, variable in archive.variables.items() if variable.causality == "output"]
-    return {name: stated.get(name, inputs) for name in outputs}, frozenset(outputs) - stated.keys()

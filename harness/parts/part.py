@@ -97,9 +97,12 @@ class Native:
     Parameters
     ----------
     component : int
-        Address of the instance.
+        Address of the instance; of its adapter for an FMU of FMI 3.0.
+    instance : int or None
+        Address of the instance of an FMU of FMI 3.0.
     functions : mapping of str to int
-        Address of each FMI function, by its name without ``fmi2``.
+        Address of each function of FMI 2.0, by its name without ``fmi2``, and of those of FMI 3.0 that are called
+        directly, with ``instance``.
     inputs, outputs : sequence of int
         Value references, in the order in which the ports were bound.
     input_types, output_types : sequence of PortType
@@ -113,6 +116,7 @@ class Native:
     """
 
     component: int
+    instance: int | None
     functions: Mapping[str, int]
     inputs: Sequence[int]
     outputs: Sequence[int]

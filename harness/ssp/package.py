@@ -12,8 +12,8 @@ from urllib.parse import unquote, urlsplit
 
 from lxml import etree
 
-from harness.errors import OutputError, SystemFileError
-from harness.storage.atomic import atomic_path
+from harness.errors import SystemFileError
+from harness.storage.atomic import atomic_path, make_folder
 from harness.storage.scratch import ScratchFolder
 from harness.storage.zip_file import (
     NotZipError,
@@ -142,10 +142,7 @@ class Package:
             If the file cannot be written.
         """
         data, target = self._read_fmu(member, where), folder / member
-        try:
-            target.parent.mkdir(parents=True, exist_ok=True)
-        except OSError as error:
-            raise OutputError(f"cannot make the folder {target.parent}: {error.strerror}; give another one") from error
+        make_folder(target.parent)
         with atomic_path(target) as temporary:
             temporary.write_bytes(data)
         return target

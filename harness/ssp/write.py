@@ -20,7 +20,7 @@ from harness.ssp.ssv import ParameterSet, ssv_element
 from harness.ssp.start import start_parameters
 from harness.ssp.structure import FMU_TYPE
 from harness.ssp.units import known_unit, write_units
-from harness.system.assembly import Assembly
+from harness.system.assembly import Assembly, resize_parts
 from harness.system.wire import Wire, split_name, wire_map
 from harness.units import BaseUnit, units_agree
 
@@ -30,6 +30,7 @@ SET_NAME = "start"
 
 def write_ssp(system: Assembly, path: Path) -> None:
     """Write an archive; see `System.to_ssp`."""
+    resize_parts(system)
     fmus = {name: part for name, part in system.parts.items() if isinstance(part, FmuPart)}
     for name in system.parts:
         if name not in fmus:

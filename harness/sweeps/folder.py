@@ -14,9 +14,9 @@ import pyarrow.dataset as pds
 import pyarrow.parquet as pq
 import xarray as xr
 
-from harness.errors import OutputError, SweepError
+from harness.errors import SweepError
 from harness.parts.part import PortType
-from harness.storage.atomic import atomic_path
+from harness.storage.atomic import atomic_path, make_folder
 from harness.sweeps.columns import Columns
 from harness.sweeps.samples import Sample
 from harness.sweeps.worker import Outcome
@@ -275,10 +275,7 @@ def sole_writer(path: Path) -> Iterator[None]:
     OutputError
         If the folder cannot be made.
     """
-    try:
-        path.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise OutputError(f"cannot make the folder {path}: {error.strerror}; give another one") from error
+    make_folder(path)
     try:
         import fcntl
     except ImportError:  # Windows has another kind of lock

@@ -103,6 +103,8 @@ class Runner:
         self.system = job.open()
         self._fmus = [part for part in self.system.parts.values() if isinstance(part, FmuPart)]
         self._probed = not self._fmus
+        flats = {part.name: part.archive.flat for part in self._fmus}
+        self._sizes = {f"{name}.{size}" for name, flat in flats.items() if flat for size in flat.structural}
         self._session: Session | None = None
         self._layout: object = None
         self._start: Mapping[str, StartValue] = {}
@@ -135,9 +137,9 @@ class Runner:
         self.system.close()
 
     def _run(self, values: Sample) -> Recorder:
-        """One run, laid out as the one before if the values of the same start values differ and nothing else."""
+        """One run, laid out as the one before if values of the same start values differ and no size of an array."""
         settings, start = _split(values)
-        layout = settings, start.keys()
+        layout = settings, start.keys(), {name: start[name] for name in start.keys() & self._sizes}
         if self._session is None or layout != self._layout:
             self._session, self._start = self._laid_out(values, self.job.experiment)
             self._layout = layout

@@ -38,6 +38,13 @@ class Assembly(Protocol):
         """Default settings of a run."""
 
 
+def resize_parts(system: Assembly) -> None:
+    """Give the arrays of each part the sizes that the start values state; another system may share the part."""
+    for name, part in system.parts.items():
+        own = f"{name}."
+        part.resize({key.removeprefix(own): value for key, value in system.start.items() if key.startswith(own)})
+
+
 def start_values(start: Mapping[str, StartValue], part: str) -> dict[str, StartValue]:
     """Return the start values of one part, by variable."""
     ends = ((split_name(name), value) for name, value in start.items())

@@ -25,6 +25,7 @@ from harness.parts.part import Part, Port, StartValue
 from harness.result import Result
 from harness.run import Options, run
 from harness.ssp import Parameter, ParameterSet, read_ssv
+from harness.system.assembly import resize_parts
 from harness.system.experiment import Experiment
 from harness.system.manipulator import Manipulator
 from harness.system.stored import StoredSystem
@@ -97,9 +98,7 @@ class System(StoredSystem):
         self.wires = tuple(parse_wire(wire) for wire in wires)
         self.start = dict(start or {})
         self.experiment = experiment
-        for name, part in self.parts.items():
-            own = f"{name}."
-            part.resize({key.removeprefix(own): value for key, value in self.start.items() if key.startswith(own)})
+        resize_parts(self)
         check_wires(self.parts, self.wires)
         self._check_start()
         if not strict:

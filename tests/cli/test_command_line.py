@@ -257,6 +257,26 @@ def test_bad_run_options_leave_no_file(
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.parametrize(
+    "command",
+    [
+        ("build", "LuGre"),
+        ("build", "LuGre", "--fmi", "3"),
+        ("codegen", "LuGreFeedforward"),
+        ("sweep", STICK_SLIP, "--vary", "friction.Fc=1:2:2"),
+    ],
+)
+def test_a_folder_that_cannot_be_made_is_named(
+    command: tuple[object, ...], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "file").write_text("kept")
+    for folder in (tmp_path / "file", tmp_path / "file" / "below"):
+        error = fails(capsys, *command, "-o", folder)
+        assert f"cannot make the folder {folder}: " in error
+        assert "Errno" not in error
+    assert (tmp_path / "file").read_text() == "kept"
+
+
 def test_missing_system_file_and_unknown_formats(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert "nowhere.toml" in fails(capsys, "run", tmp_path / "nowhere.toml", "-o", tmp_path / "a.csv")
     formats = ".csv, .parquet, .nc or .mat"

@@ -15,7 +15,17 @@ import pytest
 from types3 import types3
 
 from friction_fmus import build, fmu
-from harness import FmuError, FmuPart, HarnessError, PartError, StartValueError, System, UnknownNameError
+from harness import (
+    Experiment,
+    FmuError,
+    FmuPart,
+    HarnessError,
+    PartError,
+    StartValueError,
+    System,
+    UnknownNameError,
+    sweep,
+)
 
 MASTERS = ["gauss-seidel", "jacobi", "newton", "adaptive"]
 WHOLE = {"i8": -100, "u8": 200, "i16": -30000, "u16": 60000, "i32": -(2**31), "u32": 2**32 - 2, "i64": -(2**53) + 2}
@@ -80,6 +90,38 @@ def test_a_size_changes_the_arrays() -> None:
     names = {port.name for port in part.parameters}
     assert "k[4]" in names and "k[5]" not in names
     part.close()
+
+
+def sized(path: Path, **start: float) -> System:
+    """A GMS block that moves at constant velocity."""
+    experiment = Experiment(stop=0.05, step=1e-3, master="jacobi", record=("gms.F", "gms.Fi[1]", "gms.Fi[4]"))
+    return System([FmuPart("gms", path)], [], {"gms.v": 1e-3} | {f"gms.{k}": v for k, v in start.items()}, experiment)
+
+
+def test_systems_that_share_a_part_have_arrays_of_their_own_size(tmp_path: Path) -> None:
+    def rows(system: System) -> bytes:
+        return system.run().to_array().values.tobytes()
+
+    starts: list[dict[str, float]] = [{}, {"N": 4}, {"N": 7}, {"k[3]": 2e4}]
+    expected = [rows(sized(fmu("GMS"), **start)) for start in starts]
+    with sized(three("GMS")) as system:
+        systems = [system.with_start({f"gms.{name}": value for name, value in start.items()}) for start in starts]
+        for _ in range(2):
+            assert [rows(other) for other in systems] == expected
+        systems[1].to_ssp(tmp_path / "s.ssp")
+    with System.from_ssp(tmp_path / "s.ssp") as system:
+        assert rows(system) == expected[1]
+
+
+def test_a_sweep_over_a_size() -> None:
+    samples = [{"gms.N": size, "gms.Fc": level} for size in (4, 8, 6, 10) for level in (1.0, 2.0)]
+    found = []
+    for path in (fmu("GMS"), three("GMS")):
+        with sized(path) as system:
+            found.append(sweep(system, samples, measure=["max(gms.F)", "final(gms.Fi[4])"], executor="serial"))
+    assert found[0]["max(gms.F)"].values.tolist() == found[1]["max(gms.F)"].values.tolist()
+    assert found[0]["final(gms.Fi[4])"].values.tolist() == found[1]["final(gms.Fi[4])"].values.tolist()
+    assert not any(found[1]["error"].values) and np.isfinite(found[1]["max(gms.F)"]).all()
 
 
 # ---- another tool's FMU

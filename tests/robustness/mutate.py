@@ -6,7 +6,10 @@ import io
 import re
 import zipfile
 from collections.abc import Callable, Mapping, Sequence
+from copy import deepcopy
 from random import Random
+
+from lxml import etree
 
 Files = Mapping[str, bytes]
 Way = Callable[[bytes, Random], bytes]
@@ -190,6 +193,31 @@ def odd_values(content: bytes, random: Random, keys: Sequence[str] = ()) -> byte
             pool = alike if random.random() < 0.7 else NUMBERS + TEXTS + OTHERS
             text = text[: match.start()] + random.choice(pool) + text[match.end() :]
     return text.encode()
+
+
+def odd_xml(content: bytes, random: Random) -> bytes:
+    """Well-formed XML of which up to three elements are lost, doubled or copied, or attributes have odd values."""
+    root = etree.fromstring(content)
+    for _ in range(random.choice((1, 1, 1, 1, 2, 3))):
+        # comments have no attributes, and the root stays
+        elements = [each for each in root.iter("*") if each is not root]
+        if not elements:
+            break
+        one, other = random.choice(elements), random.choice(elements)
+        way = random.random()
+        if way < 0.7:
+            with_values = [each for each in root.iter("*") if each.attrib]
+            one, other = random.choice(with_values), random.choice(with_values)
+            key = random.choice(list(one.attrib))
+            known = [value for each in with_values for value in each.attrib.values()]
+            one.set(key, random.choice((random.choice(known), random.choice(WORDS), random.choice(NUMBERS))))
+        elif way < 0.8:
+            one.getparent().remove(one)
+        elif way < 0.9:
+            one.addnext(deepcopy(one))
+        else:
+            other.append(deepcopy(one))
+    return etree.tostring(root, xml_declaration=True, encoding="UTF-8")
 
 
 def members(content: bytes) -> dict[str, bytes]:

@@ -15,6 +15,7 @@ from friction_fmus.cli.arguments import add_allow_inaccurate, add_master, add_sy
 from friction_fmus.errors import FrictionError
 from harness.errors import HarnessError, Interrupted
 from harness.results import FORMATS
+from harness.storage.atomic import make_folder
 
 _PICTURES = (".png", ".svg", ".pdf")
 
@@ -87,7 +88,7 @@ def run(options: argparse.Namespace) -> int:
             raise kind(f"{message}; {_keep(error.result, message, output, options.output)}") from error
     _save(result, output)
     if picture:
-        picture.parent.mkdir(parents=True, exist_ok=True)
+        make_folder(picture.parent)
         harness.plot(result, picture)
     console.print(f"{options.output}: {_size(result)}", soft_wrap=True)
     missed = False
@@ -109,7 +110,7 @@ def _keep(result: harness.Result, message: str, path: Path, shown: Path) -> str:
 
 
 def _save(result: harness.Result, path: Path) -> None:
-    path.parent.mkdir(parents=True, exist_ok=True)
+    make_folder(path.parent)
     harness.save_result(result, path)
 
 

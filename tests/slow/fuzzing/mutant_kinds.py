@@ -18,7 +18,7 @@ import pyarrow.parquet  # noqa: F401
 
 sys.path.insert(0, str(Path(__file__).parents[2]))
 
-from robustness.mutate import BYTES, TEXT, damaged, damaged_archive, members, odd_values, zipped
+from robustness.mutate import BYTES, TEXT, damaged, damaged_archive, members, odd_values, odd_xml, zipped
 
 # all that the commands import on their way, once for all processes
 import friction_fmus.identification.export
@@ -137,6 +137,17 @@ def structure(content: bytes, random: Random) -> bytes:
     return damaged_archive(content, random, r"\.ss[a-z]$")
 
 
+def odd_structure(content: bytes, random: Random) -> bytes:
+    """An SSP archive with well-formed but odd XML, also in an FMU in it."""
+    found = members(content)
+    if random.random() < 0.2:
+        name = random.choice([name for name in found if name.endswith(".fmu")])
+        inside = members(found[name])
+        inside["modelDescription.xml"] = odd_xml(inside["modelDescription.xml"], random)
+        return zipped(found | {name: zipped(inside)})
+    return zipped(found | {"SystemStructure.ssd": odd_xml(found["SystemStructure.ssd"], random)})
+
+
 def state(content: bytes, random: Random) -> bytes:
     """A checkpoint with a damaged archive, description, or state of a part."""
     way = random.choice((TEXT, BYTES))
@@ -185,7 +196,14 @@ _ALL = (
     Kind("check-static", "fmu", one("part.fmu", description), command("check", "--static", "part.fmu")),
     Kind("check", "fmu", one("part.fmu", library), command("check", "--timeout", "10", "part.fmu")),
     Kind("run-fmu", "fmu", one("part.fmu", description), RUN_SHORT),
+    Kind("check-3", "fmu3", one("part.fmu", library), command("check", "--timeout", "10", "part.fmu")),
+    Kind("run-fmu-3", "fmu3", one("part.fmu", description), RUN_SHORT),
     Kind("run-ssp", "ssp", one("s.ssp", structure), command("run", "s.ssp", "-o", "o.csv", *SHORT)),
+    Kind("run-ssp2", "ssp2", one("s.ssp", structure), command("run", "s.ssp", "-o", "o.csv", *SHORT)),
+    *(
+        Kind(f"odd-{group}", group, one("s.ssp", odd_structure), command("run", "s.ssp", "-o", "o.csv", *SHORT))
+        for group in ("ssp", "ssp2")
+    ),
     Kind("sweep-ssp", "ssp", one("s.ssp", structure), command("sweep", "s.ssp", *SHORT, *seeds.SWEEP, "-o", "out")),
     Kind("run-toml", "toml", one("s.toml", text), RUN_SHORT),
     Kind("doctor-toml", "toml", one("s.toml", text), command("doctor", "s.toml")),

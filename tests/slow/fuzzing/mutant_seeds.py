@@ -13,7 +13,7 @@ import numpy as np
 import pandas as pd
 from scipy.io import savemat
 
-from friction_fmus import fmu
+from friction_fmus import build, fmu
 from friction_fmus.__main__ import main
 from harness import System, save_result
 
@@ -72,6 +72,24 @@ start = { m = 1.0, v_support = 0.1, F_load = 0.0 }
 [parts.friction]
 model = "LuGre"
 start = { Fc = 1.0, sigma0 = 1e5 }
+"""
+
+ARRAYS = """\
+name = "arrays"
+wires = ["mass.v -> friction.v", "friction.F -> mass.F_friction"]
+
+[experiment]
+stop = 0.05
+step = 1e-3
+master = "newton"
+
+[parts.mass]
+model = "Mass"
+start = { F_drive = 0.0, F_load = 0.0, k = 2e3, v_support = 0.1 }
+
+[parts.friction]
+fmu = "part.fmu"
+start = { N = 3, "k[2]" = 2e4 }
 """
 
 KEYS = (
@@ -188,6 +206,7 @@ def write_seeds(folder: Path) -> None:
     _system(folder / "ssp", "\n\n".join(blocks))
     with System.from_toml(folder / "ssp" / "s.toml", fmu) as system:
         system.to_ssp(folder / "ssp" / "s.ssp")
+    _write_arrays(folder)
     with System.from_toml(folder / "toml" / "s.toml", fmu) as system:
         result = system.run()
     for suffix in SUFFIXES:
@@ -199,6 +218,16 @@ def write_seeds(folder: Path) -> None:
             own.mkdir()
             (own / "map.toml").write_text(text.format(suffix=suffix), encoding="utf-8")
             _write_table(motion(), own / f"data{suffix}")
+
+
+def _write_arrays(folder: Path) -> None:
+    """An FMU of FMI 3.0 whose arrays have another size: in an archive of SSP 2.0, and beside a system file."""
+    place = folder / "fmu3"
+    _system(place, ARRAYS)
+    build("GMS", place, fmi=3).rename(place / "part.fmu")
+    (folder / "ssp2").mkdir()
+    with System.from_toml(place / "s.toml", fmu) as system:
+        system.to_ssp(folder / "ssp2" / "s.ssp")
 
 
 def _system(folder: Path, text: str = SYSTEM) -> None:
