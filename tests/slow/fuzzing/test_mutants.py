@@ -19,8 +19,8 @@ FOLDER = Path(__file__).parent
 
 
 def test_no_mutant_gives_a_traceback_a_hang_or_a_crash(tmp_path: Path) -> None:
-    """2 of each kind, always the same ones."""
-    command = [sys.executable, str(FOLDER / "mutants.py"), "2", "--keep", str(tmp_path / "mutants")]
+    """One of each kind, always the same one."""
+    command = [sys.executable, str(FOLDER / "mutants.py"), "1", "--keep", str(tmp_path / "mutants")]
     environment = os.environ | {"PYTHONPATH": str(FOLDER.parents[2])}
     run = subprocess.run(command, cwd=tmp_path, env=environment, capture_output=True, text=True, check=False)
     assert run.returncode == 0, run.stdout[-5000:] + run.stderr[-2000:]

@@ -51,7 +51,7 @@ def exports(name: str) -> int:
 def fmus(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     """Each night every block, for every platform."""
     folder = tmp_path_factory.mktemp("all")
-    return {name: build(name, folder, platforms=["all"]) for name in some((*catalogue(),), [*catalogue()][::6])}
+    return {name: build(name, folder, platforms=["all"]) for name in some((*catalogue(),), [*catalogue()][::10])}
 
 
 @pytest.fixture(scope="module")
