@@ -29,14 +29,16 @@ NOTEBOOKS = DOCS.parent / "examples" / "notebooks"
 def on_files(files: Files, config: MkDocsConfig, **_: Any) -> Files:
     """Add the lab, the pages of the blocks, and a page and the figures of each notebook."""
     paths = sorted(NOTEBOOKS.glob("*.ipynb"))
-    with ThreadPoolExecutor() as threads:  # a notebook has a process of its own, and so has each compiler
-        notebooks = [threads.submit(notebook_page, path.stem, path.read_text(encoding="utf-8")) for path in paths]
-        prepare(threads)
+    with ThreadPoolExecutor() as threads:
+        scripts = prepare(threads)
+        notebooks = [notebook_page(path.stem, path.read_text(encoding="utf-8")) for path in paths]  # meanwhile
+        for script in scripts:
+            script.result()
     files.append(File.generated(config, "lab.md", content=lab_page()))
     for name, content in (*((f"lab/{name}", text) for name, text in lab_files()), *block_pages()):
         files.append(File.generated(config, name, content=content))
     for notebook in notebooks:
-        for name, content in notebook.result().items():
+        for name, content in notebook.items():
             files.append(File.generated(config, f"notebooks/{name}", content=content))
     return files
 

@@ -9,7 +9,7 @@ import json
 import re
 import sys
 from collections.abc import Iterator, Sequence
-from concurrent.futures import Executor, ThreadPoolExecutor
+from concurrent.futures import Executor, Future, ThreadPoolExecutor
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
@@ -64,14 +64,21 @@ def described(name: str) -> dict[str, Any]:
     return {"about": about, "groups": groups, "pictures": pictures}
 
 
-def prepare(threads: Executor, chosen: Sequence[str] | None = None) -> None:
-    """Compile and describe all or some blocks, and the systems of the lab, side by side; the results are kept."""
+def prepare(threads: Executor, chosen: Sequence[str] | None = None) -> list[Future[str]]:
+    """Describe all or some blocks, and begin to compile them and the systems of the lab; the results are kept.
+
+    The working directory changes while an FMU is loaded, so all are loaded before the threads begin.
+    """
     names = list(catalogue()) if chosen is None else list(chosen)
-    list(threads.map(described, names))
-    made = [threads.submit(block_script, name) for name in names]
-    made += [threads.submit(system_script, name, system) for name in ON_A_MASS if name in names for system in SYSTEMS]
-    for each in made:
-        each.result()
+    systems = [(name, system) for name in ON_A_MASS if name in names for system in SYSTEMS]
+    for name in names:
+        described(name)
+    for each in systems:
+        system_fmu(*each)
+    return [
+        *(threads.submit(block_script, name) for name in names),
+        *(threads.submit(system_script, *s) for s in systems),
+    ]
 
 
 def equations(block: Block) -> str:
@@ -106,15 +113,22 @@ def system_script(friction: str, name: str) -> str:
 
     A system has the same name with each model while it compiles, so that the code of its other parts is compiled once.
     """
+    text, content = system_fmu(friction, name)
+    model = wasm_model(content)
+    named = replace(model, description={**model.description, "name": f"{friction}-{name}"})
+    return model_script(named, {"toml": text})
+
+
+@cache
+def system_fmu(friction: str, name: str) -> tuple[str, bytes]:
+    """Return the system file ``NAME.toml`` with a friction model, and the system as an FMU of sources."""
     text = (LAB / f"{name}.toml").read_text(encoding="utf-8").replace('"LuGre"', f'"{friction}"')
     with TemporaryDirectory() as folder:
         file, made = Path(folder) / f"{name}.toml", Path(folder) / f"{name}.fmu"
         file.write_text(text, encoding="utf-8")
         with System.from_toml(file, resolve=fmu, open_inputs=True) as system:
             system.to_fmu(made, platforms=())
-        model = wasm_model(made.read_bytes())
-    named = replace(model, description={**model.description, "name": f"{friction}-{name}"})
-    return model_script(named, {"toml": text})
+        return text, made.read_bytes()
 
 
 def block_pages() -> Iterator[tuple[str, str | bytes]]:
@@ -194,7 +208,8 @@ def write_lab(folder: Path, chosen: Sequence[str] | None = None) -> None:
         if source.suffix != ".toml":
             (folder / source.name).write_bytes(source.read_bytes())
     with ThreadPoolExecutor() as threads:
-        prepare(threads, models() if chosen is None else chosen)
+        for script in prepare(threads, models() if chosen is None else chosen):
+            script.result()
     for name, text in lab_files(chosen):
         (folder / name).parent.mkdir(parents=True, exist_ok=True)
         (folder / name).write_text(text, encoding="utf-8")
