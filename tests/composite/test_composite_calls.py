@@ -62,16 +62,17 @@ from shell.test_values import (  # noqa: F401
 )
 
 
+@pytest.fixture(scope="module")
+def servo3(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A composite of FMI 3.0 behind the facade, which takes seconds to compile."""
+    return in_either(COMPOSITES[1] + IN_3, tmp_path_factory.mktemp("composite3"))
+
+
 @pytest.fixture(params=[*COMPOSITES, COMPOSITES[1] + IN_3])
-def library(
-    request: pytest.FixtureRequest, compose: Callable[[str], Path], tmp_path_factory: pytest.TempPathFactory
-) -> Library:
+def library(request: pytest.FixtureRequest, compose: Callable[[str], Path]) -> Library:
     """Each of these composite FMUs in turn."""
-    if not request.param.endswith(IN_3):
-        return load(compose(request.param))
-    folder = tmp_path_factory.getbasetemp() / "composite3"
-    folder.mkdir(exist_ok=True)
-    return load(in_either(request.param, folder))
+    of_fmi_3 = request.param.endswith(IN_3)
+    return load(request.getfixturevalue("servo3") if of_fmi_3 else compose(request.param))
 
 
 @pytest.fixture
