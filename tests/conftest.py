@@ -22,7 +22,8 @@ from friction_fmus import build, fmu
 LONG = (
     *("test_documents.py", "test_demo_study.py", "test_composite_runs.py", "test_quality.py", "test_exchange_runs.py"),
     *("test_emps_study.py", "test_identify_command.py", "test_sweeps.py", "test_numbers.py", "test_emit.py"),
-    *("test_platforms.py", "test_examples.py", "test_native_checks.py", "test_target.py", "test_code_of_laws.py"),
+    *("test_platforms.py", "test_built_site.py", "test_native_checks.py", "test_target.py", "test_code_of_laws.py"),
+    *("test_composite_platforms.py", "test_fmu_toolbox.py", "test_report_in_a_browser.py", "test_examples.py"),
     *("test_recommended_files.py", "test_random_calls.py", "test_mutants.py", "test_source_code.py", "test_misra.py"),
     *("test_exchange_motions.py", "test_performance.py", "test_kernels.py", "test_wheel.py", "test_intervals.py"),
 )
