@@ -5,6 +5,14 @@
 
 #include "engine.h"
 
+/* All parts of a composite FMU are of FMI 2.0 and in C, which its compiler makes use of. */
+#ifdef COMPOSITE
+enum { OTHER_KINDS = false };
+#else
+enum { OTHER_KINDS = true };
+#endif
+static inline bool in_python(const EnginePart *p) { return OTHER_KINDS && p->call; }
+
 static inline int64_t count_of(const int64_t *ranges, int type) { return ranges[type + 1] - ranges[type]; }
 
 /* A fraction such as 0.5 on a connection to an Integer is an error of the system, not of the FMU. */
@@ -22,8 +30,7 @@ static int set_whole(EnginePart *p, const double *signals, int type, const uint3
     return p->set[type](p->component, references, (size_t)n, p->whole);
 }
 
-/* ---- FMUs of FMI 3.0, called without their adapter where that is possible: it takes up to 5 ns per call ------------
- */
+/* ---- FMUs of FMI 3.0, called without their adapter where that is possible: it takes up to 5 ns per call ------- */
 
 /* Statuses of a step that the FMU itself accepted; the texts are in fmi3.py. */
 enum { RUN_ENDED = 103, STEP_ENDED };
@@ -40,32 +47,33 @@ static inline int step_instance(DoStep3 *do_step, void *instance, double t, doub
 
 static inline int set_reals(EnginePart *p, const uint32_t *references, size_t n, void *values)
 {
-    return p->set_scalars ? p->set_scalars(p->instance, references, n, values, n)
-                          : p->set[REAL](p->component, references, n, values);
+    return OTHER_KINDS && p->set_scalars ? p->set_scalars(p->instance, references, n, values, n)
+                                         : p->set[REAL](p->component, references, n, values);
 }
 
 static inline int get_reals(EnginePart *p, const uint32_t *references, size_t n, void *values)
 {
-    return p->get_scalars ? p->get_scalars(p->instance, references, n, values, n)
-                          : p->get[REAL](p->component, references, n, values);
+    return OTHER_KINDS && p->get_scalars ? p->get_scalars(p->instance, references, n, values, n)
+                                         : p->get[REAL](p->component, references, n, values);
 }
 
 static inline int step_fmu(EnginePart *p, double t, double h)
 {
     bool event = false;
     /* noSetFMUStatePriorToCurrentPoint: common importers always pass true, even those that roll back */
-    return p->do_step_3 ? step_instance(p->do_step_3, p->instance, t, h, &event) : p->do_step(p->component, t, h, 1);
+    return OTHER_KINDS && p->do_step_3 ? step_instance(p->do_step_3, p->instance, t, h, &event)
+                                       : p->do_step(p->component, t, h, 1);
 }
 
 /* Return what the functions for states and slopes are called with. */
-static inline void *owner_of(const EnginePart *p) { return p->do_step_3 ? p->instance : p->component; }
+static inline void *owner_of(const EnginePart *p) { return OTHER_KINDS && p->do_step_3 ? p->instance : p->component; }
 
 /* ---- operations ----------------------------------------------------------------------------------------------- */
 
 /* Set the inputs of a part. */
 static int hand_over(EnginePart *p, const double *signals)
 {
-    if (p->call)
+    if (in_python(p))
         return p->call(SET, 0.0, 0.0);
     int worst = 0;
     for (int type = REAL; type < TYPES; type++) {
@@ -85,7 +93,7 @@ static int hand_over(EnginePart *p, const double *signals)
 
 static int fetch_outputs(EnginePart *p, double *signals)
 {
-    if (p->call)
+    if (in_python(p))
         return p->call(GET, 0.0, 0.0);
     for (int type = REAL; type < TYPES; type++) {
         const int64_t n = count_of(p->outputs, type);
@@ -103,19 +111,25 @@ static int fetch_outputs(EnginePart *p, double *signals)
     return 0;
 }
 
-static int step_part(EnginePart *p, double t, double h) { return p->call ? p->call(STEP, t, h) : step_fmu(p, t, h); }
+static int step_part(EnginePart *p, double t, double h)
+{
+    return in_python(p) ? p->call(STEP, t, h) : step_fmu(p, t, h);
+}
 
-static int save_part(EnginePart *p) { return p->call ? p->call(SAVE, 0.0, 0.0) : p->get_state(owner_of(p), &p->state); }
+static int save_part(EnginePart *p)
+{
+    return in_python(p) ? p->call(SAVE, 0.0, 0.0) : p->get_state(owner_of(p), &p->state);
+}
 
 static int restore_part(EnginePart *p)
 {
-    return p->call ? p->call(RESTORE, 0.0, 0.0) : p->set_state(owner_of(p), p->state);
+    return in_python(p) ? p->call(RESTORE, 0.0, 0.0) : p->set_state(owner_of(p), p->state);
 }
 
 /* Exchange the two saved states of a part. */
 static void swap_part(EnginePart *p)
 {
-    if (p->call) {
+    if (in_python(p)) {
         p->call(SWAP, 0.0, 0.0);
         return;
     }

@@ -12,7 +12,7 @@ from robustness.cases import run_cases
 from friction_fmus import build
 
 DEEP = 10_000
-EVERY = 1 if "ALL_ODD_VALUES" in os.environ else 8
+EVERY = 1 if "ALL_ODD_VALUES" in os.environ else 7
 """A test run tries every fourth of the 2000 system files, `tests/nightly.sh` all of them."""
 
 ODD: dict[str, str] = {
