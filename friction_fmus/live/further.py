@@ -13,6 +13,7 @@ from typing import Final
 
 import numpy as np
 
+from friction_fmus.blocks.catalogue import Block
 from friction_fmus.fmi.portrait.choice import Experiment
 from friction_fmus.fmi.portrait.control import TIME, move, sine
 from friction_fmus.fmi.portrait.course import Bench, Curve, Panel, Vector
@@ -184,10 +185,14 @@ BEGIN: Final[Mapping[str, Values]] = {
 }
 """Values with which a page begins in place of start values with which another parameter has no effect."""
 
-RATE_INDEPENDENT: Final = ("BlimanSorine", "Coulomb", "Dahl", "MaxwellSlip")
-IDLE: Final[Mapping[str, tuple[str, ...]]] = {
-    **dict.fromkeys(RATE_INDEPENDENT, ("speed",)),
-    **dict.fromkeys(("Bristle", "SevenParameter"), ("detour", "speed")),
+_IDLE: Final[Mapping[str, tuple[str, ...]]] = {
     "AdaptiveSlidingMode": ("Fv_max",),
+    "Bristle": ("detour",),
+    "SevenParameter": ("detour", "speed"),
 }
-"""Properties of the motion and parameters that have no effect in the figures of a block, and get no slider."""
+
+
+def idle(block: Block) -> tuple[str, ...]:
+    """Return the parameters and properties of the motion that no figure of a block shows, and that get no slider."""
+    rate_independent = block.kind == "friction" and "rate dependent" not in block.features
+    return (*_IDLE.get(block.name, ()), *(["speed"] if rate_independent else []))

@@ -19,7 +19,7 @@ from friction_fmus.fmi.portrait.choice import experiment
 from friction_fmus.fmi.portrait.course import Bench as PortraitBench
 from friction_fmus.fmi.portrait.course import Curve, Panel, Session, Vector
 from friction_fmus.fmi.portrait.friction import elastic_reach, friction_panels, speed_scale
-from friction_fmus.live.further import BEGIN, FURTHER, IDLE
+from friction_fmus.live.further import BEGIN, FURTHER, idle
 from harness.compiling.platforms import NATIVE
 
 
@@ -98,9 +98,8 @@ def recorded_figures(bench: Bench) -> dict[str, Any]:
     chosen = experiment(bench)
     if chosen is None:
         return {}
-    name = bench.block.name
-    told: dict[str, Any] = {"begin": bench.begin, "idle": IDLE.get(name, ())}
-    experiments = [each for each in (chosen, FURTHER.get(name)) if each]
+    told: dict[str, Any] = {"begin": bench.begin, "idle": idle(bench.block)}
+    experiments = [each for each in (chosen, FURTHER.get(bench.block.name)) if each]
     try:
         if chosen is friction_panels:
             peak = 4.0 * speed_scale(bench)

@@ -112,7 +112,7 @@ def missed(track: Track, lines: bool, nominal: float) -> float:
 
 
 def _integral(row: float, values: Values) -> Values:
-    """Return the integral up to each row, of values so far apart."""
+    """Return the integral up to each row, where rows are ``row`` seconds apart."""
     found = np.zeros(len(values))
     np.add(values[1:], values[:-1], out=found[1:])
     found *= 0.5 * row

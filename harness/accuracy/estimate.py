@@ -34,7 +34,7 @@ SMOOTHING: Final = 0.005
 """Half of the span over which a bound holds the largest difference, as a share of the run: differences pass zero."""
 
 BLOCKS: Final = 8
-"""Parts of that half span in which a bound is constant."""
+"""Number of blocks of rows in that half span; the bound is constant in each block."""
 
 NOTHING: Final = 1e-8
 """Largest value over the nominal value of a variable that counts as zero."""
@@ -64,11 +64,11 @@ class Track:
 
     @property
     def times(self) -> Values:
-        """Times of the rows [s]; they are many, and seldom needed."""
+        """Times of the rows [s], not stored: they take as much memory as the values and are seldom needed."""
         return np.asarray(self.start + self.row * np.arange(len(self.values)))
 
     def together(self, other: Track) -> tuple[int, Values, Values]:
-        """Return which rows of this run the other one has as well, such as every second one, and the values of both."""
+        """Return how many rows of this run it is from one common row to the next, and the values of both runs there."""
         unit = math.lcm(self.stride.denominator, other.stride.denominator)
         strides = int(self.stride * unit), int(other.stride * unit)
         every, others = (math.lcm(*strides) // stride for stride in strides)
@@ -164,14 +164,14 @@ def size_of(values: Values) -> float:
 
 
 def unbounded(rows: int) -> NDArray[np.float32]:
-    """Return the bound of a result that nothing is known about."""
+    """Return an infinite bound, for a result of unknown error."""
     return np.full(rows, np.inf, dtype=np.float32)
 
 
 def _upper(near: Values, far: Values | None, convergence: Convergence, floor: float) -> tuple[int, Values]:
-    """Return how many differences have the same bound, and these bounds.
+    """Return the number of rows in a block, and the bound in each block.
 
-    If the runs do not converge, it is a multiple of all they differ by.
+    If the runs do not converge, all rows are one block, whose bound is a multiple of the largest difference.
     """
     if not convergence.resolved:
         most = float(np.max(near)) if far is None else max(float(np.max(near)), float(np.max(far)))
@@ -186,7 +186,7 @@ def _upper(near: Values, far: Values | None, convergence: Convergence, floor: fl
 
 
 def _spread(bounds: Values, many: int, rows: int) -> NDArray[np.float32]:
-    """Return bounds that so many rows each have in common, the last one to the end, rounded up."""
+    """Return the bound at each row, rounded up, from those of blocks of ``many`` rows; the last holds to the end."""
     each = np.nextafter(bounds.astype(np.float32), np.float32(np.inf))
     return np.append(np.repeat(each, many)[:rows], np.full(max(0, rows - many * len(each)), each[-1]))
 

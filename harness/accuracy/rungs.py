@@ -96,7 +96,7 @@ def rung(system: Assembly, experiment: Experiment, ratio: Fraction) -> Iterator[
         manipulators=tuple(_scaled(each, ratio) for each in experiment.manipulators),
         coupling_tolerance=scaled_tolerance(experiment, float(ratio)) if experiment.master == "adaptive" else None,
         step_tolerance=scaled_step_tolerance(experiment, float(ratio)),
-        loop_tolerance=min(max((experiment.loop_tolerance or LOOP_TOLERANCE) * float(ratio) ** 3, 1e-14), 1e-2),
+        loop_tolerance=scaled_loop_tolerance(experiment, float(ratio)),
     )
     scaled = Scaled(system.name, system.parts, wires, system.start, system.strict, system.experiment)
     try:
@@ -115,6 +115,11 @@ def _scaled(manipulator: Manipulator, ratio: Fraction) -> Manipulator:
 def scaled_tolerance(experiment: Experiment, ratio: float) -> float:
     """Return the coupling tolerance with which the inner steps of adaptive grow as the communication step does."""
     return min(max((experiment.coupling_tolerance or COUPLING_TOLERANCE) * ratio**2, 1e-12), 1e-2)
+
+
+def scaled_loop_tolerance(experiment: Experiment, ratio: float) -> float:
+    """Return the loop tolerance that grows like the error of a single step of newton, whose order is 2."""
+    return min(max((experiment.loop_tolerance or LOOP_TOLERANCE) * ratio**3, 1e-14), 1e-2)
 
 
 def scaled_step_tolerance(experiment: Experiment, ratio: float) -> float:

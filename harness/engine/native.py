@@ -162,9 +162,9 @@ class Engine:
             raise self.failure()
 
     def end(self) -> None:
-        """Free the states of FMUs that the loop has saved, and what `keep` keeps; call it before FMUs are unloaded.
+        """Free what `keep` keeps and the states of FMUs that the loop has saved; call it before FMUs are unloaded.
 
-        A callback of a part in Python refers to this engine in a cycle, which must not keep the table alive.
+        The callback of a part in Python and this engine refer to each other: the cycle must not keep the table alive.
         """
         self._kept = []
         for index, bound in self._bound.items():

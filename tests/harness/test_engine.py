@@ -216,7 +216,7 @@ def test_jumps_of_coulomb_friction_are_no_defect(caplog: pytest.LogCaptureFixtur
 
 @pytest.mark.parametrize("master", ["gauss-seidel", "newton"])
 def test_the_table_of_a_run_is_freed_without_the_garbage_collector(build_fmu: BuildFmu, master: str) -> None:
-    """Also that of a part in Python, whose callback refers to the engine."""
+    """The callback of the part in Python refers to the engine, which refers to the callback."""
     gc.disable()
     try:
         with servo(build_fmu) as system:
