@@ -18,7 +18,7 @@ from friction_fmus.lawkit.emit.c_text import DOUBLE, Kernel, Lows, Real, kernel
 from friction_fmus.lawkit.emit.comments import comment_lines
 from friction_fmus.lawkit.emit.graph import CONDITIONS, LIBM, graph
 from friction_fmus.lawkit.emit.names import Named
-from friction_fmus.lawkit.emit.pairs import Weight, positions, rounded
+from friction_fmus.lawkit.emit.pairs import Weight, in_pairs, positions, rounded
 from friction_fmus.lawkit.law import ANGLE, BOOLEANS, LENGTH, NO_UNIT, VECTORS, Kind, Law, Variable
 
 INPUTS = (Kind.INPUT, Kind.OPTIONAL, Kind.COMMAND)
@@ -156,6 +156,13 @@ class Export:
             [i for i, scalar in lengths.items() if scalar not in argument],
             {i: argument[v.name, e] for i, (v, e) in enumerate(_scalars(self.law.results)) if v.sums},
         )
+
+    @property
+    def wide_nodes(self) -> list[bool]:
+        """Whether each operation of the law's function is computed in pairs."""
+        nodes, results = graph(self.law.function)
+        wide, written = self._positions
+        return in_pairs(nodes, wide, {results[i] for i in written})
 
     @property
     def _lows(self) -> Lows | None:

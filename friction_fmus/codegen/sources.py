@@ -13,6 +13,7 @@ from friction_fmus.blocks.catalogue import source_folder
 from friction_fmus.codegen.equations import numbered
 from friction_fmus.codegen.layout import Export, is_flag
 from friction_fmus.lawkit.conditions import PARAMETERS
+from friction_fmus.lawkit.emit.c_text import DOUBLE
 from friction_fmus.lawkit.emit.chains import INDEX, LEAST
 from friction_fmus.lawkit.emit.comments import comment
 from friction_fmus.lawkit.law import BOOLEANS, Kind, Variable
@@ -236,7 +237,7 @@ def _init(export: Export) -> list[str]:
     lines = [line for variable in export.law.given for line in _start(export, variable)]
     results = [place for v in export.law.select(Kind.OUTPUT) for place in (*export.places(v), *export.lows(v))]
     lines += [f"{place} = {export.real.literal(0.0)};" for place in results]
-    lines += [*([] if export.groups["states"] else ["states->none = 0U;"]), "outputs->fault = false;"]
+    lines += [*(f"{group}->none = 0U;" for group in ("states", "inputs") if not export.groups[group]), "outputs->fault = false;"]
     return [
         f"void {p}_init({p}_parameters *parameters, {p}_states *states, {p}_inputs *inputs, {p}_outputs *outputs)",
         "{",
@@ -386,6 +387,7 @@ def example(export: Export) -> str:
     moved = export.law.select(Kind.INPUT, Kind.OPTIONAL)
     drive = f"        inputs.{moved[0].name} = {real.literal(1e-3)} * ({real.name})k;" if moved else ""
     speed = "inputs.rd" if any(v.name == "rd" for v in moved) else real.literal(0.0)
+    place = "inputs.r" if real is DOUBLE else f"inputs.r, {'inputs.r_low' if 'r' in export.pairs else '0.0f'}"
     shown = export.law.select(Kind.OUTPUT)
     texts = "  ".join(f"{v.name} = %g" for v in shown)
     values = ", ".join(f"(double)outputs.{v.name}" for v in shown)
@@ -409,7 +411,7 @@ def example(export: Export) -> str:
             "    for (int32_t k = 0; k < 10; k++) {",
             "        /* read references and sensors here */",
             *([drive] if drive else []),
-            *([f"        inputs.f_known = {p}_table(inputs.r, {speed});"] if export.table else []),
+            *([f"        inputs.f_known = {p}_table({place}, {speed});"] if export.table else []),
             f"        {p}_step(&parameters, &states, &inputs, &outputs);",
             "        /* send the command to the actuator here */",
             f'        printf("{texts}\\n", {values});',

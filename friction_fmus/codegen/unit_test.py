@@ -108,7 +108,7 @@ def tolerance(export: Export, samples: Vectors) -> str:
     )
     return (
         f"The differences in the table `allowed` are accepted because {why}: {samples.relative:g} of the output, or of "
-        "its median if this is larger, or four times the effect of random rounding of parameters and states."
+        "its median if this is larger, or four times the effect of random rounding of each operation."
     )
 
 
@@ -122,6 +122,9 @@ def untested(samples: Vectors) -> str:
     if samples.repeated:
         numbers = ", ".join(map(str, samples.repeated))
         texts.append(f"Repeated inputs, as an output would not be finite: samples {numbers}.")
+    if samples.doubtful:
+        numbers = ", ".join(map(str, samples.doubtful))
+        texts.append(f"Rounding decides, so that both results are accepted: samples {numbers}.")
     return " ".join(texts)
 
 

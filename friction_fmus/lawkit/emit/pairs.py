@@ -100,6 +100,11 @@ def _needed(nodes: Sequence[Node], weights: Sequence[Weight | None], written: se
     return [weight if number in needed else None for number, weight in enumerate(weights)]
 
 
+def in_pairs(nodes: Sequence[Node], wide: Mapping[int, Weight], written: set[int]) -> list[bool]:
+    """Return which nodes are pairs; arguments as for `split`, with the nodes of the results that are pairs."""
+    return [weight is not None for weight in _needed(nodes, _weights(nodes, wide), written)]
+
+
 def _of_parameter(argument: int) -> Weight:
     """Return the weight of a parameter, which does not cancel against a position."""
     return Weight(1.0, (("PARAMETER", argument),))

@@ -20,7 +20,7 @@ def limited(
 ) -> dict[str, SX]:
     """Return u, F_hat and u_sat, with u from a fraction of the friction and other terms; all 0 unless enabled."""
     wanted = rest + gain * F_hat
-    if track is not None:
+    if track is not None and u_track is not None:
         wanted = tracked(track, u_track, gain, wanted)
     return {
         "u": if_else(enable, clip(wanted, u_min, u_max), 0.0),
