@@ -61,7 +61,8 @@ def readme(export: Export, costs: Sequence[Cost]) -> str:
     sources, table = f"{p}.c", ""
     if export.table is not None:
         sources += f" {p}_table.c"
-        use_of_table = f"force over position; assign `{p}_table({', '.join(arguments(export.real))})` to `f_known` before each `{p}_step`"
+        call = f"{p}_table({', '.join(arguments(export.real))})"
+        use_of_table = f"force over position; assign `{call}` to `f_known` before each `{p}_step`"
         table = _fill(f"* `{p}_table.h`, `{p}_table.c`: {use_of_table}.", "  ") + "\n"
     text = f"""# {law.name} in C
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from typing import Any
 
 import numpy as np
 
@@ -16,7 +17,7 @@ RUNS = 17
 
 _MARGIN = 4.0  # of a decision over the largest deviation of its sides
 _SAME = 1e-3  # relative difference of results between both sides of a decision that does not matter
-_FUNCTIONS: Mapping[str, Callable[..., np.ndarray]] = {
+_FUNCTIONS: Mapping[str, Callable[..., Any]] = {
     **{"ADD": np.add, "SUB": np.subtract, "MUL": np.multiply, "DIV": np.divide, "NEG": np.negative, "SQ": np.square},
     **{"TWICE": lambda a: 2.0 * a, "INV": lambda a: 1.0 / a, "SIGN": np.sign, "FMIN": np.fmin, "FMAX": np.fmax},
     **{"LT": np.less, "LE": np.less_equal, "EQ": np.equal, "NE": np.not_equal, "AND": np.logical_and},
@@ -85,9 +86,7 @@ class Rounding:
         following[self._states] = results[self._outputs :]
         return following
 
-    def _values(
-        self, given: np.ndarray, flipped: Mapping[int, np.ndarray], units: Sequence[float]
-    ) -> np.ndarray:
+    def _values(self, given: np.ndarray, flipped: Mapping[int, np.ndarray], units: Sequence[float]) -> np.ndarray:
         """Return the values of all operations, with the other decision where it is flipped."""
         values = np.empty((len(self._nodes), given.shape[1]))
         noise = self._random.uniform(-1.0, 1.0, values.shape) * np.reshape(units, (-1, 1))
@@ -127,9 +126,8 @@ def _is_rounded(node: Node, export: Export) -> bool:
 
 def _other(node: Node, values: np.ndarray, number: int) -> np.ndarray:
     """Return the other side of a decision."""
+    value: np.ndarray = values[number]
+    first: np.ndarray = values[node.arguments[0]]
     if node.operation in COMPARE:
-        return 1.0 - values[number]
-    if node.operation == "SIGN":
-        return -values[number]
-    first = values[node.arguments[0]]
-    return values[number] + np.where(first > np.round(first), -1.0, 1.0)
+        return 1.0 - value
+    return -value if node.operation == "SIGN" else value + np.where(first > np.round(first), -1.0, 1.0)

@@ -237,7 +237,10 @@ def _init(export: Export) -> list[str]:
     lines = [line for variable in export.law.given for line in _start(export, variable)]
     results = [place for v in export.law.select(Kind.OUTPUT) for place in (*export.places(v), *export.lows(v))]
     lines += [f"{place} = {export.real.literal(0.0)};" for place in results]
-    lines += [*(f"{group}->none = 0U;" for group in ("states", "inputs") if not export.groups[group]), "outputs->fault = false;"]
+    lines += [
+        *(f"{group}->none = 0U;" for group in ("states", "inputs") if not export.groups[group]),
+        "outputs->fault = false;",
+    ]
     return [
         f"void {p}_init({p}_parameters *parameters, {p}_states *states, {p}_inputs *inputs, {p}_outputs *outputs)",
         "{",

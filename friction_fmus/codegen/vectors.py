@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from itertools import accumulate, pairwise
 from typing import Final
 
@@ -15,7 +15,7 @@ from friction_fmus.codegen.sources import unit_text
 from friction_fmus.errors import FrictionError
 from friction_fmus.lawkit.conditions import PARAMETERS
 from friction_fmus.lawkit.emit.c_text import DOUBLE
-from friction_fmus.lawkit.law import BOOLEANS, Kind, Law, Variable
+from friction_fmus.lawkit.law import BOOLEANS, VECTORS, Kind, Law, Variable
 
 SEGMENTS: Final = (
     ("at rest", 2, 0.0),
@@ -32,7 +32,7 @@ SEGMENTS: Final = (
     ("forward, 10 mm/s", 4, 1e-2),
     ("commands switched off", 2, 1e-2),
     ("commands at their start values", 3, -1e-2),
-    ("commands switched on one by one", 2, -1e-2),
+    ("commands switched on one by one, with a sample between them", 6, -1e-2),
     ("commands at their start values", 2, 1e-2),
 )
 """Text, number of samples and peak velocity [m/s or rad/s] of each part of the motion."""
@@ -47,6 +47,8 @@ _ORIGIN: Final = 0.3  # m; far enough from zero to need the lower part of a pair
 _REACH: Final = (1.0, 1e1, 1e2, 1e3, 1e4, 1e5, 1e6)  # factors of the inputs on the way to a limit
 _FACTORS: Final = (1.0, 0.9, 1.1, 0.7, 1.3, 0.5, 0.0)  # of the change of inputs, for another decision
 _MARGIN: Final = 4.0  # of the tolerance over the largest deviation of runs with random rounding
+# by unit; a length is near the difference of two positions, so that a dead-band of this size has an effect
+_OTHER: Final = {"m": 5e-5, "rad": 5e-5, "m/s": 1e-3, "rad/s": 1e-3, "kg": 1.0}  # by unit
 _CHANGE: Final = 0.01  # of a parameter that the samples must show
 
 
@@ -72,6 +74,10 @@ class Vectors:
         Samples, counted from 1, that repeat the inputs before because an output would not be finite.
     doubtful : tuple of int
         Samples, counted from 1, in which rounding makes a decision that matters.
+    second : Vectors or None
+        Samples of another run with the parameters `settings`, which switch on the terms that the start values omit.
+    settings : mapping of str to tuple of float
+        These parameters.
     """
 
     given: Mapping[str, np.ndarray]
@@ -82,6 +88,8 @@ class Vectors:
     untested: tuple[str, ...]
     repeated: tuple[int, ...]
     doubtful: tuple[int, ...]
+    second: Vectors | None = None
+    settings: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
 
     @property
     def exact(self) -> bool:
@@ -103,6 +111,41 @@ def inputs(export: Export) -> dict[str, np.ndarray]:
 
 def vectors(export: Export) -> Vectors:
     """Return the test vectors of an export."""
+    first, settings = _vectors(export), _others(export)
+    if not settings:
+        return first
+    second = _vectors(replace(export, start={**export.start, **settings}))
+    shown = [name for name in first.untested if name in settings or name in second.untested]
+    return replace(first, second=second, settings=settings, untested=tuple(shown))
+
+
+def _others(export: Export) -> dict[str, tuple[float, ...]]:
+    """Return other values of the parameters that are 0, 1 or switches, if the law accepts them."""
+    found: dict[str, tuple[float, ...]] = {}
+    given = _inputs(export, 1.0)
+    for variable in export.law.select(*PARAMETERS):
+        start = export.start[variable.name]
+        if variable.kind in BOOLEANS:
+            values = tuple(1.0 - value for value in start)
+        elif not any(start):
+            size = _OTHER.get(unit_text(variable), 0.5)
+            values = tuple(
+                min(max(size * (1.0 + 0.1 * (i % 3)), variable.min), variable.max) for i in range(len(start))
+            )
+        elif start == (1.0,) and variable.min <= 0.75 and unit_text(variable) == "":
+            values = (0.75,)
+        else:
+            continue
+        other = {**export.start, **found, variable.name: values}
+        plain = {v.name: other[v.name] if v.kind in VECTORS else other[v.name][0] for v in export.law.given}
+        if export.law.conditions.violated({v.name: plain[v.name] for v in export.law.select(*PARAMETERS)}):
+            continue
+        if np.isfinite(_Run(replace(export, start=other)).outputs(given)).all():
+            found[variable.name] = values
+    return found
+
+
+def _vectors(export: Export) -> Vectors:
     run = _Run(export)
     reach, limited = _reach(export, run)
     given, repeated = _finite(export, run, _inputs(export, reach))
@@ -206,8 +249,10 @@ def _inputs(export: Export, reach: float) -> dict[str, np.ndarray]:
         start = variable.starts[0]
         earlier = [v for v in export.law.select(*INPUTS) if v.name in found]
         if variable.kind in BOOLEANS:
-            switched = "commands switched off" if start else "commands switched on one by one"
-            moments = [k for k, text in enumerate(way) if text == switched]
+            switched = (
+                "commands switched off" if start else "commands switched on one by one, with a sample between them"
+            )
+            moments = [k for k, text in enumerate(way) if text == switched][:: 1 if start else 2]
             if not start:
                 moments = [moments[sum(v.kind in BOOLEANS and not v.starts[0] for v in earlier) % len(moments)]]
             found[variable.name] = np.where(np.isin(np.arange(N), moments), 1.0 - start, start)

@@ -81,9 +81,7 @@ def test_the_law_passes(name: str, tmp_path: Path) -> None:
         ("ExtendedStateObserver", {"Ts": 0.01}),
     ],
 )
-def test_right_code_in_float_passes_with_other_start_values(
-    name: str, start: dict[str, float], tmp_path: Path
-) -> None:
+def test_right_code_in_float_passes_with_other_start_values(name: str, start: dict[str, float], tmp_path: Path) -> None:
     """With and without contraction of products and sums."""
     export = make_export(name, real="float", start=start)
     write(export, tmp_path)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -23,7 +24,7 @@ def reference() -> np.ndarray:
     """Positions by sample: between the turning points at speeds from 0.1 to 1 mm/s."""
     speeds = 1e-3 * np.array([0.4, 0.2, 0.3, 0.1, 0.5, 0.3, 0.2, 0.1, 1.0, 0.7, 0.4, 0.9])
     pieces = [np.zeros(1)]
-    for (a, b), speed in zip(zip(TURNS[:-1], TURNS[1:], strict=True), speeds, strict=True):
+    for (a, b), speed in zip(pairwise(TURNS), speeds, strict=True):
         pieces.append(np.linspace(a, b, 1 + int(np.ceil(abs(b - a) / (speed * Ts))))[1:])
     return np.concatenate(pieces)
 
@@ -58,10 +59,10 @@ def leuven(r: np.ndarray) -> list[float]:
         while rest > 0.0:
             closes = side * stack[-2] if len(stack) >= 2 else np.inf
 
-            def slope(_: float, y: np.ndarray, S: float = S, base: float = Fb) -> list[float]:
+            def slope(_: float, y: np.ndarray, S: float = S, base: float = Fb, side: float = side) -> list[float]:
                 return [side * (1.0 - power(Fd(y[0]) / (S - base)))]
 
-            def closing(_: float, y: np.ndarray, base: float = Fb, at: float = closes) -> float:
+            def closing(_: float, y: np.ndarray, base: float = Fb, at: float = closes, side: float = side) -> float:
                 return side * (base + Fd(y[0])) - at if np.isfinite(at) else -1.0
 
             def sliding(_: float, y: np.ndarray, S: float = S, base: float = Fb) -> float:
