@@ -7,7 +7,7 @@
 #ifndef STEP_CHECK_H
 #define STEP_CHECK_H
 
-#include "quasi_newton.h"
+#include "contacts.h"
 
 #define AT_START        10.0 /* factor of `doubt` in the first EARLY ticks of a value that starts at 0 */
 #define SURPRISE        0.05 /* of the magnitude, between an unknown and its linear prediction */
@@ -172,8 +172,7 @@ static int check(Engine *e, Newton *newton, int64_t number, const Span *s, bool 
         newton->guards[number].apart = newton->moving[newton->guards[number].line].scale;
     status = evaluate(e, newton, g, s, true, &norm);
     newton->jumped = jumped;
-    for (int64_t j = g->unknown; jumped && j < g->unknown + g->unknowns; j++)
-        e->signals[newton->unknowns[j]] = newton->w[j];
+    set_at_rest(e, newton, g);
     return status;
 }
 
