@@ -79,37 +79,59 @@ static int face(Engine *e, const Newton *newton, const Contact *c, const Span *s
     return status;
 }
 
-/* Solve for the forces with which the contacts at rest stay at v = 0, by Newton's method. */
+/* Return the largest magnitude of the force of a contact. */
+static double strength_of(const Newton *newton, const Group *g)
+{
+    double most = 0.0;
+    for (const Contact *c = contacts_of(newton, g); c < contacts_of(newton, g) + g->contacts; c++)
+        most = fmax(most, fmax(newton->scale[c->unknown], fabs(newton->w[c->unknown])));
+    return most;
+}
+
+/* Correct w by Newton's method. Return the largest correction over the magnitudes; a value that was always 0 has none.
+ */
+static double correct(Newton *newton, const Group *g, const double *inverse)
+{
+    const int64_t n = g->unknowns;
+    const double strength = strength_of(newton, g);
+    double *const step = newton->work, *const scale = step + n, *const w = newton->w + g->unknown, most = 0.0;
+    memcpy(scale, newton->scale + g->unknown, (size_t)n * sizeof(double));
+    for (const Contact *c = contacts_of(newton, g); c < contacts_of(newton, g) + g->contacts; c++)
+        scale[c->unknown - g->unknown] = strength;
+    for (int64_t i = 0; i < n; i++) {
+        step[i] = 0.0;
+        for (int64_t j = 0; j < n; j++)
+            step[i] -= inverse[i * n + j] * newton->r[g->unknown + j];
+    }
+    for (int64_t i = 0; i < n; i++) {
+        w[i] += step[i];
+        const double size = fmax(scale[i], scale[i] > 0.0 ? fabs(w[i]) : 0.0);
+        const double moved = size > 0.0 ? fabs(step[i]) / size : 0.0;
+        most = moved <= most ? most : isnan(moved) ? INFINITY : moved;
+    }
+    return most;
+}
+
+/* Solve for the forces with which the contacts at rest stay at v = 0. */
 static int solve_at_rest(Engine *e, Newton *newton, const Group *g, const Span *s, bool again)
 {
     const int64_t n = g->unknowns, most = newton->most_unknowns;
-    double *const w = newton->w + g->unknown, *const r = newton->r + g->unknown, *const r0 = newton->work + most;
+    double *const r = newton->r + g->unknown, *const r0 = newton->work + 2 * most;
     double *const inverse = newton->work + 6 * most + most * most, norm = 0.0;
-    for (int64_t j = 0; j < n; j++)
-        w[j] = newton->w_last[g->unknown + j] + newton->trend[g->unknown + j] * s->h;
+    for (int64_t j = g->unknown; j < g->unknown + n; j++)
+        newton->w[j] = newton->w_last[j] + newton->trend[j] * s->h;
     int status = evaluate(e, newton, g, s, again, &norm);
     for (int tries = 0; status == SOLVED && tries < MOST_CORRECTIONS; tries++) {
-        double most_moved = 0.0;
         if (tries % 3 == 0) {
             memcpy(r0, r, (size_t)n * sizeof(double));
             status = differentiate(e, newton, g, s, r0, inverse);
+            if (status != SOLVED)
+                return status;
             memcpy(r, r0, (size_t)n * sizeof(double));
         }
-        for (int64_t i = 0; i < n && status == SOLVED; i++) {
-            double step = 0.0;
-            for (int64_t j = 0; j < n; j++)
-                step -= inverse[i * n + j] * r[j];
-            newton->work[i] = step;
-            const double moved = step == 0.0 ? 0.0 : fabs(step) / fmax(newton->scale[g->unknown + i], fabs(w[i]));
-            most_moved = moved <= most_moved ? most_moved : moved;
-        }
-        if (!isfinite(most_moved))
-            return NOT_CONVERGED;
-        for (int64_t i = 0; i < n; i++)
-            w[i] += newton->work[i];
-        if (status == SOLVED)
-            status = evaluate(e, newton, g, s, true, &norm);
-        if (status == SOLVED && (most_moved <= 1e-12 || (tries > 1 && most_moved <= newton->tolerance)))
+        const double moved = correct(newton, g, inverse);
+        status = isfinite(moved) ? evaluate(e, newton, g, s, true, &norm) : NOT_CONVERGED;
+        if (status == SOLVED && (moved <= 1e-12 || (tries > 1 && moved <= newton->tolerance)))
             return SOLVED;
     }
     return status == SOLVED ? NOT_CONVERGED : status;
@@ -128,7 +150,7 @@ static int test(Engine *e, Newton *newton, const Contact *c, const Span *s, bool
     }
     const bool by_load = isfinite(load) && fabs(rest - load) <= EQUAL * fmax(fabs(rest), fabs(load));
     *limit = rest;
-    if (m->rigid > 0 && by_load) {
+    if (m->rigid > 0 && by_load && (m->rests || m->u0 == 0.0)) {
         m->role = AT_REST;
         *holds = true;
         return SOLVED;
@@ -144,8 +166,10 @@ static int test(Engine *e, Newton *newton, const Contact *c, const Span *s, bool
     else if (size > NO_JUMP)
         m->rigid = -1;
     const bool in_jump = force >= fmin(up, down) && force <= fmax(up, down);
+    /* a contact in motion stops only if less than its friction is needed for that */
+    const bool stops = m->rests || m->u0 == 0.0 || (m->u0 > 0.0 ? force <= up : force >= down);
     m->role = by_load ? AT_REST : IN_JUMP;
-    *holds = m->rigid > 0 && (by_load || in_jump);
+    *holds = m->rigid > 0 && stops && (by_load || in_jump);
     if (!by_load && m->rests == IN_JUMP)
         *limit = force > 0.0 ? high : low;
     return status;
@@ -157,10 +181,18 @@ static int solve_held(Engine *e, Newton *newton, const Group *g, const Span *s, 
     const Contact *const first = contacts_of(newton, g), *const last = first + g->contacts;
     for (int64_t tries = 0; tries <= 2 * g->contacts; tries++, again = true) {
         int status = solve_at_rest(e, newton, g, s, again);
-        *rests = false;
-        if (status == NOT_CONVERGED)
-            break;
         bool changed = false, held = false, changes = false;
+        *rests = false;
+        if (status == NOT_CONVERGED) { /* it may be another contact that stops */
+            for (const Contact *c = first; c < last && tries == 0; c++)
+                if (!is_rest(velocity_of(newton, c)) && velocity_of(newton, c)->rigid >= 0) {
+                    hold(e, newton, g, c);
+                    changed = true;
+                }
+            if (changed)
+                continue;
+            break;
+        }
         double share = 1.0;
         for (const Contact *c = first; c < last && status == SOLVED; c++) {
             Moving *const m = velocity_of(newton, c);

@@ -15,6 +15,7 @@
 #define HOPELESS        30.0 /* root of the sum of the squares of the unresolved errors, over the magnitude */
 #define MOST_UNRESOLVED 40.0 /* sum of the shares of their steps */
 #define AMPLIFIED       4.0  /* ratio of error to tolerance that an amplified value counts as */
+#define NEGLIGIBLE      1e-6 /* holding force over the largest force of a contact in the loop */
 enum { CHECK_EVERY = 512, CHECK_SOON = 16, ALARM = 4, MOST_PATIENCE = 64, SOON = 16, MOST_RECURRENCES = 8, EARLY = 8 };
 #define GROWTHS 3.0
 
@@ -124,6 +125,7 @@ static double difference(const Engine *e, Newton *newton, int64_t number, const 
 {
     const Group *const g = &newton->groups[number];
     StepCheck *const guard = &newton->guards[number];
+    const double least = NEGLIGIBLE * strength_of(newton, g);
     double worst = 0.0, most = -1.0;
     for (int64_t i = g->first; i < g->first + g->count; i++)
         for (int64_t k = e->lines_from[newton->order[i]]; k < e->lines_from[newton->order[i] + 1]; k++) {
@@ -132,7 +134,8 @@ static double difference(const Engine *e, Newton *newton, int64_t number, const 
                 continue;
             const double tolerated = newton->doubt * (early && a->from_rest ? AT_START : 1.0);
             const double in_mean = fabs(whole[k] - halves[k]), at_end = jumped ? 0.0 : fabs(a->u1 - b->u1);
-            const double apart = fmax(in_mean, at_end), size = fmax(a->scale, fmax(fabs(a->u1), fabs(b->u1)));
+            const double apart = fmax(in_mean, at_end), values = fmax(fabs(a->u1), fabs(b->u1));
+            const double size = fmax(fmax(a->scale, values), a->role != FREE && !is_rest(a) ? least : 0.0);
             const double remains = fmax((s->to - s->from) * in_mean, at_end);
             const double off = apart == 0.0 ? 0.0 : apart / (tolerated * size);
             worst = off <= worst ? worst : isnan(off) ? INFINITY : off;
