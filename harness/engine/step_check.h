@@ -130,12 +130,12 @@ static double difference(const Engine *e, Newton *newton, int64_t number, const 
     for (int64_t i = g->first; i < g->first + g->count; i++)
         for (int64_t k = e->lines_from[newton->order[i]]; k < e->lines_from[newton->order[i] + 1]; k++) {
             const Moving *const a = &newton->kept_lines[k], *const b = &newton->moving[k];
-            if (!a->inner || (jumped && a->unknown < 0))
+            if (!a->inner || (jumped && a->unknown < 0) || (a->role == HOLDING && b->role == HOLDING))
                 continue;
             const double tolerated = newton->doubt * (early && a->from_rest ? AT_START : 1.0);
             const double in_mean = fabs(whole[k] - halves[k]), at_end = jumped ? 0.0 : fabs(a->u1 - b->u1);
             const double apart = fmax(in_mean, at_end), values = fmax(fabs(a->u1), fabs(b->u1));
-            const double size = fmax(fmax(a->scale, values), a->role != FREE && !is_rest(a) ? least : 0.0);
+            const double size = fmax(fmax(a->scale, values), a->role == CHANGING ? least : 0.0);
             const double remains = fmax((s->to - s->from) * in_mean, at_end);
             const double off = apart == 0.0 ? 0.0 : apart / (tolerated * size);
             worst = off <= worst ? worst : isnan(off) ? INFINITY : off;
