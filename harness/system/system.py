@@ -19,12 +19,14 @@ from harness.errors import (
     WireError,
 )
 from harness.notebook import system_html, system_text
+from harness.parts.flat import element_names
 from harness.parts.fmu import FmuPart
 from harness.parts.guard import Guard
 from harness.parts.part import Part, Port, StartValue
 from harness.result import Result
 from harness.run import Options, run
 from harness.ssp import Parameter, ParameterSet, read_ssv
+from harness.ssp.arrays import shown as array_text
 from harness.system.assembly import resize_parts
 from harness.system.experiment import Experiment
 from harness.system.manipulator import Manipulator
@@ -135,7 +137,7 @@ class System(StoredSystem):
         SystemFileError
             If the file cannot be read.
         UnknownNameError, UnitError, StartValueError
-            If a parameter does not fit its variable.
+            If a parameter does not fit its variable, or its unit is unknown.
         """
         if isinstance(parameters, (str, Path)):
             parameters = read_ssv(parameters)
@@ -146,7 +148,25 @@ class System(StoredSystem):
             more, unknown = self.with_start(values)._landed(unknown)
             values |= more
         # the new system rejects a name that does not exist or cannot be set
-        return self.with_start(values | {name: given.value for name, given in unknown.items()})
+        changed = self.with_start(values | {name: given.value for name, given in unknown.items()})
+        changed._check_arrays({prefix + bare: given for bare, given in parameters.items()})
+        return changed
+
+    def _check_arrays(self, parameters: Mapping[str, Parameter | StartValue]) -> None:
+        """Raise an error if an array of the parameters has other elements than the variable."""
+        shapes = {
+            dotted.rpartition("[")[0]: given.shape
+            for dotted, given in parameters.items()
+            if isinstance(given, Parameter) and given.shape
+        }
+        for dotted, shape in shapes.items():
+            owner, name = split_name(dotted)
+            part = self.parts[owner]
+            elements = {port.name for port in (*part.inputs, *part.parameters) if port.name.startswith(f"{name}[")}
+            if elements != set(element_names(name, shape)):
+                raise StartValueError(
+                    f"{dotted} has {len(elements)} elements, but is given {array_text(shape)}: give a value for each"
+                )
 
     def _landed(
         self, parameters: Mapping[str, Parameter | StartValue]

@@ -9,7 +9,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from ssp_files import NAMESPACES, UNITS, component, connection, pack, ssd, system
+from ssp_files import NAMESPACES, POND, UNITS, component, connection, pack, ssd, system
 
 from harness import Experiment, FmuPart, System, SystemFileError, UnconnectedError, UnitError, Wire
 from harness.ssp import read_ssp
@@ -143,6 +143,20 @@ def test_units_that_only_the_file_states(archive: Callable[..., Path], make_fmu:
     elements = component("q", connectors=x) + component("p", source="resources/bare.fmu", connectors=u)
     (wire,) = wires(archive(system(elements, connection("q.x", "p.u")), bare=bare))
     assert (wire.gain, wire.offset) == pytest.approx((7920.0, 0.0), rel=1e-12)
+
+
+def test_a_connector_in_a_unit_that_nobody_defines(archive: Callable[..., Path], make_fmu: Callable[..., Path]) -> None:
+    outside = SUB.replace('"kN"', '"pond"')
+    sub = system(component("p"), connection("force", "p.u"), outside)
+    content = system(component("q") + f'<ssd:System name="sub">{sub}</ssd:System>', connection("q.y", "sub.force"))
+    with pytest.raises(UnitError, match=r"the connector 'sub\.force' in .* is in 'pond', which is not a known unit"):
+        wires(archive(content))
+    assert wires(archive(content, POND)) == (Wire("q.y", "sub_p.u"),)
+    # a unit that the FMU defines
+    x = '<ssd:Connector name="x" kind="output"><ssc:Real unit="furlong"/></ssd:Connector>'
+    elements = component("q", connectors=x) + component("p", source="resources/inch.fmu")
+    path = archive(system(elements, connection("q.x", "p.u")), "", inch=make_fmu(INCH, IN_INCH, name="inch.fmu"))
+    assert wires(path) == (Wire("q.x", "p.u"),)
 
 
 def test_units_with_an_offset(archive: Callable[..., Path], make_fmu: Callable[..., Path]) -> None:

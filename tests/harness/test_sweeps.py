@@ -29,8 +29,10 @@ from harness import (
     OutputError,
     Parameter,
     ParameterSet,
+    StartValueError,
     SweepError,
     System,
+    UnitError,
     UnknownNameError,
     grid,
     latin_hypercube,
@@ -132,6 +134,31 @@ def test_parameter_sets_with_units_are_converted(build_fmu: BuildFmu, tmp_path: 
     np.testing.assert_allclose(result["final(mass.v)"], [6.0, 0.75, 6.0], rtol=1e-12)
     archived = sweep(tmp_path / "system.ssp", samples, measure="final(mass.v)", executor="serial", experiment=ONE_TICK)
     np.testing.assert_array_equal(archived["final(mass.v)"], result["final(mass.v)"])
+
+
+@pytest.mark.parametrize(
+    ("parameter", "error", "message"),
+    [
+        ({"mass.v0": Parameter(100.0, "in/s")}, None, "2.54"),
+        ({"mass.v0": Parameter(100.0, "kmh")}, None, "27.7777777777777"),
+        ({"mass.v0": Parameter(100.0, "furlong/s")}, UnitError, r"mass\.v0 is in 'furlong/s', which is not a known"),
+        ({"mass.v0": Parameter(100.0, "rpm")}, UnitError, "measure different quantities"),
+        ({"mass.m": Parameter(100.0, "lbf")}, UnitError, "measure different quantities"),
+        ({"gms.k[1]": Parameter(100.0, "N/mm", shape=(3,))}, StartValueError, r"gms\.k has 10 elements, but is given"),
+    ],
+)
+def test_units_of_parameter_sets(
+    build_fmu: BuildFmu, parameter: dict[str, Parameter], error: type[Exception] | None, message: str
+) -> None:
+    start = {"mass.F_drive": 0.0, "mass.F_friction": 0.0, "gms.v": 0.0}
+    with System([FmuPart("mass", build_fmu("Mass")), FmuPart("gms", build_fmu("GMS"))], start=start) as system:
+        if error is None:
+            assert system.with_parameters(parameter).start["mass.v0"] == pytest.approx(float(message))
+            return
+        with pytest.raises(error, match=message):
+            system.with_parameters(parameter)
+        with pytest.raises(error, match=message):
+            sweep(system, [parameter], executor="serial", experiment=ONE_TICK)
 
 
 # ---- results ------------------------------------------------------------------------------------------------------
