@@ -74,7 +74,7 @@ class Library:
                 here = None
             try:
                 with open_zip(archive.path) as members:
-                    unpack_zip(members, Path(folder.name))
+                    unpack_zip(members, Path(folder.name), ("sources/", "documentation/"))
                 _refuse_truncated(Path(folder.name) / "binaries" / archive.platform)
                 self._load(archive, name, folder.name)
             except BaseException as error:
