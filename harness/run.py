@@ -15,7 +15,7 @@ import numpy as np
 from harness.engine.checkpoint import read_checkpoint, write_checkpoint
 from harness.engine.tap import Progress, Reader, Recorder, Tap, tap_reader
 from harness.engine.ticks import NativeTicks, PythonTicks
-from harness.errors import ExperimentError, HarnessError, Interrupted
+from harness.errors import ENDED, ExperimentError, HarnessError, Interrupted, PartError
 from harness.masters import find_master
 from harness.parts.feedthrough import find_feedthrough
 from harness.parts.guard import Guard
@@ -169,6 +169,13 @@ class Session:
         with self._guard.running():
             try:
                 self._run(start, recorder, begin)
+            except PartError as error:
+                if error.reason != ENDED or not recorder.filled:
+                    error.result = recorder.result() if recorder.filled else None
+                    raise
+                when = "" if error.time is None else f" in the step from t = {error.time:.12g} s"
+                recorder.attributes["ended"] = f"part '{error.part}' ended the simulation{when}"
+                _LOG.warning("%s: the result ends there", recorder.attributes["ended"])
             except HarnessError as error:
                 error.result = recorder.result() if recorder.filled else None
                 raise
