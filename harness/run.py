@@ -131,6 +131,10 @@ class Session:
         if self._options.resume:
             self._saved = read_checkpoint(Path(self._options.resume), system, experiment)
         self._names = recorded_names(system.parts, experiment.record)
+        if "*" in experiment.record and not self._names:
+            known = [f"{name}.{port.name}" for name, part in system.parts.items() for port in part.observables]
+            example = f", such as {known[0]!r}" if known else ""
+            _LOG.warning("no part has an output, so nothing is recorded: name variables in record%s", example)
         tapped = [name for tap in self._options.taps for name in tap.names]
         for name in tapped:
             find_port(system.parts, name, "tap")

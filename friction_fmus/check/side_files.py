@@ -18,9 +18,7 @@ BUILD: Final = "sources/buildDescription.xml"
 
 _TERMINALS = declare("terminals", "error", "2.3", f"{TERMINALS} violates FMI 3.0.", "archive")
 _VARIABLE = declare("terminals-variable", "error", "2.3", "A terminal names a variable that does not exist.", "archive")
-_NAMES = declare(
-    "terminals-name", "error", "2.3", "Two terminals or two members have the same name.", "archive"
-)
+_NAMES = declare("terminals-name", "error", "2.3", "Two terminals or two members have the same name.", "archive")
 _ICON = declare("terminals-icon", "warning", "2.3", "A named icon is missing.", "archive")
 _BUILD = declare("build-description", "error", "2.3", f"{BUILD} is invalid or names missing files.", "archive")
 

@@ -89,7 +89,9 @@ class Library:
                     reason = f"cannot unpack {archive.path} to {folder.name}: {error.strerror}"
                     raise FmuError(f"{reason}; make room there, or set TMPDIR to another folder") from error
                 reason = " ".join(str(error).split())
-                raise FmuError(f"cannot load {archive.path}: {reason}; export it again for this platform") from error
+                lacks = "cannot open shared object file" in reason
+                remedy = "install the library that it names" if lacks else "export it again for this platform"
+                raise FmuError(f"cannot load {archive.path}: {reason}; {remedy}") from error
             finally:
                 if here is not None:
                     os.chdir(here)  # fmpy changes to the folder of the library and stays there when loading fails

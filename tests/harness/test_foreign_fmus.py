@@ -243,6 +243,15 @@ def test_a_library_with_another_name(foreign: Callable[..., Path], tmp_path: Pat
         FmuPart("p", path)
 
 
+def test_an_fmu_without_outputs(foreign: Callable[..., Path], tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    path = _changed(foreign("GAIN"), tmp_path / "a.fmu", b'causality="output"', b'causality="local"')
+    path = _changed(path, tmp_path / "b.fmu", b'<Outputs><Unknown index="1"/></Outputs>', b"")
+    with System([FmuPart("p", path)], start={"p.u": 3.0}) as system:
+        assert not system.run(stop=0.1, step=0.1).data_vars
+        assert "nothing is recorded: name variables in record, such as 'p.y'" in caplog.text
+        assert float(system.run(stop=0.1, step=0.1, record=["p.y"])["p.y"][-1]) == 3.0
+
+
 def _changed(given: Path, path: Path, old: bytes, new: bytes) -> Path:
     """An FMU with another text in its description."""
     with ZipFile(given) as archive, ZipFile(path, "w") as written:
