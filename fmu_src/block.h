@@ -115,6 +115,8 @@ enum type { TYPE_REAL, TYPE_INTEGER, TYPE_BOOLEAN };
 typedef struct {
     double inner_step;             /* [s] last accepted step of the inner solver, initially 0 */
     double last_step;              /* [s] last communication step */
+    double rest;                   /* [s] in co-simulation: time to the next sample, counted by the lengths of steps */
+    double drift;                  /* [s] bound of the rounding in the times of an importer that sums its steps */
     int64_t tick;                  /* number of samples taken by a sampled block */
     int mode;                      /* mode of the call-sequence table */
     int exchange;                  /* 1: for model exchange, 0: for co-simulation */

@@ -12,12 +12,10 @@ static double next_stop_3(const Shell *c, double now, double end)
         return end;
 #if HAS_EVENT_MODE
     const Model *const m = &c->inside->model;
-    const double slack = ROUNDING * m->Ts;
-    stop = next_sample(m);
-    if (stop <= now + slack) /* taken at the beginning of this piece */
-        stop += m->Ts;
+    const double slack = sample_slack(m);
+    stop = now + to_next_event_3(m);
 #elif defined COMPOSITE_H
-    const double slack = ROUNDING * STEP_SIZE, start = c->inside->memory.start;
+    const double slack = 1e-6 * STEP_SIZE, start = c->inside->memory.start;
     stop = start + STEP_SIZE * (floor((now - start + slack) / STEP_SIZE) + 1.0);
 #else
     const double slack = 0.0;
@@ -31,7 +29,7 @@ static bool event_due_3(const Shell *c)
 {
 #if HAS_EVENT_MODE
     const Model *const m = &c->inside->model;
-    return c->events && next_sample(m) <= m->time + ROUNDING * m->Ts;
+    return c->events && m->run.rest <= sample_slack(m);
 #else
     (void)c;
     return false;

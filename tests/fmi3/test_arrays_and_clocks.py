@@ -201,6 +201,27 @@ def test_samples_in_events_are_those_inside_a_step(h: float) -> None:
         assert found == expected
 
 
+def test_an_event_without_the_clock_leaves_the_sample_to_the_next_step() -> None:
+    with Slave(three("PID"), eventModeUsed=True) as late, Slave(three("PID")) as inside:
+        for one in (late, inside):
+            one.initialise(r=1e-3, rd=0.0, rdd=0.0, v=0.0)
+        late.updateDiscreteStates()
+        late.setClock([late.reference("samples")], [False])
+        late.updateDiscreteStates()
+        late.enterStepMode()
+        for one in (late, inside):
+            one.doStep(0.0, 0.5e-3)
+        assert late.get("u") == inside.get("u") != [0.0]
+    with Slave(three("PID"), eventModeUsed=True) as late:
+        late.initialise(r=1e-3, rd=0.0, rdd=0.0, v=0.0)
+        late.updateDiscreteStates()
+        late.setClock([late.reference("samples")], [True])  # its tick is still due
+        late.updateDiscreteStates()
+        late.enterStepMode()
+        late.doStep(0.0, 0.5e-3)
+        assert late.get("u") != [0.0]
+
+
 def test_the_clock_has_the_interval_of_ts() -> None:
     with Slave(three("PID"), eventModeUsed=True) as one:
         clock = one.variables["samples"]
