@@ -10,9 +10,7 @@ import numpy as np
 import pytest
 from exchange.cases import CASES, Case, agreement, covered, wanted
 from exchange.solver import Exchange
-from fmpy import extract, simulate_fmu
-from fmpy.fmi2 import FMU2Model
-from fmpy.sundials import CVodeSolver
+from fmpy import extract
 from thorough import some
 
 from friction_fmus import build
@@ -34,34 +32,6 @@ def test_every_block_is_compared() -> None:
 @pytest.mark.parametrize("name", some([*CASES], ["LuGre asymmetric", "GMS", "Coulomb", "KarnoppMass"]))
 def test_rotational_twins_agree(name: str, tmp_path: Path) -> None:
     agreement(CASES[name], lambda block, **start: build(block, tmp_path, start, domain="rotational"), 3)
-
-
-def test_importers_that_restart_their_solver_only_for_changed_states(
-    build_fmu: Callable[..., Path], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """As fmusim does. CVODE is ahead of an event when it reports it: without a restart, it goes on from there."""
-    restart, changed = CVodeSolver.reset, []
-
-    def told(model: FMU2Model) -> tuple[bool, ...]:
-        answer: tuple[bool, ...] = discrete_states(model)
-        changed.append(answer[3])
-        return answer
-
-    discrete_states = FMU2Model.newDiscreteStates
-    monkeypatch.setattr(FMU2Model, "newDiscreteStates", told)
-    monkeypatch.setattr(CVodeSolver, "reset", lambda solver, time: restart(solver, time) if changed[-1] else None)
-    velocity = np.array([(0.0, 0.0), (0.25, 2e-3), (0.75, -2e-3), (1.0, 0.0)], dtype=[("time", float), ("v", float)])
-    path = str(build_fmu("MaxwellSlip"))
-    options = {"fmi_type": "ModelExchange", "output_interval": 1e-2, "relative_tolerance": 1e-6}
-    found = simulate_fmu(path, input=velocity, stop_time=1.0, output=["F"], start_values={"Fn": 1.0}, **options)
-    # x = 4e-3 t^2 up to 0.25 s, 5e-4 m - x(0.5 - t) up to the reversal at 0.5 s, then the same backwards
-    t = found["time"]
-    rise = np.where(t < 0.25, 4e-3 * t**2, 5e-4 - 4e-3 * (0.5 - t) ** 2)
-    x = np.where(t < 0.5, rise, np.interp(1.0 - t, t[t <= 0.5], rise[t <= 0.5]))
-    k = np.array([28e3, 15e3, 10e3, 8e3, 6.5e3, 5.3e3, 4.3e3, 3.5e3, 2.8e3, 2.1e3])
-    virgin = np.minimum(np.outer(x, k), 0.1).sum(axis=1)
-    back = 1.0 - 2.0 * np.minimum(np.outer((5e-4 - x) / 2.0, k), 0.1).sum(axis=1)  # Masing's rule
-    np.testing.assert_allclose(found["F"], np.where(t < 0.5, virgin, back), atol=1e-4)
 
 
 @pytest.mark.parametrize(("name", "state", "start"), [("Leuven", "z", {}), ("KarnoppMass", "w", {"v0": 0.05})])
