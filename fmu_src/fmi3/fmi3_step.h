@@ -65,7 +65,11 @@ fmi3Status friction_fmus_SetInputDerivatives(fmi3Instance instance, const fmi3Va
                                              const fmi3Int32 orders[], const fmi3Float64 values[])
 {
     ENTER_3_AS(fmi2CoSimulation, "SetInputDerivatives", NEW_3 | INITIALIZATION_3 | STEPS_3)
-    return (fmi3Status)fmi2SetRealInputDerivatives(c->inside, references, n, orders, values);
+    const fmi3Status status = check_variables_3(c, references, n, values, n, IS_FLOAT64);
+    if (status != fmi3OK)
+        return status;
+    REQUIRE_ELEMENTS(list, references, n, n)
+    return (fmi3Status)fmi2SetRealInputDerivatives(c->inside, list, n, orders, values);
 }
 
 /* Step in pieces. */

@@ -207,7 +207,8 @@ def _edge(path: Path, element: etree._Element, connectors: Mapping[Node, Connect
     ends = []
     for end in ("start", "end"):
         inner = element.get(f"{end}Element")
-        node = Node(path if inner is None else (*path, inner), element.get(f"{end}Connector", ""))
+        # OMSimulator writes an empty name for a connector of the system itself
+        node = Node((*path, inner) if inner else path, element.get(f"{end}Connector", ""))
         if node not in connectors:
             raise SystemFileError(f"{where} connects '{node}', which is not a connector: correct the connection")
         if connectors[node].kind in ("inout", "unspecified"):

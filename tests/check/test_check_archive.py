@@ -14,9 +14,10 @@ import pytest
 from check.broken import XML, contents, zipped
 from check.hostile_zips import REFUSED, Spoil, packed
 
+from friction_fmus import fmu
 from friction_fmus.check import RULES, Finding, check
 from friction_fmus.errors import FrictionError, UnknownNameError
-from harness import FmuError, open_archive
+from harness import FmuError, FmuPart, System, open_archive
 
 TERMINALS = "terminalsAndIcons/terminalsAndIcons.xml"
 BUILD = "sources/buildDescription.xml"
@@ -287,3 +288,21 @@ def test_entities_are_refused_by_the_harness_too(members: dict[str, bytes], tmp_
     evil = f'{text[:start]}<!DOCTYPE x [<!ENTITY e SYSTEM "{secret.as_uri()}">]>{text[start:]}'
     with pytest.raises(FmuError, match="DOCTYPE"):
         open_archive(zipped(members | {XML: evil.encode()}, tmp_path / "a.fmu"))
+
+
+def test_an_ssp_is_checked_with_its_fmus(tmp_path: Path) -> None:
+    path = tmp_path / "axis.ssp"
+    with System([FmuPart("friction", fmu("Coulomb"))], start={"friction.v": 0.1, "friction.F_ext": 0.0}) as system:
+        system.to_ssp(path)
+    assert check(path, static=True) == []
+    with zipfile.ZipFile(path) as archive:
+        members = {name: archive.read(name) for name in archive.namelist()}
+    broken = tmp_path / "Coulomb.fmu"
+    with zipfile.ZipFile(fmu("Coulomb")) as archive:
+        parts = {n: archive.read(n) for n in archive.namelist() if not n.startswith(("binaries/", "sources/"))}
+    zipped(parts, broken)
+    ssd = members["SystemStructure.ssd"].replace(b'name="F"', b'name="no_F" bogus="1"')
+    zipped({"SystemStructure.ssd": ssd, "resources/Coulomb.fmu": broken.read_bytes()}, path)
+    found = {finding.rule: finding for finding in check(path, static=True)}
+    assert "bogus" in found["ssp"].message and found["ssp"].source == "SSP 1.0, 5"
+    assert found["no-code"].file == "resources/Coulomb.fmu/"

@@ -65,6 +65,26 @@ def test_a_connector_feeds_several_inputs(archive: Callable[..., Path]) -> None:
     assert set(wires(archive(content))) == {Wire("q.y", "s_p.u"), Wire("q.y", "s_r.u")}
 
 
+def test_an_empty_name_of_an_element_is_the_system(archive: Callable[..., Path]) -> None:
+    inner = connection("force", "p.u").replace("startConnector", 'startElement="" startConnector')
+    back = connection("p.y", "result").replace("endConnector", 'endElement="" endConnector')
+    sub = system(component("p"), inner + back, SUB)
+    content = system(component("q") + f'<ssd:System name="s">{sub}</ssd:System>', connection("q.y", "s.force"))
+    assert wires(archive(content)) == (Wire("q.y", "s_p.u"),)
+
+
+def test_an_fmu_of_both_kinds_that_is_wanted_for_model_exchange(
+    archive: Callable[..., Path], make_fmu: Callable[..., Path], caplog: pytest.LogCaptureFixture
+) -> None:
+    both = make_fmu(("<CoSimulation", '<ModelExchange modelIdentifier="probe"/><CoSimulation'), name="both.fmu")
+    content = system(component("p", source="resources/both.fmu")).replace(
+        "source=", 'implementation="ModelExchange" source='
+    )
+    with caplog.at_level(logging.WARNING), System.from_ssp(archive(content, both=both)) as read:
+        read.run(stop=1.0, step=0.5)
+    assert "component 'p' in" in caplog.text and "both.fmu is run by its co-simulation" in caplog.text
+
+
 def test_transformations_follow_conversions(archive: Callable[..., Path]) -> None:
     # y N = y/1000 kN; 2 y/1000 + 0.5 kN = 2 y + 500 N; 3 (2 y + 500) + 7 N
     outer = connection("q.y", "sub.force", LINEAR.format(2, 0.5))
@@ -244,7 +264,7 @@ TABLE = '<ssc:IntegerMappingTransformation><ssc:MapEntry source="1" target="2"/>
         (system(component("p")) + DICTIONARY, "has signal dictionaries"),
         (system('<ssd:SignalDictionaryReference name="r" dictionary="d"/>'), "has signal dictionaries"),
         (system(component("p")).replace("source=", 'type="application/x-ssp-package" source='), "type .*x-ssp-package"),
-        (system(component("p")).replace("source=", 'implementation="ModelExchange" source='), "run as CoSimul"),
+        (system(component("p")).replace("source=", 'implementation="ModelExchange" source='), "only offers CoSimul"),
         (system(component("p", source="http://host/p.fmu")), "not a file in the archive"),
         (system(component("p", source="../p.fmu")), "not a file in the archive"),
         (system(component("p", source="%2e%2e/p.fmu")), "not a file in the archive"),
