@@ -90,6 +90,10 @@ class SweepFolder:
             self._write_manifest()
         for left in path.rglob(".*.parquet"):  # left by a process that was killed while writing
             left.unlink(missing_ok=True)
+        written = {file.name for file in self._files()}
+        for left in (path / TRAJECTORIES).glob("runs-*.parquet"):
+            if left.name not in written:  # the process was killed before it wrote the table of these runs
+                left.unlink(missing_ok=True)
         self.done = self._runs_done(int(description["runs"]))
 
     def add(self, outcomes: Sequence[Outcome], samples: Sequence[Sample]) -> None:
