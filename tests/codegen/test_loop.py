@@ -338,3 +338,15 @@ def test_a_wrong_file_is_refused(name: str, tmp_path: Path, capsys: pytest.Captu
 def test_a_study_without_a_recommendation_writes_no_loop(tmp_path: Path) -> None:
     with pytest.raises(FrictionError, match=r"of a study that recommends a compensation"):
         make_export(tmp_path / "recommended" / "loop.toml")
+
+
+def test_zeros_are_written(tmp_path: Path) -> None:
+    """A factor, a limit, an offset and a first velocity of 0 are not missing."""
+    laws = {
+        "feedforward": LoopLaw("StaticFeedforward", {"Fc": 0.0}, {"Ff": 0.0}, factor=0.0),
+        "servo": LoopLaw("PID", {"Kp": 30.0}),
+    }
+    for low, high in ((0.0, 20.0), (-20.0, 0.0)):
+        loop = LoopFile(laws, 1e-3, low, high, offset=0.0, window=2, v0=0.0, path=tmp_path / "loop.toml")
+        loop.path.write_text(loop_text(loop, "A loop"), encoding="utf-8")
+        assert read_loop(loop.path) == loop
