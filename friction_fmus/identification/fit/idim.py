@@ -28,9 +28,9 @@ from friction_fmus.identification.fit.rank import dependent_columns
 class InverseModelSettings:
     """Settings of the regression of the inverse model.
 
-    The defaults are the settings used by the authors of the EMPS record: the bandwidth of the motion is 20 Hz, the
-    filter cuts off at five times that, and the rows are decimated to 100 Hz, which keeps the motion and avoids
-    residuals correlated by the filter.
+    The defaults are those of the authors of the EMPS record, except for the border: the bandwidth of the motion is
+    20 Hz, the filter cuts off at five times that, and the rows are decimated to 100 Hz, which keeps the motion and
+    avoids residuals correlated by the filter.
 
     Attributes
     ----------
@@ -38,8 +38,9 @@ class InverseModelSettings:
         Cut-off frequency of the zero-phase Butterworth filter of the position [Hz].
     order : int
         Order of this filter in each direction.
-    border : int
-        Number of initial samples to discard, where filter and differences settle.
+    border : (float, float), optional
+        Times at the beginning and at the end of a record to discard, where filter and differences settle [s]; by
+        default `SETTLING` over the cut-off frequency.
     decimation : int
         Decimation factor of the rows. Regressors and force are filtered alike, by an 8th-order zero-phase Chebyshev
         filter at 0.8 of the new Nyquist frequency.
@@ -47,8 +48,46 @@ class InverseModelSettings:
 
     cutoff: float = 100.0
     order: int = 4
-    border: int = 49
+    border: tuple[float, float] | None = None
     decimation: int = 10
+
+    def rows(self, signal: Array, Ts: float) -> Array:
+        """Return a signal of shape (n,) or (n, columns) without its ends, filtered and decimated."""
+        return decimate(self._inside(signal, Ts), self.decimation)
+
+    def times(self, t: Array, Ts: float) -> Array:
+        """Return the times of the rows, shape (rows,)."""
+        inside = self._inside(t, Ts)
+        return inside[(len(inside) - 1) % self.decimation :: self.decimation]
+
+    def require(self, record: Record, columns: int = 1) -> None:
+        """Raise RecordError if the record is too short for the border and rows of so many columns."""
+        first, last = self._discarded(record.Ts)
+        _require_length(record, first + last + max(25, (columns + 1) * self.decimation))
+
+    def _inside(self, signal: Array, Ts: float) -> Array:
+        first, last = self._discarded(Ts)
+        return signal[first : max(len(signal) - last, first)]
+
+    def _discarded(self, Ts: float) -> tuple[int, int]:
+        first, last = self.border or (SETTLING / self.cutoff,) * 2
+        return round(first / Ts), round(last / Ts)
+
+
+#: Time in which filter and differences settle, over the period of the cut-off frequency: transients of the slowest pole
+#: of order 4 have then decayed to 8e-6.
+SETTLING = 4.9
+
+#: Settings with which the values of the EMPS record were published: only the beginning is discarded, as the axis is in
+#: motion there.
+PUBLISHED_SETTINGS = InverseModelSettings(border=(0.049, 0.0))
+
+
+def default_settings(record: Record) -> InverseModelSettings:
+    """Return the filter used for the EMPS record, scaled to the sample rate and limited to its 100 Hz."""
+    rate = 1.0 / record.Ts
+    cutoff = min(100.0, 0.1 * rate)
+    return InverseModelSettings(cutoff=cutoff, decimation=max(1, round(rate / cutoff)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,7 +146,7 @@ def filtered_motion(record: Record, settings: InverseModelSettings | None = None
     record : Record
         Record with a position.
     settings : InverseModelSettings, optional
-        Cut-off frequency and order of the filter.
+        Cut-off frequency and order of the filter; by default `default_settings`.
 
     Returns
     -------
@@ -124,7 +163,7 @@ def filtered_motion(record: Record, settings: InverseModelSettings | None = None
     The reflection at the ends is three times the filter order, as in MATLAB's ``filtfilt``, which was used for the
     published values; scipy's default is three samples longer.
     """
-    settings = InverseModelSettings() if settings is None else settings
+    settings = default_settings(record) if settings is None else settings
     nyquist = 0.5 / record.Ts
     if not 0.0 < settings.cutoff < nyquist:
         raise RecordError(
@@ -146,7 +185,7 @@ def identify_inverse_model(record: Record, settings: InverseModelSettings | None
     record : Record
         Record with position and force.
     settings : InverseModelSettings, optional
-        Filters; by default the published ones.
+        Filters; by default `default_settings`.
 
     Returns
     -------
@@ -162,16 +201,19 @@ def identify_inverse_model(record: Record, settings: InverseModelSettings | None
 
     Notes
     -----
-    Method of Janot, Gautier, Brunot 2019, with the settings of the script `Script_IDIM_LS.m` published with the record;
-    the result agrees with their values in all printed digits. The sign is taken from the *filtered* velocity at the
-    full rate, before decimation. All regressors and the force are decimated by 10, to 100 Hz, with the same zero-phase
-    filter; the first 49 samples are discarded. The 20 Hz mentioned in their text are the bandwidth of the motion, not
-    the rate of the rows: decimation to 20 Hz would give M = 94.66 kg.
+    Method of Janot, Gautier, Brunot 2019. With `PUBLISHED_SETTINGS`, those of the script `Script_IDIM_LS.m` published
+    with the record, the result agrees with their values in all printed digits. The sign is taken from the *filtered*
+    velocity at the full rate, before decimation. All regressors and the force are decimated by 10, to 100 Hz, with the
+    same zero-phase filter. The 20 Hz mentioned in their text are the bandwidth of the motion, not the rate of the rows:
+    decimation to 20 Hz would give M = 94.66 kg.
+
+    The motion at the ends of a record is wrong, because a filter continues it by a reflection; rows within `SETTLING`
+    of an end are discarded. Their script keeps the last ones, which is right if the axis is at rest there.
 
     The standard errors are those of ordinary least squares, s sqrt(diag((W'W)^-1)), which assume uncorrelated
     residuals.
     """
-    settings = InverseModelSettings() if settings is None else settings
+    settings = default_settings(record) if settings is None else settings
     motion = filtered_motion(record, settings)
     columns = {
         "M": motion.a,
@@ -195,7 +237,7 @@ def identify_inverse_stribeck(
     record : Record
         Record with position and force.
     settings : InverseModelSettings, optional
-        Filters; by default the published ones.
+        Filters; by default `default_settings`.
     deltas : sequence of float
         Exponents of the grid.
     vs : iterable of float, optional
@@ -221,7 +263,7 @@ def identify_inverse_stribeck(
     searched on a grid, and the others follow from linear least squares (variable projection; G. Golub, V. Pereyra,
     1973).
     """
-    settings = InverseModelSettings() if settings is None else settings
+    settings = default_settings(record) if settings is None else settings
     motion = filtered_motion(record, settings)
     if vs is None:
         top = float(np.max(np.abs(motion.v)))
@@ -301,14 +343,14 @@ def _linear_fit(
     record: Record, motion: Motion, columns: Mapping[str, Array], settings: InverseModelSettings
 ) -> tuple[InverseModelFit, Array]:
     """Return the least-squares fit of the force on the columns, and the covariance of its parameters."""
-    if settings.decimation < 1 or settings.border < 0:
+    if settings.decimation < 1 or min(settings.border or (0.0,)) < 0.0:
         raise FitError(
             f"The decimation is {settings.decimation} and the border {settings.border}; they must be at least 1 and 0."
         )
-    _require_length(record, settings.border + max(25, (len(columns) + 1) * settings.decimation))
+    settings.require(record, len(columns))
     names = list(columns)
-    W = decimate(np.column_stack(list(columns.values()))[settings.border :], settings.decimation)
-    force = decimate(record.with_total_force().column("force")[settings.border :], settings.decimation)
+    W = settings.rows(np.column_stack(list(columns.values())), record.Ts)
+    force = settings.rows(record.with_total_force().column("force"), record.Ts)
 
     length = np.linalg.norm(W, axis=0)
     if np.any(length == 0.0):
@@ -337,7 +379,7 @@ def _linear_fit(
         parameters,
         relative_residual=float(np.linalg.norm(residual) / np.linalg.norm(force)),
         condition=float(singular[0] / singular[-1]),
-        v=decimate(motion.v[settings.border :], settings.decimation),
+        v=settings.rows(motion.v, record.Ts),
         friction=force - theta[names.index("M")] * W[:, names.index("M")],
     )
     return fit, covariance
