@@ -29,13 +29,12 @@ def in_motion(rate: float, seconds: float = 3.0, phase: float = 0.7) -> Record:
 @pytest.mark.parametrize("rate", [250.0, 1000.0, 8000.0])
 @pytest.mark.parametrize("phase", [0.7, 2.5])
 def test_a_record_and_a_window_in_mid_motion_give_the_truth(rate: float, phase: float) -> None:
-    """What remains is the difference quotient of the motion: (w Ts)^2 / 6 of its derivatives."""
     record = in_motion(rate, phase=phase)
     for part in (record, record.window(0.4, 2.5)):
         fit = identify_inverse_model(part)
-        assert fit.relative_residual < 7e-4
+        assert fit.relative_residual < 1e-4
         for name, value in TRUTH.items():
-            assert fit.parameters[name].value == pytest.approx(value, rel=2.5e-3), name
+            assert fit.parameters[name].value == pytest.approx(value, rel=5e-4), name
 
 
 @pytest.mark.parametrize("rate", [1000.0, 8000.0])

@@ -42,7 +42,8 @@ def test_emps_gives_the_published_figures(name: str) -> None:
     """All digits that were printed, not only the 0.5 % that are asked for."""
     found = identify_inverse_model(load_emps().record, PUBLISHED_SETTINGS).parameters[name]
     assert found.value == pytest.approx(EMPS_PUBLISHED[name], abs=6e-5)
-    assert 0.0 < found.relative_error < 0.02
+    # for coloured residuals: the offset of either half of the record, -3.04 and -3.31 N, is 4 % off that of the whole
+    assert 0.0 < found.relative_error < {"M": 0.02, "Fv": 0.05, "Fc": 0.05, "OF": 0.08}[name]
 
 
 @pytest.mark.parametrize("name", TRUTH)

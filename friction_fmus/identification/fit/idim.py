@@ -20,6 +20,7 @@ import scipy.signal
 
 from friction_fmus.identification.data.record import Array, Record
 from friction_fmus.identification.errors import ExcitationError, FitError, RecordError
+from friction_fmus.identification.fit.coloured import coloured_covariance, correlation_length
 from friction_fmus.identification.fit.estimate import Estimate
 from friction_fmus.identification.fit.rank import dependent_columns
 
@@ -44,12 +45,15 @@ class InverseModelSettings:
     decimation : int
         Decimation factor of the rows. Regressors and force are filtered alike, by an 8th-order zero-phase Chebyshev
         filter at 0.8 of the new Nyquist frequency.
+    order_of_differences : {2, 4}
+        Order of the central differences for velocity and acceleration: with 2, a mass appears larger by (w Ts)^2 / 3.
     """
 
     cutoff: float = 100.0
     order: int = 4
     border: tuple[float, float] | None = None
     decimation: int = 10
+    order_of_differences: int = 4
 
     def rows(self, signal: Array, Ts: float) -> Array:
         """Return a signal of shape (n,) or (n, columns) without its ends, filtered and decimated."""
@@ -78,9 +82,9 @@ class InverseModelSettings:
 #: of order 4 have then decayed to 8e-6.
 SETTLING = 4.9
 
-#: Settings with which the values of the EMPS record were published: only the beginning is discarded, as the axis is in
-#: motion there.
-PUBLISHED_SETTINGS = InverseModelSettings(border=(0.049, 0.0))
+#: Settings with which the values of the EMPS record were published, with differences of second order: only the
+#: beginning is discarded, as the axis is in motion there.
+PUBLISHED_SETTINGS = InverseModelSettings(border=(0.049, 0.0), order_of_differences=2)
 
 
 def default_settings(record: Record) -> InverseModelSettings:
@@ -173,8 +177,17 @@ def filtered_motion(record: Record, settings: InverseModelSettings | None = None
     sos = scipy.signal.butter(settings.order, settings.cutoff / nyquist, output="sos")
     _require_length(record, 3 * settings.order + 1)
     q = np.asarray(scipy.signal.sosfiltfilt(sos, record.column("q"), padlen=3 * settings.order), dtype=np.float64)
-    v = np.gradient(q, record.Ts)
-    return Motion(q, v, np.gradient(v, record.Ts))
+    v = derivative(q, record.Ts, settings.order_of_differences)
+    return Motion(q, v, derivative(v, record.Ts, settings.order_of_differences))
+
+
+def derivative(values: Array, Ts: float, order: int = 4) -> Array:
+    """Return the central differences of values of shape (n,), of second order near the ends."""
+    found = np.asarray(np.gradient(values, Ts), dtype=np.float64)
+    if order == 4 and len(values) > 4:
+        near, far = values[3:-1] - values[1:-3], values[4:] - values[:-4]
+        found[2:-2] = (8.0 * near - far) / (12.0 * Ts)
+    return found
 
 
 def identify_inverse_model(record: Record, settings: InverseModelSettings | None = None) -> InverseModelFit:
@@ -210,8 +223,7 @@ def identify_inverse_model(record: Record, settings: InverseModelSettings | None
     The motion at the ends of a record is wrong, because a filter continues it by a reflection; rows within `SETTLING`
     of an end are discarded. Their script keeps the last ones, which is right if the axis is at rest there.
 
-    The standard errors are those of ordinary least squares, s sqrt(diag((W'W)^-1)), which assume uncorrelated
-    residuals.
+    The standard errors are those of `coloured_covariance`; the published ones assume uncorrelated residuals.
     """
     settings = default_settings(record) if settings is None else settings
     motion = filtered_motion(record, settings)
@@ -358,7 +370,7 @@ def _linear_fit(
             f"The record {record.name!r} contains no excitation for {names[int(np.argmin(length))]}; record a motion "
             "with accelerations in both directions and several speeds."
         )
-    _, singular, right = np.linalg.svd(W / length, full_matrices=False)
+    U, singular, right = np.linalg.svd(W / length, full_matrices=False)
     if mixed := dependent_columns(singular, right, names):
         raise ExcitationError(
             f"The record {record.name!r} does not allow {' and '.join(mixed)} to be separated; record a motion with "
@@ -366,8 +378,8 @@ def _linear_fit(
         )
     theta = right.T @ ((right @ (W.T @ force / length)) / singular**2) / length
     residual = force - W @ theta
-    variance = float(residual @ residual) / (len(force) - len(names))
-    covariance = variance * (right.T / singular**2) @ right / np.outer(length, length)
+    back = right.T / singular / length[:, None]
+    covariance = coloured_covariance(back, U, residual, [len(residual)], correlation_length(residual))
 
     errors = np.sqrt(np.diag(covariance))
     units = {"M": record.units.inertia, "Fv": record.units.viscous}

@@ -10,7 +10,7 @@ import numpy as np
 
 from friction_fmus.identification.data.record import Array, Record
 from friction_fmus.identification.errors import RecordError
-from friction_fmus.identification.fit.idim import InverseModelSettings, default_settings, filtered_motion
+from friction_fmus.identification.fit.idim import InverseModelSettings, default_settings, derivative, filtered_motion
 from friction_fmus.identification.fit.models import ContactModel, Traits
 from harness import Drive
 from harness.parts.part import StartValue
@@ -164,7 +164,7 @@ def prepare(
             v, a = motion.v, motion.a
         else:
             v = record.column("v")
-            a = np.gradient(v, record.Ts)
+            a = derivative(v, record.Ts)
         if not model.static:
             # the nearer value gives second-order accuracy of path and force, as linear interpolation does, and bristle
             # models step it exactly; the later value would reduce sigma1 by about sigma0 Ts/2
