@@ -25,7 +25,8 @@
      GUARDED    for a SAMPLED block whose table begins with its inputs and contains OUTPUT_FLAG(fault, ...): inputs may
                 be NaN or infinite; `fault` is then true and `sample` is not called, so outputs and states are held
      SKIPS_BY   for a GUARDED block, the name of `static void f(Model *m)`, called in place of `sample` in this case,
-                for parts of m->memory that advance with time; it reads no Real input and writes no output
+                for parts of m->memory that advance with time; it reads no Real input and writes no output, but for a
+                disabled block, which it sets to rest
      DECIDES_BY the name of `static void f(Model *m)`, for model exchange: it writes to m->memory what is decided at an
                 event. While m->run.frozen, `equations` follows m->memory instead of deciding by itself
      EVENTS     the number of decisions that end at events. The block then defines `static void indicators(const Model

@@ -15,8 +15,8 @@ static double next_stop_3(const Shell *c, double now, double end)
     const double slack = sample_slack(m);
     stop = now + to_next_event_3(m);
 #elif defined COMPOSITE_H
-    const double slack = 1e-6 * STEP_SIZE, start = c->inside->memory.start;
-    stop = start + STEP_SIZE * (floor((now - start + slack) / STEP_SIZE) + 1.0);
+    const double slack = tick_slack(&c->inside->memory), rest = STEP_SIZE - c->inside->memory.spent;
+    stop = now + (rest <= slack ? rest + STEP_SIZE : rest);
 #else
     const double slack = 0.0;
     (void)now;

@@ -158,7 +158,7 @@ def _examine_3(
 ) -> list[Finding]:
     """Return the findings in an FMI 3.0 FMU."""
     model = Model3(root)
-    contents = replace(contents, identifier=model.identifier)
+    contents = replace(contents, identifier=model.identifier, version=3)
     findings = [finding for finding in examine_archive(contents) if finding.rule not in _ONLY_FMI_2]
     findings += wrong_encoding(data, root)
     findings += [SCHEMA_3.finding(text, DESCRIPTION, line=line) for text, line in violations(root, _XSD_3)]

@@ -36,6 +36,7 @@ from harness.storage.atomic import atomic_path, make_folder
 from harness.storage.cache import cached
 from harness.storage.files import read_source, reason
 from harness.storage.scratch import ScratchFolder
+from harness.storage.zip_file import find_outside
 from harness.wasm import WasmModel, is_wasm, wasm_model, write_package
 
 SHIPPED = PACKAGE / "fmus"
@@ -273,9 +274,11 @@ def _sources(block: Block, files: Mapping[str, str]) -> dict[str, str]:
     pending = [(block.path, block.code)]
     while pending:
         includer, text = pending.pop()
-        for header in re.findall(r'^#include\s+"([^"]+)"', text, re.M):
+        for header in re.findall(r'^[ \t]*#[ \t]*include\s+"([^"]+)"', text, re.M):
             if header in sources or header == FMI_HEADER:
                 continue
+            if find_outside([header]) is not None:  # it would be written to this path
+                raise BuildError(f"{includer} includes {header!r}: copy this file into the same folder")
             given = header in files
             found = None if given else next((p / header for p in places if (p / header).is_file()), None)
             if found is None and not given:

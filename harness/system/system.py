@@ -32,7 +32,7 @@ from harness.system.experiment import Experiment
 from harness.system.manipulator import Manipulator
 from harness.system.stored import StoredSystem
 from harness.system.wire import Wire, check_wires, find_part, parse_wire, split_name
-from harness.values import is_count, is_line, shown
+from harness.values import is_count, is_line, plain, shown
 
 _LOG = logging.getLogger("harness")
 
@@ -96,9 +96,10 @@ class System(StoredSystem):
                     f"'{part.name}' has every = {shown(part.every)}: give an integer number of communication steps, 1 "
                     "or more"
                 )
+            part.every = int(part.every)
             self.parts[part.name] = part
         self.wires = tuple(parse_wire(wire) for wire in wires)
-        self.start = dict(start or {})
+        self.start = {name: plain(value) for name, value in (start or {}).items()}
         self.experiment = experiment
         resize_parts(self)
         check_wires(self.parts, self.wires)

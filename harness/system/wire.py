@@ -12,7 +12,7 @@ from harness.errors import UnitError, UnknownNameError, WireError, nearest
 from harness.parts.part import TYPE_ORDER, Part, Port, StartValue
 from harness.system.manipulator import LONGEST_DELAY
 from harness.units import conversion, needed_unit, parse_unit, units_agree
-from harness.values import is_count, shown
+from harness.values import is_count, make_plain, shown
 
 _LOG = logging.getLogger("harness")
 
@@ -36,6 +36,10 @@ class Wire:
     gain: float = 1.0
     offset: float = 0.0
     delay: int = 0
+
+    def __post_init__(self) -> None:
+        """Make numbers of numpy plain."""
+        make_plain(self)
 
     @cached_property
     def ends(self) -> tuple[tuple[str, str], tuple[str, str]]:

@@ -55,7 +55,10 @@ FAULTS: dict[str, list[tuple[Callable[[dict[str, bytes]], Members], str]]] = {
         (lambda m: {XML: None, f"LuGre/{XML}": m[XML]}, "LuGre/modelDescription.xml"),
     ],
     "no-code": [(lambda m: {n: None for n in m if n.startswith(("binaries/", "sources/"))}, "neither")],
-    "platform-unknown": [(lambda _: {"binaries/amiga/LuGre.so": b"x"}, "amiga")],
+    "platform-unknown": [
+        (lambda _: {"binaries/amiga/LuGre.so": b"x"}, "amiga"),
+        (lambda _: {"binaries/x86_64-windows/LuGre.dll": b"x"}, "rename it to win64"),
+    ],
     "binary-misnamed": [
         (lambda _: {"binaries/win32/lugre.dll": b"x"}, "binaries/win32/LuGre.dll"),
         (lambda _: {"binaries/x86_64-windows/LuGre.so": b"x"}, "binaries/x86_64-windows/LuGre.dll"),
@@ -71,6 +74,16 @@ FAULTS: dict[str, list[tuple[Callable[[dict[str, bytes]], Members], str]]] = {
         (lambda _: {TERMINALS: FLANGE.replace('"3.0"', '"3.1"').encode()}, "3.1"),
     ],
     "terminals-variable": [(lambda _: {TERMINALS: FLANGE.replace('"F" m', '"G" m').encode()}, "'G'")],
+    "terminals-name": [
+        (
+            lambda _: {TERMINALS: FLANGE.replace('memberName="v"', 'memberName="F"').encode()},
+            "2 members have the name 'F'",
+        ),
+        (
+            lambda _: {TERMINALS: re.sub("(<Terminal .*?</Terminal>)", r"\1\1", FLANGE).encode()},
+            "2 terminals have the name 'flange'",
+        ),
+    ],
     "terminals-icon": [(lambda _: {TERMINALS: FLANGE.encode(), "terminalsAndIcons/flange.png": None}, "flange.png")],
     "build-description": [
         (lambda _: {BUILD: BUILDING.replace("LuGre.c", "Other.c").encode()}, "Other.c"),
@@ -82,9 +95,17 @@ COMPANIONS = {
     "path-backslash": {"file-unknown"},
     "no-model-description": {"file-unknown"},
     "no-code": {"source-missing"},
+    "binary-misnamed": {"platform-unknown"},
 }
-BY_HAND = {"zip-damaged", "binary-truncated", "path-symlink", "zip-version", *(rule for rule, _ in REFUSED.values())}
-"""Made below, and in test_check_damaged.py."""
+BY_HAND = {
+    "zip-damaged",
+    "source-no-build",
+    "binary-truncated",
+    "path-symlink",
+    "zip-version",
+    *(rule for rule, _ in REFUSED.values()),
+}
+"""Made below, in test_check_damaged.py and in test_check_fmi3.py."""
 
 CASES = [
     pytest.param(rule, change, words, id=f"{rule}-{k}")

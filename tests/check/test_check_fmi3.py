@@ -64,6 +64,12 @@ DESCRIPTIONS = {
     "no time": ("LuGre", '(name="time" .*?causality=)"independent"', r'\1"local"', "fmi3-independent"),
     "derivative": ("LuGre", 'derivative="5"', 'derivative="8"', "fmi3-derivative"),
     "interval": ("PID", 'intervalVariability="fixed"', 'intervalVariability="constant"', "fmi3-clock"),
+    "triggered with interval": (
+        "PID",
+        'intervalVariability="fixed"',
+        'intervalVariability="triggered" intervalDecimal="0.1"',
+        "fmi3-clock",
+    ),
     "negative interval": ("PID", '(intervalVariability="fixed")', r'\1 intervalDecimal="-1"', "fmi3-clock"),
     "clock of another type": ("PID", '(name="u" )', r'\1clocks="18" ', "fmi3-clocked"),
     "previous without clock": ("PID", '(name="u" )', r'\1previous="13" ', "fmi3-clocked"),
@@ -84,6 +90,17 @@ DESCRIPTIONS = {
 def test_faults_of_the_description_are_found(fault: str, tmp_path: Path) -> None:
     name, old, new, rule = DESCRIPTIONS[fault]
     assert rule in rules(changed(name, tmp_path, old, new), static=True)
+
+
+def test_places_of_fmi_2_are_found(tmp_path: Path) -> None:
+    """Sources without a build description, and a folder of binaries that importers of FMI 3.0 do not know."""
+    path = tmp_path / "LuGre.fmu"
+    with zipfile.ZipFile(three("LuGre")) as source, zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as target:
+        for item in source.infolist():
+            if item.filename != "sources/buildDescription.xml":
+                target.writestr(item.filename, source.read(item))
+        target.writestr("binaries/linux64/LuGre.so", b"x")
+    assert rules(path, static=True) == {"source-no-build", "platform-unknown"}
 
 
 ALLOWED = {

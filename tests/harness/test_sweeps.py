@@ -29,6 +29,7 @@ from harness import (
     OutputError,
     Parameter,
     ParameterSet,
+    Port,
     StartValueError,
     SweepError,
     System,
@@ -117,6 +118,9 @@ def test_parameter_sets_from_files(tmp_path: Path) -> None:
     (tmp_path / "b.csv").write_text("mass.m,mass.k\n2\n")
     with pytest.raises(SweepError, match=r"row 2 of .*b\.csv has 1 cells instead of 2"):
         read_samples([tmp_path / "b.csv"])
+    (tmp_path / "c.csv").write_text("mass.m,mass.k, mass.m\n2,1,3\n")
+    with pytest.raises(SweepError, match=r"two columns of .*c\.csv are called 'mass\.m'"):
+        read_samples([tmp_path / "c.csv"])
     with pytest.raises(SweepError, match="no known format"):
         read_samples([tmp_path / "a.xlsx"])
 
@@ -573,3 +577,16 @@ def test_workers_that_cannot_be_started_are_one_sentence(tmp_path: Path, monkeyp
     monkeypatch.setattr(pools, "_Slot", refuse)
     with pytest.raises(SweepError, match=r"no worker process .* \(unexpected EOF\): use fewer workers"):
         sweep(counted(tmp_path), numbers(2), workers=1)
+
+
+def test_nan_in_an_integer_is_null_in_the_trajectories(tmp_path: Path) -> None:
+    """The other runs of the same file have integers."""
+    port = Port("y", type="Integer")
+    part = CallablePart("p", lambda t, u, x: u[0] if u[0] > 0.0 else np.nan, ["u"], [port])
+    with System([part], start={"p.u": 0.0}, experiment=ONE_TICK) as system:
+        samples = [{"p.u": value} for value in (1.0, 0.0, 2.0)]
+        table = sweep(system, samples, output=tmp_path / "out", executor="serial", keep=["p.y"])
+    assert list(table["error"].to_numpy()) == ["", "", ""]
+    kept = pyarrow.dataset.dataset(tmp_path / "out" / "_trajectories").to_table().sort_by("run")
+    assert kept["p.y"].to_pylist() == [1, 1, None, None, 2, 2]
+    assert kept.schema.field("p.y").type == "int64"
