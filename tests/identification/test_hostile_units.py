@@ -188,3 +188,8 @@ def test_pint_parses_in_one_place_only() -> None:
     assert text.count(".parse_") == body.count(".parse_") == 1
     assert text.count(".Quantity(") == body.count(".Quantity(") == 1
     assert body.index("is_unit_text(") < body.index(".parse_")
+
+
+def test_a_mil_is_a_6400th_of_a_turn() -> None:
+    unit = unit_of("mil")
+    assert unit is not None and unit.factor == pytest.approx(2.0 * np.pi / 6400.0, rel=1e-9)
