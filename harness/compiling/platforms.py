@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import tempfile
 from collections.abc import Collection, Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
@@ -17,6 +16,7 @@ from harness.errors import BuildError, nearest
 from harness.parts.universal import universal
 from harness.processors import available
 from harness.storage.cache import cached
+from harness.storage.scratch import ScratchFolder
 
 
 class Platform(NamedTuple):
@@ -144,23 +144,31 @@ def _linked(target: str | None, units: Mapping[str, Mapping[str, str]], library:
     return cached(toolchain.cache_folder() / "libraries" / f"{digest}-{library}", link_it)
 
 
-def _object(target: str | None, unit: str, sources: Mapping[str, str], *, warns: bool) -> bytes:
+def assembly(target: str | None, unit: str, sources: Mapping[str, str]) -> str:
+    """Return a C file of another tool as assembly, which tells the symbols that it defines; see `linked`."""
+    return _object(target, unit, sources, warns=False, form="-S").decode(errors="replace")
+
+
+def _object(target: str | None, unit: str, sources: Mapping[str, str], *, warns: bool, form: str = "-c") -> bytes:
     """Return the object of one C file, from the cache or compiled."""
 
-    def compile_it() -> bytes:
+    def compile_to(form: str) -> bytes:
         with _scratch() as scratch:
             _write(scratch, sources)
-            toolchain.compile_object(scratch, unit, scratch / "unit.o", warns=warns, target=target)
+            toolchain.compile_object(scratch, unit, scratch / "unit.o", form=form, warns=warns, target=target)
             return (scratch / "unit.o").read_bytes()
 
-    digest = _digest(target, " ".join((unit, *toolchain.SECTIONS, *toolchain.QUIET[warns:])), sources)
-    return cached(toolchain.cache_folder() / "objects" / f"{digest}.o", compile_it)
+    # a file of another tool may include files of this machine, which only the preprocessor finds
+    whole = "" if warns else compile_to("-E").decode(errors="replace")
+    quiet = () if warns else toolchain.QUIET
+    digest = _digest(target, " ".join((unit, form, *toolchain.SECTIONS, *quiet, whole)), sources)
+    return cached(toolchain.cache_folder() / "objects" / f"{digest}.o", lambda: compile_to(form))
 
 
 @contextmanager
 def _scratch() -> Iterator[Path]:
     """Yield a folder that is removed at the end, so that no path of the cache enters a binary."""
-    with tempfile.TemporaryDirectory(prefix="friction-fmus-") as scratch:
+    with ScratchFolder("friction-fmus-") as scratch:
         yield Path(scratch)
 
 
@@ -188,11 +196,10 @@ def _kept(target: str | None, suffix: str, sources: Mapping[str, str], name: str
     path = toolchain.cache_folder() / "libraries" / f"{name}-{_digest(target, name, sources)}{suffix}"
 
     def compile_it() -> bytes:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryDirectory(prefix="compile-", dir=path.parent) as scratch:
-            _write(Path(scratch), sources)
-            library = Path(scratch) / f"{name}{suffix}"
-            toolchain.compile_library(Path(scratch), f"{name}.c", library, headers=headers, target=target)
+        with _scratch() as scratch:
+            _write(scratch, sources)
+            library = scratch / f"{name}{suffix}"
+            toolchain.compile_library(scratch, f"{name}.c", library, headers=headers, target=target)
             return library.read_bytes()
 
     return path, cached(path, compile_it)
