@@ -91,9 +91,7 @@ def _registry() -> pint.UnitRegistry[float]:
 
 @cache
 def _everyday_registry() -> pint.UnitRegistry[float]:
-    registry: pint.UnitRegistry[float] = pint.UnitRegistry(on_redefinition="ignore")
-    registry.define("angular_mil = 2 * pi / 6400 * radian = mil")  # pint's own is a tenth of it
-    return registry
+    return pint.UnitRegistry()
 
 
 def _parsed(text: str, registry: pint.UnitRegistry[float]) -> BaseUnit:
