@@ -20,6 +20,9 @@ Array = NDArray[np.float64]
 STEEPEST = 0.1
 """Fraction of the break-away force by which the force may rise over the last quarter of `travel` in sliding."""
 
+BEGUN = 0.5
+"""Fraction of the break-away force from which on its rate is measured."""
+
 
 @dataclass(frozen=True)
 class BreakAways:
@@ -32,7 +35,8 @@ class BreakAways:
     force : array, shape (n,)
         Largest force in the direction of motion, from rest until the axis has moved by `travel` [N].
     position, dwell, rate : array, shape (n,)
-        Position at rest [m], time at rest, 0 for a ramp [s], mean rate at which the force rose [N/s].
+        Position at rest [m], time at rest, 0 for a ramp [s], mean rate at which the force rose over its
+        second half [N/s].
     sliding : array of bool, shape (n,)
         Whether the axis slid when it had moved by `travel`: over the last quarter of it the force rose by less than a
         tenth, by less than in presliding.
@@ -142,10 +146,13 @@ def _break_away(t: Array, force: Array, moved: Array, rest: float, held: float, 
     direction = float(np.sign(moved[-1]))
     along, ahead = direction * force, direction * moved
     loading = int(along.argmin())  # the force of the motion before has then decayed
-    level, last = float(along[loading:].max()), float(along[-1])
+    top = loading + int(along[loading:].argmax())
+    level, last = float(along[top]), float(along[-1])
     before = float(along[np.flatnonzero(ahead <= 0.75 * travel)[-1]])
-    time = t[-1] - t[loading]
-    rate = (last - along[loading]) / time if time > 0.0 else float("nan")
+    # the time at rest before the force rises does not count
+    below = np.flatnonzero(along[loading : top + 1] <= BEGUN * level)
+    begun = loading + (int(below[-1]) if below.size else 0)
+    rate = (level - along[begun]) / (t[top] - t[begun]) if top > begun else float("nan")
     return direction, level, rest, held, float(rate), float(last - before <= STEEPEST * abs(level))
 
 

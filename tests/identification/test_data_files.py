@@ -2,6 +2,8 @@ from __future__ import annotations
 
 import gzip
 import lzma
+import struct
+import zlib
 from collections.abc import Callable
 from pathlib import Path
 
@@ -14,6 +16,7 @@ import scipy.io
 import xarray as xr
 
 from friction_fmus.identification import RecordError, RecordWarning, read_measurement, read_records
+from friction_fmus.identification.data import table_files
 from harness import save_result
 
 T = np.arange(200) * 1e-3
@@ -203,3 +206,58 @@ def test_values_that_no_machine_has_are_refused(tmp_path: Path, column: str, siz
     rows = [",".join(values), *(",".join(f"{cell:.9g}" for cell in row) for row in zip(*values.values(), strict=True))]
     with pytest.raises(RecordError, match=r"which is implausible; correct the unit or the file"):
         read_records(write(tmp_path, "\n".join(rows)), tables("t", "x", "u"))
+
+
+def refused(path: Path, message: str) -> None:
+    with pytest.raises(RecordError, match=message):
+        read_measurement(path, tables("t", "x", "force"))
+
+
+def test_hdf5_links_are_not_followed(tmp_path: Path) -> None:
+    """Groups that hold each other twice, 40 deep, and whatever would read another file."""
+    with h5py.File(tmp_path / "other.mat", "w") as other:
+        other["x"] = X
+    with h5py.File(tmp_path / "deep.mat", "w") as file:
+        file["t"], file["x"], file["force"] = T, X, F
+        group = file.create_group("g")
+        for _ in range(40):
+            group["a"] = below = file.create_group(None)
+            group["b"] = below
+            group = below
+    assert_is_the_axis(tmp_path / "deep.mat", tables("t", "x", "force"))
+    for name in ("external", "soft", "virtual", "raw"):
+        with h5py.File(tmp_path / f"{name}.mat", "w") as file:
+            file["t"], file["force"] = T, F
+            if name == "external":
+                file["x"] = h5py.ExternalLink("other.mat", "/x")
+            elif name == "soft":
+                file["x"] = h5py.SoftLink("/force")
+            elif name == "virtual":
+                layout = h5py.VirtualLayout((len(X),), "f8")
+                layout[:] = h5py.VirtualSource("other.mat", "x", (len(X),))
+                file.create_virtual_dataset("x", layout)
+            else:
+                file.create_dataset("x", X.shape, "f8", external=[("other.mat", 0, 8 * len(X))])
+        refused(tmp_path / f"{name}.mat", "x is (a link|stored in another file)")
+
+
+def test_small_files_of_gigabytes_are_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Zeros that exceed the limit, which is lowered for the test: MATLAB, HDF5 in chunks, and Parquet."""
+    monkeypatch.setattr(table_files, "UNPACKED", 2**23)
+    packed = zlib.compress(bytes(9 * 2**20), 9)
+    header = b"MATLAB 5.0 MAT-file".ljust(124) + struct.pack("<H", 0x0100) + b"IM"
+    (tmp_path / "a.mat").write_bytes(header + struct.pack("<II", 15, len(packed)) + packed)
+    with h5py.File(tmp_path / "b.mat", "w") as file:
+        file.create_dataset("x", (2**21,), "f8", chunks=(2**18,), compression="gzip")
+    pq.write_table(pa.table({"x": np.zeros(2**21)}), tmp_path / "c.parquet")
+    for name in ("a.mat", "b.mat", "c.parquet"):
+        assert (tmp_path / name).stat().st_size < 1e5
+        refused(tmp_path / name, "unpacks to more than 8 MiB")
+
+
+def test_integers_that_are_no_doubles_matter_in_a_column_that_is_used_only(tmp_path: Path) -> None:
+    many = 2**53 + 1 + np.arange(len(T))
+    pq.write_table(pa.table({"t": T, "x": X, "force": F, "id": many}), tmp_path / "a.parquet")
+    assert_is_the_axis(tmp_path / "a.parquet", tables("t", "x", "force"))
+    with pytest.raises(RecordError, match=r"not numeric: it contains integers above 2\^53"):
+        read_measurement(tmp_path / "a.parquet", tables("t", "id", "force"))

@@ -8,7 +8,13 @@ import numpy as np
 import pytest
 
 from friction_fmus import identify
-from friction_fmus.identification import InverseModelSettings, Record, RecordError, identify_inverse_model
+from friction_fmus.identification import (
+    InverseModelSettings,
+    Record,
+    RecordError,
+    filtered_motion,
+    identify_inverse_model,
+)
 
 TRUTH = {"M": 20.0, "Fv": 40.0, "Fc": 8.0, "OF": -1.5}
 
@@ -63,3 +69,11 @@ def test_a_record_shorter_than_the_filter_is_refused_in_a_sentence(samples: int)
         identify("Stribeck", record)
     friction = replace(record, force=None, friction=record.force)
     assert np.isfinite(identify("Coulomb", friction).train.rms)
+
+
+def test_the_filter_follows_a_low_sample_rate() -> None:
+    """A fixed cut-off of 100 Hz is beyond the Nyquist frequency of 75 Hz."""
+    record = in_motion(150.0)
+    v = filtered_motion(record).v
+    middle = slice(60, -60)
+    assert v[middle] == pytest.approx(np.gradient(record.column("q"), record.Ts)[middle], abs=2e-3)

@@ -188,3 +188,11 @@ def test_pint_parses_in_one_place_only() -> None:
     assert text.count(".parse_") == body.count(".parse_") == 1
     assert text.count(".Quantity(") == body.count(".Quantity(") == 1
     assert body.index("is_unit_text(") < body.index(".parse_")
+
+
+def test_a_mil_is_a_thousandth_of_an_inch() -> None:
+    """Not the angle of that name, which `pint` also reads ten times too small."""
+    unit = unit_of("mil")
+    assert unit is not None
+    assert unit.factor == pytest.approx(25.4e-6, rel=1e-12)
+    assert unit.exponents == parse_quantity("1 m", "")[1].exponents

@@ -126,3 +126,26 @@ def test_a_file_without_numbers_and_a_damaged_one_are_refused(tmp_path: Path) ->
     path.write_bytes(bag(tmp_path).read_bytes()[:500])
     with pytest.raises(RecordError, match=r"axis.mcap cannot be read as a .mcap file"):
         read_measurement(path, {"columns": COLUMNS})
+
+
+def test_a_damaged_message_and_large_integers_matter_in_a_topic_that_is_used_only(tmp_path: Path) -> None:
+    path = tmp_path / "log.mcap"
+    with path.open("wb") as file:
+        writer = Writer(file)
+        writer.start()
+        schema = writer.register_schema("log", "jsonschema", b"{}")
+        axis, other = (writer.register_channel(name, "json", schema) for name in ("/axis", "/other"))
+        for i, (q, tau) in enumerate(zip(Q, TAU, strict=True)):
+            at = BEGIN + 2_000_000 * i
+            good = json.dumps({"q": q, "tau": tau, "id": 2**60 + i}).encode()
+            writer.add_message(axis, at, good, at)
+            writer.add_message(other, at, b'{"u": 1.0' if i == 50 else b'{"u": 1.0}', at)
+        writer.finish()
+    used = {"time": {"column": "time"}, "force": {"column": "/axis/tau", "unit": "N.m"}}
+    position = {"column": "/axis/q", "unit": "rad"}
+    (record,) = read_measurement(path, {"columns": {**used, "position": position}}).records
+    assert len(record) == len(Q)
+    with pytest.raises(RecordError, match="not numeric: it contains a damaged message"):
+        read_measurement(path, {"columns": {**used, "position": {"column": "/other/u", "unit": "rad"}}})
+    with pytest.raises(RecordError, match="rows without missing values"):
+        read_measurement(path, {"columns": {**used, "position": {"column": "/axis/id", "unit": "rad"}}})

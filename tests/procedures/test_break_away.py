@@ -126,6 +126,7 @@ def test_a_made_record_has_the_break_aways_that_it_was_made_with() -> None:
     assert list(found.force) == [3.0, 4.0, 3.2, 4.4]
     assert found.dwell == pytest.approx(np.full(4, 1.0), abs=0.03)
     assert found.position == pytest.approx([0.0, 10e-3, 0.0, 10e-3], abs=1e-5)
+    assert found.rate == pytest.approx(2.0 * np.array([3.0, 4.0, 3.2, 4.4]), rel=0.01)  # not 1 s, but 0.5 s of rise
     assert found.level(1) == pytest.approx((3.1, 0.1))
     assert found.level(-1) == pytest.approx((4.2, 0.2))
     assert find_break_aways(t, force, x, travel=1e-3, dwell=2.0).force.size == 0

@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import json
+import math
 import numbers
 from collections.abc import Callable, Iterator, Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
 
 from friction_fmus.identification.data.clocks import Group, on_one_clock
-from friction_fmus.identification.data.tables import Table
+from friction_fmus.identification.data.tables import EXACT, Table
 from friction_fmus.identification.errors import RecordError
 from harness.extras import require
 
@@ -52,6 +54,7 @@ def read_mcap(path: Path) -> Table:
     decoders: dict[int, Callable[[bytes], Any] | None] = {}
     rows: dict[str, list[tuple[int, dict[str, float]]]] = {}
     ignored: dict[str, str] = {}
+    damaged: dict[str, str] = {}
     with path.open("rb") as file:
         for schema, channel, message in make_reader(file).iter_messages():
             if channel.id not in decoders:
@@ -63,15 +66,24 @@ def read_mcap(path: Path) -> Table:
             if decode is None:
                 ignored[channel.topic] = channel.message_encoding
                 continue
-            content = decode(message.data)
-            values = dict(_numbers(content, channel.topic, DEEPEST))
+            try:
+                content = decode(message.data)
+                values = dict(_numbers(content, channel.topic, DEEPEST))
+            except Exception as error:  # a damaged message may raise any exception in the decoders
+                damaged[channel.topic] = f"a damaged message ({' '.join(str(error).split()) or type(error).__name__})"
+                continue
             if values:
                 rows.setdefault(channel.topic, []).append((_stamp(content) or message.log_time, values))
+    texts = {name: why for topic, why in damaged.items() for _, values in rows.pop(topic, ()) for name in values}
+    if not rows and damaged:
+        topic, why = next(iter(damaged.items()))
+        raise RecordError(f"{path} has {why} in the topic {topic}; record it again.")
     if not rows:
         encodings = f" (encodings: {', '.join(sorted(set(ignored.values())))})" if ignored else ""
         raise RecordError(f"{path} has no topic with numbers that can be decoded{encodings}; record ROS 2 or JSON.")
     begin = min(stamp for messages in rows.values() for stamp, _ in messages)
-    return on_one_clock(path, [_group(messages, begin) for messages in rows.values()], "time", "s")
+    table = on_one_clock(path, [_group(messages, begin) for messages in rows.values()], "time", "s")
+    return replace(table, texts=texts)
 
 
 def _group(messages: list[tuple[int, dict[str, float]]], begin: int) -> Group:
@@ -84,9 +96,9 @@ def _group(messages: list[tuple[int, dict[str, float]]], begin: int) -> Group:
 
 
 def _numbers(content: Any, name: str, depth: int) -> Iterator[tuple[str, float]]:
-    """Yield the numbers of a message by name; texts, headers and long arrays are left out."""
+    """Yield the numbers of a message by name; texts, headers and long arrays are left out, large integers missing."""
     if isinstance(content, numbers.Real):
-        yield name, float(content)
+        yield name, math.nan if isinstance(content, int) and abs(content) > EXACT else float(content)
     elif (fields := _fields(content)) is not None and depth:
         joints = fields.get("name")
         named = isinstance(joints, (list, tuple)) and all(isinstance(joint, str) for joint in joints)

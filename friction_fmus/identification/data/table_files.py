@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import struct
+import zlib
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any, Final
@@ -47,7 +49,22 @@ def _read_parquet(path: Path) -> Table:
     require("pyarrow")
     import pyarrow.parquet as pq
 
+    with pq.ParquetFile(path) as file:
+        _limit(path, 8 * file.metadata.num_rows * file.metadata.num_columns)
     return from_arrow(path, pq.read_table(path))
+
+
+UNPACKED: Final = 2**30
+"""Largest size of the numbers in a file [bytes]."""
+
+
+def _limit(path: Path, size: int) -> None:
+    """Raise RecordError for contents that would fill the memory."""
+    if size > UNPACKED:
+        raise RecordError(
+            f"{path} unpacks to more than {UNPACKED // 2**20} MiB; save only the columns that are needed, or fewer "
+            "samples."
+        )
 
 
 HDF5: Final = b"\x89HDF\r\n\x1a\n"
@@ -60,12 +77,37 @@ def _read_mat(path: Path) -> Table:
         header = file.read(520)
     if HDF5 in (header[:8], header[512:]):
         return Table(path, _same_length(path, _hdf5(path)))
+    _limit(path, _unpacked(path))
     import scipy.io
 
     content = scipy.io.loadmat(path, squeeze_me=True, struct_as_record=False)
     if "Aclass" in content:
         return _trajectory(path)
     return Table(path, _same_length(path, (item for key, value in content.items() for item in _flat(key, value))))
+
+
+def _unpacked(path: Path) -> int:
+    """Return the size of the variables of a MATLAB file, counted up to the limit; 0 before version 5."""
+    total = 0
+    with path.open("rb") as file:
+        header = file.read(128)
+        order = {b"IM": "<", b"MI": ">"}.get(header[126:128])
+        while order and total <= UNPACKED and len(tag := file.read(8)) == 8:
+            kind, size = struct.unpack(f"{order}II", tag)
+            if kind != COMPRESSED:
+                total += size
+                file.seek(size, 1)
+                continue
+            unpacker = zlib.decompressobj()
+            rest = file.read(size)
+            while rest and total <= UNPACKED:
+                total += len(unpacker.decompress(rest, 2**20))
+                rest = unpacker.unconsumed_tail
+    return total
+
+
+COMPRESSED: Final = 15
+"""Type of a compressed variable in a MATLAB file of version 5."""
 
 
 def _trajectory(path: Path) -> Table:
@@ -98,17 +140,32 @@ def _flat(name: str, value: Any) -> Iterator[tuple[str, Array]]:
 
 
 def _hdf5(path: Path) -> Iterator[tuple[str, Array]]:
+    """Yield the vectors of an HDF5 file, each object once and nothing from other files."""
     import h5py
 
+    seen: set[int] = set()
+    total = 0
+
     def walk(group: Any, prefix: str) -> Iterator[tuple[str, Array]]:
-        for key, value in group.items():
+        nonlocal total
+        for key in group:
             if key.startswith("#"):
                 continue
-            if isinstance(value, h5py.Dataset):
-                if value.dtype.kind in "biuf" and "MATLAB_empty" not in value.attrs:
-                    yield from _flat(prefix + key, np.asarray(value[()]).T)  # MATLAB stores columns first
-            else:
+            if not isinstance(group.get(key, getlink=True), h5py.HardLink):
+                raise RecordError(f"{path}: {prefix}{key} is a link; save the data themselves.")
+            value = group[key]
+            at = h5py.h5o.get_info(value.id).addr
+            if at in seen:
+                continue
+            seen.add(at)
+            if isinstance(value, h5py.Group):
                 yield from walk(value, f"{prefix}{key}.")
+            elif isinstance(value, h5py.Dataset) and value.dtype.kind in "biuf" and "MATLAB_empty" not in value.attrs:
+                if value.is_virtual or value.external:
+                    raise RecordError(f"{path}: {prefix}{key} is stored in another file; save the data themselves.")
+                total += 8 * (value.size or 0)
+                _limit(path, total)
+                yield from _flat(prefix + key, np.asarray(value[()]).T)  # MATLAB stores columns first
 
     with h5py.File(path, "r") as file:
         yield from walk(file, "")

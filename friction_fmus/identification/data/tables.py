@@ -13,6 +13,9 @@ from numpy.typing import NDArray
 from friction_fmus.identification.data.findings import Finding
 from friction_fmus.identification.data.record import Array
 
+#: Largest integer below which all integers are exact as floating-point numbers.
+EXACT = 2**53
+
 
 @dataclass(frozen=True, eq=False)
 class Table:
@@ -64,6 +67,8 @@ def from_arrow(path: Path, table: Any, lines: NDArray[np.int64] | None = None) -
             units[name] = "s"
         elif pa.types.is_null(values.type):
             columns[name] = np.full(len(values), np.nan)
+        elif pa.types.is_integer(values.type) and _too_large(values):
+            texts[name] = "integers above 2^53, which are not exact as floating-point numbers"
         elif pa.types.is_integer(values.type) or pa.types.is_floating(values.type) or pa.types.is_boolean(values.type):
             columns[name] = _floats(values)
             unit = (column.metadata or {}).get(b"units", b"").decode()
@@ -82,6 +87,13 @@ def _number(value: Any) -> bool:
     except (TypeError, ValueError):
         return False
     return True
+
+
+def _too_large(values: Any) -> bool:
+    import pyarrow.compute as pc
+
+    ends = pc.min_max(values).as_py()
+    return any(end is not None and abs(end) > EXACT for end in ends.values())
 
 
 def _floats(values: Any) -> Array:
