@@ -107,7 +107,7 @@ SHA256 = {
     ("linux", "x86_64"): {
         "elements in a spring-driven mass": "e3e63666d07755e1d65efa214ac57f9bd3f4c0534ad8a5f0311ab920d4837e7e",
         "a lag and a memory": "a1a8c15ca7ce21de4af9a3d97771e26cc640579cf8c41cb0b28ec337002e849b",
-        "a belt that sticks": "8af0e95a500850c33e1735df52acf377c61ffc07242a340e4780f29fa7d17eca",
+        "a belt that sticks": "ec11090c6ead2a337c99e5a9cc38ff4acfcf27ca4d7855d9a977245bb4e0b03c",
         "two masses on two contacts": "bca77125c474fdb79614cf69363e79695cd2265dedf2a266408de6bf019be2cd",
         "a chain of blocks": "6d08a4cd95ecaafb93bc1f1a8464035b102643ce384b2c52457a0ed4212fa451",
         "a controller with an encoder": "10013bd55e43625c857aeafdcbe585c20888331f97746fbb7147746c9837d652",

@@ -95,7 +95,7 @@ def converge(near: Values, far: Values | None, most: float, size: float, floor: 
 
 def _order(near: float, far: float) -> float:
     if near > 0.0 and far > 0.0:
-        return math.log2(far / near)
+        return math.log2(far) - math.log2(near)
     return math.inf if far > 0.0 else -math.inf
 
 

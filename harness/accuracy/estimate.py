@@ -36,6 +36,9 @@ SMOOTHING: Final = 0.005
 BLOCKS: Final = 8
 """Number of blocks of rows in that half span; the bound is constant in each block."""
 
+LARGEST: Final = 1e30
+"""Largest value of a run that is compared: beyond it, bounds in single precision overflow."""
+
 NOTHING: Final = 1e-8
 """Largest value over the nominal value of a variable that counts as zero."""
 
@@ -135,7 +138,7 @@ def estimate(tracks: Sequence[Track], *, most: float, noise: float, nominal: flo
         Required accuracy relative to the range.
     """
     own = tracks[0]
-    if not all(np.isfinite(track.values).all() for track in tracks):
+    if not all(np.abs(track.values).max() < LARGEST for track in tracks):
         never = Convergence(math.nan, math.inf, math.nan)
         return Estimate(unbounded(len(own.values)), np.inf, 0.0, 0.0, never, "not resolved")
     size = max(size_of(own.values), NOTHING * nominal)

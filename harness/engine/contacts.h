@@ -160,7 +160,8 @@ static int test(Engine *e, Newton *newton, const Contact *c, const Span *s, bool
         status = face(e, newton, c, s, -BESIDE, &down);
     if (status == SOLVED)
         status = face(e, newton, c, s, 0.0, &again);
-    const double low = fmin(fmin(up, down), rest), high = fmax(fmax(up, down), rest), size = fmax(fabs(low), fabs(high));
+    const double low = fmin(fmin(up, down), rest), high = fmax(fmax(up, down), rest),
+                 size = fmax(fabs(low), fabs(high));
     if (high - low > fmax(NO_JUMP, EQUAL * size))
         m->rigid = 1;
     else if (size > NO_JUMP)
@@ -245,10 +246,12 @@ static int solve_held(Engine *e, Newton *newton, const Group *g, const Span *s, 
 /* Solve a step: with the contacts at rest that may be, else in motion; and again with those at rest that pass v = 0. */
 static int solve(Engine *e, Newton *newton, const Group *g, int64_t number, const Span *s, bool again)
 {
-    if (g->contacts == 0)
-        return iterate(e, newton, g, number, s, again);
     const Contact *const first = contacts_of(newton, g), *const last = first + g->contacts;
-    bool tried = false, rests = false;
+    bool tried = false, rests = false, smooth = true;
+    for (const Contact *c = first; c < last; c++)
+        smooth = smooth && velocity_of(newton, c)->rigid < 0;
+    if (smooth)
+        return iterate(e, newton, g, number, s, again);
     newton->jumped = false;
     for (const Contact *c = first; c < last; c++) {
         const Moving *const m = velocity_of(newton, c);

@@ -118,8 +118,8 @@ class Coupling:
         """
         worst = {"lasting_defect": 0.0, "alternating_defect": 0.0, "energy_defect": 0.0, "feeding": 0.0}
         for wire, defect in zip(self.wires, self._defects, strict=True):
-            lasting = math.sqrt(defect.squares / defect.value_squares) if defect.value_squares > 0.0 else 0.0
-            alternating = defect.flips / defect.values if defect.values > 0.0 else 0.0
+            lasting = math.sqrt(_share(defect.squares, defect.value_squares))
+            alternating = _share(defect.flips, defect.values)
             worst["lasting_defect"] = max(worst["lasting_defect"], lasting)
             worst["alternating_defect"] = max(worst["alternating_defect"], alternating)
             if lasting > LASTING or alternating > ALTERNATING:
@@ -132,7 +132,7 @@ class Coupling:
                 )
         for pair in self._pair_data:
             passed = pair.passed + pair.flow
-            made = pair.made / passed if passed > 0.0 else 0.0
+            made = _share(pair.made, passed)
             worst["energy_defect"] = max(worst["energy_defect"], made)
             fed = pair.unstable / pair.windows if pair.windows else 0.0
             worst["feeding"] = max(worst["feeding"], fed)
@@ -173,6 +173,13 @@ class Coupling:
                 if are_power(*(self.plan.ports[self.plan.names[wire.output]] for wire in (force, velocity))):
                     found.append((i, k))
         return found
+
+
+def _share(part: float, whole: float) -> float:
+    """Return the quotient, which is infinite if a sum has overflowed, and 0 if there is nothing to compare with."""
+    if not (math.isfinite(part) and math.isfinite(whole)):
+        return math.inf
+    return part / whole if whole > 0.0 else 0.0
 
 
 def are_power(force: Port, speed: Port) -> bool:

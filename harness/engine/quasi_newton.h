@@ -92,20 +92,41 @@ typedef struct {
     bool known[2];
     double w0, r0; /* previous evaluation */
     double limit;  /* limit of |w| without a bracket */
+    double r[2];   /* at its ends */
+    double wide;   /* largest of them when it was WIDE times as wide as at a jump */
 } Bracket;
+
+#define WIDE 1e6
+#define POLE 1e3 /* growth of r since then: a pole; next to a jump, r has a limit */
 
 /* Update the bracket with r at w. */
 static void note(Bracket *b, double w, double r)
 {
+    if (!isfinite(r)) /* beyond what a part accepts */
+        return;
     const int side = r > 0.0;
     b->w[side] = w;
+    b->r[side] = fabs(r);
     b->known[side] = true;
+}
+
+/* Return whether the bracket is as narrow as at a jump. */
+static bool narrows(Bracket *b, double width)
+{
+    const double now = fabs(b->w[1] - b->w[0]);
+    if (!b->known[0] || !b->known[1])
+        return false;
+    if (b->wide == 0.0 && now <= WIDE * width)
+        b->wide = fmax(b->r[0], b->r[1]);
+    return now <= width;
 }
 
 /* Return the next iterate after w: the candidate; a longer step if r decreases too slowly to find a bracket; or the
    middle of the bracket if the candidate leaves it or the bracket shrinks too slowly. */
 static double inside(Bracket *b, double w, double r, double candidate, int64_t tries)
 {
+    if (!isfinite(r)) /* go back to where it was a number */
+        return 0.5 * (w + b->w0);
     const double last = fabs(w - b->w0), step = candidate - w;
     const bool lags = tries > 1 && fabs(r) > 0.5 * fabs(b->r0);
     b->w0 = w;
@@ -127,7 +148,7 @@ static int iterate(Engine *e, Newton *newton, const Group *g, int64_t number, co
     double *const w = newton->w + g->unknown, *const r = newton->r + g->unknown;
     double *const inverse = newton->inverse + number * most * most;
     double *const w0 = newton->work, *const r0 = w0 + most, *const step = r0 + most, *const change = step + most;
-    Bracket bracket = {{0.0, 0.0}, INFINITY, {false, false}, 0.0, 0.0, 0.0};
+    Bracket bracket = {{0.0, 0.0}, INFINITY, {false, false}, 0.0, 0.0, 0.0, {0.0, 0.0}, 0.0};
     double norm = 0.0;
 
     newton->jumped = false;
@@ -158,8 +179,11 @@ static int iterate(Engine *e, Newton *newton, const Group *g, int64_t number, co
             if (tries == 1)
                 bracket.limit = 1e3 * fmax(newton->scale[g->unknown], fmax(fabs(w0[0]), fabs(w0[0] + r0[0])));
             note(&bracket, w0[0], r0[0]);
-            if (bracket.known[0] && bracket.known[1] &&
-                fabs(bracket.w[1] - bracket.w[0]) <= newton->tolerance * fmax(newton->scale[g->unknown], fabs(w0[0]))) {
+            if (narrows(&bracket, newton->tolerance * fmax(newton->scale[g->unknown], fabs(w0[0])))) {
+                if (fmax(bracket.r[0], bracket.r[1]) > POLE * bracket.wide) {
+                    newton->worst_residual = norm;
+                    return NOT_CONVERGED;
+                }
                 /* r jumps, as with Coulomb friction at v = 0: w is the holding force */
                 e->signals[newton->unknowns[g->unknown]] = w0[0];
                 newton->jumped = true;

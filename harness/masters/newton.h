@@ -50,10 +50,8 @@ static double mean_of(Moving *m, const Span *s)
 {
     if (!m->inner)
         return m->u0 + (m->u1 - m->u0) * 0.5 * (s->from + s->to);
-    if (s->flat || m->role == CHANGING)
-        return m->q1 = m->u1;
-    if (m->role == HOLDING)
-        return 0.5 * (m->u0 + m->u1);
+    if (s->flat || m->role >= HOLDING)
+        return m->role == HOLDING && !s->flat ? 0.5 * (m->u0 + m->u1) : m->u1;
     const double q0 = earlier(m, s);
     m->q1 = ((1.0 - GA_F) * m->u0 + GA_F * m->u1 - (1.0 - GA_M) * q0) / GA_M;
     return (1.0 - GA_RATE) * q0 + GA_RATE * m->q1;
@@ -65,15 +63,16 @@ static double end_of(const Moving *m, const Span *s) { return m->inner ? m->u1 :
 /* Step one continuous part with inputs that vary linearly. */
 static int move_part(Engine *e, Newton *newton, int64_t index, const Span *s)
 {
-    bool stops = false;
+    bool stops = false; /* a contact */
     fetch_inputs(e, &e->parts[index]);
     for (int64_t k = e->lines_from[index]; k < e->lines_from[index + 1]; k++) {
         Line *const l = &e->lines[k];
         Moving *const m = &newton->moving[k];
-        m->u1 = is_rest(m)        ? 0.0
-                : m->unknown >= 0 ? carried(e, l->input, newton->w[m->unknown])
-                                  : arriving(e, l->input);
-        stops = stops || (is_rest(m) && m->u0 != 0.0);
+        m->u1 = m->unknown >= 0 ? carried(e, l->input, newton->w[m->unknown]) : arriving(e, l->input);
+        if (is_rest(m)) {
+            m->u1 = 0.0;
+            stops = m->u0 != 0.0;
+        }
         l->mean = mean_of(m, s);
         l->end = end_of(m, s);
     }
@@ -109,10 +108,10 @@ static int evaluate(Engine *e, Newton *newton, const Group *g, const Span *s, bo
         const double G = e->signals[newton->unknowns[j]];
         const double scale = fmax(newton->scale[j], fmin(fabs(newton->w[j]), fabs(G)));
         newton->r[j] = G - newton->w[j];
-        const double size = newton->r[j] == 0.0 ? 0.0 : fabs(newton->r[j]) / scale;
+        const double size = newton->r[j] == 0.0 ? 0.0 : scale > 0.0 ? fabs(newton->r[j]) / scale : INFINITY;
         *norm = size >= *norm ? size : isnan(size) ? INFINITY : *norm;
     }
-    for (const Contact *c = contacts_of(newton, g); c < contacts_of(newton, g) + g->contacts; c++)
+    for (const Contact *c = newton->contacts + g->contact; c < newton->contacts + g->contact + g->contacts; c++)
         if (is_rest(&newton->moving[c->line]))
             newton->r[c->unknown] = arriving(e, e->lines[c->line].input);
     return SOLVED;

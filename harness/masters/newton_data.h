@@ -22,7 +22,7 @@ typedef struct {
 
 /* A part of a loop that turns a velocity into a force. */
 typedef struct {
-    int64_t part, line, unknown;     /* the part; line of its velocity; unknown that is its force */
+    int64_t part, line, unknown;    /* the part; line of its velocity; unknown that is its force */
     int64_t first_load, load_count; /* its inputs that are forces, one of which may be the sum of the other forces */
 } Contact;
 
@@ -62,7 +62,7 @@ typedef struct {
     const int64_t *held; /* Real inputs of continuous parts that are not lines, such as the force of a sampled law */
     double *held_values; /* in the last step */
     const Contact *contacts;
-    const int64_t *loads; /* inputs of contacts that are forces */
+    const int64_t *loads;       /* inputs of contacts that are forces */
     double *w, *w_last, *trend; /* value, value of the last step, slope over the last step */
     double *scale;              /* largest magnitude so far */
     double *surprise, *growth;  /* error of the last prediction; how often it changed its sign and grew */

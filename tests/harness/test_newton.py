@@ -2,13 +2,19 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Callable
+from fractions import Fraction
+
 import numpy as np
 import pytest
 from harness_parts import DAMPING, SIGMA0, bristle, mass
 from scipy.linalg import expm
 from test_harness_masters import two_masses
 
-from harness import CallablePart, ExperimentError, Result, System
+from harness import CallablePart, ExperimentError, Port, Result, SeriesPart, System
+from harness.accuracy.estimate import Track, estimate
+from harness.engine.defect import inaccurate
 
 WIRES = ["bristle.F -> mass.F", "mass.v -> bristle.v"]
 
@@ -174,3 +180,52 @@ def test_a_part_with_noisy_outputs_is_solved_to_ten_times_the_tolerance() -> Non
     assert result.attrs["substeps"] == 2
     with pytest.raises(ExperimentError, match="does not converge"):
         noisy_loop(1e-4).run(stop=0.2, step=0.1, master="newton")
+
+
+@pytest.mark.parametrize(
+    "residual",
+    [
+        pytest.param(lambda w, c: c - 1.0 + math.sqrt(1.0 - w) if w <= 1.0 else math.nan, id="edge of the domain"),
+        pytest.param(lambda w, c: w - 0.7 + 1.0 / (w - 0.7) if c > 0.0 else -w, id="pole"),
+    ],
+)
+def test_where_a_residual_is_no_number_or_has_a_pole_is_no_solution(residual: Callable[[float, float], float]) -> None:
+    """w = 0 solves the loop at t = 0. From the first step on, the least residual is 0.1, or 2 beside a pole."""
+    steep = CallablePart("steep", lambda t, u, x: u[0] + residual(u[0], 1.1 if t > 0.0 else 0.0), ["u"], ["y"])
+    back = CallablePart("back", lambda t, u, x: u[0], ["u"], ["y"])
+    system = System([steep, back], ["steep.y -> back.u", "back.y -> steep.u"])
+    with pytest.raises(ExperimentError, match="does not converge"):
+        system.run(stop=0.01, step=1e-3, master="newton")
+
+
+def test_a_contact_without_known_load_holds_within_its_jump() -> None:
+    """1 kg on Coulomb friction of 2 N under a force of 10 N/s moves from 0.2 s on: v = 5 (t - 0.2)^2. Until then, v is
+    exactly 0."""
+    v, F = Port("v", "m/s"), Port("F", "N")
+    friction = CallablePart("friction", lambda t, u, x: 2.0 * np.sign(u[0]), [v], [F])
+    plant = CallablePart(
+        "mass",
+        lambda t, u, x: x,
+        [F, Port("drive", "N")],
+        [v],
+        advance=lambda t, h, u, x: [x[0] + h * (u[1] - u[0])],
+        state=[0.0],
+        dependencies={"v": ()},
+    )
+    drive = SeriesPart("drive", [0.0, 1.0], {"F": [0.0, 10.0]})
+    wires = ["friction.F -> mass.F", "mass.v -> friction.v", "drive.F -> mass.drive"]
+    result = System([plant, friction, drive], wires).run(stop=0.4, step=1e-3, master="newton")
+    t, speed = result["time"].to_numpy(), result["mass.v"].to_numpy()
+    assert (speed[t < 0.1995] == 0.0).all()
+    np.testing.assert_allclose(speed, 5.0 * np.maximum(t - 0.2, 0.0) ** 2, atol=1e-4)
+
+
+def test_growth_beyond_the_squares_of_numbers_is_declared_wrong() -> None:
+    """With c h = 10 m, Gauss-Seidel multiplies v by -9 in each step, up to 1e238: the squares are infinite."""
+    friction = CallablePart("friction", lambda t, u, x: 1e4 * u[0], ["v"], ["F"])
+    system = System([mass(v0=1.0), friction], ["friction.F -> mass.F", "mass.v -> friction.v"])
+    result = system.run(stop=0.25, step=1e-3, master="gauss-seidel")
+    assert np.isfinite(result["mass.v"]).all()
+    assert inaccurate(result.attrs)
+    tracks = [Track(Fraction(n), Fraction(n), 0.0, n * 1e-3, result["mass.v"].to_numpy()[::n]) for n in (1, 2, 4)]
+    assert estimate(tracks, most=1.0, noise=1e-9, nominal=1.0, required=1e-3).verdict == "not resolved"
