@@ -283,8 +283,8 @@ fmi2Status fmi2DoStep(fmi2Component component, fmi2Real t, fmi2Real h, fmi2Boole
             t)
     REQUIRE(fabs(t - m->time) <= slack, "fmi2DoStep: communication point %.17g s is not the current time %.17g s", t,
             m->time)
-    REQUIRE(t + h <= m->run.stop + slack + m->run.drift, "fmi2DoStep: the step to %.17g s exceeds the stop time %.17g s", t + h,
-            m->run.stop)
+    REQUIRE(t + h <= m->run.stop + slack + m->run.drift,
+            "fmi2DoStep: the step to %.17g s exceeds the stop time %.17g s", t + h, m->run.stop)
 
     const char *const relation = m->run.stale ? violated(m) : NULL;
     if (relation) {

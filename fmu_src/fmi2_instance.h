@@ -35,9 +35,10 @@ typedef struct {
     char name[]; /* of the instance */
 } Instance;
 
-#define MODE(c) ((c)->model.run.mode)
-#define NOW(c)  ((c)->model.time)
-#define KIND(c) ((c)->model.run.exchange ? fmi2ModelExchange : fmi2CoSimulation)
+#define MODE(c)        ((c)->model.run.mode)
+#define SLOPES_USED(c) ((c)->model.run.slopes_used)
+#define NOW(c)         ((c)->model.time)
+#define KIND(c)        ((c)->model.run.exchange ? fmi2ModelExchange : fmi2CoSimulation)
 
 #include "fmi2_calls.h"
 

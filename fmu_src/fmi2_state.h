@@ -108,8 +108,8 @@ static bool plausible(const Model *m)
                 is_flag(&run->slopes_used) && is_flag(&run->outputs_done) && is_flag(&run->warning) &&
                 is_flag(&run->warned) && is_flag(&run->too_much) && run->tick >= 0 && run->tick <= most_samples &&
                 run->inner_step >= 0.0 && run->inner_step < INF && run->last_step >= 0.0 && run->last_step < INF &&
-                isfinite(run->rest) && run->drift >= 0.0 && run->drift < INF &&
-                isfinite(run->start) && run->stop >= run->start && run->tolerance >= 0.0 && run->tolerance < INF;
+                isfinite(run->rest) && run->drift >= 0.0 && run->drift < INF && isfinite(run->start) &&
+                run->stop >= run->start && run->tolerance >= 0.0 && run->tolerance < INF;
     for (int i = 0; i <= INPUTS; i++)
         good = good && isfinite(m->slope[i]);
     for (size_t i = 0; i < ROWS; i++)

@@ -66,9 +66,10 @@ struct Instance {
     char name[]; /* of the instance */
 };
 
-#define MODE(c) ((c)->memory.mode)
-#define NOW(c)  ((c)->memory.time)
-#define KIND(c) ((c)->memory.exchange ? fmi2ModelExchange : fmi2CoSimulation)
+#define MODE(c)        ((c)->memory.mode)
+#define SLOPES_USED(c) ((c)->memory.slopes_used)
+#define NOW(c)         ((c)->memory.time)
+#define KIND(c)        ((c)->memory.exchange ? fmi2ModelExchange : fmi2CoSimulation)
 
 #include "fmi2_calls.h"
 

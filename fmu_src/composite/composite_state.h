@@ -15,7 +15,10 @@ typedef struct {
 } Saved;
 
 /* Return whether the state of a part is saved at this place. */
-static bool is_saved(const Memory *m, int64_t i) { return i < PARTS ? is_fmu(i) : m->inside && moves_inside(i - PARTS); }
+static bool is_saved(const Memory *m, int64_t i)
+{
+    return i < PARTS ? is_fmu(i) : m->inside && moves_inside(i - PARTS);
+}
 
 /* A serialized state: these bytes, then the size and the bytes of each part's state. */
 enum { SAVED_SIZE = offsetof(Saved, parts), AFTER_CHECKSUM = offsetof(Saved, memory) };
@@ -61,8 +64,8 @@ fmi2Status fmi2GetFMUstate(fmi2Component component, fmi2FMUstate *state)
         REQUIRE(!is_fmu(i) || c->parts[i].get_state(c->parts[i].component, &saved->parts[i]) <= 1,
                 "fmi2GetFMUstate: %s cannot save its state: %s", part_data[i].name, c->said)
     for (int64_t i = 0; i < PARTS; i++)
-        REQUIRE(!is_saved(&c->memory, PARTS + i) || copied(c, i, c->ticks[c->memory.side][i], &saved->parts[PARTS + i],
-                                                           saved->parts[i]),
+        REQUIRE(!is_saved(&c->memory, PARTS + i) ||
+                    copied(c, i, c->ticks[c->memory.side][i], &saved->parts[PARTS + i], saved->parts[i]),
                 "fmi2GetFMUstate: %s cannot save its state: %s", part_data[i].name, c->said)
     return fmi2OK;
 }

@@ -94,10 +94,11 @@ static bool move_on_lines(Instance *c, double length, const bool *sticks)
         if (p->sampled || p->every > 1)
             continue;
         fetch_inputs(e, p);
-        for (Line *l = e->lines + lines_from[part]; l < e->lines + lines_from[part + 1]; l++) {
-            const double begin = 2.0 * l->mean - l->end;
-            l->end = begin + (l->end - begin) * (length / STEP_SIZE);
-            l->mean = 0.5 * (begin + l->end);
+        for (int64_t i = lines_from[part]; i < lines_from[part + 1]; i++) {
+            Line *const l = &e->lines[i];
+            const double begin = 2.0 * l->mean - l->end, end = begin + (l->end - begin) * (length / STEP_SIZE);
+            l->mean = 0.5 * (begin + end);
+            l->end = c->memory.moving[i].unknown < 0 ? arriving(e, l->input) : end; /* of a part that has moved */
         }
         int status = step_on_lines(e, part, e->time, length);
         if (status <= 1)
@@ -264,7 +265,8 @@ fmi2Status fmi2DoStep(fmi2Component component, fmi2Real t, fmi2Real h, fmi2Boole
             "fmi2DoStep: step size %g at t = %g s must be positive and finite", h, t)
     REQUIRE(fabs(t - m->time) <= slack, "fmi2DoStep: communication point %.17g s is not the current time %.17g s", t,
             m->time)
-    REQUIRE(t + h <= m->stop + slack + m->drift, "fmi2DoStep: the step to %.17g s exceeds the stop time %.17g s", t + h, m->stop)
+    REQUIRE(t + h <= m->stop + slack + m->drift, "fmi2DoStep: the step to %.17g s exceeds the stop time %.17g s", t + h,
+            m->stop)
 
     c->said[0] = '\0';
     c->warning = false;

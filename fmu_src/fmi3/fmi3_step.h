@@ -83,6 +83,8 @@ static APART fmi3Status pieces_3(Shell *c, double t, double h, bool keeps_no_sta
     for (double now = t;;) {
         const double stop = next_stop_3(c, now, end);
         const bool whole = now == t && stop == whole_end;
+        if (now > t) /* the input derivatives are of the whole step */
+            SLOPES_USED(c->inside) = false;
         const fmi2Status status = fmi2DoStep(c->inside, now, whole ? h : stop - now, keeps_no_state ? 1 : 0);
         if (status > fmi2Warning)
             return (fmi3Status)status;

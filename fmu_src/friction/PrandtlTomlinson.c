@@ -14,8 +14,8 @@
    at the temperature kT (0: none), white noise sqrt(2 m damping kT).
 
    With kT > 0, damping and noise act together at the start of each interval `dt` of a grid that starts with the
-   first step of this kind, by the exact solution of w' = -damping w + R/m over dt. Between these instants, the tip moves without
-   both, with the time scaled by b. Sivak, Chodera, Crooks: Journal of Physical Chemistry B 118, 2014:
+   first step of this kind, by the exact solution of w' = -damping w + R/m over dt. Between these instants, the tip
+   moves without both, with the time scaled by b. Sivak, Chodera, Crooks: Journal of Physical Chemistry B 118, 2014:
 
        w <- exp(-y) w + sqrt((1 - exp(-2 y)) kT / m) n,   y = damping dt
        x' = b w,   m w' = b (k (X - x) - (pi E0 / a) sin(2 pi x / a))

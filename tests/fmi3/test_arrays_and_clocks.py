@@ -222,6 +222,21 @@ def test_an_event_without_the_clock_leaves_the_sample_to_the_next_step() -> None
         assert late.get("u") != [0.0]
 
 
+def test_input_derivatives_last_for_the_whole_step() -> None:
+    """Over samples at which the importer reads values, a ramp gives what it gives without them."""
+    found = []
+    for update in ({}, {"earlyReturnAllowed": False, "intermediateUpdate": stopping(1.0, [])}):
+        with Slave(three("PID"), **update) as one:
+            one.initialise(r=1e-3, rd=0.0, rdd=0.0, v=0.0)
+            references, orders = (ctypes.c_uint * 1)(one.reference("x")), (ctypes.c_int * 1)(1)
+            slopes = one.dll.friction_fmus_SetInputDerivatives
+            slopes.argtypes = [ctypes.c_void_p, ctypes.c_void_p, ctypes.c_size_t, ctypes.c_void_p, ctypes.c_void_p]
+            assert slopes(one.component, references, 1, orders, (c_double * 1)(0.5)) == 0
+            one.doStep(0.0, 5e-3)
+            found.append(one.get("u") + one.get("x"))
+    assert found[0] == pytest.approx(found[1], rel=1e-12)
+
+
 def test_the_clock_has_the_interval_of_ts() -> None:
     with Slave(three("PID"), eventModeUsed=True) as one:
         clock = one.variables["samples"]
