@@ -290,9 +290,12 @@ def two_in_series(
 
         def end(i: int) -> Callable[[float, Array], float]:
             way, c = ways[i], contacts[i]
-            found: Any = lambda tau, y: way * y[2 * i + 1] if way else c.Fs - abs(needed(tau, y)[i])  # noqa: E731
-            found.terminal, found.direction = True, -1.0
-            return found
+
+            def left(tau: float, q: Array) -> float:
+                return way * q[2 * i + 1] if way else c.Fs - abs(needed(tau, q)[i])
+
+            left.terminal, left.direction = True, -1.0  # type: ignore[attr-defined]
+            return left
 
         run: Any = solve_ivp(
             rhs,
