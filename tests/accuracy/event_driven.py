@@ -7,6 +7,7 @@ solved in closed form; under a Stribeck curve by SciPy, with the end of the moti
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
@@ -20,7 +21,8 @@ from scipy.optimize import brentq
 
 Array = NDArray[np.float64]
 Curve = Callable[[float], float]
-LONGEST = 200_000  # pieces of a motion
+LONGEST = 20_000  # pieces of a motion
+SECONDS = 1.0  # of processor time for one motion
 
 
 class TooLongError(Exception):
@@ -89,7 +91,7 @@ class _Walk:
 
     def all(self) -> None:
         of = self.of
-        self.now = float(self.t[0])
+        self.now, self.latest = float(self.t[0]), time.process_time() + SECONDS
         self.x, self.v, self.support = of.x0, of.v0 - of.belt, of.support0
         self.found = {name: np.empty(len(self.t)) for name in ("x", "v", "F")}
         self.changes: list[tuple[float, bool]] = []
@@ -190,6 +192,8 @@ class _Walk:
         left = self.end - begin
 
         def rhs(tau: float, y: Array) -> list[float]:
+            if time.process_time() > self.latest:
+                raise TooLongError
             slip = way * max(way * y[1], 0.0)
             return [y[1], (self.needed(y[0], y[1], s0 + V * tau) - c.sliding(slip, way)) / of.m]
 
