@@ -21,7 +21,7 @@ from scipy.optimize import brentq
 
 Array = NDArray[np.float64]
 Curve = Callable[[float], float]
-LONGEST = 20_000  # pieces of a motion
+LONGEST = 5_000  # pieces of a motion
 SECONDS = 1.0  # of processor time for one motion
 
 
@@ -173,14 +173,17 @@ class _Walk:
         V = self.phase.support - of.belt
         damping = of.d + c.Fv
         a = (self.needed(self.x, self.v, self.support) - c.sliding(self.v, way)) / of.m
-        if self.v == 0.0 and way * a < 0.0:  # static friction below sliding friction
-            raise TooLongError
+        if self.v == 0.0:
+            if way * a < -1e-9 * c.Fs / of.m:  # static friction below sliding friction
+                raise TooLongError
+            a = way * max(way * a, 0.0)
         if of.k == 0.0 and damping == 0.0:
             x0, v0 = self.x, self.v
             motion = lambda tau: (x0 + v0 * tau + 0.5 * a * tau**2, v0 + a * tau)  # noqa: E731
             stop = -v0 / a if way * a < 0.0 else inf
         else:
             motion, stop = _modes(of, damping, V, (self.x, self.v, a), way, left)
+        stop = inf if c.Fc == c.Fs == 0.0 else stop
         length = min(stop, left)
         self._keep(self.now, self.now + length, motion, lambda tau: way * c.Fc + c.Fv * motion(tau)[1])
         x, v = motion(np.array(length))
