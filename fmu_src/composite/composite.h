@@ -42,7 +42,7 @@ struct Instance {
     Line lines[LINES + 1];
     Manipulator delays[DELAYS + 1];
     Moving kept_lines[LINES + 1];
-    double r[UNKNOWNS + 1], work[6 * MOST + MOST * MOST + 1], kept[6 * MOST + MOST * MOST + 2 * LINES + 1];
+    double r[UNKNOWNS + 1], work[7 * MOST + 2 * MOST * MOST + 1], kept[6 * MOST + MOST * MOST + 2 * LINES + 1];
     double start_values[ROOTS + 1], start_work[FIXED_POINT_WORK(ROOTS) + 1], earlier[SIGNALS + 1];
     double shown[SIGNALS + 1]; /* signals after values were set, if `refreshed` */
     double input_slopes[SIGNALS + 1];
@@ -175,6 +175,8 @@ static void wire_newton(Instance *c)
         .unknowns = unknown_outputs,
         .held = held_inputs,
         .held_values = m->held_values,
+        .contacts = contact_data,
+        .loads = load_inputs,
         .w = m->w,
         .w_last = m->w_last,
         .trend = m->trend,

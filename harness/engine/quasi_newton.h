@@ -121,7 +121,7 @@ static double inside(Bracket *b, double w, double r, double candidate, int64_t t
     return slow || !(candidate > low && candidate < high) ? 0.5 * (low + high) : candidate;
 }
 
-static int solve(Engine *e, Newton *newton, const Group *g, int64_t number, const Span *s, bool again)
+static int iterate(Engine *e, Newton *newton, const Group *g, int64_t number, const Span *s, bool again)
 {
     const int64_t n = g->unknowns, most = newton->most_unknowns;
     double *const w = newton->w + g->unknown, *const r = newton->r + g->unknown;

@@ -5,7 +5,7 @@
 #ifndef RESTART_H
 #define RESTART_H
 
-#include "quasi_newton.h"
+#include "contacts.h"
 
 #define ROUNDED 10.0 /* smallest jump over the tolerance of a solution */
 
@@ -41,7 +41,7 @@ static bool jumps(const Engine *e, Newton *newton, const Group *g)
 }
 
 /* Compute the outputs of a loop or a part for its inputs after the jump. */
-static int refresh(Engine *e, const Newton *newton, const Group *g, double t)
+static int refresh(Engine *e, Newton *newton, const Group *g, double t)
 {
     for (int64_t i = g->first; i < g->first + g->count; i++) {
         EnginePart *const p = &e->parts[newton->order[i]];
@@ -55,6 +55,7 @@ static int refresh(Engine *e, const Newton *newton, const Group *g, double t)
             failed(e, newton->order[i], operation, status, t);
             return status;
         }
+        set_at_rest(e, newton, g); /* before a contact at rest reads its velocity */
     }
     return SOLVED;
 }

@@ -7,7 +7,7 @@
 #ifndef STEP_CHECK_H
 #define STEP_CHECK_H
 
-#include "quasi_newton.h"
+#include "contacts.h"
 
 #define AT_START        10.0 /* factor of `doubt` in the first EARLY ticks of a value that starts at 0 */
 #define SURPRISE        0.05 /* of the magnitude, between an unknown and its linear prediction */
@@ -15,6 +15,7 @@
 #define HOPELESS        30.0 /* root of the sum of the squares of the unresolved errors, over the magnitude */
 #define MOST_UNRESOLVED 40.0 /* sum of the shares of their steps */
 #define AMPLIFIED       4.0  /* ratio of error to tolerance that an amplified value counts as */
+#define NEGLIGIBLE      1e-6 /* holding force over the largest force of a contact in the loop */
 enum { CHECK_EVERY = 512, CHECK_SOON = 16, ALARM = 4, MOST_PATIENCE = 64, SOON = 16, MOST_RECURRENCES = 8, EARLY = 8 };
 #define GROWTHS 3.0
 
@@ -124,15 +125,17 @@ static double difference(const Engine *e, Newton *newton, int64_t number, const 
 {
     const Group *const g = &newton->groups[number];
     StepCheck *const guard = &newton->guards[number];
+    const double least = NEGLIGIBLE * strength_of(newton, g);
     double worst = 0.0, most = -1.0;
     for (int64_t i = g->first; i < g->first + g->count; i++)
         for (int64_t k = e->lines_from[newton->order[i]]; k < e->lines_from[newton->order[i] + 1]; k++) {
             const Moving *const a = &newton->kept_lines[k], *const b = &newton->moving[k];
-            if (!a->inner || (jumped && a->unknown < 0))
+            if (!a->inner || (jumped && a->unknown < 0) || (a->role == HOLDING && b->role == HOLDING))
                 continue;
             const double tolerated = newton->doubt * (early && a->from_rest ? AT_START : 1.0);
             const double in_mean = fabs(whole[k] - halves[k]), at_end = jumped ? 0.0 : fabs(a->u1 - b->u1);
-            const double apart = fmax(in_mean, at_end), size = fmax(a->scale, fmax(fabs(a->u1), fabs(b->u1)));
+            const double apart = fmax(in_mean, at_end), values = fmax(fabs(a->u1), fabs(b->u1));
+            const double size = fmax(fmax(a->scale, values), a->role == CHANGING ? least : 0.0);
             const double remains = fmax((s->to - s->from) * in_mean, at_end);
             const double off = apart == 0.0 ? 0.0 : apart / (tolerated * size);
             worst = off <= worst ? worst : isnan(off) ? INFINITY : off;
@@ -172,8 +175,7 @@ static int check(Engine *e, Newton *newton, int64_t number, const Span *s, bool 
         newton->guards[number].apart = newton->moving[newton->guards[number].line].scale;
     status = evaluate(e, newton, g, s, true, &norm);
     newton->jumped = jumped;
-    for (int64_t j = g->unknown; jumped && j < g->unknown + g->unknowns; j++)
-        e->signals[newton->unknowns[j]] = newton->w[j];
+    set_at_rest(e, newton, g);
     return status;
 }
 

@@ -24,7 +24,7 @@
 #define GA_F    (1.0 / (1.0 + RHO))
 #define GA_RATE (0.5 + GA_M - GA_F)
 
-enum { SOLVED = 0, NOT_CONVERGED = 101, MOST_EVALUATIONS = 60, MOST_BISECTIONS = 250 };
+enum { SOLVED = 0, NOT_CONVERGED = 101, BREAKS_AWAY, MOST_EVALUATIONS = 60, MOST_BISECTIONS = 250 };
 #ifndef MOST_HALVINGS /* fuzzing has fewer */
 #define MOST_HALVINGS 20
 #endif
@@ -36,6 +36,12 @@ typedef struct {
     bool flat;    /* the values at its end are held from its start */
 } Span;
 
+/* Roles of a line: the velocity of a contact that is held by the sum of the other forces, or within the jump of its
+   friction; its force, which varies linearly while it is held, and which is constant in a step that stops or starts. */
+enum { FREE, AT_REST, IN_JUMP, HOLDING, CHANGING };
+
+static inline bool is_rest(const Moving *m) { return m->role == AT_REST || m->role == IN_JUMP; }
+
 /* Return q0 as if the previous step had the length of this one. q is the value of u at a time that lags by a fixed
    fraction of the step. */
 static double earlier(const Moving *m, const Span *s) { return m->u0 + (m->q0 - m->u0) * s->ratio; }
@@ -44,8 +50,10 @@ static double mean_of(Moving *m, const Span *s)
 {
     if (!m->inner)
         return m->u0 + (m->u1 - m->u0) * 0.5 * (s->from + s->to);
-    if (s->flat)
-        return m->u1;
+    if (s->flat || m->role == CHANGING)
+        return m->q1 = m->u1;
+    if (m->role == HOLDING)
+        return 0.5 * (m->u0 + m->u1);
     const double q0 = earlier(m, s);
     m->q1 = ((1.0 - GA_F) * m->u0 + GA_F * m->u1 - (1.0 - GA_M) * q0) / GA_M;
     return (1.0 - GA_RATE) * q0 + GA_RATE * m->q1;
@@ -57,15 +65,21 @@ static double end_of(const Moving *m, const Span *s) { return m->inner ? m->u1 :
 /* Step one continuous part with inputs that vary linearly. */
 static int move_part(Engine *e, Newton *newton, int64_t index, const Span *s)
 {
+    bool stops = false;
     fetch_inputs(e, &e->parts[index]);
     for (int64_t k = e->lines_from[index]; k < e->lines_from[index + 1]; k++) {
         Line *const l = &e->lines[k];
         Moving *const m = &newton->moving[k];
-        m->u1 = m->unknown >= 0 ? carried(e, l->input, newton->w[m->unknown]) : arriving(e, l->input);
+        m->u1 = is_rest(m)        ? 0.0
+                : m->unknown >= 0 ? carried(e, l->input, newton->w[m->unknown])
+                                  : arriving(e, l->input);
+        stops = stops || (is_rest(m) && m->u0 != 0.0);
         l->mean = mean_of(m, s);
         l->end = end_of(m, s);
     }
     int status = step_on_lines(e, index, s->t, s->h);
+    if (status <= 1 && stops) /* the end of a line has a rounding error */
+        status = hand_over(&e->parts[index], e->signals);
     if (status <= 1)
         status = fetch_outputs(&e->parts[index], e->signals);
     if (status > 1)
@@ -73,7 +87,9 @@ static int move_part(Engine *e, Newton *newton, int64_t index, const Span *s)
     return status;
 }
 
-/* Compute G(w) - w, and in *norm its magnitude over the scales. */
+static inline const Contact *contacts_of(const Newton *newton, const Group *g) { return newton->contacts + g->contact; }
+
+/* Compute G(w) - w, and in *norm its magnitude over the scales. The residual of a contact at rest is its velocity. */
 static int evaluate(Engine *e, Newton *newton, const Group *g, const Span *s, bool again, double *norm)
 {
     for (int64_t i = g->first; i < g->first + g->count; i++) {
@@ -96,6 +112,9 @@ static int evaluate(Engine *e, Newton *newton, const Group *g, const Span *s, bo
         const double size = newton->r[j] == 0.0 ? 0.0 : fabs(newton->r[j]) / scale;
         *norm = size >= *norm ? size : isnan(size) ? INFINITY : *norm;
     }
+    for (const Contact *c = contacts_of(newton, g); c < contacts_of(newton, g) + g->contacts; c++)
+        if (is_rest(&newton->moving[c->line]))
+            newton->r[c->unknown] = arriving(e, e->lines[c->line].input);
     return SOLVED;
 }
 
@@ -111,14 +130,26 @@ static bool turns_and_grows(const Newton *newton, int64_t j, const Span *s, doub
     return miss * newton->surprise[j] < 0.0 && fabs(miss) > fabs(newton->surprise[j]) && fabs(s->ratio - 1.0) < 1e-6;
 }
 
+/* The contacts keep their state; a step that stops or starts one is the beginning of another motion. */
+static void accept_contacts(const Engine *e, Newton *newton, const Group *g)
+{
+    for (const Contact *c = contacts_of(newton, g); c < contacts_of(newton, g) + g->contacts; c++) {
+        Moving *const m = &newton->moving[c->line];
+        m->rests = is_rest(m) ? m->role : FREE;
+        if (m->rests)
+            newton->w[c->unknown] = e->signals[newton->unknowns[c->unknown]];
+    }
+}
+
 static void accept(const Engine *e, Newton *newton, const Group *g, int64_t number, const Span *s)
 {
+    accept_contacts(e, newton, g);
     for (int64_t i = g->first; i < g->first + g->count; i++)
         for (int64_t k = e->lines_from[newton->order[i]]; k < e->lines_from[newton->order[i] + 1]; k++) {
             Moving *const m = &newton->moving[k];
             if (m->inner) {
-                m->u0 = m->u1;
-                m->q0 = m->q1;
+                m->u0 = m->role == HOLDING || m->role == CHANGING ? arriving(e, e->lines[k].input) : m->u1;
+                m->q0 = m->role == FREE ? m->q1 : m->u0;
                 m->scale = fmax(m->scale, fabs(m->u1));
             }
         }
@@ -141,7 +172,7 @@ static double error_of(const Engine *e, const Newton *newton, const Group *g, co
     for (int64_t i = g->first; i < g->first + g->count; i++)
         for (int64_t k = e->lines_from[newton->order[i]]; k < e->lines_from[newton->order[i] + 1]; k++) {
             const Moving *const m = &newton->moving[k];
-            if (m->inner) {
+            if (m->inner && m->role == FREE) {
                 const double mean = (1.0 - GA_RATE) * earlier(m, s) + GA_RATE * m->q1;
                 const double error = mean - 0.5 * (m->u0 + m->u1);
                 worst = fmax(worst, error != 0.0 ? fabs(error) / fmax(m->scale, fabs(m->u1)) : 0.0);
@@ -162,6 +193,7 @@ static int save_loop(Engine *e, const Newton *newton, const Group *g, double t)
     return SOLVED;
 }
 
+#include "contacts.h"
 #include "step_check.h"
 
 /* Progress of a loop within a step. */
@@ -212,11 +244,20 @@ static int step_loop(Engine *e, Newton *newton, int64_t number, int64_t tick, do
         double piece = fmin(varies ? *proposed : h, h - p.done);
         piece = guard->calm > 0 ? fmin(piece, guard->limit) : piece;
         int status = save_loop(e, newton, g, p.t);
+        bool split = false;
         for (bool again = false; status == SOLVED; again = true) {
             const Span s = next_span(newton, number, &p, piece);
             double off = 0.0;
             bool checked = false;
+            newton->splits = piece > accurate;
             status = solve(e, newton, g, number, &s, again);
+            newton->splits = false;
+            if (status == BREAKS_AWAY) {
+                piece *= newton->share;
+                split = true;
+                status = SOLVED;
+                continue;
+            }
             if (status == SOLVED)
                 status = judge(e, newton, number, &p, &s, &off, &checked);
             if (status == SOLVED && (checked || off == AMPLIFIED))
@@ -224,10 +265,11 @@ static int step_loop(Engine *e, Newton *newton, int64_t number, int64_t tick, do
             if (status == SOLVED && (off <= 1.0 || piece <= accurate)) {
                 accept(e, newton, g, number, &s);
                 newton->substeps++;
-                if (again)
+                if (again && !split)
                     confine(guard, s.h);
                 p.done = s.to >= 1.0 ? h : p.done + piece;
-                *proposed = fmax(accurate, piece * (again ? 1.0 : fmin(4.0, 0.8 / sqrt(off + 1e-9))));
+                if (!split)
+                    *proposed = fmax(accurate, piece * (again ? 1.0 : fmin(4.0, 0.8 / sqrt(off + 1e-9))));
                 break;
             }
             newton->rejected++;
@@ -315,6 +357,7 @@ EXPORT bool newton_tick(Engine *e, int64_t tick)
 #include "begin.h"
 #include "fixed_point.h"
 
+MIRRORED(Contact)
 MIRRORED(Group)
 MIRRORED(Moving)
 MIRRORED(Newton)

@@ -19,13 +19,14 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
 from harness.engine.algorithm import Algorithm
-from harness.engine.defect import UNRESOLVED, WRONG
+from harness.engine.defect import UNRESOLVED, WRONG, are_power, unit_of
 from harness.engine.library import bytes_of, library, mirrors
 from harness.engine.line import attach_lines
 from harness.engine.native import Engine
 from harness.errors import ExperimentError
 from harness.system.experiment import LOOP_TOLERANCE, STEP_TOLERANCE, Experiment
 from harness.system.plan import MovingWire, Plan, Schedule
+from harness.system.wire import split_name
 
 _LOG = logging.getLogger("harness")
 _POINTER, _INT, _REAL = ctypes.c_void_p, ctypes.c_int64, ctypes.c_double
@@ -56,9 +57,17 @@ class Moving(ctypes.Structure):
     """``Moving`` of newton_data.h."""
 
     _fields_ = (
-        *((name, _INT) for name in ("inner", "unknown", "from_rest")),
+        *((name, _INT) for name in ("inner", "unknown", "from_rest", "role")),
         *((name, _REAL) for name in ("u0", "q0", "u1", "q1", "scale", "debt", "gain", "offset")),
+        *((name, _INT) for name in ("rests", "rigid")),
     )
+
+
+@mirrors("Contact")
+class Contact(ctypes.Structure):
+    """``Contact`` of newton_data.h."""
+
+    _fields_ = tuple((name, _INT) for name in ("part", "line", "unknown", "first_load", "load_count"))
 
 
 @mirrors("Group")
@@ -66,7 +75,11 @@ class Group(ctypes.Structure):
     """``Group`` of newton_data.h."""
 
     _fields_ = tuple(
-        (name, _INT) for name in ("first", "count", "is_loop", "unknown", "unknowns", "held", "held_count")
+        (name, _INT)
+        for name in (
+            *("first", "count", "is_loop", "unknown", "unknowns", "held", "held_count"),
+            *("contact", "contacts"),
+        )
     )
 
 
@@ -89,12 +102,15 @@ class NewtonData(ctypes.Structure):
         ("groups", _POINTER),
         ("group_count", _INT),
         *((name, _POINTER) for name in ("order", "continuous", "moving", "unknowns", "held", "held_values")),
+        *((name, _POINTER) for name in ("contacts", "loads")),
         *((name, _POINTER) for name in ("w", "w_last", "trend", "scale", "surprise", "growth", "r", "work", "inverse")),
         ("most_unknowns", _INT),
         *((name, _REAL) for name in ("tolerance", "error", "doubt", "finest")),
         *((name, _POINTER) for name in ("proposed", "before", "guards", "kept_lines", "kept")),
         ("worst_residual", _REAL),
-        *((name, _INT) for name in ("jumped", "evaluations", "substeps", "rejected")),
+        *((name, _INT) for name in ("jumped", "splits")),
+        ("share", _REAL),
+        *((name, _INT) for name in ("evaluations", "substeps", "rejected")),
     )
 
 
@@ -125,6 +141,27 @@ def _held_inputs(plan: Plan, group: Sequence[int], wires: Sequence[MovingWire]) 
     names = plan.names
     connected = [signal for part in group for signal in range(*(int(index) for index in plan.inputs[part]))]
     return [signal for signal in connected if signal not in lines and plan.ports[names[signal]].type == "Real"]
+
+
+def _contact(plan: Plan, part: int, wires: Sequence[MovingWire]) -> tuple[int, int, list[int]] | None:
+    """Return the line of the velocity, the force and the connected inputs that are forces of a friction model."""
+    names, ports = plan.names, plan.ports
+    forces = {wire.output for wire in wires if wire.source == part}
+    lines = [number for number, wire in enumerate(wires) if wire.target == part]
+    if len(forces) != 1:
+        return None
+    force = forces.pop()
+    found = [number for number in lines if are_power(ports[names[force]], ports[names[wires[number].input]])]
+    if len(found) != 1:
+        return None
+    unit = unit_of(ports[names[force]])
+    direct = plan.parts[part].dependencies[split_name(names[force])[1]]
+    loads = [
+        signal
+        for signal in range(*(int(index) for index in plan.inputs[part]))
+        if split_name(names[signal])[1] in direct and unit_of(ports[names[signal]]) == unit
+    ]
+    return found[0], force, loads
 
 
 class Loops(Algorithm):
@@ -164,16 +201,28 @@ class Loops(Algorithm):
         inner = [
             wire for wire in wires if group_of[wire.source] == group_of[wire.target] and not plan.delays[wire.input]
         ]
+        contacts = {
+            part: contact for part in range(len(plan.parts)) if (contact := _contact(plan, part, inner)) is not None
+        }
+        forces = {contact[1] for contact in contacts.values() if contact[2]}
+        self.contacts: list[tuple[int, int, int, int, int]] = []
+        self.loads: list[int] = []
         for number, group in enumerate(groups):
             mine = [wire for wire in inner if group_of[wire.source] == number]
             begin = len(unknowns)
             for wire in mine:
-                if place[wire.source] >= place[wire.target] and wire.output not in numbers:
+                if (place[wire.source] >= place[wire.target] or wire.output in forces) and wire.output not in numbers:
                     numbers[wire.output] = len(unknowns)
                     unknowns.append(wire.output)
             held = _held_inputs(plan, group, wires) if plan.parts[group[0]].moves else []
             row = (first, len(group), bool(mine), begin, len(unknowns) - begin, len(self.held), len(held))
-            self.rows.append(Group(*row))
+            known = len(self.contacts)
+            for part in group:
+                line, force, loads = contacts.get(part, (0, -1, []))
+                if force in numbers:
+                    self.contacts.append((part, wires.index(inner[line]), numbers[force], len(self.loads), len(loads)))
+                    self.loads += loads
+            self.rows.append(Group(*row, known, len(self.contacts) - known))
             first += len(group)
             self.held += held
             if mine:
@@ -182,7 +231,10 @@ class Loops(Algorithm):
         self.unknowns, self.inner, self.wires = unknowns, inner, wires
         self._engine, self._tolerance, self._error, self._doubt = engine, tolerance, error, doubt
         self.numbers = [
-            numbers[wire.output] if wire in inner and place[wire.source] >= place[wire.target] else -1 for wire in wires
+            numbers[wire.output]
+            if wire in inner and (place[wire.source] >= place[wire.target] or wire.output in forces)
+            else -1
+            for wire in wires
         ]
 
     def begin(self) -> None:
@@ -212,10 +264,12 @@ class Loops(Algorithm):
         data.order = keep(np.array(self.order, dtype=np.int64))
         data.continuous = keep(np.array([part.moves for part in plan.parts], dtype=np.int64))
         data.unknowns = keep(np.array(self.unknowns, dtype=np.int64))
+        data.contacts = keep(np.array(self.contacts, dtype=np.int64))
+        data.loads = keep(np.array(self.loads, dtype=np.int64))
         data.held = keep(np.array(self.held, dtype=np.int64))
         for name, array in self._memory.items():
             setattr(data, name, keep(array))
-        data.r, data.work = keep(np.zeros(n)), keep(np.zeros(6 * most + most * most))
+        data.r, data.work = keep(np.zeros(n)), keep(np.zeros(7 * most + 2 * most * most))
         data.most_unknowns = most
         data.tolerance, data.error, data.doubt = self._tolerance, self._error, self._doubt
         data.finest = FINEST_ADAPTIVE if self._error > 0.0 else FINEST

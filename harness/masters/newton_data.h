@@ -10,18 +10,28 @@ typedef struct {
     int64_t inner;       /* source and target are in the same loop */
     int64_t unknown;     /* index of the unknown that it reads; -1: its source is stepped before */
     int64_t from_rest;   /* the run begins with the value 0 */
+    int64_t role;        /* in the current solution; see contacts.h */
     double u0, q0;       /* at the start */
     double u1, q1;       /* at the end, in the current iteration */
     double scale;        /* largest magnitude so far */
     double debt;         /* errors that the guard found and could not remove: root of the sum of their squares */
     double gain, offset; /* of the connection in this step, if there are manipulators */
+    int64_t rests;       /* velocity of a contact: its role at the end of the last step */
+    int64_t rigid;       /* velocity of a contact: 1: the friction jumps at v = 0, -1: it does not, 0: unknown */
 } Moving;
+
+/* A part of a loop that turns a velocity into a force. */
+typedef struct {
+    int64_t part, line, unknown;     /* the part; line of its velocity; unknown that is its force */
+    int64_t first_load, load_count; /* its inputs that are forces, one of which may be the sum of the other forces */
+} Contact;
 
 typedef struct {
     int64_t first, count; /* its parts, in stepping order */
     int64_t is_loop;
     int64_t unknown, unknowns; /* its first unknown and the number of unknowns */
     int64_t held, held_count;  /* its first held input and the number of them */
+    int64_t contact, contacts; /* its first contact and the number of them */
 } Group;
 
 /* State of the guard of a loop, see step_check.h. */
@@ -51,10 +61,12 @@ typedef struct {
     const int64_t *unknowns; /* output that each unknown stands for */
     const int64_t *held; /* Real inputs of continuous parts that are not lines, such as the force of a sampled law */
     double *held_values; /* in the last step */
+    const Contact *contacts;
+    const int64_t *loads; /* inputs of contacts that are forces */
     double *w, *w_last, *trend; /* value, value of the last step, slope over the last step */
     double *scale;              /* largest magnitude so far */
     double *surprise, *growth;  /* error of the last prediction; how often it changed its sign and grew */
-    double *r, *work;           /* residuals; work space of 6 n + n^2 for n = most_unknowns */
+    double *r, *work;           /* residuals; work space of 7 n + 2 n^2 for n = most_unknowns */
     double *inverse;            /* inverse of dr/dw, n by n, at n^2 times the index of the group */
     int64_t most_unknowns;      /* largest number of unknowns of a group */
     double tolerance;           /* tolerance of r over scale */
@@ -67,6 +79,8 @@ typedef struct {
     double *kept;               /* and w, w_last, trend, scale, inverse Jacobian, means of the lines */
     double worst_residual;
     int64_t jumped; /* the last solution lies at a jump of r */
+    int64_t splits; /* a step may be divided where a contact breaks away */
+    double share;   /* of the step before that */
     int64_t evaluations, substeps, rejected;
 } Newton;
 

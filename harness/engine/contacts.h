@@ -1,0 +1,294 @@
+/* Set-valued friction in loops. At v = 0, Coulomb friction takes any value up to static friction. A solution with v = 0
+   exactly is therefore tried wherever a velocity is or passes 0: the unknown force is then the one for which the mass
+   stops, and the contact gets the velocity 0. It holds if its output at v = 0 is one of the forces that it reads, which
+   is the sum of the other forces on the mass, or if the force lies within the jump of its output at v = 0. Otherwise it
+   breaks away, at the time at which the force exceeds the limit. Whether the output jumps is found by two steps to
+   velocities beside 0; smooth models are left alone. */
+
+#ifndef CONTACTS_H
+#define CONTACTS_H
+
+#include "quasi_newton.h"
+
+#define BESIDE  1e-300 /* [m/s] or [rad/s] */
+#define NO_JUMP 1e-150 /* [N] or [N.m]: a smooth output beside v = 0 differs by less from that at v = 0 */
+#define EQUAL   1e-9   /* relative difference of equal forces */
+#define SOONEST 1e-6   /* of a step: break-away before it is at its beginning */
+enum { MOST_CORRECTIONS = 12 };
+
+static Moving *velocity_of(const Newton *newton, const Contact *c) { return &newton->moving[c->line]; }
+
+/* Set the role of a contact: of its velocity, and of the lines that carry its force. */
+static void assume(const Engine *e, Newton *newton, const Group *g, const Contact *c, int64_t velocity, int64_t force)
+{
+    velocity_of(newton, c)->role = velocity;
+    for (int64_t i = g->first; i < g->first + g->count; i++)
+        for (int64_t k = e->lines_from[newton->order[i]]; k < e->lines_from[newton->order[i] + 1]; k++)
+            if (newton->moving[k].unknown == c->unknown)
+                newton->moving[k].role = force;
+}
+
+static void hold(const Engine *e, Newton *newton, const Group *g, const Contact *c)
+{
+    const int64_t rests = velocity_of(newton, c)->rests;
+    assume(e, newton, g, c, AT_REST, rests == AT_REST ? HOLDING : rests == IN_JUMP ? FREE : CHANGING);
+}
+
+static void let_go(const Engine *e, Newton *newton, const Group *g, const Contact *c)
+{
+    assume(e, newton, g, c, FREE, velocity_of(newton, c)->rests ? CHANGING : FREE);
+}
+
+/* Give the signals the values of the solution: velocities of contacts at rest, and holding forces within a jump. */
+static void set_at_rest(const Engine *e, Newton *newton, const Group *g)
+{
+    bool rests = false;
+    for (const Contact *c = contacts_of(newton, g); c < contacts_of(newton, g) + g->contacts; c++) {
+        const Moving *const m = velocity_of(newton, c);
+        const int64_t input = e->lines[c->line].input;
+        if (!is_rest(m))
+            continue;
+        rests = true;
+        if (!e->gains || e->offsets[input] == 0.0)
+            e->signals[e->sources[input]] = 0.0;
+        if (m->role == IN_JUMP)
+            e->signals[newton->unknowns[c->unknown]] = newton->w[c->unknown];
+    }
+    for (int64_t j = g->unknown; newton->jumped && !rests && j < g->unknown + g->unknowns; j++)
+        e->signals[newton->unknowns[j]] = newton->w[j];
+}
+
+/* Step a contact once more, to this velocity, and read its force. */
+static int face(Engine *e, const Newton *newton, const Contact *c, const Span *s, double v, double *force)
+{
+    Line *const l = &e->lines[c->line];
+    int operation = RESTORE, status = restore_part(&e->parts[c->part]);
+    if (status <= 1) {
+        operation = STEP;
+        l->end = v;
+        status = step_on_lines(e, c->part, s->t, s->h);
+    }
+    if (status <= 1)
+        status = hand_over(&e->parts[c->part], e->signals);
+    if (status <= 1)
+        status = fetch_outputs(&e->parts[c->part], e->signals);
+    *force = e->signals[newton->unknowns[c->unknown]];
+    if (status <= 1)
+        return SOLVED;
+    failed(e, c->part, operation, status, s->t);
+    return status;
+}
+
+/* Return the largest magnitude of the force of a contact. */
+static double strength_of(const Newton *newton, const Group *g)
+{
+    double most = 0.0;
+    for (const Contact *c = contacts_of(newton, g); c < contacts_of(newton, g) + g->contacts; c++)
+        most = fmax(most, fmax(newton->scale[c->unknown], fabs(newton->w[c->unknown])));
+    return most;
+}
+
+/* Correct w by Newton's method. Return the largest correction over the magnitudes; a value that was always 0 has none.
+ */
+static double correct(Newton *newton, const Group *g, const double *inverse)
+{
+    const int64_t n = g->unknowns;
+    const double strength = strength_of(newton, g);
+    double *const step = newton->work, *const scale = step + n, *const w = newton->w + g->unknown, most = 0.0;
+    memcpy(scale, newton->scale + g->unknown, (size_t)n * sizeof(double));
+    for (const Contact *c = contacts_of(newton, g); c < contacts_of(newton, g) + g->contacts; c++)
+        scale[c->unknown - g->unknown] = strength;
+    for (int64_t i = 0; i < n; i++) {
+        step[i] = 0.0;
+        for (int64_t j = 0; j < n; j++)
+            step[i] -= inverse[i * n + j] * newton->r[g->unknown + j];
+    }
+    for (int64_t i = 0; i < n; i++) {
+        w[i] += step[i];
+        const double size = fmax(scale[i], scale[i] > 0.0 ? fabs(w[i]) : 0.0);
+        const double moved = size > 0.0 ? fabs(step[i]) / size : 0.0;
+        most = moved <= most ? most : isnan(moved) ? INFINITY : moved;
+    }
+    return most;
+}
+
+/* Solve for the forces with which the contacts at rest stay at v = 0. */
+static int solve_at_rest(Engine *e, Newton *newton, const Group *g, const Span *s, bool again)
+{
+    const int64_t n = g->unknowns, most = newton->most_unknowns;
+    double *const r = newton->r + g->unknown, *const r0 = newton->work + 2 * most;
+    double *const inverse = newton->work + 6 * most + most * most, norm = 0.0;
+    for (int64_t j = g->unknown; j < g->unknown + n; j++)
+        newton->w[j] = newton->w_last[j] + newton->trend[j] * s->h;
+    int status = evaluate(e, newton, g, s, again, &norm);
+    for (int tries = 0; status == SOLVED && tries < MOST_CORRECTIONS; tries++) {
+        if (tries % 3 == 0) {
+            memcpy(r0, r, (size_t)n * sizeof(double));
+            status = differentiate(e, newton, g, s, r0, inverse);
+            if (status != SOLVED)
+                return status;
+            memcpy(r, r0, (size_t)n * sizeof(double));
+        }
+        const double moved = correct(newton, g, inverse);
+        status = isfinite(moved) ? evaluate(e, newton, g, s, true, &norm) : NOT_CONVERGED;
+        if (status == SOLVED && (moved <= 1e-12 || (tries > 1 && moved <= newton->tolerance)))
+            return SOLVED;
+    }
+    return status == SOLVED ? NOT_CONVERGED : status;
+}
+
+/* Find out whether a contact at rest holds. If not, *limit is the force at which it breaks away. */
+static int test(Engine *e, Newton *newton, const Contact *c, const Span *s, bool *holds, double *limit)
+{
+    Moving *const m = velocity_of(newton, c);
+    const double force = newton->w[c->unknown], rest = e->signals[newton->unknowns[c->unknown]];
+    double load = INFINITY, up = 0.0, down = 0.0, again = 0.0;
+    for (int64_t k = c->first_load; k < c->first_load + c->load_count; k++) {
+        const double value = e->signals[newton->loads[k]];
+        if (fabs(value - force) < fabs(load - force))
+            load = value;
+    }
+    const bool by_load = isfinite(load) && fabs(rest - load) <= EQUAL * fmax(fabs(rest), fabs(load));
+    *limit = rest;
+    if (m->rigid > 0 && by_load && (m->rests || m->u0 == 0.0)) {
+        m->role = AT_REST;
+        *holds = true;
+        return SOLVED;
+    }
+    int status = face(e, newton, c, s, BESIDE, &up);
+    if (status == SOLVED)
+        status = face(e, newton, c, s, -BESIDE, &down);
+    if (status == SOLVED)
+        status = face(e, newton, c, s, 0.0, &again);
+    const double low = fmin(fmin(up, down), rest), high = fmax(fmax(up, down), rest), size = fmax(fabs(low), fabs(high));
+    if (high - low > fmax(NO_JUMP, EQUAL * size))
+        m->rigid = 1;
+    else if (size > NO_JUMP)
+        m->rigid = -1;
+    const bool in_jump = force >= fmin(up, down) && force <= fmax(up, down);
+    /* a contact in motion stops only if less than its friction is needed for that */
+    const bool stops = m->rests || m->u0 == 0.0 || (m->u0 > 0.0 ? force <= up : force >= down);
+    m->role = by_load ? AT_REST : IN_JUMP;
+    *holds = m->rigid > 0 && stops && (by_load || in_jump);
+    if (!by_load && m->rests == IN_JUMP)
+        *limit = force > 0.0 ? high : low;
+    return status;
+}
+
+/* Solve a step with contacts at rest. *rests: a contact is held; else the step must be solved without any. */
+static int solve_held(Engine *e, Newton *newton, const Group *g, const Span *s, bool again, bool *rests)
+{
+    const Contact *const first = contacts_of(newton, g), *const last = first + g->contacts;
+    for (int64_t tries = 0; tries <= 2 * g->contacts; tries++, again = true) {
+        int status = solve_at_rest(e, newton, g, s, again);
+        bool changed = false, held = false, changes = false;
+        *rests = false;
+        if (status == NOT_CONVERGED) { /* it may be another contact that stops */
+            for (const Contact *c = first; c < last && tries == 0; c++)
+                if (!is_rest(velocity_of(newton, c)) && velocity_of(newton, c)->rigid >= 0) {
+                    hold(e, newton, g, c);
+                    changed = true;
+                }
+            if (changed)
+                continue;
+            break;
+        }
+        double share = 1.0;
+        for (const Contact *c = first; c < last && status == SOLVED; c++) {
+            Moving *const m = velocity_of(newton, c);
+            const double start = newton->w_last[c->unknown], end = newton->w[c->unknown];
+            double limit = 0.0;
+            bool holds = false;
+            if (!is_rest(m)) {
+                const double v = m->u1;
+                if (m->rigid >= 0 && m->u0 * v < 0.0 && tries < g->contacts) {
+                    hold(e, newton, g, c);
+                    changed = true;
+                }
+                continue;
+            }
+            status = test(e, newton, c, s, &holds, &limit);
+            held = held || holds;
+            changes = changes || !m->rests || m->role == IN_JUMP;
+            if (status != SOLVED || holds)
+                continue;
+            if (m->rests) {
+                const double at = (limit - start) / (end - start);
+                share = fmin(share, at > 0.0 && at < 1.0 ? at : 0.5);
+                if (at <= SOONEST && at > -SOONEST)
+                    share = 0.0;
+            }
+            let_go(e, newton, g, c);
+            changed = true;
+        }
+        if (status != SOLVED)
+            return status;
+        if (newton->splits && share < 1.0 && share > SOONEST) {
+            newton->share = share;
+            return BREAKS_AWAY;
+        }
+        if (!changed) {
+            *rests = held;
+            newton->jumped = changes;
+            set_at_rest(e, newton, g);
+            return SOLVED;
+        }
+        if (!held)
+            break;
+    }
+    for (const Contact *c = first; c < last; c++)
+        if (is_rest(velocity_of(newton, c)))
+            let_go(e, newton, g, c);
+    return SOLVED;
+}
+
+/* Solve a step: with the contacts at rest that may be, else in motion; and again with those at rest that pass v = 0. */
+static int solve(Engine *e, Newton *newton, const Group *g, int64_t number, const Span *s, bool again)
+{
+    if (g->contacts == 0)
+        return iterate(e, newton, g, number, s, again);
+    const Contact *const first = contacts_of(newton, g), *const last = first + g->contacts;
+    bool tried = false, rests = false;
+    newton->jumped = false;
+    for (const Contact *c = first; c < last; c++) {
+        const Moving *const m = velocity_of(newton, c);
+        if (m->rigid >= 0 && m->u0 == 0.0) {
+            hold(e, newton, g, c);
+            tried = true;
+        } else
+            assume(e, newton, g, c, FREE, FREE);
+    }
+    int status = tried ? solve_held(e, newton, g, s, again, &rests) : SOLVED;
+    if (status != SOLVED || rests)
+        return status;
+    status = iterate(e, newton, g, number, s, again || tried);
+    if (tried || (status != SOLVED && status != NOT_CONVERGED))
+        return status;
+    bool passes = false;
+    for (const Contact *c = first; c < last; c++) {
+        const Moving *const m = velocity_of(newton, c);
+        if (m->rigid >= 0 && (m->u0 * m->u1 <= 0.0 || newton->jumped || status == NOT_CONVERGED)) {
+            hold(e, newton, g, c);
+            passes = true;
+        }
+    }
+    if (!passes)
+        return status;
+    const bool jumped = newton->jumped;
+    const int solved = status;
+    double *const w = newton->work + 6 * newton->most_unknowns + 2 * newton->most_unknowns * newton->most_unknowns;
+    memcpy(w, newton->w + g->unknown, (size_t)g->unknowns * sizeof(double));
+    status = solve_held(e, newton, g, s, true, &rests);
+    if (status != SOLVED || rests)
+        return status;
+    if (solved != SOLVED)
+        return solved;
+    double norm = 0.0;
+    memcpy(newton->w + g->unknown, w, (size_t)g->unknowns * sizeof(double));
+    status = evaluate(e, newton, g, s, true, &norm);
+    newton->jumped = jumped;
+    set_at_rest(e, newton, g);
+    return status;
+}
+
+#endif
