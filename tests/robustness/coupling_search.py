@@ -5,10 +5,11 @@
 
 A mass on a spring and a damper, on rigid friction (one half) or on a contact with states, is moved by its support and
 by steps of a force, on and off the communication grid. The references are not from the library: event-driven closed
-forms for rigid friction, solvers of SciPy with the equations of the papers for the others. A run may be early or late by two
-steps and one per cent of the time so far, and is right if x is then off by less than 2 % of its range in all rows, and
-v and F in 97 % of them. A step of a force between two communication points may act at either of them. A system is not
-counted if its answer changes by as much if friction changes by 0.3 %, or if its reference takes too long.
+forms for rigid friction, solvers of SciPy with the equations of the papers for the others. A run may be early or late
+by two steps and one per cent of the time so far. It is right if x is then off by less than 2 % of its range in all
+rows, and v and F in 97 % of them. A step of a force between two communication points may act at either of them. A
+system is not counted if its answer changes by as much where friction is 0.3 % lower, or if its reference takes too
+long.
 """
 
 from __future__ import annotations
@@ -355,7 +356,7 @@ class References:
     def __init__(self, case: Case) -> None:
         """Solve for the load as it is, and with friction a little lower."""
         self.case, self.found = case, []
-        self._shifted: list[Answer] | None = None
+        self._shifted: dict[float, list[Answer]] = {}
         try:
             right, other = (case.solve(case.phases, factor, case.fine) for factor in (1.0, 1.0 - SENSITIVE))
         except FAILURES:
@@ -363,19 +364,20 @@ class References:
         if fits(case, case.fine, other, right, 2.0 * case.step):
             self.found = [right]
 
-    def have(self, t: np.ndarray, values: Answer, reach: float) -> bool:
+    def have(self, t: np.ndarray, values: Answer, step: float) -> bool:
         """Return whether the values are those of an answer, also one with its load at communication points."""
+        reach = 2.0 * max(step, self.case.step)
         if fits(self.case, t, values, self.found[0], reach):
             return True
-        if self._shifted is None:
-            self._shifted = list(self._at_communication_points())
-        return any(fits(self.case, t, values, right, reach) for right in self._shifted)
+        if step not in self._shifted:
+            self._shifted[step] = list(self._at_communication_points(step))
+        return any(fits(self.case, t, values, right, reach) for right in self._shifted[step])
 
-    def _at_communication_points(self) -> Iterator[Answer]:
+    def _at_communication_points(self, step: float) -> Iterator[Answer]:
         case = self.case
         for side in (np.floor, np.ceil):
-            phases = [replace(p, begin=case.step * float(side(round(p.begin / case.step, 6)))) for p in case.phases]
-            moves = any(abs(a.begin - b.begin) > 1e-3 * case.step for a, b in zip(phases, case.phases, strict=True))
+            phases = [replace(p, begin=step * float(side(round(p.begin / step, 6)))) for p in case.phases]
+            moves = any(abs(a.begin - b.begin) > 1e-3 * step for a, b in zip(phases, case.phases, strict=True))
             if moves and all(a.begin < b.begin for a, b in pairwise(phases)):
                 with suppress(*FAILURES):
                     yield case.solve(phases, 1.0, case.fine)
@@ -418,7 +420,7 @@ def judge(case: Case, answers: References, run: str, made: Composites, accuracy:
             return "refused"
     t = np.minimum(result["time"].to_numpy(), case.stop)
     values = {name: result[prefix + full].to_numpy() for name, full in VARIABLES.items()}
-    right = answers.have(t, values, 2.0 * max(step, case.step))
+    right = answers.have(t, values, step)
     if accuracy:
         return f"{'right' if right else 'wrong'}, called {result.attrs['accuracy']}"
     if right:
