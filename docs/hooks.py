@@ -80,13 +80,14 @@ def rules_page() -> str:
         "description": "modelDescription.xml",
         "binary": "The binary",
         "fmi3": "FMI 3.0",
+        "ssp": "SSP",
     }
     lines = []
     for kind, heading in titles.items():
         lines += [
             f"### {heading}",
             "",
-            f"| rule | severity | {'FMI 3.0' if kind == 'fmi3' else 'FMI 2.0.5'} | error |",
+            f"| rule | severity | { {'fmi3': 'FMI 3.0', 'ssp': 'SSP 1.0'}.get(kind, 'FMI 2.0.5') } | error |",
             "|---|---|---|---|",
         ]
         for rule in RULES.values():

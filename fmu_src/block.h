@@ -25,7 +25,8 @@
      GUARDED    for a SAMPLED block whose table begins with its inputs and contains OUTPUT_FLAG(fault, ...): inputs may
                 be NaN or infinite; `fault` is then true and `sample` is not called, so outputs and states are held
      SKIPS_BY   for a GUARDED block, the name of `static void f(Model *m)`, called in place of `sample` in this case,
-                for parts of m->memory that advance with time; it reads no Real input and writes no output
+                for parts of m->memory that advance with time; it reads no Real input and writes no output, but for a
+                disabled block, which it sets to rest
      DECIDES_BY the name of `static void f(Model *m)`, for model exchange: it writes to m->memory what is decided at an
                 event. While m->run.frozen, `equations` follows m->memory instead of deciding by itself
      EVENTS     the number of decisions that end at events. The block then defines `static void indicators(const Model
@@ -115,6 +116,8 @@ enum type { TYPE_REAL, TYPE_INTEGER, TYPE_BOOLEAN };
 typedef struct {
     double inner_step;             /* [s] last accepted step of the inner solver, initially 0 */
     double last_step;              /* [s] last communication step */
+    double rest;                   /* [s] in co-simulation: time to the next sample, counted by the lengths of steps */
+    double drift;                  /* [s] bound of the rounding in the times of an importer that sums its steps */
     int64_t tick;                  /* number of samples taken by a sampled block */
     int mode;                      /* mode of the call-sequence table */
     int exchange;                  /* 1: for model exchange, 0: for co-simulation */

@@ -194,20 +194,19 @@ GET(Boolean, TYPE_BOOLEAN, AS_BOOLEAN)
    a sample. */
 static bool advance(Model *m, double t, double h)
 {
-    if ((t + h - m->run.start) / m->Ts - (double)m->run.tick > MOST_TRIES)
+    follow_time(m, t);
+    if ((h - m->run.rest) / m->Ts > MOST_TRIES)
         return false;
     const Model begin = *m;
-    for (;;) {
-        const double at = m->run.start + (double)m->run.tick * m->Ts;
-        if (!(at < t + h - 1e-6 * m->Ts))
-            break;
+    for (const double last = h - sample_slack(m); m->run.rest < last; m->run.rest += m->Ts) {
         for (int i = 0; i < INPUTS; i++)
             *value_of(m, inputs[i]) =
-                ((const double *)(const void *)&begin)[inputs[i]] + begin.slope[i] * fmax(at - t, 0.0);
-        m->time = at;
+                ((const double *)(const void *)&begin)[inputs[i]] + begin.slope[i] * fmax(m->run.rest, 0.0);
+        m->time = next_sample(m);
         take_sample(m);
         m->run.tick++;
     }
+    m->run.rest -= h;
     for (int i = 0; i < INPUTS; i++)
         *value_of(m, inputs[i]) = ((const double *)(const void *)&begin)[inputs[i]] + begin.slope[i] * h;
     return true;
@@ -284,7 +283,7 @@ fmi2Status fmi2DoStep(fmi2Component component, fmi2Real t, fmi2Real h, fmi2Boole
             t)
     REQUIRE(fabs(t - m->time) <= slack, "fmi2DoStep: communication point %.17g s is not the current time %.17g s", t,
             m->time)
-    REQUIRE(t + h <= m->run.stop + slack, "fmi2DoStep: the step to %.17g s exceeds the stop time %.17g s", t + h,
+    REQUIRE(t + h <= m->run.stop + slack + m->run.drift, "fmi2DoStep: the step to %.17g s exceeds the stop time %.17g s", t + h,
             m->run.stop)
 
     const char *const relation = m->run.stale ? violated(m) : NULL;
@@ -299,6 +298,7 @@ fmi2Status fmi2DoStep(fmi2Component component, fmi2Real t, fmi2Real h, fmi2Boole
         memset(m->slope, 0, sizeof m->slope);
     const bool done = advance(m, t, h);
     m->time = t + h;
+    m->run.drift += DBL_EPSILON * fabs(m->time);
     if (!done || !results_finite(m)) {
         const char *const undone =
             m->run.too_much ? "exceeds the limit of work in one communication step; use shorter steps" : UNDONE;

@@ -64,6 +64,9 @@ static const char *mode_name(int mode)
     if (!(condition))                                                                                                  \
         return report(c, fmi2Error, LOG_ERROR, __VA_ARGS__);
 
+/* Return a bound of the rounding of a time of the importer. */
+static inline double time_rounding(double t, double start) { return 4.0 * DBL_EPSILON * (fabs(t) + fabs(start)); }
+
 /* ---- about the library -------------------------------------------------------------------------------------- */
 
 const char *fmi2GetTypesPlatform(void) { return fmi2TypesPlatform; }

@@ -21,22 +21,21 @@ fmi2Status fmi2EnterContinuousTimeMode(fmi2Component component)
 }
 
 #ifdef SAMPLED
-static double next_sample(const Model *m) { return m->run.start + (double)m->run.tick * m->Ts; }
-
 /* Take the samples that are due; a solver that steps over time events gets them all at once. */
 static bool discrete_states(Model *m)
 {
-    const double now = m->time, until = now + 1e-6 * m->Ts;
-    if ((until - next_sample(m)) / m->Ts > MOST_TRIES)
+    const double now = m->time, slack = sample_slack(m);
+    if (-to_next_sample(m) / m->Ts > MOST_TRIES)
         return false;
-    for (int tries = 0; next_sample(m) <= until; tries++) {
+    for (int tries = 0; to_next_sample(m) <= slack; tries++) {
         if (tries > MOST_TRIES) /* a time so late that Ts is lost in it */
             return false;
         m->time = next_sample(m);
         take_sample(m);
+        m->time = now;
         m->run.tick++;
+        m->run.rest += m->Ts;
     }
-    m->time = now;
     return true;
 }
 #else
@@ -72,7 +71,7 @@ static fmi2Status new_discrete_states(Instance *c, fmi2EventInfo *info)
     info->valuesOfContinuousStatesChanged = jumped ? fmi2True : fmi2False;
 #ifdef SAMPLED
     info->nextEventTimeDefined = fmi2True;
-    info->nextEventTime = next_sample(m);
+    info->nextEventTime = m->run.exchange ? next_sample(m) : m->time + m->run.rest;
 #endif
     return warned(c, m->time);
 }

@@ -82,6 +82,28 @@ static void take_sample(Model *m) { sample(m); }
 enum { FIRST_CHECKED = AT(time) };
 #endif
 
+#ifdef SAMPLED
+static double next_sample(const Model *m) { return m->run.start + (double)m->run.tick * m->Ts; }
+
+/* Return the time to the next sample. In co-simulation the steps are counted, as their lengths have less rounding than
+   the time, which may be a Unix time or a sum of 1e8 steps. */
+static double to_next_sample(const Model *m) { return m->run.exchange ? next_sample(m) - m->time : m->run.rest; }
+
+/* Return the rounding of a time in which a sample is still due. */
+static double sample_slack(const Model *m)
+{
+    return fmin(1e-6 * m->Ts + time_rounding(m->time, m->run.start), 0.25 * m->Ts);
+}
+
+/* Follow the time of the importer if its steps do not add up to it. */
+static void follow_time(Model *m, double t)
+{
+    const double rest = next_sample(m) - t;
+    if (!(fabs(rest - m->run.rest) <= m->run.drift + time_rounding(t, m->run.start)))
+        m->run.rest = rest;
+}
+#endif
+
 /* Evaluate the block on a model that may be overwritten. */
 static void evaluate(Model *m)
 {

@@ -3,6 +3,8 @@
 #ifndef FMI2_MODES_H
 #define FMI2_MODES_H
 
+#include <float.h>
+#include <math.h>
 #include <stdarg.h>
 #include <stdio.h>
 #include <stdlib.h>

@@ -83,7 +83,8 @@ static bool plausible_memory(const Model *m)
         for (size_t i = 0; i < sizeof m->memory; i++)
             if (byte[i] != 0)
                 return false;
-        return m->run.tick == 0 && m->run.inner_step == 0.0 && m->run.last_step == 0.0;
+        return m->run.tick == 0 && m->run.inner_step == 0.0 && m->run.last_step == 0.0 && m->run.rest == 0.0 &&
+               m->run.drift == 0.0;
     }
 #ifdef VALID_BY
     return VALID_BY(m);
@@ -107,6 +108,7 @@ static bool plausible(const Model *m)
                 is_flag(&run->slopes_used) && is_flag(&run->outputs_done) && is_flag(&run->warning) &&
                 is_flag(&run->warned) && is_flag(&run->too_much) && run->tick >= 0 && run->tick <= most_samples &&
                 run->inner_step >= 0.0 && run->inner_step < INF && run->last_step >= 0.0 && run->last_step < INF &&
+                isfinite(run->rest) && run->drift >= 0.0 && run->drift < INF &&
                 isfinite(run->start) && run->stop >= run->start && run->tolerance >= 0.0 && run->tolerance < INF;
     for (int i = 0; i <= INPUTS; i++)
         good = good && isfinite(m->slope[i]);

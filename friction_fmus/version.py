@@ -1,7 +1,6 @@
 """Version and release time of the distribution."""
 
-import os
-from datetime import UTC, datetime
+from harness.storage.clock import stamped
 
 VERSION = "0.1.0"
 RELEASED = "2026-11-20T00:00:00Z"
@@ -9,5 +8,4 @@ RELEASED = "2026-11-20T00:00:00Z"
 
 def build_time() -> str:
     """Return the time stamp of reproducible builds: ``SOURCE_DATE_EPOCH`` if set, otherwise the release time."""
-    epoch = os.environ.get("SOURCE_DATE_EPOCH")
-    return datetime.fromtimestamp(int(epoch), UTC).strftime("%Y-%m-%dT%H:%M:%SZ") if epoch else RELEASED
+    return stamped() or RELEASED

@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import re
 import threading
+import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -52,6 +53,7 @@ def svg_of(figure: Figure, title: str) -> bytes:
         Its title.
     """
     stream = io.BytesIO()
+    warnings.filterwarnings("ignore", "Glyph", UserWarning)  # a text in SVG is shown in fonts of the reader
     figure.savefig(stream, format="svg", metadata={"Title": title, "Date": None, "Creator": None})
     text = re.sub(rb"<!DOCTYPE.*?>\n", b"", stream.getvalue(), flags=re.S)
     return re.sub(rb' d="[^"]*"', lambda path: re.sub(rb"(\.\d\d)\d+", rb"\1", path.group()), text)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import difflib
 from collections.abc import Iterable
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -92,6 +92,10 @@ class MissingPackageError(HarnessError, ModuleNotFoundError):
 
 class BuildError(HarnessError):
     """C sources do not compile, or the result cannot be packaged."""
+
+
+ENDED: Final = "it ended the simulation"
+"""Reason for the end of a run that is no failure."""
 
 
 class PartError(HarnessError):

@@ -14,6 +14,11 @@ if TYPE_CHECKING:
     from harness.result import Result
 
 
+def label_of(name: str) -> str:
+    """Return a name as matplotlib shows it literally: a dollar sign would begin a formula."""
+    return name.replace("$", r"\$")
+
+
 def plot(result: Result, path: str | Path, names: Sequence[str] = ()) -> None:
     """Plot a result over time, with one panel per unit, and write the figure to a file.
 
@@ -60,13 +65,13 @@ def plot(result: Result, path: str | Path, names: Sequence[str] = ()) -> None:
     for axis, (unit, members) in zip(axes, panels.items(), strict=True):
         for name in members:
             values = result[name].to_numpy()
-            (line,) = axis.plot(time, values, label=name, linewidth=1.0)
+            (line,) = axis.plot(time, values, label=label_of(name), linewidth=1.0)
             bound = result[name].attrs.get("ancillary_variables")
             if bound in known:
                 error = result[bound].where(result[bound] < math.inf).to_numpy()
                 band = {"color": line.get_color(), "alpha": 0.25, "linewidth": 0.0}
                 axis.fill_between(time, values - error, values + error, **band)
-        axis.set_ylabel(f"{members[0]} [{unit}]" if len(members) == 1 else f"[{unit}]")
+        axis.set_ylabel(f"{label_of(members[0])} [{unit}]" if len(members) == 1 else f"[{unit}]")
         axis.grid(alpha=0.3)
         if len(members) > 1:
             axis.legend(loc="upper right", fontsize="small")

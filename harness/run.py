@@ -15,7 +15,7 @@ import numpy as np
 from harness.engine.checkpoint import read_checkpoint, write_checkpoint
 from harness.engine.tap import Progress, Reader, Recorder, Tap, tap_reader
 from harness.engine.ticks import NativeTicks, PythonTicks
-from harness.errors import ExperimentError, HarnessError, Interrupted
+from harness.errors import ENDED, ExperimentError, HarnessError, Interrupted, PartError
 from harness.masters import find_master
 from harness.parts.feedthrough import find_feedthrough
 from harness.parts.guard import Guard
@@ -131,6 +131,10 @@ class Session:
         if self._options.resume:
             self._saved = read_checkpoint(Path(self._options.resume), system, experiment)
         self._names = recorded_names(system.parts, experiment.record)
+        if "*" in experiment.record and not self._names:
+            known = [f"{name}.{port.name}" for name, part in system.parts.items() for port in part.observables]
+            example = f", such as {known[0]!r}" if known else ""
+            _LOG.warning("no part has an output, so nothing is recorded: name variables in record%s", example)
         tapped = [name for tap in self._options.taps for name in tap.names]
         for name in tapped:
             find_port(system.parts, name, "tap")
@@ -169,6 +173,13 @@ class Session:
         with self._guard.running():
             try:
                 self._run(start, recorder, begin)
+            except PartError as error:
+                if error.reason != ENDED or not recorder.filled:
+                    error.result = recorder.result() if recorder.filled else None
+                    raise
+                when = "" if error.time is None else f" in the step from t = {error.time:.12g} s"
+                recorder.attributes["ended"] = f"part '{error.part}' ended the simulation{when}"
+                _LOG.warning("%s: the result ends there", recorder.attributes["ended"])
             except HarnessError as error:
                 error.result = recorder.result() if recorder.filled else None
                 raise

@@ -7,6 +7,8 @@ import re
 from collections.abc import Iterable
 from dataclasses import dataclass
 
+from harness.errors import UnitError
+
 BASE_SYMBOLS = ("kg", "m", "s", "A", "K", "mol", "cd", "rad")
 
 
@@ -92,19 +94,21 @@ def _unit(text: str, factor: float = 1.0, offset: float = 0.0) -> BaseUnit:
     return BaseUnit(tuple(exponents.values()), factor, offset)
 
 
-# units in modelDescription.xml files of mechanical and electrical drives; any other name is unknown
+# units of mechanical and electrical drives as files and people write them; any other name is unknown
+_INCH, _POUND, _KILOPOND, _TURN = 0.0254, 0.45359237, 9.80665, 2.0 * math.pi
 _SYMBOLS = {
-    "1": _unit(""),
+    **dict.fromkeys(("1", "-"), _unit("")),
     "%": _unit("", 0.01),
     "g": _unit("kg", 1e-3),
     **{symbol: _unit(symbol) for symbol in BASE_SYMBOLS if symbol != "kg"},
     "N": _unit("kg.m.s-2"),
+    "Nm": _unit("kg.m2.s-2"),
     "Pa": _unit("kg.m-1.s-2"),
     "bar": _unit("kg.m-1.s-2", 1e5),
     "J": _unit("kg.m2.s-2"),
     "W": _unit("kg.m2.s-3"),
     "V": _unit("kg.m2.s-3.A-1"),
-    "Ohm": _unit("kg.m2.s-3.A-2"),
+    **dict.fromkeys(("Ohm", "ohm", "Ω"), _unit("kg.m2.s-3.A-2")),
     "C": _unit("A.s"),
     "F": _unit("kg-1.m-2.s4.A2"),
     "H": _unit("kg.m2.s-2.A-2"),
@@ -113,8 +117,33 @@ _SYMBOLS = {
     "min": _unit("s", 60.0),
     "h": _unit("s", 3600.0),
     "deg": _unit("rad", math.pi / 180.0),
-    "rev": _unit("rad", 2.0 * math.pi),
-    "degC": _unit("K", 1.0, 273.15),
+    "rev": _unit("rad", _TURN),
+}
+# these take no prefix; most are full texts such as rev/min, whose symbols mean something else alone
+_WHOLE = {
+    **dict.fromkeys(("degC", "°C"), _unit("K", 1.0, 273.15)),
+    **dict.fromkeys(("degF", "°F"), _unit("K", 5.0 / 9.0, 459.67 * 5.0 / 9.0)),
+    **dict.fromkeys(("sec", "second", "seconds"), _unit("s")),
+    **dict.fromkeys(("°", "degree", "degrees"), _unit("rad", math.pi / 180.0)),
+    "arcmin": _unit("rad", math.pi / 10_800.0),
+    "arcsec": _unit("rad", math.pi / 648_000.0),
+    **dict.fromkeys(("turn", "turns", "revs"), _unit("rad", _TURN)),
+    **dict.fromkeys(("rpm", "RPM", "r/min", "U/min", "Upm", "UPM"), _unit("rad.s-1", _TURN / 60.0)),
+    "rps": _unit("rad.s-1", _TURN),
+    **dict.fromkeys(("kmh", "kph", "km/hr"), _unit("m.s-1", 1.0 / 3.6)),
+    "mph": _unit("m.s-1", 1609.344 / 3600.0),
+    **dict.fromkeys(("in", "inch", "inches", '"'), _unit("m", _INCH)),
+    **dict.fromkeys(("mil", "thou"), _unit("m", 1e-3 * _INCH)),
+    **dict.fromkeys(("ft", "foot", "feet"), _unit("m", 12.0 * _INCH)),
+    **dict.fromkeys(("micron", "microns"), _unit("m", 1e-6)),
+    "lb": _unit("kg", _POUND),
+    "oz": _unit("kg", _POUND / 16.0),
+    "lbf": _unit("kg.m.s-2", _POUND * _KILOPOND),
+    "ozf": _unit("kg.m.s-2", _POUND / 16.0 * _KILOPOND),
+    **dict.fromkeys(("kgf", "kp"), _unit("kg.m.s-2", _KILOPOND)),
+    "Ncm": _unit("kg.m2.s-2", 1e-2),
+    "Nmm": _unit("kg.m2.s-2", 1e-3),
+    "psi": _unit("kg.m-1.s-2", _POUND * _KILOPOND / _INCH**2),
 }
 _PREFIXES = {
     "n": 1e-9,
@@ -140,7 +169,8 @@ _PIECE = re.compile(
 _POWER_WORDS = {"square", "sq", "squared", "cubic", "cubed"}
 """Words that pint reads as powers."""
 
-_TOKEN = re.compile(r"\s*(?:([A-Za-zµμ%]+|1)(?:\^|\*\*)?(-?\d+)?|([./*·()]))")
+_SUPERSCRIPTS = str.maketrans("⁰¹²³⁴⁵⁶⁷⁸⁹⁻", "0123456789-")
+_TOKEN = re.compile(r"\s*(?:([A-Za-zµμΩ°%]+|1)(?:\^|\*\*)?(-?\d+)?|([./*·()]))")
 
 
 def is_unit_text(text: str) -> bool:
@@ -206,10 +236,11 @@ def _has_nested_power(pieces: list[dict[str, str]]) -> bool:
 
 def _symbol(name: str) -> BaseUnit | None:
     """Return a symbol of the table, with or without an SI prefix."""
-    if name in _SYMBOLS:
-        return _SYMBOLS[name]
+    whole = _SYMBOLS.get(name) or _WHOLE.get(name)
+    if whole is not None:
+        return whole
     base = _SYMBOLS.get(name[1:]) if name[:1] in _PREFIXES else None
-    if base is None or base.offset:
+    if base is None:
         return None
     return BaseUnit(base.exponents, base.factor * _PREFIXES[name[0]])
 
@@ -275,11 +306,28 @@ def parse_unit(text: str) -> BaseUnit | None:
     BaseUnit or None
         None if the name is not understood.
     """
-    alone = _SYMBOLS.get(text.strip())
+    alone = _WHOLE.get(text.strip()) or _SYMBOLS.get(text.strip())
     if alone is not None:
         return alone  # keeps the offset of degC
-    tokens = _tokens(text.strip()) if is_unit_text(text) else None
+    tokens = _tokens(text.strip().translate(_SUPERSCRIPTS)) if is_unit_text(text) else None
     return _product(tokens, nested=False) if tokens else None
+
+
+def needed_unit(name: str | None, base: BaseUnit | None, where: str) -> BaseUnit | None:
+    """Return the unit with this name, as defined or else derived from the name; None if no unit is stated.
+
+    Raises
+    ------
+    UnitError
+        If the name is unknown; the message begins with ``where``.
+    """
+    unit = base or (parse_unit(name) if name else None)
+    if unit is None and name:
+        raise UnitError(
+            f"{where} is in '{name[:LONGEST_UNIT]}', which is not a known unit: correct it (N.m, km/h, rev/min, inch "
+            "are known), or define it by its base units"
+        )
+    return unit
 
 
 def units_agree(a: str | None, base_a: BaseUnit | None, b: str | None, base_b: BaseUnit | None) -> bool | None:

@@ -4,8 +4,11 @@ from __future__ import annotations
 
 import re
 import reprlib
+from dataclasses import fields
 from numbers import Integral, Real
 from typing import Any, Final
+
+import numpy as np
 
 MOST_TICKS: Final = 1 << 62
 """Largest number of ticks of a run, so that sums fit into 64 bits."""
@@ -51,6 +54,17 @@ def texts(value: object) -> tuple[str, ...] | None:
 def tables(value: object) -> list[dict[str, Any]] | None:
     """Return a list of tables, or None for any other value."""
     return value if isinstance(value, list) and all(isinstance(item, dict) for item in value) else None
+
+
+def plain(value: Any) -> Any:
+    """Return a scalar of numpy as one of Python, which files can hold, and any other value unchanged."""
+    return value.item() if isinstance(value, np.generic) else value
+
+
+def make_plain(frozen: Any) -> None:
+    """Replace the scalars of numpy in a frozen dataclass by those of Python."""
+    for each in fields(frozen):
+        object.__setattr__(frozen, each.name, plain(getattr(frozen, each.name)))
 
 
 def is_line(value: str) -> bool:

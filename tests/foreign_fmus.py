@@ -98,8 +98,8 @@ def in_c(folder: Path, compiler: Sequence[str]) -> Callable[..., Path]:
     subprocess.run([*compiler, *flags, str(SOURCES / "foreign.c"), "-lm"], check=True, timeout=300)
     binary = library.read_bytes()
 
-    def make(kind: str, *, states: bool = False, stale: bool = False) -> Path:
-        guid = kind + " states" * states + " stale" * stale
+    def make(kind: str, *, states: bool = False, stale: bool = False, ends: bool = False) -> Path:
+        guid = kind + " states" * states + " stale" * stale + " ends" * ends
         path = folder / f"{guid.replace(' ', '_')}.fmu"
         with zipfile.ZipFile(path, "w") as archive:
             archive.writestr("modelDescription.xml", description(kind, guid))

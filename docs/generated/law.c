@@ -11,12 +11,14 @@
 static void sample(const law_parameters *parameters, law_states *states, const law_inputs *inputs, law_outputs *outputs)
 {
     if (inputs->enable) {
+        const bool follows = inputs->track && (parameters->gain != 0.0);
         const bool fresh = inputs->reset || !states->running;
-        const double Ts_squared = parameters->Ts * parameters->Ts;
+        const double span = (states->missed + 1.0) * parameters->Ts;
+        const double span_squared = span * span;
         const double force = (inputs->u_prev - states->F_est) / parameters->m;
         /* (1) x_p = x_hat + Ts v_hat + Ts^2/(2 m) (u_prev - F_est) */
-        const double x_p = states->x_hat + parameters->Ts * states->v_hat + Ts_squared / 2.0 * force;
-        const double p = exp(-(parameters->wo * parameters->Ts));
+        const double x_p = states->x_hat + span * states->v_hat + span_squared / 2.0 * force;
+        const double p = exp(-(parameters->wo * span));
         const double residual = inputs->x - x_p;
         /* (3) x_hat = x_p + (1 - p^3) (x - x_p) */
         const double position = fresh ? inputs->x : (x_p + (1.0 - p * (p * p)) * residual);
@@ -28,35 +30,35 @@ static void sample(const law_parameters *parameters, law_states *states, const l
             velocity = 0.0;
         } else {
             /* (2) v_p = v_hat + Ts/m (u_prev - F_est) */
-            const double v_p = states->v_hat + parameters->Ts * force;
-            velocity = v_p + 1.5 * square_1 * (1.0 + p) / parameters->Ts * residual;
+            const double v_p = states->v_hat + span * force;
+            velocity = v_p + 1.5 * square_1 * (1.0 + p) / span * residual;
         }
         const double tracking = parameters->m
             * (parameters->wc * parameters->wc * (inputs->r - position)
                 + 2.0 * parameters->wc * (inputs->rd - velocity) + inputs->rdd);
-        const bool follows = inputs->track && (parameters->gain != 0.0);
         /* (5) F_est = F_est - m (1 - p)^3/Ts^2 (x - x_p), p = exp(-wo Ts) */
         /* (6) F_hat = F_est */
         double friction;
         if (follows) {
-            const double limited_track = (inputs->u_track < parameters->u_min) ? parameters->u_min
+            const double u = (inputs->u_track < parameters->u_min) ? parameters->u_min
                 : ((parameters->u_max < inputs->u_track) ? parameters->u_max : inputs->u_track);
-            friction = (limited_track - tracking) / parameters->gain;
+            friction = (u - tracking) / parameters->gain;
         } else if (fresh) {
             friction = 0.0;
         } else {
-            friction = states->F_est - parameters->m * (difference_1 * square_1) / Ts_squared * residual;
+            friction = states->F_est - parameters->m * (difference_1 * square_1) / span_squared * residual;
         }
-        const double wanted = tracking + parameters->gain * friction;
-        const bool wanted_below_u_min = wanted < parameters->u_min;
-        const bool wanted_above_u_max = wanted > parameters->u_max;
+        const double wanted_0 = tracking + parameters->gain * friction;
+        const double wanted_1 = follows ? inputs->u_track : wanted_0;
+        const bool wanted_1_below_u_min = wanted_1 < parameters->u_min;
+        const bool wanted_1_above_u_max = wanted_1 > parameters->u_max;
         /* (7) w = m (wc^2 (r - x_hat) + 2 wc (rd - v_hat) + rdd) + gain F_hat */
         /* (8) u = clip(w, u_min, u_max) */
-        outputs->u = wanted_below_u_min ? parameters->u_min
-            : (wanted_above_u_max ? parameters->u_max : wanted);
+        outputs->u = wanted_1_below_u_min ? parameters->u_min
+            : (wanted_1_above_u_max ? parameters->u_max : wanted_1);
         outputs->F_hat = friction;
         states->F_est = friction;
-        outputs->u_sat = wanted_below_u_min ? -1.0 : (wanted_above_u_max ? 1.0 : 0.0);
+        outputs->u_sat = wanted_1_below_u_min ? -1.0 : (wanted_1_above_u_max ? 1.0 : 0.0);
         outputs->v_est = velocity;
         states->v_hat = velocity;
         states->x_hat = position;
@@ -70,6 +72,21 @@ static void sample(const law_parameters *parameters, law_states *states, const l
         states->x_hat = 0.0;
     }
     states->running = inputs->enable;
+    states->missed = 0.0;
+}
+
+/* Set what does not depend on inputs as in a sample with `enable` = false. */
+static void disable(const law_parameters *parameters, law_states *states, law_outputs *outputs)
+{
+    outputs->u = 0.0;
+    outputs->F_hat = 0.0;
+    outputs->u_sat = 0.0;
+    outputs->v_est = 0.0;
+    states->running = false;
+    states->x_hat = 0.0;
+    states->v_hat = 0.0;
+    states->F_est = 0.0;
+    (void)parameters;
 }
 
 void law_init(law_parameters *parameters, law_states *states, law_inputs *inputs, law_outputs *outputs)
@@ -88,6 +105,7 @@ void law_init(law_parameters *parameters, law_states *states, law_inputs *inputs
         inputs->track = false;
         inputs->u_track = 0.0;
         states->running = false;
+        states->missed = 0.0;
         states->x_hat = 0.0;
         states->v_hat = 0.0;
         states->F_est = 0.0;
@@ -150,16 +168,24 @@ void law_step(const law_parameters *parameters, law_states *states, const law_in
     if ((parameters != NULL) && (states != NULL) && (inputs != NULL) && (outputs != NULL))
 #endif
     {
-        if (isfinite(inputs->r)
-            && isfinite(inputs->rd)
-            && isfinite(inputs->rdd)
-            && isfinite(inputs->x)
-            && isfinite(inputs->u_prev)
-            && isfinite(inputs->u_track)) {
-            outputs->fault = false;
-            sample(parameters, states, inputs, outputs);
+        bool valid = isfinite(inputs->r + inputs->rd + inputs->rdd + inputs->x + inputs->u_prev + inputs->u_track);
+        bool rests = !inputs->enable && !valid;
+        if (valid) {
+            law_outputs found;
+            found.fault = false;
+            sample(parameters, states, inputs, &found);
+            const double sum = found.u + found.F_hat + found.v_est + states->x_hat + states->v_hat + states->F_est;
+            valid = isfinite(sum);
+            if (valid) {
+                *outputs = found;
+            }
+            rests = !valid;
         } else {
-            outputs->fault = true;
+            states->missed += 1.0;
         }
+        if (rests) {
+            disable(parameters, states, outputs);
+        }
+        outputs->fault = !valid;
     }
 }

@@ -54,6 +54,7 @@ typedef struct {
 
 typedef struct {
     bool running; /* 1 after the first sample */
+    double missed; /* number of samples missed before this one, as an input was invalid */
     double x_hat; /* [m] estimated position */
     double v_hat; /* [m/s] estimated velocity */
     double F_est; /* [N] estimated friction */
@@ -76,7 +77,7 @@ typedef struct {
     double F_hat; /* [N] estimated friction force; u contains gain F_hat */
     double u_sat; /* active limit: -1 lower, +1 upper, 0 none */
     double v_est; /* [m/s] estimated velocity */
-    bool fault; /* true: an input is NaN or infinite; outputs and states are held */
+    bool fault; /* true: an input is NaN or infinite; while enabled, outputs and states are held */
 } law_outputs;
 
 #ifdef __cplusplus
@@ -102,7 +103,8 @@ void law_init(law_parameters *parameters, law_states *states, law_inputs *inputs
 int32_t law_check(const law_parameters *parameters);
 
 /* Compute one sample: the outputs for these inputs, and the next states. Call it every `Ts` seconds.
-   While an input is NaN or infinite, outputs and states are held and `fault` is true. */
+   While an input is NaN or infinite, outputs and states are held, or at rest while `enable` is false.
+   If a result overflows, the law is at rest. `fault` is then true. */
 void law_step(const law_parameters *parameters, law_states *states, const law_inputs *inputs, law_outputs *outputs);
 
 #ifdef __cplusplus

@@ -7,14 +7,17 @@
 /* What a step may change, without pointers, so that it is saved as it is. The arrays have a spare element, as C has no
    empty arrays. */
 typedef struct {
-    int mode, stale, slopes_used, inside; /* stale: see below; inside: the engine is between two ticks */
+    int mode, stale, slopes_used, inside; /* stale: see below; inside: the importer is between two ticks */
     int64_t exchange;                     /* whether the instance is for model exchange */
     int64_t tick;                         /* the next one, or the one in progress */
-    double time, reached;                 /* [s] time of the importer and of the engine, equal up to rounding */
+    int64_t side;                         /* which copies of the states of the parts are of the start of the tick */
+    double time, spent, drift;            /* [s]; spent: since the start of the tick; drift: bound of its rounding */
     double start, stop, tolerance, begun; /* [s]; begun: begin of the step, at which the inputs have their values */
     double sources[SOURCES + 1];          /* [s] time of each recorded table and of the inputs */
     int64_t rows[SOURCES + 1];            /* of each recorded table: the one that applies, in model exchange */
     double inputs[INPUTS + 1], slopes[INPUTS + 1];
+    double base[INPUTS + 1], rate[INPUTS + 1]; /* inputs over a tick that is divided, as lines from its start */
+    double begun_signals[SIGNALS + 1];         /* at the start of such a tick */
     double signals[SIGNALS + 1], gains[MAPPED + 1], offsets[MAPPED + 1], past[PAST + 1];
     Moving moving[LINES + 1];
     StepCheck guards[GROUPS + 1];
@@ -35,7 +38,7 @@ typedef struct {
 } Place;
 
 struct Instance {
-    Memory memory, backup;
+    Memory memory, backup, tick; /* tick: its start */
     Engine engine;
     Newton newton;
     EnginePart parts[PARTS];
@@ -47,7 +50,9 @@ struct Instance {
     double shown[SIGNALS + 1]; /* signals after values were set, if `refreshed` */
     double input_slopes[SIGNALS + 1];
     int whole[SIGNALS + 1], orders[SIGNALS + 1];
-    void *backups[PARTS]; /* states of the parts at the start of a step */
+    void *backups[PARTS];  /* states of the parts at the start of a step */
+    void *ticks[2][PARTS]; /* at the start of a tick that is divided, and of an earlier one */
+    bool uneven;           /* the inputs have jumped within a tick in this step */
     Place places[PARTS];
     fmi2CallbackFunctions callbacks[PARTS];
     bool warned[PARTS]; /* the part's warning has been passed on */
@@ -68,6 +73,9 @@ struct Instance {
 #include "fmi2_calls.h"
 
 static bool is_fmu(int64_t part) { return part_data[part].functions != NULL; }
+
+/* Return whether a part moves within a tick, and not at its start only. */
+static bool moves_inside(int64_t part) { return is_fmu(part) && !part_data[part].sampled; }
 
 /* Store the message of a part; pass on the first warning of each part. */
 static void listen(fmi2ComponentEnvironment environment, fmi2String name, fmi2Status status, fmi2String category,
@@ -223,7 +231,7 @@ static bool set_start_values(Instance *c)
         const StartValue *const s = &start_values[i];
         EnginePart *const p = &c->parts[s->part];
         double real = s->value;
-        int whole = (int)s->value;
+        int whole = s->type == REAL ? 0 : (int)s->value;
         if (p->set[s->type](p->component, &s->reference, 1, s->type == REAL ? (void *)&real : (void *)&whole) > 1)
             return false;
     }
@@ -243,7 +251,8 @@ static bool make_parts(Instance *c, fmi2Boolean visible)
             f->instantiate(part_data[i].name, KIND(c), f->guid, "", &c->callbacks[i], visible, fmi2True);
         EnginePart *const p = &c->parts[i];
         if (!p->component || p->get_state(p->component, &p->state) > 1 ||
-            p->get_state(p->component, &p->other_state) > 1 || p->get_state(p->component, &c->backups[i]) > 1)
+            p->get_state(p->component, &p->other_state) > 1 || p->get_state(p->component, &c->backups[i]) > 1 ||
+            p->get_state(p->component, &c->ticks[0][i]) > 1 || p->get_state(p->component, &c->ticks[1][i]) > 1)
             return false;
     }
     return true;
@@ -256,7 +265,7 @@ void fmi2FreeInstance(fmi2Component component)
         EnginePart *const p = &c->parts[i];
         if (!is_fmu(i) || !p->component)
             continue;
-        void **const states[] = {&p->state, &p->other_state, &c->backups[i]};
+        void **const states[] = {&p->state, &p->other_state, &c->backups[i], &c->ticks[0][i], &c->ticks[1][i]};
         for (size_t k = 0; k < sizeof states / sizeof states[0]; k++)
             part_data[i].functions->free_state(p->component, states[k]);
         part_data[i].functions->free_instance(p->component);

@@ -16,12 +16,14 @@ static int move_source(void *component, double t, double h, int keeps_no_state)
     return fmi2Discard;
 }
 
-/* Return an input at the time of the engine: it varies linearly in a step for which a derivative was set. */
+/* Return an input at the time of the engine: it varies linearly in a step for which a derivative was set, and in a tick
+   that is repeated. */
 static double input_now(const Place *place, uint32_t number)
 {
     const Memory *const m = &place->owner->memory;
-    const double slope = m->slopes[number];
-    return slope == 0.0 ? m->inputs[number] : m->inputs[number] + slope * (m->sources[place->source] - m->begun);
+    const double slope = m->inside ? m->rate[number] : m->slopes[number];
+    const double value = m->inside ? m->base[number] : m->inputs[number];
+    return slope == 0.0 ? value : value + slope * (m->sources[place->source] - m->begun);
 }
 
 static int get_inputs(void *component, const uint32_t *references, size_t n, void *values)

@@ -179,7 +179,7 @@ fmi2Status fmi2SetupExperiment(fmi2Component component, fmi2Boolean tolerance_gi
     ALL_PARTS("fmi2SetupExperiment", f->setup(p, tolerance_given, tolerance, start, fmi2False, 0.0))
     Memory *const m = &c->memory;
     m->tolerance = tolerance_given ? tolerance : 0.0;
-    m->start = m->time = m->reached = m->begun = start;
+    m->start = m->time = m->begun = start;
     for (int i = 0; i <= SOURCES; i++)
         m->sources[i] = start;
     m->stop = stop_given ? stop : INFINITY;

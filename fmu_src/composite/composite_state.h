@@ -11,8 +11,11 @@ static const char guid_text[GUID_SIZE] = GUID;
 typedef struct {
     SavedHeader header; /* with the checksum of everything that follows */
     Memory memory;
-    void *parts[PARTS];
+    void *parts[2 * PARTS]; /* states of the parts, and those at the start of a tick that is divided */
 } Saved;
+
+/* Return whether the state of a part is saved at this place. */
+static bool is_saved(const Memory *m, int64_t i) { return i < PARTS ? is_fmu(i) : m->inside && moves_inside(i - PARTS); }
 
 /* A serialized state: these bytes, then the size and the bytes of each part's state. */
 enum { SAVED_SIZE = offsetof(Saved, parts), AFTER_CHECKSUM = offsetof(Saved, memory) };
@@ -30,10 +33,18 @@ static const char *fault_of(const Instance *c, const Saved *saved)
 
 static void free_saved(Instance *c, Saved *saved)
 {
-    for (int64_t i = 0; saved && i < PARTS; i++)
-        if (is_fmu(i) && saved->parts[i])
-            part_data[i].functions->free_state(c->parts[i].component, &saved->parts[i]);
+    for (int64_t i = 0; saved && i < 2 * PARTS; i++)
+        if (saved->parts[i])
+            part_data[i % PARTS].functions->free_state(c->parts[i % PARTS].component, &saved->parts[i]);
     free(saved);
+}
+
+/* Copy a state of a part that is in the state `now`. */
+static bool copied(Instance *c, int64_t part, void *from, void **to, void *now)
+{
+    EnginePart *const p = &c->parts[part];
+    return p->set_state(p->component, from) <= 1 && p->get_state(p->component, to) <= 1 &&
+           p->set_state(p->component, now) <= 1;
 }
 
 fmi2Status fmi2GetFMUstate(fmi2Component component, fmi2FMUstate *state)
@@ -49,6 +60,10 @@ fmi2Status fmi2GetFMUstate(fmi2Component component, fmi2FMUstate *state)
     for (int64_t i = 0; i < PARTS; i++)
         REQUIRE(!is_fmu(i) || c->parts[i].get_state(c->parts[i].component, &saved->parts[i]) <= 1,
                 "fmi2GetFMUstate: %s cannot save its state: %s", part_data[i].name, c->said)
+    for (int64_t i = 0; i < PARTS; i++)
+        REQUIRE(!is_saved(&c->memory, PARTS + i) || copied(c, i, c->ticks[c->memory.side][i], &saved->parts[PARTS + i],
+                                                           saved->parts[i]),
+                "fmi2GetFMUstate: %s cannot save its state: %s", part_data[i].name, c->said)
     return fmi2OK;
 }
 
@@ -59,9 +74,13 @@ fmi2Status fmi2SetFMUstate(fmi2Component component, fmi2FMUstate state)
     const Saved *const saved = (const Saved *)state;
     const char *const fault = fault_of(c, saved);
     REQUIRE(!fault, "fmi2SetFMUstate: the state cannot be used: %s", fault)
-    for (int64_t i = 0; i < PARTS; i++)
-        REQUIRE(!is_fmu(i) || c->parts[i].set_state(c->parts[i].component, saved->parts[i]) <= 1,
+    for (int64_t i = 0; i < PARTS; i++) {
+        const bool divided = is_saved(&saved->memory, PARTS + i);
+        REQUIRE(!divided || copied(c, i, saved->parts[PARTS + i], &c->ticks[saved->memory.side][i], saved->parts[i]),
                 "fmi2SetFMUstate: %s rejects its state: %s", part_data[i].name, c->said)
+        REQUIRE(divided || !is_fmu(i) || c->parts[i].set_state(c->parts[i].component, saved->parts[i]) <= 1,
+                "fmi2SetFMUstate: %s rejects its state: %s", part_data[i].name, c->said)
+    }
     c->memory = saved->memory;
     c->refreshed = false;
     return fmi2OK;
@@ -81,11 +100,12 @@ fmi2Status fmi2FreeFMUstate(fmi2Component component, fmi2FMUstate *state)
 static size_t serialized_size(Instance *c, const Saved *saved)
 {
     size_t size = SAVED_SIZE;
-    for (int64_t i = 0; i < PARTS; i++) {
+    for (int64_t i = 0; i < 2 * PARTS; i++) {
         size_t inner = 0;
-        if (!is_fmu(i))
+        if (!is_saved(&saved->memory, i))
             continue;
-        if (part_data[i].functions->size_of_state(c->parts[i].component, saved->parts[i], &inner) > fmi2Warning)
+        if (part_data[i % PARTS].functions->size_of_state(c->parts[i % PARTS].component, saved->parts[i], &inner) >
+            fmi2Warning)
             return 0;
         size += sizeof(uint64_t) + inner;
     }
@@ -111,19 +131,20 @@ fmi2Status fmi2SerializeFMUstate(fmi2Component component, fmi2FMUstate state, fm
             (unsigned)size, (unsigned)needed)
     memcpy(bytes, saved, SAVED_SIZE);
     size_t end = SAVED_SIZE;
-    for (int64_t i = 0; i < PARTS; i++) {
-        if (!is_fmu(i))
+    for (int64_t i = 0; i < 2 * PARTS; i++) {
+        if (!is_saved(&saved->memory, i))
             continue;
-        const PartFunctions *const f = part_data[i].functions;
-        const fmi2Component part = c->parts[i].component;
+        const char *const name = part_data[i % PARTS].name;
+        const PartFunctions *const f = part_data[i % PARTS].functions;
+        const fmi2Component part = c->parts[i % PARTS].component;
         size_t inner = 0;
         REQUIRE(f->size_of_state(part, saved->parts[i], &inner) <= fmi2Warning,
-                "fmi2SerializeFMUstate: %s cannot serialize its state: %s", part_data[i].name, c->said)
+                "fmi2SerializeFMUstate: %s cannot serialize its state: %s", name, c->said)
         const uint64_t stored = inner;
         memcpy(bytes + end, &stored, sizeof stored);
         end += sizeof stored;
         REQUIRE(f->serialize(part, saved->parts[i], bytes + end, inner) <= fmi2Warning,
-                "fmi2SerializeFMUstate: %s cannot serialize its state: %s", part_data[i].name, c->said)
+                "fmi2SerializeFMUstate: %s cannot serialize its state: %s", name, c->said)
         end += inner;
     }
     const uint64_t checksum = checksum_of(bytes, needed);
@@ -155,12 +176,13 @@ static bool plausible(const Memory *m)
 {
     const int modes =
         BEFORE_STEPPING | TERMINATED | (m->exchange ? (int)EXCHANGING : (int)STEP_COMPLETE | (int)STEP_FAILED);
-    const double next = m->start + (double)(m->tick + 1) * STEP_SIZE, slack = 1e-3 * STEP_SIZE + 1e-9 * fabs(next);
+    const double now = m->start + (double)m->tick * STEP_SIZE + m->spent;
+    const double slack = 1e-3 * STEP_SIZE + 1e-9 * fabs(now) + m->drift;
     bool good = is_bit(m->exchange) && (MODEL_EXCHANGE || !m->exchange) && (m->mode & modes) == m->mode &&
                 m->mode > 0 && (m->mode & (m->mode - 1)) == 0 && in_range(m->stale, 0, PARAMETER_SET) &&
                 is_bit(m->slopes_used) && is_bit(m->inside) && in_range(m->tick, 0, INT64_C(1) << 53) &&
-                isfinite(m->start) && isfinite(m->time) && m->reached >= next - STEP_SIZE - slack &&
-                m->reached <= next + slack && (m->exchange || fabs(m->time - m->reached) <= slack) &&
+                is_bit(m->side) && isfinite(m->start) && isfinite(m->time) && fabs(m->spent) <= 1.001 * STEP_SIZE &&
+                m->drift >= 0.0 && m->drift < INFINITY && (m->exchange || fabs(m->time - now) <= slack) &&
                 m->stop >= m->start && m->tolerance >= 0.0 && m->tolerance < INFINITY && isfinite(m->begun);
     for (int64_t i = 0, source = 0; i < PARTS; i++) {
         const Series *const series = part_data[i].series;
@@ -174,7 +196,7 @@ static bool plausible(const Memory *m)
     for (int64_t g = 0; g < GROUPS; g++)
         good = good && plausible_guard(&m->guards[g]);
     for (int i = 0; i < INPUTS; i++)
-        good = good && isfinite(m->slopes[i]);
+        good = good && isfinite(m->slopes[i]) && isfinite(m->rate[i]);
     for (size_t i = 0; i < VARIABLES; i++)
         good = good && plausible_value(m, &variables[i]);
     return good;
@@ -184,9 +206,9 @@ static bool plausible(const Memory *m)
 static const char *read_parts(Instance *c, Saved *saved, const fmi2Byte bytes[], size_t size)
 {
     size_t end = SAVED_SIZE;
-    for (int64_t i = 0; i < PARTS; i++) {
+    for (int64_t i = 0; i < 2 * PARTS; i++) {
         uint64_t inner = 0;
-        if (!is_fmu(i))
+        if (!is_saved(&saved->memory, i))
             continue;
         if (size - end < sizeof inner)
             return "they are too few";
@@ -194,8 +216,8 @@ static const char *read_parts(Instance *c, Saved *saved, const fmi2Byte bytes[],
         end += sizeof inner;
         if (inner > size - end)
             return "they are too few";
-        if (part_data[i].functions->deserialize(c->parts[i].component, bytes + end, (size_t)inner, &saved->parts[i]) >
-            fmi2Warning)
+        if (part_data[i % PARTS].functions->deserialize(c->parts[i % PARTS].component, bytes + end, (size_t)inner,
+                                                        &saved->parts[i]) > fmi2Warning)
             return c->said;
         end += (size_t)inner;
     }

@@ -1,36 +1,179 @@
-/* Steps. The engine advances from tick to tick, at start + k STEP_SIZE. A communication point between two ticks divides
-   the tick; sampled parts take their samples at ticks only. */
+/* Steps. The engine advances from tick to tick, at start + k STEP_SIZE; sampled parts take their samples at ticks only.
+   A step that ends between two ticks computes the values there and keeps the state at the start of the tick, from which
+   the next step repeats the tick. So the result does not depend on the communication points, and pieces of very unequal
+   lengths, which amplify the errors of light masses, do not occur. An input that jumps within a tick acts in it as its
+   mean. */
 
 #ifndef COMPOSITE_STEP_H
 #define COMPOSITE_STEP_H
 
 enum { MOST_TICKS = 100000000 };
-#define ROUNDING 1e-6 /* of the step: differences of times that are rounding */
 
-/* Advance to this time. */
-static bool advance_to(Instance *c, double end)
+/* Return the difference of times that is rounding. */
+static double tick_slack(const Memory *m)
+{
+    return fmin(1e-6 * STEP_SIZE + time_rounding(m->time, m->start), 0.25 * STEP_SIZE);
+}
+
+static void read_inputs(Instance *c, double t)
+{
+    if (INPUT_PART < 0)
+        return;
+    const int64_t part = INPUT_PART < 0 ? 0 : INPUT_PART;
+    c->memory.sources[c->places[part].source] = t;
+    (void)fetch_outputs(&c->parts[part], c->memory.signals);
+}
+
+/* Keep the start of a tick. */
+static bool keep_tick(Instance *c)
+{
+    Memory *const m = &c->memory;
+    const double start = time_of(&c->engine, m->tick);
+    m->side = !m->side;
+    for (int64_t i = 0; i < PARTS; i++)
+        if (moves_inside(i) && c->parts[i].get_state(c->parts[i].component, &c->ticks[m->side][i]) > 1)
+            return failed(&c->engine, i, SAVE, 2, m->time);
+    memcpy(m->begun_signals, m->signals, sizeof m->signals);
+    for (int i = 0; i < INPUTS; i++) {
+        m->rate[i] = m->slopes[i];
+        m->base[i] = m->inputs[i] + (m->rate[i] == 0.0 ? 0.0 : m->rate[i] * (start - m->begun));
+    }
+    return true;
+}
+
+/* Let the inputs that have jumped since the start of the tick act as their mean until `length` from now. */
+static void average_inputs(Instance *c, double length)
+{
+    Memory *const m = &c->memory;
+    for (int i = 0; i < INPUTS; i++) {
+        const double jump = m->inputs[i] - (m->base[i] + m->rate[i] * m->spent);
+        if (m->rate[i] == m->slopes[i] && (jump == 0.0 || fabs(jump) < 1e-12 * fabs(m->rate[i]) * STEP_SIZE))
+            continue;
+        c->uneven = true;
+        m->base[i] = ((m->base[i] + 0.5 * m->rate[i] * m->spent) * m->spent +
+                      (m->inputs[i] + 0.5 * m->slopes[i] * length) * length) /
+                     (m->spent + length);
+        m->rate[i] = 0.0;
+    }
+}
+
+/* Return to the start of the tick. Sampled parts have acted there. */
+static bool return_to_tick(Instance *c)
+{
+    Memory *const m = &c->memory;
+    for (int64_t i = 0; i < PARTS; i++)
+        if (moves_inside(i) && c->parts[i].set_state(c->parts[i].component, c->ticks[m->side][i]) > 1)
+            return failed(&c->engine, i, RESTORE, 2, m->time);
+    memcpy(m->signals, m->begun_signals, sizeof m->signals);
+    m->begun = time_of(&c->engine, m->tick);
+    read_inputs(c, m->begun);
+    return true;
+}
+
+/* Let the memory be that at the start of the tick, but for what sampled parts and delays have done there. */
+static void remember_tick(Instance *c)
+{
+    Memory *const m = &c->memory, *const start = &c->tick;
+    memcpy(start->past, m->past, sizeof m->past);
+    memcpy(start->gains, m->gains, sizeof m->gains);
+    memcpy(start->offsets, m->offsets, sizeof m->offsets);
+    for (int64_t i = 0; i < PARTS; i++)
+        for (int64_t k = part_data[i].outputs[REAL]; part_data[i].sampled && k < part_data[i].outputs[TYPES]; k++)
+            start->begun_signals[k] = m->signals[k];
+    *m = *start;
+    m->inside = true;
+}
+
+/* Move the parts over a part of the tick on the lines that solve the whole tick. */
+static bool move_on_lines(Instance *c, double length, const bool *sticks)
+{
+    Engine *const e = &c->engine;
+    for (int64_t k = 0; k < PARTS; k++) {
+        const int64_t part = part_order[k];
+        EnginePart *const p = &e->parts[part];
+        if (p->sampled || p->every > 1)
+            continue;
+        fetch_inputs(e, p);
+        for (Line *l = e->lines + lines_from[part]; l < e->lines + lines_from[part + 1]; l++) {
+            const double begin = 2.0 * l->mean - l->end;
+            l->end = begin + (l->end - begin) * (length / STEP_SIZE);
+            l->mean = 0.5 * (begin + l->end);
+        }
+        int status = step_on_lines(e, part, e->time, length);
+        if (status <= 1)
+            status = fetch_outputs(p, e->signals);
+        if (status > 1)
+            return failed(e, part, STEP, status, e->time);
+    }
+    for (int64_t g = 0; g < GROUPS; g++) /* a contact that sticks has its holding force */
+        for (int64_t j = group_data[g].unknown; sticks[g] && j < group_data[g].unknown + group_data[g].unknowns; j++)
+            e->signals[unknown_outputs[j]] = c->newton.w[j];
+    return true;
+}
+
+/* Compute the values within a tick and remember its start. The loop of a part of a tick may have other solutions,
+   which are not those that the whole tick passes through. */
+static bool divide_tick(Instance *c, double length)
 {
     Engine *const e = &c->engine;
     Memory *const m = &c->memory;
-    const double slack = ROUNDING * STEP_SIZE;
-    e->start = m->start;
-    for (;;) {
-        const double next = time_of(e, m->tick + 1);
-        const bool whole = next <= end + slack;
-        if (!whole && end - m->reached <= slack)
+    int64_t loops = 0;
+    for (int64_t g = 0; g < GROUPS; g++)
+        loops += group_data[g].is_loop;
+    const int64_t spans = c->newton.substeps + loops;
+    c->tick = *m;
+    const bool whole = advance(e, m->tick) && c->newton.substeps == spans;
+    bool sticks[GROUPS + 1];
+    for (int64_t g = 0; g < GROUPS; g++)
+        sticks[g] = m->guards[g].jumped;
+    remember_tick(c);
+    if (!return_to_tick(c))
+        return false;
+    if (whole)
+        return move_on_lines(c, length, sticks);
+    c->tick = *m;
+    e->status = 0;
+    e->begins = false;
+    e->length = length;
+    const bool done = advance(e, m->tick);
+    memcpy(c->tick.signals, m->signals, sizeof m->signals);
+    *m = c->tick;
+    return done;
+}
+
+/* Advance by this time. */
+static bool advance_by(Instance *c, double h)
+{
+    Engine *const e = &c->engine;
+    Memory *const m = &c->memory;
+    const double slack = tick_slack(m);
+    for (double left = h;;) {
+        const double rest = STEP_SIZE - m->spent, begun = m->begun;
+        const bool whole = rest <= left + slack, again = m->inside;
+        if (!whole && !again && m->spent + left <= slack) {
+            m->spent += left;
             return true;
-        span_tick(e, m->tick);
-        e->begins = !m->inside;
-        e->ends = whole;
-        if (m->inside)
-            e->time = m->reached;
-        if (m->inside || !whole)
-            e->length = (whole ? next : end) - e->time;
-        if (!advance(e, m->tick))
+        }
+        if (again)
+            average_inputs(c, fmin(left, rest));
+        if (!(again ? return_to_tick(c) : whole || keep_tick(c)))
             return false;
-        m->reached = whole ? next : end;
-        m->inside = !whole;
-        m->tick += whole;
+        span_tick(e, m->tick);
+        e->begins = !again;
+        e->ends = whole;
+        if (!(whole ? advance(e, m->tick) : divide_tick(c, m->spent + left)))
+            return false;
+        if (!whole) {
+            m->spent += left;
+            return true;
+        }
+        m->tick++;
+        m->inside = false;
+        m->spent = fmin(left - rest, 0.0);
+        left = fmax(left - rest, 0.0);
+        m->begun = begun;
+        if (again)
+            read_inputs(c, time_of(e, m->tick));
     }
 }
 
@@ -121,7 +264,7 @@ fmi2Status fmi2DoStep(fmi2Component component, fmi2Real t, fmi2Real h, fmi2Boole
             "fmi2DoStep: step size %g at t = %g s must be positive and finite", h, t)
     REQUIRE(fabs(t - m->time) <= slack, "fmi2DoStep: communication point %.17g s is not the current time %.17g s", t,
             m->time)
-    REQUIRE(t + h <= m->stop + slack, "fmi2DoStep: the step to %.17g s exceeds the stop time %.17g s", t + h, m->stop)
+    REQUIRE(t + h <= m->stop + slack + m->drift, "fmi2DoStep: the step to %.17g s exceeds the stop time %.17g s", t + h, m->stop)
 
     c->said[0] = '\0';
     c->warning = false;
@@ -137,20 +280,24 @@ fmi2Status fmi2DoStep(fmi2Component component, fmi2Real t, fmi2Real h, fmi2Boole
         return refuse_step(c, t, h);
     if (m->slopes_used)
         memset(m->slopes, 0, sizeof m->slopes);
-    m->begun = t;
-    if (INPUT_PART >= 0) {
-        EnginePart *const inputs = &e->parts[INPUT_PART < 0 ? 0 : INPUT_PART];
-        m->sources[c->places[INPUT_PART < 0 ? 0 : INPUT_PART].source] = t;
-        (void)fetch_outputs(inputs, e->signals);
-    }
-    if (!advance_to(c, t + h) || !outputs_finite(c))
+    c->uneven = false;
+    e->start = m->start;
+    const double spent = t - time_of(e, m->tick); /* the time of the importer, unless it is a sum with its rounding */
+    if (!(fabs(spent - m->spent) <= m->drift + time_rounding(t, m->start)))
+        m->spent = spent;
+    m->begun = time_of(e, m->tick) + m->spent;
+    if (!m->inside)
+        read_inputs(c, m->begun);
+    if (!advance_by(c, h) || !outputs_finite(c))
         return refuse_step(c, t, h);
     for (int i = 0; i < INPUTS; i++)
         if (m->slopes[i] != 0.0)
             m->inputs[i] += m->slopes[i] * h;
     m->time = t + h;
+    m->drift += DBL_EPSILON * fabs(m->time);
     m->slopes_used = true;
-    m->stale = c->refreshed = false;
+    m->stale = c->uneven ? INPUT_SET : 0; /* direct outputs follow the last value, not the mean */
+    c->refreshed = false;
     warn_of_errors(c, false);
     return c->warning ? fmi2Warning : fmi2OK;
 }

@@ -123,6 +123,18 @@ static fmi2Status write_variable(Instance *c, const Variable *v, double real, in
                                        v->type == REAL ? (void *)&real : (void *)&whole);
 }
 
+/* Set a variable of a part also in its state at the start of a tick that is divided. */
+static bool write_at_tick(Instance *c, const Variable *v, double real, int whole)
+{
+    if (v->is_input || !c->memory.inside || !moves_inside(v->part))
+        return true;
+    EnginePart *const p = &c->parts[v->part];
+    void **const tick = &c->ticks[c->memory.side][v->part], **const now = &c->backups[v->part];
+    return p->get_state(p->component, now) <= 1 && p->set_state(p->component, *tick) <= 1 &&
+           write_variable(c, v, real, whole) <= fmi2Warning && p->get_state(p->component, tick) <= 1 &&
+           p->set_state(p->component, *now) <= 1;
+}
+
 /* All values are checked before the first one is written; if a part rejects one, all parts return to their state. */
 #define SET(TYPE, type, as_double, as_whole)                                                                           \
     fmi2Status fmi2Set##TYPE(fmi2Component component, const fmi2ValueReference references[], size_t n,                 \
@@ -148,6 +160,8 @@ static fmi2Status write_variable(Instance *c, const Variable *v, double real, in
             return report(c, status, status == fmi2Discard ? LOG_DISCARD : LOG_ERROR, "fmi2Set" #TYPE ": %s: %s",      \
                           v->name, c->said);                                                                           \
         }                                                                                                              \
+        for (size_t i = 0; i < n; i++)                                                                                 \
+            REQUIRE(write_at_tick(c, &variables[references[i]], as_double, as_whole), "fmi2Set" #TYPE ": %s", c->said) \
         c->refreshed = false;                                                                                          \
         if (n > 0)                                                                                                     \
             set_stale(&c->memory, inner ? PARAMETER_SET : INPUT_SET);                                                  \

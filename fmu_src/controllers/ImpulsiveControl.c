@@ -50,7 +50,7 @@
     COMMAND  (reset,   0,                             "true: no pulse, and the counters are 0")                  \
     OUTPUT   (u,       FORCE,                         "f plus the pulse, within u_min and u_max")                \
     OUTPUT   (u_sat,   NO_UNIT,                       "active limit: -1 lower, +1 upper, 0 none")                \
-    OUTPUT_FLAG(fault,                         "true: an input is NaN or infinite; outputs and states are held") \
+    OUTPUT_FLAG(fault,                         "true: an input is NaN or infinite; while enabled, outputs and states are held") \
     LOCAL    (pulse,   FORCE,                         "force of the pulse, 0 between pulses")                    \
     TALLY    (pulses,                                 "number of pulses started")                                \
     FIXED    (Ts,      TIME,     1e-3,   1e-9,  INF,  "sample time")                                             \
@@ -114,6 +114,10 @@ static void skip(Model *model)
     if (train->left > 0)
         train->left--;
     train->at_rest = 0;
+    if (model->enable == 0.0) {
+        train->left = 0;
+        model->u = model->u_sat = model->pulse = 0.0;
+    }
 }
 
 static void sample(Model *model)

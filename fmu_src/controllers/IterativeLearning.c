@@ -28,8 +28,9 @@
 
    The first trials reduce e by a factor of about 1 - rate.
 
-   reset discards what was learned, in the same sample. While enable is false, u, F_hat and u_sat are 0, nothing is
-   recorded and k is 0; the learned force is kept.
+   reset discards what was learned, in the same sample. While enable is false, u, F_hat and u_sat are 0; the learned
+   force is kept. After both, u is 0 and nothing is recorded until the next trial begins, as the motion of this one has
+   advanced without being counted; the first trial of a run begins with its first sample.
 
    While an input is NaN or infinite, the outputs are held and the trial continues, but nothing is learned from it.
 
@@ -56,7 +57,7 @@
     OUTPUT   (u,         FORCE,                         "force gain F_hat, within u_min and u_max")               \
     OUTPUT   (F_hat,     FORCE,                         "learned force")                                          \
     OUTPUT   (u_sat,     NO_UNIT,                       "active limit: -1 lower, +1 upper, 0 none")               \
-    OUTPUT_FLAG(fault,                          "true: an input is NaN or infinite; outputs and states are held") \
+    OUTPUT_FLAG(fault,                          "true: an input is NaN or infinite; while enabled, outputs and states are held") \
     LOCAL    (rms,       LENGTH,                        "root mean square error of the last trial")               \
     TALLY    (trial,                                    "number of completed trials")                             \
     FIXED    (Ts,        TIME,      1e-3,   1e-9, INF,  "sample time")                                            \
@@ -99,6 +100,7 @@ struct trials {
     int k;             /* number of samples in this trial so far */
     bool spoilt;       /* one of them had an invalid input */
     bool ended;        /* trial_end in the previous sample */
+    bool waits;        /* for the next trial, after a reset or while disabled in this one */
     double rms, trial; /* of the last trial; number of trials */
 };
 
@@ -109,8 +111,8 @@ struct trials {
 static bool are_trials(const Model *model)
 {
     const struct trials *const past = &model->memory;
-    return is_count(past->k, model->N) && is_flag(&past->spoilt) && is_flag(&past->ended) && past->rms >= 0.0 &&
-           is_count(past->trial, DBL_MAX);
+    return is_count(past->k, model->N) && is_flag(&past->spoilt) && is_flag(&past->ended) && is_flag(&past->waits) &&
+           past->rms >= 0.0 && is_count(past->trial, DBL_MAX);
 }
 
 /* Perform the learning step between two trials. */
@@ -142,8 +144,9 @@ static bool in_trial(Model *model)
     struct trials *const past = &model->memory;
 
     if (reset)
-        *past = (struct trials){.ended = past->ended};
-    if (trial_end && !past->ended && past->k > 0) {
+        *past = (struct trials){.ended = past->ended, .waits = true};
+    const bool begins = trial_end && !past->ended;
+    if (begins && past->k > 0) {
         double sum = 0.0;
         for (int k = 0; k < past->k; k++)
             sum += square(past->e[k]);
@@ -154,10 +157,11 @@ static bool in_trial(Model *model)
         past->k = 0;
     }
     past->ended = trial_end;
-    if (!enable)
+    past->waits = !enable || (past->waits && !begins);
+    if (past->waits)
         past->k = 0;
     past->spoilt = past->spoilt && past->k > 0;
-    return enable && past->k < N;
+    return !past->waits && past->k < N;
 }
 
 static void skip(Model *model)
@@ -168,6 +172,8 @@ static void skip(Model *model)
         past->k++;
         past->spoilt = true;
     }
+    if (model->enable == 0.0)
+        compensate(model, 0.0);
 }
 
 static void sample(Model *model)

@@ -22,8 +22,8 @@
    input f of a position controller, whose parameter m must then be 0. Feedforward does not change the stability of the
    loop.
 
-   While an input is NaN or infinite, outputs and states are held; the next sample uses the whole displacement since the
-   last valid one.
+   While an input is NaN or infinite, outputs and states are held; the next sample uses the displacement and the time
+   since the last valid one.
 
    A >= 2 max(Fs, Fc) is required: with a smaller A, the curve that begins at a reversal ends below the Stribeck level,
    r stays below 1, and z grows without bound in any steady motion.
@@ -52,7 +52,7 @@
     OUTPUT    (F_hat,    FORCE,                      "estimated friction force; u contains gain F_hat")     \
     OUTPUT    (z_hat,    LENGTH,                     "deflection in this sample")                           \
     OUTPUT    (u_sat,    NO_UNIT,                    "active limit: -1 lower, +1 upper, 0 none")            \
-    OUTPUT_FLAG(fault,                    "true: an input is NaN or infinite; outputs and states are held") \
+    OUTPUT_FLAG(fault,                    "true: an input is NaN or infinite; while enabled, outputs and states are held") \
     LOCAL     (F,        FORCE,                      "friction force along the reference")                  \
     LOCAL     (Fh,       FORCE,                      "hysteresis force at the normal force Fn0")            \
     LOCAL     (der_z,    VELOCITY,                   "time derivative of z")                                \
@@ -64,6 +64,7 @@
     STATE     (v,        VELOCITY, 0.0,   1e-3,      "reference velocity used by the law")                  \
     STATE     (last,     LENGTH,   0.0,   1.0,       "reference in the previous sample")                    \
     STATE     (started,  NO_UNIT,  0.0,   1.0,       "1 if there is a previous sample")                     \
+    STATE     (missed,   NO_UNIT,  0.0,   1.0,       "number of samples missed before this one, as an input was invalid") \
     FIXED     (Ts,       TIME,     1e-3,  1e-9, INF, "sample time")                                         \
     PARAMETER (gain,     NO_UNIT,  1.0,   0.0,  1.0, "fraction of the friction that is compensated")        \
     PARAMETER (mass,     MASS,     1.0,   0.0,  INF, "mass of the inertia feedforward; 0: none")            \
@@ -102,6 +103,7 @@
 
 #define SAMPLED
 #define GUARDED
+#define SKIPS_BY skip
 #define REQUIRES relations
 #define WARNING  "there are more reversal points than the stacks can store; inner loops are discarded"
 #define MEMORY   struct reversals
@@ -128,5 +130,6 @@ static void sample(Model *m)
     GIVEN(m)
     follow_reference(m, forget, !isnan(z + A + zc + n + Fc + Fs + vs + delta + dead_band));
     feed_forward(m);
-    m->z_hat = m->z;
 }
+
+static void skip(Model *m) { miss_reference(m, forget); }

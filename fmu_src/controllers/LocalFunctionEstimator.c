@@ -47,7 +47,7 @@
     OUTPUT   (u,      FORCE,                        "compensation force gain F_hat, within u_min and u_max")         \
     OUTPUT   (F_hat,  FORCE,                        "estimated friction force, positive for a positive velocity")    \
     OUTPUT   (u_sat,  NO_UNIT,                      "active limit: -1 lower, +1 upper, 0 none")                      \
-    OUTPUT_FLAG(fault,                             "true: an input is NaN or infinite; outputs and states are held") \
+    OUTPUT_FLAG(fault,                             "true: an input is NaN or infinite; while enabled, outputs and states are held") \
     FIXED    (Ts,     TIME,     1e-3,   1e-9, INF,  "sample time")                                                   \
     COUNT    (window, 10,       1,      LONGEST,    "number of intervals in the estimate")                           \
     FIXED    (v0,     VELOCITY, 0.0,   -INF,  INF,  "velocity before the first sample")                               \
@@ -109,7 +109,14 @@ static bool is_past(const Model *model)
     return past->latest < (size_t)model->window && isfinite(past->v) && is_flag(&past->unknown);
 }
 
-static void skip(Model *model) { model->memory.unknown = true; }
+static void skip(Model *model)
+{
+    if (model->enable == 0.0) {
+        model->memory = (struct past){.v = 0.0};
+        compensate(model, 0.0);
+    }
+    model->memory.unknown = true;
+}
 
 static void sample(Model *model)
 {

@@ -21,8 +21,8 @@
    input f of a position controller, whose parameter m must then be 0. Feedforward does not change the stability of the
    loop.
 
-   While an input is NaN or infinite, outputs and states are held; the next sample uses the whole displacement since the
-   last valid one.
+   While an input is NaN or infinite, outputs and states are held; the next sample uses the displacement and the time
+   since the last valid one.
 
    Limits: as for ModifiedLeuven: W1 + ... + WN must be at least Fs and Fc, otherwise a warning is logged; for small n,
    loops do not close. A jump of rd causes a jump of F_hat by sigma1 times the jump of rd. A reversal between two
@@ -48,7 +48,7 @@
     OUTPUT    (F_hat,    FORCE,                      "estimated friction force; u contains gain F_hat")     \
     OUTPUT    (z_hat,    LENGTH,                     "deflection in this sample")                           \
     OUTPUT    (u_sat,    NO_UNIT,                    "active limit: -1 lower, +1 upper, 0 none")            \
-    OUTPUT_FLAG(fault,                    "true: an input is NaN or infinite; outputs and states are held") \
+    OUTPUT_FLAG(fault,                    "true: an input is NaN or infinite; while enabled, outputs and states are held") \
     LOCAL     (F,        FORCE,                      "friction force along the reference")                  \
     LOCAL     (Fh,       FORCE,                      "hysteresis force at the normal force Fn0")            \
     LOCAL     (der_z,    VELOCITY,                   "time derivative of z")                                \
@@ -59,6 +59,7 @@
     STATE     (v,        VELOCITY, 0.0,   1e-3,      "reference velocity used by the law")                  \
     STATE     (last,     LENGTH,   0.0,   1.0,       "reference in the previous sample")                    \
     STATE     (started,  NO_UNIT,  0.0,   1.0,       "1 if there is a previous sample")                     \
+    STATE     (missed,   NO_UNIT,  0.0,   1.0,       "number of samples missed before this one, as an input was invalid") \
     FIXED     (Ts,       TIME,     1e-3,  1e-9, INF, "sample time")                                         \
     PARAMETER (gain,     NO_UNIT,  1.0,   0.0,  1.0, "fraction of the friction that is compensated")        \
     PARAMETER (mass,     MASS,     1.0,   0.0,  INF, "mass of the inertia feedforward; 0: none")            \
@@ -101,6 +102,7 @@
 
 #define SAMPLED
 #define GUARDED
+#define SKIPS_BY skip
 #define REQUIRES limits_in_order
 #define WARNING  "the sum of W is below Fs or Fc, so the force cannot reach the Stribeck curve; increase W"
 
@@ -124,5 +126,6 @@ static void sample(Model *m)
         sum += k[i] + W[i] + Fi[i];
     follow_reference(m, forget, !isnan(sum));
     feed_forward(m);
-    m->z_hat = m->z;
 }
+
+static void skip(Model *m) { miss_reference(m, forget); }

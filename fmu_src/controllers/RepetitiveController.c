@@ -53,7 +53,7 @@
     OUTPUT   (u,      FORCE,                        "periodic force gain F_hat, within u_min and u_max")          \
     OUTPUT   (F_hat,  FORCE,                        "learned force")                                              \
     OUTPUT   (u_sat,  NO_UNIT,                      "active limit: -1 lower, +1 upper, 0 none")                   \
-    OUTPUT_FLAG(fault,                          "true: an input is NaN or infinite; outputs and states are held") \
+    OUTPUT_FLAG(fault,                          "true: an input is NaN or infinite; while enabled, outputs and states are held") \
     FIXED    (Ts,     TIME,      1e-3,   1e-9, INF, "sample time")                                                \
     COUNT    (N,      1000,              2, LONGEST, "number of samples in the period")                           \
     COUNT    (M,      16,                0, TAPS,   "number of samples that Q uses before and after")             \
@@ -147,6 +147,11 @@ static void skip(Model *model)
     struct period *const past = &model->memory;
     const int64_t ring = N + half_of(model) + 1, k = model->run.tick + ring;
 
+    if (!enable) {
+        *past = (struct period){.known = false};
+        compensate(model, 0.0);
+        return;
+    }
     past->y[k % ring] = past->y[(k - N) % ring];
     past->missing = 2;
 }

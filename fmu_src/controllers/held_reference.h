@@ -25,8 +25,9 @@ static void follow_reference(Model *m, void (*forget)(Model *), bool known)
     if (reset || !enable || started == 0.0) {
         forget(m);
     } else {
-        m->v = (r - last) / Ts;
-        solved = known && isfinite(m->v) && step(m, Ts);
+        const double span = (missed + 1.0) * Ts;
+        m->v = (r - last) / span;
+        solved = known && isfinite(m->v) && step(m, span);
     }
     m->v = enable ? rd : 0.0;
     equations(m);
@@ -34,6 +35,7 @@ static void follow_reference(Model *m, void (*forget)(Model *), bool known)
         m->F = NAN; /* the FMU rejects the step */
     m->last = enable ? r : 0.0;
     m->started = enable ? 1.0 : 0.0;
+    m->missed = 0.0;
 }
 
 /* Compute the outputs from the friction force F. */
@@ -44,6 +46,21 @@ static void feed_forward(Model *m)
     m->F_hat = enable ? m->F : 0.0;
     m->u = enable ? clip(wanted, u_min, u_max) : 0.0;
     m->u_sat = !enable ? 0.0 : wanted < u_min ? -1.0 : wanted > u_max ? 1.0 : 0.0;
+    m->z_hat = m->z;
+}
+
+/* In place of a sample with an invalid input: count it; a disabled block is at rest. */
+static void miss_reference(Model *m, void (*forget)(Model *))
+{
+    const double load = m->Fn;
+
+    m->missed += 1.0;
+    if (m->enable != 0.0)
+        return;
+    m->Fn = m->Fn0; /* Fn may be the invalid input */
+    follow_reference(m, forget, true);
+    feed_forward(m);
+    m->Fn = load;
 }
 
 #endif

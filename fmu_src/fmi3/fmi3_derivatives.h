@@ -8,7 +8,7 @@ static size_t elements_in_3(const Shell *c, const fmi3ValueReference references[
 {
     size_t count = 0;
     for (size_t i = 0; i < n; i++) {
-        if (references[i] >= REFERENCES || variables_3[references[i]].type != IS_FLOAT64) {
+        if (references[i] >= INDICATORS_REFERENCE || variables_3[references[i]].type != IS_FLOAT64) {
             (void)fail_3(c, "was called with value reference %u: it has no derivatives", references[i]);
             return 0;
         }
@@ -59,7 +59,7 @@ static fmi3Status differentiate_3(Shell *c, bool is_adjoint, const fmi3ValueRefe
     for (size_t i = 0; i < n_unknowns + n_knowns; i++) {
         const fmi3ValueReference reference = i < n_unknowns ? unknowns[i] : knowns[i - n_unknowns];
         for (size_t k = 0, size = size_of_3(c, reference); k < size; k++)
-            *to++ = reference + (fmi2ValueReference)k;
+            *to++ = variables_3[reference].inner + (fmi2ValueReference)k;
     }
     if (!is_adjoint)
         return (fmi3Status)fmi2GetDirectionalDerivative(c->inside, c->listed, above, lower, below, seed, sensitivity);
@@ -94,7 +94,7 @@ fmi3Status fmi3GetOutputDerivatives(fmi3Instance instance, const fmi3ValueRefere
         REQUIRE_3(orders[i] == 1, "was called with order %d, but only order 1 is available", orders[i])
     REQUIRE_3(count <= REFERENCES, "was called with a variable more than once")
     for (size_t i = 0; i < n; i++)
-        REQUIRE_3(references[i] != INDICATORS_REFERENCE, "was called for the event indicators, which are no outputs")
+        REQUIRE_3(!is_indicator_3(references[i]), "was called for the event indicators, which are no outputs")
     REQUIRE_ELEMENTS(list, references, n, count)
     for (size_t i = 0; i < count; i++)
         c->whole[i] = 1;

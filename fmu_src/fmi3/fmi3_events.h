@@ -3,8 +3,13 @@
 #ifndef FMI3_EVENTS_H
 #define FMI3_EVENTS_H
 
-/* Rounding of a time in which a sample is still due, in units of the sampling time; as in a step. */
-#define ROUNDING 1e-6
+#if HAS_EVENT_MODE
+/* Return the time to the next sample, after the one that is due, which begins the next step. */
+static double to_next_event_3(const Model *m)
+{
+    return m->run.rest <= sample_slack(m) ? m->run.rest + m->Ts : m->run.rest;
+}
+#endif
 
 fmi3Status fmi3EnterEventMode(fmi3Instance instance)
 {
@@ -41,11 +46,13 @@ static fmi2Status update_3(Shell *c, fmi2EventInfo *info)
         return fmi2NewDiscreteStates(c->inside, info);
 #endif
 #if HAS_EVENT_MODE
-    return new_discrete_states(c->inside, info);
-#else
+    if (c->ticking)
+        return new_discrete_states(c->inside, info);
+    info->nextEventTimeDefined = fmi2True; /* without the clock, the sample is left to fmi3DoStep */
+    info->nextEventTime = c->inside->model.time + to_next_event_3(&c->inside->model);
+#endif
     (void)c;
     return fmi2OK;
-#endif
 }
 
 fmi3Status fmi3UpdateDiscreteStates(fmi3Instance instance, fmi3Boolean *again, fmi3Boolean *terminate,

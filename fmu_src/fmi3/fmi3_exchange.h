@@ -84,7 +84,7 @@ static fmi3Status set_of_states(Shell *c, const double *values, size_t n)
     for (int i = 0; i < STATE_VARIABLES; i++) {
         const Variable3 *const v = &variables_3[state_variables[i]];
         const size_t size = size_of_3(c, state_variables[i]);
-        memcpy(to, value_of(&c->inside->model, state_variables[i]), v->length * sizeof *to); /* the rest is kept */
+        memcpy(to, value_of(&c->inside->model, v->inner), v->length * sizeof *to); /* the rest is kept */
         memcpy(to, values, size * sizeof *to);
         to += v->length;
         values += size;
@@ -144,7 +144,7 @@ fmi3Status fmi3GetNumberOfEventIndicators(fmi3Instance instance, size_t *n)
     ENTER_EXCHANGE("GetNumberOfEventIndicators", ANY_3)
     REQUIRE_3(n, "was called with a null pointer")
 #if HAS_MODEL_EXCHANGE
-    *n = variables_3[INDICATORS_REFERENCE].length;
+    *n = INDICATOR_COUNT;
     return fmi3OK;
 #endif
 }

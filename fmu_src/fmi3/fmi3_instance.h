@@ -61,7 +61,7 @@ typedef struct {
     fmi2CallbackFunctions callbacks;
     fmi2ValueReference elements[REFERENCES + 1]; /* 0, 1, 2, ... */
     fmi2ValueReference listed[REFERENCES + 1];   /* elements of the variables in a call */
-    double numbers[REFERENCES + 1];
+    double numbers[REFERENCES + INDICATOR_COUNT + 1];
     int whole[REFERENCES + 1];
 } Shell;
 

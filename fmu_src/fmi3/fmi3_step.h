@@ -12,13 +12,11 @@ static double next_stop_3(const Shell *c, double now, double end)
         return end;
 #if HAS_EVENT_MODE
     const Model *const m = &c->inside->model;
-    const double slack = ROUNDING * m->Ts;
-    stop = next_sample(m);
-    if (stop <= now + slack) /* taken at the beginning of this piece */
-        stop += m->Ts;
+    const double slack = sample_slack(m);
+    stop = now + to_next_event_3(m);
 #elif defined COMPOSITE_H
-    const double slack = ROUNDING * STEP_SIZE, start = c->inside->memory.start;
-    stop = start + STEP_SIZE * (floor((now - start + slack) / STEP_SIZE) + 1.0);
+    const double slack = tick_slack(&c->inside->memory), rest = STEP_SIZE - c->inside->memory.spent;
+    stop = now + (rest <= slack ? rest + STEP_SIZE : rest);
 #else
     const double slack = 0.0;
     (void)now;
@@ -31,7 +29,7 @@ static bool event_due_3(const Shell *c)
 {
 #if HAS_EVENT_MODE
     const Model *const m = &c->inside->model;
-    return c->events && next_sample(m) <= m->time + ROUNDING * m->Ts;
+    return c->events && m->run.rest <= sample_slack(m);
 #else
     (void)c;
     return false;
@@ -67,7 +65,11 @@ fmi3Status friction_fmus_SetInputDerivatives(fmi3Instance instance, const fmi3Va
                                              const fmi3Int32 orders[], const fmi3Float64 values[])
 {
     ENTER_3_AS(fmi2CoSimulation, "SetInputDerivatives", NEW_3 | INITIALIZATION_3 | STEPS_3)
-    return (fmi3Status)fmi2SetRealInputDerivatives(c->inside, references, n, orders, values);
+    const fmi3Status status = check_variables_3(c, references, n, values, n, IS_FLOAT64);
+    if (status != fmi3OK)
+        return status;
+    REQUIRE_ELEMENTS(list, references, n, n)
+    return (fmi3Status)fmi2SetRealInputDerivatives(c->inside, list, n, orders, values);
 }
 
 /* Step in pieces. */

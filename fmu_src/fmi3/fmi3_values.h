@@ -25,8 +25,11 @@ static fmi3Status check_variables_3(const Shell *c, const fmi3ValueReference ref
 /* Return whether this is a scalar of type Float64. */
 static inline bool plain_3(fmi3ValueReference reference)
 {
-    return reference < REFERENCES && variables_3[reference].plain;
+    return reference < ALL_REFERENCES && variables_3[reference].plain;
 }
+
+/* Return whether this variable of type Float64 is an event indicator: they are the last ones. */
+static inline bool is_indicator_3(fmi3ValueReference reference) { return reference >= INDICATORS_REFERENCE; }
 
 /* Return whether all variables are such scalars, with a value each. */
 static bool all_plain_3(const fmi3ValueReference references[], size_t n, const double *values, size_t count)
@@ -45,7 +48,7 @@ static inline bool got_scalars_3(const Shell *c, const fmi3ValueReference refere
     Model *const m = &c->inside->model;
     size_t i = 0;
     while (i < n && plain_3(references[i])) {
-        values[i] = *value_of(m, references[i]);
+        values[i] = *value_of(m, variables_3[references[i]].inner);
         i++;
     }
     return i == n;
@@ -54,7 +57,7 @@ static inline bool got_scalars_3(const Shell *c, const fmi3ValueReference refere
 /* Return whether this is an input that may be set in every mode, to a value that `check_set` accepts of any block. */
 static inline bool settable_input_3(const Instance *c, fmi3ValueReference reference, double value)
 {
-    const Row *const row = c->row_of[reference];
+    const Row *const row = c->row_of[variables_3[reference].inner];
     return row->role == ROLE_INPUT && isfinite(value) && value >= row->min && value <= row->max;
 }
 
@@ -66,7 +69,7 @@ static inline bool set_scalars_3(const Shell *c, const fmi3ValueReference refere
         if (!plain_3(references[i]) || !settable_input_3(c->inside, references[i], values[i]))
             return false;
     for (size_t i = 0; i < n; i++)
-        *value_of(m, references[i]) = values[i];
+        *value_of(m, variables_3[references[i]].inner) = values[i];
     m->run.stale = m->run.stale || n > 0;
     return true;
 }
@@ -75,32 +78,32 @@ static inline bool set_scalars_3(const Shell *c, const fmi3ValueReference refere
 /* Return the elements of all variables, which were checked; NULL if there are too many. */
 static const fmi2ValueReference *elements_of_3(Shell *c, const fmi3ValueReference references[], size_t n, size_t count)
 {
-    if (n == count) /* only scalars */
-        return references;
     if (count > REFERENCES)
         return NULL;
     fmi2ValueReference *to = c->listed;
     for (size_t i = 0; i < n; i++)
         for (size_t k = 0, size = size_of_3(c, references[i]); k < size; k++)
-            *to++ = references[i] + (fmi2ValueReference)k;
+            *to++ = variables_3[references[i]].inner + (fmi2ValueReference)k;
     return c->listed;
 }
 
 #define REQUIRE_ELEMENTS(list, references, n, count)                                                                   \
     const fmi2ValueReference *const list = elements_of_3(c, references, n, count);                                     \
-    REQUIRE_3(list || (count) == 0, "was called with an array more than once")
+    REQUIRE_3(list || (count) == 0, "was called with a variable more than once")
 
 /* In co-simulation, the block decides by itself; what it decided holds then. */
-static fmi3Status get_indicators_3(const Shell *c, double *values)
+static fmi3Status get_indicator_3(Shell *c, fmi3ValueReference reference, double *value)
 {
+    *value = 1.0;
 #if HAS_MODEL_EXCHANGE
-    if (KIND(c->inside) == fmi2ModelExchange)
-        return (fmi3Status)fmi2GetEventIndicators(c->inside, values, variables_3[INDICATORS_REFERENCE].length);
+    if (KIND(c->inside) == fmi2ModelExchange) {
+        const fmi2Status status = fmi2GetEventIndicators(c->inside, c->numbers, INDICATOR_COUNT);
+        *value = c->numbers[reference - INDICATORS_REFERENCE];
+        return (fmi3Status)status;
+    }
 #else
-    (void)c;
+    (void)c, (void)reference;
 #endif
-    for (uint32_t i = 0; i < variables_3[INDICATORS_REFERENCE].length; i++)
-        values[i] = 1.0;
     return fmi3OK;
 }
 
@@ -108,14 +111,14 @@ static fmi3Status get_indicators_3(const Shell *c, double *values)
 static APART fmi3Status get_float64_3(Shell *c, const fmi3ValueReference references[], size_t n, double values[],
                                       size_t count)
 {
-    if (all_plain_3(references, n, values, count))
-        return (fmi3Status)fmi2GetReal(c->inside, references, n, values);
+    if (n <= REFERENCES && all_plain_3(references, n, values, count))
+        return (fmi3Status)fmi2GetReal(c->inside, elements_of_3(c, references, n, n), n, values);
     fmi3Status status = check_variables_3(c, references, n, values, count, IS_FLOAT64);
     for (size_t i = 0; i < n && status == fmi3OK; i++) {
         const size_t size = size_of_3(c, references[i]);
-        status = references[i] == INDICATORS_REFERENCE
-                     ? get_indicators_3(c, values)
-                     : (fmi3Status)fmi2GetReal(c->inside, c->elements + references[i], size, values);
+        status = is_indicator_3(references[i])
+                     ? get_indicator_3(c, references[i], values)
+                     : (fmi3Status)fmi2GetReal(c->inside, c->elements + variables_3[references[i]].inner, size, values);
         values += size;
     }
     return status;
@@ -125,13 +128,13 @@ static APART fmi3Status get_float64_3(Shell *c, const fmi3ValueReference referen
 static APART fmi3Status set_float64_3(Shell *c, const fmi3ValueReference references[], size_t n, const double values[],
                                       size_t count)
 {
-    if (all_plain_3(references, n, values, count))
-        return (fmi3Status)fmi2SetReal(c->inside, references, n, values);
+    if (n <= REFERENCES && all_plain_3(references, n, values, count))
+        return (fmi3Status)fmi2SetReal(c->inside, elements_of_3(c, references, n, n), n, values);
     const fmi3Status status = check_variables_3(c, references, n, values, count, IS_FLOAT64);
     if (status != fmi3OK)
         return status;
     for (size_t i = 0; i < n; i++)
-        REQUIRE_3(references[i] != INDICATORS_REFERENCE, "cannot set event indicators")
+        REQUIRE_3(!is_indicator_3(references[i]), "cannot set event indicators")
     REQUIRE_ELEMENTS(list, references, n, count)
     return (fmi3Status)fmi2SetReal(c->inside, list, count, values);
 }
@@ -187,7 +190,7 @@ fmi3Status fmi3GetBoolean(fmi3Instance instance, const fmi3ValueReference refere
     fmi3Status status = check_variables_3(c, references, n, values, count, IS_BOOLEAN);
     for (size_t i = 0; i < n && status == fmi3OK; i++) {
         const size_t size = size_of_3(c, references[i]);
-        status = (fmi3Status)fmi2GetBoolean(c->inside, c->elements + references[i], size, c->whole);
+        status = (fmi3Status)fmi2GetBoolean(c->inside, c->elements + variables_3[references[i]].inner, size, c->whole);
         for (size_t k = 0; k < size && status == fmi3OK; k++)
             *values++ = c->whole[k] != fmi2False;
     }
@@ -228,7 +231,7 @@ fmi3Status fmi3SetUInt64(fmi3Instance instance, const fmi3ValueReference referen
     const fmi3Status status = check_variables_3(c, references, n, values, count, IS_UINT64);
     for (size_t i = 0; i < n && status == fmi3OK; i++) {
         const int size = values[i] < INT32_MAX ? (int)values[i] : INT32_MAX;
-        const fmi2Status set = fmi2SetInteger(c->inside, &references[i], 1, &size);
+        const fmi2Status set = fmi2SetInteger(c->inside, &variables_3[references[i]].inner, 1, &size);
         if (set > fmi2Warning)
             return (fmi3Status)set;
     }

@@ -1,4 +1,4 @@
-/* One variable of FMI 3.0, at the value reference of its first element in FMI 2.0. */
+/* One variable of FMI 3.0. */
 
 #ifndef FMI3_VARIABLE_H
 #define FMI3_VARIABLE_H
@@ -14,6 +14,7 @@ typedef struct {
     bool resized;      /* the structural parameter is its length */
     bool intermediate; /* may be read in intermediate updates */
     uint32_t length;   /* number of elements, 1 for a scalar */
+    uint32_t inner;    /* value reference in FMI 2.0 of the first element */
 } Variable3;
 
 #endif

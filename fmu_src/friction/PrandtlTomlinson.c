@@ -14,7 +14,7 @@
    at the temperature kT (0: none), white noise sqrt(2 m damping kT).
 
    With kT > 0, damping and noise act together at the start of each interval `dt` of a grid that starts with the
-   simulation, by the exact solution of w' = -damping w + R/m over dt. Between these instants, the tip moves without
+   first step of this kind, by the exact solution of w' = -damping w + R/m over dt. Between these instants, the tip moves without
    both, with the time scaled by b. Sivak, Chodera, Crooks: Journal of Physical Chemistry B 118, 2014:
 
        w <- exp(-y) w + sqrt((1 - exp(-2 y)) kT / m) n,   y = damping dt
@@ -80,6 +80,7 @@ struct noise {
     bool drawn;       /* a step with noise has been made */
     int64_t interval; /* last interval of the grid begun */
     double number;    /* its standard normal random number */
+    double left;      /* [s] of the interval */
 };
 
 #include "block.h"
@@ -89,7 +90,12 @@ struct noise {
 #define TIP_TOLERANCE  1e-12
 #define WORK_OF_A_STEP 10 /* work of a solver step */
 
-static bool is_noise(const Model *model) { return is_flag(&model->memory.drawn) && isfinite(model->memory.number); }
+static bool is_noise(const Model *model)
+{
+    const struct noise *const noise = &model->memory;
+    return is_flag(&noise->drawn) && isfinite(noise->number) && noise->interval >= 0 &&
+           noise->interval <= INT64_C(1) << 53 && fabs(noise->left) <= 1.01 * model->dt;
+}
 
 /* Return the standard normal random number of an interval. */
 static double drawn_for(int seed, int64_t interval)

@@ -69,24 +69,21 @@ static bool warm_step(Model *model, double h, double *y, long *left)
 {
     GIVEN(model)
     struct noise *const noise = &model->memory;
-    const double since = model->time - model->run.start, kept = exp(-damping * dt), kick = thermal_velocity(model);
-    if (!(fabs(since / dt) < 1e15)) /* the intervals are no longer distinguishable */
-        return false;
+    const double kept = exp(-damping * dt), kick = thermal_velocity(model), slack = 1e-6 * dt;
     if (!(h / dt < (double)*left))
         return too_much(model);
     for (double s = 0.0; s < h;) {
-        const double interval = floor((since + s) / dt + 1e-6);
-        double end = fmin((interval + 1.0) * dt - since, h);
-        if (h - end < 1e-6 * dt)
-            end = h;
-        if (!noise->drawn || noise->interval != (int64_t)interval) {
-            noise->number = drawn_for(seed, (int64_t)interval);
+        if (!noise->drawn || noise->left <= slack) {
+            noise->interval += noise->drawn;
+            noise->left += dt;
+            noise->drawn = true;
+            noise->number = drawn_for(seed, noise->interval);
             y[1] = kept * y[1] + kick * noise->number;
         }
-        noise->interval = (int64_t)interval;
-        noise->drawn = true;
+        const double end = h - s - noise->left < slack ? h : s + noise->left;
         if (!move_tip(model, s, end, y, left))
             return false;
+        noise->left -= end - s;
         s = end;
     }
     return true;

@@ -1,11 +1,13 @@
 """Checks of an FMU: the archive, the XML, and the behaviour of the binary in a separate process.
 
-The checks apply to any FMU of FMI 2.0 or 3.0. The rules are functions in `archive`, `definitions`, `variables`,
-`structure`, `side_files` and `fmi3`, and probes in `probes`; each rule is one function.
+An SSP is read as the harness reads it, and each of its FMUs is checked. The checks apply to any FMU of FMI 2.0 or 3.0.
+The rules are functions in `archive`, `definitions`, `variables`, `structure`, `side_files` and `fmi3`, and probes in
+`probes`; each rule is one function.
 """
 
 from __future__ import annotations
 
+import zipfile
 from collections.abc import Collection, Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -15,7 +17,14 @@ from fmpy.model_description import ValidationError
 from lxml import etree
 
 from friction_fmus.check import definitions, structure, variables
-from friction_fmus.check.archive import Contents, examine_archive, list_members, read_member, truncated_libraries
+from friction_fmus.check.archive import (
+    DAMAGED,
+    Contents,
+    examine_archive,
+    list_members,
+    read_member,
+    truncated_libraries,
+)
 from friction_fmus.check.binary import examine_binary
 from friction_fmus.check.description import (
     NO_INTERFACE,
@@ -32,6 +41,9 @@ from friction_fmus.check.fmi3 import Model3
 from friction_fmus.check.fmi3.binary import examine_binary_3
 from friction_fmus.check.side_files import examine_side_files
 from friction_fmus.errors import FrictionError, UnknownNameError, nearest
+from harness.errors import HarnessError
+from harness.ssp.package import SSD_NAME
+from harness.storage.scratch import ScratchFolder
 
 __all__ = ["RULES", "Finding", "Rule", "check"]
 
@@ -44,18 +56,19 @@ _ONLY_FMI_2 = ("source-headers", "source-undeclared")
 """Rules of the archive that do not hold in FMI 3.0."""
 
 SCHEMA_3 = declare("fmi3-schema", "error", "2.4", "modelDescription.xml violates the schema of FMI 3.0.", "fmi3")
+SSP = declare("ssp", "error", "5", "The harness cannot read the system that an SSP describes.", "ssp")
 FMPY = declare("fmpy", "error", "2.2", "The check of fmpy finds an error that no other rule finds.", "description")
 
 
 def check(
     path: str | Path, *, static: bool = False, ignore: Collection[str] = (), time_limit: float = 30.0
 ) -> list[Finding]:
-    """Check one FMU.
+    """Check one FMU, or an SSP with its FMUs.
 
     Parameters
     ----------
     path : path-like
-        The FMU.
+        The FMU or the SSP.
     static : bool
         Whether to skip the checks that run the binary.
     ignore : collection of str
@@ -82,7 +95,7 @@ def check(
         found = _examine(Path(path), static, time_limit)
     except OSError as error:
         reason = error.strerror or str(error)
-        raise FrictionError(f"cannot check {path}: {reason}; give the path of an .fmu file") from error
+        raise FrictionError(f"cannot check {path}: {reason}; give the path of an .fmu or .ssp file") from error
     order = ("error", "warning", "note")
     chosen = [finding for finding in found if finding.rule not in ignore]
     return sorted(chosen, key=lambda finding: (order.index(finding.severity), finding.file, finding.line or 0))
@@ -92,6 +105,8 @@ def _examine(path: Path, static: bool, time_limit: float) -> list[Finding]:
     contents = list_members(path)
     if isinstance(contents, Finding):
         return [contents]
+    if SSD_NAME in contents.names and DESCRIPTION not in contents.names:
+        return _examine_ssp(path, contents, static, time_limit)
     if DESCRIPTION not in contents.names or any(f.rule == "zip-bomb" for f in apply("archive", contents)):
         return examine_archive(contents)
     data = read_member(path, DESCRIPTION)
@@ -119,12 +134,31 @@ def _examine(path: Path, static: bool, time_limit: float) -> list[Finding]:
     return findings
 
 
+def _examine_ssp(path: Path, contents: Contents, static: bool, time_limit: float) -> list[Finding]:
+    """Return the findings in an SSP, and those in each of its FMUs with the path of the FMU in the SSP."""
+    from harness.system.system import System  # takes long to load
+
+    found = [f for f in examine_archive(contents) if f.rule.startswith(_DANGEROUS) or f.rule == DAMAGED.id]
+    if found:
+        return [replace(finding, standard=SSP.standard) for finding in found]
+    try:
+        with System.from_ssp(path):
+            pass
+    except HarnessError as error:
+        found.append(SSP.finding(str(error), SSD_NAME))
+    with ScratchFolder("friction-fmus-check-") as folder, zipfile.ZipFile(path) as archive:
+        for name in sorted(name for name in contents.names if name.endswith(".fmu")):
+            fmu = Path(archive.extract(name, folder))
+            found += (replace(each, file=f"{name}/{each.file}") for each in _examine(fmu, static, time_limit))
+    return found
+
+
 def _examine_3(
     path: Path, contents: Contents, data: bytes, root: etree._Element, static: bool, time_limit: float
 ) -> list[Finding]:
     """Return the findings in an FMI 3.0 FMU."""
     model = Model3(root)
-    contents = replace(contents, identifier=model.identifier)
+    contents = replace(contents, identifier=model.identifier, version=3)
     findings = [finding for finding in examine_archive(contents) if finding.rule not in _ONLY_FMI_2]
     findings += wrong_encoding(data, root)
     findings += [SCHEMA_3.finding(text, DESCRIPTION, line=line) for text, line in violations(root, _XSD_3)]

@@ -31,6 +31,13 @@ from harness.storage.zip_file import (
 _DEFLATE = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)
 _SUFFIXES = {"win": ".dll", "linux": ".so", "darwin": ".dylib", "windows": ".dll"}
 _PLATFORMS = ("win32", "win64", "linux32", "linux64", "darwin32", "darwin64")
+_TUPLES = {
+    f"{system}{bits}": f"{architecture}-{name}"
+    for system, name in (("win", "windows"), ("linux", "linux"), ("darwin", "darwin"))
+    for bits, architecture in ((32, "x86"), (64, "x86_64"))
+}
+_OTHER = {2: {new: old for old, new in _TUPLES.items()}, 3: _TUPLES}
+"""Platforms of the other version of FMI, and their names in this version."""
 _ARCHITECTURES = ("aarch32", "aarch64", "riscv32", "riscv64", "x86", "x86_64", "ppc32", "ppc64")
 _SYSTEMS = ("darwin", "linux", "windows")
 _TOP = ("binaries", "documentation", "extra", "resources", "sources", "terminalsAndIcons")
@@ -61,6 +68,8 @@ class Contents:
         Model identifier for co-simulation; empty if unknown.
     source_files : tuple of str or None
         Source files declared in the XML; None if unknown.
+    version : {2, 3}
+        Version of FMI.
     """
 
     path: Path
@@ -68,6 +77,7 @@ class Contents:
     size: int
     identifier: str = ""
     source_files: tuple[str, ...] | None = None
+    version: int = 2
     names: frozenset[str] = field(init=False)
 
     def __post_init__(self) -> None:
@@ -259,7 +269,13 @@ def _no_code(contents: Contents) -> Iterator[Fault]:
 def _platform(contents: Contents) -> Iterator[Fault]:
     for folder in sorted({path.parts[1] for path in contents.below("binaries") if len(path.parts) > 2}):
         architecture, _, system = folder.partition("-")
-        if folder not in _PLATFORMS and not (architecture in _ARCHITECTURES and system in _SYSTEMS):
+        there = contents.version
+        if (other := _OTHER[there].get(folder)) is not None:
+            yield Fault(
+                f"importers of FMI {there}.0 do not look into binaries/{folder}; rename it to {other}",
+                file=f"binaries/{folder}",
+            )
+        elif folder not in _PLATFORMS and not (architecture in _ARCHITECTURES and system in _SYSTEMS):
             known = ", ".join(_PLATFORMS)
             yield Fault(f"binaries/{folder} is not a platform; rename it to one of {known}", file=f"binaries/{folder}")
 
@@ -288,6 +304,13 @@ def _source_undeclared(contents: Contents) -> Iterator[Fault]:
     sources = [path for path in contents.below("sources") if path.suffix in (".c", ".cpp", ".cc")]
     if sources and contents.source_files == () and "sources/buildDescription.xml" not in contents.names:
         yield Fault(f"no SourceFiles element lists {sources[0]} and the other sources; list the files to compile")
+
+
+@rule("source-no-build", "error", "2.5.1.1", "There are C sources, but no build description of FMI 3.0.", "archive")
+def _no_build(contents: Contents) -> Iterator[Fault]:
+    sources = [path for path in contents.below("sources") if path.suffix in (".c", ".cpp", ".cc")]
+    if contents.version == 3 and sources and "sources/buildDescription.xml" not in contents.names:
+        yield Fault(f"no sources/buildDescription.xml tells how to compile {sources[0]} and the other sources; add it")
 
 
 @rule("source-headers", "note", "2.3", "The sources contain FMI headers.", "archive")

@@ -19,7 +19,7 @@ from friction_fmus.check.archive import Contents, unpack
 from friction_fmus.check.description import Model, Variable, integer, real
 from friction_fmus.check.findings import RULES, Finding, declare
 from friction_fmus.check.probes import arrays, events, lifecycle, stepping, surroundings
-from friction_fmus.check.probes.host import CRASHES, ONLY, PROBES, SEVERAL
+from friction_fmus.check.probes.host import CRASHES, ONLY, PROBES, SEVERAL, WITH
 from friction_fmus.check.probes.library import TRACE_SIZE
 from friction_fmus.check.probes.rules import RULES as BINARY_RULES
 from friction_fmus.check.probes.rules import RULES_3
@@ -51,6 +51,7 @@ _PROGRAM: Final = (
 )
 _DEBUG: Final = "run this call in a debugger"
 _ADVICE: Final = {
+    "guid-not-checked": "return no instance and log the reason",
     "free-null": "return immediately if there is no instance",
     "misuse-crashes": "return an error for a call that is not allowed, and do not rely on a logger",
 }
@@ -161,6 +162,9 @@ def _job(model: Model, interface: etree._Element) -> dict[str, Any]:
         "flags": {name: _flag(interface, name) for name in _FLAGS},
         "states": [_state(model, unknown.index) for unknown in model.unknowns["Derivatives"]],
         "indicators": max(0, integer(model.root.get("numberOfEventIndicators")) or 0),
+        "dependencies": {
+            section: _dependencies(model, section) for section in ("Outputs", "Derivatives", "InitialUnknowns")
+        },
         "completes": not _flag(interface, "completedIntegratorStepNotNeeded"),
         "output_derivatives": orders or 0,
         "categories": [element.get("name") for element in model.all("LogCategories/Category")],
@@ -178,6 +182,16 @@ def _state(model: Model, index: int) -> dict[str, Any]:
         named[key] = None if row is None else row["name"]
         named[f"{key}_reference"] = None if row is None else row["reference"]
     return named
+
+
+def _dependencies(model: Model, section: str) -> dict[str, list[str]]:
+    """Return the names on which each unknown depends; without an unknown that depends on all."""
+    found = {}
+    for unknown in model.unknowns[section]:
+        v = model.variable(unknown.index)
+        if v is not None and unknown.dependencies is not None:
+            found[v.name] = [known.name for index in unknown.dependencies if (known := model.variable(index))]
+    return found
 
 
 def _row(v: Variable) -> dict[str, Any] | None:
@@ -244,6 +258,7 @@ def _broken(folder: Path, binary: str, ending: str, current: str) -> Finding:
     special = CRASHES.get(current)
     how = "does not return within the time limit" if hangs else f"ends its process: {ending}"
     rule = RULES[special or ("binary-hangs" if hangs else "binary-crashes")]
+    function += WITH.get(current, "")
     return rule.finding(f"{function} {how}; {_ADVICE.get(special or '', _DEBUG)}", binary)
 
 

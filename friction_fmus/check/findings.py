@@ -9,8 +9,8 @@ from typing import Any, Final, Literal
 Severity = Literal["error", "warning", "note"]
 """Severities: a violation of the standard; a likely problem with importers; advice."""
 
-Kind = Literal["archive", "description", "binary", "fmi3"]
-"""Kinds of rules: the part of the FMU that a rule examines; "fmi3" stands for the XML of FMI 3.0."""
+Kind = Literal["archive", "description", "binary", "fmi3", "ssp"]
+"""Kinds of rules: the part of the FMU that a rule examines; "fmi3" stands for the XML of FMI 3.0, "ssp" for an SSP."""
 
 DESCRIPTION: Final = "modelDescription.xml"
 
@@ -29,10 +29,10 @@ class Rule:
     severity : {"error", "warning", "note"}
         Severity; only notes leave the exit status at 0.
     section : str
-        Section of FMI 2.0.5; of FMI 3.0.2 for the kind "fmi3".
+        Section of FMI 2.0.5; of FMI 3.0.2 for the kind "fmi3", of SSP 1.0 for "ssp".
     summary : str
         One sentence that describes the error.
-    kind : {"archive", "description", "binary", "fmi3"}
+    kind : {"archive", "description", "binary", "fmi3", "ssp"}
         The examined part of the FMU.
     """
 
@@ -45,12 +45,13 @@ class Rule:
     @property
     def standard(self) -> str:
         """The version of FMI that the section refers to."""
-        return "FMI 3.0.2" if self.kind == "fmi3" else "FMI 2.0.5"
+        return {"fmi3": "FMI 3.0.2", "ssp": "SSP 1.0"}.get(self.kind, "FMI 2.0.5")
 
     def finding(self, message: str, file: str = "", *, line: int | None = None, variable: str | None = None) -> Finding:
         """Return a finding of this rule, with long texts shortened in the middle."""
         short = None if variable is None else _shortened(variable)
-        return Finding(self.id, self.severity, _shortened(message), _shortened(file), line, short)
+        standard = "SSP 1.0" if self.kind == "ssp" else "FMI 2.0.5"
+        return Finding(self.id, self.severity, _shortened(message), _shortened(file), line, short, standard)
 
 
 @dataclass(frozen=True)

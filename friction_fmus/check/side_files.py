@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterator
 from typing import Final
 
@@ -17,8 +18,11 @@ BUILD: Final = "sources/buildDescription.xml"
 
 _TERMINALS = declare("terminals", "error", "2.3", f"{TERMINALS} violates FMI 3.0.", "archive")
 _VARIABLE = declare("terminals-variable", "error", "2.3", "A terminal names a variable that does not exist.", "archive")
+_NAMES = declare("terminals-name", "error", "2.3", "Two terminals or two members have the same name.", "archive")
 _ICON = declare("terminals-icon", "warning", "2.3", "A named icon is missing.", "archive")
 _BUILD = declare("build-description", "error", "2.3", f"{BUILD} is invalid or names missing files.", "archive")
+
+_KINDS: Final = {"Terminal": "terminals", "TerminalMemberVariable": "members"}
 
 
 def examine_side_files(contents: Contents, model: Model | Model3) -> Iterator[Finding]:
@@ -54,6 +58,13 @@ def _terminals(contents: Contents, model: Model | Model3, root: etree._Element) 
             if name is not None and name not in names:
                 message = f"the terminal variable {name!r} is not in modelDescription.xml; correct the name"
                 yield _VARIABLE.finding(message, TERMINALS, line=line_of(element), variable=name)
+    for parent in root.iter("Terminals", "Terminal"):
+        names_here = Counter((name_of(e), e.get("name") or e.get("memberName")) for e in parent)
+        for (kind, name), count in names_here.items():
+            if kind in ("Terminal", "TerminalMemberVariable") and name is not None and count > 1:
+                where = f" in the terminal {parent.get('name')!r}" if parent.get("name") else ""
+                message = f"{count} {_KINDS[kind]} have the name {name!r}{where}; rename all but one"
+                yield _NAMES.finding(message, TERMINALS, line=line_of(parent))
     for element in root.iter("TerminalGraphicalRepresentation", "Icon"):
         base = element.get("iconBaseName", "") if name_of(element) != "Icon" else "icon"
         if f"terminalsAndIcons/{base}.png" not in contents.names:

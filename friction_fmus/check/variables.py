@@ -10,11 +10,7 @@ from functools import cache
 
 from friction_fmus.check.description import Model, Variable, integer, line_of, real
 from friction_fmus.check.findings import Fault, rule
-
-_INDICES = r"(\[\d+(,\d+)*\])?"
-_QUOTED = r"'([A-Za-z0-9_!#$%&()*+,\-./:;<>=?@\[\]^{}|~ ]|\\['\"?\\abfnrtv])+'"
-_PART = rf"([A-Za-z_]\w*|{_QUOTED}){_INDICES}"
-_STRUCTURED = re.compile(rf"{_PART}(\.{_PART})*|der\({_PART}(\.{_PART})*(,\d+)?\)", re.ASCII)
+from harness.patterns import STRUCTURED
 
 # tables of causality and variability, and of initial (section 2.2.7)
 _VARIABILITIES = {
@@ -54,7 +50,7 @@ def _duplicate(model: Model) -> Iterator[Fault]:
 def _name(model: Model) -> Iterator[Fault]:
     structured = model.root.get("variableNamingConvention") == "structured"
     for v in model.variables:
-        if structured and not _STRUCTURED.fullmatch(v.name):
+        if structured and not STRUCTURED.fullmatch(v.name):
             yield _at(v, f"{v.name!r} is not a structured name; rename it or declare the convention flat")
         if not structured and (not v.name or re.search("[\r\n\t]", v.name)):
             yield _at(v, f"{v.name!r} is empty or contains a line break or a tab; rename it")

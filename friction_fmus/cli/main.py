@@ -16,6 +16,7 @@ from friction_fmus.errors import FrictionError
 from friction_fmus.version import VERSION
 from harness.errors import HarnessError
 from harness.extras import EXTRAS, missing
+from harness.storage.clock import stamped
 
 
 def parser() -> argparse.ArgumentParser:
@@ -57,6 +58,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         sys.stdout.reconfigure(errors="backslashreplace")  # file names may be invalid UTF-8
     logging.basicConfig(level=logging.WARNING, format="%(name)s: %(message)s")
     try:
+        stamped()  # libraries read the variable too, but raise errors of their own
         return options.run(options) or 0
     except (FrictionError, HarnessError, ModuleNotFoundError, OSError) as error:
         if isinstance(error, ModuleNotFoundError):

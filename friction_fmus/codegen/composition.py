@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from pathlib import Path
 
@@ -59,7 +59,7 @@ class Composition:
         self.declare(variable)
         self.result(variable.name, value)
 
-    def apply(self, part: str, law: Law, connected: Mapping[str, SX], shared: Collection[str]) -> dict[str, SX]:
+    def apply(self, part: str, law: Law, connected: Mapping[str, SX], shared: Mapping[str, str]) -> dict[str, SX]:
         """Compute a law in every sample and return its outputs.
 
         Parameters
@@ -70,16 +70,16 @@ class Composition:
             The law. The start values of its variables are those of the composition.
         connected : mapping of str to SX
             Values of all its inputs.
-        shared : collection of str
-            Names of declared parameters that the law uses in place of its own.
+        shared : mapping of str to str
+            Names of declared parameters that the law uses in place of its own, by its own name.
         """
-        own = {v.name: v.name if v.name in shared else f"{part}_{v.name}" for v in law.select(*PARAMETERS, *_STATES)}
+        own = {v.name: shared.get(v.name, f"{part}_{v.name}") for v in law.select(*PARAMETERS, *_STATES)}
         given: list[SX] = []
         for variable in law.given:
             if variable.name not in own:
                 given.append(connected[variable.name])
             elif variable.name in shared:
-                given += self._symbols[variable.name]
+                given += self._symbols[shared[variable.name]]
             else:
                 given += self.declare(replace(variable, name=own[variable.name]))
         function, labels = law.intermediate()

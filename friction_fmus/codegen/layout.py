@@ -16,15 +16,17 @@ from friction_fmus.lawkit.conditions import PARAMETERS
 from friction_fmus.lawkit.declarations import FAULT
 from friction_fmus.lawkit.emit.c_text import DOUBLE, Kernel, Lows, Real, kernel
 from friction_fmus.lawkit.emit.comments import comment_lines
-from friction_fmus.lawkit.emit.graph import LIBM, graph
+from friction_fmus.lawkit.emit.graph import CONDITIONS, LIBM, graph
 from friction_fmus.lawkit.emit.names import Named
-from friction_fmus.lawkit.emit.pairs import Weight, positions, rounded
+from friction_fmus.lawkit.emit.pairs import Weight, in_pairs, positions, rounded
 from friction_fmus.lawkit.law import ANGLE, BOOLEANS, LENGTH, NO_UNIT, VECTORS, Kind, Law, Variable
 
 INPUTS = (Kind.INPUT, Kind.OPTIONAL, Kind.COMMAND)
 STATES = (Kind.STATE, Kind.STATES)
 
 Values = Mapping[str, tuple[float, ...]]
+
+_SELECTS = {"SELECT", "IF_ELSE_ZERO", "SIGN", "NEG", "FABS", "FMIN", "FMAX"}
 
 EMPTY: Mapping[int, Sequence[str]] = MappingProxyType({})
 
@@ -114,6 +116,19 @@ class Export:
         return frozenset([read[i][0].name for i in wide] + [results[i][0].name for i in written])
 
     @property
+    def overflowing(self) -> tuple[Variable, ...]:
+        """The results that may overflow: all but truth values and those that select among arguments and constants."""
+        nodes, results = graph(self.law.function)
+        bounded: list[bool] = []
+        for node in nodes:
+            selected = node.arguments[1:] if node.operation in ("SELECT", "IF_ELSE_ZERO") else node.arguments
+            inside = node.operation in _SELECTS and all(bounded[i] for i in selected)
+            bounded.append(node.is_leaf or node.operation in CONDITIONS or inside)
+        scalars = zip(_scalars(self.law.results), results, strict=True)
+        found = {v.name for (v, _), number in scalars if not bounded[number] and not is_flag(v)}
+        return tuple(v for v in self.law.results if v.name in found)
+
+    @property
     def positions(self) -> tuple[Variable, ...]:
         """The inputs that are absolute positions."""
         return tuple(v for v in self.law.select(Kind.INPUT, Kind.OPTIONAL) if _is_length(v))
@@ -139,7 +154,15 @@ class Export:
             [i for i, (v, _) in enumerate(read) if v.kind in PARAMETERS and (_is_length(v) or v.unit == NO_UNIT)],
             {i: argument[scalar] for i, scalar in lengths.items() if scalar in argument},
             [i for i, scalar in lengths.items() if scalar not in argument],
+            {i: argument[v.name, e] for i, (v, e) in enumerate(_scalars(self.law.results)) if v.sums},
         )
+
+    @property
+    def wide_nodes(self) -> list[bool]:
+        """Whether each operation of the law's function is computed in pairs."""
+        nodes, results = graph(self.law.function)
+        wide, written = self._positions
+        return in_pairs(nodes, wide, {results[i] for i in written})
 
     @property
     def _lows(self) -> Lows | None:

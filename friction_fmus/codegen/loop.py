@@ -10,6 +10,7 @@ import re
 import textwrap
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from types import MappingProxyType
 from typing import Any, Final, TypeAlias
 
 from casadi import SX, if_else
@@ -35,8 +36,10 @@ from friction_fmus.lawkit.declarations import (
     Unit,
     Variable,
 )
+from friction_fmus.lawkit.expressions import clip
 from friction_fmus.lawkit.law import Kind, Law
 from friction_fmus.lawkit.parts import variables
+from friction_fmus.lawkit.parts.feedforward import filled
 
 INPUTS: Final = (Kind.INPUT, Kind.OPTIONAL, Kind.COMMAND)
 
@@ -59,6 +62,8 @@ TAKING_OVER: Final = ("track", "u_track")
 
 Named: TypeAlias = tuple[str, SX]
 """A signal with its name or formula."""
+
+EMPTY: Final[Mapping[str, Named]] = MappingProxyType({})
 
 
 def loop_law(loop: LoopFile) -> Law:
@@ -91,8 +96,8 @@ class _Loop:
         inputs = {name: variable for name, variable in SIGNALS.items() if name != "v" or not loop.window}
         self._signals = {name: self._declared(name, variable) for name, variable in inputs.items()}
         self._Ts = self._declared("Ts", replace(SampleTime(), start=loop.Ts))
-        self._declared("u_min", replace(variables.U_MIN, start=loop.u_min))
-        self._declared("u_max", replace(variables.U_MAX, start=loop.u_max))
+        self._u_min = self._declared("u_min", replace(variables.U_MIN, start=loop.u_min))
+        self._u_max = self._declared("u_max", replace(variables.U_MAX, start=loop.u_max))
 
     def law(self) -> Law:
         """Return the law."""
@@ -110,13 +115,12 @@ class _Loop:
         known = self._declared("f_known", KNOWN) if loop.known_force else None
         if known is not None:
             seen = self._without(seen, "last_known", "f_known", known)
+        others = {**forces, **({} if known is None else {"f_known": known})}
+        others |= {} if offset is None else {"offset": offset}
         if "compensator" in self._laws:
-            text, force = self._force("compensator", seen)
+            text, force = self._force("compensator", seen, self._taken_over(others))
             forces[text] = force
-        if known is not None:
-            forces["f_known"] = known
-        if offset is not None:
-            forces["offset"] = offset
+        forces |= others
         f = SX(0.0)
         if forces:
             f = parts.label("f", _sum([*forces.values()]))
@@ -155,15 +159,43 @@ class _Loop:
         past = parts.declare(_named("x_past", State(LENGTH, (0.0,) * window, "x in the previous samples")))
         begun = self._declared("begun", variables.RUNNING)
         before = [x if v0 is None else x - i * v0 * self._Ts for i in range(1, window + 1)]
-        last = [if_else(begun, kept, start) for kept, start in zip(past, before, strict=True)]
+        missed = self._declared("missed", variables.MISSED)
+        last = filled(x, [if_else(begun, kept, start) for kept, start in zip(past, before, strict=True)], missed)
         v = parts.label("v", (x - last[-1]) / (window * self._Ts))
         parts.result("x_past", x, *last[:-1])
         parts.result("begun", SX(1.0))
+        parts.result("missed", SX(0.0))
         self._outputs.append((_named("v", Output(VELOCITY, f"velocity over {window} samples")), v))
         self._equations.append(f"v = (x - x[k-{window}])/({window} Ts)")
         return v
 
-    def _force(self, name: str, seen: Named) -> Named:
+    def _taken_over(self, others: Mapping[str, SX]) -> dict[str, Named]:
+        """Return the inputs with which an estimator takes over: its estimate is u_track without the other forces."""
+        law, taken = self._laws["compensator"], self._loop.laws["compensator"].connections
+        has = {*TAKING_OVER}
+        if not {"u_prev", *has} <= {*_inputs(law)} or not has <= {*_inputs(self._laws["servo"])} or has & {*taken}:
+            return {}
+        track, u_track = (self._signal(name, _input(self._laws["servo"], name)) for name in TAKING_OVER)
+        force = clip(u_track, self._u_min, self._u_max) - _sum([*(others.values() or [SX(0.0)])])
+        text = " - ".join(["u_track", *others])
+        gain = next((v for v in law.given if v.name == "gain"), None)
+        if gain is not None:
+            force *= self._declared("compensator_gain", gain)
+            text = f"compensator_gain ({text})" if others else f"compensator_gain {text}"
+        found = {"track": ("track", track), "u_track": (text, force)}
+        at = {"r": ("x", self._signals["x"]), "rd": ("v", self._signals["v"]), "rdd": ("0", SX(0.0))}
+        for name, (place, value) in at.items() if self._loop.laws["compensator"].output == "F_hat" else ():
+            if name in _inputs(law) and name not in taken:
+                found[name] = (f"{name}, or {place} while track is true", if_else(track, value, self._signals[name]))
+        return found
+
+    def _signal(self, name: str, variable: Variable) -> SX:
+        """Return an input of the loop, which is declared at its first use."""
+        if name not in self._signals:
+            self._signals[name] = self._declared(name, variable)
+        return self._signals[name]
+
+    def _force(self, name: str, seen: Named, taken_over: Mapping[str, Named] = EMPTY) -> Named:
         """Compute a law before the servo, and return its force."""
         entry, law = self._loop.laws[name], self._laws[name]
         forces = [variable.name for variable in law.select(Kind.OUTPUT) if variable.unit == FORCE]
@@ -173,7 +205,7 @@ class _Loop:
                 f"{', '.join(forces)}; choose one of them"
             )
         text, value = seen
-        found = self._apply(name, {"u_prev": (text, self._parts.label(f"{name}_u_prev", value))})
+        found = self._apply(name, {"u_prev": (text, self._parts.label(f"{name}_u_prev", value)), **taken_over})
         for shown in dict.fromkeys((entry.output, "F_hat")):
             if shown in found:
                 self._outputs.append((_named(f"{name}_{shown}", _output(law, shown)), found[shown]))
@@ -190,7 +222,9 @@ class _Loop:
             variable.name: self._value(name, variable, entry.connections.get(variable.name), computed)
             for variable in law.select(*INPUTS)
         }
-        shared = {parameter for parameter in SHARED if parameter not in entry.parameters}
+        shared = {parameter: parameter for parameter in SHARED if parameter not in entry.parameters}
+        if name == "compensator" and "u_track" in computed:
+            shared["gain"] = "compensator_gain"
         title = f"{name} is {law.name}: {law.summary}. {law.source}. Its variables have the prefix {name}_."
         others = [f"    {each} = {text}" for each, (text, _) in given.items() if text != each]
         equations = re.findall(r"(?:^    .*\n?)+", law.documentation, re.M)
@@ -227,12 +261,10 @@ class _Loop:
             return f"{given:g}", SX(float(given))
         if variable.name in computed:
             return computed[variable.name]
-        if variable.name not in self._signals:
-            takes_over = name == "servo" and variable.name in TAKING_OVER
-            if given is None and variable.kind is not Kind.INPUT and not takes_over:
-                return f"{variable.starts[0]:g}", SX(variable.starts[0])
-            self._signals[variable.name] = self._declared(variable.name, variable)
-        return variable.name, self._signals[variable.name]
+        takes_over = name == "servo" and variable.name in TAKING_OVER
+        if variable.name not in self._signals and given is None and variable.kind is not Kind.INPUT and not takes_over:
+            return f"{variable.starts[0]:g}", SX(variable.starts[0])
+        return variable.name, self._signal(variable.name, variable)
 
     def _where(self, name: str) -> str:
         return f"{self._loop.path}, [{name}],"
@@ -290,6 +322,11 @@ def _named(name: str, variable: Variable) -> Variable:
 
 def _inputs(law: Law) -> list[str]:
     return [variable.name for variable in law.select(*INPUTS)]
+
+
+def _input(law: Law, name: str) -> Variable:
+    """Return an input of a law."""
+    return next(variable for variable in law.select(*INPUTS) if variable.name == name)
 
 
 def _output(law: Law, name: str) -> Variable:

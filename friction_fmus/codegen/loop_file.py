@@ -173,11 +173,13 @@ def read_loop(path: Path) -> LoopFile:
 def loop_text(loop: LoopFile, heading: str) -> str:
     """Return the file of a loop with a heading as comment."""
     settings = {key: getattr(loop, key) for key in _SETTINGS}
-    content: dict[str, Any] = {"loop": {key: value for key, value in settings.items() if value not in (None, False)}}
+    # 0.0 is not a missing limit, offset or factor
+    given = {key: value for key, value in settings.items() if value != getattr(LoopFile, key, None)}
+    content: dict[str, Any] = {"loop": given}
     for name, law in loop.laws.items():
         own = {"law": law.law, **({"output": law.output} if name != "servo" else {})}
         groups = {"factor": law.factor, "parameters": dict(law.parameters), "connections": dict(law.connections)}
-        content[name] = own | {key: value for key, value in groups.items() if value}
+        content[name] = own | {key: value for key, value in groups.items() if value not in (None, {})}
     if loop.table is not None:
         grid, table = loop.table.grid, loop.table
         columns = {name: [float(value) for value in getattr(table, name)] for name in _COLUMNS}

@@ -10,6 +10,7 @@ from friction_fmus.codegen.cost import Cost
 from friction_fmus.codegen.emulation import RANDOM
 from friction_fmus.codegen.layout import Export
 from friction_fmus.codegen.misra import DEVIATIONS
+from friction_fmus.codegen.table import arguments
 from friction_fmus.codegen.target import COMPILER, EMULATOR, FLAGS, PACKAGES
 from friction_fmus.codegen.vectors import N
 from friction_fmus.codegen.wrapper import class_name
@@ -60,7 +61,8 @@ def readme(export: Export, costs: Sequence[Cost]) -> str:
     sources, table = f"{p}.c", ""
     if export.table is not None:
         sources += f" {p}_table.c"
-        use_of_table = f"force over position; assign `{p}_table(r, rd)` to `f_known` before each `{p}_step`"
+        call = f"{p}_table({', '.join(arguments(export.real))})"
+        use_of_table = f"force over position; assign `{call}` to `f_known` before each `{p}_step`"
         table = _fill(f"* `{p}_table.h`, `{p}_table.c`: {use_of_table}.", "  ") + "\n"
     text = f"""# {law.name} in C
 

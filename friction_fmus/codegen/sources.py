@@ -13,6 +13,7 @@ from friction_fmus.blocks.catalogue import source_folder
 from friction_fmus.codegen.equations import numbered
 from friction_fmus.codegen.layout import Export, is_flag
 from friction_fmus.lawkit.conditions import PARAMETERS
+from friction_fmus.lawkit.emit.c_text import DOUBLE
 from friction_fmus.lawkit.emit.chains import INDEX, LEAST
 from friction_fmus.lawkit.emit.comments import comment
 from friction_fmus.lawkit.law import BOOLEANS, Kind, Variable
@@ -102,7 +103,8 @@ def header(export: Export) -> str:
             "",
             comment(
                 "Compute one sample: the outputs for these inputs, and the next states. Call it every `Ts` seconds.\n"
-                "While an input is NaN or infinite, outputs and states are held and `fault` is true."
+                f"While an input {_invalid(export)}, outputs and states are held, or at rest while `enable` is false.\n"
+                "If a result overflows, the law is at rest. `fault` is then true."
             ),
             f"void {p}_step({arguments});",
             "",
@@ -114,6 +116,22 @@ def header(export: Export) -> str:
             "",
         ]
     )
+
+
+def _invalid(export: Export) -> str:
+    """Return which inputs a step rejects."""
+    bound = export.real.bound
+    return f"is NaN or beyond {bound:g}" if bound else "is NaN or infinite"
+
+
+def _usable(export: Export, places: Sequence[str]) -> str:
+    """Return the condition that no input is rejected; a sum is shorter than a test of each."""
+    real = export.real
+    if not places:
+        return "true"
+    if not real.bound:
+        return f"isfinite({' + '.join(places)})"
+    return f"(({' + '.join(f'fabs{real.suffix}({place})' for place in places)}) <= {real.literal(real.bound)})"
 
 
 def _rules(export: Export) -> list[tuple[str, str]]:
@@ -216,21 +234,30 @@ def _wrapped(condition: str) -> str:
 def _init(export: Export) -> list[str]:
     """Return the function that sets start values."""
     p = export.prefix
-    lines = []
-    for variable in export.law.given:
-        values = export.start[variable.name]
-        lows = [value - float(np.float32(value)) for value in values]
-        for places, parts in ((export.places(variable), values), (export.lows(variable), lows)):
-            lines += _set(places, [number(export, variable, value) for value in parts])
+    lines = [line for variable in export.law.given for line in _start(export, variable)]
     results = [place for v in export.law.select(Kind.OUTPUT) for place in (*export.places(v), *export.lows(v))]
     lines += [f"{place} = {export.real.literal(0.0)};" for place in results]
-    lines += [*([] if export.groups["states"] else ["states->none = 0U;"]), "outputs->fault = false;"]
+    lines += [
+        *(f"{group}->none = 0U;" for group in ("states", "inputs") if not export.groups[group]),
+        "outputs->fault = false;",
+    ]
     return [
         f"void {p}_init({p}_parameters *parameters, {p}_states *states, {p}_inputs *inputs, {p}_outputs *outputs)",
         "{",
         *_checked(export, tuple(export.groups), lines),
         "}",
         "",
+    ]
+
+
+def _start(export: Export, variable: Variable) -> list[str]:
+    """Return the assignments of the start values of a variable."""
+    values = export.start[variable.name]
+    lows = [value - float(np.float32(value)) for value in values]
+    return [
+        line
+        for places, parts in ((export.places(variable), values), (export.lows(variable), lows))
+        for line in _set(places, [number(export, variable, value) for value in parts])
     ]
 
 
@@ -252,11 +279,11 @@ def implementation(export: Export) -> str:
     p, body = export.prefix, export.kernel
     given = f"const {p}_parameters *parameters, {p}_states *states, const {p}_inputs *inputs, {p}_outputs *outputs"
     text = "\n".join(body.lines)
-    unused = [f"    (void){group};" for group in ("parameters", "states") if f"{group}->" not in text]
+    unused = [f"    (void){group};" for group in ("parameters", "states", "inputs") if f"{group}->" not in text]
     moved = export.law.select(Kind.INPUT, Kind.OPTIONAL)
-    reals = [place for v in moved for place in (*export.places(v), *export.lows(v))]
-    finite = _chain([f"isfinite({place})" for place in reals])
-    run = ["outputs->fault = false;", "sample(parameters, states, inputs, outputs);"]
+    # a lower part that is NaN shows in a result
+    reals = [place for v in moved for place in export.places(v)]
+    usable = _usable(export, reals)
     return "\n".join(
         [
             f'#include "{p}.h"',
@@ -275,21 +302,76 @@ def implementation(export: Export) -> str:
             *unused,
             "}",
             "",
+            *_disable(export),
             *_init(export),
             *_check(export),
             f"void {p}_step({given})",
             "{",
-            *_checked(export, tuple(export.groups), _guarded(finite, run) if finite else run),
+            *_checked(export, tuple(export.groups), _guarded(export, usable)),
             "}",
             "",
         ]
     )
 
 
-def _guarded(condition: str, statements: Sequence[str]) -> list[str]:
-    """Return the statements under the condition that all inputs are finite."""
-    inner = [f"    {line}" for line in statements]
-    return [*f"if ({condition}) {{".split("\n"), *inner, "} else {", "    outputs->fault = true;", "}"]
+def _disable(export: Export) -> list[str]:
+    """Return the function that sets a law to rest without its inputs."""
+    p = export.prefix
+    function, results = export.law.disabled()
+    if not results:
+        return []
+    writes = [place for variable in results for place in export.places(variable)]
+    lows = [low for variable in results for low in export.lows(variable)]
+    lines = [*export.statements(function, export.law.given, writes).lines, *_set(lows, [export.real.literal(0.0)])]
+    unused = [f"    (void){group};" for group in ("parameters", "states") if f"{group}->" not in "\n".join(lines)]
+    return [
+        "/* Set what does not depend on inputs as in a sample with `enable` = false. */",
+        f"static void disable(const {p}_parameters *parameters, {p}_states *states, {p}_outputs *outputs)",
+        "{",
+        *(f"    {line}" for line in lines),
+        *unused,
+        "}",
+        "",
+    ]
+
+
+def _guarded(export: Export, usable: str) -> list[str]:
+    """Return the statements of a step: a sample if its inputs and results are finite."""
+    law, p = export.law, export.prefix
+    disabled, sums = law.disabled()[1], [export.real.literal(0.0)]
+    restart, loops = [], []
+    for variable in export.overflowing:
+        places = [place.replace("outputs->", "found.") for place in export.places(variable)]
+        if _is_long(variable):
+            loops += _each(len(places), [f"sum += {places[0].replace('[0]', f'[{INDEX}]')};"])
+        else:
+            sums += places
+        if variable not in disabled and variable.kind is not Kind.OUTPUT:
+            restart += _start(export, variable)
+    run = [
+        f"{'' if loops else 'const '}{export.real.name} sum = {' + '.join(sums[1:] or sums)};",
+        *loops,
+        "valid = isfinite(sum);",
+        "if (valid) {",
+        "    *outputs = found;",
+        *(["} else {", *(f"    {line}" for line in restart)] if restart else []),
+        "}",
+    ]
+    missed = [f"states->{v.name} += {export.real.literal(1.0)};" for v in law.given if v.tally]
+    rests = ["rests = !valid;"] if disabled else []
+    return [
+        *f"bool valid = {usable};".split("\n"),
+        *(["bool rests = !inputs->enable && !valid;"] if disabled else []),
+        "if (valid) {",
+        f"    {p}_outputs found;",
+        "    found.fault = false;",
+        "    sample(parameters, states, inputs, &found);",
+        *(f"    {line}" for line in [*run, *rests]),
+        *(["} else {", *(f"    {line}" for line in missed)] if missed else []),
+        "}",
+        *(["if (rests) {", "    disable(parameters, states, outputs);", "}"] if disabled else []),
+        "outputs->fault = !valid;",
+    ]
 
 
 def _sample_comment(export: Export) -> str:
@@ -308,6 +390,7 @@ def example(export: Export) -> str:
     moved = export.law.select(Kind.INPUT, Kind.OPTIONAL)
     drive = f"        inputs.{moved[0].name} = {real.literal(1e-3)} * ({real.name})k;" if moved else ""
     speed = "inputs.rd" if any(v.name == "rd" for v in moved) else real.literal(0.0)
+    place = "inputs.r" if real is DOUBLE else f"inputs.r, {'inputs.r_low' if 'r' in export.pairs else '0.0f'}"
     shown = export.law.select(Kind.OUTPUT)
     texts = "  ".join(f"{v.name} = %g" for v in shown)
     values = ", ".join(f"(double)outputs.{v.name}" for v in shown)
@@ -331,7 +414,7 @@ def example(export: Export) -> str:
             "    for (int32_t k = 0; k < 10; k++) {",
             "        /* read references and sensors here */",
             *([drive] if drive else []),
-            *([f"        inputs.f_known = {p}_table(inputs.r, {speed});"] if export.table else []),
+            *([f"        inputs.f_known = {p}_table({place}, {speed});"] if export.table else []),
             f"        {p}_step(&parameters, &states, &inputs, &outputs);",
             "        /* send the command to the actuator here */",
             f'        printf("{texts}\\n", {values});',

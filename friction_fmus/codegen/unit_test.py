@@ -13,7 +13,7 @@ from friction_fmus.codegen.sources import number
 from friction_fmus.codegen.vectors import EXACT, N, Vectors, parts
 from friction_fmus.lawkit.emit.c_text import DOUBLE
 from friction_fmus.lawkit.emit.comments import comment
-from friction_fmus.lawkit.law import BOOLEANS, Kind, Variable
+from friction_fmus.lawkit.law import BOOLEANS, VECTORS, Kind, Variable
 from friction_fmus.version import VERSION
 
 
@@ -21,9 +21,13 @@ def unit_test(export: Export, samples: Vectors) -> str:
     """Return the text of ``PREFIX_test.c``."""
     p, real = export.prefix, export.real.name
     inputs, outputs = export.law.select(*INPUTS), export.law.select(Kind.OUTPUT)
-    given = [[cell for v in inputs for cell in _cells(export, v, samples.given[v.name][k])] for k in range(N)]
+    runs = [samples, *([samples.second] if samples.second else [])]
+    given = [
+        [cell for v in inputs for cell in _cells(export, v, run.given[v.name][k])] for run in runs for k in range(N)
+    ]
     expected = [
-        [cell for i, v in enumerate(outputs) for cell in _cells(export, v, samples.expected[k, i])] + ["0"]
+        [cell for i, v in enumerate(outputs) for cell in _cells(export, v, run.expected[k, i])] + ["0"]
+        for run in runs
         for k in range(N)
     ]
     variables = [f"    {p}_{group} {group};" for group in export.groups]
@@ -37,7 +41,7 @@ def unit_test(export: Export, samples: Vectors) -> str:
             "",
             *_table(f"{p}_inputs given", given),
             *_table(f"{p}_outputs expected", expected),
-            *([] if samples.exact else _allowed(export, samples.allowed)),
+            *([] if samples.exact else _allowed(export, np.concatenate([run.allowed for run in runs]))),
             *_agrees(real),
             "/* Return whether the outputs of sample k are as expected. */",
             f"static int right(const {p}_outputs *found, int k)",
@@ -62,6 +66,7 @@ def unit_test(export: Export, samples: Vectors) -> str:
             "            return k + 1;",
             "    }",
             *_fault(export),
+            *_second(export, samples),
             "    return 0;",
             "}",
             "",
@@ -89,6 +94,11 @@ def _heading(export: Export, samples: Vectors) -> str:
         *([untested(samples)] if untested(samples) else []),
         f"Samples, counted from 1:\n{motion}",
         *([f"{N + 1}: an input is NaN; the outputs are held and fault is set."] if _first_real(export) else []),
+        *(
+            [f"{N + 2} to {2 * N + 1}: the motion again with other values of {', '.join(samples.settings)}."]
+            if samples.second
+            else []
+        ),
     ]
     return "\n\n".join(_fill(text) for text in paragraphs)
 
@@ -108,7 +118,7 @@ def tolerance(export: Export, samples: Vectors) -> str:
     )
     return (
         f"The differences in the table `allowed` are accepted because {why}: {samples.relative:g} of the output, or of "
-        "its median if this is larger, or four times the effect of random rounding of parameters and states."
+        "its median if this is larger, or four times the effect of random rounding of each operation."
     )
 
 
@@ -122,6 +132,9 @@ def untested(samples: Vectors) -> str:
     if samples.repeated:
         numbers = ", ".join(map(str, samples.repeated))
         texts.append(f"Repeated inputs, as an output would not be finite: samples {numbers}.")
+    if samples.doubtful:
+        numbers = ", ".join(map(str, samples.doubtful))
+        texts.append(f"Rounding decides, so that both results are accepted: samples {numbers}.")
     return " ".join(texts)
 
 
@@ -149,7 +162,7 @@ def _cells(export: Export, variable: Variable, value: float) -> list[str]:
 
 def _table(declaration: str, rows: Sequence[Sequence[str]]) -> list[str]:
     return [
-        f"static const {declaration}[SAMPLES] = {{",
+        f"static const {declaration}[{len(rows)}] = {{",
         *(f"    {{{', '.join(row) or '0'}}}," for row in rows),
         "};",
         "",
@@ -161,7 +174,7 @@ def _allowed(export: Export, allowed: np.ndarray) -> list[str]:
     suffix = export.real.suffix
     rows = (", ".join(f"{value:.1e}{suffix}" for value in row) for row in allowed)
     return [
-        f"static const {export.real.name} allowed[SAMPLES][{allowed.shape[1]}] = {{",
+        f"static const {export.real.name} allowed[{len(allowed)}][{allowed.shape[1]}] = {{",
         *(f"    {{{row}}}," for row in rows),
         "};",
         "",
@@ -208,4 +221,54 @@ def _fault(export: Export) -> list[str]:
         f"    {export.prefix}_step(&parameters, &states, &inputs, &outputs);",
         "    if (!outputs.fault || !right(&outputs, SAMPLES - 1))",
         "        return SAMPLES + 1;",
+        *_disabled(export),
+    ]
+
+
+def _disabled(export: Export) -> list[str]:
+    """Return the statements that expect a disabled law at rest while the input is still NaN."""
+    shown = [v for v in export.law.disabled()[1] if v.kind is Kind.OUTPUT]
+    values = export.law.evaluate({**_plain(export), "enable": 0.0}) if shown else {}
+    zero = export.real.literal(0.0)
+    tests = [f"!agrees(outputs.{v.name} - {_literal(export, values[v.name])}, {zero})" for v in shown]
+    return (
+        [
+            "    inputs.enable = false;",
+            f"    {export.prefix}_step(&parameters, &states, &inputs, &outputs);",
+            f"    if (!outputs.fault || {' || '.join(tests)})",
+            "        return SAMPLES + 1;",
+        ]
+        if shown
+        else []
+    )
+
+
+def _plain(export: Export) -> dict[str, float | tuple[float, ...]]:
+    """Return the start values of an export by variable."""
+    return {v.name: export.start[v.name] if v.kind in VECTORS else export.start[v.name][0] for v in export.law.given}
+
+
+def _second(export: Export, samples: Vectors) -> list[str]:
+    """Return the statements of the run with other parameters."""
+    if not samples.second:
+        return []
+    p = export.prefix
+    lines = []
+    for variable in export.law.given:
+        for i, value in enumerate(samples.settings.get(variable.name, ())):
+            place = export.places(variable)[i].replace("->", ".")
+            lines.append(f"    {place} = {number(export, variable, value)};")
+            lows = export.lows(variable)
+            if lows:
+                low = value - float(np.float32(value))
+                lines.append(f"    {lows[i].replace('->', '.')} = {_literal(export, low)};")
+    return [
+        f"    {p}_init(&parameters, &states, &inputs, &outputs);",
+        *lines,
+        "    for (k = SAMPLES; k < 2 * SAMPLES; k++) {",
+        "        inputs = given[k];",
+        f"        {p}_step(&parameters, &states, &inputs, &outputs);",
+        "        if (outputs.fault || !right(&outputs, k))",
+        "            return k + 2;",
+        "    }",
     ]

@@ -3,18 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from itertools import accumulate, pairwise
 from typing import Final
 
 import numpy as np
 
 from friction_fmus.codegen.layout import INPUTS, STATES, Export
+from friction_fmus.codegen.rounding import RUNS, Rounding
 from friction_fmus.codegen.sources import unit_text
 from friction_fmus.errors import FrictionError
 from friction_fmus.lawkit.conditions import PARAMETERS
 from friction_fmus.lawkit.emit.c_text import DOUBLE
-from friction_fmus.lawkit.law import BOOLEANS, Kind, Law, Variable
+from friction_fmus.lawkit.law import BOOLEANS, VECTORS, Kind, Law, Variable
 
 SEGMENTS: Final = (
     ("at rest", 2, 0.0),
@@ -31,7 +32,7 @@ SEGMENTS: Final = (
     ("forward, 10 mm/s", 4, 1e-2),
     ("commands switched off", 2, 1e-2),
     ("commands at their start values", 3, -1e-2),
-    ("commands switched on one by one", 2, -1e-2),
+    ("commands switched on one by one, with a sample between them", 6, -1e-2),
     ("commands at their start values", 2, 1e-2),
 )
 """Text, number of samples and peak velocity [m/s or rad/s] of each part of the motion."""
@@ -44,8 +45,10 @@ N: Final = sum(count for _, count, _ in SEGMENTS)
 
 _ORIGIN: Final = 0.3  # m; far enough from zero to need the lower part of a pair
 _REACH: Final = (1.0, 1e1, 1e2, 1e3, 1e4, 1e5, 1e6)  # factors of the inputs on the way to a limit
-_RUNS: Final = 8  # with random rounding
-_MARGIN: Final = 4.0  # of the tolerance over the largest deviation of these runs
+_FACTORS: Final = (1.0, 0.9, 1.1, 0.7, 1.3, 0.5, 0.0)  # of the change of inputs, for another decision
+_MARGIN: Final = 4.0  # of the tolerance over the largest deviation of runs with random rounding
+# by unit; a length is near the difference of two positions, so that a dead-band of this size has an effect
+_OTHER: Final = {"m": 5e-5, "rad": 5e-5, "m/s": 1e-3, "rad/s": 1e-3, "kg": 1.0}  # by unit
 _CHANGE: Final = 0.01  # of a parameter that the samples must show
 
 
@@ -69,6 +72,12 @@ class Vectors:
         Parameters whose change by 1 % no output shows.
     repeated : tuple of int
         Samples, counted from 1, that repeat the inputs before because an output would not be finite.
+    doubtful : tuple of int
+        Samples, counted from 1, in which rounding makes a decision that matters.
+    second : Vectors or None
+        Samples of another run with the parameters `settings`, which switch on the terms that the start values omit.
+    settings : mapping of str to tuple of float
+        These parameters.
     """
 
     given: Mapping[str, np.ndarray]
@@ -78,6 +87,9 @@ class Vectors:
     limited: bool
     untested: tuple[str, ...]
     repeated: tuple[int, ...]
+    doubtful: tuple[int, ...]
+    second: Vectors | None = None
+    settings: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
 
     @property
     def exact(self) -> bool:
@@ -94,14 +106,50 @@ def parts() -> list[tuple[int, int, str]]:
 def inputs(export: Export) -> dict[str, np.ndarray]:
     """Return the inputs of the test vectors of an export."""
     run = _Run(export)
-    return _finite(export, run, _inputs(export, _reach(export, run)[0]))[0]
+    return _decided(export, run, _finite(export, run, _inputs(export, _reach(export, run)[0]))[0])[0]
 
 
 def vectors(export: Export) -> Vectors:
     """Return the test vectors of an export."""
+    first, settings = _vectors(export), _others(export)
+    if not settings:
+        return first
+    second = _vectors(replace(export, start={**export.start, **settings}))
+    shown = [name for name in first.untested if name in settings or name in second.untested]
+    return replace(first, second=second, settings=settings, untested=tuple(shown))
+
+
+def _others(export: Export) -> dict[str, tuple[float, ...]]:
+    """Return other values of the parameters that are 0, 1 or switches, if the law accepts them."""
+    found: dict[str, tuple[float, ...]] = {}
+    given = _inputs(export, 1.0)
+    for variable in export.law.select(*PARAMETERS):
+        start = export.start[variable.name]
+        if variable.kind in BOOLEANS:
+            values = tuple(1.0 - value for value in start)
+        elif not any(start):
+            size = _OTHER.get(unit_text(variable), 0.5)
+            values = tuple(
+                min(max(size * (1.0 + 0.1 * (i % 3)), variable.min), variable.max) for i in range(len(start))
+            )
+        elif start == (1.0,) and variable.min <= 0.75 and unit_text(variable) == "":
+            values = (0.75,)
+        else:
+            continue
+        other = {**export.start, **found, variable.name: values}
+        plain = {v.name: other[v.name] if v.kind in VECTORS else other[v.name][0] for v in export.law.given}
+        if export.law.conditions.violated({v.name: plain[v.name] for v in export.law.select(*PARAMETERS)}):
+            continue
+        if np.isfinite(_Run(replace(export, start=other)).outputs(given)).all():
+            found[variable.name] = values
+    return found
+
+
+def _vectors(export: Export) -> Vectors:
     run = _Run(export)
     reach, limited = _reach(export, run)
     given, repeated = _finite(export, run, _inputs(export, reach))
+    given, deviation, doubtful = _decided(export, run, given)
     expected = run.outputs(given)
     outputs = export.law.select(Kind.OUTPUT)
     # a pair holds a position; its resolution is the resolution of the motion about the first one
@@ -112,19 +160,48 @@ def vectors(export: Export) -> Vectors:
     size = np.array([np.median(np.abs(column[column != 0.0])) if column.any() else 0.0 for column in values.T])
     allowed = relative * np.maximum(np.abs(values), size)
     if relative:
-        allowed = np.maximum(allowed, _MARGIN * _deviation(run, given, expected))
+        allowed = np.maximum(allowed, _MARGIN * deviation)
     untested = tuple(
         variable.name
         for variable in export.law.select(*PARAMETERS)
         if (np.abs(run.outputs(given, changed=variable) - expected) <= allowed).all()
     )
-    return Vectors(given, expected, allowed, relative, limited, untested, repeated)
+    return Vectors(given, expected, allowed, relative, limited, untested, repeated, doubtful)
 
 
-def _deviation(run: _Run, given: Mapping[str, np.ndarray], expected: np.ndarray) -> np.ndarray:
-    """Return the largest deviation of each output in runs with randomly rounded parameters and states."""
-    runs = [np.abs(run.outputs(given, seed=seed) - expected) for seed in range(_RUNS)]
-    return np.max(runs, axis=0)  # type: ignore[no-any-return]
+def _decided(
+    export: Export, run: _Run, given: Mapping[str, np.ndarray]
+) -> tuple[dict[str, np.ndarray], np.ndarray, tuple[int, ...]]:
+    """Return inputs with which rounding makes no decision that matters, as far as possible.
+
+    Returns
+    -------
+    tuple of dict, array of shape (N, outputs) and tuple of int
+        Inputs; largest deviation of each output over runs with random rounding of each operation; the remaining samples
+        in which rounding decides, counted from 1. There the deviation covers both decisions.
+    """
+    rounding = Rounding(export)
+    names = [v.name for v in export.law.select(*INPUTS)]
+    reals = [v for v in export.law.select(*INPUTS) if v.kind not in BOOLEANS]
+    found = {name: column.copy() for name, column in given.items()}
+    arguments = np.repeat(run.start[:, np.newaxis], RUNS, axis=1)
+    deviation = np.zeros((N, len(export.law.select(Kind.OUTPUT))))
+    doubtful = []
+    for k in range(N):
+        for factor in _FACTORS:
+            for variable in reals if k else ():
+                column, before = given[variable.name], found[variable.name][k - 1]
+                moved = np.array([before + factor * (column[k] - column[k - 1])])
+                found[variable.name][k] = column[k] if factor == 1.0 else _held(export, variable, moved)[0]
+            arguments[run.inputs] = np.array([[found[name][k]] for name in names])
+            results, decides = rounding.sample(arguments)
+            if not (decides and k):
+                break
+        else:
+            doubtful.append(k + 1)
+        deviation[k] = np.max(np.abs(results[: deviation.shape[1]] - results[: deviation.shape[1], :1]), axis=1)
+        arguments = rounding.after(arguments, results)
+    return found, deviation, tuple(doubtful)
 
 
 def _reach(export: Export, run: _Run) -> tuple[float, bool]:
@@ -172,8 +249,10 @@ def _inputs(export: Export, reach: float) -> dict[str, np.ndarray]:
         start = variable.starts[0]
         earlier = [v for v in export.law.select(*INPUTS) if v.name in found]
         if variable.kind in BOOLEANS:
-            switched = "commands switched off" if start else "commands switched on one by one"
-            moments = [k for k, text in enumerate(way) if text == switched]
+            switched = (
+                "commands switched off" if start else "commands switched on one by one, with a sample between them"
+            )
+            moments = [k for k, text in enumerate(way) if text == switched][:: 1 if start else 2]
             if not start:
                 moments = [moments[sum(v.kind in BOOLEANS and not v.starts[0] for v in earlier) % len(moments)]]
             found[variable.name] = np.where(np.isin(np.arange(N), moments), 1.0 - start, start)
@@ -218,34 +297,27 @@ class _Run:
         law = export.law
         labels = [variable for variable in law.given for _ in variable.starts]
         self._export = export
-        self._start = np.concatenate([_held(export, v, np.array(export.start[v.name])) for v in law.given])
+        self.start = np.concatenate([_held(export, v, np.array(export.start[v.name])) for v in law.given])
         self._names = [v.name for v in labels]
-        self._inputs = [i for i, v in enumerate(labels) if v.kind in INPUTS]
-        self._is_state = np.array([v.kind in STATES for v in labels])
-        self._states = np.flatnonzero(self._is_state)
-        # twice the rounding of one operation, as a sample has many
-        self._rounding = np.array([_resolution(export, v) for v in labels])
+        self.inputs = [i for i, v in enumerate(labels) if v.kind in INPUTS]
+        self._states = [i for i, v in enumerate(labels) if v.kind in STATES]
         self._evaluator = _Evaluator(law)
 
     def rounded(self, value: float) -> float:
         """Return a number in the type of the export."""
         return value if self._export.real is DOUBLE else float(np.float32(value))
 
-    def outputs(
-        self, given: Mapping[str, np.ndarray], *, seed: int | None = None, changed: Variable | None = None
-    ) -> np.ndarray:
+    def outputs(self, given: Mapping[str, np.ndarray], *, changed: Variable | None = None) -> np.ndarray:
         """Return the outputs of every sample.
 
         Parameters
         ----------
         given : mapping of str to array, shape (N,)
             Inputs.
-        seed : int, optional
-            Rounds the parameters and, in every sample, the states at random.
         changed : Variable, optional
             A parameter to be changed: a switch is turned over, a number is changed by 1 %, or by 0.01 if it is zero.
         """
-        arguments = self._start.copy()
+        arguments = self.start.copy()
         if changed is not None:
             mine = [name == changed.name for name in self._names]
             values = arguments[mine]
@@ -253,39 +325,17 @@ class _Run:
                 arguments[mine] = 1.0 - values
             else:
                 arguments[mine] = np.where(values == 0.0, _CHANGE, values * (1.0 + _CHANGE))
-        random = np.random.default_rng(seed)
-        if seed is not None:
-            arguments = self._rounded(arguments, random)
-        arguments[self._states] = self._start[self._states]
         count = len(self._export.law.select(Kind.OUTPUT))
         found = np.empty((N, count))
-        for k, row in enumerate(_rows(given, [self._names[i] for i in self._inputs])):
-            arguments[self._inputs] = row
+        for k, row in enumerate(_rows(given, [self._names[i] for i in self.inputs])):
+            arguments[self.inputs] = row
             results = self._evaluator(arguments)
             found[k], arguments[self._states] = results[:count], results[count:]
-            if seed is not None:
-                rounded = self._rounded(arguments, random)
-                # a state that stores an input has no rounding error
-                arguments = np.where(np.isin(arguments, row) | ~self._is_state, arguments, rounded)
         return found
-
-    def _rounded(self, arguments: np.ndarray, random: np.random.Generator) -> np.ndarray:
-        """Return arguments with random rounding errors; integers such as flags and signs have none."""
-        noise = self._rounding * random.choice((-1.0, 0.0, 1.0), arguments.size)
-        return np.where(arguments == np.round(arguments), arguments, arguments * (1.0 + noise))
 
 
 def _rows(given: Mapping[str, np.ndarray], names: list[str]) -> Iterator[list[float]]:
     return ([float(given[name][k]) for name in names] for k in range(N))
-
-
-def _resolution(export: Export, variable: Variable) -> float:
-    """Return twice the relative rounding error of a variable."""
-    if variable.kind in BOOLEANS:
-        return 0.0
-    if export.real is DOUBLE:
-        return 2.0**-52
-    return float(2.0**-46 if variable.name in export.pairs else 2.0**-23)
 
 
 class _Evaluator:

@@ -9,7 +9,8 @@ from friction_fmus.version import VERSION
 
 def class_name(prefix: str) -> str:
     """Return the name of the class: ``Law`` for the prefix ``law``, ``InnerLoop`` for ``inner_loop``."""
-    return "".join(word[0].upper() + word[1:] for word in prefix.split("_") if word)
+    name = "".join(word[0].upper() + word[1:] for word in prefix.split("_") if word)
+    return f"{name}Law" if name in ("Parameters", "States", "Inputs", "Outputs") else name  # types in the class
 
 
 def wrapper(export: Export) -> str:

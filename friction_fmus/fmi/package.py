@@ -36,6 +36,7 @@ from harness.storage.atomic import atomic_path, make_folder
 from harness.storage.cache import cached
 from harness.storage.files import read_source, reason
 from harness.storage.scratch import ScratchFolder
+from harness.storage.zip_file import find_outside
 from harness.wasm import WasmModel, is_wasm, wasm_model, write_package
 
 SHIPPED = PACKAGE / "fmus"
@@ -58,6 +59,8 @@ def build(
     domain: Literal["translational", "rotational"] = "translational",
     platforms: Sequence[str] = ("native",),
     fmi: Literal[2, 3] = 2,
+    clocks: bool = False,
+    arrays: bool = False,
     compiling: Callable[[str, int], None] | None = None,
 ) -> Path:
     """Build one FMU.
@@ -80,7 +83,9 @@ def build(
         Platforms of the binaries: ``"native"``, ``"all"`` or names such as ``"win64"``, see `PLATFORMS`. ``"wasm32"``
         alone writes a WebAssembly module with a JavaScript class in place of an FMU.
     fmi : {2, 3}
-        Version of FMI: 2.0, or 3.0 with arrays, clocks and adjoint derivatives. The numbers are the same.
+        Version of FMI: 2.0, or 3.0 with intermediate update and adjoint derivatives. The numbers are the same.
+    clocks, arrays : bool
+        Whether an FMU of FMI 3.0 has a clock for its samples, and arrays for its vectors. Many importers know neither.
     compiling : callable, optional
         Called before each platform is compiled, with its name and the number of completed platforms, for a progress
         bar. It is not called for an FMU in the cache.
@@ -95,6 +100,10 @@ def build(
     UnknownNameError, BuildError
         If the model is unknown; if it cannot be built.
     """
+    if (clocks or arrays) and fmi == 2:
+        raise BuildError(
+            "FMI 2.0 has neither clocks nor arrays: build the FMU with --fmi 3, or leave these options out"
+        )
     if is_wasm(platforms, fmi):
         made = wasm_block(model, start, name, files, domain=domain)
         return write_package(made, Path(out_dir) / f"{made.name}-wasm")
@@ -103,7 +112,7 @@ def build(
     else:
         targets = select(tuple(platforms))
         file, content = _built(model, start, name, files, domain, ("native",))
-        content = fmi_3(content, targets, compiling)
+        content = fmi_3(content, targets, compiling, clocks=clocks, arrays=arrays)
     return _write(content, Path(out_dir) / file)
 
 
@@ -265,9 +274,11 @@ def _sources(block: Block, files: Mapping[str, str]) -> dict[str, str]:
     pending = [(block.path, block.code)]
     while pending:
         includer, text = pending.pop()
-        for header in re.findall(r'^#include\s+"([^"]+)"', text, re.M):
+        for header in re.findall(r'^[ \t]*#[ \t]*include\s+"([^"]+)"', text, re.M):
             if header in sources or header == FMI_HEADER:
                 continue
+            if find_outside([header]) is not None:  # it would be written to this path
+                raise BuildError(f"{includer} includes {header!r}: copy this file into the same folder")
             given = header in files
             found = None if given else next((p / header for p in places if (p / header).is_file()), None)
             if found is None and not given:

@@ -31,7 +31,7 @@ def block_source(law: Law) -> str:
     body = _statements(law.function, law.given, writes)
     last_output = max(i for i, variable in enumerate(law.variables) if variable.kind is Kind.OUTPUT)
     table = (*law.variables[: last_output + 1], FAULT, *law.variables[last_output + 1 :])
-    texts = law.conditions.texts
+    texts, skipped = law.conditions.texts, _skip(law)
     origin = f"Generated from the law file {law.path.name}: change that file, not this one."
     return "\n".join(
         [
@@ -42,6 +42,7 @@ def block_source(law: Law) -> str:
             f"#define SOURCE  {c_string(law.source)}",
             "#define SAMPLED",
             "#define GUARDED",
+            *(["#define SKIPS_BY skip"] if skipped else []),
             *(["#define REQUIRES relations"] if texts else []),
             "",
             "/* clang-format off */",
@@ -56,6 +57,7 @@ def block_source(law: Law) -> str:
             "    GIVEN(model)",
             *(f"    {line}" for line in body),
             "}",
+            *skipped,
             *(_relations(law) if texts else []),
             "",
         ]
@@ -72,6 +74,18 @@ def _statements(function: Function, given: Sequence[Variable], writes: Sequence[
     taken = [*(variable.name for variable in given), *(re.findall(r"\w+", " ".join(writes)))]
     positive = [i for i, variable in enumerate(scalars) if variable.min >= 0.0]
     return kernel(function, reads, writes, conditions=booleans, positive=positive, taken=taken, unrolls=True).lines
+
+
+def _skip(law: Law) -> list[str]:
+    """Return the C function in place of a sample with an invalid input: it counts, and a disabled law is at rest."""
+    function, results = law.disabled()
+    lines = [f"model->{variable.name} += 1.0;" for variable in law.given if variable.tally]
+    if results:
+        writes = [f"model->{name}" for variable in results for name in _elements(variable)]
+        rest = _statements(function, law.given, writes)
+        lines += ["if (!enable) {", *(f"    {line}" for line in rest), "}"]
+    body = [f"    {line}" for line in lines]
+    return ["", "static void skip(Model *model)", "{", "    GIVEN(model)", *body, "}"] if lines else []
 
 
 def _relations(law: Law) -> list[str]:

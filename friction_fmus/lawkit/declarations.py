@@ -106,6 +106,10 @@ class Variable:
         Name in the law, the FMU and the equations.
     flag : bool
         Whether a state is 0 or 1; in generated C without FMI it is a ``bool``.
+    sums : bool
+        Whether a state is a sum of small increments, which is a pair of floats in single precision.
+    tally : bool
+        Whether a state counts the samples since the last one that were missed because of an invalid input.
     """
 
     kind: Kind
@@ -117,6 +121,8 @@ class Variable:
     nominal: float = 1.0
     name: str = ""
     flag: bool = False
+    sums: bool = False
+    tally: bool = False
 
     @property
     def scalars(self) -> tuple[str, ...]:
@@ -145,16 +151,22 @@ def Command(start: bool, text: str) -> Any:  # noqa: N802
 
 
 def State(  # noqa: N802
-    unit: Unit | str, start: float | tuple[float, ...], text: str, *, nominal: float = 1.0, flag: bool = False
+    unit: Unit | str,
+    start: float | tuple[float, ...],
+    text: str,
+    *,
+    nominal: float = 1.0,
+    flag: bool = False,
+    sums: bool = False,
 ) -> Any:
     """Declare a state: the law receives its value and returns the next value under the same name.
 
     With a tuple of start values it is a vector, written as ``z[0]``, ``z[1]``, ... and returned as a list. A state that
-    is 0 or 1 has ``flag=True``.
+    is 0 or 1 has ``flag=True``, an integral ``sums=True``.
     """
     if isinstance(start, tuple):
-        return Variable(Kind.STATES, _unit(unit), tuple(map(float, start)), text, nominal=nominal, flag=flag)
-    return Variable(Kind.STATE, _unit(unit), float(start), text, nominal=nominal, flag=flag)
+        return Variable(Kind.STATES, _unit(unit), tuple(map(float, start)), text, nominal=nominal, flag=flag, sums=sums)
+    return Variable(Kind.STATE, _unit(unit), float(start), text, nominal=nominal, flag=flag, sums=sums)
 
 
 def Parameter(  # noqa: N802
@@ -182,7 +194,11 @@ def Output(unit: Unit | str, text: str) -> Variable:  # noqa: N802
 
 
 FAULT = Variable(
-    Kind.FLAG, NO_UNIT, 0.0, "true: an input is NaN or infinite; outputs and states are held", name="fault"
+    Kind.FLAG,
+    NO_UNIT,
+    0.0,
+    "true: an input is NaN or infinite; while enabled, outputs and states are held",
+    name="fault",
 )
 """Output that is added to every law."""
 
@@ -209,7 +225,7 @@ _RESERVED = {
     "SCALAR VECTOR DYNAMIC DYNAMICS GIVEN VARIABLES IDENTITY "
     "MODEL SUMMARY SOURCE SAMPLED GUARDED REQUIRES EVENTS INDICATORS DECIDES DECIDES_BY "
     "NO_EXCHANGE EXCHANGES REINITIALISES "
-    "MEMORY KEEPS_BY SKIPS_BY STEPS_BY VALID_BY WARNING INF COUNTS INPUTS STATES VALUES ROWS AT SLOPE UNWRAP "
+    "MEMORY KEEPS_BY skip SKIPS_BY STEPS_BY VALID_BY WARNING INF COUNTS INPUTS STATES VALUES ROWS AT SLOPE UNWRAP "
     "LENGTH VELOCITY ACCELERATION JERK FORCE MASS STIFFNESS DAMPING TIME FREQUENCY ANGLE NO_UNIT "
     "ROTATIONAL PASTE QUOTE ENTER REQUIRE MODE UNROLLED SET GET NAN NULL INFINITY HUGE_VAL EOF BUFSIZ RAND_MAX",
     "casadi": "null jac hess",

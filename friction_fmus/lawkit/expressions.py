@@ -28,6 +28,11 @@ def unless_winding_up(rate: SX, active: SX) -> SX:
     return if_else(rate * active > 0.0, 0.0, rate)
 
 
+def elapsed(missed: SX, Ts: SX) -> SX:
+    """Return the time since the last valid sample."""
+    return (missed + 1.0) * Ts
+
+
 def stribeck_level(speed: SX, Fc: SX, Fs: SX, vs: SX, delta: SX) -> SX:
     """Return the Stribeck curve g = Fc + (Fs - Fc) exp(-(speed/vs)^delta) for a speed that is not negative."""
     ratio = speed / vs

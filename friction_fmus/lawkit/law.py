@@ -23,14 +23,14 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from casadi import Function
+from casadi import SX, Function, symvar, vertcat
 
 from friction_fmus.blocks.about import About
 from friction_fmus.blocks.contact import Friction
 from friction_fmus.blocks.loop import InLoop, Loop
 from friction_fmus.blocks.use import REPLACES_SERVO, SHAPES_REFERENCE, Use
 from friction_fmus.errors import FrictionError, nearest
-from friction_fmus.lawkit.conditions import Conditions, Relation, conditions_of
+from friction_fmus.lawkit.conditions import PARAMETERS, Conditions, Relation, conditions_of
 from friction_fmus.lawkit.declarations import (
     ACCELERATION,
     ANGLE,
@@ -170,6 +170,24 @@ class Law:
     def results(self) -> tuple[Variable, ...]:
         """Variables that a sample writes, in the order of the function's results."""
         return self.select(Kind.OUTPUT) + self.select(Kind.STATE, Kind.STATES)
+
+    def disabled(self) -> tuple[Function, tuple[Variable, ...]]:
+        """Return the results that `enable` = false sets to a value of parameters only, as a function of `given`."""
+        owners = _by_scalar(self.given)
+        symbols = [SX.sym(scalar) for variable in self.given for scalar in variable.scalars]
+        off = [v.name == "enable" and v.kind is Kind.COMMAND for v in owners]
+        values = iter(self.function.call([SX(0.0) if o else s for o, s in zip(off, symbols, strict=True)]))
+        changing = {scalar for v in self.given if v.kind not in PARAMETERS for scalar in v.scalars}
+        found = [(v, [next(values) for _ in v.starts]) for v in self.results]
+        kept = [
+            (v, elements)
+            for v, elements in found
+            if any(off)
+            and "enable" in self.dependencies(v.name)
+            and not changing & {symbol.name() for symbol in symvar(vertcat(*elements))}
+        ]
+        results = [element for _, elements in kept for element in elements]
+        return Function("disabled", symbols, results), tuple(v for v, _ in kept)
 
     def dependencies(self, result: str) -> tuple[str, ...]:
         """Return the exact dependencies of an output or of the next value of a state, including decisions.

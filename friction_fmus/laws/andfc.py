@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from casadi import SX, exp, fabs, if_else
 
-from friction_fmus.lawkit.expressions import clip, stribeck_level, unless_winding_up
+from friction_fmus.lawkit.expressions import clip, elapsed, stribeck_level, unless_winding_up
 from friction_fmus.lawkit.law import (
     DAMPING,
     FORCE,
@@ -76,6 +76,7 @@ def andfc(
     track: SX = variables.TRACK,
     u_track: SX = variables.U_TRACK,
     running: SX = variables.RUNNING,
+    missed: SX = variables.MISSED,
     x_hat: SX = variables.X_HAT,
     v_hat: SX = variables.V_HAT,
     F_last: SX = State(FORCE, 0.0, "friction of the model in the previous sample"),
@@ -159,12 +160,13 @@ def andfc(
     u_max.
     """
     fresh = starts_now(reset, running)
-    p = exp(-wo * Ts)
+    span = elapsed(missed, Ts)
+    p = exp(-wo * span)
     force = (u_prev - F_last) / m
-    x_p = x_hat + Ts * v_hat + Ts**2 / 2.0 * force
-    v_p = v_hat + Ts * force
+    x_p = x_hat + span * v_hat + span**2 / 2.0 * force
+    v_p = v_hat + span * force
     position = if_else(fresh, x, x_p + (1.0 - p**2) * (x - x_p))
-    v = if_else(fresh, 0.0, v_p + (1.0 - p) ** 2 / Ts * (x - x_p))
+    v = if_else(fresh, 0.0, v_p + (1.0 - p) ** 2 / span * (x - x_p))
 
     a1 = if_else(fresh, 0.0, z1)
     thetas = [1.0 + if_else(fresh, 0.0, part) for part in (learned0, learned1, learned2)]
@@ -194,6 +196,7 @@ def andfc(
         **{f"theta_{i}": if_else(enable, theta, 1.0) for i, theta in enumerate(thetas)},
         "v_est": if_else(enable, v, 0.0),
         "running": enable,
+        "missed": SX(0.0),
         "x_hat": if_else(enable, position, 0.0),
         "v_hat": if_else(enable, v, 0.0),
         "F_last": if_else(enable, friction, 0.0),

@@ -20,7 +20,7 @@ from friction_fmus.lawkit.law import (
     law,
 )
 from friction_fmus.lawkit.parts import variables
-from friction_fmus.lawkit.parts.tracking import carried, restarts
+from friction_fmus.lawkit.parts.tracking import carried, restarts, tracked
 
 
 @law(
@@ -48,7 +48,7 @@ def cascade_ppi(
     reset: SX = variables.RESET_INTEGRAL,
     track: SX = variables.TRACK,
     u_track: SX = variables.U_TRACK,
-    integral: SX = State(LENGTH, 0.0, "integral of the velocity error w", nominal=1e-3),
+    integral: SX = State(LENGTH, 0.0, "integral of the velocity error w", nominal=1e-3, sums=True),
     kp: SX = Parameter("1/s", 30.0, "gain of the position loop", min=0.0),
     kv: SX = Parameter(DAMPING, 190.0, "proportional gain of the velocity loop", min=0.0),
     ki: SX = Parameter(STIFFNESS, 0.0, "integral gain of the velocity loop; 0: P", min=0.0),
@@ -86,12 +86,14 @@ def cascade_ppi(
     start = 0.0
     w = kp * (r - x) + (rd - v)
     feedback = m * rdd + kv * w
-    old = carried(track, u_track, feedback + f, ki, u_min, u_max, if_else(reset, start, integral))
-    wanted = feedback + ki * old + f
+    free = if_else(reset, start, integral)
+    wanted = tracked(track, u_track, ki, feedback + ki * free + f)
+    u = clip(wanted, u_min, u_max)
+    old = carried(track, u, feedback + f, ki, free)
     u_sat = limits(wanted, u_min, u_max)
     after = old + Ts * unless_winding_up(w, u_sat)
     return {
-        "u": if_else(enable, clip(wanted, u_min, u_max), 0.0),
+        "u": if_else(enable, u, 0.0),
         "u_sat": if_else(enable, u_sat, 0.0),
         "integral": if_else(restarts(reset, track), start, if_else(enable, after, start)),
     }

@@ -124,7 +124,8 @@ def discrete_inverse(
     do not affect the states. N is rounded down. Feedforward does not change the stability of the loop.
 
     Limits: zeros inside the circle must be real, and at most two may be outside: a pair, or a double zero (pair2 = 0).
-    N grows for zeros near the circle. Friction needs a separate law. The plant model must be accurate at all
+    N grows for zeros near the circle. Missing samples of r leave a jump in line: reset the law after them. Friction
+    needs a separate law. The plant model must be accurate at all
     frequencies of r. u_min must not exceed u_max.
     """
     N = floor(preview)

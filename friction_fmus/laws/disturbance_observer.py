@@ -6,6 +6,7 @@ from math import pi, sqrt
 
 from casadi import SX, cos, exp, expm1, if_else, logic_and, logic_not, sin
 
+from friction_fmus.lawkit.expressions import clip, elapsed
 from friction_fmus.lawkit.law import (
     FORCE,
     FREQUENCY,
@@ -55,6 +56,7 @@ def disturbance_observer(
     d_rate: SX = State(FORCE, 0.0, "its time derivative divided by 2 pi fq, for order 2"),
     v_last: SX = State(VELOCITY, 0.0, "velocity in the previous sample", nominal=1e-2),
     running: SX = variables.RUNNING,
+    missed: SX = variables.MISSED,
     gain: SX = variables.GAIN,
     m: SX = variables.MASS_OR_NONE,
     fq: SX = Parameter(FREQUENCY, 30.0, "corner frequency of the low-pass filter", min=0.0),
@@ -100,19 +102,21 @@ def disturbance_observer(
     With a wrong mass, F_hat contains the difference of the inertia forces. u_min must not exceed u_max.
     """
     new = starts_now(reset, running)
-    F_m = mean_friction(if_else(new, 0.0, u_prev - f_prev), m, v - if_else(new, v, v_last), Ts)
-    w_Ts = 2.0 * pi * fq * Ts
+    span = elapsed(missed, Ts)
+    F_m = mean_friction(if_else(new, 0.0, u_prev - f_prev), m, v - if_else(new, v, v_last), span)
+    w_Ts = 2.0 * pi * fq * span
     old = if_else(new, 0.0, d)
     first = old - expm1(-w_Ts) * (F_m - old)
     q = w_Ts / sqrt(2.0)
     y, p_old = old - F_m, if_else(new, 0.0, d_rate)
     second = F_m + exp(-q) * (y * (cos(q) + sin(q)) + sqrt(2.0) * p_old * sin(q))
     p = exp(-q) * (p_old * (cos(q) - sin(q)) - sqrt(2.0) * y * sin(q))
-    F_hat = carried(track, u_track, SX(0.0), gain, u_min, u_max, if_else(second_order, second, first))
+    F_hat = carried(track, clip(u_track, u_min, u_max), SX(0.0), gain, if_else(second_order, second, first))
     return {
-        **compensation(F_hat, gain, u_min, u_max, enable),
+        **compensation(F_hat, gain, u_min, u_max, enable, track, u_track),
         "d": if_else(enable, F_hat, 0.0),
         "d_rate": if_else(enable, if_else(logic_and(second_order, logic_not(track)), p, 0.0), 0.0),
         "v_last": if_else(enable, v, 0.0),
         "running": enable,
+        "missed": SX(0.0),
     }

@@ -6,7 +6,7 @@ import math
 
 from casadi import SX, atan2, cos, expm1, fabs, if_else, log1p, logic_and, sign, sin
 
-from friction_fmus.lawkit.expressions import stribeck_level
+from friction_fmus.lawkit.expressions import elapsed, stribeck_level
 from friction_fmus.lawkit.law import (
     FORCE,
     LENGTH,
@@ -99,6 +99,7 @@ def elasto_plastic_feedforward(
     z: SX = State(LENGTH, 0.0, "mean bristle deflection", nominal=1e-5),
     last: SX = variables.LAST,
     started: SX = variables.STARTED,
+    missed: SX = variables.MISSED,
     gain: SX = variables.GAIN,
     m: SX = variables.INERTIA,
     sigma0: SX = variables.SIGMA0,
@@ -144,7 +145,7 @@ def elasto_plastic_feedforward(
     """
     dr = increment(r, last, started, reset)
     side = sign(dr)
-    z_max = stribeck_level(fabs(dr / Ts), Fc, Fs, vs, delta) / sigma0
+    z_max = stribeck_level(fabs(dr / elapsed(missed, Ts)), Fc, Fs, vs, delta) / sigma0
     before = if_else(reset, 0.0, z)
     moved = if_else(dr == 0.0, before, side * slid(side * before, fabs(dr), z_max, z_ba))
 
@@ -162,4 +163,5 @@ def elasto_plastic_feedforward(
     return {
         **feedforward(m * rdd, friction, gain, enable, u_min, u_max),
         **when(enable, z_hat=now, z=now, last=r, started=1.0),
+        "missed": SX(0.0),
     }

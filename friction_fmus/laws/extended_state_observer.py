@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from casadi import SX, exp, if_else
 
+from friction_fmus.lawkit.expressions import clip, elapsed
 from friction_fmus.lawkit.law import (
     FORCE,
     NO_UNIT,
@@ -51,6 +52,7 @@ def extended_state_observer(
     track: SX = variables.TRACK,
     u_track: SX = variables.U_TRACK,
     running: SX = variables.RUNNING,
+    missed: SX = variables.MISSED,
     x_hat: SX = variables.X_HAT,
     v_hat: SX = variables.V_HAT,
     F_est: SX = State(FORCE, 0.0, "estimated friction"),
@@ -95,21 +97,23 @@ def extended_state_observer(
     friction. With a wrong mass, F_est contains the difference of the inertia forces. u_min must not exceed u_max.
     """
     fresh = starts_now(reset, running)
-    p = exp(-wo * Ts)
+    span = elapsed(missed, Ts)
+    p = exp(-wo * span)
     force = (u_prev - F_est) / m
-    x_p = x_hat + Ts * v_hat + Ts**2 / 2.0 * force
-    v_p = v_hat + Ts * force
+    x_p = x_hat + span * v_hat + span**2 / 2.0 * force
+    v_p = v_hat + span * force
     residual = x - x_p
     position = if_else(fresh, x, x_p + (1.0 - p**3) * residual)
-    velocity = if_else(fresh, 0.0, v_p + 1.5 * (1.0 - p) ** 2 * (1.0 + p) / Ts * residual)
-    estimated = if_else(fresh, 0.0, F_est - m * (1.0 - p) ** 3 / Ts**2 * residual)
+    velocity = if_else(fresh, 0.0, v_p + 1.5 * (1.0 - p) ** 2 * (1.0 + p) / span * residual)
+    estimated = if_else(fresh, 0.0, F_est - m * (1.0 - p) ** 3 / span**2 * residual)
 
     tracking = m * (wc**2 * (r - position) + 2.0 * wc * (rd - velocity) + rdd)
-    friction = carried(track, u_track, tracking, gain, u_min, u_max, estimated)
+    friction = carried(track, clip(u_track, u_min, u_max), tracking, gain, estimated)
     return {
-        **limited(tracking, friction, gain, enable, u_min, u_max),
+        **limited(tracking, friction, gain, enable, u_min, u_max, track, u_track),
         "v_est": if_else(enable, velocity, 0.0),
         "running": enable,
+        "missed": SX(0.0),
         "x_hat": if_else(enable, position, 0.0),
         "v_hat": if_else(enable, velocity, 0.0),
         "F_est": if_else(enable, friction, 0.0),

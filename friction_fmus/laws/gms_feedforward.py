@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from casadi import SX, ceil, exp, fabs, if_else, logic_and, logic_or
 
-from friction_fmus.lawkit.expressions import stribeck_level
+from friction_fmus.lawkit.expressions import elapsed, stribeck_level
 from friction_fmus.lawkit.law import (
     DAMPING,
     FORCE,
@@ -57,6 +57,7 @@ def gms_feedforward(
     way: SX = maxwell_slip.WAY,
     last: SX = variables.LAST,
     started: SX = variables.STARTED,
+    missed: SX = variables.MISSED,
     gain: SX = variables.GAIN,
     m: SX = variables.INERTIA,
     N: SX = maxwell_slip.N,
@@ -113,15 +114,16 @@ def gms_feedforward(
     """
     fresh = logic_or(reset, track)
     dr = increment(r, last, started, fresh)  # 0 if fresh
+    span = elapsed(missed, Ts)
     moving, side = dr != 0.0, if_else(dr > 0.0, 1.0, -1.0)
-    S = stribeck_level(fabs(dr / Ts), Fc, Fs, vs, delta)
+    S = stribeck_level(fabs(dr / span), Fc, Fs, vs, delta)
     shares, total = weights(alpha, N)
     used = if_else(ELEMENTS - 1 < N, ELEMENTS, ceil(N))
     load = if_else(Fn == Fn0, 1.0, if_else(Fn > 0.0, Fn, 0.0) / Fn0)
     rest = m * rdd + gain * ((load * sigma * used + sigma2) * rd)
     carries = deflected(track, u_track, rest, gain * load, Fs, u_min, u_max, SX(0.0))
     forces, slips, creep = [], [], SX(0.0)
-    for i, element in enumerate(slide(Fi, slipping, way, k, N, shares, total, dr, S, exp(-C * Ts / S))):
+    for i, element in enumerate(slide(Fi, slipping, way, k, N, shares, total, dr, S, exp(-C * span / S))):
         elastic = logic_and(sigma > 0.0, logic_and(element.slipped, k[i] > 0.0))
         creep += if_else(elastic, (element.moved - element.level) / if_else(k[i] > 0.0, k[i], 1.0), 0.0)
         kept = if_else(track, shares[i] * (carries / total), if_else(reset, 0.0, Fi[i]))
@@ -142,6 +144,7 @@ def gms_feedforward(
             last=r,
             started=1.0,
         ),
+        "missed": SX(0.0),
         "Fi": [if_else(enable, force, 0.0) for force in forces],
         "slipping": [if_else(enable, slip, 0.0) for slip in slips],
     }

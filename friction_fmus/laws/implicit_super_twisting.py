@@ -112,7 +112,7 @@ def implicit_super_twisting(
     y = 2.0 * fabs(s) / (b + sqrt(b**2 + 4.0 * fabs(s)) + if_else(s == 0.0, 1.0, 0.0))
     twisting = m * (rdd + lam * ed) + c1 * sqrt(m * L) * y * sign(s) + f
     own = if_else(reset, 0.0, w)
-    old = carried(track, u_track, twisting + gain * step, gain, u_min, u_max, own)
-    outputs = limited(twisting, old + step, gain, enable, u_min, u_max)
+    old = carried(track, clip(u_track, u_min, u_max), twisting + gain * step, gain, own)
+    outputs = limited(twisting, old + step, gain, enable, u_min, u_max, track, u_track)
     after = old + unless_winding_up(step, outputs["u_sat"])
     return {**outputs, "w": if_else(restarts(reset, track), 0.0, if_else(enable, after, 0.0))}

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from casadi import SX, if_else
 
+from friction_fmus.lawkit.expressions import clip, elapsed
 from friction_fmus.lawkit.law import (
     FORCE,
     LENGTH,
@@ -62,6 +63,7 @@ def kalman_friction(
     P23: SX = State(NO_UNIT, 0.0, "covariance of velocity and force"),
     P33: SX = State(NO_UNIT, 0.0, "variance of the force, in units of F_step"),
     running: SX = variables.RUNNING,
+    missed: SX = variables.MISSED,
     gain: SX = variables.GAIN,
     m: SX = variables.POSITIVE_MASS,
     x_noise: SX = Parameter(LENGTH, 3e-7, "standard deviation of the measured position", min=1e-15),
@@ -112,9 +114,10 @@ def kalman_friction(
     exceeds Coulomb friction. u_min must not exceed u_max.
     """
     new = starts_now(reset, running)
+    span = elapsed(missed, Ts)
     force = (u_prev - F_walk) / m
-    x_p = if_else(new, x, x_hat + Ts * v_hat + Ts**2 / 2.0 * force)
-    v_p = if_else(new, v, v_hat + Ts * force)
+    x_p = if_else(new, x, x_hat + span * v_hat + span**2 / 2.0 * force)
+    v_p = if_else(new, v, v_hat + span * force)
     mean = [x_p, v_p, if_else(new, 0.0, F_walk)]
 
     position_unit, velocity_unit = Ts**2 / m * F_step, Ts / m * F_step
@@ -136,11 +139,12 @@ def kalman_friction(
     mean = [if_else(use_v, a, b) for a, b in zip(with_v[0], mean, strict=True)]
     P = [[if_else(use_v, a, b) for a, b in zip(*rows, strict=True)] for rows in zip(with_v[1], P, strict=True)]
 
-    mean[2] = carried(track, u_track, SX(0.0), gain, u_min, u_max, mean[2])
+    mean[2] = carried(track, clip(u_track, u_min, u_max), SX(0.0), gain, mean[2])
     names = ("P11", "P12", "P13", "P22", "P23", "P33")
     states = dict(zip(("x_hat", "v_hat", "F_walk", *names), (*mean, *P[0], *P[1], *P[2]), strict=True))
     return {
-        **compensation(mean[2], gain, u_min, u_max, enable),
+        **compensation(mean[2], gain, u_min, u_max, enable, track, u_track),
         **{name: if_else(enable, value, 0.0) for name, value in states.items()},
         "running": enable,
+        "missed": SX(0.0),
     }

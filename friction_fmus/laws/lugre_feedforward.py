@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from casadi import SX, fabs, if_else, logic_and, sign
 
-from friction_fmus.lawkit.expressions import stribeck_level
+from friction_fmus.lawkit.expressions import elapsed, stribeck_level
 from friction_fmus.lawkit.law import (
     DAMPING,
     FORCE,
@@ -54,6 +54,7 @@ def lugre_feedforward(
     z: SX = State(LENGTH, 0.0, "mean bristle deflection", nominal=1e-5),
     last: SX = variables.LAST,
     started: SX = variables.STARTED,
+    missed: SX = variables.MISSED,
     gain: SX = variables.GAIN,
     m: SX = variables.INERTIA,
     sigma0: SX = variables.SIGMA0,
@@ -117,7 +118,7 @@ def lugre_feedforward(
         )
 
     dr = increment(r, last, started, reset)
-    g = level(dr / Ts)
+    g = level(dr / elapsed(missed, Ts))
     moved = relax(if_else(reset, 0.0, z), sign(dr) * g / sigma0, sigma0 * fabs(dr) / g)
     steady = level(rd)
     rate = sigma0 * fabs(rd) / steady
@@ -131,4 +132,5 @@ def lugre_feedforward(
     return {
         **feedforward(m * rdd, friction, gain, enable, u_min, u_max),
         **when(enable, z_hat=now, z=now, last=r, started=1.0),
+        "missed": SX(0.0),
     }

@@ -21,7 +21,7 @@ from friction_fmus.lawkit.law import (
     law,
 )
 from friction_fmus.lawkit.parts import variables
-from friction_fmus.lawkit.parts.tracking import carried, restarts
+from friction_fmus.lawkit.parts.tracking import carried, restarts, tracked
 
 
 @law(
@@ -62,7 +62,7 @@ def pid(
     reset: SX = variables.RESET_INTEGRAL,
     track: SX = variables.TRACK,
     u_track: SX = variables.U_TRACK,
-    integral: SX = State(LENGTH + ".s", 0.0, "integral of the position error", nominal=1e-4),
+    integral: SX = State(LENGTH + ".s", 0.0, "integral of the position error", nominal=1e-4, sums=True),
     held: SX = State(NO_UNIT, 0.0, "1 while the dead-band holds the integral", flag=True),
     side: SX = State(NO_UNIT, 0.0, "sign of the last velocity above v_zc"),
     Kp: SX = Parameter(STIFFNESS, 12e3, "proportional gain", min=0.0),
@@ -135,13 +135,15 @@ def pid(
     turned = if_else(logic_and(moves, side * v < 0.0), reversal * integral + flip, integral)
     e = r - x
     feedback, ahead = Kp * e + Kd * (rd - v), m * rdd + f
-    old = carried(track, u_track, feedback + ahead, Ki, u_min, u_max, if_else(reset, start, turned))
+    free = if_else(reset, start, turned)
+    wanted = tracked(track, u_track, Ki, feedback + Ki * free + m * rdd + f)
+    u = clip(wanted, u_min, u_max)
+    old = carried(track, u, feedback + ahead, Ki, free)
     hold = logic_or(fabs(e) <= db, logic_and(held, fabs(e) <= db_ratio * db))
-    wanted = feedback + Ki * old + m * rdd + f
     u_sat = limits(wanted, u_min, u_max)
     rate = if_else(hold, 0.0, unless_winding_up(e, u_sat))
     return {
-        "u": if_else(enable, clip(wanted, u_min, u_max), 0.0),
+        "u": if_else(enable, u, 0.0),
         "u_sat": if_else(enable, u_sat, 0.0),
         "integral": if_else(restarts(reset, track), start, if_else(enable, old + Ts * rate, start)),
         "held": if_else(enable, hold, 0.0),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from casadi import SX, if_else
 
+from friction_fmus.lawkit.expressions import clip, elapsed
 from friction_fmus.lawkit.law import (
     FORCE,
     NO_UNIT,
@@ -53,6 +54,7 @@ def predictive_filter(
     u_track: SX = variables.U_TRACK,
     v_hat: SX = variables.V_HAT,
     running: SX = variables.RUNNING,
+    missed: SX = variables.MISSED,
     gain: SX = variables.GAIN,
     m: SX = variables.POSITIVE_MASS,
     v_noise: SX = Parameter(VELOCITY, 1e-3, "standard deviation of the measured velocity, R = v_noise^2", min=0.0),
@@ -95,13 +97,15 @@ def predictive_filter(
     Full compensation with F_hat can cause hunting if friction decreases with velocity. u_min must not exceed u_max.
     """
     new = starts_now(reset, running)
-    a = 1.0 / (1.0 + (v_noise / F_size * m / Ts) ** 2)
-    slope = gain * (m / Ts * a)
-    kept = if_else(new, v, v_hat + Ts / m * u_prev)
-    predicted = carried(track, u_track, -slope * v, slope, u_min, u_max, kept)
+    span = elapsed(missed, Ts)
+    a = 1.0 / (1.0 + (v_noise / F_size * m / span) ** 2)
+    slope = gain * (m / span * a)
+    kept = if_else(new, v, v_hat + span / m * u_prev)
+    predicted = carried(track, clip(u_track, u_min, u_max), -slope * v, slope, kept)
     residual = a * (v - predicted)
     return {
-        **compensation(-m / Ts * residual, gain, u_min, u_max, enable),
+        **compensation(-m / span * residual, gain, u_min, u_max, enable, track, u_track),
         "v_hat": if_else(enable, predicted + residual, 0.0),
         "running": enable,
+        "missed": SX(0.0),
     }

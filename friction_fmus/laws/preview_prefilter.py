@@ -23,7 +23,7 @@ from friction_fmus.lawkit.law import (
     law,
 )
 from friction_fmus.lawkit.parts import variables
-from friction_fmus.lawkit.parts.feedforward import at_most, reference_shift, settles_fast, settles_slowly, when
+from friction_fmus.lawkit.parts.feedforward import at_most, filled, reference_shift, settles_fast, settles_slowly, when
 
 PREVIEW = 4
 # weights of f(j) - f(-j) and of f(j) - 2 f(0) + f(-j), j = 1 ... 4
@@ -62,6 +62,7 @@ def preview_prefilter(
     reset: SX = Command(False, "true: as if r had always had its present value"),
     line: SX = State(LENGTH, (0.0,) * (2 * PREVIEW), "references of the previous samples, latest first"),
     seen: SX = State(NO_UNIT, 0.0, "number of samples in line, at most 8"),
+    missed: SX = variables.MISSED,
     shift: SX = State(LENGTH, 0.0, "shift of r_now", nominal=1e-4),
     integral: SX = State(LENGTH + ".s", 0.0, "integral of the shift of r_now", nominal=1e-6),
     gain: SX = Parameter(NO_UNIT, 1.0, "fraction of the force that is replaced", min=0.0, max=1.0),
@@ -96,7 +97,7 @@ def preview_prefilter(
     cause ringing over four samples. f must correspond to r_now.
     """
     fresh = logic_or(seen == 0.0, reset)
-    past = [r, *(if_else(fresh, r, line[j]) for j in range(2 * PREVIEW))]
+    past = [r, *filled(r, [if_else(fresh, r, line[j]) for j in range(2 * PREVIEW)], missed)]
     now = past[PREVIEW]
     rd = sum((p * (past[PREVIEW - j] - past[PREVIEW + j]) for j, p in enumerate(FIRST, 1)), SX(0.0)) / Ts
     rdd = (
@@ -116,4 +117,5 @@ def preview_prefilter(
         **when(enable, u_hat=u_hat, shift=shift_next, integral=integral_next),
         "line": past[: 2 * PREVIEW],
         "seen": at_most(if_else(reset, 0.0, seen) + 1.0, 2 * PREVIEW),
+        "missed": SX(0.0),
     }

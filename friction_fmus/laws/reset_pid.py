@@ -21,7 +21,7 @@ from friction_fmus.lawkit.law import (
     law,
 )
 from friction_fmus.lawkit.parts import variables
-from friction_fmus.lawkit.parts.tracking import carried, restarts
+from friction_fmus.lawkit.parts.tracking import carried, restarts, tracked
 
 
 @law(
@@ -52,7 +52,7 @@ def reset_pid(
     reset: SX = variables.RESET_INTEGRAL,
     track: SX = variables.TRACK,
     u_track: SX = variables.U_TRACK,
-    integral: SX = State(LENGTH + ".s", 0.0, "integral of the position error", nominal=1e-4),
+    integral: SX = State(LENGTH + ".s", 0.0, "integral of the position error", nominal=1e-4, sums=True),
     side: SX = State(NO_UNIT, 0.0, "last sign of the position error"),
     Kp: SX = Parameter(STIFFNESS, 12e3, "proportional gain", min=0.0),
     Kd: SX = Parameter(DAMPING, 190.0, "derivative gain", min=1e-9),
@@ -118,12 +118,13 @@ def reset_pid(
     held = if_else(reset, start, integral)
     jumped = if_else(crossing, -offset - rho * (held + offset), held)
     feedback, ahead = Kp * e + Kd * (rd - v), m * rdd + f
-    old = carried(track, u_track, feedback + ahead, Ki, u_min, u_max, jumped)
-    wanted = feedback + Ki * old + m * rdd + f
+    wanted = tracked(track, u_track, Ki, feedback + Ki * jumped + m * rdd + f)
+    u = clip(wanted, u_min, u_max)
+    old = carried(track, u, feedback + ahead, Ki, jumped)
     u_sat = limits(wanted, u_min, u_max)
     runs = if_else(restarts(reset, track), 0.0, enable)
     return {
-        "u": if_else(enable, clip(wanted, u_min, u_max), 0.0),
+        "u": if_else(enable, u, 0.0),
         "u_sat": if_else(enable, u_sat, 0.0),
         "jumped": if_else(enable, crossing, 0.0),
         "integral": if_else(runs, old + Ts * unless_winding_up(e, u_sat), start),

@@ -11,7 +11,7 @@ import numpy as np
 
 from harness.accuracy.convergence import IRREGULAR, converge
 from harness.accuracy.repeat import others
-from harness.accuracy.rungs import ratios
+from harness.accuracy.rungs import of_equal_end, ratios
 from harness.accuracy.tolerances import floor_of, order_of
 from harness.engine.tap import Recorder
 from harness.system.assembly import Assembly
@@ -26,6 +26,8 @@ def measure_bounds(
     experiment: Experiment,
     measure: Callable[[Recorder], Mapping[str, float]],
     found: Mapping[str, float],
+    *,
+    dense: bool = False,
 ) -> dict[str, float]:
     """Return the error bounds of numbers that were found in a run.
 
@@ -39,6 +41,9 @@ def measure_bounds(
         Returns the numbers of a run.
     found : mapping of str to float
         Those of the run in question.
+    dense : bool
+        Whether a run with half the step records in every step if the run in question does: a mean over rows, or the
+        largest of them, depends on the distance of the rows.
 
     Returns
     -------
@@ -50,7 +55,8 @@ def measure_bounds(
     HarnessError
         If the run cannot be repeated with another step.
     """
-    runs = others(system, experiment, ratios(system, experiment))
+    # numbers of runs that end at different times differ by what happens in between
+    runs = others(system, experiment, of_equal_end(experiment, ratios(system, experiment)), dense=dense)
     finer = bool(runs) and runs[0].ratio < 1
     numbers = [found, *(measure(run.recorder) for run in runs)]
     most, noise = order_of(experiment), floor_of(system, experiment).error

@@ -88,18 +88,19 @@ def others(
     shares: Iterator[Progress] | None = None,
     *,
     native: bool = True,
+    dense: bool = False,
 ) -> list[Repetition]:
     """Repeat a run with these steps up to the first that fails, or with half of the step if all of them fail."""
     found: list[Repetition] = []
     for ratio in given:
         progress = next(shares, None) if shares else None
-        with rung(system, experiment, ratio) as (scaled, other), _silent():
+        with rung(system, experiment, ratio, dense=dense) as (scaled, other), _silent():
             try:
                 session = Session(scaled, other, Options(progress=progress, native=native))
                 found.append(Repetition(ratio, experiment.start, experiment.step, session.run(system.start)))
             except HarnessError:
                 break
-    return found if found or given == FINER else others(system, experiment, FINER, native=native)
+    return found if found or given == FINER else others(system, experiment, FINER, native=native, dense=dense)
 
 
 @contextmanager

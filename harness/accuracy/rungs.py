@@ -77,11 +77,13 @@ def _keeps_time(part: Part) -> bool:
 
 
 @contextmanager
-def rung(system: Assembly, experiment: Experiment, ratio: Fraction) -> Iterator[tuple[Assembly, Experiment]]:
+def rung(
+    system: Assembly, experiment: Experiment, ratio: Fraction, *, dense: bool = False
+) -> Iterator[tuple[Assembly, Experiment]]:
     """Provide the system and the experiment with a step of so many times the given one.
 
-    The run ends with the last whole step; its recorded rows are about as far apart as those of the given experiment.
-    The parts are shared with the given system.
+    The run ends with the last whole step; its recorded rows are about as far apart as those of the given experiment,
+    or in every step if that has one in every step and ``dense`` is true. The parts are shared with the given system.
     """
     sampled = [part for part in system.parts.values() if _keeps_time(part)]
     every = [part.every for part in sampled]
@@ -92,7 +94,7 @@ def rung(system: Assembly, experiment: Experiment, ratio: Fraction) -> Iterator[
         experiment,
         step=step,
         stop=experiment.stop if ticks * ratio == experiment.ticks else experiment.start + ticks * step,
-        decimate=max(1, int(experiment.decimate / ratio)),
+        decimate=1 if dense and experiment.decimate == 1 else rows_apart(experiment, ratio),
         manipulators=tuple(_scaled(each, ratio) for each in experiment.manipulators),
         coupling_tolerance=scaled_tolerance(experiment, float(ratio)) if experiment.master == "adaptive" else None,
         step_tolerance=scaled_step_tolerance(experiment, float(ratio)),
@@ -106,6 +108,22 @@ def rung(system: Assembly, experiment: Experiment, ratio: Fraction) -> Iterator[
     finally:
         for part, count in zip(sampled, every, strict=True):
             part.every = count
+
+
+def rows_apart(experiment: Experiment, ratio: Fraction) -> int:
+    """Return from how many steps of such a run to the next a row is recorded."""
+    return max(1, int(experiment.decimate / ratio))
+
+
+def of_equal_end(experiment: Experiment, given: Sequence[Fraction]) -> tuple[Fraction, ...]:
+    """Return these ratios, or half of the step if one of their runs has its last row at another time than the given."""
+    last = experiment.ticks // experiment.decimate * experiment.decimate
+
+    def ends_there(ratio: Fraction) -> bool:
+        many = rows_apart(experiment, ratio)
+        return int(experiment.ticks / ratio) // many * many * ratio == last
+
+    return tuple(given) if all(map(ends_there, given)) else FINER
 
 
 def _scaled(manipulator: Manipulator, ratio: Fraction) -> Manipulator:

@@ -144,17 +144,25 @@ def _linked(target: str | None, units: Mapping[str, Mapping[str, str]], library:
     return cached(toolchain.cache_folder() / "libraries" / f"{digest}-{library}", link_it)
 
 
-def _object(target: str | None, unit: str, sources: Mapping[str, str], *, warns: bool) -> bytes:
+def assembly(target: str | None, unit: str, sources: Mapping[str, str]) -> str:
+    """Return a C file of another tool as assembly, which tells the symbols that it defines; see `linked`."""
+    return _object(target, unit, sources, warns=False, form="-S").decode(errors="replace")
+
+
+def _object(target: str | None, unit: str, sources: Mapping[str, str], *, warns: bool, form: str = "-c") -> bytes:
     """Return the object of one C file, from the cache or compiled."""
 
-    def compile_it() -> bytes:
+    def compile_to(form: str) -> bytes:
         with _scratch() as scratch:
             _write(scratch, sources)
-            toolchain.compile_object(scratch, unit, scratch / "unit.o", warns=warns, target=target)
+            toolchain.compile_object(scratch, unit, scratch / "unit.o", form=form, warns=warns, target=target)
             return (scratch / "unit.o").read_bytes()
 
-    digest = _digest(target, " ".join((unit, *toolchain.SECTIONS, *toolchain.QUIET[warns:])), sources)
-    return cached(toolchain.cache_folder() / "objects" / f"{digest}.o", compile_it)
+    # a file of another tool may include files of this machine, which only the preprocessor finds
+    whole = "" if warns else compile_to("-E").decode(errors="replace")
+    quiet = () if warns else toolchain.QUIET
+    digest = _digest(target, " ".join((unit, form, *toolchain.SECTIONS, *quiet, whole)), sources)
+    return cached(toolchain.cache_folder() / "objects" / f"{digest}.o", lambda: compile_to(form))
 
 
 @contextmanager

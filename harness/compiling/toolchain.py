@@ -26,8 +26,8 @@ FLAGS = (
 LINK_FLAGS = ("-shared", "-s", "-lm")
 SECTIONS = ("-ffunction-sections", "-fdata-sections")
 """Flags of object files, so that the linker can remove what nothing calls."""
-QUIET = ("-w",)
-"""Flag for files of other tools."""
+QUIET = ("-w", "-std=gnu11")
+"""Flags for files of other tools, which may use what C99 lacks."""
 
 _EXPORTS = (
     *("malloc", "free", "fmi2FreeInstance", "fmi2SetupExperiment", "fmi2EnterInitializationMode"),
@@ -162,16 +162,26 @@ def compile_library(
     _run(folder, command, f"{source} does not compile", target)
 
 
-def compile_object(folder: Path, source: str, output: Path, *, warns: bool = True, target: str | None = None) -> None:
-    """Compile a C file that includes the FMI headers to an object file; see `compile_library`."""
+def compile_object(
+    folder: Path, source: str, output: Path, *, form: str = "-c", warns: bool = True, target: str | None = None
+) -> None:
+    """Compile a C file that includes the FMI headers; see `compile_library`.
+
+    Parameters
+    ----------
+    form : str
+        ``-c`` for an object file, ``-S`` for assembly, ``-E`` for the preprocessed text.
+    warns : bool
+        Whether warnings are errors.
+    """
     command = [
         *compiler(target),
         *_flags(target, own=warns),
         *SECTIONS,
-        *QUIET[warns:],
+        *(() if warns else QUIET),
         "-isystem",  # the headers of FMI 3.0 have function types without prototype
         str(header_folder()),
-        "-c",
+        *((form, "-P") if form == "-E" else (form,)),
         source,
         "-o",
         str(output),
@@ -211,4 +221,5 @@ def _run(folder: Path, command: Sequence[str], what: str, target: str | None) ->
     if run.returncode != 0:
         lines = run.stderr.splitlines()
         complaints = [line for line in lines if re.search("error|undefined|multiple definition", line)] or lines
-        raise BuildError(f"{what}: {complaints[0] if complaints else 'the compiler failed'}")
+        first = complaints[0] if complaints else "the compiler failed"
+        raise BuildError(f"{what}: " + re.sub(r"^(.+?):(\d+)(:\d+)?: (fatal )?error: ", r"\1, line \2: ", first))

@@ -16,6 +16,7 @@ from harness.errors import BuildError
 from harness.parts.fmu import FmuPart
 from harness.parts.log_categories import LOG_CATEGORIES
 from harness.parts.part import Part
+from harness.patterns import STRUCTURED
 from harness.system.experiment import Experiment
 from harness.units import BASE_SYMBOLS, BaseUnit, parse_unit
 
@@ -85,7 +86,7 @@ def composite_description(
         version="1.0",
         generationTool=f"friction-fmus {version('friction-fmus')}",
         generationDateAndTime=texts.made,
-        variableNamingConvention="structured",
+        variableNamingConvention="structured" if all(STRUCTURED.fullmatch(v.name) for v in variables) else "flat",
     )
     for name in ("author", "copyright", "license"):
         stated = dict.fromkeys(str(getattr(fmu.archive.description, name) or "") for fmu in fmus)
@@ -107,13 +108,15 @@ def composite_description(
     etree.SubElement(root, "DefaultExperiment", {name: _number(value) for name, value in times.items()})
     listed = etree.SubElement(root, "ModelVariables")
     places = {variable.name: i for i, variable in enumerate(variables, start=1)}
-    jumping = {f"{fmu.name}.{state}" for fmu in fmus if texts.exchanges for state in reinitialised(fmu)}
+    jumps = {fmu.path: reinitialised(fmu) for fmu in {fmu.path: fmu for fmu in fmus if texts.exchanges}.values()}
+    jumping = {f"{fmu.name}.{state}" for fmu in fmus for state in jumps.get(fmu.path, ())}
     for reference, variable in enumerate(variables):
         _variable(listed, variable, reference, types, places, variable.inner in jumping)
     structure = etree.SubElement(root, "ModelStructure")
     outputs = [(i, v) for i, v in enumerate(variables, start=1) if v.causality == "output"]
     _unknowns(structure, "Outputs", ((i, dependencies[v.name]) for i, v in outputs))
-    derivatives = [v for fmu in fmus for own in states(fmu) for v in variables if v.inner == f"{fmu.name}.{own}"]
+    shown = {v.inner: v for v in variables if v.state}
+    derivatives = [shown[name] for fmu in fmus for own in states(fmu) if (name := f"{fmu.name}.{own}") in shown]
     held = {v.state for v in derivatives}
     _unknowns(structure, "Derivatives", ((places[v.name], dependencies[v.name]) for v in derivatives))
     unset = [
@@ -135,6 +138,7 @@ def exchange_capabilities(fmus: Sequence[FmuPart]) -> dict[str, str]:
     flags = [fmu.archive.description.modelExchange for fmu in fmus]
     return {
         "completedIntegratorStepNotNeeded": _flag(all(each.completedIntegratorStepNotNeeded for each in flags)),
+        **_once(flags),
         "canNotUseMemoryManagementFunctions": "true",
         "canGetAndSetFMUstate": "true",
         "canSerializeFMUstate": _flag(all(each.canSerializeFMUstate for each in flags)),
@@ -150,11 +154,18 @@ def capabilities(parts: Mapping[str, Part]) -> dict[str, str]:
         "canHandleVariableCommunicationStepSize": "true",
         "canInterpolateInputs": "true",
         "maxOutputDerivativeOrder": str(min(1, *orders)),
+        **_once(flags),
         "canNotUseMemoryManagementFunctions": "true",
         "canGetAndSetFMUstate": "true",
         "canSerializeFMUstate": _flag(all(each.canSerializeFMUstate for each in flags)),
         "providesDirectionalDerivative": _flag(provides_derivatives(parts)),
     }
+
+
+def _once(flags: Iterable[Any]) -> dict[str, str]:
+    """Return the flag of an FMU with a part that keeps data outside of its instances."""
+    once = any(each.canBeInstantiatedOnlyOncePerProcess for each in flags)
+    return {"canBeInstantiatedOnlyOncePerProcess": "true"} if once else {}
 
 
 def provides_derivatives(parts: Mapping[str, Part]) -> bool:

@@ -12,6 +12,7 @@ from matplotlib.path import Path
 
 from harness.composite.diagram_layout import Layout, Pair, Point, arrange
 from harness.drawing import Image, plain_style, png_of, svg_of
+from harness.plot import label_of
 from harness.system.assembly import Assembly
 
 COLOUR: Final = "#1f4e79"
@@ -67,7 +68,7 @@ def loop_icon(system: Assembly, title: str) -> Image:
         frame = figure.add_axes((0.0, 0.0, 1.0, 1.0), xlim=(-100, 100), ylim=(-100, 100))
         frame.set_axis_off()
         shape = "round,pad=0,rounding_size=14"
-        frame.add_patch(
+        frame.add_artist(
             FancyBboxPatch((-96, -96), 192, 192, shape, facecolor="#fbfcfd", edgecolor=COLOUR, linewidth=4.0)
         )
         axes = figure.add_axes((0.09, 0.12, 0.82, 0.76))
@@ -151,12 +152,12 @@ def _arrow(axes: Any, points: Sequence[Point], width: float, head: float) -> Non
     colour = BACK if points[-1][0] < points[0][0] else COLOUR
     style = f"-|>,head_length={0.04 * head},head_width={0.016 * head}"
     shape: dict[str, Any] = {"arrowstyle": style, "mutation_scale": 10.0, "shrinkA": 0.0, "shrinkB": 0.0}
-    axes.add_patch(FancyArrowPatch(path=Path(vertices, codes), color=colour, linewidth=width, clip_on=False, **shape))
+    axes.add_artist(FancyArrowPatch(path=Path(vertices, codes), color=colour, linewidth=width, clip_on=False, **shape))
 
 
 def _box(axes: Any, place: Point, width: float) -> None:
     corner = (place[0] - 0.5 * BOX[0], place[1] - 0.5 * BOX[1])
-    axes.add_patch(
+    axes.add_artist(
         FancyBboxPatch(
             corner, *BOX, "round,pad=0,rounding_size=0.05", facecolor="#eef3f8", edgecolor=COLOUR, linewidth=width
         )
@@ -169,4 +170,4 @@ def _model(system: Assembly, name: str) -> str:
 
 
 def _short(text: str) -> str:
-    return text if len(text) <= LONGEST else f"{text[: LONGEST - 1]}…"
+    return label_of(text if len(text) <= LONGEST else f"{text[: LONGEST - 1]}…")

@@ -42,7 +42,7 @@ def documentation(
         The variables of the FMU.
     """
     found: dict[str, bytes] = {}
-    for name, code in codes.items():
+    for name, code in {code.folder: (name, code) for name, code in codes.items()}.values():
         part = system.parts[name]
         assert isinstance(part, FmuPart)
         with open_zip(part.path) as archive:
@@ -98,8 +98,8 @@ def _page(system: Assembly, identifier: str, summary: str, variables: Sequence[V
 def _sources(system: Assembly) -> Iterator[str]:
     """Yield the sources of the models, from the pages of their FMUs; a page of another tool is not quoted."""
     seen = set()
-    for part in system.parts.values():
-        if not isinstance(part, FmuPart) or not part.strict:
+    for part in {part.path: part for part in system.parts.values() if isinstance(part, FmuPart)}.values():
+        if not part.strict:
             continue
         with open_zip(part.path) as archive:
             page = html.fromstring(read_zip(archive, PAGE)) if PAGE in archive.namelist() else None

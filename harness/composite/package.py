@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 import math
-import os
 import re
 from collections.abc import Sequence
 from dataclasses import replace
-from datetime import UTC, datetime
 from pathlib import Path
 from typing import Final
 
-from harness.compiling.platforms import linked, select
+from harness.compiling.platforms import WASM, linked, select
 from harness.compiling.sources import guid_of, included, source_folder
 from harness.composite.code import part_codes
 from harness.composite.dependencies import start_dependencies, step_dependencies
@@ -31,6 +29,7 @@ from harness.parts.feedthrough import find_feedthrough
 from harness.parts.fmu import FmuPart
 from harness.run import run
 from harness.storage.atomic import atomic_path
+from harness.storage.clock import stamped
 from harness.storage.zip_file import zipped
 from harness.system.assembly import Assembly
 from harness.system.experiment import COUPLING_TOLERANCE, LOOP_TOLERANCE, STEP_TOLERANCE, Experiment
@@ -79,7 +78,7 @@ def compose(
     texts = [key for key, value in inner.start.items() if isinstance(value, str)]
     if texts:
         raise BuildError(f"the start value {texts[0]} is a text, which a composite FMU cannot set: remove it")
-    codes = part_codes(inner.parts, identifier)
+    codes = part_codes(inner.parts, identifier, (WASM,) if wasm else targets)
     find_feedthrough(system, experiment)
     _start(inner, experiment)
     whole = opened(inner, interface)
@@ -202,9 +201,8 @@ def _shell() -> dict[str, str]:
 
 def _time_stamp(system: Assembly) -> str:
     """Return ``SOURCE_DATE_EPOCH`` if set, or else the latest time at which a part was made."""
-    epoch = os.environ.get("SOURCE_DATE_EPOCH")
-    if epoch:
-        return datetime.fromtimestamp(int(epoch), UTC).strftime("%Y-%m-%dT%H:%M:%SZ")
+    if given := stamped():
+        return given
     made = [
         str(part.archive.description.generationDateAndTime or "")
         for part in system.parts.values()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from textwrap import shorten
 
 import numpy as np
 from numpy.typing import NDArray
@@ -86,6 +87,11 @@ def table_file(
         '#include "composite.h"',
     ]
     return "\n".join(lines) + "\n"
+
+
+def _brief(loop: str) -> str:
+    """Return the connections of a loop, of a long one the first: C99 allows texts of 4095 characters."""
+    return shorten(loop, 1000, placeholder=" ...")
 
 
 class _Writer:
@@ -225,7 +231,7 @@ class _Writer:
         plan, loops = self._plan, self._loops
         groups = [f"    {{{', '.join(str(getattr(row, field)) for field, *_ in row._fields_)}}}," for row in loops.rows]
         contacts = [f"    {{{', '.join(map(str, contact))}}}," for contact in loops.contacts]
-        names = [f"    {c_string(loops.shown(number))}," for number in range(len(loops.rows))]
+        names = [f"    {c_string(_brief(loops.shown(number)))}," for number in range(len(loops.rows))]
         lines = [f"    {c_string(f'{plan.names[wire.output]} -> {plan.names[wire.input]}')}," for wire in loops.wires]
         group_of = {part: number for number, group in enumerate(loops.groups) for part in group}
         groups_of_lines = [group_of[wire.target] for wire in loops.wires]
@@ -257,7 +263,7 @@ class _Writer:
         return [
             *c_integers("start_order", start.order),
             *c_integers("root_signals", start.roots),
-            f"static const char *const start_loop_name = {c_string(start.loop)};",
+            f"static const char *const start_loop_name = {c_string(_brief(start.loop))};",
             *c_integers("from_outside", [int(i in drivers) for i in range(len(plan.signals))]),
             *c_integers("input_of_signal", self._input_of_signal()),
             *c_integers("direct_parts", self._direct()),

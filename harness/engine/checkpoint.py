@@ -13,8 +13,7 @@ from typing import Any, Final, TypeAlias
 import numpy as np
 
 from harness.errors import ExperimentError
-from harness.parts.fmu import FmuPart
-from harness.parts.part import Part
+from harness.parts.identity import part_identity
 from harness.storage.atomic import atomic_path
 from harness.storage.files import require_regular
 from harness.system.assembly import Assembly
@@ -22,11 +21,16 @@ from harness.system.experiment import Experiment
 from harness.system.plan import Plan
 from harness.values import shown
 
-_FORMAT: Final = 2
+_FORMAT: Final = 3
 _HEADER: Final = "checkpoint.json"
 _HASH: Final = "sha256"
 _LARGEST: Final = 1 << 30
 """Largest unpacked size of a checkpoint [bytes]."""
+_SETTINGS: Final = (
+    *("start", "step", "master", "tolerance", "extrapolation"),
+    *("loop_tolerance", "coupling_tolerance", "step_tolerance"),
+)
+"""Settings of the experiment that decide on values."""
 _REMEDY: Final = "give a checkpoint that a run has written"
 
 Arrays: TypeAlias = Mapping[str, np.ndarray[Any, Any]]
@@ -207,16 +211,10 @@ def identity(system: Assembly, experiment: Experiment) -> dict[str, Any]:
     """Return what must agree between two runs for a state to be valid in both."""
     wires = [(str(wire), wire.gain, wire.offset, wire.delay) for wire in system.wires]
     return {
-        "parts": {name: _kind(part) for name, part in system.parts.items()},
+        "parts": {name: " ".join(part_identity(part)) for name, part in system.parts.items()},
         "wires": [f"{text} * {gain!r} + {offset!r}, delay {delay}" for text, gain, offset, delay in wires],
-        "start": experiment.start,
-        "step": experiment.step,
-        "master": experiment.master,
+        "start values": {name: repr(value) for name, value in sorted(system.start.items())},
+        **{name: getattr(experiment, name) for name in _SETTINGS},
         "order": list(experiment.order),
+        "manipulators": [repr(each) for each in experiment.manipulators],
     }
-
-
-def _kind(part: Part) -> str:
-    # an isolated FMU is the same FMU
-    kind = FmuPart if isinstance(part, FmuPart) else type(part)
-    return f"{kind.__name__} {part.identity} every {part.every}"

@@ -3,6 +3,8 @@
 #ifndef FMI3_STEPS_H
 #define FMI3_STEPS_H
 
+#include <float.h>
+
 static int step_on(Fmi3 *a, double t, double h)
 {
     bool event = false;
@@ -11,17 +13,25 @@ static int step_on(Fmi3 *a, double t, double h)
     return status;
 }
 
+/* Return a bound of the rounding of a time, which may be a Unix time. */
+static double rounding_3(const Fmi3 *a, double t) { return 4.0 * DBL_EPSILON * (fabs(t) + fabs(a->start)); }
+
+static double slack_3(const Fmi3 *a, const Clock3 *clock, double t)
+{
+    return fmin(1e-6 * clock->interval + rounding_3(a, t), 0.25 * clock->interval);
+}
+
 /* Return the time of the first tick of a clock that is not before t, up to rounding. */
 static double tick_from(const Fmi3 *a, const Clock3 *clock, double t)
 {
     const double first = a->start + clock->shift;
-    const double k = ceil((t - first) / clock->interval - 1e-6);
+    const double k = ceil((t - first - slack_3(a, clock, t)) / clock->interval);
     return k > 0.0 ? first + k * clock->interval : first;
 }
 
 static bool ticks_at(const Fmi3 *a, const Clock3 *clock, double t)
 {
-    return tick_from(a, clock, t) <= t + 1e-6 * clock->interval;
+    return tick_from(a, clock, t) <= t + slack_3(a, clock, t);
 }
 
 /* In event mode: call the FMU until its discrete states are settled, then return to step mode. */
@@ -64,13 +74,13 @@ static bool event_due_3(const Fmi3 *a, double t)
     for (int64_t i = 0; i < a->clock_count; i++)
         if (ticks_at(a, &a->clocks[i], t))
             return true;
-    return a->pending || a->next <= t;
+    return a->pending || a->next <= t + rounding_3(a, t);
 }
 
 /* Return the next time at which an event is due, after those at t. */
 static double next_event_3(const Fmi3 *a, double t)
 {
-    double next = a->next > t ? a->next : INFINITY;
+    double next = a->next > t + rounding_3(a, t) ? a->next : INFINITY;
     for (int64_t i = 0; i < a->clock_count; i++) {
         const Clock3 *const clock = &a->clocks[i];
         next = fmin(next, ticks_at(a, clock, t) ? tick_from(a, clock, t) + clock->interval : tick_from(a, clock, t));
@@ -95,7 +105,7 @@ EXPORT int fmi3_do_step(void *self, double t, double h, int keeps_no_state)
         if (status > 1)
             return status;
         double target = next_event_3(a, now);
-        target = target < end - 1e-9 * h ? target : end;
+        target = target < end - fmax(1e-9 * h, fmin(rounding_3(a, end), 0.25 * h)) ? target : end;
         status = step_on(a, now, now == t && target == end ? h : target - now);
         if (status > 1 || target == end)
             return status;

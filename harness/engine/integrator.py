@@ -20,7 +20,7 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 
 from harness.engine.library import library, mirrors
-from harness.errors import HarnessError
+from harness.errors import ENDED, HarnessError
 
 _POINTER, _INT, _REAL, _FLAG = ctypes.c_void_p, ctypes.c_int64, ctypes.c_double, ctypes.c_int
 
@@ -48,7 +48,7 @@ FUNCTIONS: Final = (
 _SET_INPUTS, _GET_INPUTS = 11, 12
 _OTHERS: Final = MappingProxyType(
     {
-        16: "it ended the simulation (terminateSimulation)",
+        16: ENDED,
         17: "its event iteration does not end: after 100 calls it still asks for another",
         18: "it has more than 10000 events in one communication step: it chatters, or the step is too long",
         19: "the solver needs more than a million steps for one communication step: use a shorter step",

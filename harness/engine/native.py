@@ -8,6 +8,7 @@ import threading
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
+from types import FrameType
 from typing import Any, Final
 
 import numpy as np
@@ -181,22 +182,28 @@ class Engine:
 
     @contextmanager
     def interruptible(self) -> Iterator[None]:
-        """End the run on Ctrl-C, at the next part in Python or after the current span of ticks.
+        """End the run if the handler of Ctrl-C raises, at the next part in Python or after the current span of ticks.
 
         An exception raised in a callback from C would be lost. Only the main thread receives the signal.
         """
-        if threading.current_thread() is not threading.main_thread():
+        handler = signal.getsignal(signal.SIGINT)
+        # without a function in Python, the program has a handler in C, or ignores the signal
+        if threading.current_thread() is not threading.main_thread() or not callable(handler):
             yield
             return
 
-        def note(_signal: int, _frame: object) -> None:
-            self.error = KeyboardInterrupt()
+        def note(number: int, frame: FrameType | None) -> None:
+            try:
+                handler(number, frame)
+            except BaseException as error:
+                self.error = error
 
-        before = signal.signal(signal.SIGINT, note)
+        signal.signal(signal.SIGINT, note)
         try:
             yield
         finally:
-            signal.signal(signal.SIGINT, before)
+            if signal.getsignal(signal.SIGINT) is note:  # a part may have set another one
+                signal.signal(signal.SIGINT, handler)
         if self.error is not None:
             raise self.error
 

@@ -42,7 +42,9 @@ static inline int step_instance(DoStep3 *do_step, void *instance, double t, doub
     const int status = do_step(instance, t, h, true, event, &terminate, &early, &last);
     if (status <= 1 && terminate)
         return RUN_ENDED;
-    return status <= 1 && early && last < t + h ? STEP_ENDED : status;
+    /* a time beyond the step, or NaN, is no time either; apart from rounding */
+    const bool elsewhere = early && !(fabs(last - (t + h)) <= 1e-9 * h + 1e-15 * fabs(t + h));
+    return status <= 1 && elsewhere ? STEP_ENDED : status;
 }
 
 static inline int set_reals(EnginePart *p, const uint32_t *references, size_t n, void *values)

@@ -34,7 +34,7 @@ class Traits:
     sampled : bool
         Whether the FMU takes its samples at the ticks of a clock.
     references : int
-        Number of value references in FMI 2.0. The event indicators and the clock have the next two.
+        Largest value reference of the variables. The event indicators and the clock have the next ones.
     indicators : int
         Number of event indicators.
     """
@@ -63,10 +63,10 @@ def description_3(old: etree._Element, variables: Sequence[Variable], traits: Tr
     _kinds(root, old, traits)
     _copied(root, old)
     listed = etree.SubElement(root, "ModelVariables")
-    place = {int(str(each.get("valueReference"))): v for v in variables for each in v.elements}
+    place = {int(str(each.get("valueReference"))): v for v in variables for each in v.elements}  # by FMI 2.0
     by_index = [place[int(str(each.get("valueReference")))] for each in old.iterfind("ModelVariables/ScalarVariable")]
     for v in variables:
-        _variable(listed, v, by_index, place)
+        _variable(listed, v, by_index, variables[0])
     names = {v.name for v in variables}
     if traits.indicators:
         _indicators(listed, traits, names)
@@ -79,8 +79,8 @@ def description_3(old: etree._Element, variables: Sequence[Variable], traits: Tr
         ("InitialUnknowns", "InitialUnknown"),
     ):
         _unknowns(structure, name, old.findall(f"ModelStructure/{group}/Unknown"), by_index)
-    if traits.indicators:
-        etree.SubElement(structure, "EventIndicator", valueReference=str(traits.references))
+    for k in range(traits.indicators):
+        etree.SubElement(structure, "EventIndicator", valueReference=str(traits.references + 1 + k))
     return bytes(etree.tostring(root, xml_declaration=True, encoding="UTF-8", pretty_print=True))
 
 
@@ -127,7 +127,7 @@ def _copied(root: etree._Element, old: etree._Element) -> None:
             root.remove(copy)
 
 
-def _variable(parent: etree._Element, v: Variable, by_index: Sequence[Variable], place: Mapping[int, Variable]) -> None:
+def _variable(parent: etree._Element, v: Variable, by_index: Sequence[Variable], size: Variable) -> None:
     scalar, typed = v.elements[0], v.typed
     given = {key: scalar.get(key) for key in ("description", "causality", "variability", "initial")}
     attributes = {key: str(value) for key, value in given.items() if value is not None}
@@ -140,13 +140,13 @@ def _variable(parent: etree._Element, v: Variable, by_index: Sequence[Variable],
         attributes.pop("declaredType", None)  # an enumeration, which is an integer here
     if "derivative" in attributes:
         attributes["derivative"] = str(by_index[int(attributes["derivative"]) - 1].reference)
-    count = len(v.elements) if v.size is None else int(str(place[v.size].typed.get("start")))
+    count = int(str(size.typed.get("start"))) if v.is_sized else len(v.elements)
     if "start" in attributes:
         attributes["start"] = " ".join(str(each[0].get("start")) for each in v.elements[:count])
     element = etree.SubElement(parent, v.type, {"name": v.name, "valueReference": str(v.reference), **attributes})
     if v.is_array:
-        size = {"start": str(count)} if v.size is None else {"valueReference": str(v.size)}
-        etree.SubElement(element, "Dimension", size)
+        length = {"valueReference": str(size.reference)} if v.is_sized else {"start": str(count)}
+        etree.SubElement(element, "Dimension", length)
 
 
 def _free(name: str, names: set[str]) -> str:
@@ -157,17 +157,19 @@ def _free(name: str, names: set[str]) -> str:
 
 
 def _indicators(parent: etree._Element, traits: Traits, names: set[str]) -> None:
-    element = etree.SubElement(
-        parent,
-        "Float64",
-        name=_free("event_indicators", names),
-        valueReference=str(traits.references),
-        description="positive until what was decided at the last event ends; 1 in co-simulation",
-        causality="local",
-        variability="continuous",
-        initial="calculated",
-    )
-    etree.SubElement(element, "Dimension", start=str(traits.indicators))
+    """Add the event indicators, each as a scalar, which PyFMI needs."""
+    name = _free("event_indicators", names)
+    for k in range(traits.indicators):
+        etree.SubElement(
+            parent,
+            "Float64",
+            name=f"{name}[{k + 1}]",
+            valueReference=str(traits.references + 1 + k),
+            description="positive until what was decided at the last event ends; 1 in co-simulation",
+            causality="local",
+            variability="continuous",
+            initial="calculated",
+        )
 
 
 def _clock(parent: etree._Element, traits: Traits, names: set[str]) -> None:
@@ -176,7 +178,7 @@ def _clock(parent: etree._Element, traits: Traits, names: set[str]) -> None:
         parent,
         "Clock",
         name=_free("samples", names),
-        valueReference=str(traits.references + 1),
+        valueReference=str(traits.references + traits.indicators + 1),
         description="ticks at the samples, every Ts",
         causality="input",
         intervalVariability="fixed",

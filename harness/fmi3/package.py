@@ -43,8 +43,9 @@ _SOURCE: Final = """\
 
 enum {{
     REFERENCES = {references},
-    INDICATORS_REFERENCE = REFERENCES,
-    CLOCK_REFERENCE,
+    INDICATOR_COUNT = {indicators},
+    INDICATORS_REFERENCE = {variable_count} + 1,
+    CLOCK_REFERENCE = INDICATORS_REFERENCE + INDICATOR_COUNT,
     ALL_REFERENCES,
     STATE_VARIABLES = {state_count}
 }};
@@ -69,6 +70,9 @@ def fmi_3(
     platforms: Sequence[Platform],
     compiling: Callable[[str, int], None] | None = None,
     quiet: Collection[str] = (),
+    *,
+    clocks: bool = False,
+    arrays: bool = False,
 ) -> bytes:
     """Return an FMU of this project as FMI 3.0, from the cache or compiled.
 
@@ -82,6 +86,8 @@ def fmi_3(
         Called before each platform is compiled, with its name and the number of completed platforms.
     quiet : collection of str
         Files of other tools, whose warnings do not matter.
+    clocks, arrays : bool
+        Whether a sampled block has a clock, and vectors are arrays. Many importers know neither.
 
     Raises
     ------
@@ -92,10 +98,15 @@ def fmi_3(
     digest = hashlib.sha256(content)
     modules = (path.read_text(encoding="utf-8") for path in sorted(Path(__file__).parent.glob("*.py")))
     identities = (text for each in platforms for text in (each.folder, *map(toolchain.identity, each.targets)))
-    for text in (*modules, *(part for item in sorted(shell.items()) for part in item), *identities):
+    for text in (
+        f"{clocks} {arrays}",
+        *modules,
+        *(part for item in sorted(shell.items()) for part in item),
+        *identities,
+    ):
         digest.update(text.encode() + b"\0")
     path = toolchain.cache_folder() / "fmi3" / f"{digest.hexdigest()[:24]}.fmu"
-    return cached(path, lambda: _assemble(content, shell, platforms, compiling, quiet))
+    return cached(path, lambda: _assemble(content, shell, platforms, compiling, quiet, clocks, arrays))
 
 
 def _assemble(
@@ -104,6 +115,8 @@ def _assemble(
     platforms: Sequence[Platform],
     compiling: Callable[[str, int], None] | None,
     quiet: Collection[str],
+    clocks: bool,
+    arrays: bool,
 ) -> bytes:
     with ZipFile(BytesIO(content)) as archive:
         members = {name: archive.read(name) for name in archive.namelist()}
@@ -119,19 +132,18 @@ def _assemble(
     main = f"fmi3_{identifier}.c"
 
     scalars = old.findall("ModelVariables/ScalarVariable")
-    resizable = "block.h" in files
-    variables = grouped(scalars, resizable=resizable)
+    variables = grouped(scalars, arrays=arrays, resizable="block.h" in files)
     references = 1 + max(int(str(each.get("valueReference"))) for each in scalars)
     indicators = int(old.get("numberOfEventIndicators") or 0)
-    sampled = re.search(r"^#define SAMPLED\b", files[f"{identifier}.c"], re.M) is not None
+    sampled = clocks and re.search(r"^#define SAMPLED\b", files[f"{identifier}.c"], re.M) is not None
 
     def source(token: str) -> str:
         return _source(old, identifier, token, variables, references, indicators, sampled)
 
-    traits = Traits("", sampled, references, indicators)
+    traits = Traits("", sampled, len(variables), indicators)
     token = guid_of(files, source(""), description_3(old, variables, traits).decode())
     files[main] = source(token)
-    traits = Traits(token, sampled, references, indicators)
+    traits = Traits(token, sampled, len(variables), indicators)
     made = {
         name: data
         for name, data in members.items()
@@ -167,11 +179,19 @@ def _source(
 ) -> str:
     """Return the C file with the tables."""
     rows = [
-        f"    [{v.reference}] = {_row(v.type, v.size is not None, v.is_intermediate, len(v.elements))},"
-        for v in sorted(variables, key=lambda each: each.reference)
+        f"    [{v.reference}] = "
+        + _row(
+            v.type,
+            v.type == "Float64" and len(v.elements) == 1,
+            v.is_sized,
+            v.is_intermediate,
+            len(v.elements),
+            v.inner,
+        )
+        for v in variables
     ]
-    rows += [f"    [INDICATORS_REFERENCE] = {_row('Float64', False, False, indicators)},"] if indicators else []
-    rows += [f"    [CLOCK_REFERENCE] = {_row('Clock', False, False, 1)},"] if sampled else []
+    rows += [f"    [INDICATORS_REFERENCE + {k}] = {_row('Float64')}" for k in range(indicators)]
+    rows += [f"    [CLOCK_REFERENCE] = {_row('Clock')}"] if sampled else []
     of_scalar = {int(str(each.get("valueReference"))): v for v in variables for each in v.elements}
     scalars = old.findall("ModelVariables/ScalarVariable")
     states: list[int] = []
@@ -180,12 +200,14 @@ def _source(
         state = scalars[int(str(derivative[0].get("derivative"))) - 1]
         states.append(of_scalar[int(str(state.get("valueReference")))].reference)
     distinct = list(dict.fromkeys(states))
-    structural = next((f"#define STRUCTURAL         {v.reference}\n" for v in variables if v.type == "UInt64"), "")
+    structural = next((f"#define STRUCTURAL         {v.inner}\n" for v in variables if v.type == "UInt64"), "")
     return _SOURCE.format(
         identifier=identifier,
         token=token,
         guid=old.get("guid"),
         references=references,
+        indicators=indicators,
+        variable_count=len(variables),
         state_count=len(distinct),
         variables="\n".join(rows),
         states=", ".join(map(str, distinct)) or "0",
@@ -195,10 +217,12 @@ def _source(
     )
 
 
-def _row(kind: str, resized: bool, intermediate: bool, length: int) -> str:
+def _row(
+    kind: str, plain: bool = False, resized: bool = False, intermediate: bool = False, length: int = 1, inner: int = 0
+) -> str:
     """Return a `Variable3` in C."""
-    flags = (kind == "Float64" and length == 1, resized, intermediate)
-    return f"{{IS_{kind.upper()}, {', '.join(str(flag).lower() for flag in flags)}, {length}}}"
+    flags = ", ".join(str(flag).lower() for flag in (plain, resized, intermediate))
+    return f"{{IS_{kind.upper()}, {flags}, {length}, {inner}}},"
 
 
 def _build_description(identifier: str, compiled: Sequence[str]) -> bytes:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import groupby
 from typing import Final
 
@@ -32,7 +32,7 @@ class Variable:
     ----------
     name : str
         Name; that of an array has no index.
-    reference : int
+    inner : int
         Value reference in FMI 2.0 of the only or the first element.
     type : str
         Name of its element in the XML.
@@ -40,16 +40,19 @@ class Variable:
         ScalarVariable in FMI 2.0 of each element; the largest number of them.
     is_array : bool
         Whether it is an array, perhaps of one element.
-    size : int or None
-        Value reference of the structural parameter that is the length of the array.
+    is_sized : bool
+        Whether the structural parameter, which is the first variable, is the length of the array.
+    reference : int
+        Value reference: the position among the variables from 1, as OMSimulator reads dependencies as positions.
     """
 
     name: str
-    reference: int
+    inner: int
     type: str
     elements: tuple[etree._Element, ...]
     is_array: bool = False
-    size: int | None = None
+    is_sized: bool = False
+    reference: int = 0
 
     @property
     def is_intermediate(self) -> bool:
@@ -63,17 +66,24 @@ class Variable:
         return self.elements[0][0]
 
 
-def grouped(scalars: Sequence[etree._Element], *, resizable: bool) -> tuple[Variable, ...]:
-    """Return the variables.
+def grouped(scalars: Sequence[etree._Element], *, arrays: bool, resizable: bool) -> tuple[Variable, ...]:
+    """Return the variables, the structural parameter first, as fmusim 0.0.39 needs it before its arrays.
 
     Parameters
     ----------
     scalars : sequence of lxml element
         ScalarVariable of each variable of FMI 2.0, in their order.
+    arrays : bool
+        Whether elements that follow each other become an array.
     resizable : bool
         Whether the number of elements may become a structural parameter.
     """
-    found = tuple(_arrays(scalars))
+    found = _sized(tuple(_arrays(scalars)), resizable) if arrays else tuple(map(_scalar, scalars))
+    return tuple(replace(v, reference=k) for k, v in enumerate(found, start=1))
+
+
+def _sized(found: tuple[Variable, ...], resizable: bool) -> tuple[Variable, ...]:
+    """Return the variables with the number of elements as structural parameter, if it sizes all arrays."""
     sizes = [v for v in found if v.name == SIZE and v.type == "Int32" and _get(v, "variability") == "fixed"]
     if not resizable or not sizes:
         return found
@@ -82,12 +92,11 @@ def grouped(scalars: Sequence[etree._Element], *, resizable: bool) -> tuple[Vari
     arrays = [v for v in found if v.is_array]
     if not arrays or any(len(v.elements) != most for v in arrays):
         return found
-    return tuple(
-        Variable(v.name, v.reference, "UInt64", v.elements)
-        if v is size
-        else Variable(v.name, v.reference, v.type, v.elements, v.is_array, size.reference if v.is_array else None)
-        for v in found
-    )
+    return (replace(size, type="UInt64"), *(replace(v, is_sized=v.is_array) for v in found if v is not size))
+
+
+def _scalar(scalar: etree._Element) -> Variable:
+    return Variable(str(scalar.get("name")), int(str(scalar.get("valueReference"))), TYPES[_tag(scalar)], (scalar,))
 
 
 def _arrays(scalars: Sequence[etree._Element]) -> Iterator[Variable]:
@@ -97,9 +106,7 @@ def _arrays(scalars: Sequence[etree._Element]) -> Iterator[Variable]:
         if is_element and _is_array(elements, reference):
             yield Variable(name, reference, TYPES[_tag(elements[0])], elements, is_array=True)
         else:
-            for each in elements:
-                own = int(str(each.get("valueReference")))
-                yield Variable(str(each.get("name")), own, TYPES[_tag(each)], (each,))
+            yield from map(_scalar, elements)
 
 
 def _base(scalar: etree._Element) -> tuple[str, bool]:

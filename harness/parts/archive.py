@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 from types import MappingProxyType
-from typing import Any
+from typing import Any, Final
 
 import fmpy
 from lxml import etree
@@ -18,6 +18,8 @@ from harness.parts.flat import Flat, flatten
 from harness.parts.part import Port, PortType, StartValue
 from harness.storage.zip_file import NotZipError, ZipError, find_absence, open_zip, read_zip
 from harness.units import BaseUnit, stated_unit
+
+_MOST_INDICATORS: Final = 1_000_000
 
 
 @dataclass(frozen=True)
@@ -158,7 +160,7 @@ def _read_description(path: Path, sizes: Mapping[str, int]) -> tuple[Any, Flat |
     except Exception as error:
         reason = " ".join(str(error).split()) or type(error).__name__
         raise FmuError(
-            f"cannot read modelDescription.xml of {path}: {reason}; give an FMU of FMI 2.0 or 3.0"
+            f"cannot read modelDescription.xml of {path}: {reason}; correct it, or give an FMU of FMI 2.0 or 3.0"
         ) from error
     version = str(description.fmiVersion)
     if version.startswith("3."):
@@ -167,6 +169,11 @@ def _read_description(path: Path, sizes: Mapping[str, int]) -> tuple[Any, Flat |
         raise FmuError(f"{path} is an FMI {version} FMU: export it as FMI 2.0 or 3.0")
     if description.coSimulation is None and description.modelExchange is None:
         raise FmuError(f"{path} declares neither co-simulation nor model exchange: export it again as FMI 2.0")
+    indicators = int(description.numberOfEventIndicators or 0)
+    if not 0 <= indicators <= _MOST_INDICATORS:
+        raise FmuError(
+            f"{path} declares {indicators} event indicators: correct numberOfEventIndicators (0 to {_MOST_INDICATORS})"
+        )
     return description, None
 
 
@@ -175,6 +182,11 @@ def _check_binary(path: Path, platform: str, identifier: str, members: list[str]
     if needed in members:
         return
     folders = sorted({PurePosixPath(member).parts[1] for member in members if _is_library(member)})
+    others = [member for member in members if member.startswith(f"binaries/{platform}/") and _is_library(member)]
+    if others:
+        raise FmuError(
+            f"{path} has the library {others[0]}, but its modelIdentifier is {identifier!r}: rename one of them"
+        )
     remedy = f"use an FMU built for {platform}"
     if any(member.startswith("sources/") and member.endswith(".c") for member in members):
         remedy += ", or build it from the sources that it carries"

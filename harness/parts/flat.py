@@ -87,6 +87,8 @@ class Flat:
         Names of the elements of each variable.
     others : mapping of str to str
         Types of the variables that are no ports, clocks and binaries.
+    exchange : bool
+        Whether the FMU offers model exchange as well.
     """
 
     arrays: tuple[Array, ...]
@@ -95,6 +97,7 @@ class Flat:
     starts: tuple[float, ...]
     elements_of: Mapping[str, tuple[str, ...]]
     others: Mapping[str, str]
+    exchange: bool
 
     def names(self, array: Array) -> tuple[str, ...]:
         """Return the names of the elements."""
@@ -153,7 +156,8 @@ def flatten(path: Path, description: Any, sizes: Mapping[str, int]) -> tuple[Any
             raise FmuError(f"{path} has more than {MOST_ELEMENTS} elements of variables: choose smaller arrays")
     names = {name: tuple(str(each.name) for each in own) for name, own in of_name.items()}
     others = {v.name: v.type for v in description.modelVariables if v.type not in _PORT}
-    flat = Flat(tuple(arrays), len(scalars), _clocks(path, description), tuple(starts), names, others)
+    clocks, exchange = _clocks(path, description), description.modelExchange is not None
+    flat = Flat(tuple(arrays), len(scalars), clocks, tuple(starts), names, others, exchange)
     return _description(description, scalars, of_name), flat
 
 

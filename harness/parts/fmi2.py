@@ -16,14 +16,16 @@ import fmpy
 import fmpy.fmi2
 
 from harness.engine.integrator import FUNCTIONS
-from harness.errors import FmuError, PartError
+from harness.errors import ENDED, FmuError, PartError
 from harness.parts.archive import Archive
 from harness.parts.shared_library import missing_bytes
 from harness.storage.atomic import FULL
 from harness.storage.scratch import ScratchFolder
 from harness.storage.zip_file import ZipError, open_zip, unpack_zip
 
-FATAL: Final = 4
+_DISCARD, FATAL = 2, 4
+_TERMINATED: Final = 3
+"""fmi2Terminated of fmi2StatusKind."""
 
 _STATUS = ("OK", "Warning", "Discard", "Error", "Fatal", "Pending")
 _LEVEL = (logging.DEBUG, logging.WARNING, logging.WARNING, logging.ERROR, logging.CRITICAL, logging.DEBUG)
@@ -74,7 +76,7 @@ class Library:
                 here = None
             try:
                 with open_zip(archive.path) as members:
-                    unpack_zip(members, Path(folder.name))
+                    unpack_zip(members, Path(folder.name), ("sources/", "documentation/"))
                 _refuse_truncated(Path(folder.name) / "binaries" / archive.platform)
                 self._load(archive, name, folder.name)
             except BaseException as error:
@@ -87,7 +89,9 @@ class Library:
                     reason = f"cannot unpack {archive.path} to {folder.name}: {error.strerror}"
                     raise FmuError(f"{reason}; make room there, or set TMPDIR to another folder") from error
                 reason = " ".join(str(error).split())
-                raise FmuError(f"cannot load {archive.path}: {reason}; export it again for this platform") from error
+                lacks = "cannot open shared object file" in reason
+                remedy = "install the library that it names" if lacks else "export it again for this platform"
+                raise FmuError(f"cannot load {archive.path}: {reason}; {remedy}") from error
             finally:
                 if here is not None:
                     os.chdir(here)  # fmpy changes to the folder of the library and stays there when loading fails
@@ -279,8 +283,19 @@ class Instance:
         self._failed = True
         self._fatal = self._fatal or status == FATAL
         self.running = False
+        if function == "fmi2DoStep" and status == _DISCARD and self._ended():
+            return PartError(self.name, function, ENDED, time)
         label = _STATUS[status] if 0 <= status < len(_STATUS) else f"the illegal status {status}"
         return PartError(self.name, function, f"it returned {label} and logged {self._quoted_message()}", time)
+
+    def _ended(self) -> bool:
+        """Return whether the FMU discarded the step because it wants to end the simulation (FMI 2.0, section 4.2)."""
+        answer = getattr(self._dll, "fmi2GetBooleanStatus", None)
+        if answer is None:
+            return False
+        ended = ctypes.c_int()
+        status = answer(ctypes.c_void_p(self.component), ctypes.c_int(_TERMINATED), ctypes.byref(ended))
+        return status <= 1 and ended.value == 1
 
     def routes(
         self, inputs: Sequence[int], outputs: Sequence[int]

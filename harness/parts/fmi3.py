@@ -15,7 +15,7 @@ import fmpy.fmi3
 import numpy as np
 
 from harness.engine.library import library
-from harness.errors import PartError, StartValueError
+from harness.errors import ENDED, PartError, StartValueError
 from harness.parts.archive import Archive
 from harness.parts.flat import TYPES, Flat
 from harness.parts.fmi2 import Instance, Library
@@ -30,7 +30,7 @@ _REASONS: Final[Mapping[int, str]] = MappingProxyType(
         2: "the value of {name} is too large for an exact number here",
         3: "its discrete states do not settle: after 100 calls it still asks for another",
         4: "it has more than 10000 events in one communication step: use a shorter step",
-        103: "it ended the simulation (terminateSimulation)",
+        103: ENDED,
         104: "it ended the step early, which was not allowed",
     }
 )

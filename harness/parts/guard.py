@@ -13,6 +13,7 @@ import locale
 import logging
 import os
 import sys
+import threading
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from functools import cache
@@ -21,6 +22,7 @@ from typing import Any, Final, NamedTuple
 
 from harness.engine.floats import described_floats
 from harness.engine.library import library
+from harness.errors import HarnessError
 from harness.parts.fmi2 import LOADING
 from harness.parts.fmu import FmuPart
 from harness.parts.part import Part
@@ -45,6 +47,7 @@ class Guard:
 
     def __init__(self, parts: Sequence[Part]) -> None:
         """Find the parts to watch."""
+        self._parts = parts
         self.watched = {part.name: part for part in parts if isinstance(part, FmuPart) and not part.isolate}
         self.acting: str | None = None
         self._before: _Surroundings | None = None
@@ -83,11 +86,23 @@ class Guard:
         ----------
         look : bool
             Whether to restore the settings, which takes about 10 us.
+
+        Raises
+        ------
+        HarnessError
+            If one of the parts is in use, as it is if two threads run the same system.
         """
-        if not self.watched:
-            yield
-            return
+        with _sole_use(self._parts):
+            if not self.watched:
+                yield
+                return
+            with self._watching_all(look=look):
+                yield
+
+    @contextmanager
+    def _watching_all(self, *, look: bool) -> Iterator[None]:
         _listen()
+        _hear_python()
         self._before = _surroundings() if look else None
         _running.append(self)
         try:
@@ -99,6 +114,54 @@ class Guard:
 
 
 _running: list[Guard] = []
+_USING: Final = threading.Lock()
+_used: set[int] = set()
+
+
+@contextmanager
+def _sole_use(parts: Sequence[Part]) -> Iterator[None]:
+    """Reserve parts for the block."""
+    names = {id(part): part.name for part in parts}
+    with _USING:
+        if shared := names.keys() & _used:
+            raise HarnessError(
+                f"part '{names[min(shared)]}' is in use by another run: wait for its end, or give each thread a system "
+                "of its own, such as pickle.loads(pickle.dumps(system))"
+            )
+        _used.update(names)
+    try:
+        yield
+    finally:
+        with _USING:
+            _used.difference_update(names)
+
+
+class _OwnSettings:
+    """Working directory and locale that Python code of the program, not an FMU, has chosen last during the runs."""
+
+    folder: str | None = None
+    locale: str | None = None
+
+
+@cache
+def _hear_python() -> None:
+    """Note each change of working directory or locale by Python code."""
+
+    def hear(event: str, arguments: tuple[Any, ...]) -> None:
+        if event == "os.chdir":  # just before the change
+            with suppress(OSError, TypeError, ValueError):
+                folder = os.path.realpath(arguments[0])
+                _OwnSettings.folder = folder if Path(folder).is_dir() else _OwnSettings.folder
+
+    def set_locale(category: int, chosen: Any = None) -> str:
+        found = low_level(category, chosen)
+        if chosen is not None:
+            _OwnSettings.locale = low_level(locale.LC_ALL)
+        return found
+
+    sys.addaudithook(hear)
+    low_level = locale.setlocale.__globals__["_setlocale"]  # there is no event for it
+    locale.setlocale.__globals__["_setlocale"] = set_locale
 
 
 class _Surroundings(NamedTuple):
@@ -115,6 +178,7 @@ def _surroundings() -> _Surroundings:
         if guard._before is not None:
             return guard._before._replace(floats=floats)
     with LOADING:
+        _OwnSettings.folder = _OwnSettings.locale = None
         return _Surroundings(floats, _folder(), _locale())
 
 
@@ -130,9 +194,10 @@ def _changed_folder(before: _Surroundings) -> list[str]:
     if not LOADING.acquire(blocking=False):
         return []  # fmpy has changed it while loading a library in another thread, and will restore it
     try:
-        if before.folder is None or _folder() == before.folder:
+        wanted = _OwnSettings.folder or before.folder
+        if wanted is None or _folder() == wanted:
             return []
-        os.chdir(before.folder)
+        os.chdir(wanted)
     except OSError:
         return []  # the folder has been removed
     finally:
@@ -141,10 +206,11 @@ def _changed_folder(before: _Surroundings) -> list[str]:
 
 
 def _changed_locale(before: _Surroundings) -> list[str]:
-    if _locale() == before.locale:
+    wanted = _OwnSettings.locale or before.locale
+    if _locale() == wanted:
         return []
     with suppress(locale.Error):
-        locale.setlocale(locale.LC_ALL, before.locale)
+        locale.setlocale(locale.LC_ALL, wanted)
     return ["the locale"]
 
 

@@ -88,8 +88,12 @@ class SeriesPart(Part):
         self.outputs = tuple(Port(column, (units or {}).get(column), held=held) for column in columns)
         self.inputs = ()
         self.dependencies = {column: frozenset() for column in columns}
-        self._times = np.array(times, dtype=np.float64).reshape(-1)
-        self._values = np.array([np.asarray(column, dtype=np.float64) for column in columns.values()]).T
+        remedy = "give seconds, such as (index - index[0]).total_seconds()"
+        self._times = _numbers(name, "times", times, remedy).reshape(-1)
+        remedy = "give numbers in the unit of the column"
+        self._values = np.array(
+            [_numbers(name, f"values '{each}'", values, remedy) for each, values in columns.items()]
+        ).T
         self._check()
         self._grid: list[float] = self._times.tolist()
         # rounding can put a communication point slightly before the sample that it should meet
@@ -238,6 +242,20 @@ class SeriesPart(Part):
         if (np.diff(self._times) <= 0).any():
             row = int(np.argmax(np.diff(self._times) <= 0)) + 1
             raise SeriesError(f"the times of the record '{self.name}' do not increase at row {row}: sort the record")
+
+
+def _numbers(part: str, column: str, values: ArrayLike, remedy: str) -> Values:
+    """Return numbers as an array, durations in seconds; numpy would turn them and dates into nanoseconds."""
+    found = np.asarray(values)
+    try:
+        if found.dtype.kind == "m":
+            found = found / np.timedelta64(1, "s")
+        if found.dtype.kind == "M":
+            raise TypeError("they are dates")
+        return found.astype(np.float64)
+    except (TypeError, ValueError) as error:
+        why = " ".join(str(error).split())
+        raise SeriesError(f"the {column} of the record '{part}' are no numbers ({why}): {remedy}") from error
 
 
 def _nothing() -> None:

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from harness.result import Result, heading, quoted, split_heading, unquoted
-from harness.results.table import from_columns
+from harness.results.table import from_columns, require_distinct
 from harness.storage.atomic import atomic_path
 from harness.storage.files import read_csv
 
@@ -56,6 +56,7 @@ def from_csv(path: Path) -> Result:
         if len(row) != len(first):
             raise ValueError(f"its row {number} has {len(row)} cells instead of {len(first)}")
     headings = [split_heading(unquoted(text)) for text in first]
+    require_distinct([name for name, _ in headings])
     cells = zip(*rows, strict=True) if rows else [()] * len(first)
     columns = {name: _column(column) for (name, _), column in zip(headings, cells, strict=True)}
     return from_columns(columns, {name: {"units": unit} for name, unit in headings}, {})

@@ -22,8 +22,9 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from harness.errors import OutputError
 from harness.result import Result
-from harness.results.table import from_columns
+from harness.results.table import from_columns, require_distinct
 from harness.storage.atomic import atomic_path
 
 _TYPES: Final = {"i": "Integer", "b": "Boolean"}
@@ -31,6 +32,7 @@ _DTYPES: Final = {"Integer": np.int64, "Boolean": np.bool_}
 _DESCRIPTION: Final = re.compile(
     r"(?P<description>.*?)\s*(\[(?P<units>[^\[\]|:]*)(\|[^\[\]:]*)?(?P<properties>(:#\([^\[\]()]*\))*)\])?", re.DOTALL
 )
+_LARGEST: Final = 1 << 53
 _ATTRIBUTES: Final = "attributes"
 
 
@@ -47,10 +49,15 @@ def to_mat(result: Result, path: str | Path) -> None:
     Raises
     ------
     OutputError
-        If the file cannot be written.
+        If the file cannot be written, or would round integers above 2^53.
     """
     from scipy.io import savemat
 
+    for name, variable in result.data_vars.items():
+        if variable.dtype.kind in "iu" and (np.abs(variable.to_numpy().astype(object)) > _LARGEST).any():
+            raise OutputError(
+                f"cannot write {path}: '{name}' has integers beyond {_LARGEST}, which a .mat file rounds; use .parquet"
+            )
     names = ["time", *(str(name) for name in result.data_vars)]
     data = np.array([result[name].to_numpy().astype(np.float64) for name in names])
     info = np.zeros((4, len(names)), dtype=np.int32)
@@ -83,6 +90,7 @@ def from_mat(path: Path) -> Result:
     transposed = kind[3] == "binTrans"
     turned = {name: matrix.T if transposed else matrix for name, matrix in matrices.items() if name[:2] != "__"}
     names, descriptions = _texts(turned["name"]), _texts(turned["description"])
+    require_distinct(names)
     columns: dict[str, NDArray[Any]] = {}
     attributes = {}
     for name, text, (block, place, *_) in zip(names, descriptions, turned["dataInfo"].tolist(), strict=True):

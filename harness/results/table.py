@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections import Counter
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -10,6 +11,12 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from harness.result import Result
+
+
+def require_distinct(names: Sequence[str]) -> None:
+    """Raise a ValueError if two columns have the same name."""
+    if twice := [name for name, count in Counter(names).items() if count > 1]:
+        raise ValueError(f"two of its columns are called '{twice[0]}'")
 
 
 def from_columns(

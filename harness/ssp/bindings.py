@@ -10,7 +10,7 @@ from lxml import etree
 
 from harness.errors import SystemFileError
 from harness.parts.part import StartValue
-from harness.ssp.arrays import shown
+from harness.ssp.arrays import count, shown
 from harness.ssp.document import SPACES, SSM, SSV, parse_document
 from harness.ssp.flatten import Network
 from harness.ssp.package import Package
@@ -19,6 +19,7 @@ from harness.ssp.ssm import Entry, parse_ssm
 from harness.ssp.ssv import MEDIA_TYPE, ParameterSet, parse_ssv
 from harness.ssp.structure import Node, Path, Structure
 from harness.ssp.transformation import Linear
+from harness.units import BaseUnit
 
 _MAPPING_TYPE = "application/x-ssp-parameter-mapping"
 _LOG = logging.getLogger("harness")
@@ -126,6 +127,9 @@ def _bound(binding: Binding, structure: Structure, network: Network, *, quiet: b
     for parameter, shape, index, entry in binding.entries():
         for node in _named(structure, binding.path, entry.target):
             known = structure.shapes.get(node, shape)
+            if shape and node not in structure.shapes and not quiet:  # a quiet call is made before sizes are known
+                elements = network.elements(node)
+                known = known if elements in (0, count(shape)) else (elements,)
             if known != shape:
                 raise SystemFileError(
                     f"{binding.where} has {shown(shape)} for '{node}', which is {shown(known)}: correct its Dimension"
@@ -135,12 +139,8 @@ def _bound(binding: Binding, structure: Structure, network: Network, *, quiet: b
         if not nodes and not quiet:
             _LOG.warning("%s: there is no variable '%s', its value is ignored", binding.where, name)
         for node in nodes:
-            landed = parameter.landed(
-                network.unit(node),
-                f"{node} in {network.where}",
-                suppress=entry.suppress,
-                transformation=entry.transformation,
-            )
+            where = f"{node} in {network.where}"
+            landed = network.land(parameter, node, where, entry.suppress, entry.transformation)
             values |= network.spread(node, landed)
     return values
 
@@ -151,7 +151,7 @@ def _binding(package: Package, structure: Structure, path: Path, binding: etree.
     if binding.get("type", MEDIA_TYPE) != MEDIA_TYPE:
         raise SystemFileError(f"{where} is of type {binding.get('type')}: write an SSV parameter set instead")
     component = structure.components.get(path)
-    parameters = _parameters(package, component, binding, where)
+    parameters = _parameters(package, component, binding, where, structure.units)
     mapping = _mapping(package, component, binding, where)
     return Binding(path, parameters, mapping, binding.get("prefix", ""), where)
 
@@ -172,13 +172,17 @@ def _exists(structure: Structure, network: Network, node: Node) -> bool:
 
 
 def _parameters(
-    package: Package, component: etree._Element | None, binding: etree._Element, where: str
+    package: Package,
+    component: etree._Element | None,
+    binding: etree._Element,
+    where: str,
+    units: Mapping[str, BaseUnit],
 ) -> ParameterSet:
     inline = binding.find("ssd:ParameterValues/*", SPACES)
     if inline is not None:
-        return parse_ssv(inline, where)
+        return parse_ssv(inline, where, units)
     data, name = package.referenced(binding, component, where)
-    return parse_ssv(parse_document(data, SSV, name), name)
+    return parse_ssv(parse_document(data, SSV, name), name, units)
 
 
 def _mapping(

@@ -9,10 +9,10 @@ from harness.parts.part import Part, Port
 from harness.ssp.annotations import read_wire
 from harness.ssp.parameter import Parameter
 from harness.ssp.structure import Edge, Node, Path, Structure
-from harness.ssp.transformation import Linear
+from harness.ssp.transformation import Linear, Transformation
 from harness.ssp.units import Signal, known_unit
 from harness.system.wire import Wire
-from harness.units import BaseUnit
+from harness.units import BaseUnit, needed_unit
 
 
 class Network:
@@ -32,7 +32,7 @@ class Network:
     SystemFileError
         If two connections drive the same connector.
     UnitError
-        If the file and an FMU state different units.
+        If a unit is unknown, or the file and an FMU state different units.
     """
 
     def __init__(self, structure: Structure, parts: Mapping[Path, Part], where: str) -> None:
@@ -82,11 +82,22 @@ class Network:
             return {node: parameter}
         landed: dict[Node, Parameter] = {}
         for edge in self._out_of.get(node, ()):
-            passed = parameter.landed(
-                self.unit(edge.target), str(edge), suppress=edge.suppress, transformation=edge.transformation
+            landed |= self.spread(
+                edge.target, self.land(parameter, edge.target, str(edge), edge.suppress, edge.transformation)
             )
-            landed |= self.spread(edge.target, passed)
         return landed
+
+    def land(
+        self, parameter: Parameter, node: Node, where: str, suppress: bool, transformation: Transformation
+    ) -> Parameter:
+        """Return a parameter at a connector or variable, in its unit; see `Parameter.landed`."""
+        port, connector = self._ports.get(node), self.structure.connectors.get(node)
+        name = (port.unit if port else None) or (connector.unit_name if connector else None)
+        return parameter.landed(self.unit(node), where, unit=name, suppress=suppress, transformation=transformation)
+
+    def elements(self, node: Node) -> int:
+        """Return the number of FMU variables that are elements of an array with this name."""
+        return sum(other.path == node.path and other.name.startswith(f"{node.name}[") for other in self._settable)
 
     def settable(self, node: Node) -> Port | None:
         """Return the FMU variable that the node stands for, if it accepts a start value."""
@@ -107,7 +118,10 @@ class Network:
         return known_unit(port.unit, port.base) if port else None
 
     def _check_connector(self, node: Node) -> None:
-        own, stated = self._own_unit(node), self.structure.connectors[node].unit
+        own, connector, port = self._own_unit(node), self.structure.connectors[node], self._ports.get(node)
+        stated = connector.unit
+        if port is None or port.unit != connector.unit_name:
+            needed_unit(connector.unit_name, stated, f"the connector '{node}' in {self.where}")
         if own is not None and stated is not None and not own.agrees(stated):
             raise UnitError(f"'{node}' is in [{stated}] in {self.where} but in [{own}] in its FMU: correct one of them")
 

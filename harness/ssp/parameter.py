@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+import logging
+from dataclasses import dataclass, field, replace
 
 from harness.errors import StartValueError, nearest
 from harness.parts.part import Port, StartValue
 from harness.ssp.transformation import Linear, Transformation
 from harness.ssp.units import converted, known_unit
-from harness.units import BaseUnit
+from harness.units import BaseUnit, needed_unit
+
+_LOG = logging.getLogger("harness")
 
 
 @dataclass(frozen=True)
@@ -29,6 +32,8 @@ class Parameter:
         Whether the value is the name of an enumeration item.
     type : str
         Type of FMI 3.0, such as ``Int64``, which SSP 2.0 states; empty for the types of SSP 1.0.
+    shape : tuple of int
+        Sizes of the array of which the parameter is an element; () for a scalar.
     """
 
     value: StartValue
@@ -37,6 +42,7 @@ class Parameter:
     description: str = ""
     item: bool = False
     type: str = ""
+    shape: tuple[int, ...] = field(default=(), compare=False)
 
     def __post_init__(self) -> None:
         """Convert a number with a unit to a float."""
@@ -44,7 +50,13 @@ class Parameter:
             object.__setattr__(self, "value", float(self.value))
 
     def landed(
-        self, base: BaseUnit | None, where: str, *, suppress: bool = False, transformation: Transformation | None = None
+        self,
+        base: BaseUnit | None,
+        where: str,
+        *,
+        unit: str | None = None,
+        suppress: bool = False,
+        transformation: Transformation | None = None,
     ) -> Parameter:
         """Return the parameter at a connector or variable with this unit: first converted, then transformed.
 
@@ -54,6 +66,8 @@ class Parameter:
             Unit of the connector or variable.
         where : str
             Its name, for messages.
+        unit : str or None
+            Name of its unit, which means the same as an equal name of the parameter's unit.
         suppress : bool
             Whether unit conversion is suppressed.
         transformation : Linear, Table or None
@@ -67,14 +81,18 @@ class Parameter:
         Raises
         ------
         UnitError
-            If the units measure different quantities.
+            If a unit is unknown, or the units measure different quantities.
         StartValueError
             If the value cannot be transformed.
         """
-        value, own = self.value, known_unit(self.unit, self.base)
-        if own is not None and base is not None and not suppress and isinstance(value, float):
-            factor, offset = converted(own, base, where)
-            value = factor * value + offset
+        value, own = self.value, self.base
+        if own is None and self.unit is not None and not suppress:
+            own = base if self.unit == unit else needed_unit(self.unit, None, f"the value of {where}")
+        if own is not None and not suppress and isinstance(value, float):
+            base = base or needed_unit(unit, None, where)
+            if base is not None:
+                factor, offset = converted(own, base, where)
+                value = factor * value + offset
         value = (transformation or Linear())(value, where)
         return replace(self, value=value, unit=None, base=base or own)
 
@@ -100,7 +118,10 @@ class Parameter:
         StartValueError
             If the value does not have the type of the variable.
         """
-        value = self.landed(known_unit(port.unit, port.base), where).value
+        landed = self.landed(known_unit(port.unit, port.base), where, unit=port.unit)
+        value = landed.value
+        if not port.unit and landed.base not in (None, BaseUnit()) and port.type == "Real":
+            _LOG.warning("%s has no unit: the number %s is taken as it is, in [%s]", where, value, landed.base)
         if self.item:
             items = dict(port.items)
             if value not in items:

@@ -98,9 +98,16 @@ def _shapes(parts: Mapping[SystemPath, FmuPart]) -> dict[Node, tuple[int, ...]]:
 
 
 def _check_implementation(wanted: str, part: FmuPart, where: str) -> None:
-    """Raise a SystemFileError if the component asks for another interface than the one that is used."""
-    used = "ModelExchange" if part.archive.exchange else "CoSimulation"
-    if wanted not in ("any", used):
-        raise SystemFileError(
-            f"{where} asks for {wanted}, but {part.path.name} is run as {used}: remove the attribute implementation"
+    """Raise a SystemFileError if the component asks for an interface that its FMU does not offer."""
+    archive = part.archive
+    used = "ModelExchange" if archive.exchange else "CoSimulation"
+    if wanted in ("any", used):
+        return
+    if wanted == "ModelExchange" and (archive.flat.exchange if archive.flat else archive.description.modelExchange):
+        _LOG.warning(
+            "%s asks for ModelExchange: %s is run by its co-simulation, which has its own solver", where, part.path.name
         )
+        return
+    raise SystemFileError(
+        f"{where} asks for {wanted}, but {part.path.name} only offers {used}: remove the attribute implementation"
+    )

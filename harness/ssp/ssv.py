@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from types import MappingProxyType
 
 from lxml import etree
 
@@ -139,10 +140,10 @@ def _grouped(parameters: ParameterSet) -> Iterator[tuple[str, tuple[int, ...], S
             yield array, parameters.arrays[array], [values[each] for each in names]
 
 
-def parse_ssv(root: etree._Element, where: str) -> ParameterSet:
-    """Return the parameter set of an element ParameterSet; see `read_ssv`."""
+def parse_ssv(root: etree._Element, where: str, units: Mapping[str, BaseUnit] = MappingProxyType({})) -> ParameterSet:
+    """Return the parameter set of an element ParameterSet, with units of the SSD around it; see `read_ssv`."""
     check_element(root, SSV, where)
-    units = read_units(root, "ssv:Units")
+    units = {**units, **read_units(root, "ssv:Units")}
     parameters: dict[str, Parameter] = {}
     arrays: dict[str, tuple[int, ...]] = {}
     for element in root.iterfind("ssv:Parameters/ssv:Parameter", SPACES):

@@ -43,6 +43,8 @@ class Connector:
         Such as ``input``, ``output``, ``parameter`` or ``calculatedParameter``.
     unit : BaseUnit or None
         The unit, if it is stated and known.
+    unit_name : str
+        Name of the unit; empty if none is stated.
     type : str
         Type of its values, such as ``Real``; empty if it is not stated.
     shape : tuple of int or None
@@ -51,6 +53,7 @@ class Connector:
 
     kind: str
     unit: BaseUnit | None
+    unit_name: str = ""
     type: str = ""
     shape: tuple[int | None, ...] = ()
 
@@ -100,6 +103,8 @@ class Structure:
         All connectors.
     edges : tuple of Edge
         All connections.
+    units : mapping of str to BaseUnit
+        Units that the document defines.
     shapes : mapping of Node to tuple of int
         Sizes of the arrays before they were split into elements; () for a scalar.
     """
@@ -108,6 +113,7 @@ class Structure:
     components: Mapping[Path, etree._Element]
     connectors: Mapping[Node, Connector]
     edges: tuple[Edge, ...]
+    units: Mapping[str, BaseUnit] = field(default_factory=dict)
     shapes: Mapping[Node, tuple[int, ...]] = field(default_factory=dict)
 
 
@@ -152,7 +158,7 @@ def read_structure(root: etree._Element, units: Mapping[str, BaseUnit], where: s
         for path, system in systems.items()
         for element in system.iterfind("ssd:Connections/ssd:Connection", SPACES)
     ]
-    return Structure(systems, components, connectors, tuple(edges))
+    return Structure(systems, components, connectors, tuple(edges), units)
 
 
 def _connector(element: etree._Element, units: Mapping[str, BaseUnit], where: str) -> Connector:
@@ -161,8 +167,8 @@ def _connector(element: etree._Element, units: Mapping[str, BaseUnit], where: st
     if kind == "Clock":
         raise SystemFileError(f"{where} is a clock, which is not supported: remove it, as FMUs state their own clocks")
     unit = None if typed is None else typed.get("unit")
-    base = known_unit(unit, units.get(unit) if unit else None)
-    return Connector(element.get("kind", ""), base, kind, read_shape(element, where))
+    base = known_unit(unit, units.get(unit) if unit else None)  # an unknown one may be defined in the FMU
+    return Connector(element.get("kind", ""), base, unit or "", kind, read_shape(element, where))
 
 
 def read_shape(element: etree._Element, where: str) -> tuple[int | None, ...]:
@@ -201,7 +207,8 @@ def _edge(path: Path, element: etree._Element, connectors: Mapping[Node, Connect
     ends = []
     for end in ("start", "end"):
         inner = element.get(f"{end}Element")
-        node = Node(path if inner is None else (*path, inner), element.get(f"{end}Connector", ""))
+        # OMSimulator writes an empty name for a connector of the system itself
+        node = Node((*path, inner) if inner else path, element.get(f"{end}Connector", ""))
         if node not in connectors:
             raise SystemFileError(f"{where} connects '{node}', which is not a connector: correct the connection")
         if connectors[node].kind in ("inout", "unspecified"):

@@ -45,16 +45,17 @@ def read_values(
     if len(texts) != count(shape) or len(texts) > MOST_ELEMENTS:
         raise SystemFileError(f"{where} is {shown(shape)}, but has {len(texts)} values: correct one of them")
     if kind in _TEXTS:
-        return shape, [Parameter(text, description=description, item=kind == "Enumeration") for text in texts]
+        items = kind == "Enumeration"
+        return shape, [Parameter(text, description=description, item=items, shape=shape) for text in texts]
     if kind == "Boolean":
-        return shape, [Parameter(text in {"true", "1"}, description=description) for text in texts]
+        return shape, [Parameter(text in {"true", "1"}, description=description, shape=shape) for text in texts]
     new = kind if kind in _NEW else ""
     if kind not in _FLOATS:
-        return shape, [Parameter(int(text), description=description, type=new) for text in texts]
+        return shape, [Parameter(int(text), description=description, type=new, shape=shape) for text in texts]
     unit = typed.get("unit")
     base = None if unit is None else units.get(unit)
     numbers = [_single(float(text), where) if kind == "Float32" else float(text) for text in texts]
-    return shape, [Parameter(number, unit, base, description, type=new) for number in numbers]
+    return shape, [Parameter(number, unit, base, description, type=new, shape=shape) for number in numbers]
 
 
 def write_values(

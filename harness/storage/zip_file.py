@@ -106,8 +106,17 @@ def read_zip(archive: zipfile.ZipFile, member: str) -> bytes:
         raise ZipError(f"its member '{member}' is damaged ({_reason(error)}); {_AGAIN}") from error
 
 
-def unpack_zip(archive: zipfile.ZipFile, folder: Path) -> None:
+def unpack_zip(archive: zipfile.ZipFile, folder: Path, without: tuple[str, ...] = ()) -> None:
     """Unpack all members below a folder.
+
+    Parameters
+    ----------
+    archive : ZipFile
+        The archive.
+    folder : Path
+        The folder.
+    without : tuple of str
+        Beginnings of the names of members that are not needed.
 
     Raises
     ------
@@ -117,6 +126,8 @@ def unpack_zip(archive: zipfile.ZipFile, folder: Path) -> None:
         If the files cannot be written.
     """
     for entry in archive.infolist():
+        if entry.filename.startswith(without):
+            continue
         try:
             archive.extract(entry, folder)
         except Exception as error:  # as above
@@ -277,10 +288,10 @@ def zipped(members: Mapping[str, bytes], made: str) -> bytes:
         Time of all members, as "2026-11-20T00:00:00Z".
     """
     content = io.BytesIO()
-    moment = tuple(int(part) for part in re.findall(r"\d+", made))
+    moment = max(tuple(int(part) for part in re.findall(r"\d+", made))[:6], (1980, 1, 1, 0, 0, 0))  # ZIP begins in 1980
     with zipfile.ZipFile(content, "w", zipfile.ZIP_DEFLATED) as archive:
         for name, data in sorted(members.items()):
-            entry = zipfile.ZipInfo(name, moment[:6])  # type: ignore[arg-type]
+            entry = zipfile.ZipInfo(name, moment)  # type: ignore[arg-type]
             entry.compress_type = zipfile.ZIP_DEFLATED
             entry.create_system = 3
             entry.external_attr = (0o755 if name.startswith("binaries/") else 0o644) << 16

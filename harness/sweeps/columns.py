@@ -15,7 +15,7 @@ from harness.sweeps.samples import Sample
 from harness.sweeps.worker import Outcome
 
 _OWN: Final = ("run", "wall_time", "error", "warnings")
-_DTYPES: Final = {"Real": np.float64, "Integer": np.int64, "Boolean": np.bool_}
+DTYPES: Final = {"Real": np.float64, "Integer": np.int64, "Boolean": np.bool_}
 
 
 class Storage(Protocol):
@@ -145,5 +145,5 @@ def _array(kind: PortType, values: Sequence[int | float | bool | str | None]) ->
     if kind == "String":
         return np.array([value or "" for value in values], dtype=object)
     if None not in values:
-        return np.array(values, dtype=_DTYPES[kind])
+        return np.array(values, dtype=DTYPES[kind])
     return np.array(values, dtype=object if kind == "Boolean" else np.float64)

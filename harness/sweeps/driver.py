@@ -26,7 +26,7 @@ from harness.sweeps.samples import Given, Sample, checked_samples, column_types
 from harness.sweeps.worker import SETTINGS, Job, Outcome
 from harness.system.experiment import Experiment
 from harness.system.graph import stepping_order
-from harness.system.layout import recorded_names
+from harness.system.layout import find_port, recorded_names
 from harness.system.system import System
 
 _MOST_BYTES = 32e6
@@ -110,7 +110,8 @@ def sweep(
 
             folder = Path(output).absolute()  # an FMU may change the working directory
             stack.enter_context(sole_writer(folder))
-            storage = SweepFolder(folder, description(model, job, parameter_sets), types, units)
+            kinds = {name: find_port(model.parts, name, "keep").type for name in job.keep}
+            storage = SweepFolder(folder, description(model, job, parameter_sets), types, units, kinds)
         pending = [run for run in range(len(parameter_sets)) if run not in storage.done]
         if progress is not None:
             progress.update(len(storage.done), len(parameter_sets))

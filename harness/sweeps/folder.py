@@ -6,6 +6,7 @@ import json
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any, Final
 
 import numpy as np
@@ -13,11 +14,12 @@ import pyarrow as pa
 import pyarrow.dataset as pds
 import pyarrow.parquet as pq
 import xarray as xr
+from numpy.typing import NDArray
 
 from harness.errors import SweepError
 from harness.parts.part import PortType
 from harness.storage.atomic import atomic_path, make_folder
-from harness.sweeps.columns import Columns
+from harness.sweeps.columns import DTYPES, Columns
 from harness.sweeps.samples import Sample
 from harness.sweeps.worker import Outcome
 
@@ -51,6 +53,8 @@ class SweepFolder:
         Types of the swept names.
     units : mapping of str to str
         Units of the swept names, if any.
+    kept : mapping of str to PortType
+        Types of the stored trajectories.
 
     Attributes
     ----------
@@ -66,11 +70,17 @@ class SweepFolder:
     """
 
     def __init__(
-        self, path: Path, description: Mapping[str, Any], parameters: Mapping[str, PortType], units: Mapping[str, str]
+        self,
+        path: Path,
+        description: Mapping[str, Any],
+        parameters: Mapping[str, PortType],
+        units: Mapping[str, str],
+        kept: Mapping[str, PortType] = MappingProxyType({}),
     ) -> None:
         """Begin a sweep, or find the completed runs of an interrupted one."""
         self.path = path
         self._columns = Columns(parameters, units)
+        self._kept = kept
         description = json.loads(json.dumps({"format": FORMAT, **description}))
         self._description = description
         manifest = path / MANIFEST
@@ -90,6 +100,10 @@ class SweepFolder:
             self._write_manifest()
         for left in path.rglob(".*.parquet"):  # left by a process that was killed while writing
             left.unlink(missing_ok=True)
+        written = {file.name for file in self._files()}
+        for left in (path / TRAJECTORIES).glob("runs-*.parquet"):
+            if left.name not in written:  # the process was killed before it wrote the table of these runs
+                left.unlink(missing_ok=True)
         self.done = self._runs_done(int(description["runs"]))
 
     def add(self, outcomes: Sequence[Outcome], samples: Sequence[Sample]) -> None:
@@ -110,7 +124,7 @@ class SweepFolder:
         kept = [outcome for outcome in outcomes if outcome.kept is not None]
         if kept:
             (self.path / TRAJECTORIES).mkdir(exist_ok=True)
-            self._write(_trajectories(kept), self.path / TRAJECTORIES / name)
+            self._write(_trajectories(kept, self._kept), self.path / TRAJECTORIES / name)
         values = self._columns.values(outcomes, samples)
         columns = {column: pa.array(cells, _TYPES[kind]) for column, (kind, cells) in values.items()}
         units = self._columns.units
@@ -245,14 +259,14 @@ def read_sweep(folder: str | Path) -> xr.Dataset:
     return xr.Dataset(columns, coordinates)
 
 
-def _trajectories(outcomes: Sequence[Outcome]) -> Any:
+def _trajectories(outcomes: Sequence[Outcome], kinds: Mapping[str, PortType]) -> Any:
     """Return the trajectories below each other, with the number of the run in the first column."""
     tables = []
     fields = None
     for outcome in outcomes:
         assert outcome.kept is not None
         columns = {str(name): outcome.kept[name] for name in ["time", *outcome.kept.data_vars]}
-        arrays = [pa.array(column.to_numpy()) for column in columns.values()]
+        arrays = [_array(column.to_numpy(), kinds.get(name, "Real")) for name, column in columns.items()]
         if fields is None:
             metadata = [{str(k): str(v) for k, v in column.attrs.items()} for column in columns.values()]
             types = [array.type for array in arrays]
@@ -262,6 +276,14 @@ def _trajectories(outcomes: Sequence[Outcome]) -> Any:
         run = pa.array(np.full(len(arrays[0]), outcome.run), pa.int64())
         tables.append(pa.Table.from_arrays([run, *arrays], schema=pa.schema([pa.field("run", pa.int64()), *fields])))
     return pa.concat_tables(tables)
+
+
+def _array(values: NDArray[Any], kind: PortType) -> Any:
+    """Return a column of the type of its variable in all runs; NaN in an Integer or a Boolean is null."""
+    if kind == "Real":
+        return pa.array(values)
+    known = np.isfinite(values)
+    return pa.array(np.where(known, values, 0).astype(DTYPES[kind]), mask=~known)
 
 
 @contextmanager

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
+from collections import Counter
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Final, TypeAlias
@@ -17,7 +18,7 @@ from harness.parts.part import PortType, StartValue
 from harness.ssp import Parameter, ParameterSet, read_ssv
 from harness.storage.files import read_csv, reason
 from harness.system.system import System
-from harness.values import is_count, shown
+from harness.values import is_count, plain, shown
 
 Sample: TypeAlias = Mapping[str, StartValue]
 WithUnits: TypeAlias = Mapping[str, StartValue | Parameter]
@@ -58,7 +59,7 @@ def grid(values: Mapping[str, ArrayLike]) -> list[dict[str, StartValue]]:
     list of dict, length n_1 n_2 ...
         The parameter sets.
     """
-    columns = [[_plain(value) for value in np.atleast_1d(np.asarray(v, dtype=object))] for v in values.values()]
+    columns = [[_swept(value) for value in np.atleast_1d(np.asarray(v, dtype=object))] for v in values.values()]
     check_runs(math.prod(len(column) for column in columns))
     return [dict(zip(values, point, strict=True)) for point in itertools.product(*columns)]
 
@@ -152,6 +153,8 @@ def read_csv_samples(path: Path) -> list[dict[str, StartValue]]:
     if len(lines) < 2:
         raise SweepError(f"{path} contains no parameter sets: give a row of names, then a row for each run")
     names = [name.strip() for name in lines[0]]
+    if twice := [name for name, count in Counter(names).items() if count > 1]:
+        raise SweepError(f"two columns of {path} are called '{twice[0]}': remove or rename one")
     for number, line in enumerate(lines[1:], start=2):
         if len(line) != len(names):
             raise SweepError(f"row {number} of {path} has {len(line)} cells instead of {len(names)}: correct it")
@@ -202,7 +205,7 @@ def checked_samples(samples: Iterable[Given], system: System) -> list[dict[str, 
         If there are none, or a value is not a number, a Boolean or a text.
     """
     plain = [
-        {str(name): _plain(value, str(name)) for name, value in _in_units(sample, system).items()} for sample in samples
+        {str(name): _swept(value, str(name)) for name, value in _in_units(sample, system).items()} for sample in samples
     ]
     if not plain:
         raise SweepError("the sweep has no runs: give at least one parameter set")
@@ -239,9 +242,9 @@ def _in_units(given: Given, system: System) -> Sample:
     return {name: start[name] if isinstance(value, Parameter) else value for name, value in values.items()}
 
 
-def _plain(value: object, name: str = "") -> StartValue:
+def _swept(value: object, name: str = "") -> StartValue:
     """Return a value as a Python type, as numpy types cannot be stored in all files."""
-    value = value.item() if isinstance(value, np.generic) else value
+    value = plain(value)
     if isinstance(value, (bool, int, float, str)):
         return value
     raise SweepError(

@@ -177,7 +177,7 @@ class Runner:
         """Return the error bound of each measure."""
         settings, start = _split(values)
         system, experiment = self.system.with_start(start), replace(self.job.experiment, **settings)
-        bounds = measure_bounds(system, experiment, self._measured, measured)
+        bounds = measure_bounds(system, experiment, self._measured, measured, dense=True)
         for name in bounds:
             if name in measured:
                 raise SweepError(f"two measures are called '{name}': rename one of them")

@@ -8,7 +8,7 @@ from typing import Final
 
 from harness.errors import ExperimentError
 from harness.system.manipulator import Manipulator
-from harness.values import MOST_TICKS, is_count, is_number, shown
+from harness.values import MOST_TICKS, is_count, is_number, make_plain, shown
 
 LOOP_TOLERANCE: Final = 3e-8
 """Default of `Experiment.loop_tolerance`. It needs at most 9 % more evaluations than 1e-7; 1e-8 needs up to 12 %
@@ -80,6 +80,7 @@ class Experiment:
 
     def __post_init__(self) -> None:
         """Check the settings."""
+        make_plain(self)
         for name in ("start", "stop", "step"):
             object.__setattr__(self, name, _seconds(name, getattr(self, name)))  # an FMU accepts no other number type
         if self.step <= 0:

@@ -8,7 +8,7 @@ from dataclasses import MISSING, dataclass, field, fields
 from typing import Any, ClassVar, Final
 
 from harness.errors import ExperimentError, nearest
-from harness.values import is_count, is_number, number, shown, text
+from harness.values import is_count, is_number, make_plain, number, shown, text
 
 LONGEST_DELAY: Final = 10_000_000
 """Largest delay in communication steps, as all values in between are stored."""
@@ -41,6 +41,7 @@ class Manipulator:
 
     def __post_init__(self) -> None:
         """Check the numbers."""
+        make_plain(self)
         for name in ("value", "sigma", "probability", "start", "stop"):
             if not is_number(getattr(self, name, 0.0)):
                 raise ExperimentError(

@@ -19,18 +19,20 @@ from harness.errors import (
     WireError,
 )
 from harness.notebook import system_html, system_text
+from harness.parts.flat import element_names
 from harness.parts.fmu import FmuPart
 from harness.parts.guard import Guard
 from harness.parts.part import Part, Port, StartValue
 from harness.result import Result
 from harness.run import Options, run
 from harness.ssp import Parameter, ParameterSet, read_ssv
+from harness.ssp.arrays import shown as array_text
 from harness.system.assembly import resize_parts
 from harness.system.experiment import Experiment
 from harness.system.manipulator import Manipulator
 from harness.system.stored import StoredSystem
 from harness.system.wire import Wire, check_wires, find_part, parse_wire, split_name
-from harness.values import is_count, is_line, shown
+from harness.values import is_count, is_line, plain, shown
 
 _LOG = logging.getLogger("harness")
 
@@ -94,9 +96,10 @@ class System(StoredSystem):
                     f"'{part.name}' has every = {shown(part.every)}: give an integer number of communication steps, 1 "
                     "or more"
                 )
+            part.every = int(part.every)
             self.parts[part.name] = part
         self.wires = tuple(parse_wire(wire) for wire in wires)
-        self.start = dict(start or {})
+        self.start = {name: plain(value) for name, value in (start or {}).items()}
         self.experiment = experiment
         resize_parts(self)
         check_wires(self.parts, self.wires)
@@ -135,7 +138,7 @@ class System(StoredSystem):
         SystemFileError
             If the file cannot be read.
         UnknownNameError, UnitError, StartValueError
-            If a parameter does not fit its variable.
+            If a parameter does not fit its variable, or its unit is unknown.
         """
         if isinstance(parameters, (str, Path)):
             parameters = read_ssv(parameters)
@@ -146,7 +149,25 @@ class System(StoredSystem):
             more, unknown = self.with_start(values)._landed(unknown)
             values |= more
         # the new system rejects a name that does not exist or cannot be set
-        return self.with_start(values | {name: given.value for name, given in unknown.items()})
+        changed = self.with_start(values | {name: given.value for name, given in unknown.items()})
+        changed._check_arrays({prefix + bare: given for bare, given in parameters.items()})
+        return changed
+
+    def _check_arrays(self, parameters: Mapping[str, Parameter | StartValue]) -> None:
+        """Raise an error if an array of the parameters has other elements than the variable."""
+        shapes = {
+            dotted.rpartition("[")[0]: given.shape
+            for dotted, given in parameters.items()
+            if isinstance(given, Parameter) and given.shape
+        }
+        for dotted, shape in shapes.items():
+            owner, name = split_name(dotted)
+            part = self.parts[owner]
+            elements = {port.name for port in (*part.inputs, *part.parameters) if port.name.startswith(f"{name}[")}
+            if elements != set(element_names(name, shape)):
+                raise StartValueError(
+                    f"{dotted} has {len(elements)} elements, but is given {array_text(shape)}: give a value for each"
+                )
 
     def _landed(
         self, parameters: Mapping[str, Parameter | StartValue]

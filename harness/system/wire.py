@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import math
 from collections.abc import Container, Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -10,8 +11,10 @@ from functools import cached_property, lru_cache
 from harness.errors import UnitError, UnknownNameError, WireError, nearest
 from harness.parts.part import TYPE_ORDER, Part, Port, StartValue
 from harness.system.manipulator import LONGEST_DELAY
-from harness.units import conversion, parse_unit, units_agree
-from harness.values import is_count, shown
+from harness.units import conversion, needed_unit, parse_unit, units_agree
+from harness.values import is_count, make_plain, shown
+
+_LOG = logging.getLogger("harness")
 
 
 @dataclass(frozen=True)
@@ -33,6 +36,10 @@ class Wire:
     gain: float = 1.0
     offset: float = 0.0
     delay: int = 0
+
+    def __post_init__(self) -> None:
+        """Make numbers of numpy plain."""
+        make_plain(self)
 
     @cached_property
     def ends(self) -> tuple[tuple[str, str], tuple[str, str]]:
@@ -96,6 +103,7 @@ def check_wires(parts: Mapping[str, Part], wires: Sequence[Wire]) -> None:
             )
         driven[wire.target] = wire
         _check_types(wire, source, target)
+        _check_units(parts, wire, source, target)
         _check_map(wire, source, target)
 
 
@@ -139,6 +147,19 @@ def _check_types(wire: Wire, source: Port, target: Port) -> None:
             f"{wire.source} is {source.type} but {wire.target} is {target.type}: "
             f"insert a part that converts to {target.type}"
         )
+
+
+def _check_units(parts: Mapping[str, Part], wire: Wire, source: Port, target: Port) -> None:
+    """Raise an error if a unit that would have to be converted is unknown; only warn if an FMU of others states it."""
+    if not source.unit or not target.unit or source.unit == target.unit:
+        return
+    for (part, _), dotted, port in zip(wire.ends, (wire.source, wire.target), (source, target), strict=True):
+        try:
+            needed_unit(port.unit, port.base, dotted)
+        except UnitError as error:
+            if parts[part].strict:
+                raise UnitError(f"{error} (in connection {wire})") from None
+            _LOG.warning("%s: the connection %s does not convert %s to %s", error, wire, source.unit, target.unit)
 
 
 def wire_map(wire: Wire, source: Port, target: Port) -> tuple[float, float]:

@@ -39,7 +39,7 @@ def described(root: etree._Element) -> dict[str, Any]:
         "variables": [_variable(each, types) for each in scalars],
         "arrays": {
             array.name: [str(each.get("name")) for each in array.elements]
-            for array in grouped(scalars, resizable=False)
+            for array in grouped(scalars, arrays=True, resizable=False)
             if array.is_array
         },
     }

@@ -56,9 +56,11 @@ export class Block {
   #start = {};
   #setup;
   #time;
+  #asking = false; // whether an input function of a run is called
   #states = new WeakMap();
 
   constructor(model, native, start, startTime, tolerance) {
+    asNumber("start time", startTime);
     this.model = model;
     this.warnings = [];
     this.#native = native;
@@ -95,6 +97,7 @@ export class Block {
   }
 
   step(length = this.model.description.experiment.stepSize) {
+    asNumber("step", length);
     this.#attempt(() => this.#call("fmi2DoStep", this.#time, length, 1));
     this.#time += length;
   }
@@ -103,11 +106,19 @@ export class Block {
     if (interpolation !== "linear" && interpolation !== "hold") {
       throw new RangeError(`the interpolation is "${interpolation}": give "linear" or "hold"`);
     }
+    asNumber("step", step);
     if (!(step > 0 && step < Infinity)) throw new RangeError(`the step is ${step} s: give a positive number of seconds`);
+    this.#check();
     const rows = rowsOf(steps, inputs);
     const time = Float64Array.from({ length: rows }, (_, k) => this.#time + k * step);
     const driven = byType(Object.keys(inputs).map((name) => this.#input(name)));
-    const columns = driven.map((variable) => columnOf(variable, inputs[variable.name], time));
+    this.#asking = true;
+    let columns;
+    try {
+      columns = driven.map((variable) => columnOf(variable, inputs[variable.name], time));
+    } finally {
+      this.#asking = false;
+    }
     const names = new Set(outputs ?? this.model.names("output"));
     names.delete("time");
     const shown = byType([...names].flatMap((name) => this.model.find(name)));
@@ -139,6 +150,7 @@ export class Block {
 
   dispose() {
     if (!this.#component) return;
+    this.#check();
     forgotten.unregister(this);
     this.#free(this.#before);
     this.#native.exports.fmi2FreeInstance(this.#component);
@@ -177,7 +189,6 @@ export class Block {
 
   // Make the steps of a run as one call, and return a column for each of `shown`.
   #rows(step, rows, linear, driven, columns, shown) {
-    this.#check();
     const { exports } = this.#native;
     const counts = [driven, shown].flatMap((some) => TYPES.map((type) => some.filter((v) => typeOf(v) === type).length));
     const words = [...counts, ...[...driven, ...shown].map(({ reference }) => reference)];
@@ -201,6 +212,7 @@ export class Block {
 
   // Do something; if it fails, return to the state of before.
   #attempt(action) {
+    this.#check();
     this.#before = this.#save(this.#before);
     try {
       action();
@@ -236,12 +248,18 @@ export class Block {
     return this.#native.scratch;
   }
 
+  // Raise an error if the block cannot be changed now.
   #check() {
+    this.#alive();
+    if (this.#asking) throw new Error("an input function of run() may read the block, but not change it: use another block");
+  }
+
+  #alive() {
     if (!this.#component) throw new Error(`this block of ${this.model.name} has been disposed of: instantiate another`);
   }
 
   #call(name, ...values) {
-    this.#check();
+    this.#alive();
     const status = this.#native.exports[name](this.#component, ...values);
     if (status === 0) return;
     const refusal = this.#native.refusal(this.warnings);
@@ -310,6 +328,11 @@ function columnOf(variable, given, time) {
   if (typeof given === "function") return time.map((t) => checked(variable, given(t)));
   if (typeof given !== "object") return time.fill.call(new Float64Array(time.length), checked(variable, given));
   return Float64Array.from(given, (value) => checked(variable, value));
+}
+
+function asNumber(what, seconds) {
+  if (typeof seconds === "number") return;
+  throw new TypeError(`the ${what} is ${JSON.stringify(seconds) ?? typeof seconds}: give a number of seconds`);
 }
 
 // Return the number of a value that has the type of the variable; the module checks its limits.

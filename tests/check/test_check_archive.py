@@ -14,9 +14,10 @@ import pytest
 from check.broken import XML, contents, zipped
 from check.hostile_zips import REFUSED, Spoil, packed
 
+from friction_fmus import fmu
 from friction_fmus.check import RULES, Finding, check
 from friction_fmus.errors import FrictionError, UnknownNameError
-from harness import FmuError, open_archive
+from harness import FmuError, FmuPart, System, open_archive
 
 TERMINALS = "terminalsAndIcons/terminalsAndIcons.xml"
 BUILD = "sources/buildDescription.xml"
@@ -54,7 +55,10 @@ FAULTS: dict[str, list[tuple[Callable[[dict[str, bytes]], Members], str]]] = {
         (lambda m: {XML: None, f"LuGre/{XML}": m[XML]}, "LuGre/modelDescription.xml"),
     ],
     "no-code": [(lambda m: {n: None for n in m if n.startswith(("binaries/", "sources/"))}, "neither")],
-    "platform-unknown": [(lambda _: {"binaries/amiga/LuGre.so": b"x"}, "amiga")],
+    "platform-unknown": [
+        (lambda _: {"binaries/amiga/LuGre.so": b"x"}, "amiga"),
+        (lambda _: {"binaries/x86_64-windows/LuGre.dll": b"x"}, "rename it to win64"),
+    ],
     "binary-misnamed": [
         (lambda _: {"binaries/win32/lugre.dll": b"x"}, "binaries/win32/LuGre.dll"),
         (lambda _: {"binaries/x86_64-windows/LuGre.so": b"x"}, "binaries/x86_64-windows/LuGre.dll"),
@@ -70,6 +74,16 @@ FAULTS: dict[str, list[tuple[Callable[[dict[str, bytes]], Members], str]]] = {
         (lambda _: {TERMINALS: FLANGE.replace('"3.0"', '"3.1"').encode()}, "3.1"),
     ],
     "terminals-variable": [(lambda _: {TERMINALS: FLANGE.replace('"F" m', '"G" m').encode()}, "'G'")],
+    "terminals-name": [
+        (
+            lambda _: {TERMINALS: FLANGE.replace('memberName="v"', 'memberName="F"').encode()},
+            "2 members have the name 'F'",
+        ),
+        (
+            lambda _: {TERMINALS: re.sub("(<Terminal .*?</Terminal>)", r"\1\1", FLANGE).encode()},
+            "2 terminals have the name 'flange'",
+        ),
+    ],
     "terminals-icon": [(lambda _: {TERMINALS: FLANGE.encode(), "terminalsAndIcons/flange.png": None}, "flange.png")],
     "build-description": [
         (lambda _: {BUILD: BUILDING.replace("LuGre.c", "Other.c").encode()}, "Other.c"),
@@ -81,9 +95,17 @@ COMPANIONS = {
     "path-backslash": {"file-unknown"},
     "no-model-description": {"file-unknown"},
     "no-code": {"source-missing"},
+    "binary-misnamed": {"platform-unknown"},
 }
-BY_HAND = {"zip-damaged", "binary-truncated", "path-symlink", "zip-version", *(rule for rule, _ in REFUSED.values())}
-"""Made below, and in test_check_damaged.py."""
+BY_HAND = {
+    "zip-damaged",
+    "source-no-build",
+    "binary-truncated",
+    "path-symlink",
+    "zip-version",
+    *(rule for rule, _ in REFUSED.values()),
+}
+"""Made below, in test_check_damaged.py and in test_check_fmi3.py."""
 
 CASES = [
     pytest.param(rule, change, words, id=f"{rule}-{k}")
@@ -266,3 +288,21 @@ def test_entities_are_refused_by_the_harness_too(members: dict[str, bytes], tmp_
     evil = f'{text[:start]}<!DOCTYPE x [<!ENTITY e SYSTEM "{secret.as_uri()}">]>{text[start:]}'
     with pytest.raises(FmuError, match="DOCTYPE"):
         open_archive(zipped(members | {XML: evil.encode()}, tmp_path / "a.fmu"))
+
+
+def test_an_ssp_is_checked_with_its_fmus(tmp_path: Path) -> None:
+    path = tmp_path / "axis.ssp"
+    with System([FmuPart("friction", fmu("Coulomb"))], start={"friction.v": 0.1, "friction.F_ext": 0.0}) as system:
+        system.to_ssp(path)
+    assert check(path, static=True) == []
+    with zipfile.ZipFile(path) as archive:
+        members = {name: archive.read(name) for name in archive.namelist()}
+    broken = tmp_path / "Coulomb.fmu"
+    with zipfile.ZipFile(fmu("Coulomb")) as archive:
+        parts = {n: archive.read(n) for n in archive.namelist() if not n.startswith(("binaries/", "sources/"))}
+    zipped(parts, broken)
+    ssd = members["SystemStructure.ssd"].replace(b'name="F"', b'name="no_F" bogus="1"')
+    zipped({"SystemStructure.ssd": ssd, "resources/Coulomb.fmu": broken.read_bytes()}, path)
+    found = {finding.rule: finding for finding in check(path, static=True)}
+    assert "bogus" in found["ssp"].message and found["ssp"].source == "SSP 1.0, 5"
+    assert found["no-code"].file == "resources/Coulomb.fmu/"

@@ -38,7 +38,7 @@ FAULTS = {
     "serial": ("state-not-serialized", "x is", set()),
     "nan": ("value-not-finite", "y is not finite", set()),
     "order": ("call-order-accepted", "fmi2DoStep in the state instantiated", set()),
-    "misuse": ("misuse-crashes", "fmi2Instantiate ends its process", set()),
+    "misuse": ("misuse-crashes", "fmi2Instantiate with a null pointer as logger ends its process", set()),
     "no_instance": ("instantiate-fails", "no instance; it logged 'no instance'", set()),
     "leak_instance": ("memory-grows", "every instance leaks", set()),
     "leak_step": ("memory-grows", "every step allocates", set()),
@@ -46,6 +46,15 @@ FAULTS = {
     "print": ("prints", "stdout", set()),
     "locale": ("process-changed", "the working directory", set()),
     "directional": ("capability", "fmi2GetDirectionalDerivative", set()),
+}
+DEPENDENCIES = {
+    "Outputs": ('<Unknown index="3" dependencies="2"/>', '<Unknown index="3" dependencies=""/>', "y follows u at once"),
+    "Derivatives": ('<Unknown index="6" dependencies="2"/></D', '<Unknown index="6" dependencies="4"/></D', "der(x)"),
+    "InitialUnknowns": (
+        '<Unknown index="3" dependencies="2 5"/>',
+        '<Unknown index="3" dependencies="5"/>',
+        "y follows",
+    ),
 }
 COMPILED = {
     "WRONG_VERSION": ("version-answer", "b'2.0.5'"),
@@ -72,7 +81,7 @@ def faulty(library: Library, tmp_path: Path) -> Callable[..., Path]:
 def test_every_rule_has_a_fault() -> None:
     of_the_binary = {rule.id for rule in RULES.values() if rule.kind == "binary"}
     named = {rule for rule, *_ in (*FAULTS.values(), *COMPILED.values(), *OF_MODEL_EXCHANGE.values())}
-    assert named | {"no-binary-here"} == of_the_binary
+    assert named | {"no-binary-here", "dependency-missing"} == of_the_binary
 
 
 def test_every_fault_of_the_c_file_is_tested() -> None:
@@ -100,6 +109,19 @@ def test_a_fault_of_the_library_is_found(faulty: Callable[..., Path], definition
     (finding,) = check(faulty(definition=definition))
     assert finding.rule == rule
     assert words in finding.message
+
+
+@pytest.mark.parametrize("section", DEPENDENCIES)
+def test_an_omitted_input_is_found(library: Library, tmp_path: Path, section: str) -> None:
+    """Masters see no loop through an output whose dependencies omit an input."""
+    old, new, words = DEPENDENCIES[section]
+    xml = (HERE / "faulty.xml").read_text(encoding="utf-8")
+    assert old in xml
+    members = {XML: xml.replace(old, new).encode(), BINARY: library(), "documentation/index.html": b"<html/>"}
+    (finding,) = check(zipped(members, tmp_path / "a.fmu"))
+    assert finding.rule == "dependency-missing"
+    assert words in finding.message
+    assert f"dependencies in {section} omit" in finding.message
 
 
 def test_the_binary_is_left_alone_on_request(faulty: Callable[..., Path]) -> None:

@@ -23,9 +23,10 @@ def rules(path: Path, *, static: bool = False) -> set[str]:
     return {finding.rule for finding in check(path, static=static)}
 
 
+@pytest.mark.parametrize("full", [True, False])
 @pytest.mark.parametrize("name", some([*SHELL_BLOCKS, "compensated_axis"], ["GMS", "PID"]))
-def test_nothing_is_found_in_our_fmus(name: str) -> None:
-    assert [str(finding) for finding in check(three(name))] == []
+def test_nothing_is_found_in_our_fmus(name: str, full: bool) -> None:
+    assert [str(finding) for finding in check(three(name, full))] == []
 
 
 def changed(name: str, folder: Path, old: str, new: str, member: str = XML) -> Path:
@@ -45,7 +46,7 @@ def changed(name: str, folder: Path, old: str, new: str, member: str = XML) -> P
 DESCRIPTIONS = {
     "schema": ("PID", 'causality="input"', 'causality="inward"', "fmi3-schema"),
     "name twice": ("PID", 'name="Kd"', 'name="Kp"', "fmi3-duplicate"),
-    "reference twice": ("LuGre", '(name="sigma1" valueReference=)"1"', r'\1"0"', "fmi3-duplicate"),
+    "reference twice": ("LuGre", '(name="sigma1" valueReference=)"\\d+"', r'\1"1"', "fmi3-duplicate"),
     "variability": ("LuGre", '(name="v" .*?)"continuous"', r'\1"fixed"', "fmi3-variability"),
     "continuous Boolean": (
         "LuGre",
@@ -61,21 +62,27 @@ DESCRIPTIONS = {
     "type": ("LuGre", 'declaredType="Force"', 'declaredType="Farce"', "fmi3-type"),
     "unit": ("LuGre", '(name="sigma0" .*?unit=)"N/m"', r'\1"lbf"', "fmi3-type"),
     "no time": ("LuGre", '(name="time" .*?causality=)"independent"', r'\1"local"', "fmi3-independent"),
-    "derivative": ("LuGre", 'derivative="19"', 'derivative="8"', "fmi3-derivative"),
+    "derivative": ("LuGre", 'derivative="5"', 'derivative="8"', "fmi3-derivative"),
     "interval": ("PID", 'intervalVariability="fixed"', 'intervalVariability="constant"', "fmi3-clock"),
+    "triggered with interval": (
+        "PID",
+        'intervalVariability="fixed"',
+        'intervalVariability="triggered" intervalDecimal="0.1"',
+        "fmi3-clock",
+    ),
     "negative interval": ("PID", '(intervalVariability="fixed")', r'\1 intervalDecimal="-1"', "fmi3-clock"),
-    "clock of another type": ("PID", '(name="u" )', r'\1clocks="0" ', "fmi3-clocked"),
-    "previous without clock": ("PID", '(name="u" )', r'\1previous="24" ', "fmi3-clocked"),
-    "previous of another type": ("PID", '(name="u" )', r'\1clocks="30" previous="25" ', "fmi3-clocked"),
-    "clocked state not listed": ("PID", '(name="u" )', r'\1clocks="30" previous="24" ', "fmi3-states"),
+    "clock of another type": ("PID", '(name="u" )', r'\1clocks="18" ', "fmi3-clocked"),
+    "previous without clock": ("PID", '(name="u" )', r'\1previous="13" ', "fmi3-clocked"),
+    "previous of another type": ("PID", '(name="u" )', r'\1clocks="30" previous="14" ', "fmi3-clocked"),
+    "clocked state not listed": ("PID", '(name="u" )', r'\1clocks="30" previous="13" ', "fmi3-states"),
     "intermediate parameter": ("LuGre", '(name="sigma1" )', r'\1intermediateUpdate="true" ', "fmi3-intermediate"),
     "reinit of an output": ("LuGre", '(name="F" )', r'\1reinit="true" ', "fmi3-reinit"),
     "no event mode": ("PID", ' hasEventMode="true" mightReturnEarlyFromDoStep="true"', "", "fmi3-no-event-mode"),
     "early return": ("LuGre", ' providesIntermediateUpdate="true"', "", "fmi3-flags"),
-    "unknown output": ("LuGre", '<Output valueReference="18"', '<Output valueReference="999"', "fmi3-structure"),
-    "output missing": ("LuGre", '<Output valueReference="18".*?/>', "", "fmi3-outputs"),
+    "unknown output": ("LuGre", '<Output valueReference="4"', '<Output valueReference="999"', "fmi3-structure"),
+    "output missing": ("LuGre", '<Output valueReference="4".*?/>', "", "fmi3-outputs"),
     "state missing": ("LuGre", "<ContinuousStateDerivative .*?/>", "", "fmi3-states"),
-    "initial unknown missing": ("LuGre", '<InitialUnknown valueReference="18".*?/>', "", "fmi3-initial-unknowns"),
+    "initial unknown missing": ("LuGre", '<InitialUnknown valueReference="4".*?/>', "", "fmi3-initial-unknowns"),
 }
 
 
@@ -83,6 +90,17 @@ DESCRIPTIONS = {
 def test_faults_of_the_description_are_found(fault: str, tmp_path: Path) -> None:
     name, old, new, rule = DESCRIPTIONS[fault]
     assert rule in rules(changed(name, tmp_path, old, new), static=True)
+
+
+def test_places_of_fmi_2_are_found(tmp_path: Path) -> None:
+    """Sources without a build description, and a folder of binaries that importers of FMI 3.0 do not know."""
+    path = tmp_path / "LuGre.fmu"
+    with zipfile.ZipFile(three("LuGre")) as source, zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as target:
+        for item in source.infolist():
+            if item.filename != "sources/buildDescription.xml":
+                target.writestr(item.filename, source.read(item))
+        target.writestr("binaries/linux64/LuGre.so", b"x")
+    assert rules(path, static=True) == {"source-no-build", "platform-unknown"}
 
 
 ALLOWED = {

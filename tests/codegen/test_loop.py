@@ -215,9 +215,13 @@ TABLE = PositionMap(Grid(-0.01, 0.004, NODES), tuple(np.sin(np.arange(9.0))), tu
 
 @pytest.mark.parametrize("real", ["double", "float"])
 @pytest.mark.parametrize("periodic", [False, True])
-def test_the_table_is_that_of_the_axis(periodic: bool, real: Literal["double", "float"], tmp_path: Path) -> None:
-    """Inside, at the nodes, and beyond both ends."""
-    table = replace(TABLE, grid=replace(TABLE.grid, periodic=periodic))
+@pytest.mark.parametrize("place", [0.0, 10.0])
+def test_the_table_is_that_of_the_axis(
+    place: float, periodic: bool, real: Literal["double", "float"], tmp_path: Path
+) -> None:
+    """Inside, at the nodes, and beyond both ends; in float at 10 m as near zero, as a position is a pair."""
+    begin = TABLE.grid.begin + (0.0 if periodic else place)
+    table = replace(TABLE, grid=replace(TABLE.grid, begin=begin, periodic=periodic))
     path = tmp_path / "loop.toml"
     path.write_text(loop_text(replace(LOOPS["servo"], table=table), "A loop"), encoding="utf-8")
     assert read_loop(path).table == table
@@ -226,15 +230,18 @@ def test_the_table_is_that_of_the_axis(periodic: bool, real: Literal["double", "
     warnings = ["-Wall", "-Wextra", "-Wconversion", "-Wpedantic", "-Wshadow", "-Werror"]
     command = [*toolchain.compiler(), "-std=c99", *warnings, "main.c", "loop.c", "loop_table.c", "-lm", "-o", "program"]
     subprocess.run(command, cwd=tmp_path, check=True)
-    x = np.concatenate([np.linspace(-0.05, 0.06, 400), -0.01 + 0.004 * np.arange(NODES)])
+    x = place + np.concatenate([np.linspace(-0.05, 0.06, 400), -0.01 + 0.004 * np.arange(NODES)])
     v = 2e-3 * np.cos(np.arange(x.size))
     kind = ctypes.c_double if real == "double" else ctypes.c_float
     function = compile_(tmp_path / "loop_table.c").loop_table
-    function.restype, function.argtypes = kind, [kind, kind]
-    found = np.array([function(*pair) for pair in zip(x, v, strict=True)])
-    np.testing.assert_allclose(found, -table.force(x, v), atol=1e-13 if real == "double" else 1e-5)
+    high = x.astype(np.float32).astype(float)
+    columns = (x, v) if real == "double" else (high, x - high, v)
+    function.restype, function.argtypes = kind, [kind] * len(columns)
+    found = np.array([function(*values) for values in zip(*columns, strict=True)])
+    np.testing.assert_allclose(found, -table.force(x, v), atol=1e-12 if real == "double" else 1e-5)
     text = " ".join((tmp_path / "README.md").read_text(encoding="utf-8").split())
-    assert "assign `loop_table(r, rd)` to `f_known` before each `loop_step`" in text
+    arguments = "r, rd" if real == "double" else "r, r_low, rd"
+    assert f"assign `loop_table({arguments})` to `f_known` before each `loop_step`" in text
 
 
 def test_a_rotary_loop_has_the_same_code_in_its_units() -> None:
@@ -331,3 +338,15 @@ def test_a_wrong_file_is_refused(name: str, tmp_path: Path, capsys: pytest.Captu
 def test_a_study_without_a_recommendation_writes_no_loop(tmp_path: Path) -> None:
     with pytest.raises(FrictionError, match=r"of a study that recommends a compensation"):
         make_export(tmp_path / "recommended" / "loop.toml")
+
+
+def test_zeros_are_written(tmp_path: Path) -> None:
+    """A factor, a limit, an offset and a first velocity of 0 are not missing."""
+    laws = {
+        "feedforward": LoopLaw("StaticFeedforward", {"Fc": 0.0}, {"Ff": 0.0}, factor=0.0),
+        "servo": LoopLaw("PID", {"Kp": 30.0}),
+    }
+    for low, high in ((0.0, 20.0), (-20.0, 0.0)):
+        loop = LoopFile(laws, 1e-3, low, high, offset=0.0, window=2, v0=0.0, path=tmp_path / "loop.toml")
+        loop.path.write_text(loop_text(loop, "A loop"), encoding="utf-8")
+        assert read_loop(loop.path) == loop

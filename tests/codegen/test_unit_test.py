@@ -72,6 +72,25 @@ def test_the_law_passes(name: str, tmp_path: Path) -> None:
     check_passes(name, tmp_path)
 
 
+@pytest.mark.parametrize(
+    ("name", "start"),
+    [
+        ("LuGreFeedforward", {"Ts": 1e-4}),
+        ("PID", {"u_min": 0.0, "u_max": 300.0}),
+        ("LuGreFeedforward", {"u_min": 0.0, "u_max": 300.0}),
+        ("ExtendedStateObserver", {"Ts": 0.01}),
+    ],
+)
+def test_right_code_in_float_passes_with_other_start_values(name: str, start: dict[str, float], tmp_path: Path) -> None:
+    """With and without contraction of products and sums."""
+    export = make_export(name, real="float", start=start)
+    write(export, tmp_path)
+    compiler = ["gcc", "-std=c99", "-O2", "-DLAW_TEST_MAIN", "law.c", "law_test.c", "-lm", "-o", "program"]
+    for contract in ("off", "fast"):
+        subprocess.run([*compiler, f"-ffp-contract={contract}", "-mfma"], cwd=tmp_path, check=True)
+        assert subprocess.run([tmp_path / "program"], check=False).returncode == 0, contract
+
+
 @pytest.mark.skipif(not shutil.which("g++"), reason="g++ not installed")
 @pytest.mark.parametrize("name", VARIED[:3])
 def test_the_law_passes_a_test_in_cpp(name: str, tmp_path: Path) -> None:

@@ -143,3 +143,44 @@ def test_the_class_has_the_name_of_the_prefix() -> None:
 def test_only_a_law_with_a_memory_of_force_takes_over() -> None:
     assert "take_over" in wrapper(make_export("LuGreObserver"))
     assert "take_over" not in wrapper(make_export("StaticFeedback"))
+
+
+@pytest.mark.skipif(not shutil.which("g++"), reason="g++ not installed")
+@pytest.mark.parametrize("prefix", ["outputs", "parameters", "states_", "disable"])
+def test_a_prefix_may_be_a_word_of_the_code(prefix: str, tmp_path: Path) -> None:
+    export = make_export("PID", prefix=prefix)
+    for suffix, text in ((".h", header), (".c", implementation), (".hpp", wrapper)):
+        (tmp_path / f"{prefix}{suffix}").write_text(text(export), encoding="utf-8")
+    warnings = ["-Wall", "-Wextra", "-Wconversion", "-Wpedantic", "-Wshadow", "-Werror"]
+    subprocess.run(["gcc", "-std=c99", *warnings, "-fsyntax-only", f"{prefix}.c"], cwd=tmp_path, check=True)
+    (tmp_path / "use.cpp").write_text(f'#include "{prefix}.hpp"\n', encoding="utf-8")
+    subprocess.run(["g++", "-std=c++11", *warnings, "-fsyntax-only", "use.cpp"], cwd=tmp_path, check=True)
+
+
+COUNTER = """
+from casadi import SX
+from friction_fmus.lawkit.law import *
+
+@law("Count", "No inputs", source="none", Ts=1e-3, outputs={"u": Output(FORCE, "ramp")})
+def count(n: SX = State(FORCE, 0.0, "ramp"), Ts: SX = SampleTime()) -> dict[str, SX]:
+    '''A ramp.'''
+    return {"u": n, "n": n + Ts}
+"""
+
+
+@pytest.mark.skipif(not shutil.which("g++"), reason="g++ not installed")
+@pytest.mark.parametrize("real", REALS)
+def test_a_law_without_inputs_gives_no_warning(real: Literal["double", "float"], tmp_path: Path) -> None:
+    path = tmp_path / "count.py"
+    path.write_text(COUNTER, encoding="utf-8")
+    export = make_export(path, real=real)
+    samples = unit_test(export, vectors(export))
+    for name, text in (("h", header(export)), ("c", implementation(export)), ("hpp", wrapper(export))):
+        (tmp_path / f"law.{name}").write_text(text, encoding="utf-8")
+    (tmp_path / "law_test.c").write_text(samples, encoding="utf-8")
+    warnings = ["-Wall", "-Wextra", "-Wconversion", "-Wpedantic", "-Wshadow", "-Werror"]
+    command = ["gcc", "-std=c99", *warnings, "-DLAW_TEST_MAIN", "law.c", "law_test.c", "-lm", "-o", "program"]
+    subprocess.run(command, cwd=tmp_path, check=True)
+    assert subprocess.run([tmp_path / "program"], check=False).returncode == 0
+    (tmp_path / "use.cpp").write_text('#include "law.hpp"\nint main() { Law law; return int(law.step({}).u); }\n')
+    subprocess.run(["g++", "-std=c++11", *warnings, "-fsyntax-only", "use.cpp"], cwd=tmp_path, check=True)

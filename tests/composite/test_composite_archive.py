@@ -19,6 +19,8 @@ from friction_fmus.check import check
 from friction_fmus.cli.systems import open_system
 from harness import Experiment, FmuPart, System
 from harness.compiling.toolchain import header_folder
+from harness.errors import BuildError
+from harness.plot import plot
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 FUNCTIONS = 44
@@ -100,3 +102,37 @@ def test_direct_dependencies_are_those_of_the_loop(compose: Callable[[str], Path
     part = FmuPart("axis", compose("stick_slip"))
     assert part.dependencies["mass.x"] == frozenset()
     assert {"mass.F_drive", "mass.F_load"} <= part.dependencies["mass.a"]
+
+
+@pytest.mark.parametrize(
+    ("mass", "friction"), [("Mässe", "摩擦"), ("a-b", "a_b"), ("$\\foo$", "fr$\\frac{$"), ("a b", "[1]")]
+)
+def test_names_of_parts(tmp_path: Path, mass: str, friction: str) -> None:
+    """Parts with names that are no identifiers: no finding in the FMU, and plots show them literally."""
+    parts = [FmuPart(mass, fmu("Mass")), FmuPart(friction, fmu("LuGre"))]
+    wires = [f"{mass}.v -> {friction}.v", f"{friction}.F -> {mass}.F_friction"]
+    path = tmp_path / "Named.fmu"
+    with System(parts, wires, start={f"{mass}.F_drive": 2.0}, experiment=Experiment(stop=0.01, step=1e-3)) as system:
+        system.to_fmu(path)
+        plot(system.run(), tmp_path / "plot.svg")
+    assert check(path, static=True) == []
+
+
+def _mass(monkeypatch: pytest.MonkeyPatch, epoch: str) -> System:
+    part = FmuPart("mass", fmu("Mass"))
+    monkeypatch.setenv("SOURCE_DATE_EPOCH", epoch)
+    start = {"mass.F_drive": 0.0, "mass.F_friction": 0.0}
+    return System([part], start=start, experiment=Experiment(stop=0.01, step=1e-3))
+
+
+@pytest.mark.parametrize("epoch", ["abc", "-1", "99999999999999"])
+def test_a_wrong_time_stamp(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, epoch: str) -> None:
+    fault = f"SOURCE_DATE_EPOCH is '{epoch}': set it to a number of seconds"
+    with _mass(monkeypatch, epoch) as system, pytest.raises(BuildError, match=fault):
+        system.to_fmu(tmp_path / "Whole.fmu")
+
+
+def test_times_before_those_of_zip(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    with _mass(monkeypatch, "0") as system:
+        system.to_fmu(tmp_path / "Whole.fmu")
+    assert str(read_model_description(tmp_path / "Whole.fmu").generationDateAndTime) == "1970-01-01T00:00:00Z"

@@ -16,9 +16,9 @@ from shell.selection import built
 
 
 @cache
-def three(name: str) -> Path:
-    """The FMU of a block, or of a system of examples/, in FMI 3.0."""
-    return built(name, mkdtemp(prefix="fmi3-"), fmi=3)
+def three(name: str, full: bool = True) -> Path:
+    """The FMU of a block, or of a system of examples/, in FMI 3.0; a block with arrays and clocks if it is `full`."""
+    return built(name, mkdtemp(prefix="fmi3-"), fmi=3, full=full)
 
 
 class Slave(FMU3Slave):  # type: ignore[misc]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes
+import re
 import subprocess
 import zipfile
 from collections.abc import Callable
@@ -25,6 +26,62 @@ def resize(one: Slave, size: int) -> None:
     one.enterConfigurationMode()
     one.setUInt64([one.reference("N")], [size])
     one.exitConfigurationMode()
+
+
+# ---- the two profiles
+
+
+@pytest.mark.parametrize("full", [True, False])
+@pytest.mark.parametrize("name", ["GMS", "PID"])
+def test_value_references_are_positions(build_fmu: Callable[..., Path], name: str, full: bool) -> None:
+    """OMSimulator takes dependencies as positions from 1; as such they are those of FMI 2.0."""
+    two, description = (fmpy.read_model_description(str(path)) for path in (build_fmu(name), three(name, full)))
+    variables = description.modelVariables
+    assert [v.valueReference for v in variables] == list(range(1, len(variables) + 1))
+
+    def bare(known: str) -> str:
+        return re.sub(r"\[\d+\]", "", known)
+
+    for group in ("outputs", "continuousStateDerivatives" if description.modelExchange else "outputs"):
+        old = {"continuousStateDerivatives": "derivatives"}.get(group, group)
+        meant: dict[str, set[str]] = {}
+        for unknown in getattr(two, old):
+            meant.setdefault(bare(unknown.variable.name), set()).update(bare(k.name) for k in unknown.dependencies)
+        with zipfile.ZipFile(three(name, full)) as archive:
+            root = etree.fromstring(archive.read("modelDescription.xml"))
+        tag = {"outputs": "Output"}.get(group, "ContinuousStateDerivative")
+        found: dict[str, set[str]] = {}
+        for unknown in root.iterfind(f"ModelStructure/{tag}"):
+            known = {bare(variables[int(k) - 1].name) for k in str(unknown.get("dependencies")).split()}
+            owner = variables[int(str(unknown.get("valueReference"))) - 1]
+            found.setdefault(bare(owner.name), set()).update(known)
+        assert found == meant
+
+
+@pytest.mark.parametrize("name", ["GMS", "PID"])
+def test_the_profile_for_all_importers_has_neither_arrays_nor_clocks(name: str) -> None:
+    """fmusim needs the structural parameter before its arrays, PyFMI a scalar for each event indicator."""
+    plain, full = (fmpy.read_model_description(str(three(name, full))) for full in (False, True))
+    assert not any(v.dimensions or v.type in ("Clock", "UInt64") for v in plain.modelVariables)
+    assert not plain.coSimulation.hasEventMode
+    assert (full.modelVariables[0].causality == "structuralParameter") is (name == "GMS")
+    assert any(v.type == "Clock" for v in full.modelVariables) is (name == "PID")
+    assert not any(indicator.variable.dimensions for each in (plain, full) for indicator in each.eventIndicators)
+
+
+@pytest.mark.parametrize(("name", "input_", "output"), [("GMS", "v", "F"), ("PID", "x", "u")])
+def test_both_profiles_give_the_same_bits(name: str, input_: str, output: str) -> None:
+    found = []
+    for full in (False, True):
+        with Slave(three(name, full)) as one:
+            one.initialise()
+            rows = []
+            for k in range(50):
+                one.set(input_, 1e-3 * np.sin(0.3 * k))
+                one.doStep(k * 1e-3, 1e-3)
+                rows.append(one.get(output))
+        found.append(rows)
+    assert found[0] == found[1] and any(row != found[0][0] for row in found[0])
 
 
 # ---- arrays
@@ -142,6 +199,27 @@ def test_samples_in_events_are_those_inside_a_step(h: float) -> None:
             t = end
             expected.append((t, inside.get("u")[0]))
         assert found == expected
+
+
+def test_an_event_without_the_clock_leaves_the_sample_to_the_next_step() -> None:
+    with Slave(three("PID"), eventModeUsed=True) as late, Slave(three("PID")) as inside:
+        for one in (late, inside):
+            one.initialise(r=1e-3, rd=0.0, rdd=0.0, v=0.0)
+        late.updateDiscreteStates()
+        late.setClock([late.reference("samples")], [False])
+        late.updateDiscreteStates()
+        late.enterStepMode()
+        for one in (late, inside):
+            one.doStep(0.0, 0.5e-3)
+        assert late.get("u") == inside.get("u") != [0.0]
+    with Slave(three("PID"), eventModeUsed=True) as late:
+        late.initialise(r=1e-3, rd=0.0, rdd=0.0, v=0.0)
+        late.updateDiscreteStates()
+        late.setClock([late.reference("samples")], [True])  # its tick is still due
+        late.updateDiscreteStates()
+        late.enterStepMode()
+        late.doStep(0.0, 0.5e-3)
+        assert late.get("u") != [0.0]
 
 
 def test_the_clock_has_the_interval_of_ts() -> None:

@@ -21,6 +21,11 @@ UNITS = """<ssd:Units>
   <ssc:Unit name="inch"><ssc:BaseUnit m="1" factor="0.0254"/></ssc:Unit>
 </ssd:Units>"""
 
+POND = """<ssd:Units>
+  <ssc:Unit name="pond"><ssc:BaseUnit kg="1" m="1" s="-2" factor="0.00980665"/></ssc:Unit>
+</ssd:Units>"""
+"""A unit that no table knows."""
+
 
 def ssd(system: str, rest: str = UNITS) -> str:
     """An SSD around the content of its outermost system."""

@@ -8,13 +8,30 @@ import time
 import zipfile
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
 import pytest
 from harness_parts import mass
 
-from harness import Bias, CallablePart, Delay, DropOut, ExperimentError, FmuPart, Noise, Result, System
+from harness import (
+    Bias,
+    CallablePart,
+    Delay,
+    DropOut,
+    Experiment,
+    ExperimentError,
+    FmuPart,
+    Noise,
+    Part,
+    Port,
+    Result,
+    SeriesPart,
+    SweepError,
+    System,
+    sweep,
+)
 from harness.system.wire import Wire
 
 BuildFmu = Callable[..., Path]
@@ -105,7 +122,8 @@ def test_other_runs_are_refused(build_fmu: BuildFmu, tmp_path: Path) -> None:
             ({"step": 2e-3}, "other step: 0.001 instead of 0.002"),
             ({"master": "newton"}, "other master"),
             ({"stop": 0.1}, "is the state at 0.2 s: give a later stop than 0.1"),
-            ({"manipulators": MANIPULATORS}, "has another .*manipulator.* than this run"),
+            ({"manipulators": MANIPULATORS}, "other manipulators"),
+            ({"tolerance": 1e-3}, "other tolerance"),
         ]:
             with pytest.raises(ExperimentError, match=message):
                 system.run(**{"stop": 0.3, "step": 1e-3, "resume": state} | changes)
@@ -117,6 +135,67 @@ def test_other_runs_are_refused(build_fmu: BuildFmu, tmp_path: Path) -> None:
             other.run(stop=0.3, step=1e-3, resume=tmp_path / path)
     with zipfile.ZipFile(state) as archive:
         assert "checkpoint.json" in archive.namelist()
+
+
+def gain(k: float) -> Callable[..., float]:
+    return lambda t, u, x: k * t
+
+
+class Scaled:
+    """A gain as an object."""
+
+    def __init__(self, k: float) -> None:
+        self.k = k
+
+    def __call__(self, t: float, u: object, x: object) -> float:
+        return self.k * t
+
+    def of(self, t: float, u: object, x: object) -> float:
+        return self.k * t
+
+
+def played(unit: str = "m", interpolation: str = "linear", value: float = 1.0) -> Part:
+    return SeriesPart("p", [0.0, 1.0], {"y": [0.0, value]}, {"y": unit}, interpolation=interpolation)  # type: ignore[arg-type]
+
+
+def called(function: Callable[..., float] = gain(1.0), unit: str = "m", **options: Any) -> Part:  # noqa: B008
+    return CallablePart("p", function, [], [Port("y", unit)], **options)
+
+
+@pytest.mark.parametrize(
+    ("one", "other"),
+    [
+        (played(), played(unit="mm")),
+        (played(), played(interpolation="previous")),
+        (played(), played(value=2.0)),
+        (called(), called(unit="mm")),
+        (called(), called(sampled=True)),
+        (called(), called(gain(2.0))),
+        (called(Scaled(1.0)), called(Scaled(2.0))),
+        (called(Scaled(1.0).of), called(Scaled(2.0).of)),
+        (called(lambda t, u, x: t), called(lambda t, u, x: 2.0 * t)),
+    ],
+)
+def test_a_part_with_other_results_is_another_part(tmp_path: Path, one: Part, other: Part) -> None:
+    """Neither a checkpoint nor the folder of a sweep is continued with it."""
+    experiment = Experiment(stop=0.5, step=0.1)
+    with System([one]) as first, System([other]) as second:
+        first.run(stop=0.5, step=0.1, checkpoint=tmp_path / "state")
+        sweep(first, [{}], measure="final(p.y)", experiment=experiment, executor="serial", output=tmp_path / "sweep")
+        first.run(stop=1.0, step=0.1, resume=tmp_path / "state")
+        with pytest.raises(ExperimentError, match="other parts"):
+            second.run(stop=1.0, step=0.1, resume=tmp_path / "state")
+        with pytest.raises(SweepError, match="differs in system"):
+            sweep(
+                second, [{}], experiment=experiment, measure="final(p.y)", executor="serial", output=tmp_path / "sweep"
+            )
+
+
+def test_other_start_values_are_refused(tmp_path: Path) -> None:
+    """They would be ignored, as the state contains the old ones."""
+    System([mass()], [], {"mass.F": 1.0}).run(stop=0.2, step=0.1, checkpoint=tmp_path / "state")
+    with pytest.raises(ExperimentError, match="other start values"):
+        System([mass()], [], {"mass.F": 2.0}).run(stop=0.4, step=0.1, resume=tmp_path / "state")
 
 
 @pytest.mark.parametrize("pace", [1.0, 4.0])

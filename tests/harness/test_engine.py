@@ -7,6 +7,7 @@ import signal
 import threading
 import weakref
 from collections.abc import Callable
+from contextlib import nullcontext
 from pathlib import Path
 
 import numpy as np
@@ -227,3 +228,59 @@ def test_the_table_of_a_run_is_freed_without_the_garbage_collector(build_fmu: Bu
             assert table() is None
     finally:
         gc.enable()
+
+
+def signalled(when: float = 0.5) -> System:
+    """It gets Ctrl-C once."""
+    sent: list[float] = []
+
+    def send(t: float, u: object, x: object) -> float:
+        if t > when and not sent:
+            sent.append(t)
+            signal.raise_signal(signal.SIGINT)
+        return t
+
+    return System([CallablePart("c", send, outputs=["y"])])
+
+
+@pytest.mark.parametrize("raises", [False, True])
+def test_the_handler_of_the_program_is_called(raises: bool) -> None:
+    calls: list[int] = []
+
+    def handle(number: int, frame: object) -> None:
+        calls.append(number)
+        if raises:
+            raise OSError("stop")
+
+    before = signal.signal(signal.SIGINT, handle)
+    try:
+        with pytest.raises(OSError, match="stop") if raises else nullcontext():
+            signalled().run(stop=1.0, step=0.1)
+        assert calls == [signal.SIGINT]
+        assert signal.getsignal(signal.SIGINT) is handle
+    finally:
+        signal.signal(signal.SIGINT, before)
+
+
+def test_an_ignored_signal_stays_ignored() -> None:
+    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    try:
+        assert signalled().run(stop=1.0, step=0.1).sizes["time"] == 11
+        assert signal.getsignal(signal.SIGINT) is signal.SIG_IGN
+    finally:
+        signal.signal(signal.SIGINT, before)
+
+
+def test_a_handler_in_c_is_left_alone(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A program that embeds Python may have one, for which Python has None, which `signal.signal` does not take."""
+    given: list[object] = []
+
+    def refuse(number: int, handler: object) -> None:
+        given.append(handler)
+        if handler is None:
+            raise TypeError("signal handler must be signal.SIG_IGN, signal.SIG_DFL, or a callable object")
+
+    monkeypatch.setattr(signal, "getsignal", lambda number: None)
+    monkeypatch.setattr(signal, "signal", refuse)
+    assert System([CallablePart("c", lambda t, u, x: t, outputs=["y"])]).run(stop=1.0, step=0.1).sizes["time"] == 11
+    assert given == []

@@ -33,7 +33,13 @@ WHOLE = {"i8": -100, "u8": 200, "i16": -30000, "u16": 60000, "i32": -(2**31), "u
 
 @cache
 def three(name: str) -> Path:
-    """The FMU of a block in FMI 3.0."""
+    """The FMU of a block in FMI 3.0, with arrays and clocks."""
+    return build(name, mkdtemp(prefix="fmi3-"), fmi=3, arrays=True, clocks=True)
+
+
+@cache
+def plain(name: str) -> Path:
+    """The FMU of a block in FMI 3.0 as it is by default."""
     return build(name, mkdtemp(prefix="fmi3-"), fmi=3)
 
 
@@ -59,7 +65,9 @@ def values(system: System, master: str, stop: float = 0.3) -> dict[str, bytes]:
 
 @pytest.mark.filterwarnings("ignore")
 @pytest.mark.parametrize("master", MASTERS)
-@pytest.mark.parametrize("mixed", [(three, three, three), (fmu, three, fmu), (three, fmu, three)])
+@pytest.mark.parametrize(
+    "mixed", [(three, three, three), (plain, plain, plain), (fmu, three, fmu), (plain, fmu, three)]
+)
 def test_versions_mix_bit_for_bit(master: str, mixed: Sequence[Callable[[str], Path]]) -> None:
     assert values(servo(mixed), master) == values(servo((fmu, fmu, fmu)), master)
 
@@ -191,14 +199,23 @@ def test_clocks_tick_and_events_happen_at_their_times(tmp_path: Path, step: floa
     [
         ({"fault": 1}, "the value of i64_y is too large"),
         ({"fault": 2}, "do not settle"),
-        ({"fault": 3}, "terminateSimulation"),
         ({"fault": 4}, "ended the step early"),
+        ({"fault": 6}, "ended the step early"),
+        ({"fault": 7}, "ended the step early"),
         ({"fault": 5}, "the step fails on request"),
     ],
 )
 def test_failures_have_a_reason(tmp_path: Path, start: dict[str, int], reason: str) -> None:
     with pytest.raises(PartError, match=reason):
         run(tmp_path, **start)
+
+
+def test_an_fmu_that_ends_the_simulation(tmp_path: Path) -> None:
+    """A normal end (FMI 3.0.2, section 4.2): the result ends there, here with its first row."""
+    with foreign(tmp_path, **{**INPUTS, "fault": 3}) as system:
+        found = system.run(stop=0.1, step=0.01)
+    assert found.attrs["ended"] == "part 'p' ended the simulation in the step from t = 0 s"
+    assert found["time"].to_numpy().tolist() == [0.0]
 
 
 @pytest.mark.parametrize(

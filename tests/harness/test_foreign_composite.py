@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 from zipfile import ZipFile
 
 import pytest
@@ -15,16 +16,24 @@ from harness import Experiment, FmuPart, System
 from harness.errors import BuildError
 
 
-def with_sources(given: Path, path: Path) -> Path:
-    """A foreign FMU with its source."""
+def with_sources(
+    given: Path, path: Path, *, before: str = "", step: str = "", gain: str = "1.0", once: bool = False
+) -> Path:
+    """A foreign FMU with its source; definitions before it, a statement in each step, a factor of a GAIN."""
     with ZipFile(given) as archive, ZipFile(path, "w") as written:
         for member in archive.namelist():
             data = archive.read(member)
             if member == "modelDescription.xml":
-                listed = b'><SourceFiles><File name="foreign.c"/></SourceFiles></CoSimulation>'
+                listed = (
+                    b' canBeInstantiatedOnlyOncePerProcess="true"' * once
+                    + b'><SourceFiles><File name="foreign.c"/></SourceFiles></CoSimulation>'
+                )
                 data = re.sub(rb"(<CoSimulation [^>]*)/>", rb"\1" + listed, data)
             written.writestr(member, data)
-        written.write(SOURCES / "foreign.c", "sources/foreign.c")
+        text = (SOURCES / "foreign.c").read_text()
+        text = text.replace("r[2] * r[1] + r[3]", f"r[2] * r[1] * {gain} + r[3]")
+        text = text.replace("    const double limit", f"    {step}\n    const double limit")
+        written.writestr("sources/foreign.c", before + text)
     return path
 
 
@@ -47,3 +56,70 @@ def test_an_fmu_that_cannot_save_its_state_is_refused(foreign: Callable[..., Pat
     with system, pytest.raises(BuildError, match="'prey' cannot save its state"):
         system.to_fmu(tmp_path / "Nature.fmu")
     assert not (tmp_path / "Nature.fmu").exists()
+
+
+COUNTS = {"before": "int shared;\n", "step": "r[3] += h * ++shared;"}
+"""A common symbol, which counts steps: after n of them, the sum of h k is h n (n + 1) / 2."""
+
+
+@pytest.mark.parametrize(
+    ("first", "second", "expected"),
+    [
+        (COUNTS, COUNTS | {"gain": "1"}, (1.55, 2.55)),
+        (
+            {"before": "__attribute__((weak)) double factor(void) { return 3.0; }\n", "gain": "factor()"},
+            {"before": "__attribute__((weak)) double factor(void) { return 5.0; }\n", "gain": "factor()"},
+            (3.0, 10.0),
+        ),
+        ({"before": "static double kept;\n", "step": "kept += h * r[1]; r[3] = kept;", "once": True}, None, (1.1, 2.2)),
+        ({"before": "static double kept;\n", "step": "kept += h * r[1]; r[3] = kept;"}, None, (1.1, 2.2)),
+    ],
+    ids=["common", "weak", "once per process", "static"],
+)
+def test_parts_share_nothing(
+    foreign: Callable[..., Path],
+    tmp_path: Path,
+    first: dict[str, Any],
+    second: dict[str, Any] | None,
+    expected: tuple[float, float],
+) -> None:
+    """y = k u + c of two parts with u = 1 and 2, of which c changes in ten steps of 0.01 s."""
+    paths = [with_sources(foreign("GAIN", states=True), tmp_path / "first.fmu", **first)]
+    paths += [with_sources(foreign("GAIN", states=True), tmp_path / "second.fmu", **second)] if second else paths
+    parts = [FmuPart(name, path) for name, path in zip(("a", "b"), paths, strict=True)]
+    start = {"a.u": 1.0, "b.u": 2.0}
+    with System(parts, start=start, experiment=Experiment(stop=0.1, step=0.01)) as system:
+        system.to_fmu(tmp_path / "Both.fmu")
+    found = run_composite(tmp_path / "Both.fmu", 0.1, 0.01)
+    assert (found["a.y"][-1], found["b.y"][-1]) == pytest.approx(expected, rel=1e-12)
+    once = FmuPart("whole", tmp_path / "Both.fmu").archive.interface.canBeInstantiatedOnlyOncePerProcess
+    assert once == bool(first.get("once"))
+
+
+def test_a_symbol_that_cannot_be_renamed_is_named(foreign: Callable[..., Path], tmp_path: Path) -> None:
+    label = {"before": 'int mine __asm__("shared_by_all");\n', "step": "r[3] += h * ++mine;"}
+    paths = [with_sources(foreign("GAIN", states=True), tmp_path / f"{name}.fmu", **label) for name in "ab"]
+    system = System([FmuPart(path.stem, path) for path in paths], experiment=Experiment(stop=0.1, step=0.01))
+    with system, pytest.raises(BuildError, match="'a' and 'b' both define the symbol shared_by_all"):
+        system.to_fmu(tmp_path / "Both.fmu")
+
+
+def test_an_included_file_of_this_machine_counts(foreign: Callable[..., Path], tmp_path: Path) -> None:
+    """The sources of an FMU may include any file; a change of it is compiled."""
+    header = tmp_path / "factor.h"
+    given = {"before": f'#include "{header.as_posix()}"\n', "gain": "FACTOR"}
+    part = FmuPart("a", with_sources(foreign("GAIN", states=True), tmp_path / "a.fmu", **given))
+    found = []
+    with System([part], start={"a.u": 1.0}, experiment=Experiment(stop=0.1, step=0.01)) as system:
+        for factor in (2.0, 3.0):
+            header.write_text(f"#define FACTOR {factor}\n")
+            system.to_fmu(tmp_path / "Whole.fmu")
+            found.append(run_composite(tmp_path / "Whole.fmu", 0.1, 0.01)["a.y"][-1])
+    assert found == [2.0, 3.0]
+
+
+def test_a_source_that_does_not_compile(foreign: Callable[..., Path], tmp_path: Path) -> None:
+    part = FmuPart("a", with_sources(foreign("GAIN", states=True), tmp_path / "a.fmu", gain="unknown"))
+    system = System([part], experiment=Experiment(stop=0.1, step=0.01))
+    with system, pytest.raises(BuildError, match=r"the FMU of 'a' cannot be .*foreign\.c, line \d+: .*unknown"):
+        system.to_fmu(tmp_path / "Whole.fmu")

@@ -6,6 +6,7 @@ import logging
 import math
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from zipfile import ZipFile
 
 import numpy as np
 import pytest
@@ -13,6 +14,7 @@ from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 
 from harness import AlgebraicLoopError, Experiment, ExperimentError, FmuPart, System, sweep
+from harness.errors import FmuError
 
 MakeFmu = Callable[..., Path]
 EXPLICIT = ["jacobi", "gauss-seidel"]
@@ -217,3 +219,42 @@ def test_a_sweep_of_the_pair(pythonfmu: MakeFmu, tmp_path: Path) -> None:
     expected = [held("gauss-seidel", 200, 0.01, sample["prey.birth"])[-1, 0] for sample in samples]
     np.testing.assert_allclose(found["final(prey.x)"], expected, rtol=1e-12)
     np.testing.assert_array_equal(found["final(prey.letters)"], [4.0, 6.0])
+
+
+def test_an_fmu_that_ends_the_simulation(foreign: Callable[..., Path]) -> None:
+    """fmi2Discard with fmi2Terminated is a normal end (FMI 2.0.5, section 4.2): the result ends there."""
+    with System([FmuPart("p", foreign("PLANT", ends=True))], start={"p.u": 1.0}) as system:
+        found = system.run(stop=1.0, step=0.1)
+    assert found.attrs["ended"] == "part 'p' ended the simulation in the step from t = 0.6 s"
+    np.testing.assert_allclose(found["p.x"], 1.0 - np.exp(-np.arange(7) * 0.1 / 0.5), rtol=1e-12)
+
+
+@pytest.mark.parametrize("count", ["-1", "2000000000"])
+def test_impossible_event_indicators(foreign: Callable[..., Path], tmp_path: Path, count: str) -> None:
+    declared = f' numberOfEventIndicators="{count}" guid="'.encode()
+    path = _changed(foreign("GAIN"), tmp_path / "a.fmu", b' guid="', declared)
+    with pytest.raises(FmuError, match=f"declares {count} event indicators: correct numberOfEventIndicators"):
+        FmuPart("p", path)
+
+
+def test_a_library_with_another_name(foreign: Callable[..., Path], tmp_path: Path) -> None:
+    path = _changed(foreign("GAIN"), tmp_path / "a.fmu", b'modelIdentifier="foreign"', b'modelIdentifier="other"')
+    with pytest.raises(FmuError, match=r"has the library .*foreign\..*, but its modelIdentifier is 'other'"):
+        FmuPart("p", path)
+
+
+def test_an_fmu_without_outputs(foreign: Callable[..., Path], tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    path = _changed(foreign("GAIN"), tmp_path / "a.fmu", b'causality="output"', b'causality="local"')
+    path = _changed(path, tmp_path / "b.fmu", b'<Outputs><Unknown index="1"/></Outputs>', b"")
+    with System([FmuPart("p", path)], start={"p.u": 3.0}) as system:
+        assert not system.run(stop=0.1, step=0.1).data_vars
+        assert "nothing is recorded: name variables in record, such as 'p.y'" in caplog.text
+        assert float(system.run(stop=0.1, step=0.1, record=["p.y"])["p.y"][-1]) == 3.0
+
+
+def _changed(given: Path, path: Path, old: bytes, new: bytes) -> Path:
+    """An FMU with another text in its description."""
+    with ZipFile(given) as archive, ZipFile(path, "w") as written:
+        for member in archive.namelist():
+            written.writestr(member, archive.read(member).replace(old, new, 1))
+    return path

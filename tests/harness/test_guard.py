@@ -8,7 +8,9 @@ import os
 import platform
 import subprocess
 import sys
+import threading
 from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import numpy as np
@@ -231,3 +233,70 @@ def test_threads_have_guards_of_their_own(probe: Path, make_fmu: Callable[..., P
     )
     run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False, env=environment())
     assert (run.returncode, run.stdout, run.stderr) == (0, "", "")
+
+
+@pytest.mark.parametrize("who", ["part", "thread"])
+def test_python_code_of_the_program_may_change_directory_and_locale(
+    who: str, probe: Path, tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    """No part is blamed, and nothing is undone, not even if an FMU then changes the directory."""
+    (tmp_path / "own").mkdir()
+    later = []
+
+    def change() -> None:
+        os.chdir(tmp_path / "own")
+        locale.setlocale(locale.LC_ALL, "C")
+        later.append(True)
+
+    def act(t: float, u: object, x: object) -> float:
+        if t > 0.45 and not later:
+            if who == "part":
+                change()
+            else:
+                thread = threading.Thread(target=change)
+                thread.start()
+                thread.join()
+        return t
+
+    for blamed in ([], ["directory_step"]):
+        later.clear()
+        os.chdir(tmp_path)
+        locale.setlocale(locale.LC_ALL, "C.UTF-8")
+        parts = [FmuPart(name, probe) for name in ("victim", *blamed)]
+        start = {f"{part.name}.{key}": value for part in parts for key, value in SAMPLES.items()}
+        with System([*parts, CallablePart("c", act, outputs=["y"])], start=start) as system:
+            start = {"directory_step.fail_time": 5.0} if blamed else {}
+            system.with_start(start).run(stop=10.0, step=0.1)
+        assert later
+        assert Path.cwd() == tmp_path / "own"
+        assert locale.setlocale(locale.LC_ALL) == "C"
+        assert ("changed the working directory" in caplog.text) is bool(blamed)
+        assert "locale" not in caplog.text
+    os.chdir(tmp_path)
+    locale.setlocale(locale.LC_ALL, "C.UTF-8")
+
+
+def test_one_system_in_two_threads_is_an_error(probe: Path) -> None:
+    """The engine would call one instance of an FMU from both; closing it would unload a running FMU."""
+    inside, go_on = threading.Event(), threading.Event()
+
+    def wait(t: float, u: object, x: object) -> float:
+        inside.set()
+        assert go_on.wait(60.0)
+        return t
+
+    start = {f"victim.{key}": value for key, value in SAMPLES.items()}
+    with System([FmuPart("victim", probe), CallablePart("c", wait, outputs=["y"])], start=start) as system:
+        go_on.set()
+        alone = system.run(stop=1.0, step=0.1)
+        go_on.clear()
+        inside.clear()
+        with ThreadPoolExecutor() as pool:
+            found = pool.submit(system.run, stop=1.0, step=0.1)
+            assert inside.wait(60.0)
+            for use in (lambda: system.run(stop=1.0, step=0.1), system.close):
+                with pytest.raises(HarnessError, match=r"part '(victim|c)' is in use by another run"):
+                    use()
+            go_on.set()
+            assert found.result().identical(alone)
+        system.run(stop=1.0, step=0.1)

@@ -243,3 +243,21 @@ def test_a_heading_that_a_spreadsheet_takes_for_a_formula(name: str, tmp_path: P
     assert back[name.strip()].attrs == {"units": "m"}
     part = SeriesPart.from_csv("series", tmp_path / "out.csv")
     assert [port.name for port in part.outputs] == [name.strip()]
+
+
+def test_mat_refuses_to_round_integers(tmp_path: Path) -> None:
+    def result(largest: int) -> xr.Dataset:
+        return xr.Dataset({"p.n": ("time", np.array([0, largest]))}, {"time": [0.0, 1.0]})
+
+    save_result(result(-(2**53)), tmp_path / "right.mat")
+    assert load_result(tmp_path / "right.mat")["p.n"].to_numpy().tolist() == [0, -(2**53)]
+    for largest in (2**53 + 1, -(2**63)):
+        with pytest.raises(OutputError, match=r"'p\.n' has integers beyond"):
+            save_result(result(largest), tmp_path / "wrong.mat")
+    assert not (tmp_path / "wrong.mat").exists()
+
+
+def test_two_columns_of_one_name_are_refused(tmp_path: Path) -> None:
+    (tmp_path / "a.csv").write_text("time [s],a,a\n0,1,2\n")
+    with pytest.raises(ResultFileError, match="two of its columns are called 'a'"):
+        load_result(tmp_path / "a.csv")

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 from harness_parts import mass
 
@@ -95,3 +96,14 @@ def test_bad_csv(tmp_path: Path, text: str, message: str) -> None:
 def test_missing_csv(tmp_path: Path) -> None:
     with pytest.raises(SeriesError, match="cannot read the record"):
         SeriesPart.from_csv("s", tmp_path / "none.csv")
+
+
+def test_durations_are_seconds_and_dates_are_refused() -> None:
+    index = pd.date_range("2026-01-01", periods=3, freq="500ms")
+    series = SeriesPart("s", index - index[0], {"y": [0.0, 1.0, 2.0]})
+    np.testing.assert_array_equal(series.table().times, [0.0, 0.5, 1.0])
+    for dates in (index, index.tz_localize("UTC")):
+        with pytest.raises(SeriesError, match=r"the times of the record 's' are no numbers .*total_seconds"):
+            SeriesPart("s", dates, {"y": [0.0, 1.0, 2.0]})
+    with pytest.raises(SeriesError, match="the values 'y' of the record 's' are no numbers"):
+        SeriesPart("s", [0.0, 1.0, 2.0], {"y": index})

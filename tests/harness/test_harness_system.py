@@ -101,9 +101,13 @@ def test_same_unit_under_another_name() -> None:
     )
 
 
-def test_unknown_units_are_not_compared() -> None:
+def test_units_that_nobody_knows() -> None:
+    """A port without a unit fits any; of two names that differ, both must be known."""
     wired(Port("F"), Port("F", "N"))
-    wired(Port("F", "spam"), Port("F", "eggs"))
+    wired(Port("F", "spam"), Port("F", "spam"))
+    for units in (("spam", "eggs"), ("spam", "N"), ("N", "spam")):
+        with pytest.raises(UnitError, match=r"F is in 'spam', which is not a known unit: .*connection s\.F -> t\.F"):
+            wired(*(Port("F", unit) for unit in units))
 
 
 def test_types_may_widen_but_not_narrow() -> None:

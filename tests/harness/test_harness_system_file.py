@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import zipfile
 from collections.abc import Callable
 from pathlib import Path
 
@@ -9,7 +10,7 @@ import numpy as np
 import pytest
 from harness_parts import mass
 
-from harness import Experiment, FmuPart, HarnessError, SeriesPart, System, SystemFileError
+from harness import Bias, Delay, Experiment, FmuPart, HarnessError, SeriesPart, System, SystemFileError, Wire
 
 TEXT = """
 name = "bench"
@@ -158,3 +159,32 @@ def test_parts_and_ports_with_unusual_names(folder: Path, make_fmu: Callable[...
     with System.from_toml(folder / "odd.toml") as copy:
         assert copy.start == start
         assert float(copy.run(stop=1.0, step=1.0)["my part.y"][0]) == 0.5
+
+
+@pytest.mark.parametrize("suffix", ["toml", "ssp"])
+def test_scalars_of_numpy_are_written_as_numbers(build_fmu: Callable[..., Path], tmp_path: Path, suffix: str) -> None:
+    faults = (Bias("pid.x", np.float64(1e-3), start=np.float64(0.5)), Delay("mass.F_drive", np.int64(2)))  # type: ignore[arg-type]
+    experiment = Experiment(
+        stop=np.float64(1.0),
+        step=np.float32(0.125),  # type: ignore[arg-type]
+        decimate=np.int64(2),  # type: ignore[arg-type]
+        tolerance=np.float64(1e-6),
+        manipulators=faults,
+    )
+    parts = [FmuPart("mass", build_fmu("Mass")), FmuPart("pid", build_fmu("PID"), every=np.int64(2))]  # type: ignore[arg-type]
+    wires = [
+        Wire("mass.x", "pid.x", gain=np.float64(2.0), offset=np.float32(0.5), delay=np.int64(1)),  # type: ignore[arg-type]
+        "pid.u -> mass.F_drive",
+    ]
+    start = {"pid.Kp": np.float64(30.0), "mass.m": np.float32(0.5), "pid.r": 0.0, "mass.F_friction": 0.0}
+    start |= dict.fromkeys(("pid.rd", "pid.rdd", "pid.v"), 0.0)
+    with System(parts, wires, start, experiment) as system:
+        getattr(system, f"to_{suffix}")(tmp_path / f"system.{suffix}")
+    if suffix == "ssp":
+        with zipfile.ZipFile(tmp_path / "system.ssp") as archive:
+            assert b"np." not in archive.read("SystemStructure.ssd")
+    with getattr(System, f"from_{suffix}")(tmp_path / f"system.{suffix}") as found:
+        assert found.experiment == Experiment(1.0, 0.125, decimate=2, tolerance=1e-6, manipulators=faults)
+        assert found.wires[0] == Wire("mass.x", "pid.x", gain=2.0, offset=0.5, delay=1)
+        assert found.parts["pid"].every == 2
+        assert (found.start["pid.Kp"], found.start["mass.m"]) == (30.0, 0.5)

@@ -9,8 +9,9 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from ssp_files import NAMESPACES, UNITS, component, connection, inline, pack, parameter_set, real, ssd, system
+from ssp_files import NAMESPACES, POND, UNITS, component, connection, inline, pack, parameter_set, real, ssd, system
 
+from friction_fmus import fmu
 from harness import StartValueError, System, SystemFileError, UnitError
 from harness.parts.part import StartValue
 from harness.ssp import read_ssp
@@ -30,9 +31,9 @@ STATUS = (
 def start(probe: Path, tmp_path: Path) -> Callable[..., dict[str, StartValue]]:
     """The start values of an archive, without those that the FMU states itself."""
 
-    def read(content: str, fmu: Path = probe, **files: str) -> dict[str, StartValue]:
+    def read(content: str, fmu: Path = probe, rest: str = UNITS, **files: str) -> dict[str, StartValue]:
         members: dict[str, str | bytes | Path] = {
-            "SystemStructure.ssd": ssd(content, UNITS),
+            "SystemStructure.ssd": ssd(content, rest),
             "resources/probe.fmu": fmu,
         }
         members |= {f"resources/{name.replace('_', '.')}": text for name, text in files.items()}
@@ -85,7 +86,37 @@ def test_files_and_units(start: Callable[..., dict[str, StartValue]]) -> None:
 
 def test_a_unit_that_is_only_a_name(start: Callable[..., dict[str, StartValue]]) -> None:
     assert start(system(component("p", inline(real("u", 2.0, "mN"))))) == {"p.u": 0.002}
-    assert start(system(component("p", inline(real("u", 2.0, "pond"))))) == {"p.u": 2.0}
+    for unit, force in (("lbf", 4.4482216152605), ("kgf", 9.80665)):
+        assert start(system(component("p", inline(real("u", 2.0, unit))))) == {"p.u": pytest.approx(2.0 * force)}
+    with pytest.raises(UnitError, match=r"the value of p\.u in .*\.ssp is in 'pond', which is not a known unit"):
+        start(system(component("p", inline(real("u", 2.0, "pond")))))
+    for unit in ("Nm", "rpm", "inch"):
+        with pytest.raises(UnitError, match="measure different quantities"):
+            start(system(component("p", inline(real("u", 2.0, unit)))))
+
+
+def test_units_of_the_document_around_the_parameters(start: Callable[..., dict[str, StartValue]]) -> None:
+    content = system(component("p", inline(real("u", 2.0, "pond"))))
+    assert start(content, rest=POND) == {"p.u": pytest.approx(0.0196133)}
+
+
+def test_a_number_for_a_variable_without_a_unit(
+    start: Callable[..., dict[str, StartValue]], caplog: pytest.LogCaptureFixture
+) -> None:
+    with caplog.at_level(logging.WARNING):
+        assert start(system(component("p", inline(real("gain", 2.0, "kN"))))) == {"p.gain": 2.0}
+    assert "start value p.gain has no unit: the number 2.0 is taken as it is, in [1000 * kg.m.s-2]" in caplog.text
+
+
+@pytest.mark.parametrize("elements", [3, 11])
+def test_some_elements_of_an_array(start: Callable[..., dict[str, StartValue]], elements: int) -> None:
+    values = " ".join(["1"] * elements)
+    typed = f'<ssv:Parameter name="k"><ssv:Float64 value="{values}"/><ssc:Dimension size="{elements}"/></ssv:Parameter>'
+    one = parameter_set(typed).replace('version="1.0"', 'version="2.0"')
+    binding = '<ssd:ParameterBinding source="resources/set.ssv"/>'
+    content = system(component("p", binding, connectors='<ssd:Connector name="v" kind="input"/>'))
+    with pytest.raises(SystemFileError, match=rf"size {elements} for 'p\.k', which is an array of size 10"):
+        start(content, fmu("GMS"), set_ssv=one)
 
 
 def test_later_and_outer_bindings_win(start: Callable[..., dict[str, StartValue]]) -> None:

@@ -9,7 +9,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from ssp_files import NAMESPACES, UNITS, component, connection, pack, ssd, system
+from ssp_files import NAMESPACES, POND, UNITS, component, connection, pack, ssd, system
 
 from harness import Experiment, FmuPart, System, SystemFileError, UnconnectedError, UnitError, Wire
 from harness.ssp import read_ssp
@@ -63,6 +63,26 @@ def test_a_connector_feeds_several_inputs(archive: Callable[..., Path]) -> None:
     sub = system(component("p") + component("r"), inner, SUB)
     content = system(component("q") + f'<ssd:System name="s">{sub}</ssd:System>', connection("q.y", "s.force"))
     assert set(wires(archive(content))) == {Wire("q.y", "s_p.u"), Wire("q.y", "s_r.u")}
+
+
+def test_an_empty_name_of_an_element_is_the_system(archive: Callable[..., Path]) -> None:
+    inner = connection("force", "p.u").replace("startConnector", 'startElement="" startConnector')
+    back = connection("p.y", "result").replace("endConnector", 'endElement="" endConnector')
+    sub = system(component("p"), inner + back, SUB)
+    content = system(component("q") + f'<ssd:System name="s">{sub}</ssd:System>', connection("q.y", "s.force"))
+    assert wires(archive(content)) == (Wire("q.y", "s_p.u"),)
+
+
+def test_an_fmu_of_both_kinds_that_is_wanted_for_model_exchange(
+    archive: Callable[..., Path], make_fmu: Callable[..., Path], caplog: pytest.LogCaptureFixture
+) -> None:
+    both = make_fmu(("<CoSimulation", '<ModelExchange modelIdentifier="probe"/><CoSimulation'), name="both.fmu")
+    content = system(component("p", source="resources/both.fmu")).replace(
+        "source=", 'implementation="ModelExchange" source='
+    )
+    with caplog.at_level(logging.WARNING), System.from_ssp(archive(content, both=both)) as read:
+        read.run(stop=1.0, step=0.5)
+    assert "component 'p' in" in caplog.text and "both.fmu is run by its co-simulation" in caplog.text
 
 
 def test_transformations_follow_conversions(archive: Callable[..., Path]) -> None:
@@ -143,6 +163,20 @@ def test_units_that_only_the_file_states(archive: Callable[..., Path], make_fmu:
     elements = component("q", connectors=x) + component("p", source="resources/bare.fmu", connectors=u)
     (wire,) = wires(archive(system(elements, connection("q.x", "p.u")), bare=bare))
     assert (wire.gain, wire.offset) == pytest.approx((7920.0, 0.0), rel=1e-12)
+
+
+def test_a_connector_in_a_unit_that_nobody_defines(archive: Callable[..., Path], make_fmu: Callable[..., Path]) -> None:
+    outside = SUB.replace('"kN"', '"pond"')
+    sub = system(component("p"), connection("force", "p.u"), outside)
+    content = system(component("q") + f'<ssd:System name="sub">{sub}</ssd:System>', connection("q.y", "sub.force"))
+    with pytest.raises(UnitError, match=r"the connector 'sub\.force' in .* is in 'pond', which is not a known unit"):
+        wires(archive(content))
+    assert wires(archive(content, POND)) == (Wire("q.y", "sub_p.u"),)
+    # a unit that the FMU defines
+    x = '<ssd:Connector name="x" kind="output"><ssc:Real unit="furlong"/></ssd:Connector>'
+    elements = component("q", connectors=x) + component("p", source="resources/inch.fmu")
+    path = archive(system(elements, connection("q.x", "p.u")), "", inch=make_fmu(INCH, IN_INCH, name="inch.fmu"))
+    assert wires(path) == (Wire("q.x", "p.u"),)
 
 
 def test_units_with_an_offset(archive: Callable[..., Path], make_fmu: Callable[..., Path]) -> None:
@@ -230,7 +264,7 @@ TABLE = '<ssc:IntegerMappingTransformation><ssc:MapEntry source="1" target="2"/>
         (system(component("p")) + DICTIONARY, "has signal dictionaries"),
         (system('<ssd:SignalDictionaryReference name="r" dictionary="d"/>'), "has signal dictionaries"),
         (system(component("p")).replace("source=", 'type="application/x-ssp-package" source='), "type .*x-ssp-package"),
-        (system(component("p")).replace("source=", 'implementation="ModelExchange" source='), "run as CoSimul"),
+        (system(component("p")).replace("source=", 'implementation="ModelExchange" source='), "only offers CoSimul"),
         (system(component("p", source="http://host/p.fmu")), "not a file in the archive"),
         (system(component("p", source="../p.fmu")), "not a file in the archive"),
         (system(component("p", source="%2e%2e/p.fmu")), "not a file in the archive"),

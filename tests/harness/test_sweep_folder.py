@@ -10,9 +10,10 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
+import xarray as xr
 
 from harness import SweepError
-from harness.sweeps.folder import MANIFEST, SweepFolder, read_sweep
+from harness.sweeps.folder import MANIFEST, TRAJECTORIES, SweepFolder, read_sweep
 from harness.sweeps.worker import Outcome
 
 DESCRIPTION = {"runs": 6}
@@ -132,3 +133,23 @@ def test_measures_that_a_killed_process_has_begun_are_not_added_twice(tmp_path: 
     found = read_sweep(tmp_path)
     assert np.isnan(found["y"][0])
     assert float(found["y"][1]) == 2.0
+
+
+def test_trajectories_without_their_runs_are_removed(tmp_path: Path) -> None:
+    """A process that was killed between the two files leaves them; other chunks repeat the runs."""
+    samples = [{"p.u": float(run)} for run in range(6)]
+    kept = xr.Dataset({"p.y": ("time", [1.0, 2.0, 3.0])}, {"time": [0.0, 1.0, 2.0]})
+
+    def chunk(*runs: int) -> list[Outcome]:
+        return [Outcome(run, measures={"y": 1.0}, kept=kept) for run in runs]
+
+    sweep = SweepFolder(tmp_path, DESCRIPTION, KINDS, {})  # type: ignore[arg-type]
+    sweep.add(chunk(0, 1), samples)
+    sweep.add(chunk(2, 3, 4), samples)
+    files(tmp_path)[1].unlink()
+    again = SweepFolder(tmp_path, DESCRIPTION, KINDS, {})  # type: ignore[arg-type]
+    assert again.done == {0, 1}
+    for run in (2, 3, 4, 5):
+        again.add(chunk(run), samples)
+    rows = pq.read_table(tmp_path / TRAJECTORIES)["run"].to_pylist()
+    assert sorted(rows) == sorted(3 * [*range(6)])

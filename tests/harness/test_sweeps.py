@@ -29,8 +29,11 @@ from harness import (
     OutputError,
     Parameter,
     ParameterSet,
+    Port,
+    StartValueError,
     SweepError,
     System,
+    UnitError,
     UnknownNameError,
     grid,
     latin_hypercube,
@@ -115,6 +118,9 @@ def test_parameter_sets_from_files(tmp_path: Path) -> None:
     (tmp_path / "b.csv").write_text("mass.m,mass.k\n2\n")
     with pytest.raises(SweepError, match=r"row 2 of .*b\.csv has 1 cells instead of 2"):
         read_samples([tmp_path / "b.csv"])
+    (tmp_path / "c.csv").write_text("mass.m,mass.k, mass.m\n2,1,3\n")
+    with pytest.raises(SweepError, match=r"two columns of .*c\.csv are called 'mass\.m'"):
+        read_samples([tmp_path / "c.csv"])
     with pytest.raises(SweepError, match="no known format"):
         read_samples([tmp_path / "a.xlsx"])
 
@@ -132,6 +138,31 @@ def test_parameter_sets_with_units_are_converted(build_fmu: BuildFmu, tmp_path: 
     np.testing.assert_allclose(result["final(mass.v)"], [6.0, 0.75, 6.0], rtol=1e-12)
     archived = sweep(tmp_path / "system.ssp", samples, measure="final(mass.v)", executor="serial", experiment=ONE_TICK)
     np.testing.assert_array_equal(archived["final(mass.v)"], result["final(mass.v)"])
+
+
+@pytest.mark.parametrize(
+    ("parameter", "error", "message"),
+    [
+        ({"mass.v0": Parameter(100.0, "in/s")}, None, "2.54"),
+        ({"mass.v0": Parameter(100.0, "kmh")}, None, "27.7777777777777"),
+        ({"mass.v0": Parameter(100.0, "furlong/s")}, UnitError, r"mass\.v0 is in 'furlong/s', which is not a known"),
+        ({"mass.v0": Parameter(100.0, "rpm")}, UnitError, "measure different quantities"),
+        ({"mass.m": Parameter(100.0, "lbf")}, UnitError, "measure different quantities"),
+        ({"gms.k[1]": Parameter(100.0, "N/mm", shape=(3,))}, StartValueError, r"gms\.k has 10 elements, but is given"),
+    ],
+)
+def test_units_of_parameter_sets(
+    build_fmu: BuildFmu, parameter: dict[str, Parameter], error: type[Exception] | None, message: str
+) -> None:
+    start = {"mass.F_drive": 0.0, "mass.F_friction": 0.0, "gms.v": 0.0}
+    with System([FmuPart("mass", build_fmu("Mass")), FmuPart("gms", build_fmu("GMS"))], start=start) as system:
+        if error is None:
+            assert system.with_parameters(parameter).start["mass.v0"] == pytest.approx(float(message))
+            return
+        with pytest.raises(error, match=message):
+            system.with_parameters(parameter)
+        with pytest.raises(error, match=message):
+            sweep(system, [parameter], executor="serial", experiment=ONE_TICK)
 
 
 # ---- results ------------------------------------------------------------------------------------------------------
@@ -540,3 +571,16 @@ def test_workers_that_cannot_be_started_are_one_sentence(tmp_path: Path, monkeyp
     monkeypatch.setattr(pools, "_Slot", refuse)
     with pytest.raises(SweepError, match=r"no worker process .* \(unexpected EOF\): use fewer workers"):
         sweep(counted(tmp_path), numbers(2), workers=1)
+
+
+def test_nan_in_an_integer_is_null_in_the_trajectories(tmp_path: Path) -> None:
+    """The other runs of the same file have integers."""
+    port = Port("y", type="Integer")
+    part = CallablePart("p", lambda t, u, x: u[0] if u[0] > 0.0 else np.nan, ["u"], [port])
+    with System([part], start={"p.u": 0.0}, experiment=ONE_TICK) as system:
+        samples = [{"p.u": value} for value in (1.0, 0.0, 2.0)]
+        table = sweep(system, samples, output=tmp_path / "out", executor="serial", keep=["p.y"])
+    assert list(table["error"].to_numpy()) == ["", "", ""]
+    kept = pyarrow.dataset.dataset(tmp_path / "out" / "_trajectories").to_table().sort_by("run")
+    assert kept["p.y"].to_pylist() == [1, 1, None, None, 2, 2]
+    assert kept.schema.field("p.y").type == "int64"

@@ -16,6 +16,9 @@ def random_arguments(law: Law, n: int, seed: int) -> np.ndarray:
             if variable.kind in BOOLEANS or variable.flag:
                 columns.append(random.integers(0, 2, n).astype(float))
                 continue
+            if variable.tally:
+                columns.append(random.integers(0, 3, n).astype(float))
+                continue
             size = abs(start) or variable.nominal
             column = start + size * random.normal(size=n) * 10.0 ** random.uniform(-4, 1, n)
             column[random.random(n) < 0.1] = start

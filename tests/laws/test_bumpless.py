@@ -305,7 +305,61 @@ def test_a_whole_loop_takes_over(tmp_path: Path) -> None:
     assert found["u"] == pytest.approx(12.0, rel=1e-12)
     states = {v.name: found[v.name] for v in law.select(Kind.STATE)}
     after = law.evaluate(values | states)
-    # the observer sees 12 N less the feedforward and the offset, and no acceleration
-    observed = (1.0 - np.exp(-2.0 * np.pi * 20.0 * Ts)) * (12.0 - 2.0 - 0.4 * 0.05 - 2.0 - 0.3)
-    assert after["u"] - 12.0 == pytest.approx(400.0 * Ts * (30.0 * 1e-3 + 0.01) + observed, rel=1e-9)
+    # the observer begins with 12 N less the feedforward and the offset, and sees the same, without acceleration
+    assert found["compensator_u"] == pytest.approx(12.0 - 2.0 - 0.4 * 0.05 - 2.0 - 0.3, rel=1e-12)
+    assert after["u"] - 12.0 == pytest.approx(400.0 * Ts * (30.0 * 1e-3 + 0.01), rel=1e-9)
     assert "inputs.u_track = force;" in readme(export, ())
+
+
+@pytest.mark.parametrize(
+    ("estimator", "output"),
+    [
+        ("DisturbanceObserver", "u"),
+        ("PredictiveFilter", "u"),
+        ("KalmanFriction", "u"),
+        ("ExtendedStateObserver", "F_hat"),
+    ],
+)
+@pytest.mark.parametrize("window", [0, 2])
+def test_a_loop_with_an_estimator_holds_a_loaded_axis(estimator: str, output: str, window: int, tmp_path: Path) -> None:
+    """A mass rests under a load of 5 N while the loop takes over: equilibrium, so nothing may change."""
+    gain = 0.7
+    laws = {
+        "feedforward": LoopLaw("StaticFeedforward", {"m": 0.0, "offset": 0.4}),
+        "compensator": LoopLaw(estimator, {"gain": gain}, output=output),
+        "servo": LoopLaw("PID"),
+    }
+    path = tmp_path / "loop.toml"
+    path.write_text(loop_text(LoopFile(laws, Ts, -50.0, 50.0, offset=0.3, window=window), "A loop"), encoding="utf-8")
+    law = make_export(path).law
+    states = {v.name: v.start for v in law.select(Kind.STATE, Kind.STATES)}
+    x = v = 0.0
+    for k in range(300):
+        taking = {"track": float(k == 0), "u_track": 5.0}
+        given = {"r": 0.2, "x": 0.2 + x, "v": v} | taking
+        found = law.evaluate({name: value for name, value in given.items() if name != "v" or not window} | states)
+        states = {name: found[name] for name in states}
+        assert found["u"] == pytest.approx(5.0, rel=1e-9), k
+        assert found["compensator_F_hat"] == pytest.approx(5.0 - 0.4 - 0.3, rel=1e-9), k
+        acceleration = found["u"] - 5.0
+        x, v = x + Ts * v + 0.5 * Ts**2 * acceleration, v + Ts * acceleration
+    assert abs(x) < 1e-12
+
+
+@pytest.mark.parametrize("name", [name for name in TRACKING if name not in HELD])
+def test_a_limit_while_tracking_is_not_decided_by_rounding(name: str) -> None:
+    """u is the force to the last bit, and limited only if the force is beyond the limit."""
+    law = LAWS[name]
+    rows = held_axis(law, 2000, 5)
+    memory = {v.name for v in law.variables} & {"gain", "Ki", "ki"}
+    rows = rows.set(**dict.fromkeys(memory, np.random.default_rng(6).uniform(0.1, 1.0, 2000)))
+    saturation = [v.name for v in law.results].index("u_sat")
+    for end, beyond, limited in (
+        ("u_max", 0.0, 0.0),
+        ("u_max", 1e-9, 1.0),
+        ("u_min", 0.0, 0.0),
+        ("u_min", -1e-9, -1.0),
+    ):
+        found = in_double(law)(rows.set(u_track=rows.get(end) + beyond).values)
+        assert (found[:, 0] == rows.get(end)).all()
+        assert (found[:, saturation] == limited).all()

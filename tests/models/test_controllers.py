@@ -257,11 +257,31 @@ def test_learning_commands_and_limits(samples):
     start = {"N": n, "fq": 0.0, "rate": 1.0, "m": 0.0, "Kp": 1e3, "Kd": 0.0, "Ki": 0.0, "u_max": 2.5}
     found = samples("IterativeLearning", inputs, ("u",), **start).reshape(trials, n)
     assert np.array_equal(found[:3], np.repeat([[0.0], [1.0], [1.0]], n, axis=1))
-    # disabled it is silent; the trial then begins anew, and what was learned before is there
-    assert np.array_equal(found[3], [2.0] * 5 + [0.0] * 3 + [2.0] * 2)
-    # of the third trial the two samples since then are learned from, up to the limit
-    assert np.array_equal(found[4], [2.5] * 2 + [2.0] * 8)
+    # disabled it is silent, and stays out of this trial, from which nothing is learned
+    assert np.array_equal(found[3], [2.0] * 5 + [0.0] * 5)
+    # the next trial repeats what was learned before
+    assert np.array_equal(found[4], [2.0] * 10)
     assert not found[5].any()
+
+
+@pytest.mark.parametrize("command", ["enable", "reset"])
+def test_learning_waits_for_the_next_trial_after_an_interruption(samples, command):
+    """L is a gain of 1e3, so that the force of sample k is 1e3 e[k] of the trials that were heard from the start."""
+    n, trials = 10, 4
+    e = np.random.default_rng(5).uniform(0.5e-3, 1e-3, size=(trials, n))
+    end, interrupted = np.zeros((2, trials, n))
+    end[1:, 0] = 1.0
+    interrupted[1, 4] = 1.0
+    commands = {"enable": 1.0 - interrupted, "reset": 0.0 * interrupted}
+    if command == "reset":
+        commands = {"enable": 1.0 + 0.0 * interrupted, "reset": interrupted}
+    inputs = {"r": e.ravel(), "x": np.zeros(trials * n), "trial_end": end.ravel()}
+    inputs |= {name: value.ravel() for name, value in commands.items()}
+    start = {"N": n, "fq": 0.0, "rate": 1.0, "m": 0.0, "Kp": 1e3, "Kd": 0.0, "Ki": 0.0}
+    found = samples("IterativeLearning", inputs, ("F_hat",), **start)[:, 0].reshape(trials, n)
+    first = 1e3 * e[0] * (command == "enable")
+    expected = [np.zeros(n), np.append(1e3 * e[0, :4], np.zeros(6)), first, first + 1e3 * e[2]]
+    assert found == pytest.approx(np.array(expected), rel=1e-12)
 
 
 def test_a_trial_longer_than_the_buffer_ends_silently(samples):

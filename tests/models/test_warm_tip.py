@@ -133,3 +133,26 @@ def test_a_pulled_tip_feels_the_drag_of_its_damping(tip: Library, y: float) -> N
             run.step(settled + j * dt / parts, dt / parts)
             forces.append(run.get1("F"))
     assert np.mean(forces) == pytest.approx(m * damping * v, rel=3e-3)
+
+
+def test_the_noise_does_not_depend_on_the_start_time(tip: Library) -> None:
+    """Intervals of 10 ns after a Unix time, whose rounding is 240 ns: they are counted, not read off the time."""
+    found = []
+    for start in (0.0, 1.7e9):
+        with Instance(tip) as run:
+            run.initialise(start=start, m=M, kT=KT, dt=1e-8, E0=0.0)
+            found.append([])
+            for k in range(20):
+                run.step(start + k * 1e-6, 1e-6)
+                found[-1].append(run.get1("w"))
+    assert found[0] == found[1]
+
+
+def test_noise_begins_long_after_the_start(tip: Library) -> None:
+    """At 1e14 intervals after the start, the end of an interval is lost in the time."""
+    with Instance(tip) as run:
+        run.initialise(kT=0.0, E0=0.0, dt=DT)
+        run.step(0.0, 1e12)
+        run.set({"kT": KT})
+        run.step(1e12, 3.0 * DT)
+        assert run.get1("w") != 0.0

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import pytest
 from shell.facade import facade
@@ -11,8 +12,20 @@ from shell.fixtures import instance, lugre, running, situation  # noqa: F401
 from shell.instance import Library, load
 from shell.selection import SHELL_BLOCKS, built
 
+FULL = ("GMS", "PID", "ModifiedLeuvenFeedforward")
+"""Blocks that arrays or clocks change."""
 
-@pytest.fixture(scope="session", params=[2, 3], ids=["FMI 2.0", "FMI 3.0"])
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Leave out blocks with neither arrays nor clocks where the profile of FMI 3.0 is the full one."""
+    items[:] = [item for item in items if not _is_repeated(getattr(item, "callspec", None))]
+
+
+def _is_repeated(call: Any) -> bool:
+    return call is not None and call.params.get("build_fmu") == "full" and call.params.get("library") not in FULL
+
+
+@pytest.fixture(scope="session", params=[2, 3, "full"], ids=["FMI 2.0", "FMI 3.0", "FMI 3.0 with arrays and clocks"])
 def build_fmu(
     request: pytest.FixtureRequest, build_fmu: Callable[..., Path], tmp_path_factory: pytest.TempPathFactory
 ) -> Callable[..., Path]:
@@ -23,7 +36,7 @@ def build_fmu(
         key = (name, *sorted(start.items()))
         if key not in folders:
             folders[key] = tmp_path_factory.mktemp("facade")
-        return facade(build_fmu(name, **start), built(name, folders[key], start, fmi=3))
+        return facade(build_fmu(name, **start), built(name, folders[key], start, fmi=3, full=request.param == "full"))
 
     return build_fmu if request.param == 2 else make
 

@@ -52,7 +52,7 @@ typedef struct {
         bool tolerance_given, stop_given;
         double tolerance, start, stop;
     } experiment;
-    uint32_t base[REFERENCES + 1]; /* the variable of each element; itself where there is none */
+    uint32_t base[REFERENCES + 1]; /* the variable of each element; an unknown one where there is none */
 } Facade;
 
 typedef fmi2Component C2;
@@ -113,11 +113,11 @@ SHOWN C2 fmi2Instantiate(fmi2String name, fmi2Type kind, fmi2String guid, fmi2St
     if (name && f->name)
         strcpy(f->name, name);
     f->function = "fmi2Instantiate";
-    for (uint32_t i = 0, base = 0; i < REFERENCES; i++) {
-        if (variables_3[i].type != NO_VARIABLE)
-            base = i;
-        f->base[i] = i < base + variables_3[base].length && variables_3[base].type != NO_VARIABLE ? base : i;
-    }
+    for (uint32_t i = 0; i < REFERENCES; i++)
+        f->base[i] = ALL_REFERENCES + i;
+    for (uint32_t v = 1; v < INDICATORS_REFERENCE; v++)
+        for (uint32_t k = 0; k < variables_3[v].length; k++)
+            f->base[variables_3[v].inner + k] = v;
     const char *const token = guid && strcmp(guid, GUID_INSIDE) == 0 ? TOKEN : guid;
     const fmi3LogMessageCallback logger = f->callbacks.logger ? say : NULL;
     const bool shown = visible != 0, logs = logging != 0;
@@ -220,7 +220,16 @@ typedef struct {
 
 static uint32_t base_of(const Facade *f, uint32_t reference)
 {
-    return reference < REFERENCES ? f->base[reference] : reference;
+    return reference < REFERENCES ? f->base[reference] : reference < ALL_REFERENCES ? ALL_REFERENCES : reference;
+}
+
+/* The variables of scalars, in memory that the caller frees. */
+static uint32_t *variables_of(const Facade *f, R2 references[], size_t n)
+{
+    uint32_t *const found = (uint32_t *)calloc(n + 1, sizeof *found);
+    for (size_t i = 0; references && i < n; i++)
+        found[i] = base_of(f, references[i]);
+    return found;
 }
 
 static Chosen chosen(const Facade *f, R2 references[], size_t n)
@@ -235,7 +244,7 @@ static Chosen chosen(const Facade *f, R2 references[], size_t n)
             continue;
         found.reference[found.variables] = base;
         found.first[found.variables++] = (uint32_t)found.elements;
-        found.elements += base < REFERENCES ? size_of_3(f->shell, base) : 1;
+        found.elements += base < ALL_REFERENCES ? size_of_3(f->shell, base) : 1;
     }
     return found;
 }
@@ -245,7 +254,7 @@ static size_t place_in(const Facade *f, const Chosen *in, uint32_t reference)
     const uint32_t base = base_of(f, reference);
     for (size_t k = 0; k < in->variables; k++)
         if (in->reference[k] == base)
-            return in->first[k] + (reference - base);
+            return in->first[k] + (base < ALL_REFERENCES ? reference - variables_3[base].inner : 0);
     return 0;
 }
 
@@ -253,8 +262,7 @@ static size_t place_in(const Facade *f, const Chosen *in, uint32_t reference)
 static bool scalars(const Facade *f, R2 references[], size_t n)
 {
     for (size_t i = 0; i < n; i++)
-        if (references[i] < REFERENCES &&
-            (base_of(f, references[i]) != references[i] || variables_3[references[i]].length != 1))
+        if (base_of(f, references[i]) < ALL_REFERENCES && variables_3[base_of(f, references[i])].length != 1)
             return false;
     return true;
 }
@@ -272,7 +280,7 @@ static double present(const Facade *f, uint32_t reference)
 static bool resized_away(const Facade *f, uint32_t reference)
 {
     const uint32_t base = base_of(f, reference);
-    return base < REFERENCES && reference - base >= size_of_3(f->shell, base);
+    return base < ALL_REFERENCES && reference - variables_3[base].inner >= size_of_3(f->shell, base);
 }
 
 #define GET_2(NAME, TYPE, KIND_3, TYPE_3)                                                                              \
@@ -301,15 +309,17 @@ static bool resized_away(const Facade *f, uint32_t reference)
             TYPE_3 *const plain = (TYPE_3 *)calloc(n + 1, sizeof *plain);                                              \
             for (size_t i = 0; i < n; i++)                                                                             \
                 plain[i] = (TYPE_3)values[i];                                                                          \
-            const fmi3Status set = fmi3Set##KIND_3(f->shell, references, n, plain, n);                                 \
+            uint32_t *const list = variables_of(f, references, n);                                                     \
+            const fmi3Status set = fmi3Set##KIND_3(f->shell, list, n, plain, n);                                       \
+            free(list);                                                                                                \
             free(plain);                                                                                               \
             return (fmi2Status)set;                                                                                    \
         }                                                                                                              \
         const Chosen all = chosen(f, references, n);                                                                   \
         TYPE_3 *const given = (TYPE_3 *)calloc(all.elements + 1, sizeof *given);                                       \
         for (size_t k = 0; k < all.variables; k++)                                                                     \
-            for (uint32_t i = 0; all.reference[k] < REFERENCES && i < size_of_3(f->shell, all.reference[k]); i++)      \
-                given[all.first[k] + i] = (TYPE_3)present(f, all.reference[k] + i);                                    \
+            for (uint32_t i = 0; all.reference[k] < ALL_REFERENCES && i < size_of_3(f->shell, all.reference[k]); i++)  \
+                given[all.first[k] + i] = (TYPE_3)present(f, variables_3[all.reference[k]].inner + i);                 \
         for (size_t i = 0; i < n; i++)                                                                                 \
             if (!resized_away(f, references[i]))                                                                       \
                 given[place_in(f, &all, references[i])] = (TYPE_3)values[i];                                           \
@@ -324,39 +334,50 @@ GET_2(Boolean, fmi2Boolean, Boolean, bool)
 SET_2(Boolean, fmi2Boolean, Boolean, bool)
 
 /* Whether all references are those of the structural parameter, which is an Integer in FMI 2.0. */
-static bool structural(R2 references[], size_t n)
+static bool structural(const Facade *f, R2 references[], size_t n)
 {
     bool all = references && n > 0;
     for (size_t i = 0; all && i < n; i++)
-        all = references[i] < REFERENCES && variables_3[references[i]].type == IS_UINT64;
+        all = base_of(f, references[i]) < ALL_REFERENCES && variables_3[base_of(f, references[i])].type == IS_UINT64;
     return all;
 }
 
 CALL(GetInteger, R2 references[], size_t n, fmi2Integer values[])
 {
     BEGIN("GetInteger")
-    if (!structural(references, n) || !values)
-        return (fmi2Status)fmi3GetInt32(f->shell, references, n, values, n);
+    uint32_t *const list = variables_of(f, references, n);
     fmi3Status status = fmi3OK;
+    if (!structural(f, references, n) || !values) {
+        status = fmi3GetInt32(f->shell, references ? list : NULL, n, values, n);
+        free(list);
+        return (fmi2Status)status;
+    }
     for (size_t i = 0; status == fmi3OK && i < n; i++) {
         uint64_t size = 0;
-        status = fmi3GetUInt64(f->shell, &references[i], 1, &size, 1);
+        status = fmi3GetUInt64(f->shell, &list[i], 1, &size, 1);
         if (status == fmi3OK)
             values[i] = (fmi2Integer)size;
     }
+    free(list);
     return (fmi2Status)status;
 }
 
 CALL(SetInteger, R2 references[], size_t n, const fmi2Integer values[])
 {
     BEGIN("SetInteger")
-    if (!structural(references, n) || !values)
-        return (fmi2Status)fmi3SetInt32(f->shell, references, n, values, n);
-    fmi3Status status = fmi3EnterConfigurationMode(f->shell);
+    uint32_t *const list = variables_of(f, references, n);
+    fmi3Status status = fmi3OK;
+    if (!structural(f, references, n) || !values) {
+        status = fmi3SetInt32(f->shell, references ? list : NULL, n, values, n);
+        free(list);
+        return (fmi2Status)status;
+    }
+    status = fmi3EnterConfigurationMode(f->shell);
     for (size_t i = 0; status == fmi3OK && i < n; i++) {
         const uint64_t size = values[i] < 0 ? UINT64_MAX : (uint64_t)values[i];
-        status = fmi3SetUInt64(f->shell, &references[i], 1, &size, 1);
+        status = fmi3SetUInt64(f->shell, &list[i], 1, &size, 1);
     }
+    free(list);
     if (f->shell->mode == CONFIGURATION_3) {
         const fmi3Status left = fmi3ExitConfigurationMode(f->shell);
         status = left > status ? left : status;
@@ -404,13 +425,19 @@ CALL(GetDirectionalDerivative, R2 unknowns[], size_t n_unknowns, R2 knowns[], si
 CALL(SetRealInputDerivatives, R2 references[], size_t n, const fmi2Integer orders[], const fmi2Real values[])
 {
     BEGIN("SetRealInputDerivatives")
-    return (fmi2Status)friction_fmus_SetInputDerivatives(f->shell, references, n, orders, values);
+    uint32_t *const list = variables_of(f, references, n);
+    const fmi3Status status = friction_fmus_SetInputDerivatives(f->shell, references ? list : NULL, n, orders, values);
+    free(list);
+    return (fmi2Status)status;
 }
 
 CALL(GetRealOutputDerivatives, R2 references[], size_t n, const fmi2Integer orders[], fmi2Real values[])
 {
     BEGIN("GetRealOutputDerivatives")
-    return (fmi2Status)fmi3GetOutputDerivatives(f->shell, references, n, orders, values, n);
+    uint32_t *const list = variables_of(f, references, n);
+    const fmi3Status status = fmi3GetOutputDerivatives(f->shell, references ? list : NULL, n, orders, values, n);
+    free(list);
+    return (fmi2Status)status;
 }
 
 /* ---- states ------------------------------------------------------------------------------------------------- */

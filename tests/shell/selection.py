@@ -36,11 +36,13 @@ COMPOSITES = ("stick_slip", "compensated_axis")
 """Systems of examples/ that are tested as one FMU each: a stiff loop, and a servo with sampled laws."""
 
 
-def built(name: str, folder: str | Path, start: Start | None = None, fmi: Literal[2, 3] = 2) -> Path:
-    """The FMU of a block, or of a system of examples/, in this folder."""
+def built(
+    name: str, folder: str | Path, start: Start | None = None, fmi: Literal[2, 3] = 2, *, full: bool = False
+) -> Path:
+    """The FMU of a block, or of a system of examples/, in this folder; with arrays and clocks if it is `full`."""
     example = Path(__file__).parents[2] / "examples" / f"{name}.toml"
     if not example.exists():
-        return build(name, folder, start, fmi=fmi)
+        return build(name, folder, start, fmi=fmi, arrays=full, clocks=full)
     path = Path(folder) / f"{name}.fmu"
     path.parent.mkdir(parents=True, exist_ok=True)
     with open_system(example) as system:

@@ -107,3 +107,40 @@ def test_a_later_start_time_is_the_first_point(library: Library, instance: Insta
     assert instance.get1("time") == 5.0
     instance.step(5.0, 0.1)
     assert instance.get1("time") == 5.1
+
+
+TS = 2e-3
+IMPORTERS = {
+    "sums the steps": lambda t, k: (t, TS),
+    "multiplies": lambda t, k: (UNIX + k * TS, TS),
+    "passes differences": lambda t, k: (UNIX + k * TS, (UNIX + (k + 1) * TS) - (UNIX + k * TS)),
+}
+UNIX = 1.7e9
+"""[s] A start whose rounding is 1.2e-4 of the sampling time; the sum of the steps is a sampling time off at the end."""
+
+
+@pytest.mark.parametrize("importer", IMPORTERS.values(), ids=IMPORTERS)
+def test_each_step_takes_its_sample_at_large_times(
+    build_fmu: Callable[..., Path], importer: Callable[[float, int], tuple[float, float]]
+) -> None:
+    """The difference of two samples of a position that moves by Ts in each step is Ts, so the velocity is 1."""
+    with Instance(load(build_fmu("Differentiator"))) as run:
+        count = 23_000 if importer is IMPORTERS["sums the steps"] else 2000
+        run.initialise(start=UNIX, stop=UNIX + count * TS, Ts=TS, window=1, v0=1.0)
+        t = UNIX
+        for k in range(count):
+            t, h = importer(t, k)
+            run.set({"x": TS * k})
+            run.step(t, h)
+            t += h
+            assert k % 10 or run.get1("v") == pytest.approx(1.0, abs=1e-6), k
+
+
+def test_samples_follow_the_time_of_an_importer_with_rounded_steps(build_fmu: Callable[..., Path]) -> None:
+    """Steps in single precision are 1.5e-8 too long; the times are right, so each step takes one sample."""
+    with Instance(load(build_fmu("Differentiator"))) as run:
+        run.initialise(Ts=0.1, window=1, v0=1.0)
+        for k in range(1000):
+            run.set({"x": 0.1 * k})
+            run.step(k * 0.1, 0.1 * (1.0 + 1.5e-8))
+            assert run.get1("v") == pytest.approx(1.0, abs=1e-6), k

@@ -37,7 +37,8 @@ def test_fmpy_compiles_a_binary_that_works(name: str, tmp_path: Path, monkeypatc
 def container(folder: Path) -> Path:
     """A container in FMI 3.0 of a mass on LuGre friction, both in FMI 3.0; the drive force is its input."""
     parts = {
-        name: Component(name, three(name), fmpy.read_model_description(str(three(name)))) for name in ("Mass", "LuGre")
+        name: Component(name, path, fmpy.read_model_description(str(path)))
+        for name, path in ((name, three(name, full=False)) for name in ("Mass", "LuGre"))
     }
     of = {(n, v.name): v for n, part in parts.items() for v in part.modelDescription.modelVariables}
     model = ModelDescription(

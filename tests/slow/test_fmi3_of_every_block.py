@@ -25,11 +25,14 @@ BLOCKS = (*catalogue(), *COMPOSITES)
 _AMPLITUDE = {"m": 1e-3, "m/s": 5e-3, "m/s2": 0.5, "rad": 1e-3, "rad/s": 5e-3}
 
 
-@pytest.fixture(params=some(BLOCKS, BLOCKS[::2]))
+PROFILES = [(name, full) for full in (True, False) for name in BLOCKS]
+
+
+@pytest.fixture(params=some(PROFILES, [(name, k % 2 == 0) for k, name in enumerate(BLOCKS[::2])]), ids=str)
 def pair(request: pytest.FixtureRequest, build_fmu: Callable[..., Path]) -> tuple[Path, Path]:
-    """The FMU of a block in both versions."""
-    name = str(request.param)
-    return (built(name, mkdtemp()) if name in COMPOSITES else build_fmu(name)), three(name)
+    """The FMU of a block in both versions; that of FMI 3.0 with arrays and clocks, or as it is by default."""
+    name, full = request.param
+    return (built(name, mkdtemp()) if name in COMPOSITES else build_fmu(name)), three(name, full)
 
 
 def signals(part: FmuPart, draw: random.Random) -> Iterator[list[float]]:

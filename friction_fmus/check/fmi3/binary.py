@@ -67,6 +67,14 @@ def _job(model: Model3, element: etree._Element) -> dict[str, Any]:
         "flags": {old: _is(element, new) for old, new in _FLAGS.items()},
         "states": [state for e in model.structure("ContinuousStateDerivative") for state in _states(model, e)],
         "indicators": sum(model.elements(v) or 1 for v in indicators if v is not None),
+        "dependencies": {
+            old: _dependencies(model, new)
+            for old, new in (
+                ("Outputs", "Output"),
+                ("Derivatives", "ContinuousStateDerivative"),
+                ("InitialUnknowns", "InitialUnknown"),
+            )
+        },
         "completes": _is(element, "needsCompletedIntegratorStep"),
         "output_derivatives": integer(element.get("maxOutputDerivativeOrder")) or 0,
         "categories": [e.get("name") for e in model.root.iterfind("LogCategories/Category")],
@@ -93,6 +101,18 @@ def _job(model: Model3, element: etree._Element) -> dict[str, Any]:
         "adjoint": _is(element, "providesAdjointDerivatives") and _is(element, "providesDirectionalDerivatives"),
         "intermediate": _is(element, "providesIntermediateUpdate"),
     }
+
+
+def _dependencies(model: Model3, section: str) -> dict[str, list[str]]:
+    """Return the names on which each unknown depends; without an unknown that depends on all."""
+    found = {}
+    for element in model.structure(section):
+        v = model.by_reference.get(integer(element.get("valueReference")) or 0)
+        given = element.get("dependencies")
+        if v is not None and given is not None:
+            known = (model.by_reference.get(integer(reference) or 0) for reference in given.split())
+            found[v.name] = [each.name for each in known if each is not None]
+    return found
 
 
 def _states(model: Model3, element: etree._Element) -> list[dict[str, Any]]:

@@ -25,6 +25,8 @@ def _clock(model: Model3) -> Iterator[Fault]:
             yield at(
                 v, f"the clock {v.name} has an interval of {counter:g} counts of 1/{resolution}; give positive ones"
             )
+        if variability == "triggered" and (decimal is not None or counter is not None):
+            yield at(v, f"the clock {v.name} is triggered but states an interval; remove it")
         if v.causality == "output" and variability != "triggered":
             yield at(v, f"the output clock {v.name} is {variability}; only triggered clocks can be outputs")
 

@@ -154,8 +154,8 @@ class Library:
         self._bind()
         libc = ctypes.cdll.msvcrt if sys.platform == "win32" else ctypes.CDLL(None)
         self._logger = _LOGGER(self._log)
-        addresses = [ctypes.cast(function, c_void_p).value for function in (self._logger, libc.calloc, libc.free)]
-        self._callbacks = _Callbacks(*addresses, None, None)
+        self.memory = [ctypes.cast(function, c_void_p).value for function in (libc.calloc, libc.free)]
+        self._callbacks = _Callbacks(ctypes.cast(self._logger, c_void_p).value, *self.memory, None, None)
 
     def _bind(self) -> None:
         """Find the functions and set the types of their arguments."""

@@ -42,6 +42,7 @@ RULES: Final = {
     "states": ("error", "3.2.1", "States are not kept, or are other variables than the XML says."),
     "history": ("error", "3.2.1", "Values depend on points that the solver has tried before."),
     "directional": ("error", "2.1.9", "A directional derivative disagrees with differences."),
+    "dependency-missing": ("error", "2.2.8", "A value depends on an input that its dependencies omit."),
     "not-reproducible": ("warning", "2.1.5", "Two instances with the same calls give different results."),
     "reset-incomplete": ("error", "2.1.6", "After fmi2Reset, the same calls give different results."),
     "state-not-restored": ("error", "2.1.8", "fmi2SetFMUstate does not restore the complete saved state."),

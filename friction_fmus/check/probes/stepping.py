@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from ctypes import byref, c_double, c_int, c_size_t, c_void_p
+from time import perf_counter
 from typing import Any
 
 from .exchange import start
@@ -249,3 +250,45 @@ def derivatives(library: Library, report: Report) -> None:
                     f"fmi2{function} returns status {status} although {capability} is declared{last_message(library)}"
                 )
                 report("capability", f"{what}; implement it or do not declare it")
+
+
+_MOVES = (1.0, -1.0, 10.0, -10.0)
+"""Changes of an input, as multiples of a tenth of its nominal value."""
+_LONGEST = 3.0
+"""Duration after which no further input is moved [s]."""
+
+
+@probe()
+def dependencies(library: Library, report: Report) -> None:
+    """Check that no output or derivative follows an input that its dependencies omit: masters miss its loop."""
+    stated, told = library.job["dependencies"], set[tuple[str, str]]()
+    with start(library) as run:
+        run.begin()
+        _follow(library, report, run, {"InitialUnknowns": stated["InitialUnknowns"]}, told)
+        run.must("ExitInitializationMode")
+        if run.step_status(library.start_time, library.job["step"]) in (OK, WARNING):
+            _follow(library, report, run, {key: stated[key] for key in ("Outputs", "Derivatives")}, told)
+
+
+def _follow(
+    library: Library, report: Report, run: Instance, stated: dict[str, dict[str, list[str]]], told: set[tuple[str, str]]
+) -> None:
+    """Move each Real input and compare what changes with the dependencies in these sections."""
+    before, begun = run.snapshot(), perf_counter()
+    for v in library.variables:
+        if perf_counter() - begun > _LONGEST:
+            return
+        if v.type != "Real" or v.causality != "input" or before.get(v.name) in (None, "NaN"):
+            continue
+        for size in _MOVES:
+            _move(run, v, size)
+            after = run.snapshot()
+            run.write_status(v, before[v.name])
+            if run.snapshot() != before:
+                return  # not a function of the inputs alone, which other probes report
+            for section, unknowns in stated.items():
+                for name, known in unknowns.items():
+                    if after.get(name) != before.get(name) and v.name not in known and (name, v.name) not in told:
+                        told.add((name, v.name))
+                        message = f"{name} follows {v.name} at once, which its dependencies in {section} omit; list it"
+                        report("dependency-missing", message, name)

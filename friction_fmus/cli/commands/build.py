@@ -24,6 +24,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--set", action="append", metavar="NAME=VALUE", help="start value; may be repeated")
     parser.add_argument("--domain", choices=DOMAINS, default=DOMAINS[0], help="rotational: units N.m, rad, kg.m2")
     add_fmi(parser)
+    parser.add_argument("--clocks", action="store_true", help="FMI 3.0: sampled blocks have a clock")
+    parser.add_argument("--arrays", action="store_true", help="FMI 3.0: vectors are arrays")
     parser.add_argument("--name", metavar="IDENTIFIER", help="model identifier and file name")
 
 
@@ -59,6 +61,8 @@ def run(options: argparse.Namespace) -> None:
                 domain=options.domain,
                 platforms=options.platform,
                 fmi=options.fmi,
+                clocks=options.clocks,
+                arrays=options.arrays,
                 compiling=partial(_show, bar, task, name, number * platforms),
             )
             bar.update(task, completed=(number + 1) * platforms)

@@ -1,4 +1,4 @@
-"""Check FMUs of any origin for faults.
+"""Check FMUs, and SSPs with their FMUs, of any origin for faults.
 
 The exit status is 1 if there are errors or warnings, and 2 if a file cannot be checked.
 """
@@ -13,7 +13,7 @@ from friction_fmus.errors import FrictionError
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options."""
-    parser.add_argument("files", nargs="*", type=Path, metavar="FILE", help="FMUs to check")
+    parser.add_argument("files", nargs="*", type=Path, metavar="FILE", help="FMUs and SSPs to check")
     parser.add_argument("--format", choices=("text", "json", "sarif"), default="text", help="format of the report")
     parser.add_argument("-o", "--output", type=Path, metavar="FILE", help="report file; default: the terminal")
     parser.add_argument("--static", action="store_true", help="do not run the binary")

@@ -26,20 +26,18 @@ _LONGEST = 2 * LONGEST_UNIT
 """Largest number of characters of a number with a unit."""
 
 DRIVE_UNITS = {
-    **{"Ncm": "cN.m", "Nmm": "mN.m"},
-    **dict.fromkeys(("1/min", "min-1", "min^-1", "U/min", "Upm", "UPM", "r/min", "rev/min"), "rpm"),
+    **dict.fromkeys(("1/min", "min-1", "min^-1"), "rpm"),
     **dict.fromkeys(("Sek", "sek", "Sekunden", "Sekunde"), "s"),
-    **dict.fromkeys(("Grad", "grad", "degree", "degrees"), "deg"),
-    **{"Grad/s": "deg/s", "mm/sec": "mm/s", "m/sec": "m/s", "rad/sec": "rad/s"},
+    **{"Grad": "deg", "grad": "deg", "Grad/s": "deg/s"},
 }
-"""Units as drives write them, which other tables of units read differently or not at all."""
+"""Units as drives write them, which mean something else or nothing in a model."""
 
 _NUMBER = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(.*)")
 
 
 def unit_of(text: str) -> BaseUnit | None:
     """Return the base unit of a unit such as ``mm``, ``N.m``, ``rpm``; None if the unit is unknown."""
-    symbol = re.sub(r"(?<![A-Za-z])([mkM]?)Nm(?![A-Za-z])", r"(\1N.m)", DRIVE_UNITS.get(text.strip(), text))
+    symbol = DRIVE_UNITS.get(text.strip(), text)
     known = parse_unit(symbol)
     if known is not None or not symbol.strip():
         return known

@@ -15,6 +15,8 @@ from typing import NamedTuple
 from friction_fmus.lawkit.emit.graph import COMPARE, Node
 
 SUMS = {"ADD": 1.0, "SUB": -1.0}
+SUMMED = "SUMMED"
+"""Factor of a sum of small increments, which is not a position."""
 
 Pair = tuple[int, int | None]
 """Nodes of the upper and of the lower part; None for a lower part of 0."""
@@ -38,6 +40,7 @@ def positions(
     parameters: Iterable[int],
     states: Mapping[int, int],
     outputs: Iterable[int],
+    sums: Mapping[int, int],
 ) -> tuple[dict[int, Weight], set[int]]:
     """Find the arguments and results that must be pairs.
 
@@ -57,6 +60,9 @@ def positions(
         value.
     outputs : iterable of int
         Indices of the other results that may be absolute positions.
+    sums : mapping of int to int
+        For the index of each result that is a sum of small increments, the index of the argument with its previous
+        value.
 
     Returns
     -------
@@ -74,7 +80,9 @@ def positions(
             if found.keys() <= wide.keys():
                 break
             wide |= found
-    written = {i for i in states if states[i] in wide} | {i for i in outputs if weights[results[i]]}
+    wide |= {argument: Weight(1.0, ((SUMMED, argument),)) for argument in sums.values()}
+    weights = _weights(nodes, wide)
+    written = {i for i in states if states[i] in wide} | {i for i in outputs if weights[results[i]]} | {*sums}
     needed = _needed(nodes, weights, {results[i] for i in written})
     read = {_argument(node) for node, weight in zip(nodes, needed, strict=True) if weight}
     return {argument: weight for argument, weight in wide.items() if argument in read}, written
@@ -90,6 +98,11 @@ def _needed(nodes: Sequence[Node], weights: Sequence[Weight | None], written: se
         if differs or (weights[number] and number in needed):
             needed.update(wide)
     return [weight if number in needed else None for number, weight in enumerate(weights)]
+
+
+def in_pairs(nodes: Sequence[Node], wide: Mapping[int, Weight], written: set[int]) -> list[bool]:
+    """Return which nodes are pairs; arguments as for `split`, with the nodes of the results that are pairs."""
+    return [weight is not None for weight in _needed(nodes, _weights(nodes, wide), written)]
 
 
 def _of_parameter(argument: int) -> Weight:
@@ -130,6 +143,8 @@ def _weight(number: int, node: Node, nodes: Sequence[Node], given: list[Weight |
     operation = node.operation
     if operation in SUMS:
         return _sum(number, SUMS[operation], *given)
+    if operation in ("MUL", "DIV", "NEG", "TWICE", "FLOOR") and any(map(_is_summed, given)):
+        return None  # a sum is needed to full accuracy as a sum only
     if operation in ("MUL", "DIV") and (given[0] or (given[1] and operation == "MUL")):
         return _product(number, node, nodes, given)
     if operation in ("NEG", "TWICE") and given[0]:
@@ -137,6 +152,10 @@ def _weight(number: int, node: Node, nodes: Sequence[Node], given: list[Weight |
     if operation == "FLOOR":
         return given[0]
     return next(filter(None, given[1:]), None) if operation in ("SELECT", "IF_ELSE_ZERO") else None
+
+
+def _is_summed(weight: Weight | None) -> bool:
+    return weight is not None and any(name == SUMMED for name, _ in weight.factors)
 
 
 def _sum(number: int, sign: float, one: Weight | None, two: Weight | None) -> Weight | None:
@@ -254,6 +273,8 @@ class _Splitter:
     def _pair(self, node: Node, parts: Sequence[Pair]) -> Pair:
         """Return a pair from pairs."""
         operation, one = node.operation, parts[0]
+        if operation == "ADD" and parts[1][1] is None and _is_summed(self._weights[node.arguments[0]]):
+            return self._accumulated(one, parts[1][0])
         if operation in SUMS:
             return self._sum(operation, self._exact(node.arguments[0]), self._exact(node.arguments[1]))
         if operation in ("NEG", "TWICE"):
@@ -292,6 +313,12 @@ class _Splitter:
         opposite = "SUB" if operation == "ADD" else "ADD"
         rest = self._node(operation, left, self._node(opposite, b, part))
         return self._joined(total, self._plus(rest, self._lower(operation, one[1], two[1])))
+
+    def _accumulated(self, one: Pair, increment: int) -> Pair:
+        """Return Kahan's sum, for an increment below the sum."""
+        added = self._plus(increment, one[1])
+        total = self._node("ADD", one[0], added)
+        return total, self._node("SUB", added, self._node("SUB", total, one[0]))
 
     def _product(self, one: Pair, two: Pair) -> Pair:
         """Return the pair of a product; the product of the two lower parts is negligible."""

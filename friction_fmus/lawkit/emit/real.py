@@ -24,6 +24,8 @@ class Real:
         Largest finite number.
     smallest : float
         Smallest magnitude of a constant other than zero: a guard against division by zero must not become zero.
+    bound : float
+        Largest magnitude of an input, so that its square does not overflow; 0 if each finite number is accepted.
     """
 
     name: str
@@ -31,6 +33,7 @@ class Real:
     infinity: str
     largest: float
     smallest: float
+    bound: float = 0.0
 
     def literal(self, value: float) -> str:
         """Return the shortest literal that reads back as this number."""
@@ -46,4 +49,4 @@ class Real:
 
 
 DOUBLE = Real("double", "", "HUGE_VAL", math.inf, 0.0)
-FLOAT = Real("float", "f", "HUGE_VALF", 3.4028234e38, 1.1754944e-38)
+FLOAT = Real("float", "f", "HUGE_VALF", 3.4028234e38, 1.1754944e-38, 1e9)

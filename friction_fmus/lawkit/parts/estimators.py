@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from casadi import SX, if_else, logic_not, logic_or
 
 from friction_fmus.lawkit.expressions import clip, limits
+from friction_fmus.lawkit.parts.tracking import tracked
 
 
 def starts_now(reset: SX, running: SX) -> SX:
@@ -14,9 +15,9 @@ def starts_now(reset: SX, running: SX) -> SX:
     return logic_or(reset, logic_not(running))
 
 
-def compensation(estimate: SX, gain: SX, u_min: SX, u_max: SX, enable: SX) -> dict[str, SX]:
+def compensation(estimate: SX, gain: SX, u_min: SX, u_max: SX, enable: SX, track: SX, u_track: SX) -> dict[str, SX]:
     """Return the outputs u, F_hat and u_sat that compensate a fraction of an estimated friction force."""
-    wanted = gain * estimate
+    wanted = tracked(track, u_track, gain, gain * estimate)
     return {
         "u": if_else(enable, clip(wanted, u_min, u_max), 0.0),
         "F_hat": if_else(enable, estimate, 0.0),

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from casadi import SX, exp, expm1, if_else, logic_and, logic_not, logic_or
 
 from friction_fmus.lawkit.expressions import clip, limits
@@ -21,6 +23,12 @@ def increment(r: SX, last: SX, started: SX, reset: SX) -> SX:
     """
     # r - r instead of 0, so that NaN stays NaN
     return r - if_else(logic_and(started, logic_not(reset)), last, r)
+
+
+def filled(now: SX, before: Sequence[SX], missed: SX) -> list[SX]:
+    """Return the values of the previous samples, latest first; after missing samples they lie on a straight line."""
+    slope = (now - before[0]) / (missed + 1.0)
+    return [if_else(missed > 0.0, now - (j + 1.0) * slope, value) for j, value in enumerate(before)]
 
 
 def at_most(value: SX, limit: SX | float) -> SX:

@@ -5,11 +5,23 @@ from __future__ import annotations
 from casadi import SX, expm1, fabs, if_else
 
 from friction_fmus.lawkit.expressions import clip, limits
+from friction_fmus.lawkit.parts.tracking import tracked
 
 
-def limited(rest: SX, F_hat: SX, gain: SX, enable: SX, u_min: SX, u_max: SX) -> dict[str, SX]:
+def limited(
+    rest: SX,
+    F_hat: SX,
+    gain: SX,
+    enable: SX,
+    u_min: SX,
+    u_max: SX,
+    track: SX | None = None,
+    u_track: SX | None = None,
+) -> dict[str, SX]:
     """Return u, F_hat and u_sat, with u from a fraction of the friction and other terms; all 0 unless enabled."""
     wanted = rest + gain * F_hat
+    if track is not None and u_track is not None:
+        wanted = tracked(track, u_track, gain, wanted)
     return {
         "u": if_else(enable, clip(wanted, u_min, u_max), 0.0),
         "F_hat": if_else(enable, F_hat, 0.0),

@@ -17,23 +17,28 @@ def restarts(reset: SX, track: SX) -> SX:
     return logic_and(reset, logic_not(track))
 
 
-def carried(track: SX, u_track: SX, rest: SX, gain: SX, u_min: SX, u_max: SX, otherwise: SX) -> SX:
+def tracked(track: SX, u_track: SX, gain: SX, otherwise: SX) -> SX:
+    """Return the output of a law before its limits: u_track itself, or `otherwise` if the law has no memory to set.
+
+    Computed from the memory, it would reach a limit or not as rounding decides.
+    """
+    return if_else(logic_and(track, gain != 0.0), u_track, otherwise)
+
+
+def carried(track: SX, u: SX, rest: SX, gain: SX, otherwise: SX) -> SX:
     """Return the memory with which a law begins a sample.
 
     Parameters
     ----------
-    track, u_track : SX
-        Whether the law tracks a force, and this force.
+    track, u : SX
+        Whether the law tracks a force, and this force within the limits of the output.
     rest, gain : SX
         The output of the law before its limits is rest + gain memory, with gain >= 0.
-    u_min, u_max : SX
-        Limits of the output, which also limit u_track.
     otherwise : SX
         The memory if the law does not track, or if gain = 0, so that the memory does not act on the output.
     """
     follows = logic_and(track, gain != 0.0)
-    limited_track = clip(u_track, u_min, u_max)
-    return if_else(follows, (limited_track - rest) / if_else(follows, gain, 1.0), otherwise)
+    return if_else(follows, (u - rest) / if_else(follows, gain, 1.0), otherwise)
 
 
 def deflected(track: SX, u_track: SX, rest: SX, stiffness: SX, most: SX, u_min: SX, u_max: SX, otherwise: SX) -> SX:

@@ -62,6 +62,9 @@ TRACK: Any = Command(False, "true: the states are set so that u = u_track")
 LAST: Any = State(LENGTH, 0.0, "reference in the previous sample")
 STARTED: Any = State(NO_UNIT, 0.0, "1 if there is a previous sample", flag=True)
 RUNNING: Any = State(NO_UNIT, 0.0, "1 after the first sample", flag=True)
+MISSED: Any = replace(
+    State(NO_UNIT, 0.0, "number of samples missed before this one, as an input was invalid"), tally=True
+)
 X_HAT: Any = State(LENGTH, 0.0, "estimated position", nominal=1e-3)
 V_HAT: Any = State(VELOCITY, 0.0, "estimated velocity", nominal=1e-2)
 

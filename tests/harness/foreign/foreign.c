@@ -3,7 +3,7 @@
  * for inputs that are held.
  *
  * With "states" the state can be saved, else the functions for it fail. With "stale" outputs cannot be read between an
- * input and the next step, which FMI 2.0 allows an FMU to refuse.
+ * input and the next step, which FMI 2.0 allows an FMU to refuse. With "ends" it ends the simulation after 0.55 s.
  */
 #include <math.h>
 #include <stdio.h>
@@ -25,7 +25,7 @@ typedef struct {
     fmi2Boolean boolean[2];
     char text[2][32];
     enum kind kind;
-    int saves, refuses, running, stale;
+    int saves, refuses, ends, running, stale;
 } Model;
 
 static const fmi2Real STARTS[KINDS][8] = {
@@ -75,6 +75,7 @@ EXPORT fmi2Component fmi2Instantiate(fmi2String name, fmi2Type type, fmi2String 
     while (strlen(NAMES[p->kind]) != length || strncmp(NAMES[p->kind], guid, length) != 0) p->kind++;
     p->saves = strstr(guid, " states") != NULL;
     p->refuses = strstr(guid, " stale") != NULL;
+    p->ends = strstr(guid, " ends") != NULL;
     memcpy(p->real, STARTS[p->kind], sizeof p->real);
     strcpy(p->text[0], "none");
     (void)name, (void)type, (void)resources, (void)functions, (void)visible, (void)logging;
@@ -104,6 +105,7 @@ EXPORT fmi2Status fmi2ExitInitializationMode(fmi2Component c)
 EXPORT fmi2Status fmi2DoStep(fmi2Component c, fmi2Real t, fmi2Real h, fmi2Boolean prior)
 {
     Model *p = c;
+    if (p->ends && t > 0.55) return fmi2Discard;
     outputs(p);
     advance(p, h);
     p->stale = 0;
@@ -174,5 +176,11 @@ RETURNS(fmi2Error, fmi2GetRealOutputDerivatives, const fmi2ValueReference vr[], 
 RETURNS(fmi2Error, fmi2GetStatus, const fmi2StatusKind k, fmi2Status *v)
 RETURNS(fmi2Error, fmi2GetRealStatus, const fmi2StatusKind k, fmi2Real *v)
 RETURNS(fmi2Error, fmi2GetIntegerStatus, const fmi2StatusKind k, fmi2Integer *v)
-RETURNS(fmi2Error, fmi2GetBooleanStatus, const fmi2StatusKind k, fmi2Boolean *v)
+
+EXPORT fmi2Status fmi2GetBooleanStatus(fmi2Component c, const fmi2StatusKind k, fmi2Boolean *v)
+{
+    *v = k == fmi2Terminated && ((Model *)c)->ends;
+    return fmi2OK;
+}
+
 RETURNS(fmi2Error, fmi2GetStringStatus, const fmi2StatusKind k, fmi2String *v)

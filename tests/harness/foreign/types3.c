@@ -1,6 +1,7 @@
 /* An FMU of FMI 3.0 as another tool would export it: variables of all types, arrays, a clock, events. Each output is
    its input plus one step after another; `fault` makes it misbehave. */
 
+#include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -298,8 +299,8 @@ EASY(DoStep, fmi3Float64 t, fmi3Float64 h, fmi3Boolean prior, fmi3Boolean *event
     Data *const d = &F->data;
     *event = false;
     *terminate = d->fault == 3;
-    *early = d->fault == 4;
-    *last = *early ? t + 0.5 * h : t + h;
+    *early = d->fault == 4 || d->fault >= 6;
+    *last = d->fault == 6 ? NAN : d->fault == 7 ? t + 2.0 * h : *early ? t + 0.5 * h : t + h;
     if (d->fault == 5)
         return complain(F, "the step fails on request");
     d->y += d->u * h;

@@ -1,0 +1,1 @@
+static int x; int mässe; void fuß(void){} int a$b;
