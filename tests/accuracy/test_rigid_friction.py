@@ -136,9 +136,9 @@ def test_implicit_masters(master: str, kind: str, name: str, step: float) -> Non
 
 @pytest.mark.parametrize("step", [1e-2, 1e-3, pytest.param(1e-4, marks=[] if THOROUGH else pytest.mark.skip)])
 @pytest.mark.parametrize(("kind", "name"), BLOCKS)
-@pytest.mark.parametrize("master", ["gauss-seidel", "jacobi"])
-def test_explicit_masters_are_right_or_warn(master: str, kind: str, name: str, step: float) -> None:
-    """They find rest at the first instant only: a mass that stops in a step jumps about v = 0."""
+@pytest.mark.parametrize("master", ["gauss-seidel"])
+def test_an_explicit_master_is_right_or_warns(master: str, kind: str, name: str, step: float) -> None:
+    """It finds rest at the first instant only: a mass that stops in a step jumps about v = 0."""
     with coupled(kind, name) as system, Warnings() as warned:
         try:
             result = system.run(stop=STOPS[kind], step=step, master=master, record=NAMES)
