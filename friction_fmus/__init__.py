@@ -1,6 +1,16 @@
 """Friction models and compensators as FMUs of FMI 2.0 and 3.0."""
 
+import sys
+from importlib.machinery import PathFinder
+from importlib.util import module_from_spec
+from pathlib import Path
 from typing import TYPE_CHECKING
+
+if "harness" not in sys.modules:  # the package beside this one, not a file harness.py in the working folder
+    _spec = PathFinder.find_spec("harness", [str(Path(__file__).parents[1])])
+    if _spec is not None and _spec.loader is not None:
+        sys.modules["harness"] = module_from_spec(_spec)
+        _spec.loader.exec_module(sys.modules["harness"])
 
 from friction_fmus import harness
 from friction_fmus.blocks.catalogue import Block, catalogue, find

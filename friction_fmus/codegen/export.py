@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
 from typing import Literal
@@ -60,6 +61,8 @@ def export_law(
     ------
     UnknownNameError, FrictionError
         If the model is unknown; if it is not a law or a start value is invalid.
+    OutputError
+        If a file cannot be written; then none is.
     """
     export = make_export(model, real=real, start=start, prefix=prefix)
     prefix = export.prefix
@@ -76,10 +79,17 @@ def export_law(
         texts[f"{prefix}_table.h"] = table_header(export)
         texts[f"{prefix}_table.c"] = table_source(export, export.table)
     folder = Path(out_dir)
+    new = not folder.exists()
     make_folder(folder)
-    for name, text in texts.items():
-        with atomic_path(folder / name) as temporary:
-            temporary.write_text(text, encoding="utf-8", newline="\n")
+    try:
+        with ExitStack() as stack:  # no file replaces another one before all are written
+            for name, text in texts.items():
+                temporary = stack.enter_context(atomic_path(folder / name))
+                temporary.write_text(text, encoding="utf-8", newline="\n")
+    except BaseException:
+        if new:
+            folder.rmdir()
+        raise
     return tuple(folder / name for name in texts)
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import tempfile
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack
@@ -22,6 +21,7 @@ from friction_fmus.study.compensator_records import CompensatorResult, Metrics
 from friction_fmus.study.evaluation import Scheme, off_by, system_of
 from friction_fmus.study.metrics import Bench
 from harness import FmuPart, HarnessError, System, Wire
+from harness.storage.scratch import ScratchFolder
 from harness.system.wire import split_name
 from harness.wasm import WasmModel
 
@@ -251,7 +251,7 @@ def knobs_of(bench: Bench, schemes: Sequence[Scheme], systems: Sequence[System])
 def _module(system: System, name: str) -> WasmModel:
     """Return a system as a module with the variables that the report sets and reads."""
     sources = {wire.source for wire in system.wires if split_name(wire.source)[0] in SOURCES}
-    with tempfile.TemporaryDirectory() as scratch:
+    with ScratchFolder("friction-fmus-") as scratch:
         folder = Path(scratch) / f"{name}-wasm"
         system.to_fmu(folder, name=name, inputs=sorted(sources), outputs=list(RECORDED), platforms=["wasm32"])
         description = json.loads((folder / f"{name}.json").read_text(encoding="utf-8"))

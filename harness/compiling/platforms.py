@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import tempfile
 from collections.abc import Collection, Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
@@ -17,6 +16,7 @@ from harness.errors import BuildError, nearest
 from harness.parts.universal import universal
 from harness.processors import available
 from harness.storage.cache import cached
+from harness.storage.scratch import ScratchFolder
 
 
 class Platform(NamedTuple):
@@ -168,7 +168,7 @@ def _object(target: str | None, unit: str, sources: Mapping[str, str], *, warns:
 @contextmanager
 def _scratch() -> Iterator[Path]:
     """Yield a folder that is removed at the end, so that no path of the cache enters a binary."""
-    with tempfile.TemporaryDirectory(prefix="friction-fmus-") as scratch:
+    with ScratchFolder("friction-fmus-") as scratch:
         yield Path(scratch)
 
 
@@ -196,11 +196,10 @@ def _kept(target: str | None, suffix: str, sources: Mapping[str, str], name: str
     path = toolchain.cache_folder() / "libraries" / f"{name}-{_digest(target, name, sources)}{suffix}"
 
     def compile_it() -> bytes:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryDirectory(prefix="compile-", dir=path.parent) as scratch:
-            _write(Path(scratch), sources)
-            library = Path(scratch) / f"{name}{suffix}"
-            toolchain.compile_library(Path(scratch), f"{name}.c", library, headers=headers, target=target)
+        with _scratch() as scratch:
+            _write(scratch, sources)
+            library = scratch / f"{name}{suffix}"
+            toolchain.compile_library(scratch, f"{name}.c", library, headers=headers, target=target)
             return library.read_bytes()
 
     return path, cached(path, compile_it)

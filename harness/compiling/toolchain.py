@@ -8,13 +8,13 @@ import re
 import shlex
 import subprocess
 import sys
-import tempfile
 from collections.abc import Sequence
 from functools import cache
 from pathlib import Path
 
 from harness.errors import BuildError, MissingPackageError
 from harness.extras import require
+from harness.storage.scratch import ScratchFolder
 
 FLAGS = (
     *("-std=c99", "-O2", "-g0", "-fPIC", "-fvisibility=hidden"),
@@ -43,13 +43,28 @@ _WASM_LINK_FLAGS = (
 )
 _SMALL = tuple(f"-D{name}=wasm_{name}" for name in ("snprintf", "vsnprintf", "exp2", "log"))
 """Functions of the C library that would make a module much larger, and have substitutes in ``fmu_src/wasm``."""
+_CACHE_OF_ZIG = "ZIG_GLOBAL_CACHE_DIR"
 
 
 def cache_folder() -> Path:
-    """Return the folder for cached build results; ``FRICTION_FMUS_CACHE`` overrides it."""
+    """Make and return the folder for cached build results; ``FRICTION_FMUS_CACHE`` overrides it.
+
+    Raises
+    ------
+    BuildError
+        If it cannot be made.
+    """
     import platformdirs  # imported here, as the build of the wheel has neither this package nor fmpy
 
-    return Path(os.environ.get("FRICTION_FMUS_CACHE") or platformdirs.user_cache_dir("friction-fmus"))
+    folder = Path(os.environ.get("FRICTION_FMUS_CACHE") or platformdirs.user_cache_dir("friction-fmus"))
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise BuildError(
+            f"the folder {folder} for compiled files cannot be made ({error.strerror}): set the environment variable "
+            "FRICTION_FMUS_CACHE to a writable folder"
+        ) from error
+    return folder
 
 
 def header_folder() -> Path:
@@ -104,8 +119,14 @@ def lacking() -> MissingPackageError | None:
 def _version(command: tuple[str, ...]) -> str:
     try:
         # zig leaves an empty a.o when asked for its version with -target ...-macos
-        with tempfile.TemporaryDirectory(prefix="friction-fmus-") as scratch:
-            run = subprocess.run([*command, "--version"], cwd=scratch, capture_output=True, text=True, check=True)
+        with ScratchFolder("friction-fmus-") as scratch:
+            for lacks in (_CACHE_OF_ZIG not in os.environ, False):
+                run = subprocess.run(
+                    [*command, "--version"], cwd=scratch, capture_output=True, text=True, check=not lacks
+                )
+                if run.returncode == 0:
+                    break
+                os.environ[_CACHE_OF_ZIG] = str(cache_folder() / "zig")  # without a home, zig knows no folder
         return run.stdout
     except (OSError, subprocess.CalledProcessError) as error:
         raise BuildError(

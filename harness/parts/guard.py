@@ -154,7 +154,7 @@ def _hear_python() -> None:
                 _OwnSettings.folder = folder if Path(folder).is_dir() else _OwnSettings.folder
 
     def set_locale(category: int, chosen: Any = None) -> str:
-        found = low_level(category, chosen)
+        found: str = low_level(category, chosen)
         if chosen is not None:
             _OwnSettings.locale = low_level(locale.LC_ALL)
         return found

@@ -9,9 +9,12 @@ import signal
 import sys
 import tempfile
 import threading
-from collections.abc import Sequence
-from concurrent.futures import BrokenExecutor, Future, ProcessPoolExecutor, ThreadPoolExecutor
+from collections.abc import Iterator, Sequence
+from concurrent.futures import BrokenExecutor, CancelledError, Future, ProcessPoolExecutor, ThreadPoolExecutor
+from contextlib import contextmanager, suppress
+from importlib.machinery import PathFinder
 from multiprocessing.context import BaseContext
+from pathlib import Path
 from time import sleep
 from types import ModuleType
 from typing import Any, Final, Protocol, TypeAlias
@@ -28,6 +31,10 @@ Outcomes: TypeAlias = "Future[list[Outcome]]"
 
 _PAUSES: Final = (0.0, 0.1, 0.3, 1.0, 3.0)
 """Pauses before each attempt to start a worker process, as a killed fork server takes time to end [s]."""
+
+
+IDLE: Final = 60.0
+"""Time after which a worker of a cluster closes a system that is not used [s]."""
 
 
 class Pool(Protocol):
@@ -113,6 +120,7 @@ class ProcessPool:
         # not fork, which copies locks that other threads may be holding
         # the fork server's socket is in the temporary folder, and its path may have at most 107 characters
         serves = "forkserver" in multiprocessing.get_all_start_methods() and len(tempfile.gettempdir()) < 70
+        serves = serves and not _is_shadowed()
         context = multiprocessing.get_context("forkserver" if serves else "spawn")
         if serves:
             context.set_forkserver_preload(["__main__", "harness.sweeps.preload", *_imported_by_main()])
@@ -223,23 +231,41 @@ class DaskPool:
         """Keep the client, which stays open afterwards."""
         from distributed.scheduler import KilledWorker
 
-        self.losses: tuple[type[BaseException], ...] = (KilledWorker,)
+        # futures are cancelled by a restart of the workers; their runs are repeated if there is a scheduler
+        self.losses: tuple[type[BaseException], ...] = (KilledWorker, CancelledError)
         self._client = client
         self._executor = client.get_executor(pure=False)
 
     def capacity(self) -> int:
         """Two chunks per available thread, to hide the communication time."""
-        return max(2, 2 * int(sum(self._client.nthreads().values())))
+        with self._connected():
+            return max(2, 2 * int(sum(self._client.nthreads().values())))
 
     def submit(self, job: Job, chunk: Chunk) -> Outcomes:
         """Pass the chunk to the scheduler, which assigns it to another worker if one dies."""
-        future: Outcomes = self._executor.submit(run_chunk, job, chunk)
-        return future
+        with self._connected():
+            future: Outcomes = self._executor.submit(run_chunk, job, chunk, idle=IDLE)
+            return future
 
     def close(self, job: Job) -> None:
-        """Cancel chunks in progress and close the systems of the workers."""
-        self._executor.shutdown(wait=False)
-        self._client.run(close_runners, job.key, on_error="ignore")  # a worker may just have died
+        """Cancel chunks in progress and close the systems of the workers, each after its current run."""
+        with suppress(Exception):  # without a scheduler, the workers close them when idle
+            self._executor.shutdown(wait=False)
+            self._client.run(close_runners, job.key, on_error="ignore")  # a worker may just have died
+
+    @contextmanager
+    def _connected(self) -> Iterator[None]:
+        """Raise a SweepError if the scheduler does not answer."""
+        try:
+            if self._client.status != "running":
+                raise OSError(f"the client is {self._client.status}")
+            yield
+        except (OSError, RuntimeError, TimeoutError, CancelledError) as error:
+            reason = " ".join(str(error).split()) or type(error).__name__
+            raise SweepError(
+                f"the sweep has lost the dask scheduler ({reason}): start it again and connect a new client; a sweep "
+                "with an output folder resumes where it stopped"
+            ) from error
 
 
 def make_pool(executor: Any, workers: int | None) -> Pool:
@@ -263,6 +289,12 @@ def make_pool(executor: Any, workers: int | None) -> Pool:
     raise SweepError(
         f"{executor!r} is not an executor of sweeps: use 'processes', 'threads', 'serial' or a dask client"
     )
+
+
+def _is_shadowed() -> bool:
+    """Return whether a fork server, which looks into the working folder first, would find another package `harness`."""
+    found = PathFinder.find_spec("harness", [str(Path.cwd())])
+    return found is not None and found.origin != sys.modules["harness"].__file__
 
 
 def _imported_by_main() -> list[str]:

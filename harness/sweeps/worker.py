@@ -95,11 +95,20 @@ class Runner:
     ----------
     job : Job
         The sweep.
+
+    Attributes
+    ----------
+    busy : Lock
+        Held while the system runs or is closed.
+    used : float
+        When it last ran, by `perf_counter` [s].
     """
 
     def __init__(self, job: Job) -> None:
         """Open the system."""
         self.job = job
+        self.busy = threading.Lock()
+        self.used = perf_counter()
         self.system = job.open()
         self._fmus = [part for part in self.system.parts.values() if isinstance(part, FmuPart)]
         self._probed = not self._fmus
@@ -230,10 +239,14 @@ def _split(values: Sample) -> tuple[dict[str, Any], dict[str, StartValue]]:
 
 
 _runners: dict[tuple[str, int], Runner] = {}
+_ended: set[str] = set()
 
 
 def run_chunk(
-    job: Job, runs: Sequence[tuple[int, Sample]], stopped: Callable[[], bool] = lambda: False
+    job: Job,
+    runs: Sequence[tuple[int, Sample]],
+    stopped: Callable[[], bool] = lambda: False,
+    idle: float | None = None,
 ) -> list[Outcome]:
     """Execute some runs of a sweep with the system of this thread.
 
@@ -244,7 +257,9 @@ def run_chunk(
     runs : sequence of (int, mapping)
         Number and values of each run.
     stopped : callable
-        Called before every run; the remaining runs are skipped if it returns True.
+        Called before every run; the remaining runs are skipped if it returns True or the sweep has ended.
+    idle : float or None
+        Time without a chunk after which the system is closed, as the process of the sweep may have been killed [s].
 
     Returns
     -------
@@ -252,20 +267,49 @@ def run_chunk(
         Outcomes of the executed runs.
     """
     key = (job.key, threading.get_ident())
-    if key not in _runners:
-        _runners[key] = Runner(job)
     outcomes: list[Outcome] = []
-    for number, values in runs:
-        if stopped():
-            break
-        outcomes.append(_runners[key].run(number, values))
+    while job.key not in _ended:
+        runner = _runners[key] = _runners.get(key) or Runner(job)
+        with runner.busy:
+            if _runners.get(key) is not runner:  # closed as it was idle
+                continue
+            for number, values in runs:
+                if stopped() or job.key in _ended:
+                    break
+                outcomes.append(runner.run(number, values))
+            runner.used = perf_counter()
+        if idle is not None:
+            timer = threading.Timer(idle, _close_idle, (key, idle))
+            timer.daemon = True
+            timer.start()
+        break
+    if job.key in _ended:
+        _close_free(key)
     return outcomes
 
 
 def close_runners(sweep: str) -> None:
-    """Close the systems of a sweep in this process."""
+    """Close the systems of a sweep in this process; a thread that is in a run closes its own after this run."""
+    _ended.add(sweep)
     for key in [key for key in _runners if key[0] == sweep]:
-        _runners.pop(key).close()
+        _close_free(key)
+
+
+def _close_idle(key: tuple[str, int], idle: float) -> None:
+    runner = _runners.get(key)
+    if runner is not None and perf_counter() - runner.used >= 0.99 * idle:
+        _close_free(key)
+
+
+def _close_free(key: tuple[str, int]) -> None:
+    """Close a system unless it is in a run."""
+    runner = _runners.get(key)
+    if runner is not None and runner.busy.acquire(blocking=False):
+        try:
+            if _runners.pop(key, None) is runner:
+                runner.close()
+        finally:
+            runner.busy.release()
 
 
 class _Collector(logging.Handler):

@@ -168,3 +168,23 @@ def test_law_files_do_not_begin_with_an_underscore(tmp_path: Path) -> None:
     for name in ("b.py", "_shared.py", "a.py", "notes.txt"):
         (tmp_path / name).touch()
     assert [path.name for path in law_paths(tmp_path)] == ["a.py", "b.py"]
+
+
+def test_a_file_harness_py_in_the_working_folder(tmp_path: Path) -> None:
+    """It is another package's, or the user's own; workers of a sweep must not find it either."""
+    (tmp_path / "harness.py").write_text("raise SystemExit('the wrong one')\n")
+    (tmp_path / "script.py").write_text(
+        "from friction_fmus.harness import CallablePart, Experiment, System, sweep\n\n"
+        "def y(t, u, x):\n    return 2.0 * u[0]\n\n"
+        "def make():\n    return System([CallablePart('p', y, ['u'], ['y'])], start={'p.u': 0.0})\n\n"
+        "if __name__ == '__main__':\n"
+        "    found = sweep(make, [{'p.u': 1.0}, {'p.u': 2.0}], measure='final(p.y)', workers=1,\n"
+        "                  experiment=Experiment(stop=1.0, step=1.0))\n"
+        "    print(found['final(p.y)'].to_numpy().tolist())\n"
+    )
+    for command, expected in ((["-m", "friction_fmus", "show", "LuGre"], "LuGre"), (["script.py"], "[2.0, 4.0]")):
+        run = subprocess.run(
+            [sys.executable, *command], cwd=tmp_path, capture_output=True, text=True, check=False, timeout=120
+        )
+        assert run.returncode == 0, run.stderr
+        assert expected in run.stdout

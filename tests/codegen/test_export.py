@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import ctypes
+import errno
 import math
+import os
 import shutil
 import subprocess
 from itertools import product
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -17,6 +20,7 @@ from friction_fmus.codegen import CORES, export, export_law, measure, target
 from friction_fmus.codegen.export import make_export
 from friction_fmus.errors import FrictionError, UnknownNameError
 from friction_fmus.lawkit.files import discover_laws
+from harness import OutputError
 from harness.compiling import toolchain
 
 LAWS = [law.name for law in discover_laws(laws_folder())]
@@ -211,3 +215,23 @@ def test_other_errors_get_one_sentence(elements: Path, tmp_path: Path) -> None:
         export_law("PIDD", tmp_path)
     with pytest.raises(FrictionError, match="the prefix '3d' must consist of letters"):
         export_law("PID", tmp_path, prefix="3d")
+
+
+@pytest.mark.parametrize("there", [False, True])
+def test_a_full_disk_leaves_no_half_of_an_export(there: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    folder = tmp_path / "out"
+    if there:
+        folder.mkdir()
+        (folder / "law.h").write_text("the last one")
+    write = Path.write_text
+
+    def fill(path: Path, text: str, *arguments: Any, **options: Any) -> int:
+        if path.suffix == ".hpp":
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        return write(path, text, *arguments, **options)
+
+    monkeypatch.setattr(Path, "write_text", fill)
+    with pytest.raises(OutputError, match=r"law\.hpp: No space left on device; free some space"):
+        export_law("CoulombFeedforward", folder)
+    assert {path.name: path.read_text() for path in folder.glob("*")} == ({"law.h": "the last one"} if there else {})
+    assert folder.exists() is there

@@ -7,6 +7,7 @@ import signal
 import subprocess
 import sys
 import tempfile
+import time
 from pathlib import Path
 
 import pytest
@@ -109,3 +110,48 @@ def test_folders_of_others_stay(temporary: Path, tmp_path: Path, monkeypatch: py
     monkeypatch.setattr(tempfile, "tempdir", str(temporary))
     next_run()
     assert not (temporary / "harness-mine").exists()
+
+
+def test_a_compilation_that_is_killed_leaves_nothing(temporary: Path, tmp_path: Path) -> None:
+    """Neither in the temporary folder, once another process has made one, nor in the cache."""
+    compiler = tmp_path / "cc"  # stays in the compilation
+    compiler.write_text('#!/bin/sh\ncase "$*" in *--version*) echo 1;; *) echo ready; sleep 60;; esac\n')
+    compiler.chmod(0o755)
+    code = "from harness.compiling.platforms import native_library\nnative_library({'a.c': 'int a;'}, 'a')\n"
+    cache = tmp_path / "cache"
+    process = subprocess.Popen(
+        [sys.executable, "-c", code],
+        env=os.environ
+        | {"TMPDIR": str(temporary), "PYTHONPATH": str(ROOT), "CC": str(compiler), "FRICTION_FMUS_CACHE": str(cache)},
+        text=True,
+        start_new_session=True,
+    )
+    for _ in range(600):
+        if any((folder / "a.c").exists() for folder in temporary.iterdir()):
+            break
+        time.sleep(0.05)
+    os.killpg(process.pid, signal.SIGKILL)
+    process.wait()
+    assert len([*temporary.glob("friction-fmus-*")]) == 1
+    scratch._remove_leftovers.cache_clear()
+    with ScratchFolder("friction-fmus-"):
+        pass
+    assert [*temporary.iterdir()] == []
+    assert [path for path in cache.rglob("*") if path.is_file() or path.name.startswith("compile-")] == []
+
+
+def test_without_a_home_the_cache_is_named(temporary: Path) -> None:
+    """Zig then says that it knows no folder for its own cache, which is no reason to install another compiler."""
+    code = (
+        "from harness.compiling.toolchain import identity\nfrom harness.errors import BuildError\n"
+        "try:\n    identity()\n    print('it runs')\nexcept BuildError as error:\n    print(error)\n"
+    )
+    hidden = ("HOME", "CC", "FRICTION_FMUS_CACHE", "XDG_CACHE_HOME", "ZIG_GLOBAL_CACHE_DIR")
+    environment = {name: value for name, value in os.environ.items() if name not in hidden}
+    environment |= {"HOME": "/dev/null/none", "PYTHONPATH": str(ROOT), "TMPDIR": str(temporary)}
+    run = [sys.executable, "-c", code]
+    found = subprocess.run(run, env=environment, capture_output=True, text=True, check=True).stdout
+    assert found.startswith("the folder /dev/null/none/.cache/friction-fmus for compiled files cannot be made")
+    assert "set the environment variable FRICTION_FMUS_CACHE to a writable folder" in found
+    environment |= {"FRICTION_FMUS_CACHE": str(temporary / "cache")}
+    assert subprocess.run(run, env=environment, capture_output=True, text=True, check=True).stdout == "it runs\n"

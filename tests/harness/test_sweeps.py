@@ -11,6 +11,7 @@ import sys
 import time
 from collections import Counter
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from multiprocessing import forkserver
 from pathlib import Path
 from typing import Any
@@ -44,7 +45,8 @@ from harness import (
     sweep,
     write_ssv,
 )
-from harness.sweeps import pools
+from harness.sweeps import pools, worker
+from harness.sweeps.worker import Job, close_runners, run_chunk
 
 BuildFmu = Callable[..., Path]
 LOCAL = ["serial", "threads", "processes"]
@@ -584,3 +586,60 @@ def test_nan_in_an_integer_is_null_in_the_trajectories(tmp_path: Path) -> None:
     kept = pyarrow.dataset.dataset(tmp_path / "out" / "_trajectories").to_table().sort_by("run")
     assert kept["p.y"].to_pylist() == [1, 1, None, None, 2, 2]
     assert kept.schema.field("p.y").type == "int64"
+
+
+# ---- workers of a cluster -----------------------------------------------------------------------------------------
+
+
+def chunk_of(tmp_path: Path, wait: float) -> tuple[Job, list[tuple[int, Any]]]:
+    job = Job(f"key of {tmp_path}", counted(tmp_path), ONE_TICK, ())
+    return job, [*enumerate(numbers(3, wait=wait))]
+
+
+def test_a_system_that_runs_is_closed_after_its_run(tmp_path: Path) -> None:
+    """Ctrl-C in a sweep on a cluster closed it at once, which ended the worker with a segmentation fault."""
+    job, chunk = chunk_of(tmp_path, 0.5)
+    with ThreadPoolExecutor() as pool:
+        found = pool.submit(run_chunk, job, chunk)
+        while not (tmp_path / "log").exists():
+            time.sleep(0.01)
+        close_runners(job.key)
+        assert [key for key in worker._runners if key[0] == job.key]
+        assert [outcome.run for outcome in found.result()] == [0]
+    assert not [key for key in worker._runners if key[0] == job.key]
+    assert run_chunk(job, chunk) == []
+
+
+def test_a_system_that_nobody_uses_is_closed(tmp_path: Path) -> None:
+    """The process of the sweep may have been killed."""
+    job, chunk = chunk_of(tmp_path, 0.0)
+    assert [outcome.error for outcome in run_chunk(job, chunk, idle=0.2)] == [None, None, None]
+    assert [key for key in worker._runners if key[0] == job.key]
+    deadline = time.monotonic() + 20.0
+    while [key for key in worker._runners if key[0] == job.key] and time.monotonic() < deadline:
+        time.sleep(0.05)
+    assert not [key for key in worker._runners if key[0] == job.key]
+    assert len(run_chunk(job, chunk, idle=0.2)) == 3
+    close_runners(job.key)
+
+
+@pytest.mark.parametrize("fault", [OSError("Timed out trying to connect"), RuntimeError("cannot schedule"), "closed"])
+def test_a_scheduler_that_is_gone(tmp_path: Path, fault: Exception | str) -> None:
+    class Client:
+        """What a sweep calls, without an answer."""
+
+        status = fault if isinstance(fault, str) else "running"
+
+        def get_executor(self, **_: object) -> Client:
+            return self
+
+        def nthreads(self) -> None:
+            assert isinstance(fault, Exception)
+            raise fault
+
+        def shutdown(self, *, wait: bool) -> None:
+            raise ConnectionError("gone")
+
+    pytest.importorskip("distributed")
+    with pytest.raises(SweepError, match=r"lost the dask scheduler \(.*\): start it again"):
+        sweep(counted(tmp_path), numbers(3), measure=root, executor=Client())
