@@ -16,7 +16,7 @@ static double moved_value(Instance *c, uint32_t unknown, const double *direction
 
 /* Return d unknown / d e at e = 0: central differences over successively halved distances, extrapolated to zero; the
    result with the smallest error estimate is used. Ridders, Adv. Eng. Software 4(2), 1982. */
-static double derivative_along(Instance *c, uint32_t unknown, const double *direction, double distance)
+static double derivative_within(Instance *c, uint32_t unknown, const double *direction, double distance, double *off)
 {
     enum { LEVELS = 28 };
     double grain = 0.0; /* rounding error of the moved values in terms of e */
@@ -41,7 +41,20 @@ static double derivative_along(Instance *c, uint32_t unknown, const double *dire
         }
         memcpy(previous, current, sizeof current);
     }
+    *off = smallest;
     return best;
+}
+
+/* Return d unknown / d e at e = 0. Nothing changes its sign within `near`, so that no kink at zero is met; differences
+   over `far` are used if they only make the result more precise. */
+static double derivative_along(Instance *c, uint32_t unknown, const double *direction, double near, double far)
+{
+    double off, off_far;
+    const double value = derivative_within(c, unknown, direction, near, &off);
+    if (near == far)
+        return value;
+    const double other = derivative_within(c, unknown, direction, far, &off_far);
+    return isfinite(other) && off_far < off && !(fabs(other - value) > off) ? other : value;
 }
 
 fmi2Status fmi2GetDirectionalDerivative(fmi2Component component, const fmi2ValueReference unknowns[], size_t n_unknowns,
@@ -49,7 +62,7 @@ fmi2Status fmi2GetDirectionalDerivative(fmi2Component component, const fmi2Value
                                         fmi2Real result[])
 {
     ENTER("GetDirectionalDerivative", MAY_GetDirectionalDerivative)
-    double direction[VALUES] = {0.0}, distance = INF;
+    double direction[VALUES] = {0.0}, near = INF, far = INF;
     REQUIRE((n_unknowns == 0 || (unknowns && result)) && (n_knowns == 0 || (knowns && seed)),
             "fmi2GetDirectionalDerivative: a pointer is null")
     for (size_t i = 0; i < n_unknowns; i++) {
@@ -72,11 +85,12 @@ fmi2Status fmi2GetDirectionalDerivative(fmi2Component component, const fmi2Value
     for (uint32_t i = 0; i < VALUES; i++)
         if (direction[i] != 0.0) {
             const double value = fabs(*value_of(&c->model, i)), nominal = c->row_of[i]->nominal;
-            distance = fmin(distance, 0.05 * (value > 1e-5 * nominal ? value : nominal) / fabs(direction[i]));
+            near = fmin(near, 0.05 * (value > 1e-30 * nominal ? value : nominal) / fabs(direction[i]));
+            far = fmin(far, 0.05 * (value > 1e-5 * nominal ? value : nominal) / fabs(direction[i]));
         }
     double found[VALUES];
     for (size_t i = 0; i < n_unknowns; i++) {
-        const double value = distance < INF ? derivative_along(c, unknowns[i], direction, distance) : 0.0;
+        const double value = far < INF ? derivative_along(c, unknowns[i], direction, near, far) : 0.0;
         REQUIRE(isfinite(value), "fmi2GetDirectionalDerivative: the derivative of %s is not finite",
                 c->row_of[unknowns[i]]->name)
         found[unknowns[i]] = value;
@@ -149,7 +163,7 @@ fmi2Status fmi2GetRealOutputDerivatives(fmi2Component component, const fmi2Value
         direction[inputs[i]] = c->model.slope[i];
     const double distance = 0.05 * (c->model.run.last_step > 0.0 ? c->model.run.last_step : 1e-3);
     for (size_t i = 0; i < n; i++) {
-        const double value = derivative_along(c, references[i], direction, distance);
+        const double value = derivative_along(c, references[i], direction, distance, distance);
         REQUIRE(isfinite(value), "fmi2GetRealOutputDerivatives: the derivative of %s is not finite",
                 c->row_of[references[i]]->name)
         found[references[i]] = value;

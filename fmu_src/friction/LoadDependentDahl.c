@@ -1,9 +1,10 @@
 /* Dahl friction of strain-wave and cycloidal gears, proportional to the transmitted force, with one coefficient when
    the motor drives the load and another when the load drives the motor.
 
-   The user andyabateagility in issue 3528 of google-deepmind/mujoco, "Torque-proportional loss in dcmotor", GitHub,
-   2026. According to the issue, these four parameters fit measured data of such gears better than LuGre models with
-   seven and eight, which do not depend on the torque.
+   A comment of the user andyabateagility in issue 3528 of google-deepmind/mujoco, "Torque-proportional loss in
+   dcmotor", GitHub, 2026, gives the equations without Fv v, which it leaves to the joint, with the electrical torque of
+   the motor as F_t. By its plots, the four parameters fit records of such gears better than three variants of LuGre
+   with seven and eight; neither the records nor the fits are published, and they were not repeated here.
 
        dz/dt = (v - |v| z) / eps
        F     = mu_avg |F_t| z + mu_dif F_t z^2 + Fv v
@@ -14,7 +15,8 @@
    Limits: no friction without load and no Stribeck effect (add a Coulomb or Stribeck block); reversal points are not
    remembered; at rest F changes with F_t. The torsion of the gear is not included.
 
-   The step is exact: z(h) = s + (z - s) exp(-|dx| / eps) with dx = x(h) - x(0) and s = sgn(dx).
+   The step is exact: z(h) = s + (z - s) exp(-|dx| / eps) with dx = x(h) - x(0) and s = sgn(dx). A z beyond +-1, which
+   no motion reaches, would drive the axis; it counts as +-1.
 
    In steady sliding z = sgn(v), and the coefficient is mu_avg + mu_dif for F_t v > 0, else mu_avg - mu_dif. Under a
    constant F_t with mu_dif = 0, it is Dahl with n = 1, Fc = mu_avg |F_t| and sigma = Fc / eps.
@@ -29,7 +31,7 @@
 #define SUMMARY  "Dahl friction proportional to the transmitted force, for strain-wave gears"
 #define SOURCE   "andyabateagility, issue 3528 of google-deepmind/mujoco, GitHub, 2026"
 #define CITES    "TorqueProportionalLoss2026"
-#define STATUS   "equations of the issue, not of a paper; an excerpt was read"
+#define STATUS   "equations of a comment in the issue, not of a paper; an excerpt was read"
 #define FEATURES "presliding, rate dependent"
 #define NEEDS    "transmitted force"
 
@@ -58,8 +60,9 @@ static const char *dissipative(const Model *m) { return fabs(m->mu_dif) <= m->mu
 static void equations(Model *m)
 {
     GIVEN(m)
-    m->der_z = (v - fabs(v) * z) / eps;
-    m->F = mu_avg * fabs(F_t) * z + mu_dif * F_t * z * z + Fv * v;
+    const double bent = clip(z, -1.0, 1.0);
+    m->der_z = (v - fabs(v) * bent) / eps;
+    m->F = mu_avg * fabs(F_t) * bent + mu_dif * F_t * bent * bent + Fv * v;
 }
 
 static bool step(Model *m, double h)
@@ -67,7 +70,7 @@ static bool step(Model *m, double h)
     GIVEN(m)
     const double dx = slide(m, h);
 
-    m->z = relax(z, sign(dx), fabs(dx) / eps);
+    m->z = relax(clip(z, -1.0, 1.0), sign(dx), fabs(dx) / eps);
     equations(m);
     m->run.outputs_done = true;
     return true;

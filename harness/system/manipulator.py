@@ -172,7 +172,7 @@ class DropOut(Manipulator):
 
 @dataclass(frozen=True)
 class Delay(Manipulator):
-    """Delay of the value by a number of communication steps; until then, the input has its start value.
+    """Delay of the value by a number of communication steps; until then, the input has the first value of the output.
 
     With a master that holds values from the beginning of a step, such as jacobi, values already arrive one step late; a
     delay of one step then has no effect.

@@ -28,7 +28,7 @@ class Wire:
     gain, offset : float
         The input gets gain * output + offset; the offset is in the unit of the input.
     delay : int
-        Delay in communication steps, see `Delay`.
+        Delay in communication steps, see `Delay`; until then, the input has the first value of the output.
     """
 
     source: str

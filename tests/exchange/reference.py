@@ -35,11 +35,12 @@ class Slip:
     C: float
     sigma: float
     method: str = "DOP853"
+    curve: Callable[[float], float] = stribeck
     side: float = 1.0
     slipping: set[int] = field(default_factory=set)
 
     def rates(self, v: float, q: Array) -> tuple[list[float], float]:
-        S, d = stribeck(v), self.side
+        S, d = self.curve(v), self.side
         rates = [
             d * self.C * (a - d * f / S) if i in self.slipping else k * v
             for i, (k, a, f) in enumerate(zip(self.k, self.alpha, q, strict=True))
@@ -48,7 +49,7 @@ class Slip:
 
     def ends(self) -> list[Condition]:
         """A reversal, and the onset of slip of each element."""
-        onsets = [lambda v, q, i=i: self.side * q[i] - self.alpha[i] * stribeck(v) for i in self._sticking()]
+        onsets = [lambda v, q, i=i: self.side * q[i] - self.alpha[i] * self.curve(v) for i in self._sticking()]
         return [lambda v, _: -self.side * v, *onsets]
 
     def _sticking(self) -> list[int]:
@@ -73,6 +74,7 @@ class Leuven:
     sigma1: float
     k: Sequence[float] = (0.0,)
     method: str = "Radau"
+    level: Callable[[float], float] = stribeck
     side: float = 1.0
     reversals: list[float] = field(default_factory=list)
 
@@ -83,7 +85,7 @@ class Leuven:
         return self.reversals[-1] if self.reversals else 0.0
 
     def rates(self, v: float, q: Array) -> tuple[list[float], float]:
-        r = self.curve(q[0]) / (self.side * stribeck(v) - self.base())
+        r = self.curve(q[0]) / (self.side * self.level(v) - self.base())
         rate = v * (1.0 - copysign(abs(r) ** self.n, r))
         return [rate], self.base() + self.curve(q[0]) + self.sigma1 * rate
 
@@ -92,7 +94,7 @@ class Leuven:
         d, base = self.side, self.base()
         found: list[Condition] = [lambda v, _: -d * v]
         if self.reversals:
-            found.append(lambda v, q: d * self.curve(q[0]) - (1.0 - 1e-3) * (stribeck(v) - d * base))
+            found.append(lambda v, q: d * self.curve(q[0]) - (1.0 - 1e-3) * (self.level(v) - d * base))
         if len(self.reversals) >= 2:
             found.append(lambda _, q: d * (base + self.curve(q[0]) - self.reversals[-2]))
         return found

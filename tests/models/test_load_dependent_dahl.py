@@ -74,6 +74,20 @@ def test_a_step_is_the_solution_of_the_equations(
             assert abs(z) <= 1.0 + 1e-12
 
 
+@pytest.mark.parametrize("z", [3.0, -7.0, 1.0 + 1e-9])
+def test_a_deflection_that_no_motion_reaches_does_not_drive(gear: Library, z: float) -> None:
+    """Beyond +-1, the contact would give back more energy than it can store: 3 times as much force after a reversal."""
+    side = math.copysign(1.0, z)
+    with Instance(gear) as far, Instance(gear) as bent:
+        far.initialise(z=z, v=-side, F_t=10.0)
+        bent.initialise(z=side, v=-side, F_t=10.0)
+        for k in range(3):
+            assert far.get("F", "der(z)") == bent.get("F", "der(z)")
+            far.step(k * 1e-4, 1e-4)
+            bent.step(k * 1e-4, 1e-4)
+            assert far.get1("z") == bent.get1("z")
+
+
 @reproducibly
 @given(motion, st.floats(-50.0, 50.0).filter(lambda F: abs(F) > 1e-3), st.floats(1e-6, 1e-2))
 def test_under_a_constant_load_it_is_dahl(

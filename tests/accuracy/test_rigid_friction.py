@@ -1,0 +1,245 @@
+"""Set-valued friction in every master and as one FMU, against closed forms: rest, break-away and the slips after it.
+
+The cases are benchmarks with known answers. A run may be late by two steps for each change between rest and motion
+so far; apart from that, it has the values of the reference, but for the force in some steps after a stop.
+"""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Mapping, Sequence
+from functools import cache
+from math import atan, exp, pi, sqrt
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+import pytest
+from accuracy.event_driven import Band, Contact, Phase, Pulled, two_in_series
+from thorough import THOROUGH
+
+from friction_fmus import build, fmu
+from harness import FmuPart, HarnessError, Result, SeriesPart, System, Wire
+
+PULLED = {"mass.m": 1.0, "mass.k": 2.0, "mass.v_support": 0.1, "mass.F_drive": 0.0}
+BELT = {"mass.m": 1.0, "mass.k": 1.0, "mass.v_belt": 0.2, "mass.v0": 0.2}
+FREE = {"mass.m": 1.0, "mass.k": 4.0, "mass.x0": 1.0, "mass.F_drive": 0.0}
+STATIC = {"Stiction": "Fs", "Karnopp": "Fs", "DeadZoneTorque": "T_dz", "Stribeck": "Fs", "Tustin": "Fs"}
+SHARP = 1e-5  # m/s, of a Stribeck curve
+RINGS = 8  # steps
+
+
+def levels(name: str, Fc: float, Fs: float) -> dict[str, float]:
+    """The parameters of a model with these levels of friction, without a band around v = 0 and viscous friction."""
+    if name == "Coulomb":
+        return {"Fc": Fc}
+    more = {"Karnopp": {"DV": 0.0}, "DeadZoneTorque": {"DV": 0.0}, "Stribeck": {"vs": SHARP}, "Tustin": {"vs": SHARP}}
+    return {"Fc": Fc, STATIC[name]: Fs, "Fv": 0.0, **more.get(name, {})}
+
+
+def contact(name: str, Fc: float, Fs: float) -> Contact:
+    """The same in the reference."""
+    if Fc == Fs or name not in ("Stribeck", "Tustin"):
+        return Contact(Fc, Fs)
+    power = 2 if name == "Stribeck" else 1
+    return Contact(Fc, Fs, curve=lambda v: Fc + (Fs - Fc) * exp(-((v / SHARP) ** power)))
+
+
+LEINE = {"Fc": 0.0, "Fs": 1.0, "Fv": 0.0, "shape": 1.0, "delta": 1.0, "vs": 1.0 / 3.0}
+Case = tuple[str, str]
+CASES: Mapping[str, Sequence[str]] = {
+    "pulled": ("Stiction", "Karnopp", "DeadZoneTorque", "Stribeck", "Tustin"),
+    "belt": ("Stiction", "Karnopp", "DeadZoneTorque"),
+    "leine": ("Stribeck",),
+    "free": ("Coulomb", "Stiction", "Karnopp", "DeadZoneTorque", "Stribeck", "Tustin"),
+}
+STOPS = {"pulled": 24.0, "belt": 24.0, "leine": 36.0, "free": 14.0}
+
+
+@cache
+def reference(kind: str, name: str) -> tuple[np.ndarray, Mapping[str, np.ndarray]]:
+    """Return a fine grid and the motion on it."""
+    t = np.linspace(0.0, STOPS[kind], 200_001)
+    if kind == "pulled":
+        return t, Pulled(contact(name, 1.0, 1.5), 1.0, 2.0, phases=[Phase(0.0, support=0.1)]).run(t)
+    if kind == "belt":
+        return t, Pulled(contact(name, 0.6, 1.0), 1.0, 1.0, v0=0.2, belt=0.2).run(t)
+    if kind == "leine":
+        leine = Contact(0.0, 1.0, curve=lambda v: 1.0 / (1.0 + 3.0 * v))
+        return t, Pulled(leine, 1.0, 1.0, v0=0.2, belt=0.2).run(t)
+    return t, Pulled(contact(name, 0.3, 0.3), 1.0, 4.0, x0=1.0).run(t)
+
+
+def coupled(kind: str, name: str, source: Any = fmu, through_sum: bool = False) -> System:
+    """The mass and its friction."""
+    belt = kind in ("belt", "leine")
+    parts = [FmuPart("mass", source("Belt" if belt else "Mass")), FmuPart("friction", source(name))]
+    wires = [f"mass.{'v_rel' if belt else 'v'} -> friction.v", "friction.F -> mass.F_friction"]
+    if through_sum:
+        parts.append(FmuPart("sum", source("Sum")))
+        wires += ["mass.F_ext -> sum.u1", "sum.y -> friction.F_ext"]
+    else:
+        wires.append("mass.F_ext -> friction.F_ext")
+    Fc, Fs = {"pulled": (1.0, 1.5), "belt": (0.6, 1.0), "free": (0.3, 0.3), "leine": (0.0, 1.0)}[kind]
+    contact = LEINE if kind == "leine" else levels(name, Fc, Fs)
+    start = {"pulled": PULLED, "belt": BELT, "leine": BELT, "free": FREE}[kind]
+    return System(parts, wires, {**start, **{f"friction.{key}": value for key, value in contact.items()}})
+
+
+class Warnings(logging.Handler):
+    """What the harness warns of."""
+
+    def __init__(self) -> None:
+        super().__init__(logging.WARNING)
+        self.texts: list[str] = []
+
+    def emit(self, record: logging.LogRecord) -> None:
+        self.texts.append(record.getMessage())
+
+    def __enter__(self) -> Warnings:
+        logging.getLogger("harness").addHandler(self)
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        logging.getLogger("harness").removeHandler(self)
+
+
+def misses(kind: str, name: str, result: Result, step: float, prefix: str = "") -> dict[str, float]:
+    """Return for each variable how far it is off over its range, but for F in the eight steps after a stop."""
+    fine, right = reference(kind, name)
+    t = result["time"].to_numpy()
+    late = 2.0 * step * (1.0 + np.searchsorted(right["changes"], t))
+    found = {}
+    for variable, part in (("x", "mass"), ("v", "mass"), ("F", "friction")):
+        y = result[f"{prefix}{part}.{variable}"].to_numpy()
+        off = Band(fine, right[variable]).outside(t, y, late) / np.ptp(right[variable])
+        for stop in np.setdiff1d(right["changes"], right["away"]) if variable == "F" else ():
+            reach = late[min(np.searchsorted(t, stop), len(t) - 1)]
+            off[(t >= stop - reach) & (t <= stop + reach + RINGS * step)] = 0.0
+        found[variable] = float(off.max())
+    return found
+
+
+NAMES = ["mass.x", "mass.v", "friction.F"]
+BLOCKS = [(kind, name) for kind, names in CASES.items() for name in names]
+
+
+@pytest.mark.parametrize("step", [1e-2, 1e-3, pytest.param(1e-4, marks=[] if THOROUGH else pytest.mark.skip)])
+@pytest.mark.parametrize(("kind", "name"), BLOCKS)
+@pytest.mark.parametrize("master", ["newton", "adaptive"])
+def test_implicit_masters(master: str, kind: str, name: str, step: float) -> None:
+    with coupled(kind, name) as system, Warnings() as warned:
+        result = system.run(stop=STOPS[kind], step=step, master=master, record=NAMES)
+    assert misses(kind, name, result, step) == pytest.approx({"x": 0.0, "v": 0.0, "F": 0.0}, abs=max(2e-3, 0.3 * step))
+    assert not warned.texts
+
+
+@pytest.mark.parametrize("step", [1e-2, 1e-3, pytest.param(1e-4, marks=[] if THOROUGH else pytest.mark.skip)])
+@pytest.mark.parametrize(("kind", "name"), BLOCKS)
+@pytest.mark.parametrize("master", ["gauss-seidel"])
+def test_an_explicit_master_is_right_or_warns(master: str, kind: str, name: str, step: float) -> None:
+    """It finds rest at the first instant only: a mass that stops in a step jumps about v = 0."""
+    with coupled(kind, name) as system, Warnings() as warned:
+        try:
+            result = system.run(stop=STOPS[kind], step=step, master=master, record=NAMES)
+        except HarnessError:
+            return
+    assert warned.texts or max(misses(kind, name, result, step).values()) < 0.02
+
+
+@pytest.mark.parametrize(
+    ("kind", "name", "fmi"),
+    [(*block, fmi) for block in BLOCKS for fmi in (2, 3)]
+    if THOROUGH
+    else [("pulled", "Stiction", 2), ("belt", "Karnopp", 3), ("leine", "Stribeck", 2)],
+)
+def test_one_fmu(kind: str, name: str, fmi: Literal[2, 3], tmp_path: Path) -> None:
+    """Also with communication steps that do not divide the inner step."""
+    path = tmp_path / "Pair.fmu"
+    with coupled(kind, name) as system:
+        system.to_fmu(path, step=1e-2, fmi=fmi, inputs=[])
+    with System([FmuPart("pair", path)]) as system:
+        for step in (1e-2, 0.79e-2, 3.7e-2):
+            stop = step * int(STOPS[kind] / step)
+            with Warnings() as warned:
+                result = system.run(stop=stop, step=step, record=[f"pair.{n}" for n in NAMES])
+            assert not warned.texts
+            found = misses(kind, name, result, max(step, 1e-2), "pair.")
+            assert found == pytest.approx({"x": 0.0, "v": 0.0, "F": 0.0}, abs=3e-3)
+
+
+@pytest.mark.parametrize("master", ["newton", "adaptive"])
+@pytest.mark.parametrize("form", ["rotational", "FMI 3.0", "through a sum"])
+def test_other_forms(form: str, master: str, tmp_path: Path) -> None:
+    def source(name: str) -> Path:
+        if form == "FMI 3.0":
+            return build(name, tmp_path, fmi=3)
+        return fmu(name, domain="rotational" if form == "rotational" else "translational")
+
+    with coupled("pulled", "Stiction", source, form == "through a sum") as system, Warnings() as warned:
+        result = system.run(stop=24.0, step=1e-2, master=master, record=NAMES)
+    assert misses("pulled", "Stiction", result, 1e-2) == pytest.approx({"x": 0.0, "v": 0.0, "F": 0.0}, abs=3e-3)
+    assert not warned.texts
+
+
+@pytest.mark.parametrize("master", ["newton", "adaptive"])
+@pytest.mark.parametrize("step", [1e-2, 1e-3])
+def test_two_contacts_in_series(master: str, step: float) -> None:
+    """A motor and a load on a spring, each on its own contact, under a force that swings slowly."""
+    grid = np.array([0.0, 2.0, 6.0, 10.0, 12.0])
+    force = np.array([0.0, 5.0, -5.0, 5.0, 0.0])
+    m, k, d = (1.0, 0.7), 20.0, 1.5
+    parts = [FmuPart("axis", fmu("TwoMass")), SeriesPart("drive", grid, {"F": force})]
+    parts += [FmuPart("front", fmu("Stiction")), FmuPart("back", fmu("Karnopp"))]
+    wires: list[str | Wire] = ["drive.F -> axis.F_drive"]
+    for one, i in (("front", 1), ("back", 2)):
+        wires += [f"axis.v{i} -> {one}.v", f"{one}.F -> axis.F_friction{i}", f"axis.F_ext{i} -> {one}.F_ext"]
+    start = {"axis.m1": m[0], "axis.m2": m[1], "axis.k": k, "axis.d": d, "back.DV": 0.0, "back.Fs": 2.0}
+    names = ["axis.x1", "axis.v1", "axis.x2", "axis.v2"]
+    with System(parts, wires, start) as system, Warnings() as warned:
+        result = system.run(stop=12.0, step=step, master=master, record=names)
+    fine = np.linspace(0.0, 12.0, 120_001)
+    contacts = [Contact(1.0, 1.5, 0.4), Contact(1.0, 2.0, 0.4)]
+    right = two_in_series(contacts, m, k, d, lambda t: np.interp(t, grid, force), fine)
+    t = result["time"].to_numpy()
+    for name in names:
+        expected = right[name.partition(".")[2]]
+        off = Band(fine, expected).outside(t, result[name].to_numpy(), 5.0 * step)
+        assert off.max() < 2e-3 * np.ptp(expected), name
+    assert not warned.texts
+
+
+@pytest.mark.parametrize("master", ["gauss-seidel", "jacobi", "newton", "adaptive"])
+@pytest.mark.parametrize(
+    ("n", "forces"), [(0.5, (0.75, 1.0)), (1.0, (0.632120559, 0.950212932)), (3.0, (0.42264973, 0.62203553))]
+)
+def test_a_dahl_contact_under_a_heavy_mass(n: float, forces: Sequence[float], master: str) -> None:
+    """Friction cannot slow down 1e9 kg: F after 10 and 30 um as in the closed form."""
+    parts = [FmuPart("mass", fmu("Mass")), FmuPart("friction", fmu("Dahl"))]
+    start = {"mass.m": 1e9, "mass.v0": 1e-3, "mass.F_drive": 0.0, "friction.sigma": 1e5, "friction.Fc": 1.0}
+    with System(parts, ["mass.v -> friction.v", "friction.F -> mass.F_friction"], {**start, "friction.n": n}) as system:
+        for step in (1e-2, 1e-3, 1e-4):
+            result = system.run(stop=0.03, step=step, master=master, record=["friction.F"])
+            F = result["friction.F"].to_numpy()
+            assert F[[round(0.01 / step), round(0.03 / step)]] == pytest.approx(forces, abs=2e-8)
+
+
+def test_the_reference_has_the_known_answers() -> None:
+    """Benchmarks B10 to B13."""
+    V, drop, w = 0.1, 0.5, sqrt(2.0)
+    _, pulled = reference("pulled", "Stiction")
+    assert pulled["away"][0] == pytest.approx(7.5, abs=1e-9)
+    period = 2 * drop / (2 * V) + (2 * pi - 2 * atan(drop * w / (2 * V))) / w
+    assert np.diff(pulled["away"]) == pytest.approx(period, rel=1e-12)
+    V, drop = 0.2, 0.4
+    _, belt = reference("belt", "Stiction")
+    assert np.diff(belt["away"]) == pytest.approx(2 * drop / V + 2 * pi - 2 * atan(drop / V), rel=1e-12)
+    assert np.diff(belt["away"]) == pytest.approx(8.068887872, abs=1e-9)
+    _, leine = reference("leine", "Stribeck")
+    assert np.diff(leine["away"]) == pytest.approx(12.0010313, abs=1e-7)
+    assert leine["v"].min() == pytest.approx(-0.8399020, abs=1e-7)
+    assert leine["x"].max() == pytest.approx(1.1339447, abs=1e-7)
+    t, free = reference("free", "Coulomb")
+    assert np.interp(pi, t, free["x"]) == pytest.approx(0.7, abs=1e-6)
+    assert free["x"][-1] == pytest.approx(0.05, abs=1e-12)
+    assert free["changes"][-1] == pytest.approx(7 * pi / 2, abs=1e-9)
