@@ -84,8 +84,9 @@ static void remember_tick(Instance *c)
     m->inside = true;
 }
 
-/* Move the parts over a part of the tick on the lines that solve the whole tick. */
-static bool move_on_lines(Instance *c, double length, const bool *sticks)
+/* Move the parts over a part of the tick on the lines that solve the whole tick. A contact that rests in the whole tick
+   has v = 0 exactly. */
+static bool move_on_lines(Instance *c, double length, const bool *rests, const bool *holds)
 {
     Engine *const e = &c->engine;
     for (int64_t k = 0; k < PARTS; k++) {
@@ -99,6 +100,10 @@ static bool move_on_lines(Instance *c, double length, const bool *sticks)
             const double begin = 2.0 * l->mean - l->end, end = begin + (l->end - begin) * (length / STEP_SIZE);
             l->mean = 0.5 * (begin + end);
             l->end = c->memory.moving[i].unknown < 0 ? arriving(e, l->input) : end; /* of a part that has moved */
+            if (rests[i]) {
+                l->mean = l->end = 0.0;
+                stop_source(e, l);
+            }
         }
         int status = step_on_lines(e, part, e->time, length);
         if (status <= 1)
@@ -106,10 +111,24 @@ static bool move_on_lines(Instance *c, double length, const bool *sticks)
         if (status > 1)
             return failed(e, part, STEP, status, e->time);
     }
-    for (int64_t g = 0; g < GROUPS; g++) /* a contact that sticks has its holding force */
-        for (int64_t j = group_data[g].unknown; sticks[g] && j < group_data[g].unknown + group_data[g].unknowns; j++)
+    for (int64_t j = 0; j < UNKNOWNS; j++)
+        if (holds[j])
             e->signals[unknown_outputs[j]] = c->newton.w[j];
     return true;
+}
+
+/* Mark the unknowns of a loop that are holding forces, which the friction at v = 0 does not give. */
+static void find_holding(const Instance *c, const Group *g, bool *holds)
+{
+    const Memory *const m = &c->memory;
+    const Contact *const first = contacts_of(&c->newton, g), *const last = first + g->contacts;
+    bool rests = false;
+    for (const Contact *k = first; k < last; k++)
+        rests = rests || is_rest(&m->moving[k->line]);
+    for (int64_t j = g->unknown; j < g->unknown + g->unknowns; j++)
+        holds[j] = m->guards[g - group_data].jumped && !rests;
+    for (const Contact *k = first; k < last; k++)
+        holds[k->unknown] = holds[k->unknown] || m->moving[k->line].role == IN_JUMP;
 }
 
 /* Compute the values within a tick and remember its start. The loop of a part of a tick may have other solutions,
@@ -124,14 +143,16 @@ static bool divide_tick(Instance *c, double length)
     const int64_t spans = c->newton.substeps + loops;
     c->tick = *m;
     const bool whole = advance(e, m->tick) && c->newton.substeps == spans;
-    bool sticks[GROUPS + 1];
+    bool rests[LINES + 1], holds[UNKNOWNS + 1];
+    for (int64_t k = 0; k < LINES; k++)
+        rests[k] = is_rest(&m->moving[k]) && c->tick.moving[k].u0 == 0.0;
     for (int64_t g = 0; g < GROUPS; g++)
-        sticks[g] = m->guards[g].jumped;
+        find_holding(c, &group_data[g], holds);
     remember_tick(c);
     if (!return_to_tick(c))
         return false;
     if (whole)
-        return move_on_lines(c, length, sticks);
+        return move_on_lines(c, length, rests, holds);
     c->tick = *m;
     e->status = 0;
     e->begins = false;

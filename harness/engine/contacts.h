@@ -39,18 +39,23 @@ static void let_go(const Engine *e, Newton *newton, const Group *g, const Contac
     assume(e, newton, g, c, FREE, velocity_of(newton, c)->rests ? CHANGING : FREE);
 }
 
+/* Give the source of the velocity of a contact at rest the value 0. */
+static void stop_source(const Engine *e, const Line *l)
+{
+    if (!e->gains || e->offsets[l->input] == 0.0)
+        e->signals[e->sources[l->input]] = 0.0;
+}
+
 /* Give the signals the values of the solution: velocities of contacts at rest, and holding forces within a jump. */
 static void set_at_rest(const Engine *e, Newton *newton, const Group *g)
 {
     bool rests = false;
     for (const Contact *c = contacts_of(newton, g); c < contacts_of(newton, g) + g->contacts; c++) {
         const Moving *const m = velocity_of(newton, c);
-        const int64_t input = e->lines[c->line].input;
         if (!is_rest(m))
             continue;
         rests = true;
-        if (!e->gains || e->offsets[input] == 0.0)
-            e->signals[e->sources[input]] = 0.0;
+        stop_source(e, &e->lines[c->line]);
         if (m->role == IN_JUMP)
             e->signals[newton->unknowns[c->unknown]] = newton->w[c->unknown];
     }

@@ -16,7 +16,7 @@ from typing import Any, Literal
 import numpy as np
 import pytest
 from accuracy.event_driven import Band, Contact, Phase, Pulled, two_in_series
-from thorough import THOROUGH
+from thorough import some
 
 from friction_fmus import build, fmu
 from harness import FmuPart, HarnessError, Result, SeriesPart, System, Wire
@@ -124,9 +124,14 @@ NAMES = ["mass.x", "mass.v", "friction.F"]
 BLOCKS = [(kind, name) for kind, names in CASES.items() for name in names]
 
 
-@pytest.mark.parametrize("step", [1e-2, 1e-3, pytest.param(1e-4, marks=[] if THOROUGH else pytest.mark.skip)])
 @pytest.mark.parametrize(("kind", "name"), BLOCKS)
-@pytest.mark.parametrize("master", ["newton", "adaptive"])
+@pytest.mark.parametrize(
+    ("master", "step"),
+    some(
+        [(master, step) for master in ("newton", "adaptive") for step in (1e-2, 1e-3, 1e-4)],
+        [("newton", 1e-2), ("newton", 1e-3), ("adaptive", 1e-2)],
+    ),
+)
 def test_implicit_masters(master: str, kind: str, name: str, step: float) -> None:
     with coupled(kind, name) as system, Warnings() as warned:
         result = system.run(stop=STOPS[kind], step=step, master=master, record=NAMES)
@@ -134,7 +139,7 @@ def test_implicit_masters(master: str, kind: str, name: str, step: float) -> Non
     assert not warned.texts
 
 
-@pytest.mark.parametrize("step", [1e-2, 1e-3, pytest.param(1e-4, marks=[] if THOROUGH else pytest.mark.skip)])
+@pytest.mark.parametrize("step", some([1e-2, 1e-3, 1e-4], [1e-2]))
 @pytest.mark.parametrize(("kind", "name"), BLOCKS)
 @pytest.mark.parametrize("master", ["gauss-seidel"])
 def test_an_explicit_master_is_right_or_warns(master: str, kind: str, name: str, step: float) -> None:
@@ -149,9 +154,9 @@ def test_an_explicit_master_is_right_or_warns(master: str, kind: str, name: str,
 
 @pytest.mark.parametrize(
     ("kind", "name", "fmi"),
-    [(*block, fmi) for block in BLOCKS for fmi in (2, 3)]
-    if THOROUGH
-    else [("pulled", "Stiction", 2), ("belt", "Karnopp", 3), ("leine", "Stribeck", 2)],
+    some(
+        [(*block, fmi) for block in BLOCKS for fmi in (2, 3)], [("pulled", "Stiction", 2), ("belt", "Karnopp", 3)]
+    ),
 )
 def test_one_fmu(kind: str, name: str, fmi: Literal[2, 3], tmp_path: Path) -> None:
     """Also with communication steps that do not divide the inner step."""
@@ -182,8 +187,13 @@ def test_other_forms(form: str, master: str, tmp_path: Path) -> None:
     assert not warned.texts
 
 
-@pytest.mark.parametrize("master", ["newton", "adaptive"])
-@pytest.mark.parametrize("step", [1e-2, 1e-3])
+@pytest.mark.parametrize(
+    ("master", "step"),
+    some(
+        [(master, step) for master in ("newton", "adaptive") for step in (1e-2, 1e-3)],
+        [("newton", 1e-2), ("adaptive", 1e-3)],
+    ),
+)
 def test_two_contacts_in_series(master: str, step: float) -> None:
     """A motor and a load on a spring, each on its own contact, under a force that swings slowly."""
     grid = np.array([0.0, 2.0, 6.0, 10.0, 12.0])

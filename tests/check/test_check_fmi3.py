@@ -23,8 +23,13 @@ def rules(path: Path, *, static: bool = False) -> set[str]:
     return {finding.rule for finding in check(path, static=static)}
 
 
-@pytest.mark.parametrize("full", [True, False])
-@pytest.mark.parametrize("name", some([*SHELL_BLOCKS, "compensated_axis"], ["GMS", "PID"]))
+@pytest.mark.parametrize(
+    ("name", "full"),
+    some(
+        [(name, full) for name in (*SHELL_BLOCKS, "compensated_axis") for full in (True, False)],
+        [("GMS", False), ("PID", True)],
+    ),
+)
 def test_nothing_is_found_in_our_fmus(name: str, full: bool) -> None:
     assert [str(finding) for finding in check(three(name, full))] == []
 
