@@ -14,7 +14,6 @@ if TYPE_CHECKING:
     from friction_fmus.identification.fit.estimate import Estimate
     from friction_fmus.identification.fit.grid import HysteresisGrid, identify_hysteresis
     from friction_fmus.identification.fit.idim import (
-        PUBLISHED_SETTINGS,
         InverseModelFit,
         InverseModelSettings,
         Motion,
@@ -54,7 +53,6 @@ else:
             "friction_fmus.identification.fit.grid": ["HysteresisGrid", "identify_hysteresis"],
             "friction_fmus.identification.identifying": ["identify"],
             "friction_fmus.identification.fit.idim": [
-                "PUBLISHED_SETTINGS",
                 "InverseModelFit",
                 "InverseModelSettings",
                 "Motion",
@@ -90,7 +88,6 @@ else:
 
 __all__ = [
     "LINEAR",
-    "PUBLISHED_SETTINGS",
     "ROTARY",
     "Array",
     "AxisUnits",
