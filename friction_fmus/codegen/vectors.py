@@ -193,7 +193,7 @@ def _decided(
                 column, before = given[variable.name], found[variable.name][k - 1]
                 moved = np.array([before + factor * (column[k] - column[k - 1])])
                 found[variable.name][k] = column[k] if factor == 1.0 else _held(export, variable, moved)[0]
-            arguments[run.inputs] = np.array([[found[name][k]] for name in names])
+            arguments[run.inputs] = np.array([found[name][k] for name in names]).reshape(-1, 1)
             results, decides = rounding.sample(arguments)
             if not (decides and k):
                 break

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from functools import cache
 from math import atan, exp, pi, sqrt
 from pathlib import Path
@@ -144,19 +145,15 @@ def test_implicit_masters(master: str, kind: str, name: str, step: float) -> Non
 @pytest.mark.parametrize("master", ["gauss-seidel"])
 def test_an_explicit_master_is_right_or_warns(master: str, kind: str, name: str, step: float) -> None:
     """It finds rest at the first instant only: a mass that stops in a step jumps about v = 0."""
-    with coupled(kind, name) as system, Warnings() as warned:
-        try:
-            result = system.run(stop=STOPS[kind], step=step, master=master, record=NAMES)
-        except HarnessError:
-            return
-    assert warned.texts or max(misses(kind, name, result, step).values()) < 0.02
+    result = None
+    with coupled(kind, name) as system, Warnings() as warned, suppress(HarnessError):
+        result = system.run(stop=STOPS[kind], step=step, master=master, record=NAMES)
+    assert result is None or warned.texts or max(misses(kind, name, result, step).values()) < 0.02
 
 
 @pytest.mark.parametrize(
     ("kind", "name", "fmi"),
-    some(
-        [(*block, fmi) for block in BLOCKS for fmi in (2, 3)], [("pulled", "Stiction", 2), ("belt", "Karnopp", 3)]
-    ),
+    some([(*block, fmi) for block in BLOCKS for fmi in (2, 3)], [("pulled", "Stiction", 2), ("belt", "Karnopp", 3)]),
 )
 def test_one_fmu(kind: str, name: str, fmi: Literal[2, 3], tmp_path: Path) -> None:
     """Also with communication steps that do not divide the inner step."""

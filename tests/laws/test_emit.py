@@ -86,7 +86,11 @@ def test_every_law_has_casadis_bits(law, workshop, by_casadi, different_bits):
     expected, found = by_casadi(law.function, rows), workshop.evaluator(law.function)(rows)
     assert np.isfinite(expected).all()
     assert not different_bits(expected, found).any()
-    assert (np.ptp(expected, axis=0) > 0.0).all()
+    results = (*law.select(Kind.OUTPUT), *law.select(Kind.STATE, Kind.STATES))
+    varied = [
+        variable.name != "missed" for variable in results for _ in variable.starts
+    ]  # each valid sample ends a gap
+    assert (np.ptp(expected, axis=0)[varied] > 0.0).all()
 
 
 @pytest.mark.parametrize("law", LAWS, ids=lambda law: law.name)

@@ -130,8 +130,10 @@ def test_disabled_it_is_silent_and_comes_back_fresh(law):
 @given(st.data())
 @settings(max_examples=50, deadline=20_000)
 def test_outputs_stay_within_the_limits(law, data):
-    names = [variable.name for variable in law.select(Kind.INPUT, Kind.OPTIONAL, Kind.STATE)]
-    values = {name: data.draw(st.floats(-1e6, 1e6), name) for name in names}
+    values = {
+        variable.name: data.draw(st.floats(max(-1e6, variable.min), min(1e6, variable.max)), variable.name)
+        for variable in law.select(Kind.INPUT, Kind.OPTIONAL, Kind.STATE)
+    }
     found = law.evaluate(values | {"u_min": -7.0, "u_max": 3.0})
     assert -7.0 <= found["u"] <= 3.0
     assert found["u_sat"] in (-1.0, 0.0, 1.0)
