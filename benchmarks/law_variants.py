@@ -29,10 +29,10 @@ FORMULATIONS = {
         ),
     },
     "GMSFeedforward": {
-        "implicit step": ("exp(-C * Ts / S)", "1.0 / (1.0 + C * Ts / S)"),
+        "implicit step": ("exp(-C * span / S)", "1.0 / (1.0 + C * span / S)"),
         "always pow and exp": (
-            CURVE.format("fabs(dr / Ts)"),
-            PLAIN_CURVE.format("fabs(dr / Ts)"),
+            CURVE.format("fabs(dr / span)"),
+            PLAIN_CURVE.format("fabs(dr / span)"),
         ),
     },
 }

@@ -178,13 +178,13 @@ def table(text: str, core: str) -> dict[str, int]:
 def test_the_cost_of_a_law_is_in_its_readme(tmp_path: Path) -> None:
     """PID has 12 parameters, 2 states and a flag, 7 Real inputs, two of them pairs, 3 Boolean ones, 2 outputs, `fault`.
 
-    All Booleans of a struct are in one word.
+    In float the integral is a pair, too. All Booleans of a struct are in one word.
     """
     export_law("PID", tmp_path, real="float")
     text = (tmp_path / "README.md").read_text(encoding="utf-8")
     for core in ("Cortex-M4F", "Cortex-M7"):
         rows = table(text, core)
-        assert rows["RAM of an instance"] == 4 * (12 + (2 + 1) + (7 + 2 + 1) + (2 + 1))
+        assert rows["RAM of an instance"] == 4 * (12 + (2 + 1 + 1) + (7 + 2 + 1) + (2 + 1))
         assert rows["RAM of the C library"] == 0
         assert rows["flash of the law"] == rows["flash with called functions"] <= 1000
         assert rows["stack of the law"] == rows["stack with called functions"]
@@ -215,10 +215,11 @@ def test_instructions_are_counted_exactly(tmp_path: Path) -> None:
     text = assembly(export, M4F)
     body = text[text.index("law_step:") : text.index(".size\tlaw_step")]
     listed = [line.split()[0] for line in body.splitlines() if re.match(r"\t[a-z]", line)]
-    # of a branch each way ends in its own return; a bad input leaves right behind the compare
+    # of a branch each way ends in its own return; a bad input or result is left behind the last compare, or at the end
     returns = [i for i, word in enumerate(listed) if word == "bx" or word.startswith("pop")]
+    last = max(i for i, word in enumerate(listed[: returns[-1]]) if word[0] == "b" and word != "bx")
     assert found.mean == found.most
-    assert found.most in [i + 1 for i in returns] + [len(listed)], listed
+    assert found.most in [returns[0] + 1, len(listed), len(listed) - (returns[0] - last)], listed
 
 
 @pytest.mark.parametrize("core", CORES, ids=lambda core: core.name)
