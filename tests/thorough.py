@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import time
 from collections.abc import Mapping, Sequence
 from typing import Final, TypeVar
 from zlib import crc32
@@ -53,6 +54,15 @@ ONE_IN: Final[Mapping[str, int]] = {
     "slow/test_target.py::test_the_unit_test_passes_on_the_target": 3,
 }
 """Tests that take long and are repeated for many blocks, laws or scripts: one repetition in so many runs."""
+
+
+def slowness() -> float:
+    """Return how much slower than the machine of the documented times this one is just now, at least 1."""
+    begin = time.process_time()
+    total = 0
+    for i in range(3_000_000):
+        total += i * i
+    return max(1.0, (time.process_time() - begin) / 0.25)
 
 
 nightly = pytest.mark.skipif(not THOROUGH, reason="takes long: runs each night, with THOROUGH=1")
