@@ -21,7 +21,7 @@ STEEPEST = 0.1
 """Fraction of the break-away force by which the force may rise over the last quarter of `travel` in sliding."""
 
 BEGUN = 0.5
-"""Fraction of the break-away force from which on its rate is measured."""
+"""Fraction of the break-away force above which its rate is measured."""
 
 
 @dataclass(frozen=True)

@@ -6,7 +6,7 @@
     --first NUMBER                         the first number, 0 by default
 
 Each mutant is made from its kind and number and given to the command in a process that was forked after all imports. It
-may succeed or be refused in one sentence; a traceback, more than 60 s of processor time (a hang) and a signal (a crash)
+may succeed or be refused in one sentence; a traceback, more than 20 s of processor time (a hang) and a signal (a crash)
 are failures, and the status is 1 then.
 """
 
@@ -35,7 +35,7 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 from mutant_kinds import KINDS, Kind, prepare
 
 OUTCOMES = ("ok", "sentence", "traceback", "hang", "crash")
-CPU_LIMIT, WALL_LIMIT = 60.0, 240.0
+CPU_LIMIT, WALL_LIMIT = 20.0, 240.0
 MEMORY = 8 << 30
 BATCH = 50
 
