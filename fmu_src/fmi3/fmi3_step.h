@@ -114,9 +114,11 @@ fmi3Status fmi3DoStep(fmi3Instance instance, fmi3Float64 t, fmi3Float64 h, fmi3B
         *event = *early = false;
         *last = t;
     }
-    if (status == fmi3Discard) /* all is as before the call: a shorter step may follow */
-        MODE(c->inside) = STEP_COMPLETE;
-    return status;
+    if (status != fmi3Discard)
+        return status;
+    MODE(c->inside) = STEP_COMPLETE; /* all is as before the call: a shorter step may follow */
+    *terminate = *early = ENDED(c->inside);
+    return *terminate ? fmi3OK : fmi3Discard;
 }
 
 #endif

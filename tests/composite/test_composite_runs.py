@@ -79,7 +79,7 @@ def mixed() -> System:
     wires = [
         "mass.v -> friction.v",
         "friction.F -> mass.F_friction",
-        Wire("control.u", "mass.F_drive", gain=0.5, delay=2),
+        Wire("control.u", "mass.F_drive", gain=0.5, offset=0.1, delay=2, initial=0.3),
         Wire("load.F", "mass.F_load", gain=-0.2, offset=0.05),
         "steps.r -> control.r",
         "mass.x -> sensor.x",

@@ -49,7 +49,7 @@ def check(root: etree._Element) -> None:
 def system(tmp_path: Path) -> Iterator[System]:
     part, other = (FmuPart(name, types3(tmp_path / "types.fmu")) for name in "pq")
     wires = [
-        Wire("p.y", "q.matrix[2,1]", gain=0.1, offset=1 / 3, delay=2),
+        Wire("p.y", "q.matrix[2,1]", gain=0.1, offset=1 / 3, delay=2, initial=1 / 7),
         Wire("p.single_y", "q.single"),
         Wire("p.any", "q.flags[2]"),
         Wire("p.gear_y", "q.gear"),
