@@ -242,6 +242,7 @@ static fmi2Status refuse_step(Instance *c, double t, double h)
 {
     const Engine e = c->engine;
     const bool restored = roll_back_all(c);
+    c->refreshed = false;
     MODE(c) = STEP_FAILED;
     REQUIRE(restored, "fmi2DoStep: a part cannot return to the start of the step at t = %g s: %s", t, c->said)
     if (e.status == NOT_CONVERGED)

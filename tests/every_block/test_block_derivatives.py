@@ -27,6 +27,17 @@ def test_outputs_of_sampled_blocks_stay_between_samples(library: Library, runnin
     assert running.output_derivatives(*outputs) == [0.0] * len(outputs)
 
 
+@pytest.mark.parametrize("library", SAMPLED_BLOCKS, indirect=True)
+def test_inputs_do_not_move_the_outputs_of_sampled_blocks_between_samples(library: Library, running: Instance) -> None:
+    """An importer that solves a loop by these derivatives, not by those of the next sample, finds what it will read."""
+    inputs, outputs = library.names("input", type="Real"), library.names("output", type="Real")
+    before = running.get(*outputs)
+    running.set({name: value + 0.1 for name, value in zip(inputs, running.get(*inputs), strict=True)})
+    assert running.get(*outputs) == before
+    for name in inputs:
+        assert running.directional(outputs, {name: 1.0}) == [0.0] * len(outputs), name
+
+
 def test_asking_for_output_derivatives_changes_nothing(library: Library, running: Instance) -> None:
     before = running.everything(), running.serialised()
     running.output_derivatives(*library.names("output", type="Real"))

@@ -100,7 +100,9 @@ def allowed(library: Library, kind: int) -> dict[str, str]:
     if library.fmi == 2:
         return TABLE[kind]
     elsewhere = ELSEWHERE_IN_3 if kind == MODEL_EXCHANGE else {}
-    return {name: modes for name, modes in (TABLE[kind] | elsewhere).items() if name not in ABSENT}
+    table = {name: modes for name, modes in (TABLE[kind] | elsewhere).items() if name not in ABSENT}
+    # a step that is discarded leaves the state before the call
+    return {name: modes.replace("F", "") + "F" * ("C" in modes) for name, modes in table.items()}
 
 
 def need_function(library: Library, function: str) -> None:
