@@ -16,7 +16,7 @@ T = STEP * np.arange(150)
 V = 8e-3 * np.sin(2.0 * np.pi * 10.0 * T) + 2e-3
 # of straight lines of the velocity; a reversal within a step has a path of its own
 TIMES = np.unique(np.concatenate([T, [t - v * STEP / d for t, v, d in zip(T, V, np.diff(V), strict=False) if d]]))
-TIMES = TIMES[(TIMES >= 0.0) & (TIMES <= T[-1])]
+TIMES = TIMES[np.abs(TIMES - 0.5 * T[-1]) <= 0.5 * T[-1]]
 PATH = np.append(0.0, np.cumsum(0.5 * np.diff(TIMES) * (np.interp(TIMES[1:], T, V) + np.interp(TIMES[:-1], T, V))))
 
 DAHL = {"sigma": 1e5, "Fc": 10.0}
