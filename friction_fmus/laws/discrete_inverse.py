@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from casadi import SX, floor, if_else, logic_and, logic_not, logic_or
+from collections.abc import Sequence
+
+from casadi import SX, floor, fmin, if_else, logic_and, logic_not, logic_or
 
 from friction_fmus.lawkit.expressions import clip, limits
 from friction_fmus.lawkit.law import (
@@ -25,6 +27,17 @@ from friction_fmus.lawkit.parts import variables
 LONGEST = 32  # samples of preview, unless the FMU is built for more
 POLES = 4
 ZEROS = 2
+
+
+def moved_on(now: SX, before: Sequence[SX], missed: SX) -> list[SX]:
+    """Return values of the previous samples, latest first, with those that were missed on a line from before to now."""
+    found, left = list(before), fmin(missed, len(before))
+    for power in reversed(range(len(before).bit_length())):
+        far = left >= 2.0**power
+        found = [if_else(far, found[max(j - 2**power, 0)], value) for j, value in enumerate(found)]
+        left = left - if_else(far, 2.0**power, 0.0)
+    slope = (now - before[0]) / (missed + 1.0)
+    return [if_else(missed > j, now - (j + 1.0) * slope, value) for j, value in enumerate(found)]
 
 
 def square(pair: SX) -> SX:
@@ -67,6 +80,7 @@ def discrete_inverse(
     w: SX = State(LENGTH, (0.0,) * POLES, "previewed references of the previous samples, latest first"),
     force: SX = State(FORCE, (0.0,) * ZEROS, "u before its limits in the previous samples, latest first"),
     started: SX = variables.STARTED,
+    missed: SX = variables.MISSED,
     K: SX = Parameter(LENGTH + "/(" + FORCE + ")", 1.25e-7, "gain of the plant", min=1e-30),
     zero: SX = Parameter(NO_UNIT, -5.82842712474619, "zero outside the unit circle; 0: none"),
     pair: SX = Parameter(
@@ -121,17 +135,17 @@ def discrete_inverse(
 
     In the first sample and in a sample with reset, the plant is assumed to rest at r, and u is the force that holds it
     there. While enable is false, u, u_sat, r_now and the states are 0. u jumps to this force when enabled. The limits
-    do not affect the states. N is rounded down. Feedforward does not change the stability of the loop.
+    do not affect the states. N is rounded down. Feedforward does not change the stability of the loop. After missing
+    samples r and w lie on a line from the last sample before them, and u was held.
 
     Limits: zeros inside the circle must be real, and at most two may be outside: a pair, or a double zero (pair2 = 0).
-    N grows for zeros near the circle. Missing samples of r leave a jump in line: reset the law after them. Friction
-    needs a separate law. The plant model must be accurate at all
+    N grows for zeros near the circle. Friction needs a separate law. The plant model must be accurate at all
     frequencies of r. u_min must not exceed u_max.
     """
     N = floor(preview)
     longest = line.numel() - 1
     fresh = logic_not(logic_and(started, logic_not(reset)))
-    past = [r, *(if_else(fresh, r, line[j]) for j in range(longest + 1))]
+    past = [r, *moved_on(r, [if_else(fresh, r, line[j]) for j in range(longest + 1)], missed)]
     p, n = 2.0 * pair[0], square(pair)
     paired = n > 0.0
     zero = if_else(paired, 0.0, zero)
@@ -154,11 +168,11 @@ def discrete_inverse(
     gap = 1.0 - zero - p + n
     even = (now - (zero + p) * ahead + n * beyond) / (gap + (gap == 0.0)) ** 2
     w_now = if_else(zero_phase, even, if_else(logic_or(paired, single), series, now))
-    w_past = [if_else(fresh, w_now, w[i]) for i in range(POLES)]
+    w_past = moved_on(w_now, [if_else(fresh, w_now, w[i]) for i in range(POLES)], missed)
 
     b = -(inner[0] + inner[1]), inner[0] * inner[1]
     hold = (1.0 + a[0] + a[1] + a[2] + a[3]) / (1.0 + b[0] + b[1]) * w_now / K
-    u_past = [if_else(fresh, hold, force[i]) for i in range(ZEROS)]
+    u_past = [if_else(fresh, hold, if_else(missed > i, force[0], force[i])) for i in range(ZEROS)]
     wanted = (w_now + sum(a[i] * w_past[i] for i in range(POLES))) / K - sum(b[i] * u_past[i] for i in range(ZEROS))
 
     def kept(values: list[SX]) -> list[SX]:
@@ -172,4 +186,5 @@ def discrete_inverse(
         "w": kept([w_now, *w_past[: POLES - 1]]),
         "force": kept([wanted, *u_past[: ZEROS - 1]]),
         "started": if_else(enable, 1.0, 0.0),
+        "missed": SX(0.0),
     }

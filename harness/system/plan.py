@@ -190,11 +190,15 @@ class Schedule:
         ``algorithm(engine)`` returns an `Algorithm` in C, which replaces the operations.
     implicit : bool
         Whether it solves loops, so that inputs get values from the end of the step.
+    lines : tuple of MovingWire
+        Connections whose values the operations pass as lines from the beginning to the end of the step, to FMUs that
+        interpolate inputs.
     """
 
     operations: tuple[tuple[int, int], ...] = ()
     algorithm: Callable[[Engine], Algorithm] | None = None
     implicit: bool = False
+    lines: tuple[MovingWire, ...] = ()
 
 
 def map_of(gain: float, offset: float, output: float) -> float:

@@ -151,6 +151,19 @@ def test_the_preview_prefilter_sees_no_jump_after_missing_references(build_fmu) 
     assert found["r_now"][since] == pytest.approx(0.1 * (K[since] - 4) * Ts, rel=1e-9)
 
 
+@pytest.mark.parametrize("a", [0.0, 3.0])
+def test_the_discrete_inverse_knows_the_age_of_its_references(a: float, build_fmu) -> None:
+    """A mass of 1 kg at a constant velocity needs no force; at a constant acceleration, a."""
+    r = 0.1 * K * Ts + 0.5 * a * (K * Ts) ** 2
+    found = gap("DiscreteInverse", build_fmu, {"r": r})
+    known = np.interp(np.maximum(K - 13, 0), K[VALID], r[VALID])
+    assert found["r_now"][VALID] == pytest.approx(known[VALID], abs=1e-12)
+    settled = (K >= 25) & VALID
+    # a line over 11 samples has two kinks of the velocity, each worth 5.5 samples of a
+    assert np.max(np.abs(found["u"][settled] - a)) < 1e-6 + 15.0 * a
+    assert found["u"][58:] == pytest.approx(np.full(2, a), abs=1e-6 + 0.2 * a)
+
+
 @pytest.mark.parametrize("window", [1, 4])
 @pytest.mark.parametrize("real", ["double", "float"])
 def test_a_loop_knows_how_long_it_missed_the_position(window: int, real, tmp_path: Path) -> None:
