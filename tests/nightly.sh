@@ -17,6 +17,7 @@ step() {
     echo "== $*"
     "$@" || failed=1
 }
+step tests/lint.sh "$(command -v "$python")"
 step "$python" tests/slow/fuzzing/native_checks.py warnings
 step "$python" tests/slow/fuzzing/native_checks.py threads
 step "$python" tests/slow/fuzzing/native_checks.py fuzz "$((2 * seconds))"

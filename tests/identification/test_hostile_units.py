@@ -16,6 +16,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from pyarrow import parquet
+from thorough import nightly
 
 from friction_fmus.errors import FrictionError
 from friction_fmus.fmi.units import base_unit
@@ -160,6 +161,7 @@ def test_a_file_with_no_unit_is_refused_at_once(tmp_path: Path, write: Callable[
     assert process_time() - start < 5.0
 
 
+@nightly
 def test_the_command_refuses_it(tmp_path: Path) -> None:
     options = ["--model", "LuGre", "-o", "out", str(heading(tmp_path, "9**9**9**9*N"))]
     command = [sys.executable, "-m", "friction_fmus", "identify", *options]

@@ -8,12 +8,12 @@ from pathlib import Path
 import pytest
 from interop.loops import Loop, all_loops
 from shell.instance import Library, load
-from shell.selection import COMPOSITES
+from shell.selection import COMPOSITES, of_each_branch
 
 from friction_fmus import catalogue
 
 
-@pytest.fixture(params=(*catalogue(), *COMPOSITES))
+@pytest.fixture(params=(*of_each_branch(tuple(catalogue())), *COMPOSITES))
 def library(request: pytest.FixtureRequest, build_fmu: Callable[..., Path]) -> Library:
     """Each block of the catalogue and each composite in turn."""
     return load(build_fmu(request.param))

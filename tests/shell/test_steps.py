@@ -8,11 +8,12 @@ from pathlib import Path
 
 import pytest
 from shell.instance import ERROR, OK, Instance, Library, load
+from thorough import some
 
 AWKWARD = (1.0 / 60.0, 1e-3 / 3.0, 0.1, 7e-5)
 
 
-@pytest.mark.parametrize("h", AWKWARD)
+@pytest.mark.parametrize("h", some(AWKWARD, AWKWARD[:2]))
 def test_time_is_exactly_t_plus_h(instance: Instance, h: float) -> None:
     t = 0.3
     instance.initialise(start=t)

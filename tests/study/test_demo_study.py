@@ -13,6 +13,7 @@ from pathlib import Path
 import fmpy
 import numpy as np
 import pytest
+from thorough import nightly
 
 from friction_fmus.__main__ import main
 from friction_fmus.axis.loop import run_loop
@@ -171,6 +172,7 @@ def test_progress_only_grows(study: Study) -> None:
     assert study.told[-1] == (100, 100)
 
 
+@nightly
 def test_the_study_of_the_page_works(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     log_file = PAGE.parents[1] / "examples" / "identification" / "log_file.py"
     subprocess.run([sys.executable, str(log_file), str(tmp_path)], check=True)

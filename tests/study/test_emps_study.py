@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import pytest
-from thorough import slowness
+from thorough import nightly, slowness
 
 from friction_fmus.data import EMPS_PUBLISHED
 from friction_fmus.study import Compensation, StudyError, StudyResult, load_config, run_study
@@ -92,6 +92,7 @@ def test_the_data_are_cited(study: Study) -> None:
     assert "Janot" in (study.out / "models" / "LuGre.ssv").read_text(encoding="utf-8")
 
 
+@nightly
 def test_it_does_not_take_a_minute(study: Study) -> None:
     """Of processor time, all processes together: elapsed time would depend on what else runs here."""
     assert study.seconds < 60.0 * slowness()

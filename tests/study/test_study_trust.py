@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import simulated_axis as axis
+from thorough import nightly
 
 from friction_fmus.__main__ import main
 from friction_fmus.axis.servo import Servo
@@ -134,6 +135,7 @@ def test_without_other_data_nothing_is_refined(folder: Path) -> None:
     assert refine(found, servo, train, ()) is found
 
 
+@nightly
 def test_the_study_of_pulses_uses_them(folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     out = tmp_path / "out"
     assert main(["study", str(folder / "pulses.toml"), "-o", str(out), "--workers", "1"]) == 0
