@@ -265,7 +265,7 @@ def test_bad_run_options_leave_no_file(
     "command",
     [
         ("build", "LuGre"),
-        ("build", "LuGre", "--fmi", "3"),
+        pytest.param(("build", "LuGre", "--fmi", "3"), marks=nightly),
         ("codegen", "LuGreFeedforward"),
         ("sweep", STICK_SLIP, "--vary", "friction.Fc=1:2:2"),
     ],

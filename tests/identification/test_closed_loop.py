@@ -6,7 +6,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from thorough import nightly
 
 from friction_fmus import identify
 from friction_fmus.data import MeasuredAxis, load_emps
@@ -27,7 +26,6 @@ LUGRE = {
 }
 
 
-@nightly
 def test_the_emps_axis_with_lugre_moves_as_measured(tmp_path: Path) -> None:
     axis = load_emps()
     run = axis_simulator(contact_model("LuGre", axis.record.units), axis, tmp_path)

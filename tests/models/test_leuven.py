@@ -366,6 +366,7 @@ def test_linear_velocities_agree_with_scipy(
             assert run.get1("Fh") == pytest.approx(reference_force(reference), abs=1e-7)
 
 
+@nightly
 @reproducibly
 @given(steps=ramps, cuts=st.integers(2, 7), n=exponents)
 def test_how_a_span_is_cut_does_not_matter(

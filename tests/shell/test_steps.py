@@ -81,7 +81,8 @@ def test_impossible_steps_are_errors_and_change_nothing(instance: Instance, t: f
 
 
 @pytest.mark.parametrize(
-    ("name", "output"), [("ElastoPlastic", "F"), ("GMS", "F"), ("LuGre", "F"), ("SwitchMass", "v")]
+    ("name", "output"),
+    some([("ElastoPlastic", "F"), ("GMS", "F"), ("LuGre", "F"), ("SwitchMass", "v")], [("ElastoPlastic", "F")]),
 )
 def test_a_tolerance_of_the_experiment_is_honoured(build_fmu: Callable[..., Path], name: str, output: str) -> None:
     """A coarse one gives another result, within a margin of it; a finer one less, and none the finest."""

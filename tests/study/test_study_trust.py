@@ -75,6 +75,7 @@ def test_nothing_is_ranked_and_no_fmu_is_written(
     assert "The result cannot be trusted" in page
 
 
+@nightly
 def test_files_are_written_by_force(folder: Path, tmp_path: Path) -> None:
     out = tmp_path / "out"
     assert main(["study", str(folder / "unit.toml"), "-o", str(out), "--workers", "1", "--force"]) == 1

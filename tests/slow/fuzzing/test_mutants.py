@@ -9,6 +9,7 @@ from pathlib import Path
 from random import Random
 
 import pytest
+from thorough import nightly
 
 if not hasattr(os, "fork") or not Path("/proc/self/stat").is_file():
     pytest.skip("mutants are tried in forked processes that are watched in /proc", allow_module_level=True)
@@ -18,6 +19,7 @@ from robustness.mutate import BYTES, TEXT, damaged, damaged_archive, members, od
 FOLDER = Path(__file__).parent
 
 
+@nightly
 def test_no_mutant_gives_a_traceback_a_hang_or_a_crash(tmp_path: Path) -> None:
     """One of each kind, always the same one."""
     command = [sys.executable, str(FOLDER / "mutants.py"), "1", "--keep", str(tmp_path / "mutants")]

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 from robustness.cases import run_cases
+from thorough import nightly
 
 from friction_fmus import build
 
@@ -163,6 +164,7 @@ def systems() -> Iterator[tuple[str, str]]:
     yield "too large", "# " + "x" * (1 << 23)
 
 
+@nightly
 def test_system_files(tmp_path: Path) -> None:
     build("LuGre", tmp_path)
     (tmp_path / "record.csv").write_text("time [s],F [N]\n0,1\n2,1\n")
@@ -249,6 +251,7 @@ def studies() -> Iterator[tuple[str, str]]:
     yield "a header with many parts", "[" + "a." * 100_000 + "a]\n"
 
 
+@nightly
 def test_studies_and_mappings(tmp_path: Path) -> None:
     """The record is too short for a study, so that each ends with a sentence."""
     (tmp_path / "log.csv").write_text("t,x,u\n0,1,2\n")
@@ -301,6 +304,7 @@ NAMES = (
 )
 
 
+@nightly
 def test_parameter_sets_of_sweeps(tmp_path: Path) -> None:
     (tmp_path / "system.toml").write_text(ALONE)
     own = ["--executor", "serial", "-o"]
