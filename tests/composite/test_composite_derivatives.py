@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 from shell.instance import ERROR, Instance, load
+from thorough import some
 
 from friction_fmus import fmu
 from harness import Experiment, FmuPart, System, Wire
@@ -48,7 +49,7 @@ def test_start_values_by_parameters(compose: Callable[[str], Path], name: str, a
         assert run.call("GetDirectionalDerivative", None, 0, None, 0, None, None) == 0
 
 
-@pytest.mark.parametrize("name", ["mass.x", "mass.v", "friction.F"])
+@pytest.mark.parametrize("name", some(["mass.x", "mass.v", "friction.F"], ["friction.F"]))
 def test_output_derivatives_in_time(tmp_path: Path, name: str) -> None:
     """Against the difference over two steps of a smooth motion; slopes inside are those of lines over a step."""
     parts = [FmuPart("mass", fmu("Mass")), FmuPart("friction", fmu("Viscous"))]

@@ -9,7 +9,7 @@ import pytest
 from lxml import etree
 from shell.exchanging import SITUATIONS, go_to, need
 from shell.instance import MODEL_EXCHANGE, Instance, Library
-from shell.selection import SAMPLED_BLOCKS
+from shell.selection import SAMPLED_BLOCKS, of_each_branch
 
 AMPLITUDE = {"m": 1e-3, "m/s": 5e-3, "m/s2": 0.5, "rad": 1e-3, "rad/s": 5e-3}
 
@@ -21,7 +21,7 @@ def test_held_inputs_are_constant(library: Library, running: Instance) -> None:
     assert running.get(*names) == before
 
 
-@pytest.mark.parametrize("library", SAMPLED_BLOCKS, indirect=True)
+@pytest.mark.parametrize("library", of_each_branch(SAMPLED_BLOCKS), indirect=True)
 def test_outputs_of_sampled_blocks_stay_between_samples(library: Library, running: Instance) -> None:
     outputs = library.names("output", type="Real")
     assert running.output_derivatives(*outputs) == [0.0] * len(outputs)

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from composite.composite_systems import differing, run_composite, run_parts
 from foreign_fmus import SOURCES
+from thorough import nightly
 
 from harness import Experiment, FmuPart, System
 from harness.errors import BuildError
@@ -77,6 +78,7 @@ COUNTS = {"before": "int shared;\n", "step": "r[3] += h * ++shared;"}
 """A common symbol, which counts steps: after n of them, the sum of h k is h n (n + 1) / 2."""
 
 
+@nightly
 @pytest.mark.parametrize(
     ("first", "second", "expected"),
     [

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 from scipy.linalg import expm
+from thorough import some
 
 from harness import AlgebraicLoopError, Experiment, ExperimentError, FmuPart, System, sweep
 from harness.errors import FmuError
@@ -58,7 +59,7 @@ def held(master: str, steps: int, h: float, birth: float = 1.1) -> np.ndarray:
     return np.array(rows)
 
 
-@pytest.mark.parametrize("master", EXPLICIT)
+@pytest.mark.parametrize("master", some([*EXPLICIT], [*EXPLICIT][:2]))
 def test_lotka_volterra_on_held_values(pair: System, master: str) -> None:
     h, n = 0.01, 1000
     result = pair.run(stop=n * h, step=h, master=master)

@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 from lxml import etree
 from test_fmi3_parts import INPUTS, servo, three
+from thorough import some
 from types3 import types3
 
 import harness.ssp
@@ -322,7 +323,7 @@ HARMS: list[Callable[[str], str]] = [
 ]
 
 
-@pytest.mark.parametrize("harm", HARMS)
+@pytest.mark.parametrize("harm", some(HARMS, HARMS[::3]))
 def test_damaged_archives(system: System, tmp_path: Path, harm: Callable[[str], str]) -> None:
     system.to_ssp(tmp_path / "a.ssp")
     with zipfile.ZipFile(tmp_path / "a.ssp") as archive:

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from contacts import LUGRE, dahl_force, lugre_force, lugre_motion, noise, reversals, stribeck_force
+from thorough import nightly
 
 import friction_fmus
 from friction_fmus import identify
@@ -48,6 +49,7 @@ def sliding_record(outliers: int = 0, fastest: float = 0.05, slowest: float = 1e
     return Record("sliding", STEP * np.arange(len(v)), v=v, friction=force)
 
 
+@nightly
 def test_lugre_is_found_within_a_fifth_of_a_percent_from_starts_three_times_off(
     lugre: Truth,
 ) -> None:
@@ -79,6 +81,7 @@ def test_the_inverse_model_of_the_emps_axis_is_the_published_one() -> None:
     assert np.isnan(result.parameters["Fs"].standard_error)
 
 
+@nightly
 def test_intervals_cover_the_truth_in_95_of_100_records() -> None:
     hits = dict.fromkeys(("sigma", "Fc"), 0)
     for seed in range(200):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from thorough import nightly
 
 from friction_fmus.identification import Record, identify
 
@@ -22,6 +23,7 @@ def rigid_axis() -> Record:
     return Record("rigid", t, q=1e-7 * np.round(q / 1e-7), force=force + noise)
 
 
+@nightly
 def test_a_rigid_contact_gets_no_stiffness_beyond_all_bounds() -> None:
     """The record has a kink where presliding would be; the stiffness may be any large value."""
     found = identify("LuGre", rigid_axis())

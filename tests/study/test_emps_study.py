@@ -7,10 +7,12 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import pytest
-from thorough import slowness
+from thorough import nightly, slowness
 
 from friction_fmus.data import EMPS_PUBLISHED
-from friction_fmus.study import Compensation, StudyError, StudyResult, load_config, run_study
+from friction_fmus.study import Compensation, StudyResult, load_config, run_study
+
+pytestmark = nightly  # .ci/run studies this axis with README's main command
 
 
 @dataclass(frozen=True)
@@ -95,9 +97,3 @@ def test_the_data_are_cited(study: Study) -> None:
 def test_it_does_not_take_a_minute(study: Study) -> None:
     """Of processor time, all processes together: elapsed time would depend on what else runs here."""
     assert study.seconds < 60.0 * slowness()
-
-
-def test_a_folder_that_cannot_be_made_is_named(tmp_path: Path) -> None:
-    (tmp_path / "file").write_text("", encoding="utf-8")
-    with pytest.raises(StudyError, match="Cannot create the folder"):
-        run_study("demo", tmp_path / "file" / "out")
