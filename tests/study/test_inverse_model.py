@@ -7,6 +7,7 @@ import pytest
 
 from friction_fmus.data import EMPS_PUBLISHED, load_emps
 from friction_fmus.identification import (
+    PUBLISHED_SETTINGS,
     ROTARY,
     ExcitationError,
     FitError,
@@ -39,9 +40,10 @@ def made_up(noise: float = 0.0, fs: float | None = None, seconds: float = 20.0) 
 @pytest.mark.parametrize("name", EMPS_PUBLISHED)
 def test_emps_gives_the_published_figures(name: str) -> None:
     """All digits that were printed, not only the 0.5 % that are asked for."""
-    found = identify_inverse_model(load_emps().record).parameters[name]
+    found = identify_inverse_model(load_emps().record, PUBLISHED_SETTINGS).parameters[name]
     assert found.value == pytest.approx(EMPS_PUBLISHED[name], abs=6e-5)
-    assert 0.0 < found.relative_error < 0.02
+    # for coloured residuals: the offset of either half of the record, -3.04 and -3.31 N, is 4 % off that of the whole
+    assert 0.0 < found.relative_error < {"M": 0.02, "Fv": 0.05, "Fc": 0.05, "OF": 0.08}[name]
 
 
 @pytest.mark.parametrize("name", TRUTH)
@@ -110,7 +112,7 @@ def test_too_little_motion_is_refused(motion: object, complaint: str) -> None:
 
 def test_a_short_record_is_refused() -> None:
     t = np.arange(0.0, 0.05, 1e-3)
-    with pytest.raises(RecordError, match="50 samples, but the filters need more"):
+    with pytest.raises(RecordError, match="50 samples, but the filters need more than 148"):
         identify_inverse_model(Record("short", t, t, t, t))
 
 
