@@ -84,7 +84,9 @@ class SearchResult:
         return float(np.mean(np.square(self.residual)))
 
 
-def search(problem: Problem, loss: Loss, starts: int, tolerance: float = CLOSE) -> SearchResult:
+def search(
+    problem: Problem, loss: Loss, starts: int, tolerance: float = CLOSE, begin: Array | None = None
+) -> SearchResult:
     """Minimise the residuals from the start point of the problem and from random points around it.
 
     Parameters
@@ -98,6 +100,8 @@ def search(problem: Problem, loss: Loss, starts: int, tolerance: float = CLOSE) 
         searches use a part of the samples, and the best result is refined on all samples.
     tolerance : float
         Relative change of the cost at which the search on all samples ends.
+    begin : array, shape (p,), optional
+        First start point, if not that of the problem.
 
     Raises
     ------
@@ -109,7 +113,7 @@ def search(problem: Problem, loss: Loss, starts: int, tolerance: float = CLOSE) 
     if starts < 1:
         raise FitError(f"The number of starts is {starts}; use at least 1.")
     lower, upper = problem.bounds()
-    first = np.clip(problem.start(), lower, upper)
+    first = np.clip(problem.start() if begin is None else begin, lower, upper)
     farthest = np.where([c.log for c in problem.coordinates], math.log(FARTHEST), np.inf)
     lower, upper = np.maximum(lower, first - farthest), np.minimum(upper, first + farthest)
     thin = problem.thinned()
