@@ -56,16 +56,50 @@ class InverseModelSettings:
     order_of_differences: int = 4
 
     def rows(self, signal: Array, Ts: float) -> Array:
-        """Return a signal of shape (n,) or (n, columns) without its ends, filtered and decimated."""
+        """Return a signal without its ends, filtered and decimated.
+
+        Parameters
+        ----------
+        signal : array, shape (n,) or (n, columns)
+            Signal at all samples.
+        Ts : float
+            Sample time [s].
+
+        Returns
+        -------
+        array, shape (rows,) or (rows, columns)
+            Filtered rows.
+        """
         return decimate(self._inside(signal, Ts), self.decimation)
 
     def times(self, t: Array, Ts: float) -> Array:
-        """Return the times of the rows, shape (rows,)."""
+        """Return the times of the rows.
+
+        Parameters
+        ----------
+        t : array, shape (n,)
+            Times of all samples [s].
+        Ts : float
+            Sample time [s].
+
+        Returns
+        -------
+        array, shape (rows,)
+            Times [s].
+        """
         inside = self._inside(t, Ts)
         return inside[(len(inside) - 1) % self.decimation :: self.decimation]
 
     def require(self, record: Record, columns: int = 1) -> None:
-        """Raise RecordError if the record is too short for the border and rows of so many columns."""
+        """Raise RecordError if a record is too short for the border and for rows of several columns.
+
+        Parameters
+        ----------
+        record : Record
+            Record to be used.
+        columns : int
+            Number of unknowns.
+        """
         first, last = self._discarded(record.Ts)
         _require_length(record, first + last + max(25, (columns + 1) * self.decimation))
 
