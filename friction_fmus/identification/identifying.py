@@ -114,7 +114,7 @@ def identify(
             )
         open_loop = identify(
             model,
-            data.record,
+            replace(data.record, held=True),
             fixed=fixed,
             bounds=bounds,
             start=start,
@@ -130,7 +130,7 @@ def identify(
     if method == FREE_RUN:
         driven_by_force = identify(
             model,
-            records,
+            [replace(record, held=True) for record in records],
             fixed=fixed,
             bounds=bounds,
             start=start,

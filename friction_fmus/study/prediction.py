@@ -37,7 +37,7 @@ def inverse_residual(fit: InverseModelFit, records: Sequence[Record]) -> Fit | N
         except FrictionError:
             continue
         predicted = M * motion.a + Fv * motion.v + Fc * np.sign(motion.v) + OF
-        rows = np.column_stack([predicted, record.with_total_force().column("force")])
+        rows = np.column_stack([predicted, record.force_at_samples()])
         model, force = settings.rows(rows, record.Ts).T
         errors.append(model - force)
         forces.append(force)

@@ -77,3 +77,23 @@ def test_the_filter_follows_a_low_sample_rate() -> None:
     v = filtered_motion(record).v
     middle = slice(60, -60)
     assert v[middle] == pytest.approx(np.gradient(record.column("q"), record.Ts)[middle], abs=2e-3)
+
+
+@pytest.mark.parametrize("period", [1e-3, 2e-3, 4e-3])
+def test_a_held_force_acts_until_the_next_sample(period: float) -> None:
+    """A mass with viscous friction under a PD controller, exact from sample to sample, within the speed of one sign."""
+    n, M, Fv = round(4.0 / period), TRUTH["M"], 200.0
+    t = period * np.arange(n)
+    r = 0.5 * t + 0.01 * np.sin(2.0 * np.pi * 2.0 * t) + 0.003 * np.sin(2.0 * np.pi * 5.0 * t)
+    decay = np.exp(-Fv * period / M)
+    q, force, x, v = np.zeros(n), np.zeros(n), 0.0, 0.5
+    for k in range(n):
+        q[k], force[k] = x, 4e4 * (r[k] - x) + 900.0 * (0.5 - v)
+        rest = (force[k] - TRUTH["Fc"]) / Fv
+        x, v = x + rest * period + (v - rest) * (1.0 - decay) * M / Fv, rest + (v - rest) * decay
+    record = Record("held", t, q=q, force=force).window(0.5, 4.0)
+    settings = InverseModelSettings(cutoff=min(100.0, 0.1 / period), decimation=1)
+    found = identify("Viscous", replace(record, held=True), settings=settings)
+    assert found.parameters["M"].value == pytest.approx(M, rel=2e-3)  # (w Ts)^2 / 12 at 5 Hz
+    # taken as the force at the sample, half a period later in the motion, it has Fv Ts/2 a more
+    assert identify("Viscous", record, settings=settings).parameters["M"].value > M + 0.3 * Fv * period

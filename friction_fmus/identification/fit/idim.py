@@ -396,7 +396,7 @@ def _linear_fit(
     settings.require(record, len(columns))
     names = list(columns)
     W = settings.rows(np.column_stack(list(columns.values())), record.Ts)
-    force = settings.rows(record.with_total_force().column("force"), record.Ts)
+    force = settings.rows(record.force_at_samples(), record.Ts)
 
     length = np.linalg.norm(W, axis=0)
     if np.any(length == 0.0):

@@ -150,7 +150,6 @@ def prepare(
     RecordError
         If the normal force is not positive, or the record is too short for the filter.
     """
-    record = record.with_total_force()
     filter_ = settings if settings is not None else default_settings(record)
     inputs: dict[str, Array] = {}
     a: Array | None = None
@@ -185,7 +184,7 @@ def prepare(
     else:
         x = np.append(0.0, np.cumsum(0.5 * (v[1:] + v[:-1]) * record.Ts))
     segment = PreparedSegment(record, inputs, between, x, a, per, np.zeros(0), record.t, used)
-    column = record.column("force" if signal == "force" else "friction")
+    column = record.force_at_samples() if signal == "force" else record.column("friction")
     measured = column / per if per is not None else segment.rows(column)
     t = record.t if used is None else used.times(record.t, record.Ts)
     return replace(segment, measured=measured, t=t)
