@@ -12,6 +12,7 @@ from thorough import nightly
 
 from friction_fmus import identify
 from friction_fmus.identification import Record, identify_inverse_model
+from friction_fmus.identification.fit.output_error import widening
 from friction_fmus.identification.fit.search import SearchResult, covariance
 
 TRUTH = {"M": 20.0, "Fv": 40.0, "Fc": 8.0, "OF": -1.5}
@@ -116,3 +117,17 @@ def test_collinear_parameters_are_correlated_and_named() -> None:
     names = [*found.parameters, *found.initial]
     assert found.correlation[names.index("Fc"), names.index("Fv")] < -0.99
     assert {"Fc", "Fv"} <= set(found.weak)
+
+
+@nightly
+@pytest.mark.parametrize("part", [0.05, 0.2, 0.5, 1.0])
+def test_the_widening_is_the_limit_distribution_of_the_statistic(part: float) -> None:
+    """The 90 % quantile of W(1) / sqrt(Q), with Q the Newey-West estimate of a Brownian bridge, by simulation."""
+    random, n, statistics = np.random.default_rng(1), 1000, []
+    for _ in range(20):
+        steps = random.standard_normal((2000, n))
+        bridge = np.cumsum(steps - steps.mean(axis=1, keepdims=True), axis=1) / np.sqrt(n)
+        lag = round(part * n)
+        Q = 2.0 / part * (np.mean(bridge**2, axis=1) - np.sum(bridge[:, lag:] * bridge[:, : n - lag], axis=1) / n)
+        statistics.append(np.abs(steps.sum(axis=1)) / np.sqrt(n * Q))
+    assert widening(part) * NINETY == pytest.approx(np.quantile(np.concatenate(statistics), 0.9), rel=0.03)
