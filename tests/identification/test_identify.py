@@ -14,6 +14,7 @@ import friction_fmus
 from friction_fmus import identify
 from friction_fmus.data import EMPS_PUBLISHED, load_emps
 from friction_fmus.identification import (
+    PUBLISHED_SETTINGS,
     ROTARY,
     FitError,
     IdentificationError,
@@ -73,7 +74,7 @@ def test_without_start_values_the_data_give_them(lugre: Truth) -> None:
 
 
 def test_the_inverse_model_of_the_emps_axis_is_the_published_one() -> None:
-    result = identify("Stiction", load_emps().record)
+    result = identify("Stiction", load_emps().record, settings=PUBLISHED_SETTINGS)
     assert result.method == "inverse" and result.signal == "force"
     for name, value in EMPS_PUBLISHED.items():
         assert result.values()[name] == pytest.approx(value, rel=1e-5), name
