@@ -267,7 +267,7 @@ def test_bad_run_options_leave_no_file(
         ("build", "LuGre"),
         pytest.param(("build", "LuGre", "--fmi", "3"), marks=nightly),
         ("codegen", "LuGreFeedforward"),
-        ("sweep", STICK_SLIP, "--vary", "friction.Fc=1:2:2"),
+        pytest.param(("sweep", STICK_SLIP, "--vary", "friction.Fc=1:2:2"), marks=nightly),
     ],
 )
 def test_a_folder_that_cannot_be_made_is_named(

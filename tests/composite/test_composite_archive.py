@@ -135,6 +135,7 @@ def test_a_wrong_time_stamp(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, epo
         system.to_fmu(tmp_path / "Whole.fmu")
 
 
+@nightly
 def test_times_before_those_of_zip(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     with _mass(monkeypatch, "0") as system:
         system.to_fmu(tmp_path / "Whole.fmu")

@@ -178,6 +178,7 @@ def test_a_system_without_an_experiment_needs_a_step(tmp_path: Path) -> None:
     assert (tmp_path / "given.fmu").exists()
 
 
+@nightly
 def test_an_input_without_a_start_value_becomes_an_input(tmp_path: Path) -> None:
     """To run such a system is an error; as an FMU it has an input with the start value of the part."""
     text = (EXAMPLES / "stick_slip.toml").read_text(encoding="utf-8").replace("F_drive = 0.0\n", "")

@@ -102,6 +102,7 @@ def test_tables_delays_gains_and_sample_times(tmp_path: Path, master: str) -> No
     assert differing(run_composite(tmp_path / "mixed.fmu", 0.2, 5 * STEP), expected, 5) == []
 
 
+@nightly
 def test_connections_convert_units(tmp_path: Path) -> None:
     with ZipFile(fmu("Quantiser")) as given, ZipFile(tmp_path / "InMillimetres.fmu", "w") as changed:
         for member in given.namelist():

@@ -71,6 +71,7 @@ def test_a_record_has_an_event_at_each_sample(interpolation: str, tmp_path: Path
         assert found["mass.v"] == pytest.approx(np.interp(t, times, impulse), abs=1e-9)
 
 
+@nightly
 @pytest.mark.parametrize("version", [2, 3])
 def test_states_that_an_event_of_a_part_changes_are_marked(version: Literal[2, 3], tmp_path: Path) -> None:
     parts = [FmuPart("mass", fmu("Mass")), FmuPart("friction", fmu("Leuven"))]

@@ -14,6 +14,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from harness_parts import mass
+from thorough import nightly
 
 from harness import (
     Bias,
@@ -96,6 +97,7 @@ with System.from_toml(sys.argv[1]) as system:
 """
 
 
+@nightly
 def test_another_process_goes_on(build_fmu: BuildFmu, tmp_path: Path) -> None:
     with servo(build_fmu) as system:
         system.to_toml(tmp_path / "system.toml")

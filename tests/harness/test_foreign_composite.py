@@ -121,6 +121,7 @@ def test_a_symbol_that_cannot_be_renamed_is_named(foreign: Callable[..., Path], 
         system.to_fmu(tmp_path / "Both.fmu")
 
 
+@nightly
 def test_an_included_file_of_this_machine_counts(foreign: Callable[..., Path], tmp_path: Path) -> None:
     """The sources of an FMU may include any file; a change of it is compiled."""
     header = tmp_path / "factor.h"

@@ -8,7 +8,7 @@ import sys
 from pathlib import Path
 
 import pytest
-from thorough import some
+from thorough import nightly, some
 
 from harness.results import FORMATS
 
@@ -34,6 +34,7 @@ for path in map(Path, sys.argv[1:]):
 """
 
 
+@nightly
 @pytest.mark.parametrize("there", some([False, True], [True]), ids=lambda there: "replaced" if there else "new")
 def test_a_result_that_does_not_fit(there: bool, tmp_path: Path) -> None:
     paths = [tmp_path / f"out{suffix}" for suffix in (*FORMATS, ".png")]

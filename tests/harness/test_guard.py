@@ -208,6 +208,7 @@ def test_an_fmu_that_ends_the_program(name: str, probe: Path, tmp_path: Path) ->
     assert [path.name for path in tmp_path.iterdir() if "out" in path.name] == []
 
 
+@nightly
 def test_a_program_that_ends_by_itself_says_nothing(probe: Path) -> None:
     """Also while a run is going on in another thread."""
     code = (

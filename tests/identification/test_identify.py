@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from contacts import LUGRE, dahl_force, lugre_force, lugre_motion, noise, reversals, stribeck_force
-from thorough import nightly
+from thorough import nightly, some
 
 import friction_fmus
 from friction_fmus import identify
@@ -26,6 +26,7 @@ from harness import Drive, FmuPart, read_ssv
 
 STEP = 1e-3
 Truth = tuple[Record, np.ndarray]
+OTHERS = [name for name in identifiable() if name not in ("LuGre", "Dahl", "Stribeck")]
 
 
 @pytest.fixture(scope="module")
@@ -183,7 +184,7 @@ def test_the_result_becomes_fmu_parameter_set_picture_and_prediction(tmp_path: P
     assert result.plot(tmp_path / "contact.png").stat().st_size > 10_000
 
 
-@pytest.mark.parametrize("model", [name for name in identifiable() if name not in ("LuGre", "Dahl", "Stribeck")])
+@pytest.mark.parametrize("model", some(OTHERS, ["GMS", "Karnopp"]))
 def test_every_model_that_is_offered_is_identified(model: str) -> None:
     q = reversals(400, 2e-4)
     record = Record("any", STEP * np.arange(400), q=q, friction=dahl_force(q, 1e5, 2.0) + noise(9, 400))

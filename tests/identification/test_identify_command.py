@@ -128,6 +128,7 @@ def test_the_python_of_the_page_prints_what_it_says(outcome: tuple[Path, str]) -
     assert re.sub(r"[-.\d]+", "#", done.stdout) == re.sub(r"[-.\d]+", "#", shown)
 
 
+@nightly
 def test_without_validation_models_are_ranked_by_bic(
     log: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -106,6 +106,7 @@ def test_what_does_not_fit_is_refused(
     assert not (tmp_path / "none").exists()
 
 
+@nightly
 def test_a_preview_of_a_pair_of_zeros(tmp_path: Path) -> None:
     """1.02 exp(+-i pi/3): g[i+1] = sin(i pi/3) / (sin(pi/3) 1.02^(i+1)), as 1.02 p = 1.02^2."""
     N, size = 300, 1.02

@@ -13,7 +13,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 from shell.instance import OK, WARNING, Instance, Library, load
-from thorough import nightly
+from thorough import THOROUGH, nightly
 
 reproducibly = settings(max_examples=100, deadline=20_000, derandomize=True, database=None)
 velocity = st.one_of(st.floats(-5e-3, 5e-3), st.floats(-2e-4, 2e-4), st.sampled_from([0.0, 1e-6, -1e-6])).map(
@@ -351,7 +351,7 @@ def test_nested_loops_of_any_elements_agree_with_scipy(
         nested_loops(run, Modified(k, W, law), relative * top / sum(k), steps)
 
 
-@settings(reproducibly, max_examples=80)
+@settings(reproducibly, max_examples=80 if THOROUGH else 25)
 @given(steps=ramps, n=exponents, Fs=st.sampled_from([0.8, 1.5]))
 def test_linear_velocities_agree_with_scipy(
     either: Library, steps: list[tuple[float, float, float]], n: float, Fs: float

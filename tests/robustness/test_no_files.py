@@ -59,6 +59,7 @@ def test_devices_pipes_and_folders(folder: Path) -> None:
     assert counts == {"runs": 0, "sentences": len(commands), "bad": 0}
 
 
+@nightly
 def test_large_files_and_texts_that_are_none(folder: Path) -> None:
     commands = []
     for name in ("large.toml", "large.c", "large.py"):

@@ -100,6 +100,7 @@ def percent(model: IdentifiedModel) -> float:
     return {fit.signal: fit.percent for fit in model.row.closed_loop}["force"]
 
 
+@nightly
 def test_a_refinement_that_makes_the_force_worse_is_discarded(folder: Path) -> None:
     """The pulses are not simulated: a fit to the position alone would take them for friction and offset."""
     servo, found, records = measured(folder, known=False)
@@ -206,6 +207,7 @@ def test_growth_of_a_loop_in_closed_form() -> None:
     assert loop_growth(free, 0.1, 50.0) == pytest.approx(1.0)
 
 
+@nightly
 def test_identify_writes_no_fmu_of_a_wrong_sign(
     folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

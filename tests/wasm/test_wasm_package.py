@@ -309,6 +309,7 @@ def test_a_refused_call_says_why_and_changes_nothing(package: Path) -> None:
     assert {name: text for name, (text, _) in found.items()} == expected
 
 
+@nightly
 @pytest.mark.parametrize("engine", some(ENGINES, ENGINES[:1]))
 def test_classic_scripts_run_without_network_under_a_strict_policy(engine: str, tmp_path: Path) -> None:
     """A composite too: the stick-slip of examples/, whose belt starts to pull."""
