@@ -223,7 +223,8 @@ fmi2Status fmi2ExitInitializationMode(fmi2Component component)
     newton_begin(&c->engine, &c->newton);
     for (int64_t k = 0; k < DELAYS; k++)
         for (int64_t i = 0; i < c->delays[k].length; i++)
-            c->delays[k].past[i] = delay_data[k].given ? delay_data[k].initial : m->signals[source_of[delay_data[k].input]];
+            c->delays[k].past[i] =
+                delay_data[k].given ? delay_data[k].initial : m->signals[source_of[delay_data[k].input]];
     MODE(c) = STEP_COMPLETE;
     return fmi2OK;
 }
