@@ -139,7 +139,8 @@ def discrete_inverse(
     paired = n > 0.0
     zero = if_else(paired, 0.0, zero)
     single = zero != 0.0
-    over_n, over_zero = 1.0 / if_else(paired, n, 1.0), 1.0 / if_else(single, zero, 1.0)
+    # without if_else, of which clang computes 1/0 too
+    over_n, over_zero = 1.0 / (n + (n == 0.0)), 1.0 / (zero + (zero == 0.0))
 
     # w[k+N], w[k+N-1], ... w[k] by w[i] - zero w[i-1] = s[i], or w[i] - p w[i-1] + n w[i-2] = s[i], solved for the last
     # term
@@ -154,7 +155,7 @@ def discrete_inverse(
         after, now = if_else(within, past[j + 2], after), if_else(within, past[j + 1], now)
         ahead, beyond = if_else(within, past[j], ahead), if_else(within, past[max(j - 1, 0)], beyond)
     gap = 1.0 - zero - p + n
-    even = (now - (zero + p) * ahead + n * beyond) / if_else(gap == 0.0, 1.0, gap) ** 2
+    even = (now - (zero + p) * ahead + n * beyond) / (gap + (gap == 0.0)) ** 2
     w_now = if_else(zero_phase, even, if_else(logic_or(paired, single), series, now))
     again = logic_or(fresh, missed > 0.0)  # w and u of a motion at constant velocity
     change = (past[0] - past[1]) / if_else(gap == 0.0, 1.0, gap)

@@ -50,7 +50,11 @@ def servo(build_fmu: BuildFmu) -> System:
     profile, pid, body, friction, spare = (FmuPart(name.lower(), build_fmu(name)) for name in names)
     estimate = FmuPart("estimate", build_fmu("Differentiator"), every=3)
     wires = ["profile.r -> pid.r", "mass.x -> pid.x", "lugre.F -> mass.F_friction", "mass.x -> estimate.x"]
-    wires += [Wire("pid.u", "mass.F_drive", delay=2), "mass.v -> lugre.v", Wire("mass.v", "elastoplastic.v", 0.5)]
+    wires += [
+        Wire("pid.u", "mass.F_drive", delay=2, initial=0.1),
+        "mass.v -> lugre.v",
+        Wire("mass.v", "elastoplastic.v", 0.5),
+    ]
     start = {"pid.Ts": 1e-3, "pid.Kp": 400.0, "pid.Kd": 40.0, "pid.rd": 0.0, "pid.rdd": 0.0, "pid.v": 0.0}
     return System([profile, pid, body, friction, spare, estimate], wires, {**start, "estimate.Ts": 3e-3})
 

@@ -8,11 +8,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 from contacts import LUGRE, dahl_force, lugre_force, lugre_motion, noise, reversals, stribeck_force
+from thorough import nightly
 
 import friction_fmus
 from friction_fmus import identify
 from friction_fmus.data import EMPS_PUBLISHED, load_emps
 from friction_fmus.identification import (
+    PUBLISHED_SETTINGS,
     ROTARY,
     FitError,
     IdentificationError,
@@ -48,6 +50,7 @@ def sliding_record(outliers: int = 0, fastest: float = 0.05, slowest: float = 1e
     return Record("sliding", STEP * np.arange(len(v)), v=v, friction=force)
 
 
+@nightly
 def test_lugre_is_found_within_a_fifth_of_a_percent_from_starts_three_times_off(
     lugre: Truth,
 ) -> None:
@@ -71,7 +74,7 @@ def test_without_start_values_the_data_give_them(lugre: Truth) -> None:
 
 
 def test_the_inverse_model_of_the_emps_axis_is_the_published_one() -> None:
-    result = identify("Stiction", load_emps().record)
+    result = identify("Stiction", load_emps().record, settings=PUBLISHED_SETTINGS)
     assert result.method == "inverse" and result.signal == "force"
     for name, value in EMPS_PUBLISHED.items():
         assert result.values()[name] == pytest.approx(value, rel=1e-5), name
@@ -79,6 +82,7 @@ def test_the_inverse_model_of_the_emps_axis_is_the_published_one() -> None:
     assert np.isnan(result.parameters["Fs"].standard_error)
 
 
+@nightly
 def test_intervals_cover_the_truth_in_95_of_100_records() -> None:
     hits = dict.fromkeys(("sigma", "Fc"), 0)
     for seed in range(200):

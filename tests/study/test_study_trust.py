@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import simulated_axis as axis
+from thorough import nightly
 
 from friction_fmus.__main__ import main
 from friction_fmus.axis.servo import Servo
@@ -74,6 +75,7 @@ def test_nothing_is_ranked_and_no_fmu_is_written(
     assert "The result cannot be trusted" in page
 
 
+@nightly
 def test_files_are_written_by_force(folder: Path, tmp_path: Path) -> None:
     out = tmp_path / "out"
     assert main(["study", str(folder / "unit.toml"), "-o", str(out), "--workers", "1", "--force"]) == 1
@@ -134,6 +136,7 @@ def test_without_other_data_nothing_is_refined(folder: Path) -> None:
     assert refine(found, servo, train, ()) is found
 
 
+@nightly
 def test_the_study_of_pulses_uses_them(folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     out = tmp_path / "out"
     assert main(["study", str(folder / "pulses.toml"), "-o", str(out), "--workers", "1"]) == 0

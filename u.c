@@ -1,1 +1,0 @@
-static int x; int mässe; void fuß(void){} int a$b;
