@@ -99,7 +99,8 @@ def refine(
             for _ in range(2):
                 fit = fit_output_error(simulate, unknowns, {"q": target}, correlation=lag, max_iterations=12)
                 simulations += fit.simulations
-                unknowns = [replace(u, start=fit.parameters[u.name].value) for u in unknowns]
+                reached = fit.values()
+                unknowns = [replace(u, start=min(max(reached[u.name], u.lower), u.upper)) for u in unknowns]
         except (FrictionError, HarnessError):
             return found
     values = fit.values()
