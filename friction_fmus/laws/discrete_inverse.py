@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
-from casadi import SX, floor, fmin, if_else, logic_and, logic_not, logic_or
+from casadi import SX, floor, if_else, logic_and, logic_not, logic_or
 
 from friction_fmus.lawkit.expressions import clip, limits
 from friction_fmus.lawkit.law import (
@@ -23,21 +21,11 @@ from friction_fmus.lawkit.law import (
     law,
 )
 from friction_fmus.lawkit.parts import variables
+from friction_fmus.lawkit.parts.feedforward import filled
 
 LONGEST = 32  # samples of preview, unless the FMU is built for more
 POLES = 4
 ZEROS = 2
-
-
-def moved_on(now: SX, before: Sequence[SX], missed: SX) -> list[SX]:
-    """Return values of the previous samples, latest first, with those that were missed on a line from before to now."""
-    found, left = list(before), fmin(missed, len(before))
-    for power in reversed(range(len(before).bit_length())):
-        far = left >= 2.0**power
-        found = [if_else(far, found[max(j - 2**power, 0)], value) for j, value in enumerate(found)]
-        left = left - if_else(far, 2.0**power, 0.0)
-    slope = (now - before[0]) / (missed + 1.0)
-    return [if_else(missed > j, now - (j + 1.0) * slope, value) for j, value in enumerate(found)]
 
 
 def square(pair: SX) -> SX:
@@ -136,7 +124,8 @@ def discrete_inverse(
     In the first sample and in a sample with reset, the plant is assumed to rest at r, and u is the force that holds it
     there. While enable is false, u, u_sat, r_now and the states are 0. u jumps to this force when enabled. The limits
     do not affect the states. N is rounded down. Feedforward does not change the stability of the loop. After missing
-    samples r and w lie on a line from the last sample before them, and u was held.
+    samples, the references lie on the line through the last sample before them and this one, and u is the force of a
+    motion at this velocity.
 
     Limits: zeros inside the circle must be real, and at most two may be outside: a pair, or a double zero (pair2 = 0).
     N grows for zeros near the circle. Friction needs a separate law. The plant model must be accurate at all
@@ -145,7 +134,7 @@ def discrete_inverse(
     N = floor(preview)
     longest = line.numel() - 1
     fresh = logic_not(logic_and(started, logic_not(reset)))
-    past = [r, *moved_on(r, [if_else(fresh, r, line[j]) for j in range(longest + 1)], missed)]
+    past = [r, *filled(r, [if_else(fresh, r, line[j]) for j in range(longest + 1)], missed)]
     p, n = 2.0 * pair[0], square(pair)
     paired = n > 0.0
     zero = if_else(paired, 0.0, zero)
@@ -168,11 +157,16 @@ def discrete_inverse(
     gap = 1.0 - zero - p + n
     even = (now - (zero + p) * ahead + n * beyond) / (gap + (gap == 0.0)) ** 2
     w_now = if_else(zero_phase, even, if_else(logic_or(paired, single), series, now))
-    w_past = moved_on(w_now, [if_else(fresh, w_now, w[i]) for i in range(POLES)], missed)
+    again = logic_or(fresh, missed > 0.0)  # w and u of a motion at constant velocity
+    change = (past[0] - past[1]) / if_else(gap == 0.0, 1.0, gap)
+    w_past = [if_else(again, w_now - (i + 1.0) * change, w[i]) for i in range(POLES)]
 
     b = -(inner[0] + inner[1]), inner[0] * inner[1]
-    hold = (1.0 + a[0] + a[1] + a[2] + a[3]) / (1.0 + b[0] + b[1]) * w_now / K
-    u_past = [if_else(fresh, hold, if_else(missed > i, force[0], force[i])) for i in range(ZEROS)]
+    stiffness = (1.0 + a[0] + a[1] + a[2] + a[3]) / (1.0 + b[0] + b[1]) / K
+    damping = (a[0] + 2.0 * a[1] + 3.0 * a[2] + 4.0 * a[3]) / (1.0 + b[0] + b[1]) / K
+    lag = (b[0] + 2.0 * b[1]) / (1.0 + b[0] + b[1])
+    hold = [stiffness * (w_now + (lag - (i + 1.0)) * change) - damping * change for i in range(ZEROS)]
+    u_past = [if_else(again, hold[i], force[i]) for i in range(ZEROS)]
     wanted = (w_now + sum(a[i] * w_past[i] for i in range(POLES))) / K - sum(b[i] * u_past[i] for i in range(ZEROS))
 
     def kept(values: list[SX]) -> list[SX]:

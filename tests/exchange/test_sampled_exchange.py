@@ -177,3 +177,20 @@ def test_a_time_in_which_the_period_is_lost_is_refused_and_not_waited_for(librar
         info = EventInfo(next=-7.0)
         status = run.call("NewDiscreteStates", info)
         assert status in (0, WARNING) or (run.serialised() == before and info.next == -7.0)
+
+
+@pytest.mark.parametrize("early", [0.0, -1.0, 1.0])
+def test_samples_at_large_times(build_fmu: Callable[..., Path], early: float) -> None:
+    """From a Unix time, where an importer may miss the time of an event by a rounding error: each event is a sample.
+
+    The difference of two samples of a position that moves by Ts in each is Ts, so the velocity is 1.
+    """
+    unix, Ts = 1.7e9, 2e-3
+    with Instance(load(build_fmu("Differentiator")), kind=MODEL_EXCHANGE) as run:
+        run.initialise(unix, Ts=Ts, window=1, v0=1.0)
+        info = run.event()
+        run.must("EnterContinuousTimeMode")
+        for k in range(1, 3000):
+            assert info.next == pytest.approx(unix + k * Ts, abs=1e-6)
+            info = sample(run, info.next + early * math.ulp(unix), {"x": k * Ts})
+            assert run.get1("v") == pytest.approx(1.0, abs=1e-6), k

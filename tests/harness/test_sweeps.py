@@ -652,3 +652,24 @@ def test_a_scheduler_that_is_gone(tmp_path: Path, fault: Exception | str) -> Non
     pytest.importorskip("distributed")
     with pytest.raises(SweepError, match=r"lost the dask scheduler \(.*\): start it again"):
         sweep(counted(tmp_path), numbers(3), measure=root, executor=Client())
+
+
+def test_a_cluster_without_workers_is_told_once(
+    caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A restart of the workers may lose them all."""
+    distributed = pytest.importorskip("distributed")
+    monkeypatch.setattr(pools, "LOOK", 0.0)
+    with (
+        distributed.LocalCluster(n_workers=0, processes=False, dashboard_address=None) as cluster,
+        distributed.Client(cluster) as client,
+    ):
+        pool = pools.DaskPool(client)
+        assert [pool.capacity() for _ in range(3)] == [2, 2, 2]
+        assert [record.message for record in caplog.records if "no worker" in record.message] == [
+            "the dask cluster has no worker: the sweep waits for one; start workers, or press Ctrl-C"
+        ]
+        cluster.scale(1)
+        client.wait_for_workers(1, timeout=60)
+        assert pool.capacity() >= 2
+        assert pool._worked is not None
