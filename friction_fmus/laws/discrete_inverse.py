@@ -158,7 +158,7 @@ def discrete_inverse(
     even = (now - (zero + p) * ahead + n * beyond) / (gap + (gap == 0.0)) ** 2
     w_now = if_else(zero_phase, even, if_else(logic_or(paired, single), series, now))
     again = logic_or(fresh, missed > 0.0)  # w and u of a motion at constant velocity
-    change = (past[0] - past[1]) / if_else(gap == 0.0, 1.0, gap)
+    change = (past[0] - past[1]) / (gap + (gap == 0.0))
     w_past = [if_else(again, w_now - (i + 1.0) * change, w[i]) for i in range(POLES)]
 
     b = -(inner[0] + inner[1]), inner[0] * inner[1]
