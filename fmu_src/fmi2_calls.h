@@ -1,6 +1,6 @@
 /* Messages, the check of a call, and the functions of FMI that are the same in every FMU. The shell has defined before:
-   Instance with logger, environment, logging and name; MODE(c), its mode; NOW(c), its time; KIND(c), its kind; MODEL,
-   its name. */
+   Instance with logger, environment, logging and name; MODE(c), its mode; NOW(c), its time; KIND(c), its kind;
+   ENDED(c), whether it has ended the simulation; MODEL, its name. */
 
 #ifndef FMI2_CALLS_H
 #define FMI2_CALLS_H
@@ -124,7 +124,7 @@ fmi2Status fmi2GetBooleanStatus(fmi2Component component, const fmi2StatusKind ki
     if (kind != fmi2Terminated)
         return report(c, fmi2Discard, LOG_DISCARD, "fmi2GetBooleanStatus: status kind %d is not available", (int)kind);
     REQUIRE(value, "fmi2GetBooleanStatus: the pointer to the value is null")
-    *value = fmi2False;
+    *value = ENDED(c) ? fmi2True : fmi2False;
     return fmi2OK;
 }
 

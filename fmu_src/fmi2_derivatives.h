@@ -88,9 +88,16 @@ fmi2Status fmi2GetDirectionalDerivative(fmi2Component component, const fmi2Value
             near = fmin(near, 0.05 * (value > 1e-30 * nominal ? value : nominal) / fabs(direction[i]));
             far = fmin(far, 0.05 * (value > 1e-5 * nominal ? value : nominal) / fabs(direction[i]));
         }
+#ifdef SAMPLED
+    const bool held = c->model.run.tick > 0; /* until the next sample, which is another value */
+#else
+    const bool held = false;
+#endif
     double found[VALUES];
     for (size_t i = 0; i < n_unknowns; i++) {
-        const double value = far < INF ? derivative_along(c, unknowns[i], direction, near, far) : 0.0;
+        const double value = held        ? direction[unknowns[i]]
+                             : far < INF ? derivative_along(c, unknowns[i], direction, near, far)
+                                         : 0.0;
         REQUIRE(isfinite(value), "fmi2GetDirectionalDerivative: the derivative of %s is not finite",
                 c->row_of[unknowns[i]]->name)
         found[unknowns[i]] = value;

@@ -26,9 +26,11 @@ from harness.errors import (
     UnknownNameError,
     WireError,
 )
-from harness.lazy import lazy_names
+from harness.lazy import lazy_names, require_main_interpreter
 from harness.masters import masters
 from harness.plot import plot
+
+require_main_interpreter()
 
 if TYPE_CHECKING:
     from harness.engine.drive import Drive

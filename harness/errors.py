@@ -111,6 +111,11 @@ class PartError(HarnessError):
         The last log message of the part, or the text of the exception that it raised.
     time : float or None
         Communication point [s] of the failure; the simulation loop fills it in if the part does not know it.
+
+    Attributes
+    ----------
+    ended : float or None
+        Time [s] to which a part has come that has ended the simulation.
     """
 
     def __init__(self, part: str, function: str, reason: str, time: float | None = None) -> None:
@@ -120,6 +125,7 @@ class PartError(HarnessError):
         self.function = function
         self.reason = reason
         self.time = time
+        self.ended: float | None = None
 
     def __str__(self) -> str:
         """Return one sentence with the part, the function, the time and the reason."""

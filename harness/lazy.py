@@ -8,6 +8,17 @@ from importlib import import_module
 
 from harness.extras import EXTRAS, missing
 
+interpreters = import_module("_interpreters" if sys.version_info >= (3, 13) else "_xxsubinterpreters")
+
+
+def require_main_interpreter() -> None:
+    """Raise an ImportError in a subinterpreter, where the import of packages written in C may hang."""
+    if interpreters.get_current() != interpreters.get_main():
+        raise ImportError(
+            "friction-fmus and its harness run in the main interpreter of Python only, as NumPy does: "
+            "use threads or processes instead of subinterpreters"
+        )
+
 
 def lazy_names(
     package: str, modules: Mapping[str, Sequence[str]]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 import math
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from time import monotonic, sleep
@@ -91,7 +92,8 @@ def run(system: Assembly, experiment: Experiment, options: Options | None = None
     -------
     xarray.Dataset
         The recorded variables, named "part.port", along ``time`` [s]. The first row holds the start values, each other
-        row the values at the end of a step; for a sampled part, the values held during the step.
+        row the values at the end of a step; for a sampled part, the values held during the step. If a part has ended
+        the simulation, the last row is at the time to which it came, with the values that the others had passed to it.
 
     Raises
     ------
@@ -180,6 +182,7 @@ class Session:
                 when = "" if error.time is None else f" in the step from t = {error.time:.12g} s"
                 recorder.attributes["ended"] = f"part '{error.part}' ended the simulation{when}"
                 _LOG.warning("%s: the result ends there", recorder.attributes["ended"])
+                self._record_end(recorder, error)
             except HarnessError as error:
                 error.result = recorder.result() if recorder.filled else None
                 raise
@@ -194,6 +197,15 @@ class Session:
                         part.terminate()
         _warn_of_nonfinite(recorder)
         return recorder
+
+    def _record_end(self, recorder: Recorder, error: PartError) -> None:
+        """Record the values with which a part has ended the simulation, if that was after the last row."""
+        end, last = error.time if error.ended is None else error.ended, float(recorder.times[-1])
+        if end is None or not last + 1e-9 * self._plan.step < end <= self._plan.time(self._plan.ticks):
+            return
+        with suppress(PartError):
+            self._plan.calls[[part.name for part in self._plan.parts].index(error.part)].get()
+            recorder.read_end(end)
 
     def _run(self, start: Mapping[str, StartValue], recorder: Recorder, begin: int) -> None:
         plan, options, ticks = self._plan, self._options, self._ticks

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import sys
 
 # more threads than processors only wait for each other; numpy reads this when it is imported
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
@@ -14,27 +15,20 @@ from pathlib import Path
 import pytest
 from fmpy import read_model_description
 from shell.selection import built
-from thorough import THOROUGH, left_out
+from thorough import THOROUGH
 
 from friction_fmus import build, fmu
 
-# the longest first, so that no worker waits for another one at the end; the wheel when the platforms are compiled
-LONG = (
-    *("test_documents.py", "test_demo_study.py", "test_composite_runs.py", "test_quality.py", "test_exchange_runs.py"),
-    *("test_emps_study.py", "test_identify_command.py", "test_sweeps.py", "test_numbers.py", "test_emit.py"),
-    *("test_platforms.py", "test_built_site.py", "test_native_checks.py", "test_target.py", "test_code_of_laws.py"),
-    *("test_composite_platforms.py", "test_fmu_toolbox.py", "test_report_in_a_browser.py", "test_examples.py"),
-    *("test_recommended_files.py", "test_random_calls.py", "test_mutants.py", "test_source_code.py", "test_misra.py"),
-    *("test_exchange_motions.py", "test_performance.py", "test_kernels.py", "test_wheel.py", "test_intervals.py"),
-)
+# a process that compiles all modules again takes twice as long to start; tests start many
+sys.dont_write_bytecode = False
+os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """The order of `LONG`, then all others; a worker takes a file at a time. What is for the night is left out."""
-    if not THOROUGH and (out := left_out(items)):
-        config.hook.pytest_deselected(items=[*out])
-        items[:] = [item for item in items if item not in out]
-    items.sort(key=lambda item: LONG.index(item.path.name) if item.path.name in LONG else len(LONG))
+    """Leave out what is for the night."""
+    if not THOROUGH:
+        config.hook.pytest_deselected(items=[item for item in items if item.get_closest_marker("nightly")])
+        items[:] = [item for item in items if not item.get_closest_marker("nightly")]
 
 
 @cache

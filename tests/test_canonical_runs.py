@@ -20,10 +20,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from thorough import nightly
 
 from friction_fmus import build, build_record
 from harness import FmuPart, System
 
+pytestmark = nightly
 STEP, STOP = 1e-4, 0.5
 
 

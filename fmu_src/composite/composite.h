@@ -57,6 +57,7 @@ struct Instance {
     fmi2CallbackFunctions callbacks[PARTS];
     bool warned[PARTS]; /* the part's warning has been passed on */
     bool warning;       /* in this step */
+    bool ended;         /* a part has ended the simulation in the last step */
     bool refreshed;
     bool told;      /* the warning of wrong results has been logged */
     char said[512]; /* last message of a part */
@@ -70,6 +71,7 @@ struct Instance {
 #define SLOPES_USED(c) ((c)->memory.slopes_used)
 #define NOW(c)         ((c)->memory.time)
 #define KIND(c)        ((c)->memory.exchange ? fmi2ModelExchange : fmi2CoSimulation)
+#define ENDED(c)       ((c)->ended)
 
 #include "fmi2_calls.h"
 
@@ -224,7 +226,7 @@ static bool set_start_values(Instance *c)
         m->moving[k].inner = line_data[k].inner;
         m->moving[k].unknown = line_data[k].unknown;
     }
-    c->refreshed = c->told = false;
+    c->refreshed = c->told = c->ended = false;
     MODE(c) = INSTANTIATED;
     m->stop = INFINITY;
     m->stale = PARAMETER_SET;

@@ -22,7 +22,7 @@ static bool differentiate_part(Instance *c, const Direction *q, int64_t part, co
     size_t count = 0;
     memset(result, 0, n * sizeof(double));
     for (int64_t k = p->inputs[REAL]; k < p->inputs[INTEGER]; k++) {
-        const double gain = MAPPED > 0 ? wire_gains[k] : 1.0;
+        const double gain = MAPPED > 0 ? c->memory.gains[k] : 1.0; /* 0 for a delayed value */
         const double seed = gain * q->d[source_of[k]];
         if (seed == 0.0)
             continue;

@@ -26,6 +26,7 @@ typedef struct {
     fmi2DeSerializeFMUstateTYPE *deserialize;
     fmi2GetRealOutputDerivativesTYPE *get_derivatives;
     fmi2GetDirectionalDerivativeTYPE *get_directional;
+    fmi2GetBooleanStatusTYPE *get_status;
     Exchange *set[TYPES], *get[TYPES];
     DoStep *do_step;
     GetState *get_state;
@@ -62,6 +63,7 @@ typedef struct {
     fmi2DeSerializeFMUstateTYPE prefix##fmi2DeSerializeFMUstate;                                                       \
     fmi2GetDirectionalDerivativeTYPE prefix##fmi2GetDirectionalDerivative;                                             \
     fmi2GetRealOutputDerivativesTYPE prefix##fmi2GetRealOutputDerivatives;                                             \
+    fmi2GetBooleanStatusTYPE prefix##fmi2GetBooleanStatus;                                                             \
     EXCHANGES(prefix, Real)                                                                                            \
     EXCHANGES(prefix, Integer)                                                                                         \
     EXCHANGES(prefix, Boolean)                                                                                         \
@@ -115,6 +117,7 @@ typedef struct {
      prefix##fmi2DeSerializeFMUstate,                                                                                  \
      prefix##fmi2GetRealOutputDerivatives,                                                                             \
      prefix##fmi2GetDirectionalDerivative,                                                                             \
+     prefix##fmi2GetBooleanStatus,                                                                                     \
      {prefix##set_Real, prefix##set_Integer, prefix##set_Boolean},                                                     \
      {prefix##get_Real, prefix##get_Integer, prefix##get_Boolean},                                                     \
      prefix##do_step,                                                                                                  \
@@ -191,7 +194,8 @@ typedef struct {
 
 typedef struct {
     int64_t input, length; /* signal; delay in ticks */
-    int64_t every, phase, fresh;
+    int64_t every, phase, fresh, given;
+    double initial; /* value of the output until then, if `given` */
 } DelayData;
 
 typedef struct {

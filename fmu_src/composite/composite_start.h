@@ -91,6 +91,11 @@ static bool begin_spreading(Instance *c)
         c->memory.gains[k] = wire_gains[k];
         c->memory.offsets[k] = wire_offsets[k];
     }
+    for (const DelayData *d = delay_data; d < delay_data + DELAYS; d++)
+        if (d->given) {
+            c->memory.gains[d->input] = 0.0;
+            c->memory.offsets[d->input] = map_of(wire_gains[d->input], wire_offsets[d->input], d->initial);
+        }
     for (int64_t i = 0; i < PARTS; i++)
         if (!is_fmu(i))
             (void)fetch_outputs(&e->parts[i], e->signals);
@@ -218,7 +223,8 @@ fmi2Status fmi2ExitInitializationMode(fmi2Component component)
     newton_begin(&c->engine, &c->newton);
     for (int64_t k = 0; k < DELAYS; k++)
         for (int64_t i = 0; i < c->delays[k].length; i++)
-            c->delays[k].past[i] = m->signals[source_of[c->delays[k].input]];
+            c->delays[k].past[i] =
+                delay_data[k].given ? delay_data[k].initial : m->signals[source_of[delay_data[k].input]];
     MODE(c) = STEP_COMPLETE;
     return fmi2OK;
 }

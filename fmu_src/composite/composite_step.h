@@ -241,9 +241,17 @@ static bool take_parameters(Instance *c)
 static fmi2Status refuse_step(Instance *c, double t, double h)
 {
     const Engine e = c->engine;
+    fmi2Boolean ended = fmi2False;
+    if (e.status == fmi2Discard && e.failed_operation == STEP && is_fmu(e.failed_part))
+        (void)part_data[e.failed_part].functions->get_status(c->parts[e.failed_part].component, fmi2Terminated, &ended);
+    c->ended = ended != fmi2False;
     const bool restored = roll_back_all(c);
+    c->refreshed = false;
     MODE(c) = STEP_FAILED;
     REQUIRE(restored, "fmi2DoStep: a part cannot return to the start of the step at t = %g s: %s", t, c->said)
+    if (c->ended)
+        return report(c, fmi2Discard, LOG_DISCARD, "fmi2DoStep: %s ended the simulation in the step from t = %.12g s",
+                      part_data[e.failed_part].name, e.failed_time);
     if (e.status == NOT_CONVERGED)
         return report(
             c, fmi2Discard, LOG_DISCARD,
@@ -290,7 +298,7 @@ fmi2Status fmi2DoStep(fmi2Component component, fmi2Real t, fmi2Real h, fmi2Boole
             m->stop)
 
     c->said[0] = '\0';
-    c->warning = false;
+    c->warning = c->ended = false;
     e->status = 0;
     if (h > (double)MOST_TICKS * STEP_SIZE) {
         MODE(c) = STEP_FAILED;

@@ -50,6 +50,7 @@ enum {
 
 typedef struct {
     Instance *inside;
+    fmi2FMUstate begin; /* of a step in pieces */
     int mode;
     bool ticking;         /* the clock was set in this event */
     bool events, returns; /* event mode is used; steps may end early */

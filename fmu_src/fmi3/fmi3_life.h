@@ -91,8 +91,10 @@ fmi3Instance fmi3InstantiateScheduledExecution(fmi3String name, fmi3String token
 void fmi3FreeInstance(fmi3Instance instance)
 {
     Shell *const c = (Shell *)instance;
-    if (c)
+    if (c) {
+        (void)fmi2FreeFMUstate(c->inside, &c->begin);
         fmi2FreeInstance(c->inside);
+    }
     free(c);
 }
 

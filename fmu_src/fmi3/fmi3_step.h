@@ -79,13 +79,16 @@ static APART fmi3Status pieces_3(Shell *c, double t, double h, bool keeps_no_sta
     const double whole_end = t + h;
     double end = whole_end;
     fmi2Status worst = fmi2OK;
-    *last = t;
     for (double now = t;;) {
         const double stop = next_stop_3(c, now, end);
         const bool whole = now == t && stop == whole_end;
+        if (now == t && !whole && fmi2GetFMUstate(c->inside, &c->begin) > fmi2Warning)
+            return fmi3Error;
         if (now > t) /* the input derivatives are of the whole step */
             SLOPES_USED(c->inside) = false;
         const fmi2Status status = fmi2DoStep(c->inside, now, whole ? h : stop - now, keeps_no_state ? 1 : 0);
+        if (status == fmi2Discard && now > t && fmi2SetFMUstate(c->inside, c->begin) > fmi2Warning)
+            return fmi3Error;
         if (status > fmi2Warning)
             return (fmi3Status)status;
         worst = status > worst ? status : worst;
@@ -105,9 +108,17 @@ fmi3Status fmi3DoStep(fmi3Instance instance, fmi3Float64 t, fmi3Float64 h, fmi3B
     REQUIRE_3(event && terminate && early && last, "was called with a null pointer")
     *event = *terminate = *early = false;
     *last = t + h;
-    if (!c->update && !c->events) /* in one piece */
-        return (fmi3Status)fmi2DoStep(c->inside, t, h, keeps_no_state ? 1 : 0);
-    return pieces_3(c, t, h, keeps_no_state, event, early, last);
+    const fmi3Status status = c->update || c->events ? pieces_3(c, t, h, keeps_no_state, event, early, last)
+                                                     : (fmi3Status)fmi2DoStep(c->inside, t, h, keeps_no_state ? 1 : 0);
+    if (status > fmi3Warning) {
+        *event = *early = false;
+        *last = t;
+    }
+    if (status != fmi3Discard)
+        return status;
+    MODE(c->inside) = STEP_COMPLETE; /* all is as before the call: a shorter step may follow */
+    *terminate = *early = ENDED(c->inside);
+    return *terminate ? fmi3OK : fmi3Discard;
 }
 
 #endif

@@ -23,7 +23,7 @@ static double first_rise(const double *c, double h)
     const double discriminant = c[2] * c[2] - 3.0 * c[3] * c[1];
     if (discriminant > 0.0) {
         const double q = -(c[2] + copysign(sqrt(discriminant), c[2]));
-        const double one = q / (3.0 * c[3]), other = c[1] / q;
+        const double one = c[3] != 0.0 ? q / (3.0 * c[3]) : INF, other = c[1] / q;
         const double early = fmin(one, other), late = fmax(one, other);
         if (early > 0.0 && early < h)
             ends[n++] = early;

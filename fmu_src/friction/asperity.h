@@ -86,11 +86,12 @@ static inline double turn(double from, double to)
     return angle < 0.0 ? angle + TWO_PI : angle;
 }
 
+/* Return the phase at which a tip reaches or loses the profile; not NaN where it never does, as a compiler may compute
+   that in advance. */
+static inline double edge(const Surface *f) { return acos(-f->h / fmax(f->A, fabs(f->h))); }
+
 /* Return the distance to the side s after which a tip at p reaches or loses the profile: at cos(k p) = -h/A. */
-static inline double to_next_contact(const Surface *f, int s, double p)
-{
-    return turn(s * f->k * p, -acos(-f->h / f->A)) / f->k;
-}
+static inline double to_next_contact(const Surface *f, int s, double p) { return turn(s * f->k * p, -edge(f)) / f->k; }
 
 static inline double to_last_contact(const Surface *f, int s, double p)
 {
@@ -98,7 +99,7 @@ static inline double to_last_contact(const Surface *f, int s, double p)
         return INFINITY;
     if (reach(f, p) <= 1e-12 * (f->h + f->A) && s * incline(f, p) <= 0.0)
         return 0.0;
-    return turn(s * f->k * p, acos(-f->h / f->A)) / f->k;
+    return turn(s * f->k * p, edge(f)) / f->k;
 }
 
 /* Return the deflection in balance. */

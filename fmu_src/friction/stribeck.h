@@ -26,6 +26,9 @@ static inline double stribeck_lorentzian(double v, double Fc, double Fs, double 
     return Fs < Fc && power < 1.0 ? Fs + (Fc - Fs) * (power / (1.0 + power)) : Fc + (Fs - Fc) / (1.0 + power);
 }
 
+/* log2, without a division by zero at 0 */
+static inline double binary_log(double a) { return a > 0.0 ? log2(a) : -INF; }
+
 /* Return the time up to which the Stribeck curve g keeps its order of magnitude for a changing velocity: the next power
    of two of (v/vs)^delta, from where g leaves Fs to where it has reached Fc. In between, g is smooth enough for a
    reliable error estimate. */
@@ -34,7 +37,7 @@ static inline double stribeck_piece(double v, double slope, double Fc, double Fs
     if (slope == 0.0)
         return INF;
     const double speed = fabs(v), rate = v == 0.0 ? fabs(slope) : sign(v) * slope;
-    const double power = delta * log2(speed / vs), contrast = log2(Fs / Fc);
+    const double power = delta * binary_log(speed / vs), contrast = binary_log(Fs / Fc);
     const double first = delta > 2.0 || contrast < -3.0 ? -16.0 + fmin(contrast, 0.0) : 0.0;
     const double last = contrast > 30.0 ? 8.0 : 6.0;
     if (rate > 0.0) {

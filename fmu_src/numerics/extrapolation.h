@@ -64,19 +64,24 @@ static inline void midpoint(const Dynamics *d, double s, const double *y, const 
 static inline int extrapolate(const Dynamics *d, double s, const double *y, double H, double *y_end)
 {
     const int N = d->n;
-    double table[COLUMNS][2 * MASSES], a[MASSES];
+    double table[COLUMNS][2 * MASSES], a[MASSES], divisor[COLUMNS];
 
     d->accelerations(d->system, s, y, a);
     for (int k = 0; k < COLUMNS; k++) {
         midpoint(d, s, y, a, H, 2 * (k + 1), y_end);
         *d->left -= 2.0 * (k + 1) * N;
+        int j = 1;
+        for (double rest = k; rest > 0.0; rest -= 1.0) { /* a loop over integers may also be computed for rest = 0 */
+            const double ratio = (k + 1) / rest;
+            divisor[j++] = ratio * ratio - 1.0;
+        }
         double worst = 0.0;
         for (int i = 0; i < 2 * N; i++) {
             double correction = INFINITY;
-            for (int j = 1; j <= k; j++) {
-                const double ratio = (double)(k + 1) / (k + 1 - j), previous = table[j - 1][i];
+            for (j = 1; j <= k; j++) {
+                const double previous = table[j - 1][i];
                 table[j - 1][i] = y_end[i];
-                correction = (y_end[i] - previous) / (ratio * ratio - 1.0);
+                correction = (y_end[i] - previous) / divisor[j];
                 y_end[i] += correction;
             }
             table[k][i] = y_end[i];

@@ -46,7 +46,8 @@ static bool extrapolated_step(const Law *law, double *s, double *y, double *step
                  allowed = fmax(tolerance, 4.0 * DBL_EPSILON * fabs(start));
     const double delta = 1e-4 * detail + 1e-8 * fabs(start), rate = f(*s, start, data);
     const double J = fmin((f(*s, start + delta, data) - rate) / delta, 0.0);
-    *step = fmin(*step, (4.0 * detail + 2.0 * fabs(start)) / fabs(rate));
+    if (rate != 0.0)
+        *step = fmin(*step, (4.0 * detail + 2.0 * fabs(start)) / fabs(rate));
     for (int tries = 0; tries < 400 && --*law->budget > 0; tries++) {
         const bool last = *s + 1.1 * *step >= end;
         const double H = last ? end - *s : *step;
@@ -108,7 +109,8 @@ static int follow(const Model *m, const Law *law, double *s, double *y, double e
     Curve *const f = law->rate, *const goal = law->goal;
     const double tolerance = relaxation_tolerance(m) * size;
     const double rate = fabs(f(*s, *y, law->data)), last = law->steady ? rate : fabs(f(end, *y, law->data));
-    double step = fmin(end - *s, detail / fmax(rate, last));
+    const double fastest = fmax(rate, last);
+    double step = fastest > 0.0 ? fmin(end - *s, detail / fastest) : end - *s;
     while (*s < end) {
         double s_before = *s, y_before = *y;
         if (!extrapolated_step(law, s, y, &step, end, tolerance, detail))

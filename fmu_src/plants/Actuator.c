@@ -158,7 +158,7 @@ static void equations(Model *m)
 /* Return the force of the lag after h, during which w = u + rate s. */
 static double follow(double F, double tau, double u, double rate, double h)
 {
-    return u + rate * h + relax(F - u, -rate * tau, h / tau);
+    return u + rate * h + relax(F - u, -rate * tau, tau > 0.0 ? h / tau : INF);
 }
 
 /* Return the force of the lag after a line, which is divided where it crosses the limits. */

@@ -18,7 +18,7 @@ def show_study(console: Console, result: StudyResult) -> None:
     console.print(model_table(result))
     failed = [f"{row.name} ({row.reason})" for row in result.models if row.rank is None]
     if failed:
-        console.print(f"Not identified: {'; '.join(failed)}")
+        console.print(f"Without a rank: {'; '.join(failed)}")
     for model in result.models:
         known = [f"{p.name} {p.value:.6g} ({p.published:.6g})" for p in model.parameters if p.published is not None]
         if known:

@@ -49,6 +49,7 @@ _FACTORS: Final = (1.0, 0.9, 1.1, 0.7, 1.3, 0.5, 0.0)  # of the change of inputs
 _MARGIN: Final = 4.0  # of the tolerance over the largest deviation of runs with random rounding
 # by unit; a length is near the difference of two positions, so that a dead-band of this size has an effect
 _OTHER: Final = {"m": 5e-5, "rad": 5e-5, "m/s": 1e-3, "rad/s": 1e-3, "kg": 1.0}  # by unit
+_MOST: Final = 64.0  # largest count
 _CHANGE: Final = 0.01  # of a parameter that the samples must show
 
 
@@ -120,29 +121,33 @@ def vectors(export: Export) -> Vectors:
 
 
 def _others(export: Export) -> dict[str, tuple[float, ...]]:
-    """Return other values of the parameters that are 0, 1 or switches, if the law accepts them."""
+    """Return other values of the parameters that are 0, 1, switches or counts, if the law accepts them."""
     found: dict[str, tuple[float, ...]] = {}
     given = _inputs(export, 1.0)
     for variable in export.law.select(*PARAMETERS):
-        start = export.start[variable.name]
-        if variable.kind in BOOLEANS:
-            values = tuple(1.0 - value for value in start)
-        elif not any(start):
-            size = _OTHER.get(unit_text(variable), 0.5)
-            values = tuple(
-                min(max(size * (1.0 + 0.1 * (i % 3)), variable.min), variable.max) for i in range(len(start))
-            )
-        elif start == (1.0,) and variable.min <= 0.75 and unit_text(variable) == "":
-            values = (0.75,)
-        else:
-            continue
-        other = {**export.start, **found, variable.name: values}
-        plain = {v.name: other[v.name] if v.kind in VECTORS else other[v.name][0] for v in export.law.given}
-        if export.law.conditions.violated({v.name: plain[v.name] for v in export.law.select(*PARAMETERS)}):
-            continue
-        if np.isfinite(_Run(replace(export, start=other)).outputs(given)).all():
-            found[variable.name] = values
+        for values in _other(variable, export.start[variable.name]):
+            other = {**export.start, **found, variable.name: values}
+            plain = {v.name: other[v.name] if v.kind in VECTORS else other[v.name][0] for v in export.law.given}
+            if export.law.conditions.violated({v.name: plain[v.name] for v in export.law.select(*PARAMETERS)}):
+                continue
+            if np.isfinite(_Run(replace(export, start=other)).outputs(given)).all():
+                found[variable.name] = values
+                break
     return found
+
+
+def _other(variable: Variable, start: tuple[float, ...]) -> Iterator[tuple[float, ...]]:
+    """Return other values of a parameter that is 0, 1, a switch or a count, to be tried in turn."""
+    if variable.kind in BOOLEANS:
+        yield tuple(1.0 - value for value in start)
+    elif not any(start):
+        for size in (_OTHER.get(unit_text(variable), 0.5), 2.0):  # a pair of zeros must be outside the unit circle
+            yield tuple(min(max(size * (1.0 + 0.1 * (i % 3)), variable.min), variable.max) for i in range(len(start)))
+    elif len(start) == 1 and unit_text(variable) == "":
+        if start[0] == 1.0 and variable.min <= 0.75:
+            yield (0.75,)
+        elif start[0] > 1.0 and start[0].is_integer() and variable.max <= _MOST:  # a count
+            yield (variable.max if start[0] < variable.max else 0.5 * variable.max,)
 
 
 def _vectors(export: Export) -> Vectors:

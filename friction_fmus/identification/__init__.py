@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from friction_fmus.identification.fit.estimate import Estimate
     from friction_fmus.identification.fit.grid import HysteresisGrid, identify_hysteresis
     from friction_fmus.identification.fit.idim import (
+        PUBLISHED_SETTINGS,
         InverseModelFit,
         InverseModelSettings,
         Motion,
@@ -53,6 +54,7 @@ else:
             "friction_fmus.identification.fit.grid": ["HysteresisGrid", "identify_hysteresis"],
             "friction_fmus.identification.identifying": ["identify"],
             "friction_fmus.identification.fit.idim": [
+                "PUBLISHED_SETTINGS",
                 "InverseModelFit",
                 "InverseModelSettings",
                 "Motion",
@@ -88,6 +90,7 @@ else:
 
 __all__ = [
     "LINEAR",
+    "PUBLISHED_SETTINGS",
     "ROTARY",
     "Array",
     "AxisUnits",

@@ -117,7 +117,8 @@ def axis_simulator(contact: ContactModel, axis: MeasuredAxis, folder: Path, step
     rotary = record.units == ROTARY
     domain: Literal["translational", "rotational"] = "rotational" if rotary else "translational"
     reference = build_record(t, r, rd, np.gradient(rd, servo.Ts), folder, "MeasuredReference", domain=domain)
-    trajectory = Trajectory(reference, len(r), float(record.column("q")[0]), float(v[0]), rotary=rotary)
+    q0, v0 = float(record.column("q")[0]), float(v[0])
+    trajectory = Trajectory(reference, len(r), q0, v0, rotary=rotary, injected=record.injected)
     direction = float(np.sign(v[0])) if abs(v[0]) > 1e-3 * np.max(np.abs(v)) else 0.0
     return AxisSimulator(feedback, trajectory, contact, direction, step)
 

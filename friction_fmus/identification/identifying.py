@@ -114,7 +114,7 @@ def identify(
             )
         open_loop = identify(
             model,
-            data.record,
+            replace(data.record, held=True),
             fixed=fixed,
             bounds=bounds,
             start=start,
@@ -130,7 +130,7 @@ def identify(
     if method == FREE_RUN:
         driven_by_force = identify(
             model,
-            records,
+            [replace(record, held=True) for record in records],
             fixed=fixed,
             bounds=bounds,
             start=start,
@@ -224,12 +224,13 @@ def _result(
     errors = {name: float(value) for name, value in zip(names, error, strict=True)}
     noises = {name: float(value) for name, value in zip(names, noise, strict=True)}
     with np.errstate(divide="ignore", invalid="ignore"):
-        correlation = np.nan_to_num(C / np.outer(error, error), nan=0.0, posinf=0.0, neginf=0.0)
+        correlation = np.nan_to_num(C / np.outer(noise, noise), nan=0.0, posinf=0.0, neginf=0.0)
     np.fill_diagonal(correlation, 1.0)
     predicted = measured + found.residual * problem.size
-    aic, bic = criteria(
-        found.residual * problem.size, independent_samples([p.measured for p in problem.segments]), len(found.x)
-    )
+    # the coefficients of a force over position stand behind the residual
+    table = 0 if problem.regressor is None else len(problem.regressor.project(found.residual)) - len(measured)
+    samples = independent_samples([p.measured for p in problem.segments])
+    aic, bic = criteria(found.residual * problem.size, samples, len(found.x) + table)
     warnings = [] if found.converged else ["the search reached its iteration limit; give better start values"]
     if (
         signal != "mu"

@@ -21,6 +21,7 @@ from friction_fmus.lawkit.law import (
     law,
 )
 from friction_fmus.lawkit.parts import variables
+from friction_fmus.lawkit.parts.feedforward import filled
 
 LONGEST = 32  # samples of preview, unless the FMU is built for more
 POLES = 4
@@ -67,6 +68,7 @@ def discrete_inverse(
     w: SX = State(LENGTH, (0.0,) * POLES, "previewed references of the previous samples, latest first"),
     force: SX = State(FORCE, (0.0,) * ZEROS, "u before its limits in the previous samples, latest first"),
     started: SX = variables.STARTED,
+    missed: SX = variables.MISSED,
     K: SX = Parameter(LENGTH + "/(" + FORCE + ")", 1.25e-7, "gain of the plant", min=1e-30),
     zero: SX = Parameter(NO_UNIT, -5.82842712474619, "zero outside the unit circle; 0: none"),
     pair: SX = Parameter(
@@ -121,22 +123,24 @@ def discrete_inverse(
 
     In the first sample and in a sample with reset, the plant is assumed to rest at r, and u is the force that holds it
     there. While enable is false, u, u_sat, r_now and the states are 0. u jumps to this force when enabled. The limits
-    do not affect the states. N is rounded down. Feedforward does not change the stability of the loop.
+    do not affect the states. N is rounded down. Feedforward does not change the stability of the loop. After missing
+    samples, the references lie on the line through the last sample before them and this one, and u is the force of a
+    motion at this velocity.
 
     Limits: zeros inside the circle must be real, and at most two may be outside: a pair, or a double zero (pair2 = 0).
-    N grows for zeros near the circle. Missing samples of r leave a jump in line: reset the law after them. Friction
-    needs a separate law. The plant model must be accurate at all
+    N grows for zeros near the circle. Friction needs a separate law. The plant model must be accurate at all
     frequencies of r. u_min must not exceed u_max.
     """
     N = floor(preview)
     longest = line.numel() - 1
     fresh = logic_not(logic_and(started, logic_not(reset)))
-    past = [r, *(if_else(fresh, r, line[j]) for j in range(longest + 1))]
+    past = [r, *filled(r, [if_else(fresh, r, line[j]) for j in range(longest + 1)], missed)]
     p, n = 2.0 * pair[0], square(pair)
     paired = n > 0.0
     zero = if_else(paired, 0.0, zero)
     single = zero != 0.0
-    over_n, over_zero = 1.0 / if_else(paired, n, 1.0), 1.0 / if_else(single, zero, 1.0)
+    # without if_else, of which clang computes 1/0 too
+    over_n, over_zero = 1.0 / (n + (n == 0.0)), 1.0 / (zero + (zero == 0.0))
 
     # w[k+N], w[k+N-1], ... w[k] by w[i] - zero w[i-1] = s[i], or w[i] - p w[i-1] + n w[i-2] = s[i], solved for the last
     # term
@@ -151,13 +155,18 @@ def discrete_inverse(
         after, now = if_else(within, past[j + 2], after), if_else(within, past[j + 1], now)
         ahead, beyond = if_else(within, past[j], ahead), if_else(within, past[max(j - 1, 0)], beyond)
     gap = 1.0 - zero - p + n
-    even = (now - (zero + p) * ahead + n * beyond) / if_else(gap == 0.0, 1.0, gap) ** 2
+    even = (now - (zero + p) * ahead + n * beyond) / (gap + (gap == 0.0)) ** 2
     w_now = if_else(zero_phase, even, if_else(logic_or(paired, single), series, now))
-    w_past = [if_else(fresh, w_now, w[i]) for i in range(POLES)]
+    again = logic_or(fresh, missed > 0.0)  # w and u of a motion at constant velocity
+    change = (past[0] - past[1]) / (gap + (gap == 0.0))
+    w_past = [if_else(again, w_now - (i + 1.0) * change, w[i]) for i in range(POLES)]
 
     b = -(inner[0] + inner[1]), inner[0] * inner[1]
-    hold = (1.0 + a[0] + a[1] + a[2] + a[3]) / (1.0 + b[0] + b[1]) * w_now / K
-    u_past = [if_else(fresh, hold, force[i]) for i in range(ZEROS)]
+    stiffness = (1.0 + a[0] + a[1] + a[2] + a[3]) / (1.0 + b[0] + b[1]) / K
+    damping = (a[0] + 2.0 * a[1] + 3.0 * a[2] + 4.0 * a[3]) / (1.0 + b[0] + b[1]) / K
+    lag = (b[0] + 2.0 * b[1]) / (1.0 + b[0] + b[1])
+    hold = [stiffness * (w_now + (lag - (i + 1.0)) * change) - damping * change for i in range(ZEROS)]
+    u_past = [if_else(again, hold[i], force[i]) for i in range(ZEROS)]
     wanted = (w_now + sum(a[i] * w_past[i] for i in range(POLES))) / K - sum(b[i] * u_past[i] for i in range(ZEROS))
 
     def kept(values: list[SX]) -> list[SX]:
@@ -171,4 +180,5 @@ def discrete_inverse(
         "w": kept([w_now, *w_past[: POLES - 1]]),
         "force": kept([wanted, *u_past[: ZEROS - 1]]),
         "started": if_else(enable, 1.0, 0.0),
+        "missed": SX(0.0),
     }

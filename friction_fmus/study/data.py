@@ -25,7 +25,6 @@ from friction_fmus.identification import (
     read_measurement,
 )
 from friction_fmus.identification.data.windows import default_windows
-from friction_fmus.identification.fit.simulation_data import default_settings
 from friction_fmus.study.config import ConfigError, StudyConfig
 from friction_fmus.study.models import Measured
 
@@ -206,7 +205,7 @@ def measured_servo(data: Data, servo: Servo, folder: Path, name: str, injected: 
     t = servo.Ts * np.arange(float(len(record)))
     reference = build_reference(t, record.reference, folder, f"{name}Reference", data.rotary)
     # the axis may be in motion at the start of the record
-    v0 = float(filtered_motion(record, default_settings(record)).v[0])
+    v0 = float(filtered_motion(record).v[0])
     trajectory = Trajectory(reference, len(record), float(record.q[0]), v0, rotary=data.rotary, injected=injected)
 
     def samples(records: tuple[Record, ...]) -> tuple[int, int]:

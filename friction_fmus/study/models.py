@@ -15,10 +15,12 @@ from friction_fmus.blocks.catalogue import find
 from friction_fmus.errors import FrictionError
 from friction_fmus.identification import (
     LINEAR,
+    PUBLISHED_SETTINGS,
     ROTARY,
     Array,
     Estimate,
     Identification,
+    InverseModelFit,
     Record,
     Score,
     identify,
@@ -26,7 +28,6 @@ from friction_fmus.identification import (
 )
 from friction_fmus.identification.fit.models import contact_model
 from friction_fmus.identification.fit.position import PositionFit
-from friction_fmus.identification.fit.simulation_data import default_settings
 from friction_fmus.identification.runaway import within_reach
 from friction_fmus.study.prediction import inverse_residual
 from friction_fmus.study.records import Curve, Fit, IdentifiedParameter, ModelResult, PositionPart
@@ -44,6 +45,9 @@ QUANTA: Final = 10.0
 
 INVERSE: Final = "Coulomb + viscous"
 """Name of the inverse model in the results."""
+
+PUBLISHED: Final = "Coulomb + viscous, as published"
+"""Name of the inverse model with the data and settings of a publication."""
 
 VISCOUS_BESIDE: Final = "viscous friction beside the model"
 """Meaning of the parameter Fv of a model that has none."""
@@ -177,39 +181,35 @@ def identify_model(
         return _without_loop(found, error)
 
 
-def inverse_model(
-    record: Record, validation: Sequence[Record], published: Mapping[str, float], measured: Measured | None
-) -> IdentifiedModel:
+def inverse_model(train: Sequence[Record], validation: Sequence[Record], measured: Measured | None) -> IdentifiedModel:
     """Identify mass, viscous and Coulomb friction and offset by least squares of the inverse model.
 
-    The method is IDIM-LS (Janot, Gautier, Brunot 2019); the result is a Stribeck block without Stribeck effect. As in
-    their work, the whole record is fitted; the residual on the validation data is stated as for other models.
+    The method is IDIM-LS (Janot, Gautier, Brunot 2019) on the longest record of the data for the fit; the result is a
+    Stribeck block without Stribeck effect.
     """
-    summary = "Coulomb and viscous friction from the inverse model (IDIM-LS), fitted to the whole record"
+    summary = "Coulomb and viscous friction from the inverse model (IDIM-LS)"
+    record = max(train, key=len)
     try:
-        fit = identify_inverse_model(record, default_settings(record))
+        fit = identify_inverse_model(record)
     except FrictionError as error:
         return IdentifiedModel(ModelResult(INVERSE, summary, reason=str(error)))
-    rows = tuple(
-        IdentifiedParameter(p.name, p.value, p.standard_error, p.unit, MEANING.get(p.name, ""), published.get(p.name))
-        for p in fit.parameters.values()
-    )
+    rows = _inverse_parameters(fit, {})
     Fc = fit.parameters["Fc"].value
     negative = [p for p in fit.parameters.values() if p.name != "OF" and p.value < 0.0]
     if negative:
         listed = ", ".join(f"{p.name} = {p.value:.4g} {p.unit}" for p in negative)
         reason = f"the force fits negative parameters ({listed})."
         return IdentifiedModel(ModelResult(INVERSE, summary, "inverse", rows, reason=reason, simulations=0))
-    force = record.column("force")
-    train = Fit(fit.relative_residual * _rms(force), 100.0 * fit.relative_residual, "force", record.units.force)
+    fitted = inverse_residual(fit, [record])
+    assert fitted is not None
     validated = inverse_residual(fit, validation)
     found = IdentifiedModel(
-        ModelResult(INVERSE, summary, "inverse", rows, train, validated, simulations=0),
+        ModelResult(INVERSE, summary, "inverse", rows, fitted, validated, simulations=0),
         "Stribeck",
         {"Fc": Fc, "Fs": Fc, "Fv": fit.parameters["Fv"].value},
         fit.parameters["M"].value,
         fit.parameters["OF"].value,
-        (validated or train).rms,
+        (validated or fitted).rms,
     )
     if measured is None:
         return found
@@ -217,6 +217,24 @@ def inverse_model(
         return in_closed_loop(found, measured)
     except (FrictionError, HarnessError) as error:
         return _without_loop(found, error)
+
+
+def published_model(record: Record, published: Mapping[str, float]) -> IdentifiedModel:
+    """Repeat a published identification of the inverse model on the whole record; it has no rank.
+
+    Residuals on data that were fitted do not compare with those of the other models on validation data.
+    """
+    summary = "Coulomb and viscous friction from the inverse model (IDIM-LS), fitted to the whole record as published"
+    rows = _inverse_parameters(identify_inverse_model(record, PUBLISHED_SETTINGS), published)
+    reason = "it repeats the published identification of the whole record, validation data included."
+    return IdentifiedModel(ModelResult(PUBLISHED, summary, "inverse", rows, reason=reason, simulations=0))
+
+
+def _inverse_parameters(fit: InverseModelFit, published: Mapping[str, float]) -> tuple[IdentifiedParameter, ...]:
+    return tuple(
+        IdentifiedParameter(p.name, p.value, p.standard_error, p.unit, MEANING.get(p.name, ""), published.get(p.name))
+        for p in fit.parameters.values()
+    )
 
 
 def _without_loop(found: IdentifiedModel, error: Exception) -> IdentifiedModel:

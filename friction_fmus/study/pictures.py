@@ -10,7 +10,6 @@ import numpy as np
 from friction_fmus.axis.assembly import viscous_beside
 from friction_fmus.axis.loop import block, typed
 from friction_fmus.identification import Array, AxisUnits, Record, decimate, filtered_motion
-from friction_fmus.identification.fit.simulation_data import default_settings
 from friction_fmus.study.models import IdentifiedModel
 from friction_fmus.study.records import Curve, Picture
 from friction_fmus.study.thinning import thinned
@@ -66,7 +65,7 @@ def residuals(record: Record, models: Sequence[IdentifiedModel]) -> tuple[Pictur
     forces = {found.row.name: found.force for found in models[:DRAWN] if found.row.rank and found.force is not None}
     if not forces or record.q is None:
         return ()
-    motion = filtered_motion(record, default_settings(record))
+    motion = filtered_motion(record)
     t, units = record.t - record.t[0], record.units
 
     def over(name: str, unit: str, column: Array) -> Picture:
@@ -82,7 +81,7 @@ def friction_of(record: Record, mass: float, offset: float) -> tuple[Array, Arra
     """Return position, filtered velocity and friction of a record; None if it has neither friction nor force."""
     if record.q is None:
         return None
-    motion = filtered_motion(record, default_settings(record))
+    motion = filtered_motion(record)
     if record.friction is not None:
         return record.q, motion.v, record.friction
     if record.force is None:

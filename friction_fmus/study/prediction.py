@@ -7,8 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from friction_fmus.errors import FrictionError
-from friction_fmus.identification import InverseModelFit, Record, decimate, filtered_motion
-from friction_fmus.identification.fit.simulation_data import default_settings
+from friction_fmus.identification import InverseModelFit, Record, filtered_motion
+from friction_fmus.identification.fit.idim import default_settings
 from friction_fmus.study.records import Fit
 
 
@@ -32,14 +32,13 @@ def inverse_residual(fit: InverseModelFit, records: Sequence[Record]) -> Fit | N
     for record in records:
         settings = default_settings(record)
         try:
+            settings.require(record)
             motion = filtered_motion(record, settings)
         except FrictionError:
             continue
         predicted = M * motion.a + Fv * motion.v + Fc * np.sign(motion.v) + OF
-        rows = np.column_stack([predicted, record.with_total_force().column("force")])[settings.border :]
-        if len(rows) <= 25:  # the padding of the filter
-            continue
-        model, force = decimate(rows, settings.decimation).T
+        rows = np.column_stack([predicted, record.force_at_samples()])
+        model, force = settings.rows(rows, record.Ts).T
         errors.append(model - force)
         forces.append(force)
     if not errors:

@@ -19,7 +19,6 @@ from friction_fmus.blocks.catalogue import catalogue
 from friction_fmus.doctor import examine
 from friction_fmus.errors import FrictionError
 from friction_fmus.identification import ROTARY, Array, filtered_motion, identifiable
-from friction_fmus.identification.fit.simulation_data import default_settings
 from friction_fmus.study.comparison import Comparison, compare
 from friction_fmus.study.compensator_records import Recommendation
 from friction_fmus.study.compensators import AxisKnowledge, check_names, period_of
@@ -28,7 +27,7 @@ from friction_fmus.study.data import Data, build_reference, load_data, measured_
 from friction_fmus.study.evaluation import Scheme
 from friction_fmus.study.export import OWN, export_models, export_recommended
 from friction_fmus.study.metrics import Bench
-from friction_fmus.study.models import INVERSE, IdentifiedModel, identify_model, inverse_model, ranked
+from friction_fmus.study.models import INVERSE, IdentifiedModel, identify_model, inverse_model, published_model, ranked
 from friction_fmus.study.next_steps import next_steps
 from friction_fmus.study.pictures import over_position, over_velocity, residuals, series
 from friction_fmus.study.records import ConditionResult, StudyFinding, WrittenFile
@@ -264,8 +263,10 @@ class _Study:
             for name in names
         ]
         if data.longest.force is not None and data.longest.q is not None:
-            arguments = (data.longest, data.validation, known.get("inverse", {}), measured)
-            steps.append(Step("model-inverse", inverse_model, arguments, IdentifiedModel))
+            steps.append(Step("model-inverse", inverse_model, (*records, measured), IdentifiedModel))
+        if "inverse" in known:
+            arguments = (data.longest, known["inverse"])
+            steps.append(Step("model-published", published_model, arguments, IdentifiedModel))
         found: list[IdentifiedModel] = self._run(steps, 0.02, 0.4)
         if measured is None:
             return ranked(found)
@@ -301,7 +302,7 @@ class _Study:
         assert servo is not None
         t, r = record.t - record.t[0], record.reference
         if r is None:  # use the measured path, filtered
-            motion = filtered_motion(record, default_settings(record))
+            motion = filtered_motion(record)
             r = record.column("q")[0] + np.concatenate([[0.0], np.cumsum(motion.v[:-1]) * record.Ts])
         last = min(t[-1], wanted.duration or t[-1])
         recorded = np.interp(servo.Ts * np.arange(float(round(last / servo.Ts) + 1)), t, r)

@@ -213,15 +213,17 @@ class _Writer:
             target = self._owner(plan.inputs, i)
             fresh = plan.fresh_inputs(Schedule(implicit=True))[i]
             row = (i, self._lengths[i], plan.every[target], plan.phase[target], fresh)
-            delays.append(f"    {{{', '.join(str(int(x)) for x in row)}}},")
+            first = plan.initials[i]
+            numbers = f"{int(not np.isnan(first))}, {c_number(np.nan_to_num(first))}"
+            delays.append(f"    {{{', '.join(str(int(x)) for x in row)}, {numbers}}},")
         begins = np.searchsorted([wire.target for wire in loops.wires], range(len(plan.parts) + 1))
-        numbers = zip(loops.wires, loops.numbers, strict=True)
-        lines = [f"    {{{int(wire in loops.inner)}, {unknown}}}," for wire, unknown in numbers]
+        pairs = zip(loops.wires, loops.numbers, strict=True)
+        lines = [f"    {{{int(wire in loops.inner)}, {unknown}}}," for wire, unknown in pairs]
         return [
             *c_integers("source_of", plan.sources),
             *c_reals("wire_gains", plan.wire_gains),
             *c_reals("wire_offsets", plan.wire_offsets),
-            *c_rows("DelayData delay_data", delays, "{0, 0, 0, 0, 0}"),
+            *c_rows("DelayData delay_data", delays, "{0, 0, 0, 0, 0, 0, 0.0}"),
             *c_integers("line_inputs", [wire.input for wire in loops.wires]),
             *c_integers("lines_from", begins),
             *c_rows("LineData line_data", lines, "{0, 0}"),

@@ -209,10 +209,13 @@ def _malformed(path: Path, what: str) -> ExperimentError:
 
 def identity(system: Assembly, experiment: Experiment) -> dict[str, Any]:
     """Return what must agree between two runs for a state to be valid in both."""
-    wires = [(str(wire), wire.gain, wire.offset, wire.delay) for wire in system.wires]
+    wires = [(str(wire), wire.gain, wire.offset, wire.delay, wire.initial) for wire in system.wires]
     return {
         "parts": {name: " ".join(part_identity(part)) for name, part in system.parts.items()},
-        "wires": [f"{text} * {gain!r} + {offset!r}, delay {delay}" for text, gain, offset, delay in wires],
+        "wires": [
+            f"{text} * {gain!r} + {offset!r}, delay {delay}" + ("" if initial is None else f" from {initial!r}")
+            for text, gain, offset, delay, initial in wires
+        ],
         "start values": {name: repr(value) for name, value in sorted(system.start.items())},
         **{name: getattr(experiment, name) for name in _SETTINGS},
         "order": list(experiment.order),

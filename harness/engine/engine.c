@@ -47,7 +47,7 @@ enum { MOST_TURNS = 16 };
 static int64_t turns_of(const Engine *e, Turn *turns)
 {
     const int64_t count = e->program_length / 3;
-    if (e->program_length % 3 != 0 || count > MOST_TURNS || e->gains != NULL)
+    if (e->program_length % 3 != 0 || count > MOST_TURNS || e->gains != NULL || e->lines != NULL)
         return 0;
     for (int64_t i = 0; i < count; i++) {
         const int64_t *const operations = e->program + 6 * i, part = operations[1];

@@ -55,6 +55,7 @@ typedef struct {
     double *slopes;             /* buffer for the input derivatives */
     int64_t every, phase;       /* stepped over `every` ticks at the ticks k with k % every == phase */
     int64_t sampled;            /* stepped at the beginning of a tick, over all of them at once */
+    double ended;               /* [s] time at which its last step ended, if do_step_3 performed it */
 } EnginePart;
 
 /* Coupling error of one connection: the held value against the value at the end of the step. */

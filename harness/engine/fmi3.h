@@ -54,6 +54,7 @@ typedef struct {
     int64_t clock_count;
     int64_t uses_events;
     double start, next; /* [s]; next: time of the next event of the FMU, or INFINITY */
+    double ended;       /* [s] of the last step or event */
     int64_t pending;    /* the last step ended at an event */
     int64_t failure;    /* one of the reasons above, or 0 */
     int64_t failed;     /* the element */

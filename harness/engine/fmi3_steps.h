@@ -8,7 +8,7 @@
 static int step_on(Fmi3 *a, double t, double h)
 {
     bool event = false;
-    const int status = step_instance(a->do_step, a->instance, t, h, &event);
+    const int status = step_instance(a->do_step, a->instance, t, h, &event, &a->ended);
     a->pending = event && a->uses_events;
     return status;
 }
@@ -61,6 +61,7 @@ EXPORT int fmi3_settle(Fmi3 *a) { return settle_3(a); }
 static int take_event(Fmi3 *a, double t)
 {
     int status = a->enter_event_mode(a->instance);
+    a->ended = t;
     for (int64_t i = 0; status <= 1 && i < a->clock_count; i++) {
         const bool ticks = true;
         if (ticks_at(a, &a->clocks[i], t))

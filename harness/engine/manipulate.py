@@ -89,6 +89,9 @@ class Manipulations:
             If a manipulator names an unconnected input, or needs a Real and the input is not one.
         """
         self.all = [_lay_out(self.plan, manipulator, self._fresh) for manipulator in self._given]
+        for m in self.all[: np.count_nonzero(self.plan.delays)]:
+            if not math.isnan(self.plan.initials[m.input]):
+                m.past[:] = self.plan.initials[m.input]
         self.data = (ManipulatorData * len(self.all))()
 
     def __call__(self, tick: int) -> None:

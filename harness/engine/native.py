@@ -47,6 +47,7 @@ class EnginePart(ctypes.Structure):
         *((name, _INT * 4) for name in ("inputs", "outputs")),
         *((name, _POINTER) for name in ("whole", "orders", "slopes")),
         *((name, _INT) for name in ("every", "phase", "sampled")),
+        ("ended", _REAL),
     )
 
 
@@ -250,6 +251,8 @@ class Engine:
         label = function.get(data.failed_operation, "fmi2SetFMUstate")
         failure = native.failure(label, int(data.status), float(data.failed_time))
         assert isinstance(failure, PartError)
+        if "fmi3DoStep" in native.functions:
+            failure.ended = float(self.parts[data.failed_part].ended)
         return failure
 
     def _floats_changed(self) -> HarnessError:

@@ -35,11 +35,12 @@ static int set_whole(EnginePart *p, const double *signals, int type, const uint3
 /* Statuses of a step that the FMU itself accepted; the texts are in fmi3.py. */
 enum { RUN_ENDED = 103, STEP_ENDED };
 
-static inline int step_instance(DoStep3 *do_step, void *instance, double t, double h, bool *event)
+static inline int step_instance(DoStep3 *do_step, void *instance, double t, double h, bool *event, double *ended)
 {
     bool terminate = false, early = false;
     double last = t + h;
     const int status = do_step(instance, t, h, true, event, &terminate, &early, &last);
+    *ended = last;
     if (status <= 1 && terminate)
         return RUN_ENDED;
     /* a time beyond the step, or NaN, is no time either; apart from rounding */
@@ -63,7 +64,7 @@ static inline int step_fmu(EnginePart *p, double t, double h)
 {
     bool event = false;
     /* noSetFMUStatePriorToCurrentPoint: common importers always pass true, even those that roll back */
-    return OTHER_KINDS && p->do_step_3 ? step_instance(p->do_step_3, p->instance, t, h, &event)
+    return OTHER_KINDS && p->do_step_3 ? step_instance(p->do_step_3, p->instance, t, h, &event, &p->ended)
                                        : p->do_step(p->component, t, h, 1);
 }
 

@@ -109,6 +109,7 @@ class Recorder:
         self.decimate = decimate
         self._plan = plan
         self.filled = 0
+        self._end: float | None = None
         rows = plan.ticks // decimate + 1 - self._first
         try:
             self.rows = np.empty((max(rows, 0), len(self.names)))
@@ -146,6 +147,11 @@ class Recorder:
 
         return take
 
+    def read_end(self, time: float) -> None:
+        """Record a last row at a time between two ticks."""
+        self.rows = np.vstack([self.rows[: self.filled], self._plan.signals[self.columns]])
+        self.filled, self._end = self.filled + 1, time
+
     def column(self, name: str) -> Values:
         """Return the recorded values of a variable."""
         return np.ascontiguousarray(self.rows[: self.filled, self.names.index(name)])
@@ -155,6 +161,8 @@ class Recorder:
         """Time of each row that has been recorded [s]."""
         ticks = (self._first + np.arange(self.filled)) * self.decimate
         times: Values = self._plan.start + ticks * np.float64(self._plan.step)
+        if self._end is not None:
+            times[-1] = self._end
         return times
 
     def result(self) -> Result:

@@ -3,7 +3,24 @@
 #ifndef TICK_H
 #define TICK_H
 
+#include "line.h"
 #include "manipulate.h"
+
+/* Return whether inputs of a part follow lines in an explicit master. */
+static bool is_on_lines(const Engine *e, int64_t index)
+{
+    return e->lines_from && e->lines_from[index] < e->lines_from[index + 1] && e->parts[index].set_slopes;
+}
+
+/* Let the lines of a part continue from the values at the end of the last step. */
+static void continue_lines(Engine *e, int64_t index)
+{
+    for (int64_t k = e->lines_from[index]; k < e->lines_from[index + 1]; k++) {
+        Line *const l = &e->lines[k];
+        l->end = arriving(e, l->input);
+        l->mean = 0.5 * (e->signals[l->input] + l->end);
+    }
+}
 
 /* Perform one operation of an explicit master. */
 static bool operate(Engine *e, int operation, int64_t index, int64_t tick)
@@ -12,13 +29,16 @@ static bool operate(Engine *e, int operation, int64_t index, int64_t tick)
     if (!is_due(e, p, tick))
         return true;
     int status = 0;
+    const bool on_lines = is_on_lines(e, index);
     if (operation == SET) {
+        if (on_lines)
+            continue_lines(e, index);
         fetch_inputs(e, p);
-        status = hand_over(p, e->signals);
+        status = on_lines ? 0 : hand_over(p, e->signals);
     } else if (operation == STEP) {
         double t = 0.0, h = 0.0;
         interval_of(e, p, tick, &t, &h);
-        status = step_part(p, t, h);
+        status = on_lines ? step_on_lines(e, index, t, h) : step_part(p, t, h);
     } else
         status = fetch_outputs(p, e->signals);
     return status <= 1 || failed(e, index, operation, status, time_of(e, tick));

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from harness.engine.defect import Coupling
+from harness.engine.line import attach_lines
 from harness.engine.manipulate import Manipulations
 from harness.engine.native import NOT_CONVERGED, Engine
 from harness.engine.tap import Recorder
@@ -31,7 +32,7 @@ class NativeTicks:
 
     def __init__(self, plan: Plan, schedule: Schedule, experiment: Experiment) -> None:
         """Lay out what all runs have in common."""
-        self._engine = Engine(plan, schedule.operations)
+        self._engine, self._lines = Engine(plan, schedule.operations), schedule.lines
         self._algorithm = schedule.algorithm(self._engine) if schedule.algorithm else None
         self._coupling = None if schedule.implicit else Coupling(self._engine, schedule)
         self._manipulations = Manipulations(plan, schedule, experiment.manipulators)
@@ -42,6 +43,8 @@ class NativeTicks:
         self._engine.begin(recorder.rows, recorder.columns, recorder.decimate)
         self._manipulations.begin()
         self._manipulations.attach(self._engine)
+        if self._lines:
+            attach_lines(self._engine, self._lines)
         mechanisms = [each for each in (self._algorithm, self._coupling) if each is not None]
         for mechanism in mechanisms:
             mechanism.begin()
@@ -83,7 +86,7 @@ class PythonTicks:
 
     def __init__(self, plan: Plan, schedule: Schedule, experiment: Experiment) -> None:
         """Check the master."""
-        if not schedule.operations:
+        if not schedule.operations or schedule.lines:
             raise ExperimentError("this master runs in the compiled engine only: leave native as it is")
         self._plan, self._schedule = plan, schedule
         self._manipulations = Manipulations(plan, schedule, experiment.manipulators)

@@ -24,6 +24,7 @@ from harness.storage.scratch import ScratchFolder
 from harness.storage.zip_file import ZipError, open_zip, unpack_zip
 
 _DISCARD, FATAL = 2, 4
+_LAST_SUCCESSFUL_TIME: Final = 2
 _TERMINATED: Final = 3
 """fmi2Terminated of fmi2StatusKind."""
 
@@ -284,18 +285,26 @@ class Instance:
         self._fatal = self._fatal or status == FATAL
         self.running = False
         if function == "fmi2DoStep" and status == _DISCARD and self._ended():
-            return PartError(self.name, function, ENDED, time)
+            error = PartError(self.name, function, ENDED, time)
+            last = ctypes.c_double()
+            if self._status("Real", _LAST_SUCCESSFUL_TIME, last):
+                error.ended = last.value
+            return error
         label = _STATUS[status] if 0 <= status < len(_STATUS) else f"the illegal status {status}"
         return PartError(self.name, function, f"it returned {label} and logged {self._quoted_message()}", time)
 
     def _ended(self) -> bool:
         """Return whether the FMU discarded the step because it wants to end the simulation (FMI 2.0, section 4.2)."""
-        answer = getattr(self._dll, "fmi2GetBooleanStatus", None)
-        if answer is None:
-            return False
         ended = ctypes.c_int()
-        status = answer(ctypes.c_void_p(self.component), ctypes.c_int(_TERMINATED), ctypes.byref(ended))
-        return status <= 1 and ended.value == 1
+        return self._status("Boolean", _TERMINATED, ended) and ended.value == 1
+
+    def _status(self, kind: str, which: int, value: ctypes.c_int | ctypes.c_double) -> bool:
+        """Ask for a status of the last step; return whether the FMU knows it."""
+        answer = getattr(self._dll, f"fmi2Get{kind}Status", None)
+        return (
+            answer is not None
+            and answer(ctypes.c_void_p(self.component), ctypes.c_int(which), ctypes.byref(value)) <= 1
+        )
 
     def routes(
         self, inputs: Sequence[int], outputs: Sequence[int]

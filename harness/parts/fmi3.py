@@ -246,7 +246,9 @@ class Instance3(Instance):
         self._adapter.failure = 0
         array = next(a for a in self._flat.arrays if a.first <= element < a.first + max(a.count, 1))
         reason = _REASONS[code].format(name=array.name, type=array.type)
-        return PartError(self.name, error.function, reason, time)
+        found = PartError(self.name, error.function, reason, time)
+        found.ended = float(self._adapter.ended)
+        return found
 
 
 def _stored(kind: str) -> str:

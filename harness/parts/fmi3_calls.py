@@ -54,7 +54,7 @@ class Adapter(ctypes.Structure):
         ("elements", _INT),
         ("clocks", _POINTER),
         *((name, _INT) for name in ("clock_count", "uses_events")),
-        *((name, _REAL) for name in ("start", "next")),
+        *((name, _REAL) for name in ("start", "next", "ended")),
         *((name, _INT) for name in ("pending", "failure", "failed")),
     )
 

@@ -117,14 +117,15 @@ def read_part(element: etree._Element, where: str) -> dict[str, Any]:
         raise SystemFileError(f"{where} has a malformed annotation ({error}): write it again") from error
 
 
-def read_wire(element: etree._Element, where: str) -> tuple[int, tuple[float, float] | None]:
-    """Return the delay of a connection in steps, and gain and offset of the original connection if stated."""
+def read_wire(element: etree._Element, where: str) -> tuple[int, float | None, tuple[float, float] | None]:
+    """Return delay and initial value of a connection, and gain and offset of the original connection if stated."""
     own = _find(element, "harness:Wire")
     if own is None:
-        return 0, None
+        return 0, None, None
     try:
-        gain, offset = own.get("gain"), own.get("offset")
-        return int(own.get("delay", "0")), None if gain is None or offset is None else (float(gain), float(offset))
+        gain, offset, initial = own.get("gain"), own.get("offset"), own.get("initial")
+        exact = None if gain is None or offset is None else (float(gain), float(offset))
+        return int(own.get("delay", "0")), None if initial is None else float(initial), exact
     except ValueError as error:
         raise SystemFileError(f"{where} has a malformed annotation ({error}): write it again") from error
 

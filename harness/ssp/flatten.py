@@ -148,7 +148,7 @@ class Network:
                 f"{self.where} connects '{source}' to the parameter '{target}', which is not supported: "
                 "give the parameter a value instead"
             )
-        signal, delay = Signal(self.unit(source), self.unit(source)), 0
+        signal, delay, initial = Signal(self.unit(source), self.unit(source)), 0, None
         for edge in chain:
             if not isinstance(edge.transformation, Linear):
                 raise SystemFileError(
@@ -157,8 +157,8 @@ class Network:
             before, unit = signal, self.unit(edge.target)
             factor, offset = edge.transformation.factor, edge.transformation.offset
             signal = before.passed(unit, factor, offset, edge.suppress, str(edge))
-            ticks, written = read_wire(edge.element, str(edge))
-            delay += ticks
+            ticks, first, written = read_wire(edge.element, str(edge))
+            delay, initial = delay + ticks, initial if first is None else first
             # the written numbers are exact, but valid only if the transformation has not been changed
             if written and edge.suppress and len(chain) == 1:
                 exact = Signal(before.unit, unit, *written)
@@ -166,4 +166,4 @@ class Network:
         # connections between known units are converted automatically, others need the factor
         converts = self._own_unit(source) is not None and self._own_unit(target) is not None
         gain, offset = (signal.gain, signal.offset) if converts else signal.number(str(chain[-1]))
-        return Wire(self.name(source), self.name(target), gain, offset, delay)
+        return Wire(self.name(source), self.name(target), gain, offset, delay, initial)

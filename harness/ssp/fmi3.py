@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 
 from harness.parts.flat import Array
 from harness.parts.fmu import FmuPart
@@ -50,7 +51,7 @@ def grouped(wires: Sequence[Wire], arrays: Mapping[str, Array]) -> Iterator[tupl
             names = [elements[split_name(end)[0], array.name] for end, array in ends]
             run = wires[k : k + len(names[0])]
             if [(each.source, each.target) for each in run] == list(zip(*names, strict=True)) and all(
-                (each.gain, each.offset, each.delay) == (wire.gain, wire.offset, wire.delay) for each in run
+                replace(each, source=wire.source, target=wire.target) == wire for each in run
             ):
                 yield wire, True
                 k += len(run)

@@ -172,6 +172,8 @@ def _connection(
         # always both, as ecos uses 0 for a missing factor
         sub(element, "ssc:LinearTransformation", factor=repr(float(factor)), offset=repr(float(offset)))
     settings = {"delay": str(wire.delay)} if wire.delay else {}
+    if wire.initial is not None:
+        settings |= {"initial": repr(float(wire.initial))}
     if converts:
         settings |= {"gain": repr(float(wire.gain)), "offset": repr(float(wire.offset))}
     if settings:

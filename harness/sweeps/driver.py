@@ -20,7 +20,7 @@ from harness.extras import require
 from harness.sweeps.columns import Columns, Memory, Storage
 from harness.sweeps.identity import description
 from harness.sweeps.measures import Builtin, Measure, find_measures, label
-from harness.sweeps.pools import Outcomes, Pool, ProcessPool, SerialPool, make_pool
+from harness.sweeps.pools import LOOK, Outcomes, Pool, ProcessPool, SerialPool, make_pool
 from harness.sweeps.queue import Queue
 from harness.sweeps.samples import Given, Sample, checked_samples, column_types
 from harness.sweeps.worker import SETTINGS, Job, Outcome
@@ -136,10 +136,10 @@ def _drive(
     """Distribute chunks and store their outcomes until all runs are done."""
     under_way: dict[Outcomes, list[int]] = {}
     while under_way or queue.left:
-        while queue.left and len(under_way) < pool.capacity():
+        while len(under_way) < pool.capacity() and queue.left:
             chunk = queue.take(pool.capacity())
             under_way[pool.submit(job, [(run, samples[run]) for run in chunk])] = chunk
-        finished, _ = wait(under_way, return_when=FIRST_COMPLETED)
+        finished, _ = wait(under_way, LOOK, FIRST_COMPLETED)
         for future in finished:
             chunk = under_way.pop(future)
             try:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import multiprocessing
 import os
 import shutil
@@ -15,7 +16,7 @@ from contextlib import contextmanager, suppress
 from importlib.machinery import PathFinder
 from multiprocessing.context import BaseContext
 from pathlib import Path
-from time import sleep
+from time import monotonic, sleep
 from types import ModuleType
 from typing import Any, Final, Protocol, TypeAlias
 
@@ -24,6 +25,8 @@ from harness.processors import available
 from harness.storage.scratch import ScratchFolder
 from harness.sweeps.samples import Sample
 from harness.sweeps.worker import Job, Outcome, close_runners, run_chunk
+
+_LOG = logging.getLogger("harness")
 
 Chunk: TypeAlias = Sequence[tuple[int, Sample]]
 Outcomes: TypeAlias = "Future[list[Outcome]]"
@@ -35,6 +38,10 @@ _PAUSES: Final = (0.0, 0.1, 0.3, 1.0, 3.0)
 
 IDLE: Final = 60.0
 """Time after which a worker of a cluster closes a system that is not used [s]."""
+
+
+LOOK: Final = 10.0
+"""Longest time between two looks at the workers [s]."""
 
 
 class Pool(Protocol):
@@ -235,11 +242,18 @@ class DaskPool:
         self.losses: tuple[type[BaseException], ...] = (KilledWorker, CancelledError)
         self._client = client
         self._executor = client.get_executor(pure=False)
+        self._worked: float | None = monotonic()
 
     def capacity(self) -> int:
         """Two chunks per available thread, to hide the communication time."""
         with self._connected():
-            return max(2, 2 * int(sum(self._client.nthreads().values())))
+            threads = int(sum(self._client.nthreads().values()))
+        if threads:
+            self._worked = monotonic()
+        elif self._worked is not None and monotonic() - self._worked > LOOK:
+            _LOG.warning("the dask cluster has no worker: the sweep waits for one; start workers, or press Ctrl-C")
+            self._worked = None
+        return max(2, 2 * threads)
 
     def submit(self, job: Job, chunk: Chunk) -> Outcomes:
         """Pass the chunk to the scheduler, which assigns it to another worker if one dies."""

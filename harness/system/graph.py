@@ -11,6 +11,7 @@ from collections.abc import Iterable, Mapping, Sequence
 
 from harness.errors import AlgebraicLoopError
 from harness.parts.part import Part
+from harness.parts.series import SeriesPart
 from harness.system.wire import Wire
 
 Node = tuple[str, str]  # (part, output)
@@ -125,8 +126,9 @@ def stepping_order(parts: Mapping[str, Part], wires: Sequence[Wire]) -> list[str
     Sampled parts come first, as they take their sample at the beginning of the step, an estimator before the controller
     that reads it. Continuous parts follow: a part whose outputs are states (a plant) comes before the sensors and
     friction models with direct feedthrough from it, so that their outputs are correct at the end of the step. A part
-    without inputs (a reference, a recorded series) comes last, so that plants read its value at the beginning of the
-    step, unless an output depends on it directly.
+    without inputs (a reference, a series of held values) comes last, so that plants read its value at the beginning of
+    the step, unless an output depends on it directly. A series of linear values comes first, as its values at both
+    ends of the step are used.
     """
     sampled = [name for name, part in parts.items() if part.sampled]
     continuous = [name for name, part in parts.items() if not part.sampled]
@@ -152,10 +154,11 @@ def _sort(parts: Mapping[str, Part], wires: Sequence[Wire], group: list[str]) ->
         if any(port in parts[target].dependencies[output] for output in _used(parts[target], wires)):
             before[target].add(source)
 
-    def urgency(name: str) -> tuple[bool, int]:
+    def urgency(name: str) -> tuple[bool, bool, int]:
         part = parts[name]
         waits = bool(wished[name] & set(remaining)) if part.sampled else not part.inputs
-        return waits, group.index(name)
+        recorded = isinstance(part, SeriesPart) and part.moves
+        return not recorded, waits, group.index(name)
 
     order: list[str] = []
     remaining = list(group)

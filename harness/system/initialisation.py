@@ -57,6 +57,7 @@ def start_order(plan: Plan, parts: Mapping[str, Part], wires: Sequence[Wire]) ->
     wires : sequence of Wire
         The connections between them.
     """
+    wires = [wire for wire in wires if wire.initial is None]
     closing = instantaneous(parts, wires)
     place = {part.name: index for index, part in enumerate(plan.parts)}
     order = [place[name] for name in propagation_order(parts, wires)]

@@ -103,11 +103,12 @@ def make_plan(system: Assembly, experiment: Experiment, read: Sequence[str]) -> 
             ports.update(members)
     columns = {name: index for index, name in enumerate(ports)}
     gains, offsets = np.ones(len(ports)), np.zeros(len(ports))
-    delays = np.zeros(len(ports), dtype=np.int64)
+    delays, initials = np.zeros(len(ports), dtype=np.int64), np.full(len(ports), np.nan)
     for wire in system.wires:
         target = columns[wire.target]
         gains[target], offsets[target] = wire_map(wire, ports[wire.source], ports[wire.target])
         delays[target] = wire.delay
+        initials[target] = np.nan if wire.initial is None else wire.initial
     plain = not (offsets.any() or delays.any() or experiment.manipulators) and bool((gains == 1.0).all())
 
     every = np.array([part.every for part in parts], dtype=np.int64).reshape(-1)
@@ -124,6 +125,7 @@ def make_plan(system: Assembly, experiment: Experiment, read: Sequence[str]) -> 
         gains=gains.copy(),
         offsets=offsets.copy(),
         delays=delays,
+        initials=initials,
         plain=plain,
         every=every,
         phase=np.where(sampled, 0, every - 1),

@@ -64,6 +64,8 @@ class Plan:
         The same numbers, as manipulators change them during a run.
     delays : int64 array, shape (S,)
         Delay of each connection in communication steps.
+    initials : float64 array, shape (S,)
+        Value of the output until the delay has passed; NaN: its first value.
     plain : bool
         Whether all connections always pass the value of the output unchanged.
     every, phase : int64 arrays, shape (P,)
@@ -92,6 +94,7 @@ class Plan:
     gains: Values
     offsets: Values
     delays: NDArray[np.int64]
+    initials: Values
     plain: bool
     every: NDArray[np.int64]
     phase: NDArray[np.int64]
@@ -130,6 +133,8 @@ class Plan:
             stated = self.ports[name].start  # of an optional input that nothing drives
             self.signals[index] = float(start.get(name, np.nan if stated is None else stated))
         self.gains[:], self.offsets[:] = self.wire_gains, self.wire_offsets
+        for i in np.flatnonzero(~np.isnan(self.initials)):
+            self.gains[i], self.offsets[i] = 0.0, map_of(self.gains[i], self.offsets[i], self.initials[i])
 
     @cached_property
     def names(self) -> tuple[str, ...]:
@@ -185,11 +190,15 @@ class Schedule:
         ``algorithm(engine)`` returns an `Algorithm` in C, which replaces the operations.
     implicit : bool
         Whether it solves loops, so that inputs get values from the end of the step.
+    lines : tuple of MovingWire
+        Connections whose values the operations pass as lines from the beginning to the end of the step, to FMUs that
+        interpolate inputs.
     """
 
     operations: tuple[tuple[int, int], ...] = ()
     algorithm: Callable[[Engine], Algorithm] | None = None
     implicit: bool = False
+    lines: tuple[MovingWire, ...] = ()
 
 
 def map_of(gain: float, offset: float, output: float) -> float:

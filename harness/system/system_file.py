@@ -36,7 +36,7 @@ _PART_KINDS: Final[_Kinds] = {
     "isolate": (flag, "true or false"),
     "timeout": (number, "a number of seconds"),
 }
-_WIRE_KINDS: Final[_Kinds] = {"gain": _NUMBER, "offset": _NUMBER, "delay": _WHOLE}
+_WIRE_KINDS: Final[_Kinds] = {"gain": _NUMBER, "offset": _NUMBER, "delay": _WHOLE, "initial": _NUMBER}
 _EXPERIMENT_KINDS: Final[_Kinds] = {
     **dict.fromkeys(
         ("stop", "step", "start", "tolerance", "loop_tolerance", "coupling_tolerance", "step_tolerance"), _NUMBER

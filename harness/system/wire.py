@@ -28,7 +28,9 @@ class Wire:
     gain, offset : float
         The input gets gain * output + offset; the offset is in the unit of the input.
     delay : int
-        Delay in communication steps, see `Delay`; until then, the input has the first value of the output.
+        Delay in communication steps, see `Delay`.
+    initial : float or None
+        Value of the output, in its unit, that the input gets until the delay has passed; None: its first value.
     """
 
     source: str
@@ -36,6 +38,7 @@ class Wire:
     gain: float = 1.0
     offset: float = 0.0
     delay: int = 0
+    initial: float | None = None
 
     def __post_init__(self) -> None:
         """Make numbers of numpy plain."""
@@ -202,6 +205,16 @@ def _check_map(wire: Wire, source: Port, target: Port) -> None:
         raise WireError(
             f"the delay of the connection {wire} is {shown(wire.delay)}: "
             f"give an integer number of communication steps from 0 to {LONGEST_DELAY}"
+        )
+    if wire.initial is None:
+        return
+    if not wire.delay:
+        raise WireError(f"the connection {wire} has an initial value but no delay: give a delay, or no initial value")
+    whole = wire.initial in (0, 1) if source.type == "Boolean" else wire.initial % 1.0 == 0.0
+    if not (math.isfinite(wire.initial) and (whole or source.type == "Real")):
+        raise WireError(
+            f"the initial value of the connection {wire} is {shown(wire.initial)}: give a finite number that "
+            f"{wire.source}, a {source.type}, can have"
         )
 
 

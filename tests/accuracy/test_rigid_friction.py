@@ -130,7 +130,7 @@ BLOCKS = [(kind, name) for kind, names in CASES.items() for name in names]
     ("master", "step"),
     some(
         [(master, step) for master in ("newton", "adaptive") for step in (1e-2, 1e-3, 1e-4)],
-        [("newton", 1e-2), ("newton", 1e-3), ("adaptive", 1e-2)],
+        [("newton", 1e-2), ("adaptive", 1e-2)],
     ),
 )
 def test_implicit_masters(master: str, kind: str, name: str, step: float) -> None:
@@ -153,7 +153,7 @@ def test_an_explicit_master_is_right_or_warns(master: str, kind: str, name: str,
 
 @pytest.mark.parametrize(
     ("kind", "name", "fmi"),
-    some([(*block, fmi) for block in BLOCKS for fmi in (2, 3)], [("pulled", "Stiction", 2), ("belt", "Karnopp", 3)]),
+    some([(*block, fmi) for block in BLOCKS for fmi in (2, 3)], [("belt", "Karnopp", 3)]),
 )
 def test_one_fmu(kind: str, name: str, fmi: Literal[2, 3], tmp_path: Path) -> None:
     """Also with communication steps that do not divide the inner step."""
@@ -171,7 +171,7 @@ def test_one_fmu(kind: str, name: str, fmi: Literal[2, 3], tmp_path: Path) -> No
 
 
 @pytest.mark.parametrize("master", ["newton", "adaptive"])
-@pytest.mark.parametrize("form", ["rotational", "FMI 3.0", "through a sum"])
+@pytest.mark.parametrize("form", some(["rotational", "FMI 3.0", "through a sum"], ["through a sum"]))
 def test_other_forms(form: str, master: str, tmp_path: Path) -> None:
     def source(name: str) -> Path:
         if form == "FMI 3.0":
@@ -188,7 +188,7 @@ def test_other_forms(form: str, master: str, tmp_path: Path) -> None:
     ("master", "step"),
     some(
         [(master, step) for master in ("newton", "adaptive") for step in (1e-2, 1e-3)],
-        [("newton", 1e-2), ("adaptive", 1e-3)],
+        [("newton", 1e-2)],
     ),
 )
 def test_two_contacts_in_series(master: str, step: float) -> None:

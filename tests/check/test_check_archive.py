@@ -13,6 +13,7 @@ from pathlib import Path
 import pytest
 from check.broken import XML, contents, zipped
 from check.hostile_zips import REFUSED, Spoil, packed
+from thorough import some
 
 from friction_fmus import fmu
 from friction_fmus.check import RULES, Finding, check
@@ -245,7 +246,7 @@ def test_another_method_of_compression(members: dict[str, bytes], tmp_path: Path
     assert "bzip2" in one(check(path, static=True), "zip-method").message
 
 
-@pytest.mark.parametrize("spoil", REFUSED, ids=lambda spoil: spoil.__name__)
+@pytest.mark.parametrize("spoil", some([*REFUSED], [*REFUSED][::3]), ids=lambda spoil: spoil.__name__)
 def test_what_the_harness_refuses_is_a_finding(members: dict[str, bytes], tmp_path: Path, spoil: Spoil) -> None:
     path = packed(tmp_path / "a.fmu", members)
     spoil(path)

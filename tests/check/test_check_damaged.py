@@ -10,6 +10,7 @@ import fmpy
 import pytest
 from check.broken import XML, contents, zipped
 from check.libraries import BINARY, HERE, Library
+from thorough import nightly
 
 from friction_fmus.check import Finding, check
 
@@ -90,6 +91,7 @@ def test_a_library_of_another_platform_may_be_truncated_too(members: dict[str, b
     assert f"{1024 + 512 - len(header)} bytes are missing" in finding.message
 
 
+@nightly
 def test_any_bytes_of_the_library_may_be_wrong(library: Library, with_library: Callable[[bytes], Path]) -> None:
     """Whatever the loader does with them, the check ends with findings."""
     draw = random.Random(13)

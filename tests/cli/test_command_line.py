@@ -16,6 +16,8 @@ import numpy as np
 import pandas as pd
 import pytest
 from rich.console import Console
+from shell.selection import EACH_BRANCH
+from thorough import nightly, some
 
 from friction_fmus import build, fmu
 from friction_fmus.blocks.catalogue import catalogue
@@ -111,7 +113,9 @@ def test_show_groups_the_variables(monkeypatch: pytest.MonkeyPatch, capsys: pyte
     assert ["N", "10", "Integer", "1 to 10", "number of elements"] in rows
 
 
-@pytest.mark.parametrize("name", [*(b.name for b in catalogue().values() if b.kind != "friction"), "SevenParameter"])
+@pytest.mark.parametrize(
+    "name", some([*(b.name for b in catalogue().values() if b.kind != "friction"), "SevenParameter"], EACH_BRANCH[::4])
+)
 def test_show_fits_the_terminal(name: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     lines = shown(name, 80, monkeypatch, capsys)
     assert [line for line in lines if len(line) > 80] == []
@@ -261,9 +265,9 @@ def test_bad_run_options_leave_no_file(
     "command",
     [
         ("build", "LuGre"),
-        ("build", "LuGre", "--fmi", "3"),
+        pytest.param(("build", "LuGre", "--fmi", "3"), marks=nightly),
         ("codegen", "LuGreFeedforward"),
-        ("sweep", STICK_SLIP, "--vary", "friction.Fc=1:2:2"),
+        pytest.param(("sweep", STICK_SLIP, "--vary", "friction.Fc=1:2:2"), marks=nightly),
     ],
 )
 def test_a_folder_that_cannot_be_made_is_named(
@@ -358,6 +362,7 @@ def test_a_sweep_with_a_result_reported_as_wrong_has_the_status_1(
     assert main(["sweep", *sweep[1:-1], "master=newton", "-o", str(tmp_path / "c")]) == 0
 
 
+@nightly
 @pytest.mark.skipif(sys.platform != "linux", reason="file names are bytes on Linux")
 def test_a_file_name_that_is_no_utf_8(tmp_path: Path) -> None:
     path = os.fsencode(tmp_path) + b"/o\xff.csv"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import io
+import re
 from pathlib import Path
 
 import pytest
@@ -24,6 +25,7 @@ model = "Viscous"
 start = { v = 1.0 }
 """
 SOURCES = sorted(path for folder in ("friction_fmus", "harness") for path in (ROOT / folder).rglob("*.py"))
+SPEAKING = [path for path in SOURCES if re.search("rich|markup|emoji|Console|TextColumn", path.read_text("utf-8"))]
 
 
 def printed(capsys: pytest.CaptureFixture[str], *arguments: object) -> str:
@@ -76,7 +78,7 @@ def calls(tree: ast.AST) -> list[tuple[str, set[str], int]]:
     return found
 
 
-@pytest.mark.parametrize("path", SOURCES, ids=lambda path: str(path.relative_to(ROOT)))
+@pytest.mark.parametrize("path", SPEAKING, ids=lambda path: str(path.relative_to(ROOT)))
 def test_nothing_is_printed_with_markup(path: Path) -> None:
     tree = ast.parse(path.read_text(encoding="utf-8"))
     imported = {node.module for node in ast.walk(tree) if isinstance(node, ast.ImportFrom)}

@@ -10,6 +10,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from thorough import nightly
 
 import friction_fmus
 import friction_fmus.harness
@@ -62,6 +63,7 @@ def test_list_imports_only_what_draws_the_table() -> None:
     assert started("list", "--json")[0] & SLOW == set()
 
 
+@nightly
 @pytest.mark.parametrize(("arguments", "most"), [(["--help"], 0.3), (["list"], 0.45)], ids=["help", "list"])
 def test_processor_time_of_the_start(arguments: list[str], most: float) -> None:
     """Twice the 0.3 and 0.45 s that are promised, for slow machines; importing everything takes about 2 s."""
@@ -170,6 +172,7 @@ def test_law_files_do_not_begin_with_an_underscore(tmp_path: Path) -> None:
     assert [path.name for path in law_paths(tmp_path)] == ["a.py", "b.py"]
 
 
+@nightly
 def test_a_file_harness_py_in_the_working_folder(tmp_path: Path) -> None:
     """It is another package's, or the user's own; workers of a sweep must not find it either."""
     (tmp_path / "harness.py").write_text("raise SystemExit('the wrong one')\n")

@@ -8,6 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 from laws.draws import random_arguments
+from shell.selection import EACH_FEATURE
+from thorough import some
 
 sys.path.insert(0, str(Path(__file__).parents[2]))
 
@@ -47,7 +49,7 @@ def check_double(name: str, count: int, folder: Path) -> None:
     assert same_numbers(found, expected)
 
 
-@pytest.mark.parametrize("name", LAWS)
+@pytest.mark.parametrize("name", some(LAWS, EACH_FEATURE))
 def test_double_has_casadis_numbers_for_any_parameters(name: str, tmp_path: Path) -> None:
     export = make_export(name)
     rows = random_arguments(export.law, 20_000, seed=5)
@@ -85,11 +87,11 @@ def check_float(name: str, count: int, folder: Path) -> None:
     assert len(doubtful) < 0.01 * count
 
 
-@pytest.mark.parametrize("name", LAWS)
+@pytest.mark.parametrize("name", some(LAWS, EACH_FEATURE))
 def test_double_has_the_bits_of_the_fmu_and_of_casadi(name: str, tmp_path: Path) -> None:
     check_double(name, 20_000, tmp_path)
 
 
-@pytest.mark.parametrize("name", LAWS)
+@pytest.mark.parametrize("name", some(LAWS, EACH_FEATURE))
 def test_float_is_near_casadi(name: str, tmp_path: Path) -> None:
     check_float(name, 20_000, tmp_path)

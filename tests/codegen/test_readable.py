@@ -8,6 +8,8 @@ from pathlib import Path
 
 import pytest
 from casadi import SX
+from shell.selection import EACH_FEATURE
+from thorough import some
 
 from friction_fmus.blocks.catalogue import laws_folder
 from friction_fmus.codegen.equations import equations_of, numbered
@@ -39,7 +41,7 @@ def test_the_example_in_the_documentation_is_what_codegen_writes() -> None:
     assert (folder / "law.h").read_text(encoding="utf-8") == header(export)
 
 
-@pytest.mark.parametrize("name", LAWS)
+@pytest.mark.parametrize("name", some(LAWS, EACH_FEATURE))
 def test_every_equation_is_a_comment_with_its_number(name: str) -> None:
     export = make_export(name)
     comments = re.findall(r"/\* \((\d+)\) (.*?) \*/", body(name), re.DOTALL)
@@ -63,7 +65,7 @@ def test_intermediate_results_have_the_names_of_the_law() -> None:
     assert "(4) z becomes t + (z - t) exp(-sigma0 |dr| / g(w)) */" in text[place - 120 : place]
 
 
-@pytest.mark.parametrize("name", LAWS)
+@pytest.mark.parametrize("name", some(LAWS, EACH_FEATURE))
 def test_no_zero_is_added(name: str) -> None:
     assert not re.search(r"\+ 0\.0f?\b(?!\d)", body(name))
 

@@ -14,6 +14,7 @@ from typing import Literal
 import numpy as np
 import pytest
 from casadi import SX, Function, sqrt
+from thorough import some
 
 sys.path.insert(0, str(Path(__file__).parents[2]))
 
@@ -71,7 +72,7 @@ def outputs(name: str, real: Literal["double", "float"], folder: Path) -> dict[t
     return found
 
 
-@pytest.mark.parametrize("name", WITH_POSITION)
+@pytest.mark.parametrize("name", some(WITH_POSITION, WITH_POSITION[::8]))
 def test_float_is_double_over_the_travel(name: str, tmp_path: Path) -> None:
     expected, found = outputs(name, "double", tmp_path), outputs(name, "float", tmp_path)
     for case, results in expected.items():

@@ -13,6 +13,7 @@ from typing import Literal
 
 import numpy as np
 import pytest
+from thorough import some
 
 sys.path.insert(0, str(Path(__file__).parents[2]))
 
@@ -67,7 +68,7 @@ def check_passes(name: str, folder: Path, *flags: str) -> None:
         assert status(folder, "-O2", *flags) == 0, real
 
 
-@pytest.mark.parametrize("name", [*VARIED, LOOP])
+@pytest.mark.parametrize("name", some([*VARIED, LOOP], [VARIED[2], LOOP]))
 def test_the_law_passes(name: str, tmp_path: Path) -> None:
     check_passes(name, tmp_path)
 
@@ -92,7 +93,7 @@ def test_right_code_in_float_passes_with_other_start_values(name: str, start: di
 
 
 @pytest.mark.skipif(not shutil.which("g++"), reason="g++ not installed")
-@pytest.mark.parametrize("name", VARIED[:3])
+@pytest.mark.parametrize("name", some(VARIED[:3], VARIED[:1]))
 def test_the_law_passes_a_test_in_cpp(name: str, tmp_path: Path) -> None:
     """Only the test is compiled as C++."""
     for real in REALS:
@@ -100,7 +101,7 @@ def test_the_law_passes_a_test_in_cpp(name: str, tmp_path: Path) -> None:
         assert status(tmp_path, test=("g++", "-x", "c++", "-std=c++11", *WARNINGS)) == 0
 
 
-@pytest.mark.parametrize(("name", "real"), list(product(VARIED, REALS)))
+@pytest.mark.parametrize(("name", "real"), list(product(some(VARIED, VARIED[::4]), REALS)))
 def test_every_parameter_but_those_that_the_test_names_is_tested(name: str, real: str, tmp_path: Path) -> None:
     """A change by 1 %, or from 0 to 0.01, or of a switch, as the header says."""
     export = make_export(name, real="double" if real == "double" else "float")
@@ -139,7 +140,7 @@ def test_every_parameter_but_those_that_the_test_names_is_tested(name: str, real
     assert passed == set(vectors(export).untested)
 
 
-@pytest.mark.parametrize("real", REALS)
+@pytest.mark.parametrize("real", some(REALS, REALS[:1]))
 @pytest.mark.parametrize("text", ["- states->last_feedforward", "+ parameters->offset", "states->u_last = "])
 def test_a_wrong_connection_of_a_loop_fails(text: str, real: Literal["double", "float"], tmp_path: Path) -> None:
     export = make_export(LOOP, real=real, prefix="law", start={"offset": 3.0})
@@ -151,7 +152,9 @@ def test_a_wrong_connection_of_a_loop_fails(text: str, real: Literal["double", "
     assert 0 < status(tmp_path, "-O1", "-Wno-unused-value") <= N
 
 
-@pytest.mark.parametrize(("name", "real"), list(product(("KalmanFriction", "ImplicitSuperTwisting"), REALS)))
+@pytest.mark.parametrize(
+    ("name", "real"), list(product(("KalmanFriction", "ImplicitSuperTwisting"), some(REALS, REALS[:1])))
+)
 def test_every_changed_constant_fails(name: str, real: Literal["double", "float"], tmp_path: Path) -> None:
     """Each number in the equations but 0 and 1, changed by 1 %."""
     export = make_export(name, real=real)

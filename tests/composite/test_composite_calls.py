@@ -60,6 +60,7 @@ from shell.test_values import (  # noqa: F401
     test_unknown_and_wrongly_typed_references_are_errors,
     test_values_that_are_not_finite_are_discarded,
 )
+from thorough import some
 
 
 @pytest.fixture(scope="module")
@@ -68,7 +69,7 @@ def servo3(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return in_either(COMPOSITES[1] + IN_3, tmp_path_factory.mktemp("composite3"))
 
 
-@pytest.fixture(params=[*COMPOSITES, COMPOSITES[1] + IN_3])
+@pytest.fixture(params=some([*COMPOSITES, COMPOSITES[1] + IN_3], [COMPOSITES[0], COMPOSITES[1] + IN_3]))
 def library(request: pytest.FixtureRequest, compose: Callable[[str], Path]) -> Library:
     """Each of these composite FMUs in turn."""
     of_fmi_3 = request.param.endswith(IN_3)

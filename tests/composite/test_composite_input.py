@@ -11,6 +11,7 @@ from pathlib import Path
 from zipfile import ZipFile
 
 import pytest
+from thorough import nightly
 
 from friction_fmus import fmu
 from friction_fmus.cli.systems import open_system
@@ -167,6 +168,7 @@ def test_manipulators(tmp_path: Path) -> None:
     check(str(caught.value), ["friction.v", "manipulator", "remove it"], tmp_path)
 
 
+@nightly
 def test_a_system_without_an_experiment_needs_a_step(tmp_path: Path) -> None:
     with System([FmuPart("mass", fmu("Mass"))], [], REST) as system:
         with pytest.raises(HarnessError) as caught:
@@ -176,6 +178,7 @@ def test_a_system_without_an_experiment_needs_a_step(tmp_path: Path) -> None:
     assert (tmp_path / "given.fmu").exists()
 
 
+@nightly
 def test_an_input_without_a_start_value_becomes_an_input(tmp_path: Path) -> None:
     """To run such a system is an error; as an FMU it has an input with the start value of the part."""
     text = (EXAMPLES / "stick_slip.toml").read_text(encoding="utf-8").replace("F_drive = 0.0\n", "")
@@ -189,6 +192,7 @@ def test_an_input_without_a_start_value_becomes_an_input(tmp_path: Path) -> None
     assert {port.name: port.start for port in part.inputs}["mass.F_drive"] == 0.0
 
 
+@nightly
 def test_the_command(tmp_path: Path) -> None:
     command = [sys.executable, "-m", "friction_fmus", "compose", str(EXAMPLES / "stick_slip.toml")]
     good = [

@@ -20,6 +20,7 @@ from composite.composite_systems import (
 from hypothesis import given, seed, settings
 from hypothesis import strategies as st
 from shell.selection import COMPOSITES
+from thorough import nightly, some
 
 from friction_fmus import build, fmu
 from friction_fmus.cli.systems import open_system
@@ -28,8 +29,8 @@ from harness import Experiment, FmuPart, SeriesPart, System, Wire
 EXAMPLES = Path(__file__).parents[2] / "examples"
 
 
-@pytest.mark.parametrize("name", [*COMPOSITES, "two_axes"])
-@pytest.mark.parametrize("every", [1, 4])
+@pytest.mark.parametrize("name", some([*COMPOSITES, "two_axes"], COMPOSITES))
+@pytest.mark.parametrize("every", some([1, 4], [4]))
 def test_examples_are_equal_to_the_harness(compose: Callable[[str], Path], name: str, every: int) -> None:
     path = compose(name)
     with open_system(EXAMPLES / f"{name}.toml") as system:
@@ -41,6 +42,7 @@ def test_examples_are_equal_to_the_harness(compose: Callable[[str], Path], name:
     assert differing(found, expected, every) == []
 
 
+@nightly
 @pytest.mark.parametrize("name", [*COMPOSITES, "two_axes"])
 def test_points_between_grid_points_change_no_value_of_a_loop(tmp_path: Path, name: str) -> None:
     """At the grid points bit for bit the values of the harness, with twice as many communication points."""
@@ -56,6 +58,7 @@ def test_points_between_grid_points_change_no_value_of_a_loop(tmp_path: Path, na
     assert differing({key: values[::2] for key, values in found.items()}, expected) == []
 
 
+@nightly
 def test_a_system_from_an_ssp_archive(tmp_path: Path) -> None:
     with open_system(EXAMPLES / "stick_slip.toml") as system:
         system.to_ssp(tmp_path / "axis.ssp")
@@ -79,7 +82,7 @@ def mixed() -> System:
     wires = [
         "mass.v -> friction.v",
         "friction.F -> mass.F_friction",
-        Wire("control.u", "mass.F_drive", gain=0.5, delay=2),
+        Wire("control.u", "mass.F_drive", gain=0.5, offset=0.1, delay=2, initial=0.3),
         Wire("load.F", "mass.F_load", gain=-0.2, offset=0.05),
         "steps.r -> control.r",
         "mass.x -> sensor.x",
@@ -90,7 +93,7 @@ def mixed() -> System:
     return System(parts, wires, start, Experiment(stop=0.2, step=STEP))
 
 
-@pytest.mark.parametrize("master", ["newton", "adaptive"])
+@pytest.mark.parametrize("master", some(["newton", "adaptive"], ["newton"]))
 def test_tables_delays_gains_and_sample_times(tmp_path: Path, master: str) -> None:
     with mixed() as system:
         system.to_fmu(tmp_path / "mixed.fmu", master=master)
@@ -99,6 +102,7 @@ def test_tables_delays_gains_and_sample_times(tmp_path: Path, master: str) -> No
     assert differing(run_composite(tmp_path / "mixed.fmu", 0.2, 5 * STEP), expected, 5) == []
 
 
+@nightly
 def test_connections_convert_units(tmp_path: Path) -> None:
     with ZipFile(fmu("Quantiser")) as given, ZipFile(tmp_path / "InMillimetres.fmu", "w") as changed:
         for member in given.namelist():
@@ -116,6 +120,7 @@ def test_connections_convert_units(tmp_path: Path) -> None:
     assert differing(run_composite(tmp_path / "units.fmu", 1.0, 0.1), expected) == []
 
 
+@nightly
 def test_composites_can_be_parts(tmp_path: Path) -> None:
     with open_system(EXAMPLES / "stick_slip.toml") as system:
         system.to_fmu(tmp_path / "Contact.fmu", inputs=["mass.F_drive"], outputs=["mass.x", "mass.v"])
@@ -132,6 +137,7 @@ def test_composites_can_be_parts(tmp_path: Path) -> None:
     assert np.abs(expected["axis.mass.x"]).max() > 0.0
 
 
+@nightly
 @seed(17)
 @settings(random_seed_settings(5))
 @given(data=st.data())
@@ -189,6 +195,7 @@ def test_own_blocks_in_c_and_python(tmp_path: Path) -> None:
     assert np.abs(found["mass.x"] - exact).max() < 1e-4 * exact.max()
 
 
+@nightly
 def test_a_reference_can_become_inputs(tmp_path: Path) -> None:
     """One input drives all laws that read the reference; the record plays it back outside the FMU."""
     outputs = ("reference.r", "reference.rd", "reference.rdd")

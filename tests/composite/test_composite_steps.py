@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from shell.instance import DISCARD, ERROR, OK, WARNING, Instance, Library, load
+from thorough import nightly
 
 from friction_fmus import fmu
 from harness import Experiment, FmuPart, System
@@ -51,6 +52,7 @@ def test_points_between_grid_points_do_not_move_the_grid(tmp_path: Path) -> None
     assert (error <= 1e-9 * np.abs(expected).max(axis=0)).all()
 
 
+@nightly
 def test_points_between_grid_points_change_no_value_at_them(tmp_path: Path) -> None:
     """A light mass, whose loop amplifies the errors of unequal steps: the grid alone decides, bit for bit; between its
     points the position is that of a line through them up to a slip, which is faster than the step."""

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from scipy.signal import butter, freqz
 from stand_ins import stand_in
+from thorough import nightly
 
 from friction_fmus import build
 from friction_fmus.__main__ import main
@@ -343,6 +344,7 @@ def test_the_step_at_which_a_contact_becomes_unstable(build_fmu: BlockFmu, maste
     assert names == ([] if share < 1.0 else ["contact stiffness"])
 
 
+@nightly
 def test_renamed_fmus_are_known_by_their_description(tmp_path: Path, loop: Callable[..., System]) -> None:
     parts = {
         "pid": FmuPart("pid", build("PID", tmp_path, {"Kp": 12e3, "Kd": 190.0, "Ki": 0.0}, name="MyServo")),

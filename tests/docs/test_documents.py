@@ -13,6 +13,7 @@ from pathlib import Path
 
 import fmpy
 import pytest
+from thorough import nightly
 
 from friction_fmus import build, fmu
 from friction_fmus.__main__ import main
@@ -60,6 +61,7 @@ def write_files(folder: Path) -> None:
         (folder / name).write_text(text, encoding="utf-8")
 
 
+@nightly
 def test_commands_of_the_readme_work(tmp_path: Path) -> None:
     (tmp_path / "examples").symlink_to(ROOT / "examples")
     (commands,) = blocks(ROOT / "README.md", "commands")
@@ -69,6 +71,7 @@ def test_commands_of_the_readme_work(tmp_path: Path) -> None:
     assert (tmp_path / "stick_slip.png").is_file()
 
 
+@nightly
 def test_commands_of_the_check_page_work(tmp_path: Path) -> None:
     (commands,) = blocks(ROOT / "docs" / "check.md", "commands")
     for command in commands.splitlines():
@@ -101,6 +104,7 @@ def test_python_of_the_readme_gives_the_published_stick_slip(tmp_path: Path) -> 
     assert float(position) == pytest.approx(1.272596 + 0.63627, abs=2e-3)
 
 
+@nightly
 def test_program_of_the_harness_page(tmp_path: Path) -> None:
     """Gauss-Seidel misses what it hands over, and is wrong by a quarter of a metre, as the page says."""
     program, drive = blocks(ROOT / "docs" / "harness.md", "python")
@@ -112,6 +116,7 @@ def test_program_of_the_harness_page(tmp_path: Path) -> None:
     assert error == pytest.approx(0.26, abs=0.01)
 
 
+@nightly
 def test_program_of_the_page_on_procedures_prints_what_it_says(tmp_path: Path) -> None:
     (program,) = blocks(ROOT / "docs" / "procedures.md", "python")
     (tmp_path / "program.py").write_text(program, encoding="utf-8")
@@ -119,6 +124,7 @@ def test_program_of_the_page_on_procedures_prints_what_it_says(tmp_path: Path) -
     assert f"It prints `{run(f'{sys.executable} program.py', tmp_path).strip()}`" in text
 
 
+@nightly
 @pytest.mark.parametrize("name", TUTORIALS)
 def test_tutorial_works_and_prints_what_it_says(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Its commands, those of this project in this process, and then all of its programs as one."""
@@ -189,6 +195,7 @@ def test_system_shown_in_the_readme_is_the_example(tmp_path: Path) -> None:
         assert (a.experiment.stop, a.experiment.step) == (b.experiment.stop, b.experiment.step)
 
 
+@nightly
 def test_a_new_friction_model_is_one_file(tmp_path: Path) -> None:
     write_files(tmp_path)
     for page in ADDING:

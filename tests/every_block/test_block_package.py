@@ -15,7 +15,7 @@ import pytest
 from fmpy.validation import validate_fmu
 from lxml import etree
 from shell.instance import EXCHANGE_SIGNATURES, SIGNATURES, Instance, Library, RefusedError, signals
-from shell.selection import CONTINUOUS_BLOCKS
+from shell.selection import CONTINUOUS_BLOCKS, of_each_branch
 
 from friction_fmus import catalogue
 from harness.compiling import toolchain
@@ -249,7 +249,7 @@ def _outputs_differ(library: Library, name: str, draw: random.Random, outputs: l
     return histories[0] != histories[1]
 
 
-@pytest.mark.parametrize("library", CONTINUOUS_BLOCKS, indirect=True)
+@pytest.mark.parametrize("library", of_each_branch(CONTINUOUS_BLOCKS), indirect=True)
 def test_parameters_of_continuous_blocks_are_declared_as_dependencies(library: Library, xml: etree._Element) -> None:
     declared = set().union(*dependencies(xml, library, "InitialUnknowns").values())
     in_steps = (

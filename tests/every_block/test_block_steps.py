@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from shell.instance import DISCARD, ERROR, OK, WARNING, Instance, Library, drive, load, signals
-from shell.selection import CONTINUOUS_BLOCKS
+from shell.selection import CONTINUOUS_BLOCKS, of_each_branch
 
 
 def real_values(library: Library, instance: Instance) -> dict[str, float]:
@@ -63,7 +63,7 @@ def test_a_span_may_be_cut_anyhow(library: Library) -> None:
             assert cut.get1(name) == pytest.approx(one, rel=1e-8, abs=1e-8 * nominal), name
 
 
-@pytest.mark.parametrize("library", CONTINUOUS_BLOCKS, indirect=True)
+@pytest.mark.parametrize("library", of_each_branch(CONTINUOUS_BLOCKS), indirect=True)
 def test_inputs_with_slopes_may_be_cut_anyhow(library: Library) -> None:
     """Linear inputs through a change of sign, over pieces against a single step."""
     ends = signals(library, 5, 1)[0]
@@ -100,7 +100,7 @@ def test_a_reversal_inside_a_step_is_located_whatever_the_size_of_the_input(
         assert run.get1("F") == pytest.approx(-0.2, rel=1e-14)
 
 
-@pytest.mark.parametrize("library", CONTINUOUS_BLOCKS, indirect=True)
+@pytest.mark.parametrize("library", of_each_branch(CONTINUOUS_BLOCKS), indirect=True)
 @pytest.mark.parametrize("tiny", [1e-20, 1e-160, 1e-200, 1e-310])
 def test_an_input_that_passes_zero_right_away_starts_at_zero(library: Library, tiny: float) -> None:
     """A ramp from almost zero through zero is one from zero: no state is lost where the way there underflows."""

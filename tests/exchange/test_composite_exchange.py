@@ -12,6 +12,7 @@ from fmpy import read_model_description, simulate_fmu
 from lxml import etree
 from shell.facade import IN_3, in_either
 from shell.instance import MODEL_EXCHANGE, Instance, load
+from thorough import nightly, some
 
 from friction_fmus import fmu
 from friction_fmus.cli.systems import open_system
@@ -32,6 +33,7 @@ def exchanged(path: Path, stop: float, interval: float) -> np.ndarray:
     )
 
 
+@nightly
 @pytest.mark.parametrize(
     ("system", "scale"),
     [("compensated_axis", {"axis.x": 5e-5, "friction.F": 1.5}), ("two_axes", {"x_axis.x": 5e-3, "y_friction.F": 3.0})],
@@ -48,7 +50,7 @@ def test_a_servo_is_what_it_is_in_co_simulation(system: str, scale: dict[str, fl
         assert fast[name][after] == pytest.approx(slow[name], abs=1e-5 * size), name
 
 
-@pytest.mark.parametrize("interpolation", ["linear", "previous"])
+@pytest.mark.parametrize("interpolation", some(["linear", "previous"], ["linear"]))
 def test_a_record_has_an_event_at_each_sample(interpolation: str, tmp_path: Path) -> None:
     times, forces = np.array([0.0, 0.1, 0.25, 0.6, 1.0]), np.array([0.3, -0.2, 1.1, 0.4, -0.5])
     record = SeriesPart("record", times, {"F": forces}, {"F": "N"}, interpolation=interpolation)  # type: ignore[arg-type]
@@ -69,6 +71,7 @@ def test_a_record_has_an_event_at_each_sample(interpolation: str, tmp_path: Path
         assert found["mass.v"] == pytest.approx(np.interp(t, times, impulse), abs=1e-9)
 
 
+@nightly
 @pytest.mark.parametrize("version", [2, 3])
 def test_states_that_an_event_of_a_part_changes_are_marked(version: Literal[2, 3], tmp_path: Path) -> None:
     parts = [FmuPart("mass", fmu("Mass")), FmuPart("friction", fmu("Leuven"))]
@@ -81,6 +84,7 @@ def test_states_that_an_event_of_a_part_changes_are_marked(version: Literal[2, 3
     assert (marked.getparent() if version == 2 else marked).get("name") == "friction.z"
 
 
+@nightly
 def test_the_end_of_a_record_ends_the_simulation(tmp_path: Path) -> None:
     record = SeriesPart("record", [0.0, 0.5], {"F": [1.0, 1.0]}, {"F": "N"})
     mass = FmuPart("mass", fmu("Mass"))
@@ -91,6 +95,7 @@ def test_the_end_of_a_record_ends_the_simulation(tmp_path: Path) -> None:
     assert found["mass.v"][-1] == pytest.approx(0.5, abs=1e-9)
 
 
+@nightly
 @pytest.mark.parametrize(
     ("friction", "every", "wire"),
     [

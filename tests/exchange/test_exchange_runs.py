@@ -11,15 +11,20 @@ import pytest
 from exchange.cases import CASES, Case, agreement, covered, wanted
 from exchange.solver import Exchange
 from fmpy import extract
-from thorough import some
+from thorough import THOROUGH, some
 
 from friction_fmus import build
 
 SEEDS = (1, 2)
+CHOSEN = (
+    *("LuGre asymmetric", "RateAndState", "Viscous", "ElastoPlastic", "GMS damped", "Leuven", "Coulomb"),
+    *("KarnoppMass", "TwoMass", "Quantiser", "Circle", "Record"),
+)
+"""One for each way to have states, decisions and events."""
 
 
-@pytest.mark.parametrize("seed", SEEDS)
-@pytest.mark.parametrize("name", CASES)
+@pytest.mark.parametrize("seed", some(SEEDS, SEEDS[:1]))
+@pytest.mark.parametrize("name", some([*CASES], CHOSEN))
 def test_both_kinds_agree(name: str, seed: int, build_fmu: Callable[..., Path]) -> None:
     """Within 1e-6 of the force level; decisions at the same times to 1e-6 s."""
     agreement(CASES[name], build_fmu, seed)
@@ -29,7 +34,7 @@ def test_every_block_is_compared() -> None:
     assert covered() == wanted()
 
 
-@pytest.mark.parametrize("name", some([*CASES], ["LuGre asymmetric", "GMS", "Coulomb", "KarnoppMass"]))
+@pytest.mark.parametrize("name", some([*CASES], ["GMS"]))
 def test_rotational_twins_agree(name: str, tmp_path: Path) -> None:
     agreement(CASES[name], lambda block, **start: build(block, tmp_path, start, domain="rotational"), 3)
 
@@ -51,7 +56,7 @@ def test_states_that_an_event_changes_are_marked(
 HELD = {name: case for name, case in CASES.items() if "v" in case.inputs}
 
 
-@pytest.mark.parametrize("name", HELD)
+@pytest.mark.parametrize("name", some([*HELD], [*HELD][::4]))
 def test_standstill_takes_no_events_and_no_time(name: str, build_fmu: Callable[..., Path]) -> None:
     """1e6 s at v = 0 after a reversal: few events while it moves, at most one when it stops, none at rest."""
     case: Case = HELD[name]
@@ -64,7 +69,7 @@ def test_standstill_takes_no_events_and_no_time(name: str, build_fmu: Callable[.
     run = Exchange(Path(extract(str(fmu), str(fmu.with_suffix(".held")))), nodes, lines, {})
     begin = process_time()
     _, events = run.model_exchange(case.outputs, step=None)
-    assert process_time() - begin < 1.0
+    assert not THOROUGH or process_time() - begin < 1.0
     stops = [t for t in events if t > 0.04 - 1e-9]
     assert len(stops) <= 3 and all(t < 0.04 + 1e-6 for t in stops)
 

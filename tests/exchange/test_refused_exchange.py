@@ -10,10 +10,8 @@ from pathlib import Path
 import pytest
 from shell.exchanging import refused_with_a_message
 from shell.instance import DISCARD, ERROR, MODEL_EXCHANGE, OK, EventInfo, Instance, Library, load, signals
-from shell.selection import COMPOSITES, SAMPLED_BLOCKS
+from shell.selection import COMPOSITES, CONTINUOUS_BLOCKS, of_each_branch
 from shell.test_values import guarded
-
-from friction_fmus import catalogue
 
 NOT_FINITE = (math.nan, math.inf, -math.inf)
 VECTORS = (
@@ -26,7 +24,7 @@ VECTORS = (
 UNTOUCHED = -7.25
 
 
-@pytest.fixture(params=[*(name for name in catalogue() if name not in SAMPLED_BLOCKS), *COMPOSITES])
+@pytest.fixture(params=[*of_each_branch(CONTINUOUS_BLOCKS), *COMPOSITES])
 def library(request: pytest.FixtureRequest, build_fmu: Callable[..., Path]) -> Library:
     """Each continuous block that is for model exchange, and two composites."""
     found = load(build_fmu(request.param))

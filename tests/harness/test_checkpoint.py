@@ -14,6 +14,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from harness_parts import mass
+from thorough import nightly
 
 from harness import (
     Bias,
@@ -50,7 +51,11 @@ def servo(build_fmu: BuildFmu) -> System:
     profile, pid, body, friction, spare = (FmuPart(name.lower(), build_fmu(name)) for name in names)
     estimate = FmuPart("estimate", build_fmu("Differentiator"), every=3)
     wires = ["profile.r -> pid.r", "mass.x -> pid.x", "lugre.F -> mass.F_friction", "mass.x -> estimate.x"]
-    wires += [Wire("pid.u", "mass.F_drive", delay=2), "mass.v -> lugre.v", Wire("mass.v", "elastoplastic.v", 0.5)]
+    wires += [
+        Wire("pid.u", "mass.F_drive", delay=2, initial=0.1),
+        "mass.v -> lugre.v",
+        Wire("mass.v", "elastoplastic.v", 0.5),
+    ]
     start = {"pid.Ts": 1e-3, "pid.Kp": 400.0, "pid.Kd": 40.0, "pid.rd": 0.0, "pid.rdd": 0.0, "pid.v": 0.0}
     return System([profile, pid, body, friction, spare, estimate], wires, {**start, "estimate.Ts": 3e-3})
 
@@ -92,6 +97,7 @@ with System.from_toml(sys.argv[1]) as system:
 """
 
 
+@nightly
 def test_another_process_goes_on(build_fmu: BuildFmu, tmp_path: Path) -> None:
     with servo(build_fmu) as system:
         system.to_toml(tmp_path / "system.toml")

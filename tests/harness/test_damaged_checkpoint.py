@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 import pytest
 from harness_parts import mass
+from thorough import nightly
 
 from harness import Bias, CallablePart, Delay, ExperimentError, HarnessError, Result, SeriesPart, System
 from harness.system.wire import Wire
@@ -144,6 +145,7 @@ def test_the_hash_covers_everything(good: Path) -> None:
         assert "it is damaged" in refused(forged(good, change, rehash=False))
 
 
+@nightly
 def test_a_large_member_is_not_unpacked(good: Path) -> None:
     path = good.with_name("bomb")
     with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive, archive.open("checkpoint.json", "w") as file:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import gc
 import signal
+import subprocess
+import sys
 import threading
 import weakref
 from collections.abc import Callable
@@ -284,3 +286,14 @@ def test_a_handler_in_c_is_left_alone(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(signal, "signal", refuse)
     assert System([CallablePart("c", lambda t, u, x: t, outputs=["y"])]).run(stop=1.0, step=0.1).sizes["time"] == 11
     assert given == []
+
+
+def test_a_subinterpreter_gets_a_reason() -> None:
+    """Without it, the import of packages in C hangs."""
+    code = (
+        "from harness.lazy import interpreters\n"
+        "interpreters.run_string(interpreters.create(isolated=False), "
+        "'try:\\n import harness\\nexcept ImportError as error:\\n print(error, flush=True)')"
+    )
+    found = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60, check=False)
+    assert "in the main interpreter of Python only" in found.stdout, found.stderr

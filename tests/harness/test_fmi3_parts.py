@@ -210,12 +210,14 @@ def test_failures_have_a_reason(tmp_path: Path, start: dict[str, int], reason: s
         run(tmp_path, **start)
 
 
-def test_an_fmu_that_ends_the_simulation(tmp_path: Path) -> None:
-    """A normal end (FMI 3.0.2, section 4.2): the result ends there, here with its first row."""
-    with foreign(tmp_path, **{**INPUTS, "fault": 3}) as system:
+@pytest.mark.parametrize(("fault", "end"), [(3, 0.003), (8, 0.0015)])
+def test_an_fmu_that_ends_the_simulation(tmp_path: Path, fault: int, end: float) -> None:
+    """A normal end (FMI 3.0.2, section 4.2): the result ends with the step, here to a tick, or earlier."""
+    with foreign(tmp_path, **{**INPUTS, "u": 2.0, "fault": fault}) as system:
         found = system.run(stop=0.1, step=0.01)
     assert found.attrs["ended"] == "part 'p' ended the simulation in the step from t = 0 s"
-    assert found["time"].to_numpy().tolist() == [0.0]
+    assert found["time"].to_numpy().tolist() == [0.0, end]
+    np.testing.assert_allclose(found["p.y"], [0.0, 2.0 * end], rtol=1e-12)
 
 
 @pytest.mark.parametrize(

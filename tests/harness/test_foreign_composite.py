@@ -5,12 +5,14 @@ from __future__ import annotations
 import re
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 from zipfile import ZipFile
 
+import numpy as np
 import pytest
 from composite.composite_systems import differing, run_composite, run_parts
 from foreign_fmus import SOURCES
+from thorough import nightly
 
 from harness import Experiment, FmuPart, System
 from harness.errors import BuildError
@@ -50,6 +52,20 @@ def test_fmus_of_other_tools_with_sources(foreign: Callable[..., Path], tmp_path
     assert differing(run_composite(tmp_path / "Nature.fmu", 2.0, 0.01), expected) == []
 
 
+@pytest.mark.parametrize("fmi", [2, 3])
+def test_a_part_that_ends_the_simulation_ends_that_of_the_composite(
+    foreign: Callable[..., Path], tmp_path: Path, fmi: Literal[2, 3]
+) -> None:
+    """After the last whole step, as in the harness: fmi2Terminated, or terminateSimulation of FMI 3.0."""
+    part = FmuPart("p", with_sources(foreign("PLANT", states=True, ends=True), tmp_path / "p.fmu"))
+    with System([part], start={"p.u": 1.0}, experiment=Experiment(stop=1.0, step=0.1)) as system:
+        system.to_fmu(tmp_path / "Whole.fmu", fmi=fmi)
+    with System([FmuPart("whole", tmp_path / "Whole.fmu")], start={"whole.p.u": 1.0}) as system:
+        found = system.run(stop=1.0, step=0.1, record=["whole.p.x"])
+    assert found.attrs["ended"] == "part 'whole' ended the simulation in the step from t = 0.6 s"
+    np.testing.assert_allclose(found["whole.p.x"], 1.0 - np.exp(-np.arange(7) * 0.1 / 0.5), rtol=1e-12)
+
+
 def test_an_fmu_that_cannot_save_its_state_is_refused(foreign: Callable[..., Path], tmp_path: Path) -> None:
     part = FmuPart("prey", with_sources(foreign("PREY"), tmp_path / "prey.fmu"))
     system = System([part], experiment=Experiment(stop=2.0, step=0.01))
@@ -62,6 +78,7 @@ COUNTS = {"before": "int shared;\n", "step": "r[3] += h * ++shared;"}
 """A common symbol, which counts steps: after n of them, the sum of h k is h n (n + 1) / 2."""
 
 
+@nightly
 @pytest.mark.parametrize(
     ("first", "second", "expected"),
     [
@@ -104,6 +121,7 @@ def test_a_symbol_that_cannot_be_renamed_is_named(foreign: Callable[..., Path], 
         system.to_fmu(tmp_path / "Both.fmu")
 
 
+@nightly
 def test_an_included_file_of_this_machine_counts(foreign: Callable[..., Path], tmp_path: Path) -> None:
     """The sources of an FMU may include any file; a change of it is compiled."""
     header = tmp_path / "factor.h"

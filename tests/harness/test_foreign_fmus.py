@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 from scipy.linalg import expm
+from thorough import some
 
 from harness import AlgebraicLoopError, Experiment, ExperimentError, FmuPart, System, sweep
 from harness.errors import FmuError
@@ -58,7 +59,7 @@ def held(master: str, steps: int, h: float, birth: float = 1.1) -> np.ndarray:
     return np.array(rows)
 
 
-@pytest.mark.parametrize("master", EXPLICIT)
+@pytest.mark.parametrize("master", some([*EXPLICIT], [*EXPLICIT][:2]))
 def test_lotka_volterra_on_held_values(pair: System, master: str) -> None:
     h, n = 0.01, 1000
     result = pair.run(stop=n * h, step=h, master=master)
@@ -226,7 +227,9 @@ def test_an_fmu_that_ends_the_simulation(foreign: Callable[..., Path]) -> None:
     with System([FmuPart("p", foreign("PLANT", ends=True))], start={"p.u": 1.0}) as system:
         found = system.run(stop=1.0, step=0.1)
     assert found.attrs["ended"] == "part 'p' ended the simulation in the step from t = 0.6 s"
-    np.testing.assert_allclose(found["p.x"], 1.0 - np.exp(-np.arange(7) * 0.1 / 0.5), rtol=1e-12)
+    times = [*(np.arange(7) * 0.1), 0.625]  # fmi2LastSuccessfulTime
+    np.testing.assert_allclose(found["time"], times, rtol=1e-12)
+    np.testing.assert_allclose(found["p.x"], 1.0 - np.exp(-np.array(times) / 0.5), rtol=1e-12)
 
 
 @pytest.mark.parametrize("count", ["-1", "2000000000"])

@@ -15,6 +15,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from thorough import nightly
 
 from harness import (
     CallablePart,
@@ -94,7 +95,8 @@ def test_a_step_that_kills_the_process_ends_the_run(name: str, end: str, probe: 
 
 
 @pytest.mark.parametrize(
-    ("name", "said"), [("loop", ""), ("restless", "; it last logged 'still at it [logStatusWarning]'")]
+    ("name", "said"),
+    [pytest.param("loop", "", marks=nightly), ("restless", "; it last logged 'still at it [logStatusWarning]'")],
 )
 def test_a_step_without_end_is_ended_when_the_time_is_over(name: str, said: str, probe: Path) -> None:
     begin = time.monotonic()

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from accuracy.known import driven
 from scipy.integrate import solve_ivp
+from thorough import some
 
 from harness import ExperimentError, FmuPart, Result, SeriesPart, System
 
@@ -45,7 +46,7 @@ def force_without_mass(times: np.ndarray) -> np.ndarray:
 
 
 @pytest.mark.parametrize("master", ["newton", "adaptive"])
-@pytest.mark.parametrize("mass", [1e-6, 1e-3])
+@pytest.mark.parametrize("mass", some([1e-6, 1e-3], [1e-6]))
 def test_a_light_mass_on_rate_and_state_friction(build_fmu: BuildFmu, mass: float, master: str) -> None:
     """It swings 22 times in a step (1e-6 kg), or 0.7 times, which no step resolves."""
     with pulled_rock(build_fmu, mass) as system:

@@ -48,9 +48,9 @@ def sink(unit: str | None = None, every: int = 1) -> CallablePart:
     return CallablePart("sink", lambda t, u, x: u[0], [port], ["y"], sampled=True, every=every)
 
 
-def received(manipulators: list[Manipulator], ticks: int = 10, every: int = 1, delay: int = 0) -> np.ndarray:
+def received(manipulators: list[Manipulator], ticks: int = 10, every: int = 1, **wire: float) -> np.ndarray:
     """What a sampled part gets at t = 0, 0.1, ... from the ramp y = t."""
-    system = System([counter(), sink(every=every)], [Wire("clock.y", "sink.u", delay=delay)])
+    system = System([counter(), sink(every=every)], [Wire("clock.y", "sink.u", **wire)])  # type: ignore[arg-type]
     result = system.run(stop=ticks * STEP, step=STEP, manipulators=manipulators)
     return np.asarray(result["sink.y"].values[1:])
 
@@ -82,6 +82,41 @@ def test_delay_of_a_wire_and_of_a_manipulator(ticks: int) -> None:
     np.testing.assert_allclose(
         received([Delay("sink.u", ticks, start=0.5)]), np.where(TIMES > 0.45, TIMES - ticks * STEP, TIMES)
     )
+
+
+@pytest.mark.parametrize("ticks", [1, 2, 4])
+def test_an_initial_value_until_the_delay_has_passed(ticks: int) -> None:
+    """A value of the output: gain and offset apply to it."""
+    expected = np.concatenate((np.full(ticks, -0.7), TIMES[: 10 - ticks]))
+    np.testing.assert_allclose(received([], delay=ticks, initial=-0.7), expected)
+    found = received([], delay=ticks, initial=-0.7, gain=2.0, offset=1.0)
+    np.testing.assert_allclose(found, 2.0 * expected + 1.0)
+    np.testing.assert_allclose(received([Delay("sink.u", ticks)], initial=-0.7, delay=ticks), expected)
+
+
+@pytest.mark.parametrize("master", MASTERS)
+def test_the_first_row_has_the_initial_value(master: str, tmp_path: Path) -> None:
+    """y = 3 u + t of parts that act at once, u = y one step earlier: y(0) = 3 * 0.5, then y(k) = 3 y(k-1) + t."""
+    law = CallablePart("law", lambda t, u, x: 3.0 * u[0] + t, ["u"], ["y"])
+    with System([law], [Wire("law.y", "law.u", delay=1, initial=0.5)]) as system:
+        found = system.run(stop=0.3, step=STEP, master=master)["law.y"].to_numpy()
+    expected = [1.5]
+    for k in (1, 2, 3):
+        expected.append(3.0 * expected[-1] + k * STEP)
+    np.testing.assert_allclose(found, expected, rtol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("wire", "word"),
+    [
+        (Wire("clock.y", "sink.u", initial=1.0), "has an initial value but no delay"),
+        (Wire("clock.y", "sink.u", delay=1, initial=float("nan")), "give a finite number"),
+        (Wire("clock.y", "sink.u", delay=1, initial=float("inf")), "give a finite number"),
+    ],
+)
+def test_initial_values_without_effect_are_errors(wire: Wire, word: str) -> None:
+    with pytest.raises(WireError, match=word):
+        System([counter(), sink()], [wire])
 
 
 def test_noise_is_white_normal_and_reproducible() -> None:
@@ -246,7 +281,7 @@ def test_refused(make: Callable[[], object], message: str) -> None:
 
 
 def test_system_file_keeps_wires_and_manipulators(build_fmu: BuildFmu, tmp_path: Path) -> None:
-    wires = [Wire("pid.u", "mass.F_drive", gain=0.9, offset=0.01), Wire("mass.v", "friction.v", delay=2)]
+    wires = [Wire("pid.u", "mass.F_drive", gain=0.9, offset=0.01), Wire("mass.v", "friction.v", delay=2, initial=0.1)]
     with servo(build_fmu, wires) as system:
         system.experiment = Experiment(stop=0.1, step=1e-3, master="jacobi", extrapolation=2, manipulators=ALL)
         system.to_toml(tmp_path / "system.toml")

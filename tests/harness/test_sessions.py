@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from thorough import some
 
 from harness import CallablePart, DropOut, Experiment, FmuPart, HarnessError, Noise, PartError, SeriesPart, System, Wire
 from harness.errors import StartValueError
@@ -80,7 +81,7 @@ def assert_runs_are_those_of_new_systems(
             assert result.attrs["master"] == experiment.master
 
 
-@pytest.mark.parametrize("friction", WITH_MEMORY)
+@pytest.mark.parametrize("friction", some(WITH_MEMORY, WITH_MEMORY[::4]))
 def test_blocks_with_memory(loop: Loop, friction: str) -> None:
     experiment = Experiment(stop=0.03, step=1e-4)
     assert_runs_are_those_of_new_systems(lambda reuse: loop(friction, reuse=reuse), experiment)

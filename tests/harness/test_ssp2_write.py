@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 from lxml import etree
 from test_fmi3_parts import INPUTS, servo, three
+from thorough import some
 from types3 import types3
 
 import harness.ssp
@@ -49,7 +50,7 @@ def check(root: etree._Element) -> None:
 def system(tmp_path: Path) -> Iterator[System]:
     part, other = (FmuPart(name, types3(tmp_path / "types.fmu")) for name in "pq")
     wires = [
-        Wire("p.y", "q.matrix[2,1]", gain=0.1, offset=1 / 3, delay=2),
+        Wire("p.y", "q.matrix[2,1]", gain=0.1, offset=1 / 3, delay=2, initial=1 / 7),
         Wire("p.single_y", "q.single"),
         Wire("p.any", "q.flags[2]"),
         Wire("p.gear_y", "q.gear"),
@@ -322,7 +323,7 @@ HARMS: list[Callable[[str], str]] = [
 ]
 
 
-@pytest.mark.parametrize("harm", HARMS)
+@pytest.mark.parametrize("harm", some(HARMS, HARMS[::3]))
 def test_damaged_archives(system: System, tmp_path: Path, harm: Callable[[str], str]) -> None:
     system.to_ssp(tmp_path / "a.ssp")
     with zipfile.ZipFile(tmp_path / "a.ssp") as archive:

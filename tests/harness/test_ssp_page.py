@@ -8,11 +8,14 @@ import subprocess
 import sys
 from pathlib import Path
 
+from thorough import nightly
+
 from harness import System
 
 ROOT = Path(__file__).parent.parent.parent
 
 
+@nightly
 def test_program_of_the_page(tmp_path: Path) -> None:
     text = (ROOT / "docs" / "ssp.md").read_text(encoding="utf-8")
     (program,) = re.findall(r"<!-- python -->\n```python\n(.*?)^```$", text, re.S | re.M)

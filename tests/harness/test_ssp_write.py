@@ -79,7 +79,7 @@ def system(make_fmu: Callable[..., Path]) -> Iterator[System]:
         "a.y -> b.u",
         Wire("b.y", "c.u", gain=-0.1, offset=1 / 3),
         Wire("a.twice_n", "b.n"),
-        Wire("b.twice_n", "c.n", delay=3),
+        Wire("b.twice_n", "c.n", delay=3, initial=2.0),
     ]
     start = {
         "a.u": 0.1 + 0.2,

@@ -21,6 +21,7 @@ import pandas as pd
 import pyarrow.dataset
 import pytest
 from sweep_systems import ONE_TICK, counted, log_of, picky, root
+from thorough import nightly, some
 
 import harness.parts.fmi2
 from harness import (
@@ -504,6 +505,7 @@ def test_system_of_lambdas_goes_with_the_serial_executor_only() -> None:
         sweep(system, samples, executor="threads")
 
 
+@nightly
 @pytest.mark.skipif(not Path("/proc/self/statm").exists(), reason="resident memory is read from /proc")
 def test_memory_does_not_grow_from_run_to_run(build_fmu: BuildFmu) -> None:
     resident = []
@@ -526,6 +528,7 @@ def test_memory_does_not_grow_from_run_to_run(build_fmu: BuildFmu) -> None:
 # ---- dask ---------------------------------------------------------------------------------------------------------
 
 
+@nightly
 def test_dask_cluster_and_a_worker_of_it_that_is_killed(build_fmu: BuildFmu, tmp_path: Path) -> None:
     distributed = pytest.importorskip("distributed")
     with (
@@ -544,7 +547,7 @@ def test_dask_cluster_and_a_worker_of_it_that_is_killed(build_fmu: BuildFmu, tmp
 
 
 @pytest.mark.skipif("forkserver" not in multiprocessing.get_all_start_methods(), reason="needs a fork server")
-@pytest.mark.parametrize("when", ["before", "while the first worker starts"])
+@pytest.mark.parametrize("when", some(["before", "while the first worker starts"], ["before"]))
 def test_a_fork_server_that_is_killed(when: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The killed one took the sweep along with an EOFError or a ConnectionRefusedError; a new one is started."""
     server: Any = forkserver
@@ -649,3 +652,24 @@ def test_a_scheduler_that_is_gone(tmp_path: Path, fault: Exception | str) -> Non
     pytest.importorskip("distributed")
     with pytest.raises(SweepError, match=r"lost the dask scheduler \(.*\): start it again"):
         sweep(counted(tmp_path), numbers(3), measure=root, executor=Client())
+
+
+def test_a_cluster_without_workers_is_told_once(
+    caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A restart of the workers may lose them all."""
+    distributed = pytest.importorskip("distributed")
+    monkeypatch.setattr(pools, "LOOK", 0.0)
+    with (
+        distributed.LocalCluster(n_workers=0, processes=False, dashboard_address=None) as cluster,
+        distributed.Client(cluster) as client,
+    ):
+        pool = pools.DaskPool(client)
+        assert [pool.capacity() for _ in range(3)] == [2, 2, 2]
+        assert [record.message for record in caplog.records if "no worker" in record.message] == [
+            "the dask cluster has no worker: the sweep waits for one; start workers, or press Ctrl-C"
+        ]
+        cluster.scale(1)
+        client.wait_for_workers(1, timeout=60)
+        assert pool.capacity() >= 2
+        assert pool._worked is not None

@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 from check.hostile_zips import REFUSED, ZEROS, Spoil, packed, wrong_checksum
 from ssp_files import component, ssd, system
+from thorough import some
 
 from harness import FmuError, FmuPart, System, SystemFileError
 from harness.storage.zip_file import find_clashes
@@ -51,7 +52,7 @@ def test_an_fmu_is_refused(fmu: Members, tmp_path: Path, spoil: Spoil) -> None:
     assert REFUSED[spoil][1] in sentence(caught.value, path)
 
 
-@pytest.mark.parametrize("spoil", REFUSED, ids=lambda spoil: spoil.__name__)
+@pytest.mark.parametrize("spoil", some([*REFUSED], [*REFUSED][::2]), ids=lambda spoil: spoil.__name__)
 def test_an_ssp_is_refused(ssp: Members, tmp_path: Path, spoil: Spoil) -> None:
     path = packed(tmp_path / "a.ssp", ssp)
     System.from_ssp(path).close()
@@ -61,7 +62,7 @@ def test_an_ssp_is_refused(ssp: Members, tmp_path: Path, spoil: Spoil) -> None:
     assert REFUSED[spoil][1] in sentence(caught.value, path)
 
 
-@pytest.mark.parametrize("spoil", REFUSED, ids=lambda spoil: spoil.__name__)
+@pytest.mark.parametrize("spoil", some([*REFUSED], [*REFUSED][::4]), ids=lambda spoil: spoil.__name__)
 def test_an_fmu_in_an_ssp_is_refused(fmu: Members, ssp: Members, tmp_path: Path, spoil: Spoil) -> None:
     inner = packed(tmp_path / "a.fmu", fmu)
     spoil(inner)

@@ -11,6 +11,7 @@ from contacts import Array, noise
 from friction_fmus.data import load_emps
 from friction_fmus.identification import LINEAR, ROTARY, AxisUnits, Record, identify
 from friction_fmus.identification.fit.position import HELPS, NODES
+from friction_fmus.identification.fit.scores import independent_samples
 
 TRUE = {"M": 20.0, "Fc": 8.0, "Fv": 30.0, "OF": 1.0}
 TS = 2e-3
@@ -66,6 +67,10 @@ def test_the_map_is_found_beside_the_parameters(record: Record) -> None:
     # 5 periods of the cogging need more nodes than the smallest tables have
     assert NODES[2] < table.grid.nodes <= 64
     assert result.position.crossed < 0.2 * result.position.crossed_without
+    # the criteria count the coefficients: BIC - AIC is (log n - 2) for each
+    each = np.log(independent_samples([result.measured])) - 2.0
+    counts = [(found.bic - found.aic) / each for found in (result, plain)]
+    assert counts[0] - counts[1] == pytest.approx(2.0 * (table.grid.nodes - 1), rel=1e-9)
     # predictions along a record without a force contain the map as well
     free = result.predict(replace(validation, force=None))
     with_force = result.predict(validation)

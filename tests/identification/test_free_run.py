@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from contacts import Array, noise
 from scipy.signal import cont2discrete
+from thorough import nightly
 
 from friction_fmus.identification import FitError, Record, identify
 from friction_fmus.identification.fit.shooting import Arc, Prior, shoot
@@ -47,6 +48,7 @@ def test_parameters_and_drift_of_an_axis_with_a_closed_form() -> None:
     assert any("drifts by" in warning for warning in result.warnings)
 
 
+@nightly
 def test_the_result_is_written_and_drawn(tmp_path: Path) -> None:
     result = identify("Viscous", viscous_axis().window(3.0, 9.0), method="free-run")
     assert result.plot(tmp_path / "free.png").is_file()

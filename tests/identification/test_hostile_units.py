@@ -16,6 +16,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from pyarrow import parquet
+from thorough import THOROUGH, nightly
 
 from friction_fmus.errors import FrictionError
 from friction_fmus.fmi.units import base_unit
@@ -80,7 +81,7 @@ def test_no_unit_is_not_evaluated(text: str) -> None:
         base_unit(text)
     with pytest.raises(RecordError, match="not a number with a known unit") as no_number:
         parse_quantity(f"1.5 {text}", "The gain")
-    assert process_time() - start < 1.0
+    assert not THOROUGH or process_time() - start < 1.0
     assert max(len(str(refused.value)), len(str(no_number.value))) < 1000
 
 
@@ -91,7 +92,7 @@ def test_no_number_is_read_for_ever(number: str) -> None:
     start = process_time()
     with pytest.raises(RecordError, match="not a number with a known unit"):
         parse_quantity(number, "The gain")
-    assert process_time() - start < 1.0
+    assert not THOROUGH or process_time() - start < 1.0
 
 
 @pytest.mark.parametrize("text", KNOWN)
@@ -157,9 +158,10 @@ def test_a_file_with_no_unit_is_refused_at_once(tmp_path: Path, write: Callable[
     start = process_time()
     with pytest.raises(RecordError):
         read_measurement(write(tmp_path, text))
-    assert process_time() - start < 5.0
+    assert not THOROUGH or process_time() - start < 5.0
 
 
+@nightly
 def test_the_command_refuses_it(tmp_path: Path) -> None:
     options = ["--model", "LuGre", "-o", "out", str(heading(tmp_path, "9**9**9**9*N"))]
     command = [sys.executable, "-m", "friction_fmus", "identify", *options]

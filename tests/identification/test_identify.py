@@ -8,11 +8,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 from contacts import LUGRE, dahl_force, lugre_force, lugre_motion, noise, reversals, stribeck_force
+from thorough import nightly, some
 
 import friction_fmus
 from friction_fmus import identify
 from friction_fmus.data import EMPS_PUBLISHED, load_emps
 from friction_fmus.identification import (
+    PUBLISHED_SETTINGS,
     ROTARY,
     FitError,
     IdentificationError,
@@ -24,6 +26,7 @@ from harness import Drive, FmuPart, read_ssv
 
 STEP = 1e-3
 Truth = tuple[Record, np.ndarray]
+OTHERS = [name for name in identifiable() if name not in ("LuGre", "Dahl", "Stribeck")]
 
 
 @pytest.fixture(scope="module")
@@ -48,6 +51,7 @@ def sliding_record(outliers: int = 0, fastest: float = 0.05, slowest: float = 1e
     return Record("sliding", STEP * np.arange(len(v)), v=v, friction=force)
 
 
+@nightly
 def test_lugre_is_found_within_a_fifth_of_a_percent_from_starts_three_times_off(
     lugre: Truth,
 ) -> None:
@@ -71,7 +75,7 @@ def test_without_start_values_the_data_give_them(lugre: Truth) -> None:
 
 
 def test_the_inverse_model_of_the_emps_axis_is_the_published_one() -> None:
-    result = identify("Stiction", load_emps().record)
+    result = identify("Stiction", load_emps().record, settings=PUBLISHED_SETTINGS)
     assert result.method == "inverse" and result.signal == "force"
     for name, value in EMPS_PUBLISHED.items():
         assert result.values()[name] == pytest.approx(value, rel=1e-5), name
@@ -79,6 +83,7 @@ def test_the_inverse_model_of_the_emps_axis_is_the_published_one() -> None:
     assert np.isnan(result.parameters["Fs"].standard_error)
 
 
+@nightly
 def test_intervals_cover_the_truth_in_95_of_100_records() -> None:
     hits = dict.fromkeys(("sigma", "Fc"), 0)
     for seed in range(200):
@@ -179,7 +184,7 @@ def test_the_result_becomes_fmu_parameter_set_picture_and_prediction(tmp_path: P
     assert result.plot(tmp_path / "contact.png").stat().st_size > 10_000
 
 
-@pytest.mark.parametrize("model", [name for name in identifiable() if name not in ("LuGre", "Dahl", "Stribeck")])
+@pytest.mark.parametrize("model", some(OTHERS, ["GMS", "Karnopp"]))
 def test_every_model_that_is_offered_is_identified(model: str) -> None:
     q = reversals(400, 2e-4)
     record = Record("any", STEP * np.arange(400), q=q, friction=dahl_force(q, 1e5, 2.0) + noise(9, 400))

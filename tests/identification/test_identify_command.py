@@ -15,6 +15,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from thorough import nightly
 
 from friction_fmus.__main__ import main
 from friction_fmus.blocks.catalogue import catalogue
@@ -117,6 +118,7 @@ def test_the_page_shows_the_mapping_of_the_example() -> None:
     assert shown == (EXAMPLES / "axis.toml").read_text(encoding="utf-8")
 
 
+@nightly
 def test_the_python_of_the_page_prints_what_it_says(outcome: tuple[Path, str]) -> None:
     (program,) = re.findall(r"<!-- python -->\n```\w+\n(.*?)^```$", PAGE, re.S | re.M)
     folder = outcome[0].parent
@@ -126,6 +128,7 @@ def test_the_python_of_the_page_prints_what_it_says(outcome: tuple[Path, str]) -
     assert re.sub(r"[-.\d]+", "#", done.stdout) == re.sub(r"[-.\d]+", "#", shown)
 
 
+@nightly
 def test_without_validation_models_are_ranked_by_bic(
     log: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -42,7 +42,7 @@ def test_a_mapping_names_file_columns_units_and_windows(tmp_path: Path) -> None:
         [columns]
         time = { column = "t", unit = "ms" }
         position = { column = "x", unit = "um" }
-        force = { column = "u", unit = "V", gain = "35.15 N/V", sign = -1 }
+        force = { column = "u", unit = "V", gain = "35.15 N/V", sign = -1, held = true }
         normal = { column = "n", unit = "kN" }
         [windows]
         train = [0.0, 0.3]
@@ -56,6 +56,8 @@ def test_a_mapping_names_file_columns_units_and_windows(tmp_path: Path) -> None:
     assert record.q == pytest.approx(X, abs=1e-9)
     assert record.force == pytest.approx(-35.15 * V, rel=1e-9, abs=1e-9)
     assert record.normal == pytest.approx(2000.0)
+    mean = 0.5 * (record.force[1:] + record.force[:-1])  # the command acts from its sample to the next one
+    assert record.held and record.force_at_samples()[1:] == pytest.approx(mean)
     assert measurement.mapping.windows == {"train": (0.0, 0.3), "validation": (0.4, 0.7)}
     (part,) = measurement.window(*measurement.mapping.windows["validation"])
     assert (part.t[0], part.t[-1]) == pytest.approx((0.4, 0.7))
@@ -141,6 +143,8 @@ def test_headings_that_leave_a_choice_are_answered_with_the_mapping_to_write(tmp
         ({"force": {"column": "u", "unit": "V", "gain": "much"}}, "not a number with a known unit"),
         ({"force": {"column": "u", "unit": "bananas"}}, "unknown unit 'bananas'"),
         ({"force": {"column": "u", "unit": "N", "sign": 2}}, "sign = 2; use 1 or -1"),
+        ({"force": {"column": "u", "unit": "N", "held": "yes"}}, "use true or false"),
+        ({"position": {"column": "u", "unit": "m", "held": True}}, "unknown key 'held'"),
         ({"force": {"column": "u", "unit": "N", "scale": 2}}, "unknown key 'scale'"),
         ({"force": {"unit": "N"}}, "force, needs column"),
         ({"force": 3}, "force, is 3; use"),

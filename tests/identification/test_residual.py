@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from contacts import Array, noise
+from thorough import nightly
 
 from friction_fmus.__main__ import main
 from friction_fmus.data import load_emps, load_tribometer
@@ -100,6 +101,7 @@ def test_emps_lacks_a_residual(model: str, most: float) -> None:
     assert (total >= 0.0).all() and (total <= learned.table.R_max).all()
 
 
+@nightly
 @pytest.mark.parametrize("model", ["Dahl", "MaxwellSlip"])
 def test_the_tribometer_lacks_a_residual(model: str) -> None:
     record = load_tribometer()
@@ -109,6 +111,7 @@ def test_the_tribometer_lacks_a_residual(model: str) -> None:
     assert learned.validation < 0.7 * learned.validation_without
 
 
+@nightly
 def test_the_command_writes_the_fmu(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """It predicts the record as the table does."""
     record = made(1.0)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from thorough import nightly
 
 from friction_fmus.identification import Record, identify
 
@@ -22,6 +23,7 @@ def rigid_axis() -> Record:
     return Record("rigid", t, q=1e-7 * np.round(q / 1e-7), force=force + noise)
 
 
+@nightly
 def test_a_rigid_contact_gets_no_stiffness_beyond_all_bounds() -> None:
     """The record has a kink where presliding would be; the stiffness may be any large value."""
     found = identify("LuGre", rigid_axis())
@@ -30,5 +32,6 @@ def test_a_rigid_contact_gets_no_stiffness_beyond_all_bounds() -> None:
     assert values["M"] == np.clip(values["M"], 0.99 * M, 1.01 * M)
     assert 1e6 < values["sigma0"] < 1e11
     assert "sigma0" in found.weak
-    assert "Fs" in found.weak
+    # static friction is that of the truth, or no longer claimed: without errors at the ends of the record, it is found
+    assert "Fs" in found.weak or abs(values["Fs"] - FC) < 2.0 * found.parameters["Fs"].standard_error
     assert 0.2 * FC < values["Fs"] < 5.0 * FC

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from contacts import dahl_force, noise
+from thorough import nightly
 
 from friction_fmus.axis.loop import Plant, Trajectory, closed_loop, run_loop
 from friction_fmus.axis.servo import Servo
@@ -54,6 +55,7 @@ def test_a_known_coefficient_stays_and_others_have_none() -> None:
         identify("Dahl", train, fixed={"Fv": 80.0})
 
 
+@nightly
 def test_models_with_elements_have_it_too() -> None:
     result = identify("MaxwellSlip", record().window(0.0, 4.0), viscous=True)
     assert result.parameters["Fv"].value == pytest.approx(TRUE["Fv"], rel=0.05)
@@ -78,6 +80,7 @@ def test_coulomb_with_a_viscous_part_moves_like_stiction(tmp_path: Path) -> None
     np.testing.assert_allclose(paths[0], paths[1], atol=1e-6)
 
 
+@nightly
 def test_the_command_writes_it(tmp_path: Path) -> None:
     data = record(sigma=1e6)
     table = np.column_stack([data.t, data.column("q"), data.column("force")])

@@ -8,27 +8,27 @@ from pathlib import Path
 import pytest
 from interop.loops import Loop, all_loops
 from shell.instance import Library, load
-from shell.selection import COMPOSITES
+from shell.selection import COMPOSITES, of_each_branch
 
 from friction_fmus import catalogue
 
 
-@pytest.fixture(params=(*catalogue(), *COMPOSITES))
+@pytest.fixture(params=(*of_each_branch(tuple(catalogue())), *COMPOSITES))
 def library(request: pytest.FixtureRequest, build_fmu: Callable[..., Path]) -> Library:
-    """Each block of the catalogue and each composite in turn."""
+    """Each of these blocks and each composite in turn."""
     return load(build_fmu(request.param))
 
 
 @pytest.fixture(scope="session")
 def fmus(build_fmu: Callable[..., Path]) -> Mapping[str, Path]:
-    """All FMUs of the catalogue by name."""
-    return {block: build_fmu(block) for block in catalogue()}
+    """FMUs of the catalogue by name: three of each class of branches, and all each night."""
+    return {block: build_fmu(block) for block in of_each_branch(tuple(catalogue()))}
 
 
 @pytest.fixture(scope="session")
 def loops(build_fmu: Callable[..., Path]) -> Mapping[str, Loop]:
-    """Closed loops in which every block takes part."""
-    return all_loops(build_fmu, catalogue())
+    """Closed loops in which these blocks take part."""
+    return all_loops(build_fmu, of_each_branch(tuple(catalogue())))
 
 
 @pytest.fixture(autouse=True)

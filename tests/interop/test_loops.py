@@ -9,11 +9,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 from interop.loops import Loop, closed_loop, ports
+from shell.selection import of_each_branch
+from thorough import nightly
 
 from friction_fmus import catalogue
 
 
-@pytest.mark.parametrize("block", list(catalogue()))
+@pytest.mark.parametrize("block", of_each_branch(tuple(catalogue())))
 def test_a_block_is_wired_into_a_closed_loop(block: str, build_fmu: Callable[..., Path]) -> None:
     loop = closed_loop(block, build_fmu)
     part = next(part for part, fmu in loop.fmus.items() if fmu == build_fmu(block))
@@ -28,6 +30,7 @@ def test_a_block_is_wired_into_a_closed_loop(block: str, build_fmu: Callable[...
         TopologicalSorter(follows).prepare()
 
 
+@nightly
 def test_every_loop_moves(loops: Mapping[str, Loop]) -> None:
     for block, loop in loops.items():
         moving = [name for name, values in loop.jacobi.items() if np.ptp(values) > 1e-9]

@@ -17,6 +17,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from shell.instance import OK, WARNING, Instance, load
+from thorough import nightly
 
 from friction_fmus import fmu
 from harness import System
@@ -142,6 +143,7 @@ def test_a_step_of_10_ms_diverges(build_fmu: Callable[..., Path]) -> None:
     assert fastest > 10.0
 
 
+@nightly
 @pytest.mark.parametrize("extrapolate", [False, True])
 def test_what_the_page_says_of_the_error(build_fmu: Callable[..., Path], extrapolate: bool) -> None:
     """Against newton at a tenth of the step, after 20 s."""

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from observer_loops import follow, rms_error, run
 from scipy.integrate import solve_ivp
+from thorough import some
 
 from friction_fmus.blocks.catalogue import laws_folder
 from friction_fmus.lawkit.files import discover_laws
@@ -95,7 +96,7 @@ CONTACT = {"friction.Fs": 1.0, "friction.sigma1": 0.0}
 
 
 @pytest.mark.parametrize("model", ["ElastoPlastic", "Dahl"])
-@pytest.mark.parametrize("Ts", [1e-3, 0.5e-3])
+@pytest.mark.parametrize("Ts", some([1e-3, 0.5e-3], [1e-3]))
 def test_it_takes_friction_out_of_small_and_large_motion(build_fmu: BuildFmu, model: str, Ts: float):
     plant = CONTACT if model == "ElastoPlastic" else {"friction.Fc": 1.0, "friction.sigma": 1e5}
     law = {"elastic": 0.7, "Fv": 0.4} if model == "ElastoPlastic" else {"elastic": 0.0, "Fv": 0.0}

@@ -13,6 +13,8 @@ import casadi as ca
 import numpy as np
 import pytest
 from laws.draws import random_arguments
+from shell.selection import EACH_FEATURE
+from thorough import nightly, some
 
 from friction_fmus.blocks.catalogue import laws_folder
 from friction_fmus.errors import FrictionError
@@ -23,6 +25,7 @@ from friction_fmus.lawkit.files import discover_laws
 from friction_fmus.lawkit.law import Kind
 
 LAWS = discover_laws(laws_folder())
+SOME_LAWS = [law for law in LAWS if law.name in EACH_FEATURE]
 
 
 def everything() -> ca.Function:
@@ -80,7 +83,7 @@ def test_every_operation_has_casadis_bits(workshop, by_casadi, different_bits):
     assert not differ.any(), (rows[differ.any(axis=1)][:3], np.flatnonzero(differ.any(axis=0)))
 
 
-@pytest.mark.parametrize("law", LAWS, ids=lambda law: law.name)
+@pytest.mark.parametrize("law", some(LAWS, SOME_LAWS), ids=lambda law: law.name)
 def test_every_law_has_casadis_bits(law, workshop, by_casadi, different_bits):
     rows = random_arguments(law, 20000, seed=2)
     expected, found = by_casadi(law.function, rows), workshop.evaluator(law.function)(rows)
@@ -92,6 +95,7 @@ def test_every_law_has_casadis_bits(law, workshop, by_casadi, different_bits):
     assert (np.ptp(expected, axis=0)[varied] > 0.0).all()
 
 
+@nightly
 @pytest.mark.parametrize("law", LAWS, ids=lambda law: law.name)
 def test_every_law_keeps_casadis_bits_over_a_long_run(law, workshop, different_bits):
     """States fed back for 1e5 samples, inputs and Booleans at random, parameters at their start values."""
@@ -234,7 +238,7 @@ def random_function(random: np.random.Generator) -> ca.Function:
     return ca.Function("f", [x, y], values[-4:])
 
 
-@pytest.mark.parametrize("seed", range(80))
+@pytest.mark.parametrize("seed", some(range(80), range(10)))
 def test_random_decisions_have_casadis_bits(seed, workshop, by_casadi, different_bits):
     random = np.random.default_rng(seed)
     function = random_function(random)
@@ -276,7 +280,7 @@ def test_float_code_uses_float_only(workshop, by_casadi):
     assert not re.search(r"double|\d\.\d+(?![\df])", "\n".join(written.lines))
 
 
-@pytest.mark.parametrize("law", LAWS, ids=lambda law: law.name)
+@pytest.mark.parametrize("law", some(LAWS, SOME_LAWS), ids=lambda law: law.name)
 def test_every_law_is_clean_c_in_float(law, workshop):
     workshop.evaluator(law.function, FLOAT, "-Wdouble-promotion")
 
@@ -333,7 +337,7 @@ def texts_of_another_process():
     return json.loads(run.stdout)
 
 
-@pytest.mark.parametrize("law", LAWS, ids=lambda law: law.name)
+@pytest.mark.parametrize("law", some(LAWS, SOME_LAWS), ids=lambda law: law.name)
 def test_block_text_is_the_same_in_another_process(law, texts_of_another_process):
     text = block_source(law)
     assert texts_of_another_process[str(law.path)] == text

@@ -9,6 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 from shell.instance import DISCARD, ERROR, OK, WARNING, Instance, Library, load, signals
+from shell.selection import EACH_FEATURE
+from thorough import some
 
 from friction_fmus import build
 from friction_fmus.blocks.catalogue import catalogue, laws_folder
@@ -31,7 +33,7 @@ Ts = 1e-3
 BAD = (math.nan, math.inf, -math.inf)
 
 
-@pytest.fixture(params=[*LAWS, *CONTROLLERS])
+@pytest.fixture(params=some([*LAWS, *CONTROLLERS], [*EACH_FEATURE, *CONTROLLERS[:1]]))
 def library(request: pytest.FixtureRequest, build_fmu: Callable[..., Path]) -> Library:
     return load(build_fmu(request.param, Ts=Ts))
 

@@ -16,6 +16,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 from shell.instance import Instance, Library, load
+from thorough import some
 
 from friction_fmus.blocks.catalogue import laws_folder
 from friction_fmus.lawkit.files import discover_laws
@@ -220,7 +221,7 @@ def test_dahls_steady_loop_has_the_amplitude_of_its_closed_form():
 
 
 @pytest.mark.parametrize("law", ["LuGreFeedforward", "ElastoPlasticFeedforward", "GMSFeedforward"])
-@pytest.mark.parametrize("v", [2.0**-12, -(2.0**-9), 0.125])
+@pytest.mark.parametrize("v", some([2.0**-12, -(2.0**-9), 0.125], [-(2.0**-9)]))
 def test_steady_sliding_is_the_stribeck_curve(law, v):
     found = run(LAWS[law], along([v] * 4000), Ts=TS)[-1]
     assert found["F_hat"] == pytest.approx(

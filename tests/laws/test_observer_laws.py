@@ -12,6 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from observer_loops import P95, follow, rms_error, run
 from scipy.linalg import expm
+from thorough import nightly
 
 from friction_fmus.blocks.catalogue import laws_folder
 from friction_fmus.lawkit.files import discover_laws
@@ -159,6 +160,7 @@ def servo(w: float) -> dict[str, float]:
     return {"Kp": 3.0 * w**2, "Kd": 3.0 * w, "Ki": w**3, "m": 1.0}
 
 
+@nightly
 def test_the_error_with_the_observer_is_small_and_proportional_to_the_sample_time(build_fmu: BuildFmu):
     ratios = []
     for Ts in (1e-3, 0.5e-3, 0.25e-3):

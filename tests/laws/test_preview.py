@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 from scipy.signal import lfilter
+from thorough import nightly
 
 sys.path.insert(0, str(Path(__file__).parents[2]))
 
@@ -63,10 +64,12 @@ def check_long_preview(N: int, folder: Path) -> None:
     assert np.abs(error).max() == pytest.approx(1.01**-N, rel=1e-3)
 
 
+@nightly
 def test_a_long_preview_is_the_inverse_filter(tmp_path: Path) -> None:
     check_long_preview(200, tmp_path)
 
 
+@nightly
 def test_a_long_preview_in_float(tmp_path: Path) -> None:
     """A mass 10 m from zero: the force is that of the second difference."""
     r = 10.0 + 1e-3 * reference(1200)
@@ -103,6 +106,7 @@ def test_what_does_not_fit_is_refused(
     assert not (tmp_path / "none").exists()
 
 
+@nightly
 def test_a_preview_of_a_pair_of_zeros(tmp_path: Path) -> None:
     """1.02 exp(+-i pi/3): g[i+1] = sin(i pi/3) / (sin(pi/3) 1.02^(i+1)), as 1.02 p = 1.02^2."""
     N, size = 300, 1.02

@@ -11,6 +11,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from observer_loops import follow, rms_error, run
+from thorough import nightly, some
 
 from friction_fmus.blocks.catalogue import laws_folder
 from friction_fmus.lawkit.files import discover_laws
@@ -147,8 +148,8 @@ def test_super_twisting_follows_a_ramp_with_the_closed_form_of_its_error():
     assert constant[-1]["F_hat"] == pytest.approx(3.0, rel=1e-9)
 
 
-@pytest.mark.parametrize("start", [2.0, -0.3])
-@pytest.mark.parametrize("L", [10.0, 1000.0])
+@pytest.mark.parametrize("start", some([2.0, -0.3], [2.0]))
+@pytest.mark.parametrize("L", some([10.0, 1000.0], [1000.0]))
 def test_super_twisting_reaches_zero_without_chattering(start, L):
     found = slide(SECOND, 8000, start, lambda k: 0.0, m=1.0, Ts=1e-3, L=L)
     assert max(abs(result["s"]) for result in found[-100:]) < 1e-12
@@ -171,6 +172,7 @@ def test_the_step_that_is_implicit_at_once_is_only_of_first_order():
     assert s == pytest.approx(F * Ts / m, rel=1e-3)
 
 
+@nightly
 def test_super_twisting_error_falls_with_the_square_of_the_sample_time(build_fmu: BuildFmu):
     errors, variations = [], []
     for Ts in (1e-3, 0.5e-3, 0.25e-3):

@@ -11,6 +11,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from observer_loops import follow
+from thorough import nightly
 
 from friction_fmus.blocks.catalogue import laws_folder
 from friction_fmus.lawkit.files import discover_laws
@@ -130,6 +131,7 @@ def test_tables_found_at_constant_speed_take_the_position_error_away(build_fmu: 
     assert error(helped) < 0.2 * error(partly)
 
 
+@nightly
 def test_connected_to_the_reference_it_is_feedforward_of_friction_over_position(build_fmu: BuildFmu):
     """With the true tables: hardly an error is left, and where the axis starts does not change the force."""
     law = {f"cogging[{i + 1}]": COGGING[i] for i in range(N)} | {f"level[{i + 1}]": LEVEL[i] for i in range(N)}

@@ -14,6 +14,7 @@ from pathlib import Path
 
 import pytest
 from shell.instance import Instance, Library, load, signals
+from thorough import some
 
 from friction_fmus.blocks.catalogue import catalogue, laws_folder
 from friction_fmus.lawkit.files import discover_laws
@@ -62,7 +63,7 @@ BY_TIME = ("ImpulsiveControl", "IterativeLearning")
 """Limits of the first act on pulses one by one; the second learns between trials, see below."""
 
 
-@pytest.fixture(params=[name for name in LIMITED if name not in BY_TIME])
+@pytest.fixture(params=some([name for name in LIMITED if name not in BY_TIME], ["PID", "ResetPID", "AdaptiveLuGre"]))
 def library(request: pytest.FixtureRequest, build_fmu: Callable[..., Path]) -> Library:
     return load(build_fmu(request.param, Ts=Ts))
 
@@ -184,7 +185,7 @@ def enabled(library: Library, seed: int, count: int) -> list[dict[str, float]]:
     return [values | calm for values in signals(library, seed, count)]
 
 
-@pytest.fixture(params=ENABLED)
+@pytest.fixture(params=some(ENABLED, ENABLED[::6]))
 def any_library(request: pytest.FixtureRequest, build_fmu: Callable[..., Path]) -> Library:
     return load(build_fmu(request.param, Ts=Ts))
 

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from scipy.signal import butter, filtfilt
 from shell.instance import Instance, load
+from thorough import nightly
 
 from friction_fmus import build
 from friction_fmus.blocks.customise import with_long_arrays
@@ -321,6 +322,7 @@ def test_repetition_is_the_formula(samples, N, M, fq):
     assert np.array_equal(found[:, 1], 0.5 * found[:, 0])
 
 
+@nightly
 def test_a_long_period_is_chosen_when_it_is_built(build_fmu, tmp_path):
     """With an error at a single sample and Q = 1, the force is an impulse that returns every N samples."""
     N, n = 16384, 3 * 16384

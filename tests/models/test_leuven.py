@@ -13,6 +13,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 from shell.instance import OK, WARNING, Instance, Library, load
+from thorough import THOROUGH, nightly
 
 reproducibly = settings(max_examples=100, deadline=20_000, derandomize=True, database=None)
 velocity = st.one_of(st.floats(-5e-3, 5e-3), st.floats(-2e-4, 2e-4), st.sampled_from([0.0, 1e-6, -1e-6])).map(
@@ -350,7 +351,7 @@ def test_nested_loops_of_any_elements_agree_with_scipy(
         nested_loops(run, Modified(k, W, law), relative * top / sum(k), steps)
 
 
-@settings(reproducibly, max_examples=80)
+@settings(reproducibly, max_examples=80 if THOROUGH else 25)
 @given(steps=ramps, n=exponents, Fs=st.sampled_from([0.8, 1.5]))
 def test_linear_velocities_agree_with_scipy(
     either: Library, steps: list[tuple[float, float, float]], n: float, Fs: float
@@ -365,6 +366,7 @@ def test_linear_velocities_agree_with_scipy(
             assert run.get1("Fh") == pytest.approx(reference_force(reference), abs=1e-7)
 
 
+@nightly
 @reproducibly
 @given(steps=ramps, cuts=st.integers(2, 7), n=exponents)
 def test_how_a_span_is_cut_does_not_matter(
@@ -442,6 +444,7 @@ def test_a_constant_level_makes_friction_depend_on_the_path_only(either: Library
     assert seen[2] == pytest.approx(seen[1], abs=1e-11)
 
 
+@nightly
 @reproducibly
 @given(steps=held)
 def test_a_cycle_of_the_path_dissipates(either: Library, steps: list[tuple[float, float]]) -> None:

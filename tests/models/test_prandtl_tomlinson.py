@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 from shell.instance import DISCARD, OK, Instance, Library, load
+from thorough import some
 
 reproducibly = settings(max_examples=25, deadline=20_000, derandomize=True, database=None)
 START = {"m": 1.0, "damping": 2.0, "k": 1.0, "E0": 0.25, "a": 1.0}
@@ -219,7 +220,7 @@ def quasi_static(eta: float) -> tuple[float, float]:
     return X, energy(x) - energy(x_after)
 
 
-@pytest.mark.parametrize(("eta", "F"), B28.items())
+@pytest.mark.parametrize(("eta", "F"), some([*B28.items()], [*B28.items()][::3]))
 def test_b28_slow_friction_is_the_energy_of_the_jumps(tip: Library, eta: float, F: float) -> None:
     """The excess at a small v goes with v^(2/3); with m damping = 1 it is below 2 % at 1e-5."""
     X_jump, expected = quasi_static(eta)

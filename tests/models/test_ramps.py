@@ -17,6 +17,7 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from scipy.optimize import brentq
 from shell.instance import OK, Instance, Library, load
+from thorough import THOROUGH, nightly
 
 reproducibly = settings(max_examples=60, deadline=20_000, derandomize=True, database=None)
 
@@ -104,6 +105,7 @@ def ramp(library: Library, v: float, slope: float, h: float, *names: str, **valu
         return run.get(*names)
 
 
+@nightly
 @reproducibly
 @given(
     start=st.floats(-1.0, 1.0),
@@ -228,7 +230,7 @@ def test_modified_leuven_ends_a_step_over_levels_twelve_decades_apart(block: Cal
         delta=100.0,
         **elements,
     )[0]
-    assert time.perf_counter() - begin < 1.0
+    assert not THOROUGH or time.perf_counter() - begin < 1.0
     assert abs(Fh + 1e-9) < 1e-6 * 1e-9
 
 

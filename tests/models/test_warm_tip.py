@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 from shell.instance import Instance, Library, load
+from thorough import some
 
 KT, M, DT = 0.7, 2e-3, 0.01
 
@@ -75,8 +76,8 @@ def test_a_strongly_damped_tip_on_a_spring_is_not_too_hot(tip: Library) -> None:
     assert abs(found[1] - 1.0) < 4.0 * math.sqrt(2.0 / steps)
 
 
-@pytest.mark.parametrize(("y", "dt"), [(0.2, 0.1), (2.0, 0.2), (20.0, 0.4)])
-@pytest.mark.parametrize("E0", [0.5, 2.0])
+@pytest.mark.parametrize(("y", "dt"), some([(0.2, 0.1), (2.0, 0.2), (20.0, 0.4)], [(2.0, 0.2)]))
+@pytest.mark.parametrize("E0", some([0.5, 2.0], [2.0]))
 def test_over_a_corrugation_the_tip_follows_boltzmann(tip: Library, y: float, dt: float, E0: float) -> None:
     """Means of cos(2 pi x), x^2, |x| and w^2 by quadrature, after a start from that distribution; the errors from runs
     with other seeds."""

@@ -10,6 +10,7 @@ from importlib import import_module
 from pathlib import Path
 
 import pytest
+from thorough import nightly
 
 from friction_fmus import build
 from friction_fmus.__main__ import main
@@ -164,6 +165,7 @@ def test_the_law_is_exported_as_c(folder: Path, tmp_path: Path) -> None:
     assert {"law.c", "law.h", "law.hpp", "law_test.c", "README.md"} <= files
 
 
+@nightly
 def test_a_study_identifies_the_model_tries_the_law_and_asks_the_doctor(folder: Path, tmp_path: Path) -> None:
     assert "SlippingSpring" in identifiable()
     demo = load_config("demo")

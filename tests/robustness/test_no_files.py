@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 from robustness.cases import ROOT, run_cases
+from thorough import nightly
 
 from friction_fmus import BuildError, build
 from friction_fmus.identification.data import text_table
@@ -47,6 +48,7 @@ def folder(tmp_path: Path) -> Path:
     return tmp_path
 
 
+@nightly
 def test_devices_pipes_and_folders(folder: Path) -> None:
     for suffix in {suffix for suffixes in FILES.values() for suffix in suffixes}:
         (folder / f"device.{suffix}").symlink_to("/dev/zero")
@@ -57,6 +59,7 @@ def test_devices_pipes_and_folders(folder: Path) -> None:
     assert counts == {"runs": 0, "sentences": len(commands), "bad": 0}
 
 
+@nightly
 def test_large_files_and_texts_that_are_none(folder: Path) -> None:
     commands = []
     for name in ("large.toml", "large.c", "large.py"):

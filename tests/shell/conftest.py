@@ -11,18 +11,23 @@ from shell.facade import facade
 from shell.fixtures import instance, lugre, running, situation  # noqa: F401
 from shell.instance import Library, load
 from shell.selection import SHELL_BLOCKS, built
+from thorough import some
 
-FULL = ("GMS", "PID", "ModifiedLeuvenFeedforward")
+FULL = some(("GMS", "PID", "ModifiedLeuvenFeedforward"), ("GMS", "PID"))
 """Blocks that arrays or clocks change."""
+IN_FMI_3 = some(SHELL_BLOCKS, ("LuGre", "Mass"))
+"""Blocks in FMI 3.0, whose functions call those of FMI 2.0."""
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Leave out blocks with neither arrays nor clocks where the profile of FMI 3.0 is the full one."""
+    """Leave out blocks with neither arrays nor clocks where the profile of FMI 3.0 is the full one, and what is for the
+    night."""
     items[:] = [item for item in items if not _is_repeated(getattr(item, "callspec", None))]
 
 
 def _is_repeated(call: Any) -> bool:
-    return call is not None and call.params.get("build_fmu") == "full" and call.params.get("library") not in FULL
+    kept = None if call is None else {3: IN_FMI_3, "full": FULL}.get(call.params.get("build_fmu"))
+    return kept is not None and call.params.get("library") not in (None, *kept)
 
 
 @pytest.fixture(scope="session", params=[2, 3, "full"], ids=["FMI 2.0", "FMI 3.0", "FMI 3.0 with arrays and clocks"])

@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Literal
+
+from thorough import some
 
 from friction_fmus import build, catalogue
 from friction_fmus.blocks.customise import Start
@@ -27,10 +30,42 @@ SHELL_BLOCKS = (
 `test_selection.py` fails if a branch of the shell or a kind of variable is missing here.
 """
 
+BRANCHES = {
+    "a formula of the velocity": ("Stribeck", "Tustin", "Coulomb"),
+    "a state": ("LuGre", "RateAndState", "LoadDependentDahl"),
+    "a memory, decisions and events": ("Karnopp", "GMS", "ElastoPlastic"),
+    "states that an event changes": ("KarnoppMass", "Leuven"),
+    "co-simulation only": ("SevenParameter", "Bristle", "PrandtlTomlinson"),
+    "a plant": ("Mass", "TwoMass", "Actuator"),
+    "a law": ("PID", "KalmanFriction", "ImplicitSuperTwisting"),
+    "a law with vectors": ("GMSObserver", "DiscreteInverse", "TustinFeedback"),
+    "a sampled block in C": ("ImpulsiveControl", "IterativeLearning", "ModifiedLeuvenFeedforward"),
+    "sampled and not guarded": ("Encoder", "Differentiator", "SampledSum"),
+    "a signal": ("Record", "Multisine", "Quantiser"),
+}
+"""Three blocks of each class of branches in the code of a block; all blocks run each night."""
+EACH_BRANCH = tuple(name for names in BRANCHES.values() for name in names)
+EACH_FEATURE = (
+    "PID",  # limits, an integral that they stop, Booleans
+    "LuGreFeedforward",  # a state that is stepped implicitly
+    "GMSFeedforward",  # vectors of states and decisions between elements
+    "KalmanFriction",  # matrices
+    "ImplicitSuperTwisting",  # roots and an algebraic equation
+    "DiscreteInverse",  # a long memory
+    "ResetPID",  # an integral that is reset
+)
+"""Laws that together have all that the generator of C treats in its own way; all laws run each night."""
+
 SAMPLED_BLOCKS = tuple(
     name for name, block in catalogue().items() if re.search(r"^#define\s+SAMPLED\b", block.code, re.M)
 )
 CONTINUOUS_BLOCKS = tuple(name for name in catalogue() if name not in SAMPLED_BLOCKS)
+
+
+def of_each_branch(names: Sequence[str]) -> Sequence[str]:
+    """Return all of these blocks each night, and those of `EACH_BRANCH` before a landing."""
+    return some(names, [name for name in names if name in EACH_BRANCH])
+
 
 COMPOSITES = ("stick_slip", "compensated_axis")
 """Systems of examples/ that are tested as one FMU each: a stiff loop, and a servo with sampled laws."""

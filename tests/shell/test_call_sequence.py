@@ -28,6 +28,7 @@ from shell.instance import (
     load,
     signals,
 )
+from thorough import some
 
 # I instantiated, N initialization mode, C step complete, F step failed, T terminated; in model exchange E event mode
 # and X continuous-time mode
@@ -100,7 +101,9 @@ def allowed(library: Library, kind: int) -> dict[str, str]:
     if library.fmi == 2:
         return TABLE[kind]
     elsewhere = ELSEWHERE_IN_3 if kind == MODEL_EXCHANGE else {}
-    return {name: modes for name, modes in (TABLE[kind] | elsewhere).items() if name not in ABSENT}
+    table = {name: modes for name, modes in (TABLE[kind] | elsewhere).items() if name not in ABSENT}
+    # a step that is discarded leaves the state before the call
+    return {name: modes.replace("F", "") + "F" * ("C" in modes) for name, modes in table.items()}
 
 
 def need_function(library: Library, function: str) -> None:
@@ -217,7 +220,10 @@ def test_a_function_is_accepted_where_the_standard_allows_it_and_nowhere_else(
         check(run, function, mode, kind)
 
 
-@pytest.mark.parametrize(("kind", "mode"), [each for each in EACH if each[1] != "F"])
+LIVING = [each for each in EACH if each[1] != "F"]
+
+
+@pytest.mark.parametrize(("kind", "mode"), some(LIVING, LIVING[::2]))
 def test_every_block_has_that_table(library: Library, kind: int, mode: str) -> None:
     if library.exchanges:
         for function in allowed(library, kind):

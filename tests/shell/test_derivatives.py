@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 from shell.instance import DISCARD, ERROR, OK, Instance, Library, load
+from thorough import some
 
 P95 = {"sigma0": 1e5, "sigma1": math.sqrt(1e5), "sigma2": 0.4, "Fc": 1.0, "Fs": 1.5, "vs": 1e-3}
 
@@ -62,7 +63,7 @@ def test_slopes_of_one_step_may_come_in_several_calls(mass: Library) -> None:
         assert run.get("F_drive", "F_load") == [6.0, 2.0]
 
 
-@pytest.mark.parametrize("order", [-1, 0, 2, 3])
+@pytest.mark.parametrize("order", some([-1, 0, 2, 3], [0, 2]))
 def test_other_orders_than_the_first_are_refused(library: Library, running: Instance, order: int) -> None:
     before = running.serialised()
     for name in library.names("input", type="Real"):

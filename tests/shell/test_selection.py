@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 from shell.instance import Library, load
 from shell.selection import SAMPLED_BLOCKS, SHELL_BLOCKS
+from thorough import nightly
 
 from friction_fmus import catalogue
 
@@ -60,6 +61,7 @@ def traits(library: Library) -> set[object]:
 ONLY_FMI_2 = pytest.mark.parametrize("build_fmu", [2], indirect=True, ids=["FMI 2.0"])
 
 
+@nightly
 @ONLY_FMI_2
 def test_every_branch_of_the_shell_is_in_one_of_these_blocks(build_fmu: Callable[..., Path]) -> None:
     """Add a block to `SHELL_BLOCKS` if a trait is missing."""
@@ -68,6 +70,7 @@ def test_every_branch_of_the_shell_is_in_one_of_these_blocks(build_fmu: Callable
     assert {trait: [name for name in found if trait in found[name]] for trait in missing} == {}
 
 
+@nightly
 @ONLY_FMI_2
 def test_sampled_blocks_are_found(build_fmu: Callable[..., Path]) -> None:
     assert [name for name in catalogue() if load(build_fmu(name)).sampled] == list(SAMPLED_BLOCKS)

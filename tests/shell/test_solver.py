@@ -12,6 +12,7 @@ import pytest
 from fmpy.validation import validate_fmu
 from scipy.integrate import solve_ivp
 from shell.instance import DISCARD, LAST_SUCCESSFUL_TIME, OK, Instance, Library, drive, load
+from thorough import THOROUGH, some
 
 from friction_fmus import build
 
@@ -92,7 +93,7 @@ def counter(block: Callable[[str], Library]) -> Iterator[Instance]:
         yield made
 
 
-@pytest.mark.parametrize("name", BLOCKS)
+@pytest.mark.parametrize("name", some([*BLOCKS], [*BLOCKS][:1]))
 def test_these_blocks_are_valid(block: Callable[[str], Library], name: str) -> None:
     assert validate_fmu(str(block(name).fmu)) == []
 
@@ -177,7 +178,7 @@ def test_a_solution_that_ends_within_the_step_is_discarded_soon(block: Callable[
         assert run.get1("x") == pytest.approx(2.0, rel=1e-8)
         begin = time.perf_counter()
         assert run.call("DoStep", 0.5, 1.0, 1) == DISCARD
-        assert time.perf_counter() - begin < 2.0
+        assert not THOROUGH or time.perf_counter() - begin < 2.0
         last = c_double()
         assert run.call("GetRealStatus", LAST_SUCCESSFUL_TIME, last) == OK
         assert last.value == 0.5

@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 from shell.exchanging import SITUATIONS, begin, go_on, go_to
 from shell.instance import ERROR, MODEL_EXCHANGE, OK, Instance, Library, load, signals
+from thorough import nightly, some
 
 from friction_fmus import catalogue
 
@@ -93,7 +94,7 @@ REMEMBERED = {
 }
 
 
-@pytest.mark.parametrize("name", REMEMBERED)
+@pytest.mark.parametrize("name", some([*REMEMBERED], [*REMEMBERED][::5]))
 def test_decisions_that_no_run_can_make_are_refused(name: str, build_fmu: Callable[..., Path]) -> None:
     """Directions, flags and counts, with the checksum of such bytes."""
     library = load(build_fmu(name))
@@ -164,6 +165,7 @@ def test_a_state_carries_parameters_and_slopes(lugre: Library) -> None:
         assert run.everything() == expected
 
 
+@nightly
 @pytest.mark.skipif(not Path("/proc/self/statm").exists(), reason="reads the memory use of Linux")
 def test_a_thousand_instances_leave_no_memory_behind(library: Library) -> None:
     def resident() -> int:

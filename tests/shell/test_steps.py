@@ -8,11 +8,12 @@ from pathlib import Path
 
 import pytest
 from shell.instance import ERROR, OK, Instance, Library, load
+from thorough import some
 
 AWKWARD = (1.0 / 60.0, 1e-3 / 3.0, 0.1, 7e-5)
 
 
-@pytest.mark.parametrize("h", AWKWARD)
+@pytest.mark.parametrize("h", some(AWKWARD, AWKWARD[:2]))
 def test_time_is_exactly_t_plus_h(instance: Instance, h: float) -> None:
     t = 0.3
     instance.initialise(start=t)
@@ -80,7 +81,8 @@ def test_impossible_steps_are_errors_and_change_nothing(instance: Instance, t: f
 
 
 @pytest.mark.parametrize(
-    ("name", "output"), [("ElastoPlastic", "F"), ("GMS", "F"), ("LuGre", "F"), ("SwitchMass", "v")]
+    ("name", "output"),
+    some([("ElastoPlastic", "F"), ("GMS", "F"), ("LuGre", "F"), ("SwitchMass", "v")], [("ElastoPlastic", "F")]),
 )
 def test_a_tolerance_of_the_experiment_is_honoured(build_fmu: Callable[..., Path], name: str, output: str) -> None:
     """A coarse one gives another result, within a margin of it; a finer one less, and none the finest."""

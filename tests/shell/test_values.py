@@ -216,7 +216,7 @@ def test_a_step_that_overflows_is_discarded_and_leaves_the_instance_at_its_start
                 assert run.call("GetRealStatus", LAST_SUCCESSFUL_TIME, time) == OK
                 assert run.call("GetBooleanStatus", TERMINATED, ended) == OK
                 assert (time.value, ended.value) == (0.5, 0)
-            assert run.call("DoStep", 0.5, 0.1, 1) == ERROR, "a failed step is left by a restored state only"
+                assert run.call("DoStep", 0.5, 0.1, 1) == ERROR, "a failed step is left by a restored state only"
             run.must("SetFMUstate", before)
         for each in (run, undisturbed):
             each.step(0.5, 0.5)

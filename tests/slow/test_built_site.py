@@ -16,7 +16,7 @@ import pytest
 from browser import POLICY, SCREENS, idle_controls, needs_chromium, objections, opened, served
 from lxml import html
 from playwright.sync_api import Browser
-from thorough import some
+from thorough import nightly, some
 
 from friction_fmus.blocks.catalogue import catalogue
 from friction_fmus.check import RULES
@@ -38,6 +38,8 @@ SCANNED = ("Coulomb", "ImpulsiveControl", "LeuvenFeedforward", "LuGre", "Mass", 
 OF_THE_THEME = ('<nav class="md-code__nav">', "<code>")
 SCHEMES = {"light": "default", "dark": "slate"}
 MODULES = [*(f"friction_fmus{name}" for name in PUBLIC), "harness"]
+
+pytestmark = nightly
 
 
 @pytest.fixture(scope="module")

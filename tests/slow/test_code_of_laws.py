@@ -23,7 +23,8 @@ from laws.test_emit import (  # noqa: F401
 )
 from laws.test_law_blocks import test_the_blocks_sample_is_casadis, test_the_table_says_what_the_law_says  # noqa: F401
 from laws.test_preview import check_long_preview
-from thorough import some
+from shell.selection import EACH_FEATURE
+from thorough import nightly, some
 
 from friction_fmus.codegen import export_law
 
@@ -36,11 +37,12 @@ def workshop(tmp_path_factory: pytest.TempPathFactory) -> Workshop:
     return Workshop(GCC, tmp_path_factory.mktemp("gcc"))
 
 
+@nightly
 def test_the_longest_preview_is_the_inverse_filter(tmp_path: Path) -> None:
     check_long_preview(1024, tmp_path)
 
 
-@pytest.mark.parametrize("name", LAWS)
+@pytest.mark.parametrize("name", some(LAWS, EACH_FEATURE))
 def test_c99_and_c17_without_a_warning_and_the_example_runs(name: str, tmp_path: Path) -> None:
     for real in ("double", "float"):
         export_law(name, tmp_path, real=real)
@@ -60,16 +62,16 @@ def test_c99_and_c17_without_a_warning_and_the_example_runs(name: str, tmp_path:
             assert not re.search(r"\bdouble\b|\b\d+\.\d+(e[-+]?\d+)?(?![\d.ef])", text)
 
 
-@pytest.mark.parametrize("name", LAWS)
+@pytest.mark.parametrize("name", some(LAWS, EACH_FEATURE[:3]))
 def test_the_unit_test_passes(name: str, tmp_path: Path) -> None:
     check_passes(name, tmp_path, "-std=c17")
 
 
-@pytest.mark.parametrize("name", LAWS)
+@pytest.mark.parametrize("name", some(LAWS, EACH_FEATURE[:2]))
 def test_double_has_the_bits_of_the_fmu_and_of_casadi_over_a_long_run(name: str, tmp_path: Path) -> None:
     check_double(name, 100_000, tmp_path)
 
 
-@pytest.mark.parametrize("name", LAWS)
+@pytest.mark.parametrize("name", some(LAWS, EACH_FEATURE[:2]))
 def test_float_is_near_casadi_over_a_long_run(name: str, tmp_path: Path) -> None:
     check_float(name, 100_000, tmp_path)

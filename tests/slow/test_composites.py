@@ -17,6 +17,7 @@ from fmpy.build import build_platform_binary
 from hypothesis import given, seed, settings
 from hypothesis import strategies as st
 from shell.instance import Instance, load
+from thorough import nightly
 
 from friction_fmus.cli.systems import open_system
 from harness import FmuPart, System
@@ -35,6 +36,7 @@ def servo(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
+@nightly
 @seed(20261123)
 @settings(random_seed_settings(int(os.environ.get("RANDOM_SYSTEMS", "8"))))
 @given(data=st.data())
@@ -69,6 +71,7 @@ def is_binary(entry: zipfile.ZipInfo) -> bool:
     return entry.filename.startswith("binaries/")
 
 
+@nightly
 def test_a_warm_build_takes_less_than_five_seconds(servo: Path) -> None:
     with open_system(EXAMPLES / "compensated_axis.toml") as system:
         begin = time.process_time()
@@ -89,6 +92,7 @@ def test_fmpy_compiles_a_binary_that_works(servo: Path, tmp_path: Path, monkeypa
         np.testing.assert_allclose(theirs[column], ours[column], rtol=1e-7, atol=1e-10)
 
 
+@nightly
 def test_cost_over_the_native_engine(servo: Path) -> None:
     """Processor time of a run of 20 000 steps with the same recorded output, fastest of five in turn."""
     with open_system(EXAMPLES / "compensated_axis.toml") as system, System([FmuPart("one", servo)]) as alone:

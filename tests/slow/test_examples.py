@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 import pytest
 from PIL import Image, ImageDraw
+from thorough import some
 
 ROOT = Path(__file__).parents[2]
 PAGE = ROOT / "docs" / "effects.md"
@@ -25,6 +26,7 @@ SCRIPTS = {
 REMEDY = "run `python examples/page.py docs`"
 FIGURES = "run `python benchmarks/effects.py --csv examples/compensation/figures.csv`"
 NUMBER = r"\d+(?:\.\d+)?(?:e[-+]?\d+)?"
+EACH = [(folder, name) for folder in SCRIPTS for name in SCRIPTS[folder]]
 
 
 @pytest.fixture
@@ -98,7 +100,7 @@ def test_numbers_are_alike_if_the_last_digit_differs_by_one(kept: str, printed: 
     assert alike(kept, printed) == same
 
 
-@pytest.mark.parametrize(("folder", "name"), [(folder, name) for folder in SCRIPTS for name in SCRIPTS[folder]])
+@pytest.mark.parametrize(("folder", "name"), some(EACH, [(folder, SCRIPTS[folder][0]) for folder in SCRIPTS]))
 def test_claim_holds_and_the_page_shows_it(
     folder: str,
     name: str,

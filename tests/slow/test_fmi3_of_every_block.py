@@ -15,7 +15,7 @@ from fmi3.slaves import check_adjoint, three
 from fmpy.fmi2 import FMU2Model
 from fmpy.fmi3 import FMU3Model
 from fmpy.validation import validate_fmu
-from shell.selection import COMPOSITES, built
+from shell.selection import COMPOSITES, SHELL_BLOCKS, built
 from thorough import some
 
 from friction_fmus import catalogue
@@ -28,7 +28,7 @@ _AMPLITUDE = {"m": 1e-3, "m/s": 5e-3, "m/s2": 0.5, "rad": 1e-3, "rad/s": 5e-3}
 PROFILES = [(name, full) for full in (True, False) for name in BLOCKS]
 
 
-@pytest.fixture(params=some(PROFILES, [(name, k % 2 == 0) for k, name in enumerate(BLOCKS[::2])]), ids=str)
+@pytest.fixture(params=some(PROFILES, [(name, k % 2 == 0) for k, name in enumerate(BLOCKS[::8])]), ids=str)
 def pair(request: pytest.FixtureRequest, build_fmu: Callable[..., Path]) -> tuple[Path, Path]:
     """The FMU of a block in both versions; that of FMI 3.0 with arrays and clocks, or as it is by default."""
     name, full = request.param
@@ -157,6 +157,6 @@ def test_fmpy_finds_nothing_and_simulates_both_kinds(pair: tuple[Path, Path]) ->
             assert np.isfinite(result[name]).all(), (kind, name)
 
 
-@pytest.mark.parametrize("name", catalogue())
+@pytest.mark.parametrize("name", some(tuple(catalogue()), SHELL_BLOCKS[:2]))
 def test_adjoint_is_the_transpose_of_directional(name: str) -> None:
     check_adjoint(name)

@@ -7,12 +7,15 @@ import subprocess
 import sys
 from pathlib import Path
 
+from thorough import nightly
+
 ROOT = Path(__file__).parents[2]
 
 #: The law cannot follow the contact better, see tests/identification/test_hysteresis.py.
 MISSED = ("Tribometer, Dahl, n free, without: rms error of mu",)
 
 
+@nightly
 def test_the_benchmark_meets_its_targets(tmp_path: Path) -> None:
     file, page = tmp_path / "rows.json", tmp_path / "page.md"
     command = [sys.executable, "benchmarks/identification.py", "--short", "--json", str(file), "--page", str(page)]

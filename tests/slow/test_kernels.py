@@ -8,6 +8,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from thorough import nightly
 from threadpoolctl import threadpool_info
 
 ROOT = Path(__file__).parents[2]
@@ -40,6 +41,7 @@ def python(kernel: str, *arguments: str) -> subprocess.CompletedProcess[str]:
     )
 
 
+@nightly
 @pytest.mark.skipif(not runnable(), reason="OpenBLAS on an x86-64 processor under Linux has kernels to choose from")
 @pytest.mark.parametrize("kernel", NEEDS)
 def test_decisions_are_the_same_with_every_kernel(kernel: str) -> None:

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 from accuracy.known import Known, again, cases, reference, true_error
-from thorough import some
+from thorough import nightly, some
 
 from harness import Result
 
@@ -19,6 +19,8 @@ NOTHING = 1e-8
 OF_THE_REFERENCE = 1e-10
 LONGEST = 64
 """Largest quotient of steps of a suggestion that is tried."""
+
+pytestmark = nightly
 
 
 @dataclass(frozen=True)

@@ -14,7 +14,7 @@ from typing import Any
 import pytest
 from browser import SCREENS, idle_controls, needs_chromium, objections, opened, served
 from playwright.sync_api import Browser, Page
-from thorough import slowness
+from thorough import nightly, slowness
 
 ROOT = Path(__file__).parents[2]
 MODELS = ("LuGre", "ElastoPlastic", "Dahl", "GMS")
@@ -30,7 +30,7 @@ MOVE = """async (range, k) => {
   while (drawn() < k) await new Promise((done) => setTimeout(done, 5));
   await new Promise((done) => requestAnimationFrame(() => setTimeout(done)));  // the frame is painted
 }"""
-pytestmark = needs_chromium
+pytestmark = [needs_chromium, nightly]
 
 
 @pytest.fixture(scope="module")

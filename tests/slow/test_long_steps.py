@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 from shell.instance import DISCARD, OK, WARNING, Instance, Library, load, signals
+from thorough import nightly
 
 from friction_fmus import catalogue
 
@@ -62,17 +63,20 @@ def long_step(library: Library, h: float, counts: Mapping[str, float]) -> None:
             assert run.everything() == before
 
 
+@nightly
 @pytest.mark.parametrize("h", [1e3, 1e6, 1e300])
 def test_no_step_takes_longer_than_five_seconds(library: Library, h: float) -> None:
     long_step(library, h, {})
 
 
+@nightly
 @pytest.mark.parametrize("h", [1e3, 1e6, 1e300])
 @pytest.mark.parametrize("library", COUNTING, indirect=True)
 def test_no_step_with_the_largest_counts_takes_longer_than_five_seconds(library: Library, h: float) -> None:
     long_step(library, h, largest_counts(library))
 
 
+@nightly
 @pytest.mark.parametrize(("name", "h", "values"), COSTLY, ids=lambda value: str(value))
 def test_a_step_that_takes_too_long_is_discarded_with_the_reason(
     build_fmu: Callable[..., Path], name: str, h: float, values: dict[str, float]

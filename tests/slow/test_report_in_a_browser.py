@@ -19,6 +19,7 @@ from playwright.sync_api import Browser, Page
 from slow.test_rotary_study import linear_words
 from study.made_up_study import made_up_study
 from study.small_axis import NOISE, bench_of, rotary_bench_of, runs_of
+from thorough import nightly
 
 from friction_fmus.identification import ROTARY
 from friction_fmus.report import write_report
@@ -268,6 +269,7 @@ def test_the_panel_redraws_within_100_ms(browser: Browser, report: Path) -> None
         assert np.median(taken) <= 100.0
 
 
+@nightly
 def test_the_panel_of_a_rotary_axis_has_its_words_and_units(browser: Browser, tmp_path: Path) -> None:
     bench = rotary_bench_of(tmp_path)
     panel = panel_of(bench, runs_of(bench), NOISE)

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from thorough import nightly
 
 from friction_fmus.axis.loop import Plant, Trajectory, closed_loop, run_loop
 from friction_fmus.axis.servo import Servo
@@ -48,6 +49,8 @@ LINEAR = re.compile(
     re.IGNORECASE,
 )
 """Words and units of a linear axis."""
+
+pytestmark = nightly
 
 
 def linear_words(text: str) -> list[str]:

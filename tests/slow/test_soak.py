@@ -5,11 +5,14 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
+from thorough import nightly
 
 if not Path("/proc/self/statm").is_file():
     pytest.skip("the memory of a process is read from /proc", allow_module_level=True)
 
 from soak import instances, steps
+
+pytestmark = nightly
 
 
 def test_a_million_steps_take_no_memory_and_lose_no_time() -> None:

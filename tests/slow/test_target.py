@@ -13,7 +13,7 @@ from codegen.test_loop import EXAMPLE
 from codegen.test_numbers import LAWS, same_bits, same_numbers
 from codegen.test_travel import STROKES, motion
 from codegen.test_unit_test import without_fault
-from thorough import some
+from thorough import nightly, some
 
 from benchmarks.law_runs import LawC, rows_of, run_casadi
 from friction_fmus.codegen import CORES, Core, export_law, measure, target
@@ -50,7 +50,7 @@ def straight(
 
 
 @on_targets
-@pytest.mark.parametrize("name", UNITS)
+@pytest.mark.parametrize("name", some(UNITS, UNITS[::8]))
 def test_the_target_computes_the_same(name: str, real: str, core: Core, tmp_path: Path) -> None:
     """Bit by bit, but for another C library's exp and pow."""
     export = make_export(name, real=real, prefix="law")
@@ -89,7 +89,7 @@ FIVE = ("LuGreFeedforward", "GMSFeedforward", "ExtendedStateObserver", "PID", "K
 
 
 @on_targets
-@pytest.mark.parametrize("name", [*FIVE, str(EXAMPLE), "exact"])
+@pytest.mark.parametrize("name", some([*FIVE, str(EXAMPLE), "exact"], [FIVE[0], str(EXAMPLE)]))
 def test_the_target_computes_the_same_over_the_travel(name: str, real: str, core: Core, tmp_path: Path) -> None:
     """Five laws and two loops at 0 to 10 m, against casadi in double: the same bits, or as the README of float says."""
     if name == "exact":
@@ -113,7 +113,7 @@ def test_the_target_computes_the_same_over_the_travel(name: str, real: str, core
         assert (np.abs(found - expected) <= (ACCURACY if real == "float" else 1e-10) * size).all(), offset
 
 
-@pytest.mark.parametrize("name", UNITS)
+@pytest.mark.parametrize("name", some(UNITS, UNITS[::8]))
 def test_the_float_build_has_no_double_in_it(name: str) -> None:
     export = make_export(name, real="float", prefix="law")
     assert all(function.endswith("f") for function in export.kernel.functions)
@@ -142,7 +142,7 @@ def result_on_target(export, core: Core, folder: Path) -> int:
 
 
 @on_targets
-@pytest.mark.parametrize("name", UNITS)
+@pytest.mark.parametrize("name", some(UNITS, UNITS[::8]))
 def test_the_unit_test_passes_on_the_target(name: str, real: str, core: Core, tmp_path: Path) -> None:
     """And its instructions can be counted."""
     export = make_export(name, real=real, prefix="law")
@@ -222,6 +222,7 @@ def test_instructions_are_counted_exactly(tmp_path: Path) -> None:
     assert found.most in [returns[0] + 1, len(listed), len(listed) - (returns[0] - last)], listed
 
 
+@nightly
 @pytest.mark.parametrize("core", CORES, ids=lambda core: core.name)
 def test_blocks_have_the_instructions_of_single_steps(core: Core, tmp_path: Path) -> None:
     """QEMU logs one instruction a line if it translates them one by one."""

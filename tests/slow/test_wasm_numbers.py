@@ -19,7 +19,7 @@ import pytest
 from every_block.test_block_package import another_value
 from lxml import etree
 from shell.instance import Instance, Library, RefusedError, load, signals
-from shell.selection import COMPOSITES, built
+from shell.selection import COMPOSITES, SHELL_BLOCKS, built
 from thorough import some
 from wasm.engines import CASES, ENGINES, NODE, in_node, run_in
 from wasm.test_wasm_package import LARGEST
@@ -31,7 +31,7 @@ from harness.system.experiment import LOOP_TOLERANCE
 from harness.wasm import WasmModel, class_script, wasm_model
 from harness.wasm.module import imports
 
-NAMES = (*some(tuple(catalogue()), tuple(catalogue())[::3]), *COMPOSITES)
+NAMES = (*some(tuple(catalogue()), SHELL_BLOCKS), *COMPOSITES)
 STEPS, PART = 300, 6
 TOLERANCE = 1e-12
 

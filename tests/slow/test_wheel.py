@@ -15,7 +15,7 @@ from pathlib import Path
 import fmpy
 import pytest
 from packaging.requirements import Requirement
-from thorough import THOROUGH
+from thorough import THOROUGH, nightly, some
 
 from friction_fmus import catalogue
 from harness.compiling.platforms import PLATFORMS
@@ -172,7 +172,7 @@ def test_wheel_needs_no_compiler(installed: Path, environment: dict[str, str], t
     assert refusal.startswith("The C compiler '/no/compiler' does not run")
 
 
-@pytest.mark.parametrize("arguments", DONE, ids=" ".join)
+@pytest.mark.parametrize("arguments", some(DONE, DONE[::3]), ids=" ".join)
 def test_commands_without_extras(
     arguments: list[str], installed: Path, environment: dict[str, str], tmp_path: Path
 ) -> None:
@@ -193,7 +193,7 @@ def test_fmi_3_is_compiled_on_demand(environment: dict[str, str], tmp_path: Path
     assert fmpy.read_model_description(str(tmp_path / "own" / "PID.fmu")).fmiVersion == "3.0"
 
 
-@pytest.mark.parametrize(("arguments", "package", "extra"), REFUSED, ids=str)
+@pytest.mark.parametrize(("arguments", "package", "extra"), some(REFUSED, REFUSED[::4]), ids=str)
 def test_a_missing_extra_is_one_sentence(
     arguments: list[str], package: str, extra: str, environment: dict[str, str], tmp_path: Path
 ) -> None:
@@ -208,6 +208,7 @@ def test_a_missing_extra_is_one_sentence(
     assert line.endswith(f": pip install 'friction-fmus[{extra}]'")
 
 
+@nightly
 def test_an_identification_without_a_compiler_leaves_out_the_fmus(environment: dict[str, str], tmp_path: Path) -> None:
     (tmp_path / "log.csv").write_text(LOG, encoding="utf-8")
     done = run(["-m", "friction_fmus", "identify", "log.csv", "--model", "Coulomb", "-o", "out"], environment, tmp_path)

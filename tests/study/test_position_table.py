@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from thorough import nightly
 
 from friction_fmus.axis.elements import Compensator, Plant, Trajectory
 from friction_fmus.axis.loop import closed_loop, run_loop
@@ -71,6 +72,7 @@ def test_the_candidate_needs_an_identified_table() -> None:
     assert "position" in without.reason
 
 
+@nightly
 def test_the_exported_table_repeats_the_run(reference: Path, tmp_path: Path) -> None:
     bench = Bench(SERVO, COGGING, Trajectory(reference, len(T), 0.0, 0.0, motion=True), R)
     scheme = Scheme(SERVO, compensator=OBSERVER, table=True)

@@ -139,3 +139,9 @@ def test_a_loop_over_a_few_samples_is_refused_before_anything_is_identified(
     with pytest.raises(ConfigError, match=r"over .* s, which is less than 100 sample times of the servo"):
         run_study(config, tmp_path / "out")
     assert not list((tmp_path / "out").rglob("*.json"))
+
+
+def test_a_folder_that_cannot_be_made_is_named(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("", encoding="utf-8")
+    with pytest.raises(StudyError, match="Cannot create the folder"):
+        run_study("demo", tmp_path / "file" / "out")

@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import simulated_axis as axis
+from thorough import nightly
 
 from friction_fmus.__main__ import main
 from friction_fmus.axis.servo import Servo
@@ -74,6 +75,7 @@ def test_nothing_is_ranked_and_no_fmu_is_written(
     assert "The result cannot be trusted" in page
 
 
+@nightly
 def test_files_are_written_by_force(folder: Path, tmp_path: Path) -> None:
     out = tmp_path / "out"
     assert main(["study", str(folder / "unit.toml"), "-o", str(out), "--workers", "1", "--force"]) == 1
@@ -98,6 +100,7 @@ def percent(model: IdentifiedModel) -> float:
     return {fit.signal: fit.percent for fit in model.row.closed_loop}["force"]
 
 
+@nightly
 def test_a_refinement_that_makes_the_force_worse_is_discarded(folder: Path) -> None:
     """The pulses are not simulated: a fit to the position alone would take them for friction and offset."""
     servo, found, records = measured(folder, known=False)
@@ -134,6 +137,7 @@ def test_without_other_data_nothing_is_refined(folder: Path) -> None:
     assert refine(found, servo, train, ()) is found
 
 
+@nightly
 def test_the_study_of_pulses_uses_them(folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     out = tmp_path / "out"
     assert main(["study", str(folder / "pulses.toml"), "-o", str(out), "--workers", "1"]) == 0
@@ -203,6 +207,7 @@ def test_growth_of_a_loop_in_closed_form() -> None:
     assert loop_growth(free, 0.1, 50.0) == pytest.approx(1.0)
 
 
+@nightly
 def test_identify_writes_no_fmu_of_a_wrong_sign(
     folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

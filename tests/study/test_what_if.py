@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from made_up_study import made_up_study
 from small_axis import LAW, NOISE, SERVO, bench_of, runs_of
+from thorough import some
 
 from friction_fmus.axis.loop import Compensator, run_loop
 from friction_fmus.axis.pool import PartPool
@@ -28,7 +29,7 @@ CASES = {
 }
 
 
-@pytest.mark.parametrize("case", CASES.values(), ids=CASES)
+@pytest.mark.parametrize("case", some([*CASES.values()], [CASES["delay"]]), ids=lambda case: case.name)
 @pytest.mark.parametrize("law", [None, LAW], ids=["alone", "compensated"])
 @pytest.mark.parametrize("noise", [0.0, 1e-7], ids=["exact", "noisy"])
 def test_a_knob_changes_the_axis_as_the_study_does(

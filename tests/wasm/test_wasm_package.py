@@ -13,6 +13,7 @@ from typing import Any
 
 import pytest
 from fmpy import read_model_description
+from thorough import nightly, some
 from wasm.engines import ENGINES, node, run_in
 
 from friction_fmus import build, fmu
@@ -137,6 +138,7 @@ def test_a_block_that_needs_an_operating_system_is_refused(tmp_path: Path) -> No
         build(block, tmp_path / "out", platforms=("wasm32",))
 
 
+@nightly
 @pytest.mark.skipif(shutil.which("tsc") is None, reason="tsc is not installed")
 def test_typescript_accepts_the_types_and_rejects_wrong_names(package: Path, tmp_path: Path) -> None:
     good = """
@@ -195,6 +197,7 @@ def test_values_steps_and_states(package: Path) -> None:
     assert found["reset"] == [1, 2, 0.75, 0]
 
 
+@nightly
 @needs_node
 def test_commands_and_program_of_the_page_work(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     page = (EXAMPLES.parent / "docs" / "browser.md").read_text()
@@ -306,7 +309,8 @@ def test_a_refused_call_says_why_and_changes_nothing(package: Path) -> None:
     assert {name: text for name, (text, _) in found.items()} == expected
 
 
-@pytest.mark.parametrize("engine", ENGINES)
+@nightly
+@pytest.mark.parametrize("engine", some(ENGINES, ENGINES[:1]))
 def test_classic_scripts_run_without_network_under_a_strict_policy(engine: str, tmp_path: Path) -> None:
     """A composite too: the stick-slip of examples/, whose belt starts to pull."""
     (tmp_path / "class.js").write_text(class_script())

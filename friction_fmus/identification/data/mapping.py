@@ -39,6 +39,8 @@ class Column:
         1, or -1 to invert the sign.
     period : str
         Sample time, such as ``1 ms``, if the file has no column for the time.
+    held : bool
+        Whether the force is a command that the drive holds until the next sample.
     """
 
     column: str
@@ -46,6 +48,7 @@ class Column:
     gain: str = ""
     sign: int = 1
     period: str = ""
+    held: bool = False
 
 
 @dataclass(frozen=True)
@@ -203,7 +206,13 @@ def _column(role: str, value: Any, origin: str) -> Column:
         return Column(value)
     if not isinstance(value, Mapping):
         raise RecordError(f'{where} is {shown(value)}; use {{ column = "heading", unit = "..." }}.')
-    keys = ("column", "unit", "gain", "sign", *(("period",) if role == "time" else ()))
+    keys = (
+        "column",
+        "unit",
+        "gain",
+        "sign",
+        *(("period",) if role == "time" else ("held",) if role == "force" else ()),
+    )
     _known(value, keys, where, "key")
     if ("column" in value) == ("period" in value):
         choice = "either column or period" if role == "time" else "column"
@@ -216,7 +225,9 @@ def _column(role: str, value: Any, origin: str) -> Column:
         raise RecordError(f"{where} has sign = {shown(sign)}; use 1 or -1.")
     if not isinstance(gain := value.get("gain", ""), str) and number(gain) is None:
         raise RecordError(f"{where} has gain = {shown(gain)}; use a number with a unit, such as '35.15 N/V'.")
-    found = Column(value.get("column", ""), value.get("unit", ""), str(gain), int(sign), value.get("period", ""))
+    if not isinstance(held := value.get("held", False), bool):
+        raise RecordError(f"{where} has held = {shown(held)}; use true or false.")
+    found = Column(value.get("column", ""), value.get("unit", ""), str(gain), int(sign), value.get("period", ""), held)
     if MISSING in (found.column, found.unit, found.gain):
         raise RecordError(f"{where} has a {MISSING} for a missing entry; replace it.")
     _check_units(role, found, where)

@@ -162,13 +162,14 @@ def read_measurement(
         what = f"The time starts at {shift:.0f} s."
         findings.append(Finding("absolute-time", what, "It is counted from the first sample on."))
     quantum = _quantum(columns["q"]) if "q" in columns else 0.0
+    held = "force" in known.columns and known.columns["force"].held
     segments, about_time = equally_spaced(t, columns)
     findings += about_time
     if not segments:
         raise RecordError(f"{path} has no {SHORTEST} samples without a gap; log longer without interruption.")
     names = [known.name] if len(segments) == 1 else [f"{known.name}, segment {i + 1}" for i in range(len(segments))]
     records = tuple(
-        Record(name, segment.t, units=units, citation=known.citation, quantum=quantum, **segment.columns)
+        Record(name, segment.t, units=units, citation=known.citation, quantum=quantum, held=held, **segment.columns)
         for name, segment in zip(names, segments, strict=True)
     )
     findings += plausible(records, known.columns)

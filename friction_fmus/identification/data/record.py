@@ -72,6 +72,9 @@ class Record:
     injected : array, shape (n,), optional
         Force added to that of the servo from outside, in `units.force`; `force` does not contain it, see
         `with_total_force`.
+    held : bool
+        Whether the forces are commands that the drive holds from one sample to the next, instead of values at the
+        samples.
 
     Raises
     ------
@@ -92,6 +95,7 @@ class Record:
     citation: str = ""
     quantum: float = 0.0
     injected: Array | None = None
+    held: bool = False
 
     def __post_init__(self) -> None:
         """Convert the columns to read-only arrays and validate them."""
@@ -183,6 +187,17 @@ class Record:
         if self.force is None or self.injected is None:
             return self
         return replace(self, force=self.force + self.injected, injected=None)
+
+    def force_at_samples(self) -> Array:
+        """Return the total drive force to which the acceleration at each sample belongs.
+
+        Returns
+        -------
+        array, shape (n,)
+            For a held force, the mean of its values before and after the sample.
+        """
+        force = self.with_total_force().column("force")
+        return 0.5 * (force + np.append(force[0], force[:-1])) if self.held else force
 
     def window(self, begin: float, end: float) -> Record:
         """Return the samples with begin <= t <= end.

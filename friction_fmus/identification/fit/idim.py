@@ -20,6 +20,7 @@ import scipy.signal
 
 from friction_fmus.identification.data.record import Array, Record
 from friction_fmus.identification.errors import ExcitationError, FitError, RecordError
+from friction_fmus.identification.fit.coloured import coloured_covariance, correlation_length
 from friction_fmus.identification.fit.estimate import Estimate
 from friction_fmus.identification.fit.rank import dependent_columns
 
@@ -28,9 +29,9 @@ from friction_fmus.identification.fit.rank import dependent_columns
 class InverseModelSettings:
     """Settings of the regression of the inverse model.
 
-    The defaults are the settings used by the authors of the EMPS record: the bandwidth of the motion is 20 Hz, the
-    filter cuts off at five times that, and the rows are decimated to 100 Hz, which keeps the motion and avoids
-    residuals correlated by the filter.
+    The defaults are those of the authors of the EMPS record, except for the border: the bandwidth of the motion is
+    20 Hz, the filter cuts off at five times that, and the rows are decimated to 100 Hz, which keeps the motion and
+    avoids residuals correlated by the filter.
 
     Attributes
     ----------
@@ -38,17 +39,93 @@ class InverseModelSettings:
         Cut-off frequency of the zero-phase Butterworth filter of the position [Hz].
     order : int
         Order of this filter in each direction.
-    border : int
-        Number of initial samples to discard, where filter and differences settle.
+    border : (float, float), optional
+        Times at the beginning and at the end of a record to discard, where filter and differences settle [s]; by
+        default `SETTLING` over the cut-off frequency.
     decimation : int
         Decimation factor of the rows. Regressors and force are filtered alike, by an 8th-order zero-phase Chebyshev
         filter at 0.8 of the new Nyquist frequency.
+    order_of_differences : {2, 4}
+        Order of the central differences for velocity and acceleration: with 2, a mass appears larger by (w Ts)^2 / 3.
     """
 
     cutoff: float = 100.0
     order: int = 4
-    border: int = 49
+    border: tuple[float, float] | None = None
     decimation: int = 10
+    order_of_differences: int = 4
+
+    def rows(self, signal: Array, Ts: float) -> Array:
+        """Return a signal without its ends, filtered and decimated.
+
+        Parameters
+        ----------
+        signal : array, shape (n,) or (n, columns)
+            Signal at all samples.
+        Ts : float
+            Sample time [s].
+
+        Returns
+        -------
+        array, shape (rows,) or (rows, columns)
+            Filtered rows.
+        """
+        return decimate(self._inside(signal, Ts), self.decimation)
+
+    def times(self, t: Array, Ts: float) -> Array:
+        """Return the times of the rows.
+
+        Parameters
+        ----------
+        t : array, shape (n,)
+            Times of all samples [s].
+        Ts : float
+            Sample time [s].
+
+        Returns
+        -------
+        array, shape (rows,)
+            Times [s].
+        """
+        inside = self._inside(t, Ts)
+        return inside[(len(inside) - 1) % self.decimation :: self.decimation]
+
+    def require(self, record: Record, columns: int = 1) -> None:
+        """Raise RecordError if a record is too short for the border and for rows of several columns.
+
+        Parameters
+        ----------
+        record : Record
+            Record to be used.
+        columns : int
+            Number of unknowns.
+        """
+        first, last = self._discarded(record.Ts)
+        _require_length(record, first + last + max(25, (columns + 1) * self.decimation))
+
+    def _inside(self, signal: Array, Ts: float) -> Array:
+        first, last = self._discarded(Ts)
+        return signal[first : max(len(signal) - last, first)]
+
+    def _discarded(self, Ts: float) -> tuple[int, int]:
+        first, last = self.border or (SETTLING / self.cutoff,) * 2
+        return round(first / Ts), round(last / Ts)
+
+
+#: Time in which filter and differences settle, over the period of the cut-off frequency: transients of the slowest pole
+#: of order 4 have then decayed to 8e-6.
+SETTLING = 4.9
+
+#: Settings with which the values of the EMPS record were published, with differences of second order: only the
+#: beginning is discarded, as the axis is in motion there.
+PUBLISHED_SETTINGS = InverseModelSettings(border=(0.049, 0.0), order_of_differences=2)
+
+
+def default_settings(record: Record) -> InverseModelSettings:
+    """Return the filter used for the EMPS record, scaled to the sample rate and limited to its 100 Hz."""
+    rate = 1.0 / record.Ts
+    cutoff = min(100.0, 0.1 * rate)
+    return InverseModelSettings(cutoff=cutoff, decimation=max(1, round(rate / cutoff)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,7 +184,7 @@ def filtered_motion(record: Record, settings: InverseModelSettings | None = None
     record : Record
         Record with a position.
     settings : InverseModelSettings, optional
-        Cut-off frequency and order of the filter.
+        Cut-off frequency and order of the filter; by default `default_settings`.
 
     Returns
     -------
@@ -124,7 +201,7 @@ def filtered_motion(record: Record, settings: InverseModelSettings | None = None
     The reflection at the ends is three times the filter order, as in MATLAB's ``filtfilt``, which was used for the
     published values; scipy's default is three samples longer.
     """
-    settings = InverseModelSettings() if settings is None else settings
+    settings = default_settings(record) if settings is None else settings
     nyquist = 0.5 / record.Ts
     if not 0.0 < settings.cutoff < nyquist:
         raise RecordError(
@@ -134,8 +211,17 @@ def filtered_motion(record: Record, settings: InverseModelSettings | None = None
     sos = scipy.signal.butter(settings.order, settings.cutoff / nyquist, output="sos")
     _require_length(record, 3 * settings.order + 1)
     q = np.asarray(scipy.signal.sosfiltfilt(sos, record.column("q"), padlen=3 * settings.order), dtype=np.float64)
-    v = np.gradient(q, record.Ts)
-    return Motion(q, v, np.gradient(v, record.Ts))
+    v = derivative(q, record.Ts, settings.order_of_differences)
+    return Motion(q, v, derivative(v, record.Ts, settings.order_of_differences))
+
+
+def derivative(values: Array, Ts: float, order: int = 4) -> Array:
+    """Return the central differences of values of shape (n,), of second order near the ends."""
+    found = np.asarray(np.gradient(values, Ts), dtype=np.float64)
+    if order == 4 and len(values) > 4:
+        near, far = values[3:-1] - values[1:-3], values[4:] - values[:-4]
+        found[2:-2] = (8.0 * near - far) / (12.0 * Ts)
+    return found
 
 
 def identify_inverse_model(record: Record, settings: InverseModelSettings | None = None) -> InverseModelFit:
@@ -146,7 +232,7 @@ def identify_inverse_model(record: Record, settings: InverseModelSettings | None
     record : Record
         Record with position and force.
     settings : InverseModelSettings, optional
-        Filters; by default the published ones.
+        Filters; by default `default_settings`.
 
     Returns
     -------
@@ -162,16 +248,18 @@ def identify_inverse_model(record: Record, settings: InverseModelSettings | None
 
     Notes
     -----
-    Method of Janot, Gautier, Brunot 2019, with the settings of the script `Script_IDIM_LS.m` published with the record;
-    the result agrees with their values in all printed digits. The sign is taken from the *filtered* velocity at the
-    full rate, before decimation. All regressors and the force are decimated by 10, to 100 Hz, with the same zero-phase
-    filter; the first 49 samples are discarded. The 20 Hz mentioned in their text are the bandwidth of the motion, not
-    the rate of the rows: decimation to 20 Hz would give M = 94.66 kg.
+    Method of Janot, Gautier, Brunot 2019. With `PUBLISHED_SETTINGS`, those of the script `Script_IDIM_LS.m` published
+    with the record, the result agrees with their values in all printed digits. The sign is taken from the *filtered*
+    velocity at the full rate, before decimation. All regressors and the force are decimated by 10, to 100 Hz, with the
+    same zero-phase filter. The 20 Hz mentioned in their text are the bandwidth of the motion, not the rate of the rows:
+    decimation to 20 Hz would give M = 94.66 kg.
 
-    The standard errors are those of ordinary least squares, s sqrt(diag((W'W)^-1)), which assume uncorrelated
-    residuals.
+    The motion at the ends of a record is wrong, because a filter continues it by a reflection; rows within `SETTLING`
+    of an end are discarded. Their script keeps the last ones, which is right if the axis is at rest there.
+
+    The standard errors are those of `coloured_covariance`; the published ones assume uncorrelated residuals.
     """
-    settings = InverseModelSettings() if settings is None else settings
+    settings = default_settings(record) if settings is None else settings
     motion = filtered_motion(record, settings)
     columns = {
         "M": motion.a,
@@ -195,7 +283,7 @@ def identify_inverse_stribeck(
     record : Record
         Record with position and force.
     settings : InverseModelSettings, optional
-        Filters; by default the published ones.
+        Filters; by default `default_settings`.
     deltas : sequence of float
         Exponents of the grid.
     vs : iterable of float, optional
@@ -221,7 +309,7 @@ def identify_inverse_stribeck(
     searched on a grid, and the others follow from linear least squares (variable projection; G. Golub, V. Pereyra,
     1973).
     """
-    settings = InverseModelSettings() if settings is None else settings
+    settings = default_settings(record) if settings is None else settings
     motion = filtered_motion(record, settings)
     if vs is None:
         top = float(np.max(np.abs(motion.v)))
@@ -301,14 +389,14 @@ def _linear_fit(
     record: Record, motion: Motion, columns: Mapping[str, Array], settings: InverseModelSettings
 ) -> tuple[InverseModelFit, Array]:
     """Return the least-squares fit of the force on the columns, and the covariance of its parameters."""
-    if settings.decimation < 1 or settings.border < 0:
+    if settings.decimation < 1 or min(settings.border or (0.0,)) < 0.0:
         raise FitError(
             f"The decimation is {settings.decimation} and the border {settings.border}; they must be at least 1 and 0."
         )
-    _require_length(record, settings.border + max(25, (len(columns) + 1) * settings.decimation))
+    settings.require(record, len(columns))
     names = list(columns)
-    W = decimate(np.column_stack(list(columns.values()))[settings.border :], settings.decimation)
-    force = decimate(record.with_total_force().column("force")[settings.border :], settings.decimation)
+    W = settings.rows(np.column_stack(list(columns.values())), record.Ts)
+    force = settings.rows(record.force_at_samples(), record.Ts)
 
     length = np.linalg.norm(W, axis=0)
     if np.any(length == 0.0):
@@ -316,7 +404,7 @@ def _linear_fit(
             f"The record {record.name!r} contains no excitation for {names[int(np.argmin(length))]}; record a motion "
             "with accelerations in both directions and several speeds."
         )
-    _, singular, right = np.linalg.svd(W / length, full_matrices=False)
+    U, singular, right = np.linalg.svd(W / length, full_matrices=False)
     if mixed := dependent_columns(singular, right, names):
         raise ExcitationError(
             f"The record {record.name!r} does not allow {' and '.join(mixed)} to be separated; record a motion with "
@@ -324,8 +412,8 @@ def _linear_fit(
         )
     theta = right.T @ ((right @ (W.T @ force / length)) / singular**2) / length
     residual = force - W @ theta
-    variance = float(residual @ residual) / (len(force) - len(names))
-    covariance = variance * (right.T / singular**2) @ right / np.outer(length, length)
+    back = right.T / singular / length[:, None]
+    covariance = coloured_covariance(back, U, residual, [len(residual)], correlation_length(residual))
 
     errors = np.sqrt(np.diag(covariance))
     units = {"M": record.units.inertia, "Fv": record.units.viscous}
@@ -337,7 +425,7 @@ def _linear_fit(
         parameters,
         relative_residual=float(np.linalg.norm(residual) / np.linalg.norm(force)),
         condition=float(singular[0] / singular[-1]),
-        v=decimate(motion.v[settings.border :], settings.decimation),
+        v=settings.rows(motion.v, record.Ts),
         friction=force - theta[names.index("M")] * W[:, names.index("M")],
     )
     return fit, covariance

@@ -94,33 +94,27 @@ class Regressor:
         Velocity over which the sign is smoothed [m/s].
     columns : array, shape (n, 2 (nodes - 1))
         Drive force for a unit of each coefficient, at the rows of the residual.
-    used : array of bool, shape (n,)
-        Rows that count: not those at the end of a record, where the filter makes large accelerations of a motion.
     """
 
     grid: Grid
     v_sign: float
     columns: Array
-    used: NDArray[np.bool_]
 
     def __post_init__(self) -> None:
         """Factorise the normal equations."""
-        columns = self.columns[self.used]
-        normal = columns.T @ columns + np.eye(columns.shape[1])
+        normal = self.columns.T @ self.columns + np.eye(self.columns.shape[1])
         object.__setattr__(self, "_factor", scipy.linalg.cho_factor(normal, overwrite_a=True))
 
     def coefficients(self, residual: Array) -> Array:
         """Return the coefficients that reduce a residual of shape (n,) or (n, columns) most."""
         factor = object.__getattribute__(self, "_factor")
-        found: Array = -scipy.linalg.cho_solve(factor, self.columns[self.used].T @ residual[self.used])
+        found: Array = -scipy.linalg.cho_solve(factor, self.columns.T @ residual)
         return found
 
     def project(self, residual: Array) -> Array:
         """Return the residual that remains, followed by the coefficients, so that their squares add up to the cost."""
         coefficients = self.coefficients(residual)
-        remaining = residual + self.columns @ coefficients
-        remaining[~self.used] = 0.0
-        return np.concatenate([remaining, coefficients])
+        return np.concatenate([residual + self.columns @ coefficients, coefficients])
 
     def table(self, coefficients: Array) -> PositionMap:
         """Return the table for coefficients in the unit of the force."""
@@ -180,10 +174,10 @@ def force_on_axis(table: PositionMap | None, segment: PreparedSegment) -> Array:
 
 def _choose(fit: Fit, segments: Sequence[PreparedSegment]) -> tuple[Regressor, float, float] | None:
     """Return the regression with the best number of nodes, and the cross-validation error with and without it."""
-    size, used = fit.problem.size, np.concatenate([_settled(segment) for segment in segments])
+    size = fit.problem.size
     over_speed = np.concatenate([segment.rows(_over_speed(segment)) for segment in segments])
-    J = np.hstack([fit.found.J, over_speed])[used]
-    residual = fit.found.residual[used]
+    J = np.hstack([fit.found.J, over_speed])
+    residual = fit.found.residual
     scale = np.linalg.norm(J, axis=0)
     J = J / np.where(scale > 0.0, scale, 1.0)
     block = np.arange(len(J)) * BLOCKS // len(J)
@@ -192,8 +186,8 @@ def _choose(fit: Fit, segments: Sequence[PreparedSegment]) -> tuple[Regressor, f
     for nodes in NODES:
         if nodes * ROWS_PER_NODE > len(J):
             break
-        regressor = _regressor(segments, nodes, used)
-        tried.append((_crossed(J, regressor.columns[used], residual, block), regressor))
+        regressor = _regressor(segments, nodes)
+        tried.append((_crossed(J, regressor.columns, residual, block), regressor))
     least = min((error for error, _ in tried), default=np.inf)
     if least > HELPS * without or without - least < MATTERS:
         return None
@@ -201,7 +195,7 @@ def _choose(fit: Fit, segments: Sequence[PreparedSegment]) -> tuple[Regressor, f
     return regressor, error * size, without * size
 
 
-def _regressor(segments: Sequence[PreparedSegment], nodes: int, used: NDArray[np.bool_]) -> Regressor:
+def _regressor(segments: Sequence[PreparedSegment], nodes: int) -> Regressor:
     """Return the regression on a table over the whole travel, or over a turn of an axis that turns further."""
     q = np.concatenate([segment.record.column("q") for segment in segments])
     v_sign = SIGN * max(float(np.max(np.abs(segment.inputs["v"]))) for segment in segments)
@@ -211,7 +205,7 @@ def _regressor(segments: Sequence[PreparedSegment], nodes: int, used: NDArray[np
     small = sum(len(segment.measured) for segment in segments) * nodes <= KEPT
     rows = _rows if small else _rows.__wrapped__
     columns = np.concatenate([rows(_Path(segment), grid, v_sign) for segment in segments])
-    return Regressor(grid, v_sign, columns, used)
+    return Regressor(grid, v_sign, columns)
 
 
 class _Path:
@@ -247,12 +241,6 @@ def _over_speed(segment: PreparedSegment) -> Array:
     v = segment.inputs["v"]
     speed = np.abs(v) / max(float(np.max(np.abs(v))), 1e-300)
     return np.column_stack([np.sign(v) * np.interp(speed, SPEEDS, row) for row in np.eye(len(SPEEDS))])
-
-
-def _settled(segment: PreparedSegment) -> NDArray[np.bool_]:
-    """Return which rows are not in the border of the filter at the end of a record."""
-    border = 0 if segment.filter is None else -(-segment.filter.border // segment.filter.decimation)
-    return np.arange(len(segment.measured)) < len(segment.measured) - border
 
 
 def _basis(nodes: int) -> Array:

@@ -9,13 +9,12 @@ from typing import Literal, get_args
 
 import numpy as np
 import scipy.optimize
-import scipy.stats
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
 from friction_fmus.identification.data.record import Array
 from friction_fmus.identification.errors import FitError
-from friction_fmus.identification.fit.output_error import score_covariance
+from friction_fmus.identification.fit.coloured import coloured_covariance, correlation_length
 from friction_fmus.identification.fit.problem import Problem
 
 #: Number of random candidates for each additional start point.
@@ -46,8 +45,8 @@ FAR = 1.0
 #: Number of halvings of the way back.
 HALVINGS = 8
 
-#: Probability (p value) below which residuals count as correlated.
-WHITE = 1e-3
+#: Smallest curvature of a robust loss in a direction, over that of the square: the loss is flat beyond.
+FLATTEST = 0.01
 
 Loss = Literal["linear", "soft_l1", "huber", "cauchy", "arctan"]
 
@@ -85,7 +84,9 @@ class SearchResult:
         return float(np.mean(np.square(self.residual)))
 
 
-def search(problem: Problem, loss: Loss, starts: int, tolerance: float = CLOSE) -> SearchResult:
+def search(
+    problem: Problem, loss: Loss, starts: int, tolerance: float = CLOSE, begin: Array | None = None
+) -> SearchResult:
     """Minimise the residuals from the start point of the problem and from random points around it.
 
     Parameters
@@ -99,6 +100,8 @@ def search(problem: Problem, loss: Loss, starts: int, tolerance: float = CLOSE) 
         searches use a part of the samples, and the best result is refined on all samples.
     tolerance : float
         Relative change of the cost at which the search on all samples ends.
+    begin : array, shape (p,), optional
+        First start point, if not that of the problem.
 
     Raises
     ------
@@ -110,7 +113,7 @@ def search(problem: Problem, loss: Loss, starts: int, tolerance: float = CLOSE) 
     if starts < 1:
         raise FitError(f"The number of starts is {starts}; use at least 1.")
     lower, upper = problem.bounds()
-    first = np.clip(problem.start(), lower, upper)
+    first = np.clip(problem.start() if begin is None else begin, lower, upper)
     farthest = np.where([c.log for c in problem.coordinates], math.log(FARTHEST), np.inf)
     lower, upper = np.maximum(lower, first - farthest), np.minimum(upper, first + farthest)
     thin = problem.thinned()
@@ -227,60 +230,33 @@ def _one(
     return SearchResult(x, error, problem.jacobian(x, error), converged, loss, scale)
 
 
-def correlation_length(residual: Array) -> int:
-    """Return the lag in samples up to which residuals are correlated; 0 for white noise.
-
-    Notes
-    -----
-    Whiteness is tested with G. Ljung, G. Box, "On a measure of lack of fit in time series models", Biometrika 65, 1978,
-    over 20 lags at the level `WHITE`. For correlated residuals, the result is twice the first lag with a correlation
-    within 2/sqrt(n) of zero.
-    """
-    n = len(residual)
-    centred = residual - np.mean(residual)
-    power = float(centred @ centred)
-    if n < 60 or power == 0.0:
-        return 0
-    size = 1 << (2 * n - 1).bit_length()
-    spectrum = np.abs(np.fft.rfft(centred, size)) ** 2
-    rho = np.fft.irfft(spectrum, size)[:n] / power
-    lags = np.arange(1, 21)
-    statistic = n * (n + 2) * float(np.sum(rho[1:21] ** 2 / (n - lags)))
-    if scipy.stats.chi2.sf(statistic, 20) > WHITE:
-        return 0
-    small = np.flatnonzero(np.abs(rho[1:]) < 2.0 / math.sqrt(n))
-    first = int(small[0]) + 1 if small.size else n // 4
-    return min(max(2 * first, 1), n // 4)
-
-
 def covariance(found: SearchResult, lengths: Sequence[int]) -> tuple[Array, bool]:
     """Return the covariance of the coordinates, and whether it is the robust estimate.
 
     Notes
     -----
-    The covariance is s^2 (J'J)^-1 for white residuals and the loss "linear"; otherwise B^-1 S B^-1 with S of Newey and
-    West, as in `fit_output_error`. For a robust loss rho (P. Huber, "Robust estimation of a location parameter", Annals
-    of Mathematical Statistics 35, 1964), the scores are rho'(z) r J and B = J' (rho' + 2 z rho'') J with
-    z = (r/scale)^2. Directions that the residuals do not depend on have zero variance in the result.
+    The covariance is s^2 (J'J)^-1 for white residuals and the loss "linear"; otherwise B^-1 S B^-1. For a robust loss
+    rho (P. Huber, "Robust estimation of a location parameter", Annals of Mathematical Statistics 35, 1964), the scores
+    are rho'(z) r J and B = J' (rho' + 2 z rho'') J with z = (r/scale)^2, in which single terms may be negative. For S,
+    see `coloured_covariance`. Directions that the residuals do not depend on have zero variance in the result.
     """
     J, residual = found.J, found.residual
     ends = np.cumsum(lengths)[:-1]
     lag = max(correlation_length(segment) for segment in np.split(residual, ends))
     weight, curvature = _weights(found.loss, (residual / found.scale) ** 2)
     # singular values of J, because small ones of J'J would be lost in rounding errors
-    _, singular, right = np.linalg.svd(J * np.sqrt(curvature)[:, None], full_matrices=False)
-    right, singular = right[singular > UNSEEN * singular[0]], singular[singular > UNSEEN * singular[0]]
-    inverse = (right.T / singular**2) @ right
+    U, singular, right = np.linalg.svd(J, full_matrices=False)
+    kept = singular > UNSEEN * singular[0]
+    U, right = U[:, kept], right[kept].T / singular[kept]
     if lag == 0 and found.loss == "linear":
-        return inverse * float(residual @ residual) / max(1, len(residual) - J.shape[1]), False
-    total = np.zeros((J.shape[1], J.shape[1]))
-    for rows, errors in zip(np.split(J, ends), np.split(weight * residual, ends), strict=True):
-        total += score_covariance(rows, errors, [len(errors)], lag)
-    return inverse @ total @ inverse, True
+        return right @ right.T * float(residual @ residual) / max(1, len(residual) - J.shape[1]), False
+    scale, axes = np.linalg.eigh(U.T @ (curvature[:, None] * U))
+    inverse = (axes / np.maximum(scale, FLATTEST)) @ axes.T
+    return coloured_covariance(right @ inverse, U, weight * residual, lengths, lag), True
 
 
 def _weights(loss: str, z: Array) -> tuple[Array, Array]:
-    """Return rho' and max(rho' + 2 z rho'', 0) of a loss of `scipy.optimize.least_squares`."""
+    """Return rho' and rho' + 2 z rho'' of a loss of `scipy.optimize.least_squares`."""
     if loss == "linear":
         first, second = np.ones_like(z), np.zeros_like(z)
     elif loss == "soft_l1":
@@ -292,4 +268,4 @@ def _weights(loss: str, z: Array) -> tuple[Array, Array]:
         first, second = 1.0 / (1.0 + z), -((1.0 + z) ** -2)
     else:
         first, second = 1.0 / (1.0 + z**2), -2.0 * z / (1.0 + z**2) ** 2
-    return first, np.maximum(first + 2.0 * z * second, 0.0)
+    return first, first + 2.0 * z * second

@@ -28,6 +28,10 @@ GAP = 0.3
 #: Step of the finite differences, over the standard deviations of the prior.
 DIFFERENCE = 0.03
 
+#: Change of a first state that counts as a standard deviation, over the step of its finite differences: at rest, the
+#: motion does not depend on the first velocity, and an unlimited step would go astray.
+FREE = 100.0
+
 
 @dataclass(frozen=True, eq=False)
 class Arc:
@@ -146,9 +150,9 @@ def shoot(
     run, linear = _linearise(simulate, arcs, x, states, prior, steps)
     for _ in range(ITERATIONS):
         weight = _weight(run, independent)
-        pull = np.zeros((p, linear.J.shape[1]))
-        pull[:, -p:] = np.diag(1.0 / prior.deviation)
-        right = np.concatenate([weight * linear.shift, (x - prior.mean) / prior.deviation])
+        free = np.tile(FREE * steps, linear.J.shape[1] // 2)[: linear.J.shape[1] - p]
+        pull = np.diag(1.0 / np.concatenate([free, prior.deviation]))
+        right = np.concatenate([weight * linear.shift, np.zeros(len(free)), (x - prior.mean) / prior.deviation])
         y = -np.linalg.lstsq(np.vstack([weight * linear.J, pull]), right, rcond=None)[0]
         change = linear.states @ y + linear.offset
         before = _merit(run, weight, x, prior)

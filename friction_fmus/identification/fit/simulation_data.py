@@ -10,7 +10,7 @@ import numpy as np
 
 from friction_fmus.identification.data.record import Array, Record
 from friction_fmus.identification.errors import RecordError
-from friction_fmus.identification.fit.idim import InverseModelSettings, decimate, filtered_motion
+from friction_fmus.identification.fit.idim import InverseModelSettings, default_settings, derivative, filtered_motion
 from friction_fmus.identification.fit.models import ContactModel, Traits
 from harness import Drive
 from harness.parts.part import StartValue
@@ -86,7 +86,7 @@ class PreparedSegment:
         """Return a signal of shape (n,) or (n, columns), filtered and decimated like the measured one."""
         if self.filter is None:
             return signal
-        return decimate(signal[self.filter.border :], self.filter.decimation)
+        return self.filter.rows(signal, self.record.Ts)
 
     def predicted(self, F: Array, M: float, OF: float) -> Array:
         """Return the predicted signal for a friction force, mass and offset."""
@@ -150,7 +150,6 @@ def prepare(
     RecordError
         If the normal force is not positive, or the record is too short for the filter.
     """
-    record = record.with_total_force()
     filter_ = settings if settings is not None else default_settings(record)
     inputs: dict[str, Array] = {}
     a: Array | None = None
@@ -158,12 +157,13 @@ def prepare(
     used: InverseModelSettings | None = None
     if signal == "force":
         used = filter_
+        used.require(record)
         if record.q is not None:
             motion = filtered_motion(record, filter_)
             v, a = motion.v, motion.a
         else:
             v = record.column("v")
-            a = np.gradient(v, record.Ts)
+            a = derivative(v, record.Ts)
         if not model.static:
             # the nearer value gives second-order accuracy of path and force, as linear interpolation does, and bristle
             # models step it exactly; the later value would reduce sigma1 by about sigma0 Ts/2
@@ -184,17 +184,10 @@ def prepare(
     else:
         x = np.append(0.0, np.cumsum(0.5 * (v[1:] + v[:-1]) * record.Ts))
     segment = PreparedSegment(record, inputs, between, x, a, per, np.zeros(0), record.t, used)
-    column = record.column("force" if signal == "force" else "friction")
+    column = record.force_at_samples() if signal == "force" else record.column("friction")
     measured = column / per if per is not None else segment.rows(column)
-    t = record.t if used is None else _kept(record.t[used.border :], used.decimation)
+    t = record.t if used is None else used.times(record.t, record.Ts)
     return replace(segment, measured=measured, t=t)
-
-
-def default_settings(record: Record) -> InverseModelSettings:
-    """Return the filter used for the EMPS record, scaled to the sample rate and limited to its 100 Hz."""
-    rate = 1.0 / record.Ts
-    cutoff = min(100.0, 0.1 * rate)
-    return InverseModelSettings(cutoff=cutoff, decimation=max(1, round(rate / cutoff)))
 
 
 def traits(segments: Sequence[PreparedSegment], scale: float = 1.0) -> Traits:
@@ -306,7 +299,3 @@ def _normal(record: Record) -> Array:
             f"{record.t[int(np.argmin(normal))]:g} s; select a window in which the contact is loaded."
         )
     return normal
-
-
-def _kept(t: Array, factor: int) -> Array:
-    return t[(len(t) - 1) % factor :: factor]

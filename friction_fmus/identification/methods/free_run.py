@@ -25,7 +25,6 @@ from friction_fmus.identification.fit.idim import filtered_motion
 from friction_fmus.identification.fit.models import contact_model, state_sizes
 from friction_fmus.identification.fit.scores import criteria, independent_samples, score, weak_parameters
 from friction_fmus.identification.fit.shooting import Arc, Prior, ShootingResult, shoot
-from friction_fmus.identification.fit.simulation_data import default_settings
 from harness import HarnessError, System
 from harness.parts.part import StartValue
 
@@ -139,7 +138,7 @@ def _free(result: Identification, record: Record, longest: float = FINEST) -> Sy
     plant = Plant(contact.name, own, values["M"], values.get("OF", 0.0), table)
     middle = 0.5 * (result.records[0].t[0] + result.records[-1].t[-1])
     rotary = record.units == ROTARY
-    force, trend = record.column("force"), record.t - middle
+    force, trend = record.with_total_force().column("force"), record.t - middle
     return free_axis(plant, record.t, force, trend, rotary=rotary, contact=contact.path, longest=longest)
 
 
@@ -162,7 +161,8 @@ def _start(result: Identification, values: Mapping[str, float], state: Array) ->
 def _fit(found: Identification, names: Sequence[str]) -> ShootingResult:
     """Return the result of multiple shooting for these parameters."""
     contact = contact_model(found.block, found.records[0].units)
-    force = float(np.sqrt(np.mean([np.mean(np.square(record.column("force"))) for record in found.records])))
+    forces = [record.with_total_force().column("force") for record in found.records]
+    force = float(np.sqrt(np.mean([np.mean(np.square(each)) for each in forces])))
     span = found.records[-1].t[-1] - found.records[0].t[0]
     known = found.values()
     mean, deviation, lower, upper = [], [], [], []
@@ -202,7 +202,7 @@ def _arcs(records: Sequence[Record]) -> tuple[list[Arc], Array]:
     """Return arcs of about `ARC`, which begin where the axis is fast, and their measured first states."""
     arcs, states = [], []
     for index, record in enumerate(records):
-        q, motion = record.column("q"), filtered_motion(record, default_settings(record))
+        q, motion = record.column("q"), filtered_motion(record)
         width = max(START, round(ARC / record.Ts))
         begins = [0]
         for middle in range(width, len(record) - width // 2, width):

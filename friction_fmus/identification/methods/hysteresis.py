@@ -37,6 +37,9 @@ FINER = (-1.0, -0.66, -0.33, 0.0, 0.33, 0.66, 1.0)
 #: Largest number of refinements of the grid of elements, and the relative improvement that justifies another one.
 REFINEMENTS, WORTHWHILE = 3, 0.01
 
+#: Relative change of the cost at which a search from a grid ends that a finer grid improves further.
+ROUGH = 1e-2
+
 
 def fit(data: FitData, loss: Loss, starts: int | None) -> Fit:
     """Fit elements on a coarse grid of break-away distances, then on finer grids around the distances found.
@@ -58,18 +61,18 @@ def fit(data: FitData, loss: Loss, starts: int | None) -> Fit:
     common = data.model, data.segments, data.traits, data.constraints, data.units, data.Fn0
     setup = hysteresis_setup(*common)
     problem = data.problem(setup)
-    found = search(problem, loss, starts or 1)
+    found = search(problem, loss, starts or 1, ROUGH)
     for _ in range(REFINEMENTS):
         finer = hysteresis_setup(*common, problem.values(found.x, None))
         again = data.problem(finer)
         again.simulations = problem.simulations
-        better = search(again, loss, 1)
+        better = search(again, loss, 1, ROUGH)
         improved = better.cost < (1.0 - WORTHWHILE) * found.cost
         if better.cost < found.cost:
             setup, problem, found = finer, again, better
         if not improved:
             break
-    return Fit(setup, problem, found)
+    return Fit(setup, problem, search(problem, loss, 1, begin=found.x))
 
 
 def hysteresis_setup(

@@ -20,7 +20,7 @@ static const char *const NAMES[KINDS] = {"PREY",    "PREDATOR",   "CONTROLLER", 
                                          "PRODUCT", "THERMOSTAT", "ROOM",       "NOT",   "TEXTS"};
 
 typedef struct {
-    fmi2Real real[8];
+    fmi2Real real[8], last;
     fmi2Integer integer[1];
     fmi2Boolean boolean[2];
     char text[2][32];
@@ -105,7 +105,11 @@ EXPORT fmi2Status fmi2ExitInitializationMode(fmi2Component c)
 EXPORT fmi2Status fmi2DoStep(fmi2Component c, fmi2Real t, fmi2Real h, fmi2Boolean prior)
 {
     Model *p = c;
-    if (p->ends && t > 0.55) return fmi2Discard;
+    if (p->ends && t > 0.55) {
+        p->last = t + 0.25 * h;
+        advance(p, 0.25 * h);
+        return fmi2Discard;
+    }
     outputs(p);
     advance(p, h);
     p->stale = 0;
@@ -174,8 +178,13 @@ RETURNS(fmi2Error, fmi2SetRealInputDerivatives, const fmi2ValueReference vr[], s
 RETURNS(fmi2Error, fmi2GetRealOutputDerivatives, const fmi2ValueReference vr[], size_t n, const fmi2Integer order[],
         fmi2Real v[])
 RETURNS(fmi2Error, fmi2GetStatus, const fmi2StatusKind k, fmi2Status *v)
-RETURNS(fmi2Error, fmi2GetRealStatus, const fmi2StatusKind k, fmi2Real *v)
 RETURNS(fmi2Error, fmi2GetIntegerStatus, const fmi2StatusKind k, fmi2Integer *v)
+
+EXPORT fmi2Status fmi2GetRealStatus(fmi2Component c, const fmi2StatusKind k, fmi2Real *v)
+{
+    *v = ((Model *)c)->last;
+    return k == fmi2LastSuccessfulTime ? fmi2OK : fmi2Discard;
+}
 
 EXPORT fmi2Status fmi2GetBooleanStatus(fmi2Component c, const fmi2StatusKind k, fmi2Boolean *v)
 {

@@ -298,12 +298,12 @@ EASY(DoStep, fmi3Float64 t, fmi3Float64 h, fmi3Boolean prior, fmi3Boolean *event
     (void)prior;
     Data *const d = &F->data;
     *event = false;
-    *terminate = d->fault == 3;
+    *terminate = d->fault == 3 || d->fault == 8;
     *early = d->fault == 4 || d->fault >= 6;
     *last = d->fault == 6 ? NAN : d->fault == 7 ? t + 2.0 * h : *early ? t + 0.5 * h : t + h;
     if (d->fault == 5)
         return complain(F, "the step fails on request");
-    d->y += d->u * h;
+    d->y += d->u * (d->fault == 8 ? *last - t : h);
     d->time = t + h;
     return fmi3OK;
 }

@@ -9,6 +9,7 @@ from pathlib import Path
 from random import Random
 
 import pytest
+from thorough import some
 
 if not hasattr(os, "fork") or not Path("/proc/self/stat").is_file():
     pytest.skip("mutants are tried in forked processes that are watched in /proc", allow_module_level=True)
@@ -18,9 +19,19 @@ from robustness.mutate import BYTES, TEXT, damaged, damaged_archive, members, od
 FOLDER = Path(__file__).parent
 
 
+SOME_KINDS = ("check-static", "run-toml", "parameters", "identify.csv", "result.parquet")
+
+
 def test_no_mutant_gives_a_traceback_a_hang_or_a_crash(tmp_path: Path) -> None:
-    """One of each kind, always the same one."""
-    command = [sys.executable, str(FOLDER / "mutants.py"), "1", "--keep", str(tmp_path / "mutants")]
+    """One of each of these kinds, always the same one; of each kind every night."""
+    command = [
+        sys.executable,
+        str(FOLDER / "mutants.py"),
+        "1",
+        *some((), SOME_KINDS),
+        "--keep",
+        str(tmp_path / "mutants"),
+    ]
     environment = os.environ | {"PYTHONPATH": str(FOLDER.parents[2])}
     run = subprocess.run(command, cwd=tmp_path, env=environment, capture_output=True, text=True, check=False)
     assert run.returncode == 0, run.stdout[-5000:] + run.stderr[-2000:]

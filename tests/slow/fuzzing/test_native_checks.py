@@ -24,7 +24,7 @@ from native_checks import (
 )
 from shell.selection import COMPOSITES
 from slow.platforms.foreign import case, host
-from thorough import some
+from thorough import nightly, some
 
 from friction_fmus import catalogue
 
@@ -38,10 +38,11 @@ SELECTION_3 = ("GMS:3", "PID:3")
 PAIRS = [(name, target) for name in (*SELECTION, *COMPOSITES, SELECTION_3[0]) for target in targets(name)]
 
 needs_clang = pytest.mark.skipif(shutil.which("clang") is None, reason="clang is not installed")
+THREADED = (*SELECTION, *COMPOSITES, *SELECTION_3, "compensated_axis:3")
 
 
 @needs_clang
-@pytest.mark.parametrize(("name", "target"), PAIRS)
+@pytest.mark.parametrize(("name", "target"), some(PAIRS, PAIRS[:1]))
 def test_fuzzing_finds_nothing(name: str, target: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     fuzz(name, target, SECONDS, tmp_path)
@@ -49,13 +50,13 @@ def test_fuzzing_finds_nothing(name: str, target: str, tmp_path: Path, monkeypat
 
 @needs_clang
 @pytest.mark.parametrize("sanitizer", [ADDRESS, THREAD], ids=lambda flags: str(flags[0]))
-@pytest.mark.parametrize("name", (*SELECTION, *COMPOSITES, *SELECTION_3, "compensated_axis:3"))
+@pytest.mark.parametrize("name", some(THREADED, (SELECTION[0], COMPOSITES[0])))
 def test_threads_with_an_instance_each_under_a_sanitizer(name: str, sanitizer: tuple[str, ...], tmp_path: Path) -> None:
     run_threads(name, sanitizer, tmp_path)
 
 
 @pytest.mark.skipif(not all(map(shutil.which, COMPILERS)), reason="gcc and clang are not both installed")
-@pytest.mark.parametrize("name", (*SELECTION, *CHAINS, *COMPOSITES, *SELECTION_3))
+@pytest.mark.parametrize("name", some((*SELECTION, *CHAINS, *COMPOSITES, *SELECTION_3), (SELECTION[0], SELECTION_3[0])))
 def test_no_level_of_optimisation_brings_out_a_warning(name: str, tmp_path: Path) -> None:
     check_warnings(name, tmp_path, some(LEVELS, ("-O0", "-O3")))
 
@@ -84,6 +85,7 @@ def test_the_checks_find_a_fault_that_is_there(tmp_path: Path, monkeypatch: pyte
         fuzz("Viscous", "state", 1, tmp_path)
 
 
+@nightly
 @pytest.mark.skipif(shutil.which("valgrind") is None, reason="valgrind is not installed")
 def test_valgrind_finds_nothing(build_fmu: Callable[..., Path], tmp_path: Path) -> None:
     """The whole call sequence of a selection of blocks: no invalid access, nothing uninitialised, nothing lost."""

@@ -8,11 +8,12 @@ from pathlib import Path
 
 import pytest
 from robustness.cases import run_cases
+from thorough import nightly
 
 from friction_fmus import build
 
 DEEP = 10_000
-EVERY = 1 if "ALL_ODD_VALUES" in os.environ else 7
+EVERY = 1 if "ALL_ODD_VALUES" in os.environ else 28
 """A test run tries every fourth of the 2000 system files, `tests/nightly.sh` all of them."""
 
 ODD: dict[str, str] = {
@@ -249,6 +250,7 @@ def studies() -> Iterator[tuple[str, str]]:
     yield "a header with many parts", "[" + "a." * 100_000 + "a]\n"
 
 
+@nightly
 def test_studies_and_mappings(tmp_path: Path) -> None:
     """The record is too short for a study, so that each ends with a sentence."""
     (tmp_path / "log.csv").write_text("t,x,u\n0,1,2\n")
@@ -301,6 +303,7 @@ NAMES = (
 )
 
 
+@nightly
 def test_parameter_sets_of_sweeps(tmp_path: Path) -> None:
     (tmp_path / "system.toml").write_text(ALONE)
     own = ["--executor", "serial", "-o"]

@@ -9,7 +9,8 @@ import pytest
 from call_machine import run
 from shell.elsewhere import Elsewhere
 from shell.facade import IN_3, in_either
-from shell.selection import COMPOSITES, SHELL_BLOCKS
+from shell.selection import COMPOSITES, SHELL_BLOCKS, of_each_branch
+from thorough import some
 
 from friction_fmus import catalogue
 
@@ -21,11 +22,11 @@ def elsewhere() -> Iterator[Elsewhere]:
     made.end()
 
 
-@pytest.mark.parametrize("name", (*catalogue(), *COMPOSITES))
+@pytest.mark.parametrize("name", (*of_each_branch(tuple(catalogue())), *COMPOSITES))
 def test_random_calls(name: str, build_fmu: Callable[..., Path], elsewhere: Elsewhere, tmp_path: Path) -> None:
     elsewhere.run(build_fmu(name), tmp_path / "calls.txt", 60 if name in COMPOSITES else 12)
 
 
-@pytest.mark.parametrize("name", (*SHELL_BLOCKS, COMPOSITES[1]))
+@pytest.mark.parametrize("name", some((*SHELL_BLOCKS, COMPOSITES[1]), ("LuGre", "PID")))
 def test_random_calls_in_fmi_3(name: str, elsewhere: Elsewhere, tmp_path: Path) -> None:
     elsewhere.run(in_either(name + IN_3, tmp_path), tmp_path / "calls.txt", 12)

@@ -22,6 +22,7 @@ from interop.loops import Loop, Trajectories, ports, start_value, variables
 from test_fmpy import container as fmpy_container
 from test_fmu_toolbox import container as toolbox_container
 from test_fmu_toolbox import exposed
+from thorough import nightly, some
 
 from friction_fmus import fmu
 from harness import HarnessError, System
@@ -109,8 +110,8 @@ def position(system: System, step: float, master: str) -> np.ndarray:
 
 
 @pytest.mark.parametrize("importer", IMPORTERS)
-@pytest.mark.parametrize("step", STEPS)
-@pytest.mark.parametrize("sigma0", STIFFNESS)
+@pytest.mark.parametrize("step", some(STEPS, STEPS[:1]))
+@pytest.mark.parametrize("sigma0", some(STIFFNESS, STIFFNESS[:1]))
 def test_one_fmu_gives_the_values_of_the_harness(
     importer: str,
     step: float,
@@ -151,7 +152,7 @@ def servo(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFacto
 
 
 @pytest.mark.parametrize("importer", IMPORTERS)
-@pytest.mark.parametrize("step", STEPS)
+@pytest.mark.parametrize("step", some(STEPS, STEPS[:1]))
 def test_one_and_two_axes_under_control(
     importer: str, step: float, servo: tuple[Path, Trajectories], tmp_path: Path
 ) -> None:
@@ -161,6 +162,7 @@ def test_one_and_two_axes_under_control(
         assert np.abs(found[name] - expected).max() <= 1e-12 * np.ptp(expected), name
 
 
+@nightly
 @pytest.mark.parametrize("sigma0", STIFFNESS)
 def test_the_table_of_the_page_is_measured(
     sigma0: float, runs: Mapping[float, tuple[Path, np.ndarray, np.ndarray]]

@@ -10,12 +10,15 @@ import numpy as np
 import pytest
 from foreign import RUNNERS, drive, missing
 from test_platforms import BOTH, SYSTEM_DLLS, binary, parsed
+from thorough import nightly
 
 from friction_fmus import fmu
 from harness import System
 from harness.compiling.platforms import PLATFORMS
 
 EXAMPLE = Path(__file__).parents[3] / "examples" / "compensated_axis.toml"
+
+pytestmark = nightly
 
 
 @pytest.fixture(scope="module")
