@@ -13,6 +13,7 @@
 #define BESIDE  1e-300 /* [m/s] or [rad/s] */
 #define NO_JUMP 1e-150 /* [N] or [N.m]: a smooth output beside v = 0 differs by less from that at v = 0 */
 #define EQUAL   1e-9   /* relative difference of equal forces */
+#define STARTED 1e-6   /* the same at the start of a step */
 #define SOONEST 1e-6   /* of a step: break-away before it is at its beginning */
 enum { MOST_CORRECTIONS = 12 };
 
@@ -142,6 +143,23 @@ static int solve_at_rest(Engine *e, Newton *newton, const Group *g, const Span *
     return status == SOLVED ? NOT_CONVERGED : status;
 }
 
+/* Return whether the load of a contact at rest was its force at the start of the span, too: a mass that returns to
+   v = 0 within the span has moved. */
+static bool held_at_start(const Engine *e, const Newton *newton, const Contact *c)
+{
+    const double force = newton->w_last[c->unknown];
+    bool lines = false;
+    for (int64_t k = e->lines_from[c->part]; k < e->lines_from[c->part + 1]; k++)
+        for (int64_t i = c->first_load; i < c->first_load + c->load_count; i++)
+            if (e->lines[k].input == newton->loads[i]) {
+                const double load = newton->moving[k].u0;
+                if (fabs(load - force) <= STARTED * fmax(fabs(load), newton->scale[c->unknown]))
+                    return true;
+                lines = true;
+            }
+    return !lines;
+}
+
 /* Find out whether a contact at rest holds. If not, *limit is the force at which it breaks away. */
 static int test(Engine *e, Newton *newton, const Contact *c, const Span *s, bool *holds, double *limit)
 {
@@ -153,7 +171,8 @@ static int test(Engine *e, Newton *newton, const Contact *c, const Span *s, bool
         if (fabs(value - force) < fabs(load - force))
             load = value;
     }
-    const bool by_load = isfinite(load) && fabs(rest - load) <= EQUAL * fmax(fabs(rest), fabs(load));
+    const bool by_load = isfinite(load) && (m->u0 != 0.0 || held_at_start(e, newton, c)) &&
+                         fabs(rest - load) <= EQUAL * fmax(fabs(rest), fabs(load));
     *limit = rest;
     if (m->rigid > 0 && by_load && (m->rests || m->u0 == 0.0)) {
         m->role = AT_REST;

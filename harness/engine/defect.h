@@ -1,6 +1,7 @@
 /* Coupling error of an explicit master: inputs are held while their sources change, which generates energy. A jump,
    such as Coulomb friction at a reversal, causes an error in one step only. An error that persists over two steps or
-   alternates in sign shows that the loop is too fast for the communication step. */
+   alternates in sign, even every few steps, shows that the loop is too fast for the communication step. A contact that
+   passes or leaves v = 0, although friction would hold it there, shows that static friction is lost. */
 
 #ifndef DEFECT_H
 #define DEFECT_H
@@ -22,15 +23,45 @@ static void end_window(Pair *p)
     p->ticks = 0;
 }
 
+#define SMALL 0.25 /* defects over the last large one that are none of an alternation */
+#define HELD  1e-9 /* relative difference of a holding force and its load */
+enum { MOST_MISSED = 100, MOST_SIGNALS = 32 };
+
+/* A contact has passed or left v = 0: count it if its friction at v = 0 would balance the other forces. */
+static void look_for_rest(Engine *e, Pair *p, int64_t input)
+{
+    EnginePart *const part = &e->parts[p->contact];
+    const int64_t first = part->inputs[REAL], outputs = part->outputs[REAL];
+    const size_t in = (size_t)(part->inputs[TYPES] - first), out = (size_t)(part->outputs[TYPES] - outputs);
+    double before[MOST_SIGNALS], after[MOST_SIGNALS];
+    if (p->missed >= MOST_MISSED || in > MOST_SIGNALS || out > MOST_SIGNALS || save_part(part) > 1)
+        return;
+    memcpy(before, e->signals + first, in * sizeof(double));
+    memcpy(after, e->signals + outputs, out * sizeof(double));
+    fetch_inputs(e, part);
+    e->signals[input] = 0.0;
+    const double load = e->signals[p->load];
+    int status = hand_over(part, e->signals);
+    status = status <= 1 ? step_part(part, e->time + e->length, e->length) : status;
+    status = status <= 1 ? fetch_outputs(part, e->signals) : status;
+    const double force = e->signals[e->sources[e->defects[p->force].input]];
+    p->missed += status <= 1 && fabs(force - load) <= HELD * fabs(load);
+    memcpy(e->signals + first, before, in * sizeof(double));
+    memcpy(e->signals + outputs, after, out * sizeof(double));
+    if (restore_part(part) > 1)
+        p->contact = -1;
+}
+
 static void measure_defects(Engine *e)
 {
     for (Defect *d = e->defects; d < e->defects + e->defect_count; d++) {
         const double end = arriving(e, d->input), defect = end - e->signals[d->input];
         const double lasting = fmin(fabs(defect), fabs(d->before));
-        if (defect * d->before < 0.0)
+        const bool large = fabs(defect) >= SMALL * fabs(d->before);
+        if (large && defect * d->before < 0.0)
             d->flips += lasting;
         d->squares += lasting * lasting;
-        d->before = defect;
+        d->before = large ? defect : 0.5 * d->before;
         d->mean = 0.5 * (d->value + end);
         d->value = end;
         d->values += fabs(end);
@@ -40,6 +71,8 @@ static void measure_defects(Engine *e)
         const Defect *const force = &e->defects[p->force], *const velocity = &e->defects[p->velocity];
         const double F = force->mean, v = velocity->mean, passed = F * v * e->step;
         const double made = (e->signals[force->input] * v - e->signals[velocity->input] * F) * e->step;
+        if (fabs(v) <= 0.5 * fabs(velocity->value) && velocity->value != 0.0 && p->contact >= 0)
+            look_for_rest(e, p, velocity->input);
         p->made += fabs(made);
         p->fed += made;
         p->net += passed;

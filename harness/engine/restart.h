@@ -112,6 +112,9 @@ static int restart(Engine *e, Newton *newton, int64_t number, double t)
     if (status != SOLVED)
         return status;
     begin_lines(e, newton, g, sticks ? KNOWN_LINES : ALL_LINES);
+    for (const Contact *c = contacts_of(newton, g); c < contacts_of(newton, g) + g->contacts; c++)
+        if (!sticks && velocity_of(newton, c)->rests)
+            newton->w_last[c->unknown] = e->signals[newton->unknowns[c->unknown]];
     if (!sticks)
         return SOLVED;
     status = hold_again(e, newton, number, t);

@@ -19,14 +19,13 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
 from harness.engine.algorithm import Algorithm
-from harness.engine.defect import UNRESOLVED, WRONG, are_power, unit_of
+from harness.engine.defect import UNRESOLVED, WRONG, contact_of
 from harness.engine.library import bytes_of, library, mirrors
 from harness.engine.line import attach_lines
 from harness.engine.native import Engine
 from harness.errors import ExperimentError
 from harness.system.experiment import LOOP_TOLERANCE, STEP_TOLERANCE, Experiment
 from harness.system.plan import MovingWire, Plan, Schedule
-from harness.system.wire import split_name
 
 _LOG = logging.getLogger("harness")
 _POINTER, _INT, _REAL = ctypes.c_void_p, ctypes.c_int64, ctypes.c_double
@@ -143,27 +142,6 @@ def _held_inputs(plan: Plan, group: Sequence[int], wires: Sequence[MovingWire]) 
     return [signal for signal in connected if signal not in lines and plan.ports[names[signal]].type == "Real"]
 
 
-def _contact(plan: Plan, part: int, wires: Sequence[MovingWire]) -> tuple[int, int, list[int]] | None:
-    """Return the line of the velocity, the force and the connected inputs that are forces of a friction model."""
-    names, ports = plan.names, plan.ports
-    forces = {wire.output for wire in wires if wire.source == part}
-    lines = [number for number, wire in enumerate(wires) if wire.target == part]
-    if len(forces) != 1:
-        return None
-    force = forces.pop()
-    found = [number for number in lines if are_power(ports[names[force]], ports[names[wires[number].input]])]
-    if len(found) != 1:
-        return None
-    unit = unit_of(ports[names[force]])
-    direct = plan.parts[part].dependencies[split_name(names[force])[1]]
-    loads = [
-        signal
-        for signal in range(*(int(index) for index in plan.inputs[part]))
-        if split_name(names[signal])[1] in direct and unit_of(ports[names[signal]]) == unit
-    ]
-    return found[0], force, loads
-
-
 class Loops(Algorithm):
     """The data of an implicit master, attached to an engine.
 
@@ -202,7 +180,7 @@ class Loops(Algorithm):
             wire for wire in wires if group_of[wire.source] == group_of[wire.target] and not plan.delays[wire.input]
         ]
         contacts = {
-            part: contact for part in range(len(plan.parts)) if (contact := _contact(plan, part, inner)) is not None
+            part: contact for part in range(len(plan.parts)) if (contact := contact_of(plan, part, inner)) is not None
         }
         forces = {contact[1] for contact in contacts.values() if contact[2]}
         self.contacts: list[tuple[int, int, int, int, int]] = []
