@@ -19,20 +19,7 @@ class UnknownNameError(FrictionError):
 
 
 def nearest(name: str, names: Iterable[str]) -> str:
-    """Return a hint for a misspelt name.
-
-    Parameters
-    ----------
-    name : str
-        Unknown name.
-    names : iterable of str
-        Existing names.
-
-    Returns
-    -------
-    str
-        `` (did you mean X?)``, or an empty string if no name is similar.
-    """
+    """Return a hint for a misspelt name."""
     candidates = list(names)
     lowered = {candidate.lower(): candidate for candidate in candidates}
     found = difflib.get_close_matches(name.lower(), lowered, n=1, cutoff=0.5)

@@ -19,15 +19,10 @@ STYLE = {"svg.hashsalt": "friction-fmus", "svg.fonttype": "path", "path.simplify
 
 @dataclass(frozen=True)
 class Image:
-    """An image in pixel and in vector format.
-
-    Attributes
-    ----------
-    png, svg : bytes
-        The files.
-    """
+    """An image in pixel and in vector format."""
 
     png: bytes
+    """The files."""
     svg: bytes
 
 
@@ -43,15 +38,7 @@ def plain_style(**other: str) -> Iterator[None]:
 
 
 def svg_of(figure: Figure, title: str) -> bytes:
-    """Return the figure as SVG, without a date and a DOCTYPE, with paths rounded to a hundredth of a point.
-
-    Parameters
-    ----------
-    figure : Figure
-        The figure.
-    title : str
-        Its title.
-    """
+    """Return the figure as SVG, without a date and a DOCTYPE, with paths rounded to a hundredth of a point."""
     stream = io.BytesIO()
     warnings.filterwarnings("ignore", "Glyph", UserWarning)  # a text in SVG is shown in fonts of the reader
     figure.savefig(stream, format="svg", metadata={"Title": title, "Date": None, "Creator": None})

@@ -27,17 +27,7 @@ figcaption { font-size: .9rem; color: #404040; }
 
 
 def table(caption: str, heads: Sequence[str], body: str) -> str:
-    """Return a table that scrolls on narrow screens.
-
-    Parameters
-    ----------
-    caption : str
-        Its caption, as HTML.
-    heads : sequence of str
-        The heads of its columns.
-    body : str
-        Its rows, from `row`.
-    """
+    """Return a table that scrolls on narrow screens."""
     cells = "".join(f'<th scope="col">{name}</th>' for name in heads)
     return (
         f'<div class="wide">\n<table>\n<caption>{caption}</caption>\n<thead>\n<tr>{cells}</tr>\n</thead>\n'

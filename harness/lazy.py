@@ -27,20 +27,6 @@ def lazy_names(
 
     A public name that is also the name of a submodule must be imported by the package as usual: otherwise, importing
     the submodule sets the attribute to the module.
-
-    Parameters
-    ----------
-    package : str
-        Name of the package, which must have ``__all__``.
-    modules : mapping of str to sequence of str
-        Names that each module defines.
-
-    Returns
-    -------
-    getter : callable
-        Imports a name and sets it as an attribute of the package; Python calls it once for each name.
-    lister : callable
-        Returns the names in ``__all__``.
     """
     homes = {name: module for module, names in modules.items() for name in names}
 

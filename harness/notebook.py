@@ -12,17 +12,7 @@ if TYPE_CHECKING:
 
 
 def html_table(caption: str, headings: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
-    """Return an HTML table; texts are escaped, and floating-point numbers have six digits.
-
-    Parameters
-    ----------
-    caption : str
-        Text above the table.
-    headings : sequence of str
-        Headings of the columns.
-    rows : iterable of sequences
-        Texts, numbers, or None for an empty cell.
-    """
+    """Return an HTML table; texts are escaped, and floating-point numbers have six digits."""
     head = "".join(f'<th scope="col">{escape(heading)}</th>' for heading in headings)
     body = "".join(f"<tr>{''.join(f'<td>{escape(_text(cell))}</td>' for cell in row)}</tr>" for row in rows)
     return f"<table><caption>{escape(caption)}</caption><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>"

@@ -24,24 +24,7 @@ _DTYPES: Final = {"Real": np.float64, "Integer": np.int64, "Boolean": np.bool_}
 def make_result(
     times: Values, rows: Values, ports: Mapping[str, Port], attributes: Mapping[str, str | float]
 ) -> Result:
-    """Return a Dataset of recorded rows.
-
-    Parameters
-    ----------
-    times : float64 array, shape (n,)
-        Times of the rows [s].
-    rows : float64 array, shape (n, len(ports))
-        The recorded values.
-    ports : mapping of str to Port
-        "part.port" of each column, in order.
-    attributes : mapping
-        Attributes of the run.
-
-    Returns
-    -------
-    xarray.Dataset
-        One variable per column along ``time``, with the attributes ``units`` and ``description`` if they are known.
-    """
+    """Return a Dataset of recorded rows."""
     variables = {}
     for index, (name, port) in enumerate(ports.items()):
         attrs = {"units": port.unit, "description": port.description}

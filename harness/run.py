@@ -37,36 +37,21 @@ LOOK: Final = 0.1
 
 @dataclass(frozen=True)
 class Options:
-    """Options of a run in addition to its experiment.
-
-    Parameters
-    ----------
-    taps : sequence of Tap
-        Functions that receive values during the run.
-    progress : Progress or None
-        Receives reports of progress.
-    resume : path-like or None
-        Checkpoint from which the run continues.
-    checkpoint : path-like or None
-        File for the state at the end of the run.
-    pace : float or None
-        Simulated time per wall-clock time; None runs as fast as possible.
-    native : bool
-        Whether the compiled engine runs the loop. Python gives the same results for explicit masters, more slowly, for
-        comparison.
-
-    Raises
-    ------
-    ExperimentError
-        If the pace is not positive.
-    """
+    """Options of a run in addition to its experiment."""
 
     taps: Sequence[Tap] = ()
+    """Functions that receive values during the run."""
     progress: Progress | None = None
+    """Receives reports of progress."""
     resume: str | Path | None = None
+    """Checkpoint from which the run continues."""
     checkpoint: str | Path | None = None
+    """File for the state at the end of the run."""
     pace: float | None = None
+    """Simulated time per wall-clock time; None runs as fast as possible."""
     native: bool = True
+    """Whether the compiled engine runs the loop. Python gives the same results for explicit masters, more slowly, for
+    comparison."""
 
     def __post_init__(self) -> None:
         """Check the pace."""
@@ -77,29 +62,7 @@ class Options:
 
 
 def run(system: Assembly, experiment: Experiment, options: Options | None = None) -> Result:
-    """Run a system.
-
-    Parameters
-    ----------
-    system : Assembly
-        The system to run.
-    experiment : Experiment
-        Settings of the run.
-    options : Options or None
-        Further options.
-
-    Returns
-    -------
-    xarray.Dataset
-        The recorded variables, named "part.port", along ``time`` [s]. The first row holds the start values, each other
-        row the values at the end of a step; for a sampled part, the values held during the step. If a part has ended
-        the simulation, the last row is at the time to which it came, with the values that the others had passed to it.
-
-    Raises
-    ------
-    HarnessError
-        If the run cannot be started or a part fails; the ``result`` of the error holds the values recorded until then.
-    """
+    """Run a system."""
     return Session(system, experiment, options).run(system.start).result()
 
 
@@ -108,20 +71,6 @@ class Session:
 
     A part that has the same instance in the next run, such as an FMU with `FmuPart.reuse`, is not bound to the engine
     again.
-
-    Parameters
-    ----------
-    system : Assembly
-        What is run.
-    experiment : Experiment
-        How it is run.
-    options : Options or None
-        What else is asked of a run.
-
-    Raises
-    ------
-    HarnessError
-        If a name is unknown or the master cannot run the system.
     """
 
     def __init__(self, system: Assembly, experiment: Experiment, options: Options | None = None) -> None:
@@ -150,23 +99,7 @@ class Session:
         self._ticks = (NativeTicks if self._options.native else PythonTicks)(plan, schedule, experiment)
 
     def run(self, start: Mapping[str, StartValue]) -> Recorder:
-        """Run it.
-
-        Parameters
-        ----------
-        start : mapping of str to value
-            All start values, for the names that the system has.
-
-        Returns
-        -------
-        Recorder
-            What was recorded.
-
-        Raises
-        ------
-        HarnessError
-            As of `harness.run.run`.
-        """
+        """Run it."""
         begin = self._saved.tick if self._saved else 0
         experiment = self._experiment
         about: dict[str, str | float] = {"system": self._system.name, "master": experiment.master}

@@ -64,20 +64,7 @@ class BaseUnit:
 
 
 def stated_unit(exponents: Iterable[int], factor: float, offset: float) -> BaseUnit:
-    """Return the unit with these numbers from a file.
-
-    Parameters
-    ----------
-    exponents : iterable of 8 int
-        Exponents of kg, m, s, A, K, mol, cd, rad.
-    factor, offset : float
-        Conversion to the base unit.
-
-    Raises
-    ------
-    ValueError
-        If the factor is not positive, or a number is not finite or too large.
-    """
+    """Return the unit with these numbers from a file."""
     powers = tuple(exponents)
     if not (0.0 < factor < math.inf and math.isfinite(offset)):
         raise ValueError(f"its unit has the factor {factor} and the offset {offset}")
@@ -180,11 +167,6 @@ def is_unit_text(text: str) -> bool:
     `LONGEST_UNIT` characters and consists of symbols, ``.``, ``*``, ``/``, ``·``, spaces and brackets. A symbol or a
     bracket may have an integer power of at most two digits (``m2``, ``m^2``, ``m**2``, ``m²``), but powers are not
     nested. The only number is 1.
-
-    Parameters
-    ----------
-    text : str
-        A possible unit name, such as ``N.m/s``.
     """
     text = text.strip()
     pieces = _pieces(text) if len(text) <= LONGEST_UNIT else None
@@ -314,13 +296,7 @@ def parse_unit(text: str) -> BaseUnit | None:
 
 
 def needed_unit(name: str | None, base: BaseUnit | None, where: str) -> BaseUnit | None:
-    """Return the unit with this name, as defined or else derived from the name; None if no unit is stated.
-
-    Raises
-    ------
-    UnitError
-        If the name is unknown; the message begins with ``where``.
-    """
+    """Return the unit with this name, as defined or else derived from the name; None if no unit is stated."""
     unit = base or (parse_unit(name) if name else None)
     if unit is None and name:
         raise UnitError(

@@ -34,28 +34,19 @@ def typed(part: Part, values: Mapping[str, float]) -> dict[str, float | int | bo
 
 @dataclass
 class LoopAssembly:
-    """Parts, connections and start values of the loop of an axis, added one after the other.
-
-    Attributes
-    ----------
-    servo, trajectory : Servo, Trajectory
-        Feedback and sensors; reference, initial state and disturbances.
-    every : int
-        Number of communication steps between mass and friction in a sample of the servo.
-    fmus : mapping of str to Path
-        FMUs to use instead of those of the library, by name of the part.
-    pool : PartPool
-        Parts of other loops to use again.
-    parts, wires, start : list of Part, list of Wire, dict of str to StartValue
-        What has been added.
-    """
+    """Parts, connections and start values of the loop of an axis, added one after the other."""
 
     servo: Servo
+    """Feedback and sensors; reference, initial state and disturbances."""
     trajectory: Trajectory
     every: int
+    """Number of communication steps between mass and friction in a sample of the servo."""
     fmus: Mapping[str, Path]
+    """FMUs to use instead of those of the library, by name of the part."""
     pool: PartPool
+    """Parts of other loops to use again."""
     parts: list[Part] = field(default_factory=list)
+    """What has been added."""
     wires: list[str | Wire] = field(default_factory=list)
     start: dict[str, StartValue] = field(default_factory=dict)
 

@@ -14,28 +14,19 @@ from friction_fmus.axis.position_map import PositionMap
 
 @dataclass(frozen=True)
 class Plant:
-    """Identified mass and friction of an axis.
-
-    Attributes
-    ----------
-    friction : str
-        Friction block.
-    values : mapping of str to float
-        Parameters of the friction block; if it has no parameter Fv, this is the coefficient of a viscous friction
-        beside it [N.s/m].
-    mass : float
-        Moved mass [kg].
-    offset : float
-        Constant force that the drive needs in addition to friction [N].
-    position : PositionMap or None
-        Force that depends on position.
-    """
+    """Identified mass and friction of an axis."""
 
     friction: str
+    """Friction block."""
     values: Mapping[str, float]
+    """Parameters of the friction block; if it has no parameter Fv, this is the coefficient of a viscous friction beside
+    it [N.s/m]."""
     mass: float
+    """Moved mass [kg]."""
     offset: float = 0.0
+    """Constant force that the drive needs in addition to friction [N]."""
     position: PositionMap | None = None
+    """Force that depends on position."""
 
     @property
     def stiffness(self) -> float:
@@ -55,41 +46,27 @@ class Compensator:
 
 @dataclass(frozen=True)
 class Trajectory:
-    """Reference that the axis follows, its initial state, and disturbances.
-
-    Attributes
-    ----------
-    reference : Path
-        FMU that outputs the reference.
-    samples : int
-        Length in samples of the servo.
-    x0, v0 : float
-        Initial position and velocity of the axis [m, m/s].
-    motion : bool
-        Whether the servo receives the reference velocity and acceleration.
-    offset : float
-        Constant force added to the output of the servo [N].
-    rotary : bool
-        Whether the axis is rotary.
-    load : float
-        Constant force on the axis that the servo does not know [N].
-    noise : Path or None
-        FMU whose output r is noise of standard deviation 1 at the samples of the servo; needed if the position of the
-        servo is noisy.
-    injected : array, shape (samples,), or None
-        Force added to the output of the servo from outside, for a loop without compensator [N].
-    table : PositionMap or None
-        Force over position that is compensated along the reference.
-    """
+    """Reference that the axis follows, its initial state, and disturbances."""
 
     reference: Path
+    """FMU that outputs the reference."""
     samples: int
+    """Length in samples of the servo."""
     x0: float
+    """Initial position and velocity of the axis [m, m/s]."""
     v0: float
     motion: bool = False
+    """Whether the servo receives the reference velocity and acceleration."""
     offset: float = 0.0
+    """Constant force added to the output of the servo [N]."""
     rotary: bool = False
+    """Whether the axis is rotary."""
     load: float = 0.0
+    """Constant force on the axis that the servo does not know [N]."""
     noise: Path | None = None
+    """FMU whose output r is noise of standard deviation 1 at the samples of the servo; needed if the position of the
+    servo is noisy."""
     injected: NDArray[np.float64] | None = field(default=None, compare=False)
+    """Force added to the output of the servo from outside, for a loop without compensator [N]."""
     table: PositionMap | None = None
+    """Force over position that is compensated along the reference."""

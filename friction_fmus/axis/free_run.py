@@ -30,28 +30,7 @@ def free_axis(
     contact: Path | None = None,
     longest: float = FINEST,
 ) -> System:
-    """Return mass and friction of an axis, driven by a recorded force.
-
-    Parameters
-    ----------
-    plant : Plant
-        Mass, friction and force over position.
-    t, force : array, shape (n,)
-        Times [s] and drive force [N], which is held from one sample to the next.
-    trend : array, shape (n,)
-        Course of a further load; its size is the start value ``force.gain[2]``, 0 by default.
-    rotary : bool
-        Whether the axis is rotary.
-    contact : Path, optional
-        FMU of the friction, if not that of the library.
-    longest : float
-        Longest communication step [s].
-
-    Returns
-    -------
-    System
-        System that records position and velocity at the samples; the caller closes it.
-    """
+    """Return mass and friction of an axis, driven by a recorded force."""
     Ts = float((t[-1] - t[0]) / (len(t) - 1))
     every = max(1, int(np.ceil(Ts / longest - 1e-9)))
 

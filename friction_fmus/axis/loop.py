@@ -59,32 +59,7 @@ def closed_loop(
     feedforward: Compensator | None = None,
     pool: PartPool | None = None,
 ) -> System:
-    """Return the closed loop of an axis as a system.
-
-    Parameters
-    ----------
-    servo : Servo
-        Feedback and sensors.
-    plant : Plant
-        Mass and friction.
-    trajectory : Trajectory
-        Reference, initial state and disturbances.
-    compensator : Compensator, optional
-        Compensator, whose force is added to the output of the servo; see `with_gain`.
-    fmus : mapping of str to Path, optional
-        FMUs to use instead of those of the library, by name of the part.
-    longest : float
-        Longest communication step between mass and friction [s].
-    feedforward : Compensator, optional
-        Friction feedforward beside an estimator, which then estimates only the friction that remains.
-    pool : PartPool, optional
-        Parts of other loops to use again; the caller closes it.
-
-    Returns
-    -------
-    System
-        System with its experiment; the caller closes it.
-    """
+    """Return the closed loop of an axis as a system."""
     every = max(1, int(np.ceil(servo.Ts / longest - 1e-9)))  # steps of mass and friction in a sample
     loop = LoopAssembly(servo, trajectory, every, fmus or {}, pool or PartPool())
     loop.add_sensors()
@@ -116,13 +91,7 @@ def _of_compensator(wire: Wire) -> bool:
 
 
 def accurate(system: System) -> tuple[System, Result]:
-    """Run the system of an axis, if needed with a more accurate master, and return it with that master and the result.
-
-    Raises
-    ------
-    HarnessError
-        If the run fails, or is reported as wrong with every master.
-    """
+    """Return a system of an axis, with a more accurate master if it needs one, and the result of its run."""
     result = system.run()
     for master in ACCURATE:
         assert system.experiment is not None
@@ -136,25 +105,13 @@ def accurate(system: System) -> tuple[System, Result]:
 
 
 def run_loop(system: System) -> Trace:
-    """Run the system of an axis and return position and force.
-
-    Raises
-    ------
-    HarnessError
-        If the run fails, or is reported as wrong with every master.
-    """
+    """Run the system of an axis and return position and force."""
     _, result = accurate(system)
     return _trace(*(result[name].to_numpy() for name in RECORDED))
 
 
 def numerical_error(system: System, measure: Callable[[Trace], float]) -> float:
-    """Return the error bound of a number that summarises the run of an axis, from runs with other steps.
-
-    Raises
-    ------
-    HarnessError
-        As of `run_loop`, or if the run cannot be repeated with another step.
-    """
+    """Return the error bound of a number that summarises the run of an axis, from runs with other steps."""
     system, result = accurate(system)
     assert system.experiment is not None
 

@@ -20,19 +20,7 @@ class PartPool:
     _parts: dict[Hashable, FmuPart] = field(default_factory=dict)
 
     def part(self, name: str, fmu: Hashable, path: Callable[[], Path], every: int) -> FmuPart:
-        """Return a part.
-
-        Parameters
-        ----------
-        name : str
-            Name of the part.
-        fmu : hashable
-            What distinguishes its FMU from others, such as the name of a block.
-        path : callable
-            Returns the path of the FMU, if it is not in the pool yet.
-        every : int
-            Number of communication steps in a step of the part.
-        """
+        """Return a part."""
         key = name, fmu, every
         if key not in self._parts:
             self._parts[key] = FmuPart(name, path(), every=every)

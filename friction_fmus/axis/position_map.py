@@ -24,22 +24,15 @@ LEAST_NODES = 4
 
 @dataclass(frozen=True)
 class Grid:
-    """Equally spaced nodes over position.
-
-    Attributes
-    ----------
-    begin, spacing : float
-        Position of the first node and distance of the nodes [m].
-    nodes : int
-        Number of nodes.
-    periodic : bool
-        Whether the first node follows the last one.
-    """
+    """Equally spaced nodes over position."""
 
     begin: float
+    """Position of the first node and distance of the nodes [m]."""
     spacing: float
     nodes: int
+    """Number of nodes."""
     periodic: bool = False
+    """Whether the first node follows the last one."""
 
     def weights(self, x: Array) -> Array:
         """Return the weights of the nodes at positions x, shape (n, nodes): the interpolation of `PositionMap`."""
@@ -65,29 +58,16 @@ class Grid:
 
 @dataclass(frozen=True)
 class PositionMap:
-    """Cogging and position-dependent friction of an axis at equally spaced nodes.
-
-    Attributes
-    ----------
-    grid : Grid
-        Nodes over position.
-    cogging : tuple of float
-        Conservative force on the axis at each node, positive forward [N].
-    friction : tuple of float
-        Friction at each node in addition to that of the friction model, opposing the motion [N].
-    v_sign : float
-        Velocity over which the sign of the velocity is smoothed [m/s].
-
-    Raises
-    ------
-    BuildError
-        If the table is too short, has columns of different lengths, or contains values that are not finite.
-    """
+    """Cogging and position-dependent friction of an axis at equally spaced nodes."""
 
     grid: Grid
+    """Nodes over position."""
     cogging: tuple[float, ...]
+    """Conservative force on the axis at each node, positive forward [N]."""
     friction: tuple[float, ...]
+    """Friction at each node in addition to that of the friction model, opposing the motion [N]."""
     v_sign: float
+    """Velocity over which the sign of the velocity is smoothed [m/s]."""
 
     def __post_init__(self) -> None:
         """Validate the table."""
@@ -117,13 +97,7 @@ class PositionMap:
         return fmu(BLOCK, "rotational" if rotary else "translational", self._files)
 
     def to_fmu(self, folder: Path, name: str = BLOCK, rotary: bool = False) -> Path:
-        """Build the FMU with this table and these start values in a folder.
-
-        Raises
-        ------
-        BuildError
-            If the FMU cannot be built.
-        """
+        """Build the FMU with this table and these start values in a folder."""
         domain: Literal["rotational", "translational"] = "rotational" if rotary else "translational"
         return build(BLOCK, folder, self.start, name, self._files, domain=domain)
 

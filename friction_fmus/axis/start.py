@@ -27,20 +27,6 @@ def from_rest(r: NDArray[np.float64], Ts: float) -> NDArray[np.float64]:
     A record may begin in motion. The states that compensators, servo and friction have then are unknown, and laws whose
     states start at zero would disturb the axis, by 74 µm on the EMPS axis. An axis at rest on its reference needs only
     the start values that the blocks have.
-
-    Parameters
-    ----------
-    r : array, shape (n,)
-        Reference [m or rad].
-    Ts : float
-        Sample time [s].
-
-    Returns
-    -------
-    array, shape (m,)
-        The reference itself if it begins at rest. Otherwise it follows samples at rest and a run-up, whose velocity is
-        a cubic polynomial that ends with velocity and acceleration of the reference; its largest acceleration is about
-        that of the reference.
     """
     rd = np.gradient(r, Ts)
     fastest = float(np.max(np.abs(rd)))

@@ -18,34 +18,24 @@ from friction_fmus.errors import FrictionError, nearest
 
 @dataclass(frozen=True)
 class About:
-    """Declarations in the file of a block.
-
-    Attributes
-    ----------
-    portrait : str
-        Name of the experiment for the figures, see `friction_fmus.fmi.portrait.choice`; if empty, the ports select it.
-    quotes : tuple of str
-        Functions of `friction_fmus.conditions` that the documentation page quotes. The doctor evaluates them for
-        systems with the block.
-    needs : mapping of str to int
-        Rows of the decision tables in the documentation that recommend the block, with its rank in each.
-    identified : Identified
-        How a friction model is identified.
-    in_loop : InLoop
-        The role of the block in a control loop.
-    use : Use or None
-        How a law or controller is used as a compensator; None excludes it from studies.
-    cites : tuple of str
-        Literature: keys of ``bibliography.bib``, or BibTeX entries.
-    """
+    """Declarations in the file of a block."""
 
     portrait: str = ""
+    """Name of the experiment for the figures, see `friction_fmus.fmi.portrait.choice`; if empty, the ports select it.
+    """
     quotes: tuple[str, ...] = ()
+    """Functions of `friction_fmus.conditions` that the documentation page quotes. The doctor evaluates them for systems
+    with the block."""
     needs: Mapping[str, int] = field(default_factory=dict)
+    """Rows of the decision tables in the documentation that recommend the block, with its rank in each."""
     identified: Identified = field(default_factory=Identified)
+    """How a friction model is identified."""
     in_loop: InLoop = field(default_factory=InLoop)
+    """The role of the block in a control loop."""
     use: Use | None = None
+    """How a law or controller is used as a compensator; None excludes it from studies."""
     cites: tuple[str, ...] = ()
+    """Literature: keys of ``bibliography.bib``, or BibTeX entries."""
 
     @property
     def reads(self) -> frozenset[str]:
@@ -76,18 +66,7 @@ class About:
 
 
 def about_c_block(code: str) -> About:
-    """Return the declarations in the macros of a C file.
-
-    Parameters
-    ----------
-    code : str
-        The source.
-
-    Raises
-    ------
-    FrictionError
-        If a macro is malformed.
-    """
+    """Return the declarations in the macros of a C file."""
     about = About(
         string(code, "PORTRAIT"),
         words(string(code, "QUOTES")),

@@ -46,18 +46,7 @@ _OPERATORS: Final[Mapping[type[ast.AST], Callable[..., Number]]] = {
 
 @cache
 def names_in(text: str) -> frozenset[str]:
-    """Return the names in an expression; for an element ``k[i]``, the name of the vector.
-
-    Parameters
-    ----------
-    text : str
-        The expression.
-
-    Raises
-    ------
-    FrictionError
-        If the text is not an expression for `evaluate`.
-    """
+    """Return the names in an expression; for an element ``k[i]``, the name of the vector."""
     found = {node.id for node in ast.walk(_parsed(text)) if isinstance(node, ast.Name)}
     return frozenset(found - FUNCTIONS.keys() - {*OF_NAMES, "pi", "i"})
 
@@ -75,20 +64,7 @@ def is_known(text: str, values: Numbers) -> bool:
 
 
 def evaluate(text: str, values: Numbers) -> Number:
-    """Return the value of an expression.
-
-    Parameters
-    ----------
-    text : str
-        Numbers, names, ``pi``, elements ``k[i]``, + - * / ** and comparisons, `FUNCTIONS` and `OF_NAMES`.
-    values : mapping of str to number
-        Values of the names. Elements of vectors are ``k[1]``; ``N``, if present, is the number of used elements.
-
-    Raises
-    ------
-    FrictionError
-        If the text is not such an expression, or reads a name without a value.
-    """
+    """Return the value of an expression."""
     return _value(_parsed(text), text, values)
 
 

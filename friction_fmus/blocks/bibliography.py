@@ -20,23 +20,7 @@ def bibliography() -> dict[str, str]:
 
 
 def cited(keys: Iterable[str]) -> tuple[str, ...]:
-    """Return the entries that a block cites.
-
-    Parameters
-    ----------
-    keys : iterable of str
-        Keys of ``bibliography.bib``, or whole entries, which begin with ``@``.
-
-    Returns
-    -------
-    tuple of str
-        BibTeX entries.
-
-    Raises
-    ------
-    FrictionError
-        If ``bibliography.bib`` has no such key.
-    """
+    """Return the entries that a block cites."""
     known = bibliography()
     found = []
     for key in keys:

@@ -124,13 +124,7 @@ def laws_folder() -> Path:
 
 
 def read_c_block(path: Path, kind: str) -> Block:
-    """Return the block in a C file.
-
-    Raises
-    ------
-    FrictionError
-        If the file has no ``MODEL`` or ``VARIABLES``.
-    """
+    """Return the block in a C file."""
     try:
         code = read_source(path)
     except (OSError, ValueError) as error:
@@ -190,13 +184,7 @@ def _read_laws(path: Path) -> list[Block]:
 
 
 def listing() -> dict[str, Entry]:
-    """Return all blocks by name, in the order of `catalogue`, without translating the laws to C.
-
-    Raises
-    ------
-    FrictionError
-        See `catalogue`.
-    """
+    """Return all blocks by name, in the order of `catalogue`, without translating the laws to C."""
     return _listing(os.environ.get(OWN_BLOCKS, ""))
 
 
@@ -298,13 +286,7 @@ def find(model: str | Path) -> Block:
 
 
 def with_room(block: Block, start: Mapping[str, Any]) -> Block:
-    """Return the block with vectors and arrays as large as these start values need.
-
-    Raises
-    ------
-    FrictionError
-        If a start value exceeds the largest size or is not an integer.
-    """
+    """Return the block with vectors and arrays as large as these start values need."""
     if block.kind != "law":
         return replace(block, code=with_long_arrays(block.code, block.name, start))
     if not start:

@@ -13,21 +13,14 @@ INDENT = "    "
 
 @dataclass(frozen=True)
 class Paragraph:
-    """A paragraph of prose, a block of equations, or an item of a list.
-
-    Attributes
-    ----------
-    lines : tuple of str
-        The lines, without the indentation of equations, the hyphen of an item and the lead.
-    lead : str
-        One of `LEADS`, or empty.
-    equations, item : bool
-        Whether it is a block of equations, which keeps its layout; whether it is an item of a list.
-    """
+    """A paragraph of prose, a block of equations, or an item of a list."""
 
     lines: tuple[str, ...]
+    """The lines, without the indentation of equations, the hyphen of an item and the lead."""
     lead: str = ""
+    """One of `LEADS`, or empty."""
     equations: bool = False
+    """Whether it is a block of equations, which keeps its layout; whether it is an item of a list."""
     item: bool = False
 
     @property

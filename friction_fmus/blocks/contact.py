@@ -16,23 +16,16 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Level:
-    """Steady-state friction in one direction: g(v) = Fc + (Fs - Fc) exp(-(v/vs)^delta), and viscous friction.
-
-    Parameters
-    ----------
-    Fc, Fs, viscous : float
-        Coulomb and static friction [N], viscous coefficient [N.s/m].
-    vs : float or None
-        Stribeck velocity [m/s]; with None or 0, static friction acts at rest only.
-    delta : float
-        Stribeck exponent.
-    """
+    """Steady-state friction in one direction: g(v) = Fc + (Fs - Fc) exp(-(v/vs)^delta), and viscous friction."""
 
     Fc: float
+    """Coulomb and static friction [N], viscous coefficient [N.s/m]."""
     Fs: float
     viscous: float = 0.0
     vs: float | None = None
+    """Stribeck velocity [m/s]; with None or 0, static friction acts at rest only."""
     delta: float = 2.0
+    """Stribeck exponent."""
 
     def at(self, speeds: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the level g at positive speeds [N]."""
@@ -48,23 +41,16 @@ class Level:
 
 @dataclass(frozen=True)
 class Contact:
-    """The friction of an axis.
-
-    Parameters
-    ----------
-    levels : (Level, Level)
-        Forward and backward.
-    stiffness, damping : float
-        Stiffness and damping of the contact at rest [N/m, N.s/m], proportional to the normal force; stiffness 0 if
-        rigid.
-    viscous : float
-        Viscous coefficient that also acts at rest [N.s/m].
-    """
+    """The friction of an axis."""
 
     levels: tuple[Level, Level]
+    """Forward and backward."""
     stiffness: float = 0.0
+    """Stiffness and damping of the contact at rest [N/m, N.s/m], proportional to the normal force; stiffness 0 if
+    rigid."""
     damping: float = 0.0
     viscous: float = 0.0
+    """Viscous coefficient that also acts at rest [N.s/m]."""
 
     def loaded(self, load: float) -> Contact:
         """Return the contact under another normal force, which does not affect viscous friction."""
@@ -143,13 +129,7 @@ _ROWS = {
 
 
 def friction_of(code: str) -> Friction | None:
-    """Return the friction that the macro CONTACT of a C file declares, or None without this macro.
-
-    Raises
-    ------
-    FrictionError
-        If a row is malformed.
-    """
+    """Return the friction that the macro CONTACT of a C file declares, or None without this macro."""
     found: dict[str, str] = {}
     for kind, arguments in table(code, "CONTACT", tuple(_ROWS)):
         if not 1 <= len(arguments) <= len(_ROWS[kind]):

@@ -30,13 +30,7 @@ Start = Mapping[str, float | int | bool]
 
 
 def renamed(code: str, name: str) -> str:
-    """Return the source with another model identifier.
-
-    Raises
-    ------
-    BuildError
-        If the name is not a C identifier.
-    """
+    """Return the source with another model identifier."""
     if not re.fullmatch(r"[A-Za-z]\w*", name):
         raise BuildError(
             f"{name!r} is not a valid name of an FMU; use letters, digits and underscores, and begin with a letter"
@@ -65,20 +59,6 @@ def with_long_arrays(code: str, name: str, start: Start) -> str:
 
     A row ``SIZE(N, LONGEST, 16384)`` of its macro ``SIZES`` states that the parameter N can be up to the value of the
     macro ``LONGEST``, a number, which can be raised to 16384.
-
-    Parameters
-    ----------
-    code, name : str
-        Source and name of a block.
-    start : mapping of str to number
-        Start values of any variables.
-
-    Raises
-    ------
-    BuildError
-        If a start value exceeds the largest size or is not an integer, or if a row is malformed.
-    FrictionError
-        If ``SIZES`` has other rows.
     """
     for _, arguments in table(code, "SIZES", ("SIZE",)):
         parameter, limit, most = (*arguments, "", "", "")[:3]
@@ -99,22 +79,7 @@ def with_long_arrays(code: str, name: str, start: Start) -> str:
 
 
 def with_start_values(code: str, start: Start) -> str:
-    """Return the source with other start values in its VARIABLES table.
-
-    Parameters
-    ----------
-    code : str
-        Source of a block.
-    start : mapping of str to number
-        Start values by variable; elements of vectors are ``k[1]``.
-
-    Raises
-    ------
-    UnknownNameError
-        If a variable does not exist or has no start value.
-    BuildError
-        If a value is not finite.
-    """
+    """Return the source with other start values in its VARIABLES table."""
     for variable, value in start.items():
         if not float(value) - float(value) == 0.0:
             raise BuildError(f"The start value {variable} = {value} is not finite; give a finite number")

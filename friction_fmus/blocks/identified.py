@@ -33,18 +33,12 @@ MEASURED: Final[Mapping[str, str]] = {
 
 @dataclass(frozen=True)
 class Fitted:
-    """A parameter that is identified.
-
-    Attributes
-    ----------
-    start : str
-        Start value of the search, an expression of the names in `SEEN`.
-    experiment : str
-        Key in `MEASURED` of the experiment to run if the parameter is poorly identifiable.
-    """
+    """A parameter that is identified."""
 
     start: str
+    """Start value of the search, an expression of the names in `SEEN`."""
     experiment: str
+    """Key in `MEASURED` of the experiment to run if the parameter is poorly identifiable."""
 
     @property
     def measure(self) -> str:
@@ -54,34 +48,21 @@ class Fitted:
 
 @dataclass(frozen=True)
 class Identified:
-    """Declarations on identification that do not follow from ports, features and parameter names.
-
-    Attributes
-    ----------
-    method : str
-        A module of `friction_fmus.identification.methods`, or `NOT_IDENTIFIED`; empty: inverse or output error,
-        depending on whether the block has states.
-    fits : mapping of str to Fitted
-        Parameters that are identified although their names do not imply it, or with another start value.
-    state, size : str
-        First state, whose initial value is identified as well, and an expression for its magnitude in steady sliding;
-        both empty if no initial state is identified.
-    """
+    """Declarations on identification that do not follow from ports, features and parameter names."""
 
     method: str = ""
+    """A module of `friction_fmus.identification.methods`, or `NOT_IDENTIFIED`; empty: inverse or output error,
+    depending on whether the block has states."""
     fits: Mapping[str, Fitted] = field(default_factory=dict)
+    """Parameters that are identified although their names do not imply it, or with another start value."""
     state: str = ""
+    """First state, whose initial value is identified as well, and an expression for its magnitude in steady sliding;
+    both empty if no initial state is identified."""
     size: str = ""
 
 
 def identified(code: str) -> Identified:
-    """Return the declarations in the macro IDENTIFIED of a C file, or the defaults without this macro.
-
-    Raises
-    ------
-    FrictionError
-        If a row is malformed.
-    """
+    """Return the declarations in the macro IDENTIFIED of a C file, or the defaults without this macro."""
     method, state, size = "", "", ""
     fits = {}
     for kind, arguments in table(code, "IDENTIFIED", ("FIT", "METHOD", "SLIDING")):

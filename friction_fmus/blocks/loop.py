@@ -13,52 +13,35 @@ from friction_fmus.errors import FrictionError
 
 @dataclass(frozen=True)
 class Plant:
-    """A mass, optionally with a spring and a damper to the ground, in terms of the block's variables.
-
-    Attributes
-    ----------
-    forces : tuple of str
-        Inputs for applied forces.
-    friction : tuple of str
-        Inputs for friction forces, of which the first connected one counts; empty if the block contains its own
-        friction.
-    mass : str
-        Mass [kg], an expression of the parameters.
-    damping, stiffness : str
-        Parameters; empty if there are none.
-    flexible : tuple of str
-        For a motor and a load connected by a spring: both masses, stiffness and damping; else empty.
-    belt : str
-        Parameter with the speed of the ground; empty if the ground is at rest.
-    support : str
-        Input with the speed of the other end of spring and damper; empty if it is at rest.
-    """
+    """A mass, optionally with a spring and a damper to the ground, in terms of the block's variables."""
 
     forces: tuple[str, ...]
+    """Inputs for applied forces."""
     friction: tuple[str, ...]
+    """Inputs for friction forces, of which the first connected one counts; empty if the block contains its own
+    friction."""
     mass: str
+    """Mass [kg], an expression of the parameters."""
     damping: str = ""
+    """Parameters; empty if there are none."""
     stiffness: str = ""
     flexible: tuple[str, ...] = ()
+    """For a motor and a load connected by a spring: both masses, stiffness and damping; else empty."""
     belt: str = ""
+    """Parameter with the speed of the ground; empty if the ground is at rest."""
     support: str = ""
+    """Input with the speed of the other end of spring and damper; empty if it is at rest."""
 
 
 @dataclass(frozen=True)
 class Sensor:
-    """A block between a plant and its laws that measures or estimates signals.
-
-    Attributes
-    ----------
-    quantum : str
-        Resolution of the measured position, an expression; empty if it is not quantised.
-    velocity, window, smoothing : str
-        Output with a velocity from position differences, their distance in samples, and the time constant of a
-        subsequent filter.
-    """
+    """A block between a plant and its laws that measures or estimates signals."""
 
     quantum: str = ""
+    """Resolution of the measured position, an expression; empty if it is not quantised."""
     velocity: str = ""
+    """Output with a velocity from position differences, their distance in samples, and the time constant of a
+    subsequent filter."""
     window: str = "1"
     smoothing: str = "0"
 
@@ -142,18 +125,12 @@ class Loop:
 
 @dataclass(frozen=True)
 class InLoop:
-    """The role of a block in a control loop: at most one of the following, and optionally its own friction.
-
-    Attributes
-    ----------
-    friction : Friction or None
-        Friction of a friction model, or of a plant that contains its own friction.
-    plant, sensor, drive, cogging, law : optional
-        The role.
-    """
+    """The role of a block in a control loop: at most one of the following, and optionally its own friction."""
 
     friction: Friction | None = None
+    """Friction of a friction model, or of a plant that contains its own friction."""
     plant: Plant | None = None
+    """The role."""
     sensor: Sensor | None = None
     drive: Drive | None = None
     cogging: Cogging | None = None
@@ -173,13 +150,7 @@ _KINDS = (
 
 
 def in_loop(code: str) -> InLoop:
-    """Return the role that the macros CONTACT and IN_LOOP of a C file declare.
-
-    Raises
-    ------
-    FrictionError
-        If a row is malformed.
-    """
+    """Return the role that the macros CONTACT and IN_LOOP of a C file declare."""
     friction = friction_of(code)
     rows = dict(table(code, "IN_LOOP", _KINDS))
     try:

@@ -26,22 +26,7 @@ def words(text: str) -> tuple[str, ...]:
 
 
 def table(code: str, name: str, known: tuple[str, ...]) -> list[tuple[str, tuple[str, ...]]]:
-    """Return the rows of a macro as kinds and arguments.
-
-    Parameters
-    ----------
-    code : str
-        Source of the block.
-    name : str
-        Name of the macro.
-    known : tuple of str
-        Known kinds of rows.
-
-    Raises
-    ------
-    FrictionError
-        If a row is of an unknown kind, or there is other text than rows.
-    """
+    """Return the rows of a macro as kinds and arguments."""
     rows = []
     rest = macro(code, name) or ""
     while rest:

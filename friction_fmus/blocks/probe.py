@@ -27,86 +27,54 @@ class _Row(ctypes.Structure):
 
 @dataclass(frozen=True)
 class Variable:
-    """One scalar variable of a block.
-
-    Attributes
-    ----------
-    name, unit, text : str
-        Name as in the XML (elements of vectors are ``k[1]``, derivatives ``der(z)``), unit and description.
-    start, min, max, nominal : float
-        Start value, limits and nominal value. The start value is NaN if a parameter provides the initial value.
-    role, type : int
-        Constants of this module.
-    reference : int
-        Value reference.
-    origin : int
-        Value reference of the state (for derivatives) or of the parameter with the initial value (for state outputs).
-    """
+    """One scalar variable of a block."""
 
     name: str
+    """Name as in the XML (elements of vectors are ``k[1]``, derivatives ``der(z)``), unit and description."""
     unit: str
     text: str
     start: float
+    """Start value, limits and nominal value. The start value is NaN if a parameter provides the initial value."""
     min: float
     max: float
     nominal: float
     role: int
+    """Constants of this module."""
     type: int
     reference: int
+    """Value reference."""
     origin: int
+    """Value reference of the state (for derivatives) or of the parameter with the initial value (for state outputs)."""
 
 
 @dataclass(frozen=True)
 class BlockVariables:
-    """Variables of a compiled block.
-
-    Attributes
-    ----------
-    variables : tuple of Variable
-        Variables in the order of the XML, time first.
-    guid : str
-        Hash of the rows, computed in the library.
-    sampled : bool
-        Whether the block acts at sample times.
-    exchanges : bool
-        Whether it can be used for model exchange.
-    events : int
-        Number of its event indicators.
-    """
+    """Variables of a compiled block."""
 
     variables: tuple[Variable, ...]
+    """Variables in the order of the XML, time first."""
     guid: str
+    """Hash of the rows, computed in the library."""
     sampled: bool
+    """Whether the block acts at sample times."""
     exchanges: bool
+    """Whether it can be used for model exchange."""
     events: int
+    """Number of its event indicators."""
 
 
 @dataclass(frozen=True)
 class Description(BlockVariables):
-    """A block's variables and structure.
-
-    Attributes
-    ----------
-    dependencies, initial_dependencies : dict of int to tuple of int
-        For the value reference of each unknown, the value references of the knowns on which it depends: in step mode
-        (inputs, continuous states, time) and in initialization mode (inputs, exact variables, time).
-    """
+    """A block's variables and structure."""
 
     dependencies: dict[int, tuple[int, ...]]
+    """For the value reference of each unknown, the value references of the knowns on which it depends: in step mode
+    (inputs, continuous states, time) and in initialization mode (inputs, exact variables, time)."""
     initial_dependencies: dict[int, tuple[int, ...]]
 
 
 def describe(library: Path, computed: Mapping[str, Iterable[str]] | None = None) -> Description:
-    """Read the variables of a compiled block and probe its dependencies, which takes up to some seconds.
-
-    Parameters
-    ----------
-    library : Path
-        The compiled block.
-    computed : mapping of str to iterable of str, or None
-        Outputs with dependencies known from the source of the block; a probe may miss dependencies that only matter at
-        a limit.
-    """
+    """Read the variables of a compiled block and probe its dependencies, which takes up to some seconds."""
     handle = ctypes.CDLL(str(library))
     rows, size = _read(handle)
     block = _Probe(handle, size, rows.variables, rows.sampled)

@@ -67,13 +67,7 @@ SHAPES_REFERENCE: Final = Use(
 
 
 def use_of(code: str) -> Use | None:
-    """Return the use that the macro USE of a C file declares, or None without this macro.
-
-    Raises
-    ------
-    FrictionError
-        If a row is malformed.
-    """
+    """Return the use that the macro USE of a C file declares, or None without this macro."""
     rows = table(code, "USE", ("KIND", "MODELS", "RENAMED", "TUNED", "OUTPUT", "NEVER", "PERIOD"))
     if not rows:
         return None

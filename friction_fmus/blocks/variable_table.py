@@ -34,23 +34,16 @@ GROUPS = {
 
 @dataclass(frozen=True)
 class Entry:
-    """A variable, or the elements of a vector.
-
-    Attributes
-    ----------
-    name, unit, text : str
-        Name (``k[1...10]`` for a vector), unit or type, and description.
-    starts : tuple of str
-        Start values; one if all are equal, none for computed variables.
-    limits : str
-        Range of accepted values; empty if there are no limits.
-    """
+    """A variable, or the elements of a vector."""
 
     name: str
+    """Name (``k[1...10]`` for a vector), unit or type, and description."""
     unit: str
     text: str
     starts: tuple[str, ...]
+    """Start values; one if all are equal, none for computed variables."""
     limits: str
+    """Range of accepted values; empty if there are no limits."""
 
 
 def variable_groups(rows: BlockVariables) -> dict[str, tuple[Entry, ...]]:

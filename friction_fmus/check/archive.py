@@ -54,30 +54,20 @@ DAMAGED = declare("zip-damaged", "error", "2.3", "A member of the archive cannot
 
 @dataclass(frozen=True)
 class Contents:
-    """The members of an FMU.
-
-    Parameters
-    ----------
-    path : Path
-        The FMU.
-    members : tuple of ZipInfo
-        The members in the order of the archive.
-    size : int
-        Size of the file [bytes].
-    identifier : str
-        Model identifier for co-simulation; empty if unknown.
-    source_files : tuple of str or None
-        Source files declared in the XML; None if unknown.
-    version : {2, 3}
-        Version of FMI.
-    """
+    """The members of an FMU."""
 
     path: Path
+    """The FMU."""
     members: tuple[zipfile.ZipInfo, ...]
+    """The members in the order of the archive."""
     size: int
+    """Size of the file [bytes]."""
     identifier: str = ""
+    """Model identifier for co-simulation; empty if unknown."""
     source_files: tuple[str, ...] | None = None
+    """Source files declared in the XML; None if unknown."""
     version: int = 2
+    """Version of FMI."""
     names: frozenset[str] = field(init=False)
 
     def __post_init__(self) -> None:
@@ -90,13 +80,7 @@ class Contents:
 
 
 def list_members(path: Path) -> Contents | Finding:
-    """Return the members of an archive, or a finding that explains why they cannot be listed.
-
-    Raises
-    ------
-    OSError
-        If the file does not exist or is not readable.
-    """
+    """Return the members of an archive, or a finding that explains why they cannot be listed."""
     if path.exists() and not path.is_dir() and not path.is_file():
         raise OSError("it is not a regular file")  # a device or a pipe may have no end
     try:
@@ -356,14 +340,6 @@ def truncated_libraries(contents: Contents) -> Iterator[Finding]:
 
 
 def unpack(contents: Contents, folder: Path) -> None:
-    """Unpack an archive in which no rule found a dangerous member.
-
-    Raises
-    ------
-    ZipError
-        If the archive has been replaced in the meantime.
-    OSError
-        If the files cannot be written.
-    """
+    """Unpack an archive in which no rule found a dangerous member."""
     with open_zip(contents.path) as archive:
         unpack_zip(archive, folder)

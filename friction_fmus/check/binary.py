@@ -60,24 +60,7 @@ _START_TIME: Final = 30.0
 
 
 def examine_binary(contents: Contents, model: Model, time_limit: float) -> list[Finding]:
-    """Run the probes and return their findings.
-
-    Parameters
-    ----------
-    contents : Contents
-        The archive, in which no rule found a dangerous member.
-    model : Model
-        The XML.
-    time_limit : float
-        Longest duration of a probe [s].
-
-    Raises
-    ------
-    OSError
-        If the FMU cannot be unpacked or no process can be started.
-    FrictionError
-        If a probe itself fails.
-    """
+    """Run the probes and return their findings."""
     findings: list[Finding] = []
     for interface in model.interfaces:
         findings += _examine(contents, model, interface, time_limit)
@@ -94,21 +77,7 @@ def _examine(contents: Contents, model: Model, interface: etree._Element, time_l
 def run_probes(
     contents: Contents, binary: str, job: dict[str, Any], names: list[str], once: bool, time_limit: float
 ) -> list[Finding]:
-    """Run probes of one interface and return their findings.
-
-    Parameters
-    ----------
-    contents, time_limit
-        See `examine_binary`.
-    binary : str
-        The library in the archive.
-    job : dict
-        What the probes need to know of the XML.
-    names : list of str
-        The probes.
-    once : bool
-        Whether each probe needs a process of its own.
-    """
+    """Run probes of one interface and return their findings."""
     if binary not in contents.names:
         found = sorted({path.parts[1] for path in contents.below("binaries") if len(path.parts) > 2})
         there = ", ".join(found) or "none"

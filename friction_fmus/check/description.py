@@ -38,46 +38,30 @@ NO_INTERFACE = declare(
 
 @dataclass(frozen=True)
 class Unknown:
-    """An entry of ModelStructure.
-
-    Parameters
-    ----------
-    line : int
-        Line in the XML.
-    index : int
-        Index of the variable, from 1.
-    dependencies : tuple of int or None
-        Indices of the dependencies. None if the attribute is missing, which means a dependence on all knowns.
-    kinds : tuple of str or None
-        The attribute dependenciesKind.
-    """
+    """An entry of ModelStructure."""
 
     line: int
+    """Line in the XML."""
     index: int
+    """Index of the variable, from 1."""
     dependencies: tuple[int, ...] | None
+    """Indices of the dependencies. None if the attribute is missing, which means a dependence on all knowns."""
     kinds: tuple[str, ...] | None
+    """The attribute dependenciesKind."""
 
 
 @dataclass(frozen=True)
 class Variable:
-    """A ScalarVariable with the defaults of the standard and of its declared type.
-
-    Parameters
-    ----------
-    element : lxml.etree.Element
-        ScalarVariable.
-    typed : lxml.etree.Element or None
-        Real, Integer, Boolean, String or Enumeration.
-    declared : lxml.etree.Element or None
-        The corresponding element of its SimpleType.
-    index : int
-        Index from 1, as in ModelStructure.
-    """
+    """A ScalarVariable with the defaults of the standard and of its declared type."""
 
     element: etree._Element
+    """ScalarVariable."""
     typed: etree._Element | None
+    """Real, Integer, Boolean, String or Enumeration."""
     declared: etree._Element | None
+    """The corresponding element of its SimpleType."""
     index: int
+    """Index from 1, as in ModelStructure."""
 
     @property
     def name(self) -> str:
@@ -141,15 +125,10 @@ class Variable:
 
 @dataclass
 class Model:
-    """The content of modelDescription.xml.
-
-    Parameters
-    ----------
-    root : lxml.etree.Element
-        The element fmiModelDescription.
-    """
+    """The content of modelDescription.xml."""
 
     root: etree._Element
+    """The element fmiModelDescription."""
     variables: list[Variable] = field(init=False)
 
     def __post_init__(self) -> None:
@@ -268,17 +247,7 @@ def parse(data: bytes, file: str = DESCRIPTION) -> etree._Element | Finding:
 
 
 def wrong_encoding(data: bytes, root: etree._Element, file: str = DESCRIPTION) -> list[Finding]:
-    """Return a finding if a file is not encoded as UTF-8 or declares another encoding.
-
-    Parameters
-    ----------
-    data : bytes
-        The file.
-    root : lxml.etree.Element
-        The root of the parsed file.
-    file : str
-        Name of the file.
-    """
+    """Return a finding if a file is not encoded as UTF-8 or declares another encoding."""
     stated = root.getroottree().docinfo.encoding or "UTF-8"
     try:
         data.decode("utf-8")
@@ -297,15 +266,7 @@ def _schema(name: str) -> etree.XMLSchema:
 
 
 def violations(root: etree._Element, schema: str) -> list[tuple[str, int]]:
-    """Return the violations of a schema, with their lines.
-
-    Parameters
-    ----------
-    root : lxml.etree.Element
-        The root of the file.
-    schema : str
-        Path of the schema within fmpy, such as ``fmi2/fmi2ModelDescription.xsd``.
-    """
+    """Return the violations of a schema, with their lines."""
     xsd = _schema(schema)
     xsd.validate(root.getroottree())
     log: Any = xsd.error_log  # the stubs do not declare that it is iterable

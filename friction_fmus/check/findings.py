@@ -103,15 +103,10 @@ class Finding:
 
 @dataclass(frozen=True)
 class Fault:
-    """An error yielded by a rule's function, from which the rule makes a `Finding`.
-
-    Parameters
-    ----------
-    message, file, line, variable
-        See `Finding`.
-    """
+    """An error yielded by a rule's function, from which the rule makes a `Finding`."""
 
     message: str
+    """See `Finding`."""
     line: int | None = None
     variable: str | None = None
     file: str = DESCRIPTION

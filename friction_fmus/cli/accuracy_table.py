@@ -15,13 +15,7 @@ _STYLES = {"right": "green", "sensitive": "yellow", "too coarse": "yellow", "not
 
 
 def show_accuracy(result: Result) -> bool:
-    """Print the error of each variable, and what to do.
-
-    Returns
-    -------
-    bool
-        Whether all variables have the required accuracy.
-    """
+    """Print the error of each variable, and what to do."""
     table = Table(box=None, pad_edge=False)
     for heading in ("variable", "error bound", "of the range", "events within", "order", "verdict"):
         table.add_column(heading)

@@ -16,13 +16,7 @@ def listed(words: Sequence[str]) -> str:
 
 
 def parse_assignment(text: str) -> tuple[str, float | bool]:
-    """Return name and value of ``NAME=VALUE``, with a number, true or false as value.
-
-    Raises
-    ------
-    FrictionError
-        If the text has another form.
-    """
+    """Return name and value of ``NAME=VALUE``, with a number, true or false as value."""
     name, equals, value = text.partition("=")
     if equals and value.strip().lower() in ("true", "false"):
         return name.strip(), value.strip().lower() == "true"

@@ -12,15 +12,7 @@ PATIENCE = 10.0
 
 
 def connect(address: str) -> Any:
-    """Return a client of the dask cluster at this address.
-
-    Raises
-    ------
-    MissingPackageError
-        If dask is not installed.
-    FrictionError
-        If no scheduler answers.
-    """
+    """Return a client of the dask cluster at this address."""
     require("distributed")
     from distributed import Client
 

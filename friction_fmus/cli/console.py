@@ -19,11 +19,6 @@ def literal_console(**options: Any) -> Console:
     """Return a console that prints strings literally: ``o[/b].csv`` is not markup, and ``:x:`` is not an emoji.
 
     Use `styled` or `rich.text.Text` for styled text.
-
-    Parameters
-    ----------
-    **options
-        Options of `rich.console.Console`.
     """
     return Console(**LITERAL, **options)
 
@@ -71,15 +66,7 @@ def _runs(text: Text) -> list[Text]:
 
 
 def progress_bar(*columns: ProgressColumn, **options: Any) -> Progress:
-    """Return a progress bar on stderr that disappears at the end; it is not shown if stderr is not a terminal.
-
-    Parameters
-    ----------
-    *columns
-        Additional columns, before the remaining time.
-    **options
-        Options of `rich.progress.Progress`.
-    """
+    """Return a progress bar on stderr that disappears at the end; it is not shown if stderr is not a terminal."""
     screen = literal_console(stderr=True)
     first = (TextColumn("{task.description}", markup=False), BarColumn(), MofNCompleteColumn())
     shown = (*first, *columns, TimeRemainingColumn())

@@ -40,19 +40,7 @@ def parser() -> argparse.ArgumentParser:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run one command.
-
-    Parameters
-    ----------
-    arguments : sequence of str, optional
-        Arguments of the command line; by default those of the process.
-
-    Returns
-    -------
-    int
-        0 on success; 1 if `check` or `doctor` has findings, all runs of `sweep` fail, or a result is reported as wrong;
-        2 if the command failed; 130 if it was interrupted.
-    """
+    """Run one command."""
     options = parser().parse_args(arguments)
     if isinstance(sys.stdout, io.TextIOWrapper):
         sys.stdout.reconfigure(errors="backslashreplace")  # file names may be invalid UTF-8

@@ -16,13 +16,7 @@ _FORMS = "use NAME=A,B,... or NAME=FIRST:LAST:COUNT, or NAME=FIRST:LAST for rand
 
 
 def parameter_sets(options: argparse.Namespace) -> list[WithUnits]:
-    """Return the parameter sets described by the options of `sweep`.
-
-    Raises
-    ------
-    FrictionError
-        If an option has an invalid form, or nothing is varied.
-    """
+    """Return the parameter sets described by the options of `sweep`."""
     listed: dict[str, list[Any]] = {}
     ranges: dict[str, tuple[float, float]] = {}
     logarithmic: list[str] = []

@@ -32,18 +32,6 @@ def write_configuration(data: Path, folder: Path) -> None:
     """Write the settings of the study of a data file, and ask for what its headings do not say.
 
     Without a terminal nothing is asked: missing entries are marked and listed.
-
-    Parameters
-    ----------
-    data : Path
-        The data file.
-    folder : Path
-        Folder of the settings.
-
-    Raises
-    ------
-    FrictionError
-        If the settings exist, or the data cannot be read.
     """
     path = folder / SETTINGS_FILE
     if path.exists():

@@ -14,15 +14,7 @@ _OTHERS = ("wall_time", "error", "warnings")
 
 
 def show_sweep(console: Console, result: xr.Dataset) -> None:
-    """Print the first runs, with all swept parameters and as many results as fit the width of the console.
-
-    Parameters
-    ----------
-    console : rich.console.Console
-        Console.
-    result : xarray.Dataset
-        Result of `harness.sweep`.
-    """
+    """Print the first runs, with all swept parameters and as many results as fit the width of the console."""
     runs = min(result.sizes["run"], ROWS)
     parameters = [str(name) for name in result.coords if name != "run"]
     measures = [str(name) for name in result.data_vars if name not in _OTHERS]

@@ -9,20 +9,7 @@ from harness import System
 
 
 def open_system(path: Path, *, open_inputs: bool = False) -> System:
-    """Return the system in a .toml or .ssp file.
-
-    Parameters
-    ----------
-    path : Path
-        The file.
-    open_inputs : bool
-        Whether inputs that nothing drives need no start value.
-
-    Raises
-    ------
-    HarnessError
-        If the file is missing or invalid.
-    """
+    """Return the system in a .toml or .ssp file."""
     if path.suffix.lower() == ".ssp":
         return System.from_ssp(path)
     return System.from_toml(path, resolve=fmu, open_inputs=open_inputs)

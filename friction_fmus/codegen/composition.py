@@ -32,13 +32,7 @@ class Composition:
         self._held: dict[str, SX] = {}
 
     def declare(self, variable: Variable) -> list[SX]:
-        """Add a variable and return its symbols.
-
-        Raises
-        ------
-        FrictionError
-            If there is a variable with its name.
-        """
+        """Add a variable and return its symbols."""
         if variable.name in self._variables:
             raise FrictionError(f"Two variables of the composed law are called {variable.name}; rename one in its law")
         self._variables[variable.name] = variable
@@ -60,19 +54,7 @@ class Composition:
         self.result(variable.name, value)
 
     def apply(self, part: str, law: Law, connected: Mapping[str, SX], shared: Mapping[str, str]) -> dict[str, SX]:
-        """Compute a law in every sample and return its outputs.
-
-        Parameters
-        ----------
-        part : str
-            Name of the part, the prefix of its states, parameters and intermediate results.
-        law : Law
-            The law. The start values of its variables are those of the composition.
-        connected : mapping of str to SX
-            Values of all its inputs.
-        shared : mapping of str to str
-            Names of declared parameters that the law uses in place of its own, by its own name.
-        """
+        """Compute a law in every sample and return its outputs."""
         own = {v.name: shared.get(v.name, f"{part}_{v.name}") for v in law.select(*PARAMETERS, *_STATES)}
         given: list[SX] = []
         for variable in law.given:
@@ -106,18 +88,7 @@ class Composition:
     def law(
         self, name: str, summary: str, source: str, documentation: str, path: Path, prefixes: Mapping[int, str]
     ) -> Law:
-        """Return the law, without variables that have no effect on its outputs.
-
-        Parameters
-        ----------
-        name, summary, source, documentation, path, prefixes
-            See `Law`.
-
-        Raises
-        ------
-        FrictionError
-            If two variables have the same name.
-        """
+        """Return the law, without variables that have no effect on its outputs."""
         where = f"{path.name}: law {name}"
         needed = self._needed()
         variables = self._in_table_order(needed)

@@ -133,18 +133,12 @@ def _covered(found: Trace, functions: frozenset[str]) -> float:
 
 @dataclass(frozen=True)
 class CallGraph:
-    """Calls and stack use of the functions of one file.
-
-    Attributes
-    ----------
-    frames : dict of str to int
-        Stack of each function that the file defines [bytes].
-    calls : dict of str to set of str
-        Functions that a function calls.
-    """
+    """Calls and stack use of the functions of one file."""
 
     frames: dict[str, int]
+    """Stack of each function that the file defines [bytes]."""
     calls: dict[str, set[str]]
+    """Functions that a function calls."""
 
     @classmethod
     def read(cls, text: str) -> CallGraph:

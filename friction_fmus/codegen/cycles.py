@@ -18,30 +18,17 @@ from friction_fmus.codegen.target import M0PLUS, M4F, Core
 
 @dataclass(frozen=True)
 class Durations:
-    """Durations of the instructions of a core.
-
-    Attributes
-    ----------
-    taken : int
-        Additional cycles of a taken branch.
-    cycles : tuple of (str, int)
-        Patterns of mnemonics without width, and their cycles; all others take one cycle. The first match counts.
-    lists : str
-        Pattern of instructions that take one cycle, and one more for each register of their list.
-    """
+    """Durations of the instructions of a core."""
 
     taken: int
+    """Additional cycles of a taken branch."""
     cycles: tuple[tuple[str, int], ...]
+    """Patterns of mnemonics without width, and their cycles; all others take one cycle. The first match counts."""
     lists: str
+    """Pattern of instructions that take one cycle, and one more for each register of their list."""
 
     def of(self, text: str) -> int:
-        """Return the cycles of one instruction without those of a taken branch.
-
-        Parameters
-        ----------
-        text : str
-            Instruction and operands as objdump prints them.
-        """
+        """Return the cycles of one instruction without those of a taken branch."""
         mnemonic, _, operands = text.partition("\t")
         name = mnemonic.removesuffix(".w").removesuffix(".n")
         listed = 1 + _registers(operands) if re.match(self.lists, name) else 0

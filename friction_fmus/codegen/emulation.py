@@ -24,43 +24,28 @@ _LOG = re.compile(rb"^(?:Trace \d+: \S+ \[[0-9a-f]+/([0-9a-f]+)/|0x([0-9a-f]+): 
 
 @dataclass(frozen=True)
 class Instruction:
-    """An instruction of a program.
-
-    Attributes
-    ----------
-    size : int
-        Size [bytes].
-    text : str
-        Mnemonic, tab and operands as objdump prints them.
-    function : str
-        The function that contains it.
-    """
+    """An instruction of a program."""
 
     size: int
+    """Size [bytes]."""
     text: str
+    """Mnemonic, tab and operands as objdump prints them."""
     function: str
+    """The function that contains it."""
 
 
 @dataclass(frozen=True)
 class Trace:
-    """The instructions that a program executes in steps of the law, from entry to return.
-
-    Attributes
-    ----------
-    code : mapping of int to Instruction
-        Instructions of the program by address.
-    blocks : tuple of tuple of int
-        Addresses of the instructions of blocks that are executed from the first to the last.
-    steps : tuple of tuple of int
-        Indices of the blocks that each step executes: first `RANDOM` steps with random inputs, then the unit test.
-    stack : int
-        Depth of the stack below the caller of the law [bytes].
-    """
+    """The instructions that a program executes in steps of the law, from entry to return."""
 
     code: Mapping[int, Instruction]
+    """Instructions of the program by address."""
     blocks: tuple[tuple[int, ...], ...]
+    """Addresses of the instructions of blocks that are executed from the first to the last."""
     steps: tuple[tuple[int, ...], ...]
+    """Indices of the blocks that each step executes: first `RANDOM` steps with random inputs, then the unit test."""
     stack: int
+    """Depth of the stack below the caller of the law [bytes]."""
 
     @property
     def counts(self) -> list[int]:
@@ -75,27 +60,7 @@ class Trace:
 
 
 def run(export: Export, core: Core, given: Mapping[str, np.ndarray]) -> tuple[np.ndarray, int]:
-    """Run the law for a core under QEMU.
-
-    Parameters
-    ----------
-    export : Export
-        The law.
-    core : Core
-        The core to compile for.
-    given : mapping of str to array, shape (n,)
-        Input values for n samples.
-
-    Returns
-    -------
-    tuple of array, shape (n, results) and int
-        Outputs and next states of every sample, and the used stack [bytes].
-
-    Raises
-    ------
-    FrictionError
-        If a tool fails.
-    """
+    """Run the law for a core under QEMU."""
     with ScratchFolder("friction-fmus-") as scratch:
         folder = Path(scratch)
         compile_law(export, core, folder)
@@ -110,13 +75,7 @@ def run(export: Export, core: Core, given: Mapping[str, np.ndarray]) -> tuple[np
 
 
 def trace(export: Export, core: Core, folder: Path) -> Trace:
-    """Run a law that `compile_law` compiled in a folder, and return the instructions that it executes.
-
-    Raises
-    ------
-    FrictionError
-        If a tool fails, or QEMU does not log all steps.
-    """
+    """Run a law that `compile_law` compiled in a folder, and return the instructions that it executes."""
     random, test = samples(export, RANDOM), inputs(export)
     given = {name: np.append(column, test[name]) for name, column in random.items()}
     link_program(export, core, folder, program(export, given, restart=RANDOM), "-DQUIET")

@@ -18,27 +18,18 @@ _START = re.compile(r"(?:[\w ]+:\s+)?([A-Za-z]\w*?)_?(?:\([^)]*\)|\[[^\]]*\])?'*
 
 @dataclass(frozen=True)
 class Equation:
-    """An equation.
-
-    Attributes
-    ----------
-    number : int
-        Its number, counted from 1.
-    name : str
-        The variable on its left-hand side.
-    lines : tuple of str
-        Its text.
-    last : int
-        Index of its last line in the documentation.
-    prefix : str
-        Prefix of the variable in the code.
-    """
+    """An equation."""
 
     number: int
+    """Its number, counted from 1."""
     name: str
+    """The variable on its left-hand side."""
     lines: tuple[str, ...]
+    """Its text."""
     last: int
+    """Index of its last line in the documentation."""
     prefix: str = ""
+    """Prefix of the variable in the code."""
 
     @property
     def text(self) -> str:
@@ -47,15 +38,7 @@ class Equation:
 
 
 def equations_of(documentation: str, prefixes: Mapping[int, str] = NONE) -> tuple[Equation, ...]:
-    """Return the equations of a documentation page: each indented line with ``name =`` or ``name becomes`` begins one.
-
-    Parameters
-    ----------
-    documentation : str
-        Plain text, in which the equations are indented by four spaces.
-    prefixes : mapping of int to str
-        Prefixes of the variables by the line from which on they apply.
-    """
+    """Return the equations of a documentation page; an indented line with ``name =`` or ``name becomes`` begins one."""
     prefix = ""
     found: list[Equation] = []
     inside = False
@@ -94,24 +77,6 @@ def placed(
 
     An equation whose left-hand side is no variable of the law is added to one that contains this side: to the next
     equation, or else to one before it.
-
-    Parameters
-    ----------
-    equations : tuple of Equation
-        The equations of a law.
-    nodes : sequence of Node
-        Its operations.
-    named : sequence of Named
-        Names of its intermediate results.
-    results : mapping of str to int
-        Node of each result, of vectors the first element.
-    commands : collection of int
-        Indices of the arguments that enable and reset the law.
-
-    Returns
-    -------
-    tuple of dict of int to list of str and list of str
-        The texts of equations by node, and the remaining equations.
     """
     own = [_node(equation.prefix + equation.name, nodes, named, results, commands) for equation in equations]
     places = range(len(equations))

@@ -13,18 +13,7 @@ from friction_fmus.lawkit.law import BOOLEANS, VECTORS, Law
 
 
 def law_of(model: str | Path) -> Law:
-    """Return a law.
-
-    Parameters
-    ----------
-    model : str or Path
-        Name of a law, or path of a law file.
-
-    Raises
-    ------
-    UnknownNameError, FrictionError
-        If the model is unknown; if it is a block in C.
-    """
+    """Return a law."""
     block = find(model)
     if block.kind != "law" and block.path.suffix != ".py":
         raise FrictionError(f"{block.name} is not a law but a C block; use its file {block.path.name}")
@@ -32,20 +21,7 @@ def law_of(model: str | Path) -> Law:
 
 
 def start_values(law: Law, start: Mapping[str, float | bool]) -> dict[str, tuple[float, ...]]:
-    """Return the start values of a law by variable, with some changed.
-
-    Parameters
-    ----------
-    law : Law
-        The law.
-    start : mapping of str to number
-        Other start values of parameters, states and inputs; elements of vectors are ``k[1]``.
-
-    Raises
-    ------
-    UnknownNameError, FrictionError
-        If a name is unknown; if a value lies outside its limits or the values violate a condition of the law.
-    """
+    """Return the start values of a law by variable, with some changed."""
     values = {variable.name: variable.starts for variable in law.given}
     for name, value in start.items():
         _set(law, values, name, value)

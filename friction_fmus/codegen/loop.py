@@ -67,18 +67,7 @@ EMPTY: Final[Mapping[str, Named]] = MappingProxyType({})
 
 
 def loop_law(loop: LoopFile) -> Law:
-    """Return a loop as one law.
-
-    Parameters
-    ----------
-    loop : LoopFile
-        Its laws, parameters and connections.
-
-    Raises
-    ------
-    UnknownNameError, FrictionError
-        If a law, a variable or a connection is unknown or cannot be used in a loop.
-    """
+    """Return a loop as one law."""
     return _Loop(loop).law()
 
 

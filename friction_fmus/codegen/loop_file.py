@@ -38,88 +38,49 @@ _SETTINGS: Final = ("Ts", "u_min", "u_max", "offset", "window", "v0", *_FLAGS)
 
 @dataclass(frozen=True)
 class LoopLaw:
-    """A law of a loop.
-
-    Attributes
-    ----------
-    law : str
-        Its name, or the path of its file.
-    parameters : mapping of str to number
-        Its parameters; elements of vectors are ``W[1]``. Others have their start values.
-    connections : mapping of str to number or str
-        Constant inputs, and inputs that are connected to another input of the loop.
-    output : str
-        The output that is added to the force of the servo.
-    factor : float or None
-        Factor of this output; None for 1.
-    """
+    """A law of a loop."""
 
     law: str
+    """Its name, or the path of its file."""
     parameters: Numbers = field(default_factory=dict)
+    """Its parameters; elements of vectors are ``W[1]``. Others have their start values."""
     connections: Mapping[str, float | str] = field(default_factory=dict)
+    """Constant inputs, and inputs that are connected to another input of the loop."""
     output: str = "u"
+    """The output that is added to the force of the servo."""
     factor: float | None = None
+    """Factor of this output; None for 1."""
 
 
 @dataclass(frozen=True)
 class LoopFile:
-    """A servo with compensation.
-
-    Attributes
-    ----------
-    laws : mapping of str to LoopLaw
-        The laws by the name of their table, ``servo`` and optionally ``feedforward`` and ``compensator``.
-    Ts : float
-        Sample time [s].
-    u_min, u_max : float
-        Limits of the force [N].
-    offset : float or None
-        Constant force that is added [N]; None for none.
-    window : int
-        Number of samples over which the velocity is computed; 0 if it is an input.
-    v0 : float or None
-        Velocity before the first sample [m/s]; None for rest.
-    rotary : bool
-        Whether the axis is rotary; read m as rad, N as N.m and kg as kg.m2.
-    known_force : bool
-        Whether the loop has an input for a known force, which is added and hidden from estimators.
-    table : PositionMap or None
-        Force over position, which is compensated at the reference as a known force.
-    path : Path
-        The file.
-    """
+    """A servo with compensation."""
 
     laws: Mapping[str, LoopLaw]
+    """The laws by the name of their table, ``servo`` and optionally ``feedforward`` and ``compensator``."""
     Ts: float
+    """Sample time [s]."""
     u_min: float
+    """Limits of the force [N]."""
     u_max: float
     offset: float | None = None
+    """Constant force that is added [N]; None for none."""
     window: int = 0
+    """Number of samples over which the velocity is computed; 0 if it is an input."""
     v0: float | None = None
+    """Velocity before the first sample [m/s]; None for rest."""
     rotary: bool = False
+    """Whether the axis is rotary; read m as rad, N as N.m and kg as kg.m2."""
     known_force: bool = False
+    """Whether the loop has an input for a known force, which is added and hidden from estimators."""
     table: PositionMap | None = None
+    """Force over position, which is compensated at the reference as a known force."""
     path: Path = Path(LOOP_FILE)
+    """The file."""
 
 
 def read_loop(path: Path) -> LoopFile:
-    """Read the file of a loop.
-
-    Parameters
-    ----------
-    path : Path
-        The file.
-
-    Returns
-    -------
-    LoopFile
-        Its content, in which laws and names of variables are not checked.
-
-    Raises
-    ------
-    FrictionError
-        If the file does not exist, is not TOML, or has an unknown or invalid entry.
-    """
+    """Read the file of a loop."""
     if not path.is_file():
         raise FrictionError(
             f"{path} does not exist; write it, or use recommended/{LOOP_FILE} of a study that recommends a compensation"

@@ -22,13 +22,7 @@ STACK = 4096
 
 
 def samples(export: Export, n: int, seed: int = 1) -> dict[str, np.ndarray]:
-    """Return n random samples of the inputs around their start values, with some zeros; Booleans rarely change.
-
-    Returns
-    -------
-    dict of str to float64 array, shape (n,)
-        Samples by input, rounded to the type of the export.
-    """
+    """Return n random samples of the inputs around their start values, with some zeros; Booleans rarely change."""
     random = np.random.default_rng(seed)
 
     def draw(variable: Variable) -> np.ndarray:
@@ -47,15 +41,6 @@ def program(export: Export, given: Mapping[str, np.ndarray], restart: int = 0) -
 
     For every sample, the program writes a line with the bytes of the results and of the lower parts of pairs, and at
     the end the depth of the stack [bytes]. With the macro QUIET it runs the law once and writes only that depth.
-
-    Parameters
-    ----------
-    export : Export
-        The law.
-    given : mapping of str to array, shape (n,)
-        Samples by input.
-    restart : int
-        Sample before which the start values are set again.
     """
     p, inputs = export.prefix, export.law.select(*INPUTS)
     n = len(next(iter(given.values()))) if given else 1

@@ -25,15 +25,7 @@ ACCURACY = 1e-4
 
 
 def readme(export: Export, costs: Sequence[Cost]) -> str:
-    """Return the text of the README.
-
-    Parameters
-    ----------
-    export : Export
-        The exported law.
-    costs : sequence of Cost
-        Cost on each core; empty without a cross compiler.
-    """
+    """Return the text of the README."""
     p, law, real = export.prefix, export.law, export.real.name
     called = ", ".join(f"`{name}`" for name in sorted(export.kernel.functions))
     library = f"calls {called} from the C library" if called else "calls no functions of the C library"

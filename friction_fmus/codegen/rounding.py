@@ -32,13 +32,7 @@ _JUMPS = {*COMPARE, "SIGN", "FLOOR", "CEIL"}
 
 
 class Rounding:
-    """Samples of a law whose operations are rounded at random.
-
-    Parameters
-    ----------
-    export : Export
-        The law.
-    """
+    """Samples of a law whose operations are rounded at random."""
 
     def __init__(self, export: Export) -> None:
         """Read the operations."""
@@ -54,18 +48,7 @@ class Rounding:
         ]
 
     def sample(self, given: np.ndarray) -> tuple[np.ndarray, bool]:
-        """Return the results of a sample, and whether rounding makes a decision that matters.
-
-        Parameters
-        ----------
-        given : array, shape (arguments, RUNS)
-            Arguments of each run; the first run is exact.
-
-        Returns
-        -------
-        tuple of array, shape (results, RUNS), and bool
-            If rounding decides, half of the runs decide otherwise.
-        """
+        """Return the results of a sample, and whether rounding makes a decision that matters."""
         values = self._values(given, {}, self._units)
         found = values[self._results]
         near = [i for i, node in enumerate(self._nodes) if node.operation in _JUMPS and self._is_near(node, values)]

@@ -55,13 +55,7 @@ def missing() -> list[str]:
 
 
 def call(folder: Path, *command: str) -> str:
-    """Run a tool in a folder and return its output.
-
-    Raises
-    ------
-    FrictionError
-        If the tool fails.
-    """
+    """Run a tool in a folder and return its output."""
     done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
     if done.returncode:
         reason: Sequence[str] = done.stderr.strip().splitlines()[:1] or [f"status {done.returncode}"]
@@ -92,13 +86,7 @@ def emulate(folder: Path, *flags: str) -> str:
 
 
 def assembly(export: Export, core: Core, *flags: str) -> str:
-    """Return the assembly code of the law for a core, compiled with additional options.
-
-    Raises
-    ------
-    FrictionError
-        If the compiler fails.
-    """
+    """Return the assembly code of the law for a core, compiled with additional options."""
     with ScratchFolder("friction-fmus-") as scratch:
         folder = Path(scratch)
         compile_law(export, core, folder, "-S", "-o", "law.s", *flags)

@@ -55,42 +55,28 @@ _CHANGE: Final = 0.01  # of a parameter that the samples must show
 
 @dataclass(frozen=True)
 class Vectors:
-    """Samples of one run that starts with the start values of the export.
-
-    Attributes
-    ----------
-    given : dict of str to float64 array, shape (N,)
-        Inputs by name, as the type of the export holds them.
-    expected : float64 array, shape (N, outputs)
-        Outputs in double.
-    allowed : float64 array, shape (N, outputs)
-        Largest difference of an output from its expected value.
-    relative : float
-        Smallest tolerance relative to an output; 0 if outputs must equal the expected values.
-    limited : bool
-        Whether an output reaches ``u_min`` and ``u_max``.
-    untested : tuple of str
-        Parameters whose change by 1 % no output shows.
-    repeated : tuple of int
-        Samples, counted from 1, that repeat the inputs before because an output would not be finite.
-    doubtful : tuple of int
-        Samples, counted from 1, in which rounding makes a decision that matters.
-    second : Vectors or None
-        Samples of another run with the parameters `settings`, which switch on the terms that the start values omit.
-    settings : mapping of str to tuple of float
-        These parameters.
-    """
+    """Samples of one run that starts with the start values of the export."""
 
     given: Mapping[str, np.ndarray]
+    """Inputs by name, as the type of the export holds them."""
     expected: np.ndarray
+    """Outputs in double."""
     allowed: np.ndarray
+    """Largest difference of an output from its expected value."""
     relative: float
+    """Smallest tolerance relative to an output; 0 if outputs must equal the expected values."""
     limited: bool
+    """Whether an output reaches ``u_min`` and ``u_max``."""
     untested: tuple[str, ...]
+    """Parameters whose change by 1 % no output shows."""
     repeated: tuple[int, ...]
+    """Samples, counted from 1, that repeat the inputs before because an output would not be finite."""
     doubtful: tuple[int, ...]
+    """Samples, counted from 1, in which rounding makes a decision that matters."""
     second: Vectors | None = None
+    """Samples of another run with the parameters `settings`, which switch on the terms that the start values omit."""
     settings: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
+    """These parameters."""
 
     @property
     def exact(self) -> bool:
@@ -177,14 +163,7 @@ def _vectors(export: Export) -> Vectors:
 def _decided(
     export: Export, run: _Run, given: Mapping[str, np.ndarray]
 ) -> tuple[dict[str, np.ndarray], np.ndarray, tuple[int, ...]]:
-    """Return inputs with which rounding makes no decision that matters, as far as possible.
-
-    Returns
-    -------
-    tuple of dict, array of shape (N, outputs) and tuple of int
-        Inputs; largest deviation of each output over runs with random rounding of each operation; the remaining samples
-        in which rounding decides, counted from 1. There the deviation covers both decisions.
-    """
+    """Return inputs with which rounding makes no decision that matters, as far as possible."""
     rounding = Rounding(export)
     names = [v.name for v in export.law.select(*INPUTS)]
     reals = [v for v in export.law.select(*INPUTS) if v.kind not in BOOLEANS]
@@ -313,15 +292,7 @@ class _Run:
         return value if self._export.real is DOUBLE else float(np.float32(value))
 
     def outputs(self, given: Mapping[str, np.ndarray], *, changed: Variable | None = None) -> np.ndarray:
-        """Return the outputs of every sample.
-
-        Parameters
-        ----------
-        given : mapping of str to array, shape (N,)
-            Inputs.
-        changed : Variable, optional
-            A parameter to be changed: a switch is turned over, a number is changed by 1 %, or by 0.01 if it is zero.
-        """
+        """Return the outputs of every sample."""
         arguments = self.start.copy()
         if changed is not None:
             mine = [name == changed.name for name in self._names]

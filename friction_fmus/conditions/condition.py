@@ -48,15 +48,7 @@ class Condition:
 
 
 def above(value: float, bound: float, scale: float = 0.0) -> bool:
-    """Return whether a value is above a bound by more than rounding errors.
-
-    Parameters
-    ----------
-    value, bound : float
-        Numbers to compare; NaN is not above anything.
-    scale : float
-        Magnitude of the terms that the two were computed from, if they may have cancelled.
-    """
+    """Return whether a value is above a bound by more than rounding errors."""
     if math.isinf(value) or math.isinf(bound):
         return value > bound
     return value - bound > ROUNDING * max(abs(value), abs(bound), scale)

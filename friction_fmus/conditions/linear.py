@@ -34,13 +34,7 @@ def held(A: Matrix, b: Matrix, time: float) -> tuple[Matrix, Matrix]:
 
 
 def held_mass(m: float, damping: float, stiffness: float, Ts: float) -> tuple[Matrix, Matrix]:
-    """Return A and b of a mass with damper and spring: (x, v) after Ts is A (x, v) + b u for a held force u.
-
-    Returns
-    -------
-    tuple of arrays, shapes (2, 2) and (2,)
-        A and b.
-    """
+    """Return A and b of a mass with damper and spring: (x, v) after Ts is A (x, v) + b u for a held force u."""
     return held(np.array([[0.0, 1.0], [-stiffness / m, -damping / m]]), np.array([0.0, 1.0 / m]), Ts)
 
 
@@ -73,19 +67,7 @@ def is_stable(matrix: Matrix) -> bool:
 
 
 def longest_sample(stable: Callable[[float], bool], Ts: float, halvings: int = 60, closeness: float = 1e-6) -> float:
-    """Return the sample time below Ts at which the loop becomes stable; 0 if it is unstable down to `FASTEST`.
-
-    Parameters
-    ----------
-    stable : callable
-        Function of the sample time [s] that returns whether the loop is stable.
-    Ts : float
-        Sample time at which the loop is unstable [s].
-    halvings : int
-        Largest number of halvings in the search for a stable sample time.
-    closeness : float
-        Relative tolerance of the result.
-    """
+    """Return the sample time below Ts at which the loop becomes stable; 0 if it is unstable down to `FASTEST`."""
     slow, fast = Ts, Ts
     for _ in range(halvings):
         slow, fast = fast, max(fast / 2.0, FASTEST)

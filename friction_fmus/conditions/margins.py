@@ -25,46 +25,21 @@ RIGOROUS = 40
 
 @dataclass(frozen=True)
 class Margins:
-    """Margins of a loop.
-
-    Attributes
-    ----------
-    stable : bool
-        Whether the loop is stable; otherwise the margins are those of an unstable loop, and `sensitivity` is infinite.
-    sensitivity : float
-        Peak of the sensitivity function Ms = max |1/(1 + L)|.
-    phase : float
-        Phase margin [rad]; infinite if the gain is nowhere 1.
-    delay : float
-        Delay margin [samples]: further delay at which the loop becomes unstable; infinite if the gain is nowhere 1.
-    """
+    """Margins of a loop."""
 
     stable: bool
+    """Whether the loop is stable; otherwise the margins are those of an unstable loop, and `sensitivity` is infinite.
+    """
     sensitivity: float
+    """Peak of the sensitivity function Ms = max |1/(1 + L)|."""
     phase: float
+    """Phase margin [rad]; infinite if the gain is nowhere 1."""
     delay: float
+    """Delay margin [samples]: further delay at which the loop becomes unstable; infinite if the gain is nowhere 1."""
 
 
 def loop_margins(plant: DrivenPlant, laws: Sequence[SampledLaw], Ts: float, window: int = 0, delay: int = 0) -> Margins:
     """Return the margins of a sampled loop with respect to the force of the drive.
-
-    Parameters
-    ----------
-    plant : DrivenPlant
-        Plant.
-    laws : sequence of SampledLaw
-        Laws, whose forces are added and held between samples.
-    Ts : float
-        Sample time [s].
-    window : int
-        The laws receive the velocity (x[k] - x[k-window])/(window Ts); with 0 that of the plant.
-    delay : int
-        Number of samples by which the force lags the command.
-
-    Returns
-    -------
-    Margins
-        Sensitivity peak, phase margin and delay margin.
 
     Notes
     -----

@@ -29,19 +29,6 @@ def sticks_again(
     With w = V - v, the spring force q less its value in steady sliding at Coulomb friction, and the damping c,
     m w' = -q - c w + g(V - w) - Fc and q' = k w. The mass breaks away with w = V; it comes to rest again if w reaches V
     once more.
-
-    Parameters
-    ----------
-    m, k, damping : float
-        Mass [kg], spring [N/m], damper and viscous friction together [N.s/m].
-    Fc, Fs : float
-        Coulomb and static friction [N].
-    vs : float or None
-        Stribeck velocity [m/s]; None if static friction acts at rest only.
-    delta : float
-        Exponent of the Stribeck curve.
-    v : float
-        Speed of the pulled end of the spring [m/s].
     """
     if at_most(Fs, Fc) or damping >= 2.0 * math.sqrt(k * m):
         return False

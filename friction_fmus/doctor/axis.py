@@ -16,60 +16,40 @@ Values: TypeAlias = Mapping[str, float]
 
 @dataclass(frozen=True)
 class Gains:
-    """Position loop in PID form: u = Kp e + Kd (rd - v) + Ki times the integral of e.
-
-    Parameters
-    ----------
-    Kp, Kd, Ki : float
-        Gains [N/m, N.s/m, N/(m.s)].
-    db : float
-        Error up to which the integral is held [m].
-    m : float
-        Mass of the inertia feedforward [kg].
-    reversal : float
-        Factor of the integral at a reversal.
-    turned : float
-        Coulomb friction in the integral that changes its sign at a reversal [N].
-    """
+    """Position loop in PID form: u = Kp e + Kd (rd - v) + Ki times the integral of e."""
 
     Kp: float
+    """Gains [N/m, N.s/m, N/(m.s)]."""
     Kd: float
     Ki: float = 0.0
     db: float = 0.0
+    """Error up to which the integral is held [m]."""
     m: float = 0.0
+    """Mass of the inertia feedforward [kg]."""
     reversal: float = 1.0
+    """Factor of the integral at a reversal."""
     turned: float = 0.0
+    """Coulomb friction in the integral that changes its sign at a reversal [N]."""
 
 
 @dataclass(frozen=True)
 class Law:
-    """Properties of a law that the conditions need, as functions of its parameter values.
-
-    Parameters
-    ----------
-    gains : callable or None
-        Position loop, from the values; None if the law does not close one.
-    levels : callable or None
-        Compensated friction, forward and backward, from the values.
-    inertia : callable or None
-        Mass of the inertia feedforward [kg], from the values.
-    linear : callable or None
-        Linear sampled law, from the values and the sample time; None if it has no part in the loop.
-    amplifies : callable or None
-        Gain from the input f to the output for small movements, from the values; None for a gain of 1.
-    rules : tuple of callable
-        Conditions specific to this law.
-    measured, at_rest, estimates, hunts, shapes : bool
-        As in `Loop`.
-    """
+    """Properties of a law that the conditions need, as functions of its parameter values."""
 
     gains: Callable[[Values], Gains] | None = None
+    """Position loop, from the values; None if the law does not close one."""
     levels: Callable[[Values], tuple[Level, Level]] | None = None
+    """Compensated friction, forward and backward, from the values."""
     inertia: Callable[[Values], float] | None = None
+    """Mass of the inertia feedforward [kg], from the values."""
     linear: Callable[[Values, float], SampledLaw] | None = None
+    """Linear sampled law, from the values and the sample time; None if it has no part in the loop."""
     amplifies: Callable[[Values], float] | None = None
+    """Gain from the input f to the output for small movements, from the values; None for a gain of 1."""
     rules: tuple[Rule, ...] = ()
+    """Conditions specific to this law."""
     measured: bool = False
+    """As in `Loop`."""
     at_rest: bool = False
     estimates: bool = False
     hunts: bool = True
@@ -78,38 +58,26 @@ class Law:
 
 @dataclass(frozen=True)
 class SignalPath:
-    """Actuator, limits and sensors between a law and its plant.
-
-    Parameters
-    ----------
-    tau, delay : float
-        Lag and delay of the actuator [s].
-    low, high : float
-        Limits of the force on the plant [N].
-    amplified : float
-        Gain of the force of the law for small movements.
-    window : int
-        Number of samples over which the velocity is computed from positions; 0 if it is measured.
-    smoothing : float
-        Time constant of a low-pass filter behind that difference [s].
-    quantum : float
-        Resolution of the measured position [m].
-    sensor : str
-        Name of the sensor part; empty if the plant's outputs are used directly.
-    at_load : (bool, bool)
-        Whether position and velocity are measured at the load of a flexible drive.
-    """
+    """Actuator, limits and sensors between a law and its plant."""
 
     tau: float = 0.0
+    """Lag and delay of the actuator [s]."""
     delay: float = 0.0
     low: float = -math.inf
+    """Limits of the force on the plant [N]."""
     high: float = math.inf
     amplified: float = 1.0
+    """Gain of the force of the law for small movements."""
     window: int = 0
+    """Number of samples over which the velocity is computed from positions; 0 if it is measured."""
     smoothing: float = 0.0
+    """Time constant of a low-pass filter behind that difference [s]."""
     quantum: float = 0.0
+    """Resolution of the measured position [m]."""
     sensor: str = ""
+    """Name of the sensor part; empty if the plant's outputs are used directly."""
     at_load: tuple[bool, bool] = (False, False)
+    """Whether position and velocity are measured at the load of a flexible drive."""
 
     @property
     def dynamics(self) -> PathDynamics:
@@ -119,31 +87,21 @@ class SignalPath:
 
 @dataclass(frozen=True)
 class ActiveLaw:
-    """Law that acts on an axis.
-
-    Parameters
-    ----------
-    part : str
-        Name of the part.
-    law : Law
-        Properties of the law.
-    values : mapping of str to float
-        Parameter values of the law.
-    to_force : float
-        Product of the gains of the connections from its u to the force on the plant.
-    of_position, of_velocity : float
-        Gains of the connections from the plant to its x and v.
-    path : SignalPath
-        Actuator, limits and sensors between the law and the plant.
-    """
+    """Law that acts on an axis."""
 
     part: str
+    """Name of the part."""
     law: Law
+    """Properties of the law."""
     values: Values
+    """Parameter values of the law."""
     to_force: float = 1.0
+    """Product of the gains of the connections from its u to the force on the plant."""
     of_position: float = 1.0
+    """Gains of the connections from the plant to its x and v."""
     of_velocity: float = 1.0
     path: SignalPath = SignalPath()
+    """Actuator, limits and sensors between the law and the plant."""
 
     @property
     def gains(self) -> Gains | None:
@@ -174,50 +132,34 @@ class Shaper:
 
 @dataclass(frozen=True)
 class Axis:
-    """One mass with its friction and the laws that drive it.
-
-    Parameters
-    ----------
-    plant : str
-        Name of the part.
-    m, damping, stiffness : float
-        Mass [kg], damper [N.s/m] and spring [N/m] to ground.
-    friction : str or None
-        Name of the part with the friction; None if no known part acts as friction.
-    contact : Contact or None
-        Friction of the axis.
-    laws : tuple of ActiveLaw
-        Laws that drive the axis, in the order from the plant to the reference.
-    flexible : (float, float, float, float) or None
-        m1, m2, k, d of motor and load; None for a single mass.
-    at_load : bool
-        Whether the friction acts on the load.
-    cogging : (str, float) or None
-        Part and largest slope [N/m] of a position-dependent force.
-    belt : float or None
-        Speed of the belt under the mass [m/s].
-    support : float or None
-        Speed of the other end of spring and damper [m/s].
-    shapers : tuple of Shaper
-        Prefilters of the references.
-    rotary : bool
-        Whether the plant has angles and torques, and the numbers are in their units.
-    """
+    """One mass with its friction and the laws that drive it."""
 
     plant: str
+    """Name of the part."""
     m: float
+    """Mass [kg], damper [N.s/m] and spring [N/m] to ground."""
     damping: float = 0.0
     stiffness: float = 0.0
     friction: str | None = None
+    """Name of the part with the friction; None if no known part acts as friction."""
     contact: Contact | None = None
+    """Friction of the axis."""
     laws: tuple[ActiveLaw, ...] = ()
+    """Laws that drive the axis, in the order from the plant to the reference."""
     flexible: tuple[float, float, float, float] | None = None
+    """m1, m2, k, d of motor and load; None for a single mass."""
     at_load: bool = False
+    """Whether the friction acts on the load."""
     cogging: tuple[str, float] | None = None
+    """Part and largest slope [N/m] of a position-dependent force."""
     belt: float | None = None
+    """Speed of the belt under the mass [m/s]."""
     support: float | None = None
+    """Speed of the other end of spring and damper [m/s]."""
     shapers: tuple[Shaper, ...] = ()
+    """Prefilters of the references."""
     rotary: bool = False
+    """Whether the plant has angles and torques, and the numbers are in their units."""
 
     def driven(self, damping: float, stiffness: float, measured: tuple[bool, bool] = (False, False)) -> DrivenPlant:
         """Return the linear plant with damping and stiffness of the contact in addition to those to ground."""

@@ -81,13 +81,7 @@ def model_of(part: Part) -> str | None:
 
 
 def values_of(system: System, part: Part) -> Values:
-    """Return the start values of the parameters of a part and of its unconnected inputs.
-
-    Raises
-    ------
-    StartValueError
-        If a value is not a finite number within the range stated by the FMU. A run would also reject it.
-    """
+    """Return the start values of the parameters of a part and of its unconnected inputs."""
     wired = {wire.target for wire in system.wires}
     ports = [*part.parameters, *(port for port in part.inputs if f"{part.name}.{port.name}" not in wired)]
     given = {port.name: system.start.get(f"{part.name}.{port.name}", port.start) for port in ports}

@@ -43,18 +43,7 @@ def known_blocks() -> dict[str, InLoop]:
 
 
 def law_of(name: str) -> Law | None:
-    """Return the properties of a law or controller that the conditions need; None for other blocks.
-
-    Parameters
-    ----------
-    name : str
-        Block of the catalogue.
-
-    Raises
-    ------
-    FrictionError
-        If the file of the block names a rule or a filter that does not exist.
-    """
+    """Return the properties of a law or controller that the conditions need; None for other blocks."""
     found = known_blocks().get(name, InLoop()).law
     return None if found is None else _law(name, found)
 

@@ -29,26 +29,7 @@ def _law(path: Path, name: str) -> tuple[Law, Function]:
 
 
 def linearised(name: str, values: Mapping[str, float], Ts: float, output: str = "u", speed: float = 0.0) -> SampledLaw:
-    """Return a law on its target as a linear sampled system from (x, v, u_prev) to a force.
-
-    Parameters
-    ----------
-    name : str
-        Law of the catalogue.
-    values : mapping of str to float
-        Parameters, vectors by element; missing ones have their start values.
-    Ts : float
-        Sample time [s].
-    output : str
-        Name of the force.
-    speed : float
-        Velocity of reference and axis [m/s].
-
-    Returns
-    -------
-    SampledLaw
-        System without states that are uncontrollable, such as the gains of a filter, or unobservable.
-    """
+    """Return a law on its target as a linear sampled system from (x, v, u_prev) to a force."""
     law, jacobian = _law(catalogue()[name].path, name)
     given = [scalar for variable in law.given for scalar in variable.scalars]
     results = [scalar for variable in law.results for scalar in variable.scalars]

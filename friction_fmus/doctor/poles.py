@@ -20,15 +20,7 @@ _INVERSE = "the model in the estimator differs too much from the plant: |Q D| < 
 
 
 def examine_poles(axis: Axis, servo: ActiveLaw, left: float) -> Iterator[Finding]:
-    """Yield the stability conditions in sliding and in presliding, without and with disturbance estimators.
-
-    Parameters
-    ----------
-    axis, servo : Axis, ActiveLaw
-        The axis and the law that closes its position loop.
-    left : float
-        Viscous friction that no law compensates [N.s/m].
-    """
+    """Yield the stability conditions in sliding and in presliding, without and with disturbance estimators."""
     if servo.law.linear is None or "Ts" not in servo.values:
         return
     own, together = (servo,), _with_estimators(axis, servo)
@@ -66,15 +58,7 @@ def _with_estimators(axis: Axis, servo: ActiveLaw) -> tuple[ActiveLaw, ...]:
 
 
 def falling(axis: Axis, servo: ActiveLaw, level: Level) -> Iterator[Condition]:
-    """Yield the stability of slow steady motion at the least stable speed, if the loop is stable without dry friction.
-
-    Parameters
-    ----------
-    axis, servo : Axis, ActiveLaw
-        As in `examine_poles`.
-    level : Level
-        Friction that remains after compensation, with a Stribeck velocity.
-    """
+    """Yield the stability of slow motion at the least stable speed, if the loop is stable without dry friction."""
     laws = _with_estimators(axis, servo)
     if axis.contact is None or level.vs is None or not _poles(axis, laws, level.viscous, 0.0).ok:
         return

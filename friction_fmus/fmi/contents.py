@@ -24,24 +24,7 @@ def assemble(
     platforms: Sequence[Platform],
     compiling: Callable[[str, int], None] | None,
 ) -> bytes:
-    """Return an FMU as bytes: binaries, model description, documentation, terminals and figures.
-
-    Parameters
-    ----------
-    block : Block
-        The block, with the name of the FMU.
-    sources : mapping of str to str
-        Text of each C source file.
-    platforms : sequence of Platform
-        Target platforms.
-    compiling : callable or None
-        Called before each platform with its name and the number of completed platforms.
-
-    Raises
-    ------
-    BuildError
-        If the block does not compile, or a start value lies outside its limits.
-    """
+    """Return an FMU as bytes: binaries, model description, documentation, terminals and figures."""
     with ScratchFolder("friction-fmus-") as folder:
         _stage(block, sources, Path(folder))
         for number, platform in enumerate(platforms):

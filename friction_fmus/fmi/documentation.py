@@ -22,17 +22,7 @@ from harness.html import STYLE, row, table
 
 
 def index_page(block: Block, description: Description, figures: Sequence[Figure], connected: Sequence[Terminal]) -> str:
-    """Return documentation/index.html: equations, behaviour, conditions, variables and source of the block.
-
-    Parameters
-    ----------
-    block, description : Block, Description
-        The block.
-    figures : sequence of Figure
-        Figures, stored next to the page as ``figure1.svg`` and so on.
-    connected : sequence of Terminal
-        Terminals of the block.
-    """
+    """Return documentation/index.html: equations, behaviour, conditions, variables and source of the block."""
     sections = (
         _behaviour(figures),
         _features(block),

@@ -67,22 +67,7 @@ _STEPS_NOT_NEEDED = {"completedIntegratorStepNotNeeded": "true"}
 
 
 def model_description(block: Block, description: Description, identifier: str) -> bytes:
-    """Return the XML file.
-
-    Parameters
-    ----------
-    block : Block
-        The block, for its texts.
-    description : Description
-        The description read from its binary.
-    identifier : str
-        Model identifier.
-
-    Returns
-    -------
-    bytes
-        The file in UTF-8, byte-identical for the same block.
-    """
+    """Return the XML file."""
     variables = description.variables
     index = {v.reference: i for i, v in enumerate(variables, start=1)}
     root = etree.Element(

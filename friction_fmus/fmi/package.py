@@ -206,13 +206,7 @@ def fmu(
 
 
 def describe_block(block: Block) -> BlockVariables:
-    """Read the variables of a block from its library, which is compiled if it is not in the installed package.
-
-    Raises
-    ------
-    BuildError
-        If the block does not compile.
-    """
+    """Read the variables of a block from its library, which is compiled if it is not in the installed package."""
     shipped = _shipped(block.name)
     if shipped is None or find(block.name) is not block:
         return read_variables(native_library(identified(_sources(block, {}), block.name), block.name))

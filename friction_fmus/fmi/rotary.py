@@ -38,11 +38,6 @@ def in_rotary_words(text: str) -> str:
 
     Forces become torques, masses become inertias, N, m and kg become N.m, rad and kg.m2. Texts that already have these
     words do not change.
-
-    Parameters
-    ----------
-    text : str
-        Text for people, not an identifier.
     """
     for pattern, replacement in RULES:
         text = pattern.sub(replacement, text)
@@ -54,13 +49,7 @@ _PLOT_TEXT = re.compile(r'(?<="text":")(?:[^"\\]|\\.)*(?=")')
 
 
 def html_in_rotary_words(page: str) -> str:
-    """Return an HTML page with `in_rotary_words` applied to its text, to labels of figures, and to their JSON.
-
-    Parameters
-    ----------
-    page : str
-        HTML; scripts, styles, code and tags stay as they are, except texts in plots and labels for screen readers.
-    """
+    """Return an HTML page with `in_rotary_words` applied to its text, to labels of figures, and to their JSON."""
 
     def worded(part: str) -> str:
         if part.startswith('<script type="application/json"'):

@@ -49,45 +49,30 @@ COLOURS: Mapping[str, str] = MappingProxyType({"square": "0 127 0", "circle": "0
 
 @dataclass(frozen=True)
 class Member:
-    """A variable in a terminal.
-
-    Attributes
-    ----------
-    name, variable : str
-        Name in the terminal, by which members are matched, and name in the block.
-    kind : str
-        ``signal``, ``inflow`` or ``outflow``.
-    """
+    """A variable in a terminal."""
 
     name: str
+    """Name in the terminal, by which members are matched, and name in the block."""
     variable: str
     kind: str = "signal"
+    """``signal``, ``inflow`` or ``outflow``."""
 
 
 @dataclass(frozen=True)
 class Terminal:
-    """A group of variables that are connected in one step.
-
-    Attributes
-    ----------
-    name, description : str
-        Name and description.
-    domain : str
-        ``translational``, ``rotational``, ``dimensionless`` or ``reference``.
-    rule : str
-        ``plug`` connects all members, ``bus`` those that both sides have.
-    members : tuple of Member
-        The variables.
-    right : bool
-        Whether the terminal is on the right side of the icon.
-    """
+    """A group of variables that are connected in one step."""
 
     name: str
+    """Name and description."""
     description: str
     domain: str
+    """``translational``, ``rotational``, ``dimensionless`` or ``reference``."""
     rule: str
+    """``plug`` connects all members, ``bus`` those that both sides have."""
     members: tuple[Member, ...]
+    """The variables."""
     right: bool
+    """Whether the terminal is on the right side of the icon."""
 
     @property
     def shape(self) -> str:
@@ -124,18 +109,7 @@ def _references(ports: Mapping[str, Variable]) -> Iterator[Terminal]:
 
 
 def terminals_and_icons(found: tuple[Terminal, ...]) -> bytes:
-    """Return the XML file.
-
-    Parameters
-    ----------
-    found : tuple of Terminal
-        Terminals of the block.
-
-    Returns
-    -------
-    bytes
-        The file in UTF-8, byte-identical for the same terminals.
-    """
+    """Return the XML file."""
     root = etree.Element("fmiTerminalsAndIcons", fmiVersion="3.0")
     graphics = etree.SubElement(root, "GraphicalRepresentation")
     extent = {"x1": "-100", "y1": "-100", "x2": "100", "y2": "100"}

@@ -95,14 +95,7 @@ def _everyday_registry() -> pint.UnitRegistry[float]:
 
 
 def _parsed(text: str, registry: pint.UnitRegistry[float]) -> BaseUnit:
-    """Return a unit in base units. Only this function lets pint parse a text, as pint evaluates expressions.
-
-    Raises
-    ------
-    Exception
-        Several kinds: the exceptions of pint, also for syntax errors and units with an offset; ValueError if the text
-        is not a unit name.
-    """
+    """Return a unit in base units. Only this function lets pint parse a text, as pint evaluates expressions."""
     if not is_unit_text(text):
         raise ValueError("it contains more than symbols, powers, products and quotients")
     expression = re.sub(r"([A-Za-z])([-+]?\d+)", r"\1**\2", text.strip().replace(".", "*"))
@@ -116,13 +109,7 @@ def _parsed(text: str, registry: pint.UnitRegistry[float]) -> BaseUnit:
 
 @cache
 def base_unit(unit: str) -> BaseUnit:
-    """Return exponents and factor of a unit such as ``N.s/m`` or ``kg.m2``.
-
-    Raises
-    ------
-    FrictionError
-        If the unit contains unknown units.
-    """
+    """Return exponents and factor of a unit such as ``N.s/m`` or ``kg.m2``."""
     try:
         return _parsed(unit, _registry())
     except Exception as error:  # see _parsed

@@ -42,30 +42,20 @@ CORRELATED = 0.2
 
 @dataclass(frozen=True)
 class AxisSimulator:
-    """Simulator of a servo with a friction block: returns the signals at the samples of the record for parameters.
-
-    Attributes
-    ----------
-    servo : Servo
-        Feedback and sensors.
-    trajectory : Trajectory
-        Reference and initial state.
-    contact : ContactModel
-        Friction block.
-    direction : float
-        Sign of the initial velocity, at which the contact slides; 0 at rest.
-    step : float
-        Longest communication step between mass and friction [s].
-    fixed : tuple of (str, float)
-        Fixed parameters.
-    """
+    """Simulator of a servo with a friction block: returns the signals at the samples of the record for parameters."""
 
     servo: Servo
+    """Feedback and sensors."""
     trajectory: Trajectory
+    """Reference and initial state."""
     contact: ContactModel
+    """Friction block."""
     direction: float
+    """Sign of the initial velocity, at which the contact slides; 0 at rest."""
     step: float
+    """Longest communication step between mass and friction [s]."""
     fixed: tuple[tuple[str, float], ...] = ()
+    """Fixed parameters."""
 
     def __call__(self, parameters: Mapping[str, float]) -> dict[str, Array]:
         """Simulate the axis with these parameters and return "q" [m] and "force" [N], shape (samples,)."""
@@ -93,19 +83,7 @@ _SYSTEMS: dict[tuple[Path, str], System] = {}
 
 
 def axis_simulator(contact: ContactModel, axis: MeasuredAxis, folder: Path, step: float = FIT_STEP) -> AxisSimulator:
-    """Return a simulator of a measured axis with a friction block.
-
-    Parameters
-    ----------
-    contact : ContactModel
-        Friction block.
-    axis : MeasuredAxis
-        Record and servo.
-    folder : Path
-        Folder for the FMU of the reference.
-    step : float
-        Longest communication step between mass and friction [s].
-    """
+    """Return a simulator of a measured axis with a friction block."""
     record = axis.record
     v = filtered_motion(record).v
     servo = axis.servo
@@ -131,31 +109,6 @@ def identify_closed_loop(
     mapper: Mapper = map,
 ) -> Identification:
     """Fit mass, offset and friction so that the co-simulated servo follows the measured motion.
-
-    Parameters
-    ----------
-    model : str or Path
-        Friction block.
-    axis : MeasuredAxis
-        Record and servo.
-    open_loop : Identification
-        Identification from the force of the record; provides the start values.
-    constraints : Constraints
-        Fixed parameters, bounds, and start values that replace those of `open_loop`.
-    mapper : callable, optional
-        Map function for the simulations of one Jacobian.
-
-    Returns
-    -------
-    Identification
-        Result with the position as signal. Fields not related to the fit are those of `open_loop`.
-
-    Raises
-    ------
-    FitError
-        If all parameters are fixed, or a simulation fails.
-    ExcitationError
-        If the position does not depend on a parameter, or the effects of parameters are linearly dependent.
 
     Notes
     -----

@@ -51,31 +51,6 @@ def write_results(
     """Write all files of a comparison of models; if that fails, the folder is left unchanged.
 
     Where no compiler is installed, the FMUs are left out, and a warning says so.
-
-    Parameters
-    ----------
-    found : ModelComparison
-        Identified models.
-    measurement : Measurement
-        Measured data.
-    findings : sequence of Finding
-        Findings about the data.
-    windows : mapping
-        Windows ``train`` and ``validation``, if given.
-    out : Path
-        Folder; created if needed.
-    fmus : bool
-        Whether the FMUs are written.
-
-    Returns
-    -------
-    list of Path
-        Written files.
-
-    Raises
-    ------
-    IdentificationError
-        If the folder cannot be created, or a file cannot be written.
     """
     new = not out.exists()
     try:

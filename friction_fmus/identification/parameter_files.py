@@ -20,48 +20,20 @@ class ParameterFileError(FrictionError):
 
 @dataclass(frozen=True)
 class Parameter:
-    """Parameter of a parameter set.
-
-    Attributes
-    ----------
-    value : float, int or bool
-        Value, in `unit`.
-    unit : str
-        Unit; ignored unless the value is a float.
-    description : str
-        Description.
-    standard_error : float or None
-        Standard error, in `unit`; None if the parameter was not estimated.
-    """
+    """Parameter of a parameter set."""
 
     value: float | int | bool
+    """Value, in `unit`."""
     unit: str = "1"
+    """Unit; ignored unless the value is a float."""
     description: str = ""
+    """Description."""
     standard_error: float | None = None
+    """Standard error, in `unit`; None if the parameter was not estimated."""
 
 
 def ssv_bytes(name: str, parameters: Mapping[str, Parameter], citation: str = "") -> bytes:
-    """Return a parameter set as SSV.
-
-    Parameters
-    ----------
-    name : str
-        Name of the parameter set.
-    parameters : mapping of str to Parameter
-        Parameters by name in the system, such as ``friction.Fc``.
-    citation : str
-        Citation of the data that the parameters were identified from; becomes part of the description of the set.
-
-    Returns
-    -------
-    bytes
-        UTF-8 XML, valid against the schema of SSP 1.0.
-
-    Raises
-    ------
-    ParameterFileError
-        If a unit is unknown or a value is not finite.
-    """
+    """Return a parameter set as SSV."""
     listed = {
         key: harness.Parameter(p.value, p.unit if isinstance(p.value, float) else None, description=p.description)
         for key, p in parameters.items()
@@ -74,22 +46,7 @@ def ssv_bytes(name: str, parameters: Mapping[str, Parameter], citation: str = ""
 
 
 def toml_text(title: str, sets: Mapping[str, Mapping[str, Parameter]], citation: str = "") -> str:
-    """Return parameter sets as TOML.
-
-    Parameters
-    ----------
-    title : str
-        Title of the file.
-    sets : mapping of str to mapping of str to Parameter
-        Parameters by name of the set.
-    citation : str
-        Citation of the data.
-
-    Returns
-    -------
-    str
-        One table per parameter, ``[set.name]``, with value, unit, standard_error and description.
-    """
+    """Return parameter sets as TOML."""
     document: dict[str, Any] = {"title": title, **({"citation": citation} if citation else {})}
     for set_name, parameters in sets.items():
         document[set_name] = {key: _table(parameter) for key, parameter in parameters.items()}

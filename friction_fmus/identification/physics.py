@@ -47,35 +47,18 @@ DRIVING: Final = 0.02
 
 @dataclass(frozen=True)
 class DriveBalance:
-    """Least squares of the drive force.
-
-    Attributes
-    ----------
-    mass, error : float
-        Mass and its standard error [kg or kg.m2].
-    dissipated : float
-        Mean power of viscous and Coulomb friction over the mean magnitude of the power of the force without offset;
-        negative if friction drives the axis.
-    """
+    """Least squares of the drive force."""
 
     mass: float
+    """Mass and its standard error [kg or kg.m2]."""
     error: float
     dissipated: float
+    """Mean power of viscous and Coulomb friction over the mean magnitude of the power of the force without offset;
+    negative if friction drives the axis."""
 
 
 def drive_balance(records: Sequence[Record]) -> DriveBalance | None:
-    """Fit mass and friction to the drive force of some records.
-
-    Parameters
-    ----------
-    records : sequence of Record
-        Motion and drive force.
-
-    Returns
-    -------
-    DriveBalance or None
-        None if a record has no drive force, has a measured friction force, or is too short for the filter.
-    """
+    """Fit mass and friction to the drive force of some records."""
     equations = _equations(records)
     if equations is None:
         return None
@@ -119,17 +102,6 @@ def missing_force(records: Sequence[Record]) -> Finding | None:
 
     Mass and friction are fitted robustly (Tukey's bisquare), so that these intervals do not count. Samples near a
     reversal are left out, where a force that follows the sign of the velocity is smoothed by the filter.
-
-    Parameters
-    ----------
-    records : sequence of Record
-        Motion and drive force.
-
-    Returns
-    -------
-    Finding or None
-        ``missing-force`` if the missing force is more than a tenth of the recorded one (rms), ``disturbed-force`` if it
-        is less, or None.
     """
     equations = _equations(records)
     if equations is None:
@@ -164,20 +136,7 @@ def missing_force(records: Sequence[Record]) -> Finding | None:
 
 
 def contradictions(records: Sequence[Record]) -> tuple[Finding, ...]:
-    """Return findings about a drive force that no mass with friction can need for the measured motion.
-
-    Parameters
-    ----------
-    records : sequence of Record
-        Motion and drive force; records without a drive force give no findings.
-
-    Returns
-    -------
-    tuple of Finding
-        At most one of ``wrong-sign``, ``negative-mass``, ``driving-friction``, ``implausible-mass`` and
-        ``mass-not-identified``, and the finding of `missing_force`; after those in `FORBIDDING`, identified parameters
-        cannot be used.
-    """
+    """Return findings about a drive force that no mass with friction can need for the measured motion."""
     balance = drive_balance(records)
     if balance is None:
         return ()

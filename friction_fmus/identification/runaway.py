@@ -22,22 +22,6 @@ def within_reach(
 
     A record that passes the Stribeck velocity between two samples does not determine Fs: the product of a huge Fs and
     the exponential of a tiny vs fits. Nothing can be computed with such a value, and it hides that Fs is unknown.
-
-    Parameters
-    ----------
-    identify : callable
-        The function `identify`.
-    model : str or Path
-        As in `identify`.
-    train : sequence of Record
-        Training data.
-    **options
-        Other arguments of `identify`.
-
-    Returns
-    -------
-    Identification
-        Result whose force parameters are at most `FAR` times the largest measured force, unless bounds are given.
     """
     found = identify(model, train, **options)
     forces = [values for record in train for values in (record.force, record.friction) if values is not None]

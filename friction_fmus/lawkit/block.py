@@ -15,18 +15,7 @@ from friction_fmus.lawkit.law import BOOLEANS, VECTORS, Kind, Law, Variable
 
 
 def block_source(law: Law) -> str:
-    """Return the C file of a law's block for block.h.
-
-    Parameters
-    ----------
-    law : Law
-        The law.
-
-    Returns
-    -------
-    str
-        The text, which depends on the law only.
-    """
+    """Return the C file of a law's block for block.h."""
     writes = [f"model->{name}" for variable in law.results for name in _elements(variable)]
     body = _statements(law.function, law.given, writes)
     last_output = max(i for i, variable in enumerate(law.variables) if variable.kind is Kind.OUTPUT)

@@ -24,30 +24,17 @@ LIMITS: Mapping[str, Relation] = MappingProxyType({"u_min <= u_max": lambda u_mi
 
 @dataclass(frozen=True, eq=False)
 class Conditions:
-    """Relations between the parameters of a law without which the law is singular.
-
-    Attributes
-    ----------
-    texts : tuple of str
-        Each relation as shown to the user, such as ``u_min <= u_max``.
-    parameters : tuple of Variable
-        All parameters of the law.
-    function : casadi.Function
-        Maps the scalars of the parameters to one truth value per relation.
-    """
+    """Relations between the parameters of a law without which the law is singular."""
 
     texts: tuple[str, ...]
+    """Each relation as shown to the user, such as ``u_min <= u_max``."""
     parameters: tuple[Variable, ...]
+    """All parameters of the law."""
     function: Function
+    """Maps the scalars of the parameters to one truth value per relation."""
 
     def violated(self, values: Mapping[str, float | tuple[float, ...]]) -> tuple[str, ...]:
-        """Return the violated relations.
-
-        Parameters
-        ----------
-        values : mapping
-            Values by parameter; missing parameters have their start values.
-        """
+        """Return the violated relations."""
         arguments: list[float] = []
         for parameter in self.parameters:
             value = values.get(parameter.name, parameter.start)
@@ -57,23 +44,7 @@ class Conditions:
 
 
 def conditions_of(where: str, relations: Mapping[str, Relation], variables: tuple[Variable, ...]) -> Conditions:
-    """Return the relations as a casadi function.
-
-    Parameters
-    ----------
-    where : str
-        Prefix of messages.
-    relations : mapping of str to callable
-        Text of each relation and its function of SX parameters, which are selected by the names of its arguments.
-        `LIMITS` is added for a law with these parameters.
-    variables : tuple of Variable
-        Variables of the law.
-
-    Raises
-    ------
-    FrictionError
-        If an argument is not a parameter, a result is not a number, or the start values violate a relation.
-    """
+    """Return the relations as a casadi function."""
     parameters = tuple(variable for variable in variables if variable.kind in PARAMETERS)
     elements = {variable.name: [SX.sym(scalar) for scalar in variable.scalars] for variable in parameters}
     results = []

@@ -16,15 +16,7 @@ def limits(value: SX, low: SX, high: SX) -> SX:
 
 
 def unless_winding_up(rate: SX, active: SX) -> SX:
-    """Return the rate of an integral, or 0 while it would drive the output further into the active limit.
-
-    Parameters
-    ----------
-    rate : SX
-        Rate of an integral that acts on the output with a positive gain.
-    active : SX
-        The active limit from `limits`.
-    """
+    """Return the rate of an integral, or 0 while it would drive the output further into the active limit."""
     return if_else(rate * active > 0.0, 0.0, rate)
 
 

@@ -16,24 +16,7 @@ from harness.storage.files import LARGEST_TEXT, reason, require_regular
 
 
 def discover_laws(path: Path | str) -> list[Law]:
-    """Load the laws of a folder, or of one file.
-
-    Parameters
-    ----------
-    path : path
-        Folder of law files (names that begin with an underscore are ignored) or one ``.py`` file, which need not belong
-        to a package.
-
-    Returns
-    -------
-    list of Law
-        The laws in the order of file names, then of definition.
-
-    Raises
-    ------
-    FrictionError
-        If a file cannot be loaded or two laws have the same name.
-    """
+    """Load the laws of a folder, or of one file."""
     path = Path(path)
     if not path.exists():
         raise FrictionError(f"There is no law file or folder {path}; give an existing path")

@@ -9,20 +9,14 @@ from pathlib import Path
 
 @dataclass(frozen=True)
 class Heading:
-    """Texts in the decorator ``@law`` of a law.
-
-    Attributes
-    ----------
-    name, summary, source : str
-        See `friction_fmus.lawkit.law.Law`.
-    path : Path
-        The file that defines it.
-    """
+    """Texts in the decorator ``@law`` of a law."""
 
     name: str
+    """See `friction_fmus.lawkit.law.Law`."""
     summary: str
     source: str
     path: Path
+    """The file that defines it."""
 
 
 def law_paths(folder: Path) -> list[Path]:
@@ -31,14 +25,7 @@ def law_paths(folder: Path) -> list[Path]:
 
 
 def read_headings(file: Path) -> list[Heading] | None:
-    """Return the headings of the laws in a file, in the order of definition.
-
-    Returns
-    -------
-    list of Heading or None
-        None if the text of the file does not contain them, because it computes a name, or calls `law` other than as a
-        decorator of a module-level function. The file must then be imported.
-    """
+    """Return the headings of the laws in a file, in the order of definition."""
     try:
         tree = ast.parse(file.read_bytes())
     except (OSError, SyntaxError, ValueError):

@@ -20,41 +20,20 @@ _CASADI = str(Path(casadi.__file__).parent)
 
 @dataclass(frozen=True, eq=False)
 class Label:
-    """A name of an intermediate result.
-
-    Attributes
-    ----------
-    name : str
-        Python identifier.
-    value : casadi.SX
-        The scalar expression.
-    depth : int
-        0 for variables of the law's own function, 1 for functions that it calls, and so on.
-    assigned : bool
-        False for arguments and returned values of called functions, and for elements of lists.
-    """
+    """A name of an intermediate result."""
 
     name: str
+    """Python identifier."""
     value: SX
+    """The scalar expression."""
     depth: int
+    """0 for variables of the law's own function, 1 for functions that it calls, and so on."""
     assigned: bool
+    """False for arguments and returned values of called functions, and for elements of lists."""
 
 
 def labelled(equations: Callable[..., Any], symbols: dict[str, SX]) -> tuple[Any, list[Label]]:
-    """Call the function of a law and record its intermediate results.
-
-    Parameters
-    ----------
-    equations : callable
-        The function in the law's file.
-    symbols : dict of str to SX
-        Its arguments.
-
-    Returns
-    -------
-    tuple of result and list of Label
-        The returned value, and the names in the order of assignment.
-    """
+    """Call the function of a law and record its intermediate results."""
     recorder = _Recorder()
     earlier = sys.gettrace()
     sys.settrace(recorder.entered)

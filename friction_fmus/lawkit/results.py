@@ -17,37 +17,18 @@ Equations = Callable[..., Mapping[str, Any]]
 
 @dataclass(frozen=True, eq=False)
 class Results:
-    """Symbols and expressions of a law.
-
-    Attributes
-    ----------
-    arguments, expressions : tuple of SX
-        Scalars that a sample reads, and outputs followed by next states.
-    labels, names : tuple of str
-        Names of both.
-    """
+    """Symbols and expressions of a law."""
 
     arguments: tuple[SX, ...]
+    """Scalars that a sample reads, and outputs followed by next states."""
     expressions: tuple[SX, ...]
     labels: tuple[str, ...]
+    """Names of both."""
     names: tuple[str, ...]
 
 
 def function_of(where: str, name: str, results: Results) -> Function:
-    """Return one sample as a function.
-
-    Parameters
-    ----------
-    where, name : str
-        Prefix of messages, and name of the function.
-    results : Results
-        The expressions.
-
-    Raises
-    ------
-    FrictionError
-        If the expressions contain other symbols.
-    """
+    """Return one sample as a function."""
     # unused arguments stay; the tests of the FMU find variables without effect
     options = {"allow_free": True}
     function = Function(name, results.arguments, results.expressions, results.labels, results.names, options)
@@ -62,22 +43,7 @@ def function_of(where: str, name: str, results: Results) -> Function:
 def intermediate_results(
     where: str, equations: Equations, declared: tuple[Variable, ...], variables: tuple[Variable, ...]
 ) -> tuple[Function, tuple[Label, ...]]:
-    """Return the intermediate results of a law.
-
-    Parameters
-    ----------
-    where : str
-        Prefix of messages.
-    equations : callable
-        The function in the law's file.
-    declared, variables : tuple of Variable
-        Arguments of the function, and all variables in the order of the block.
-
-    Returns
-    -------
-    tuple of casadi.Function and tuple of Label
-        The function of the law with one more result for each label.
-    """
+    """Return the intermediate results of a law."""
     labels: list[Label] = []
 
     def traced(**symbols: SX) -> Mapping[str, Any]:
@@ -93,22 +59,7 @@ def intermediate_results(
 def results_of(
     where: str, equations: Equations, declared: tuple[Variable, ...], variables: tuple[Variable, ...]
 ) -> Results:
-    """Call the equations with symbols and check what they return.
-
-    Parameters
-    ----------
-    where : str
-        Prefix of messages.
-    equations : callable
-        The function in the law's file.
-    declared, variables : tuple of Variable
-        Arguments of the function, and all variables in the order of the block.
-
-    Raises
-    ------
-    FrictionError
-        If the equations raise an error or return invalid results.
-    """
+    """Call the equations with symbols and check what they return."""
     given = [variable for variable in variables if variable.kind is not Kind.OUTPUT]
     elements = {variable.name: [SX.sym(scalar) for scalar in variable.scalars] for variable in given}
     symbols = {variable.name: vertcat(*elements[variable.name]) for variable in declared}
@@ -146,13 +97,7 @@ def results_of(
 
 
 def scalars(where: str, variable: Variable, value: Any) -> list[SX]:
-    """Return the elements that the equations return for a variable.
-
-    Raises
-    ------
-    FrictionError
-        If the result is not an expression of the right size.
-    """
+    """Return the elements that the equations return for a variable."""
     if variable.kind is not Kind.STATES:
         return [_scalar(where, variable.name, value)]
     elements = list(value) if isinstance(value, list | tuple) else None

@@ -32,29 +32,7 @@ class Size:
 def wanted_sizes(
     name: str, sizes: Mapping[str, Size], maxima: Mapping[str, float], start: Mapping[str, float]
 ) -> dict[str, int]:
-    """Return the sizes that start values need.
-
-    Parameters
-    ----------
-    name : str
-        Name of the law.
-    sizes : mapping of str to Size
-        Sizes by parameter.
-    maxima : mapping of str to float
-        Maxima of the parameters, which fit into the declared vectors.
-    start : mapping of str to number
-        Start values of any variables.
-
-    Returns
-    -------
-    dict of str to int
-        Values of the parameters for which the declared vectors are too short.
-
-    Raises
-    ------
-    FrictionError
-        If a start value exceeds the largest size or is not an integer.
-    """
+    """Return the sizes that start values need."""
     found = {}
     for parameter, size in sizes.items():
         value = float(start.get(parameter, 0.0))

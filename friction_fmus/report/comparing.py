@@ -17,26 +17,18 @@ from friction_fmus.study.records import Curve
 
 @dataclass(frozen=True)
 class Point:
-    """A compensator in the plot of error against effort and margin.
-
-    Attributes
-    ----------
-    name, kind : str
-        Compensator and its kind.
-    error, effort : float
-        Worst-case error and drive force above the bandwidth, in the displayed units.
-    Ms : float or None
-        Peak of the sensitivity function.
-    best : bool
-        Whether it is recommended.
-    """
+    """A compensator in the plot of error against effort and margin."""
 
     name: str
+    """Compensator and its kind."""
     kind: str
     error: float
+    """Worst-case error and drive force above the bandwidth, in the displayed units."""
     effort: float
     Ms: float | None
+    """Peak of the sensitivity function."""
     best: bool = False
+    """Whether it is recommended."""
 
 
 def _effort(point: Point) -> float | None:
@@ -52,17 +44,7 @@ COLUMNS = ((1, _effort), (2, _peak))
 
 
 def ladder_bars(rungs: Sequence[tuple[str, bool]], errors: Array, title: str) -> go.Figure:
-    """Draw the error on each rung as bars on a logarithmic scale, with the title above each bar.
-
-    Parameters
-    ----------
-    rungs : sequence of (str, bool)
-        Title of each rung, from top to bottom, and whether it is recommended.
-    errors : array, shape (n,)
-        Errors in the displayed unit.
-    title : str
-        Title of the axis.
-    """
+    """Draw the error on each rung as bars on a logarithmic scale, with the title above each bar."""
     figure = go.Figure()
     place = [-float(i) for i in range(len(rungs))]
     names = [name for name, _ in rungs]
@@ -93,19 +75,7 @@ def ladder_bars(rungs: Sequence[tuple[str, bool]], errors: Array, title: str) ->
 def panels(
     curves: Mapping[str, Curve], titles: tuple[str, str], factors: tuple[float, float], dots: bool = False
 ) -> go.Figure:
-    """Draw one curve in each of several panels, one above the other, with the same axes.
-
-    Parameters
-    ----------
-    curves : mapping of str to Curve
-        Curves, by name.
-    titles : tuple of str
-        Titles of the axes, with units.
-    factors : tuple of float
-        Factors that convert x and y to the displayed units.
-    dots : bool
-        Whether the points are drawn; otherwise lines.
-    """
+    """Draw one curve in each of several panels, one above the other, with the same axes."""
     count = len(curves)
     names = [escaped(name) for name in curves]
     figure = make_subplots(rows=count, shared_xaxes=True, vertical_spacing=0.24 / count, subplot_titles=names)
@@ -134,17 +104,7 @@ def panels(
 
 
 def tradeoffs(points: Sequence[Point], error: str, effort: str, limit: float | None) -> go.Figure:
-    """Draw the worst-case error over the effort and over the sensitivity peak, with the points that none dominates.
-
-    Parameters
-    ----------
-    points : sequence of Point
-        Compensators.
-    error, effort : str
-        Titles of the axes, with units.
-    limit : float or None
-        Limit of the sensitivity peak, drawn as a line.
-    """
+    """Draw the worst-case error over the effort and over the sensitivity peak, with the points that none dominates."""
     figure = make_subplots(cols=2, shared_yaxes=True, horizontal_spacing=0.05)
     kinds = list(dict.fromkeys(point.kind for point in points))
     for i, kind in enumerate(kinds):

@@ -40,33 +40,22 @@ POINTS = 4000
 
 @dataclass(frozen=True, eq=False)
 class Plot:
-    """Plot of the page.
-
-    Attributes
-    ----------
-    name : str
-        Identifier of the HTML element.
-    figure : plotly.graph_objects.Figure
-        Figure to draw.
-    caption : str
-        Caption below the plot.
-    label : str
-        Label for screen readers.
-    curves : bool
-        Whether the plot consists of curves; the page then has buttons to zoom.
-    legend : bool
-        Whether the page has a legend for the curves.
-    views : mapping of str to (float, float)
-        Ranges of the horizontal axis, by label of the button that shows them.
-    """
+    """Plot of the page."""
 
     name: str
+    """Identifier of the HTML element."""
     figure: go.Figure
+    """Figure to draw."""
     caption: str
+    """Caption below the plot."""
     label: str
+    """Label for screen readers."""
     curves: bool = True
+    """Whether the plot consists of curves; the page then has buttons to zoom."""
     legend: bool = True
+    """Whether the page has a legend for the curves."""
     views: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    """Ranges of the horizontal axis, by label of the button that shows them."""
 
     @property
     def height(self) -> int:
@@ -81,37 +70,20 @@ class Plot:
 
 @dataclass(frozen=True)
 class Bar:
-    """Row of the bar chart.
-
-    Attributes
-    ----------
-    name : str
-        Name of the compensator.
-    value, low, high : float
-        Tracking error, and the smallest and largest one in the cases.
-    emphasis : str
-        "best", "second" or "".
-    """
+    """Row of the bar chart."""
 
     name: str
+    """Name of the compensator."""
     value: float
+    """Tracking error, and the smallest and largest one in the cases."""
     low: float
     high: float
     emphasis: str = ""
+    """"best", "second" or ""."""
 
 
 def thinned(curve: Curve, factors: tuple[float, float] = (1.0, 1.0), points: int = POINTS) -> tuple[Array, Array]:
-    """Return x and y of a curve, decimated to the minimum and maximum of y in each interval.
-
-    Parameters
-    ----------
-    curve : Curve
-        Curve.
-    factors : tuple of float
-        Factors that convert x and y to the displayed units.
-    points : int
-        Largest number of points.
-    """
+    """Return x and y of a curve, decimated to the minimum and maximum of y in each interval."""
     x = factors[0] * np.asarray(curve.x, dtype=float)
     y = factors[1] * np.asarray(curve.y, dtype=float)
     if len(y) <= points:
@@ -130,23 +102,7 @@ def lines(
     seen: Iterable[str] = (),
     height: int = 430,
 ) -> go.Figure:
-    """Draw curves of models over measurements.
-
-    Parameters
-    ----------
-    data, models : mapping of str to Curve
-        Measured and simulated curves, by name.
-    titles : tuple of str
-        Titles of the axes, with units.
-    factors : tuple of float
-        Factors that convert x and y to the displayed units.
-    cloud : bool
-        Whether measurements are drawn as points; otherwise as lines.
-    seen : iterable of str
-        Models that are initially visible; if empty, the first `SEEN` ones.
-    height : int
-        Height [px].
-    """
+    """Draw curves of models over measurements."""
     figure = go.Figure()
     for name, curve in data.items():
         x, y = thinned(curve, factors)
@@ -179,15 +135,7 @@ def lines(
 
 
 def bars(rows: Sequence[Bar], title: str) -> go.Figure:
-    """Draw bars of the tracking error with whiskers for the cases; names are above the bars.
-
-    Parameters
-    ----------
-    rows : sequence of Bar
-        Rows from top to bottom.
-    title : str
-        Title of the axis, with unit.
-    """
+    """Draw bars of the tracking error with whiskers for the cases; names are above the bars."""
     figure = go.Figure()
     place = [-float(i) for i in range(len(rows))]
     fill = {"best": ("#0072B2", ""), "second": ("#56B4E9", "/"), "": (FAINT, "")}

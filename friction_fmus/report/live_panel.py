@@ -46,46 +46,28 @@ class ShownRun:
 
 @dataclass(frozen=True)
 class LivePanel:
-    """Panel for the templates.
-
-    Attributes
-    ----------
-    compensated : str
-        Name of the compensator; empty if none is recommended.
-    names : str
-        What the sliders change.
-    runs : tuple of ShownRun
-        Runs.
-    picture, data, script, style : str
-        SVG without scripts, JSON, JavaScript and CSS.
-    whole, same_master : bool
-        Whether the whole record is simulated, and with the master algorithm of the study.
-    seconds : float
-        Simulated time [s].
-    """
+    """Panel for the templates."""
 
     compensated: str
+    """Name of the compensator; empty if none is recommended."""
     names: str
+    """What the sliders change."""
     runs: tuple[ShownRun, ...]
+    """Runs."""
     picture: str
+    """SVG without scripts, JSON, JavaScript and CSS."""
     data: str
     script: str
     style: str
     whole: bool
+    """Whether the whole record is simulated, and with the master algorithm of the study."""
     same_master: bool
     seconds: float
+    """Simulated time [s]."""
 
 
 def live_panel(study: StudyResult, axis: WhatIf) -> LivePanel:
-    """Return the panel of a study.
-
-    Parameters
-    ----------
-    study : StudyResult
-        Result of the study.
-    axis : WhatIf
-        The axis.
-    """
+    """Return the panel of a study."""
     files = assets()
     own = Path(__file__).with_name("what_if.js").read_text(encoding="utf-8")
     models = [run.model.script() for run in axis.runs]

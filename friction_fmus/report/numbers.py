@@ -82,20 +82,7 @@ def quantity(value: float | None, name: str, digits: int = 3) -> str:
 
 
 def multiple(name: str, values: float | Array) -> tuple[str, float]:
-    """Return the multiple of a unit in which values are easy to read.
-
-    Parameters
-    ----------
-    name : str
-        Unit of the values.
-    values : float or array
-        Values to be displayed in the same multiple.
-
-    Returns
-    -------
-    tuple of str and float
-        Printed unit, and the conversion factor to it, such as "µm" and 1e6 for values of some micrometres in m.
-    """
+    """Return the multiple of a unit in which values are easy to read."""
     choices = SHOWN.get(name)
     finite = np.abs(np.asarray(values, dtype=float))
     largest = float(np.max(finite[np.isfinite(finite)], initial=0.0))

@@ -19,50 +19,26 @@ LOAD: Final = 0.5
 
 @dataclass(frozen=True)
 class Case:
-    """Difference of the axis from the identified one.
-
-    Attributes
-    ----------
-    name : str
-        Description.
-    friction, mass : float
-        Factors of all friction forces and of the mass.
-    delay : int
-        Further samples by which the force lags the command.
-    coarser, noise : float
-        Factor of the encoder resolution, and standard deviation of additional noise of the measured position [m].
-    load : float
-        Constant force on the axis [N].
-    counts : bool
-        Whether the case is part of the worst case.
-    """
+    """Difference of the axis from the identified one."""
 
     name: str
+    """Description."""
     friction: float = 1.0
+    """Factors of all friction forces and of the mass."""
     mass: float = 1.0
     delay: int = 0
+    """Further samples by which the force lags the command."""
     coarser: float = 1.0
+    """Factor of the encoder resolution, and standard deviation of additional noise of the measured position [m]."""
     noise: float = 0.0
     load: float = 0.0
+    """Constant force on the axis [N]."""
     counts: bool = True
+    """Whether the case is part of the worst case."""
 
 
 def cases(servo: Servo, mismatch: float, delays: Sequence[int], least_delay: float, level: float) -> tuple[Case, ...]:
-    """Return the cases of a study.
-
-    Parameters
-    ----------
-    servo : Servo
-        Feedback and sensors.
-    mismatch : float
-        Relative change of friction and mass; 0 for none.
-    delays : sequence of int
-        Further delays [samples].
-    least_delay : float
-        Delay margin that is demanded [samples]; longer delays are not part of the worst case.
-    level : float
-        Largest friction force near rest [N].
-    """
+    """Return the cases of a study."""
     found = []
     factors = (1.0 - mismatch, 1.0 + mismatch) if mismatch else ()
     for friction, mass in product(factors, factors):

@@ -52,27 +52,18 @@ RunSteps: TypeAlias = Callable[[Sequence[Step]], Sequence[Any]]
 
 @dataclass(frozen=True)
 class Comparison:
-    """Result of the comparison.
-
-    Attributes
-    ----------
-    rows : tuple of CompensatorResult
-        Servo without compensation first, then the compensators by rank, then those that do not apply.
-    ladder : tuple of Rung
-        Rungs from the axis as measured to the best compensation.
-    recommendation : Recommendation
-        Recommended compensator.
-    chosen : Scheme
-        What is added to the axis according to the recommendation.
-    limits : Limits
-        Limits on the margins.
-    """
+    """Result of the comparison."""
 
     rows: tuple[CompensatorResult, ...]
+    """Servo without compensation first, then the compensators by rank, then those that do not apply."""
     ladder: tuple[Rung, ...]
+    """Rungs from the axis as measured to the best compensation."""
     recommendation: Recommendation
+    """Recommended compensator."""
     chosen: Scheme
+    """What is added to the axis according to the recommendation."""
     limits: Limits
+    """Limits on the margins."""
 
     @property
     def recommended(self) -> CompensatorResult:
@@ -81,26 +72,7 @@ class Comparison:
 
 
 def compare(bench: Bench, known: AxisKnowledge, wanted: Compensation, unit: str, run: RunSteps) -> Comparison:
-    """Compare the compensators on an axis.
-
-    Parameters
-    ----------
-    bench : Bench
-        Axis and reference.
-    known : AxisKnowledge
-        Properties of the axis that determine the parameters of compensators.
-    wanted : Compensation
-        Settings.
-    unit : str
-        Unit of the position.
-    run : callable
-        Runs independent steps and returns their results.
-
-    Raises
-    ------
-    FrictionError
-        If the servo is unstable even without compensation.
-    """
+    """Compare the compensators on an axis."""
     servo, motion = bench.servo, bench.trajectory.motion
     alone = margins_of(servo, bench.plant, bench.speed)
     builds = [Step(f"fmu-{name}", built, (name, known.rotary), Built) for name in buildable(wanted.compensators)]
@@ -210,15 +182,7 @@ def tuned(
     gains: Sequence[float],
     tried: Sequence[Case],
 ) -> Evaluation:
-    """Tune a compensator within the limits, and run the best trial on axes that differ.
-
-    Parameters
-    ----------
-    candidate : Candidate
-        Compensator.
-    bench, known, limits, gains, tried
-        Axis, its properties, limits on the margins, gains to try, and differences of the axis.
-    """
+    """Tune a compensator within the limits, and run the best trial on axes that differ."""
     schemes = trials(candidate, known, bench.speed, limits, gains)
     if not schemes:
         margin = f"Ms at most {limits.Ms:.3g} and a delay margin of at least {limits.delay:.3g} samples"

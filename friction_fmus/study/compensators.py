@@ -33,33 +33,22 @@ NAMES: Final = (
 
 @dataclass(frozen=True)
 class AxisKnowledge:
-    """Properties of an identified axis that determine the parameters of compensators.
-
-    Attributes
-    ----------
-    servo : Servo
-        Feedback and sensors.
-    plant : Plant
-        Mass and best friction model.
-    models : mapping of str to mapping
-        Parameters of every identified friction model, by name of the block.
-    period : int
-        Period of the reference in samples; 0 if it is not periodic.
-    speed : float
-        Largest reference velocity [m/s].
-    rotary : bool
-        Whether the axis is rotary.
-    scale : float
-        Factor of the bandwidth of estimators.
-    """
+    """Properties of an identified axis that determine the parameters of compensators."""
 
     servo: Servo
+    """Feedback and sensors."""
     plant: Plant
+    """Mass and best friction model."""
     models: Mapping[str, Values]
+    """Parameters of every identified friction model, by name of the block."""
     period: int = 0
+    """Period of the reference in samples; 0 if it is not periodic."""
     speed: float = 0.0
+    """Largest reference velocity [m/s]."""
     rotary: bool = False
+    """Whether the axis is rotary."""
     scale: float = 1.0
+    """Factor of the bandwidth of estimators."""
 
     @property
     def Ts(self) -> float:  # noqa: N802 (the symbol of the sample time)
@@ -119,20 +108,7 @@ class AxisKnowledge:
         return self.servo.pid[2]
 
     def tuned(self, use: Use, model: Values) -> dict[str, Number]:
-        """Return the parameters of a compensator that follow from the axis.
-
-        Parameters
-        ----------
-        use : Use
-            Use of the compensator, as stated in its file.
-        model : mapping of str to float
-            Parameters of its friction model.
-
-        Raises
-        ------
-        FrictionError
-            If an expression uses an unknown name.
-        """
+        """Return the parameters of a compensator that follow from the axis."""
         found: dict[str, Number] = {}
         for name, text in use.tuned.items():
             values = {**model, **{known: getattr(self, known) for known in names_in(text) if known in NAMES}}
@@ -149,23 +125,16 @@ class AxisKnowledge:
 
 @dataclass(frozen=True)
 class Candidate:
-    """Candidate compensator for an axis.
-
-    Attributes
-    ----------
-    name, kind, model : str
-        Law, its kind, and the friction model that provides its parameters.
-    compensator : Compensator or None
-        Block with its parameters; None if the law does not apply, and for integral action of the servo.
-    reason : str
-        Reason why the law does not apply; empty if it does.
-    """
+    """Candidate compensator for an axis."""
 
     name: str
+    """Law, its kind, and the friction model that provides its parameters."""
     kind: str
     model: str
     compensator: Compensator | None
+    """Block with its parameters; None if the law does not apply, and for integral action of the servo."""
     reason: str = ""
+    """Reason why the law does not apply; empty if it does."""
 
     @property
     def applies(self) -> bool:
@@ -210,20 +179,7 @@ def buildable(wanted: Sequence[str] | str) -> list[str]:
 
 
 def candidates(wanted: Sequence[str] | str, known: AxisKnowledge) -> list[Candidate]:
-    """Return the compensators to compare on an axis.
-
-    Parameters
-    ----------
-    wanted : sequence of str or "all"
-        Names of laws.
-    known : AxisKnowledge
-        Identified axis.
-
-    Raises
-    ------
-    ConfigError
-        If a name is not one of `compensators`.
-    """
+    """Return the compensators to compare on an axis."""
     check_names(wanted)
     uses = compensators()
     names = [*uses, INTEGRAL.name, TABLE.name] if wanted == ALL else list(wanted)
@@ -293,15 +249,7 @@ def compensators() -> dict[str, Use]:
 
 
 def period_of(r: Array, least: int) -> int:
-    """Return the period of a reference in samples; 0 if it does not contain two equal periods.
-
-    Parameters
-    ----------
-    r : array, shape (n,)
-        Reference.
-    least : int
-        Shortest period to detect [samples].
-    """
+    """Return the period of a reference in samples; 0 if it does not contain two equal periods."""
     span = float(np.ptp(r))
     if span == 0.0:
         return 0

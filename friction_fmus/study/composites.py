@@ -14,20 +14,7 @@ MACHINE: Final = ("axis", "friction", "position")
 
 
 def export_composites(folder: Path, whole: System) -> tuple[WrittenFile, ...]:
-    """Write ``axis.fmu`` and ``servo_axis.fmu``, which solve the loop of mass and friction inside.
-
-    Parameters
-    ----------
-    folder : Path
-        Folder of the recommendation.
-    whole : System
-        The axis with servo, compensator and reference.
-
-    Returns
-    -------
-    tuple of WrittenFile
-        The files, with how to use them.
-    """
+    """Write ``axis.fmu`` and ``servo_axis.fmu``, which solve the loop of mass and friction inside."""
     parts = [part for name, part in whole.parts.items() if name in MACHINE]
     wires = [wire for wire in whole.wires if {end[0] for end in wire.ends} <= set(MACHINE)]
     start = {name: value for name, value in whole.start.items() if split_name(name)[0] in MACHINE}

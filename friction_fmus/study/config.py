@@ -198,13 +198,7 @@ def parse_config(content: Mapping[str, Any], folder: Path = Path(), origin: str 
 
 
 def read_models(path: Path) -> list[str]:
-    """Return the names of the models in the table ``[identify]`` of a TOML file; ``["all"]`` without one.
-
-    Raises
-    ------
-    ConfigError
-        If the file is not valid TOML, or this table has an invalid or unknown entry.
-    """
+    """Return the names of the models in the table ``[identify]`` of a TOML file; ``["all"]`` without one."""
     try:
         content = read_toml(path)
     except (OSError, ValueError) as error:

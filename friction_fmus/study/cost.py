@@ -18,18 +18,12 @@ TABLE: Final = Path(__file__).with_name("cycles.toml")
 
 @dataclass(frozen=True)
 class Cost:
-    """Cost of one law with its default parameters.
-
-    Attributes
-    ----------
-    cycles : float
-        Estimated cycles of one sample.
-    flash : float
-        Size of the code with the library functions that it calls [bytes].
-    """
+    """Cost of one law with its default parameters."""
 
     cycles: float
+    """Estimated cycles of one sample."""
     flash: float
+    """Size of the code with the library functions that it calls [bytes]."""
 
 
 def cost_of(law: str) -> Cost | None:

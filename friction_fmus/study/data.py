@@ -45,28 +45,19 @@ PERIOD: Final = 2.0
 
 @dataclass(frozen=True, eq=False)
 class Data:
-    """Measured data of a study.
-
-    Attributes
-    ----------
-    records : tuple of Record
-        Segments between gaps.
-    train, validation : tuple of Record
-        Data for the fit and for validation.
-    published : mapping of str to mapping
-        Known parameter values, by name of the model.
-    findings : tuple of str
-        Problems found in the data.
-    measurement : Measurement or None
-        The data file; None for a record of the package.
-    """
+    """Measured data of a study."""
 
     records: tuple[Record, ...]
+    """Segments between gaps."""
     train: tuple[Record, ...]
+    """Data for the fit and for validation."""
     validation: tuple[Record, ...]
     published: Mapping[str, Mapping[str, float]]
+    """Known parameter values, by name of the model."""
     findings: tuple[str, ...] = ()
+    """Problems found in the data."""
     measurement: Measurement | None = None
+    """The data file; None for a record of the package."""
 
     @property
     def longest(self) -> Record:
@@ -74,13 +65,7 @@ class Data:
         return max(self.records, key=len)
 
     def with_total_force(self, included: bool) -> Data:
-        """Return the data with drive forces that contain the injected force.
-
-        Parameters
-        ----------
-        included : bool
-            Whether the recorded forces contain it already.
-        """
+        """Return the data with drive forces that contain the injected force."""
 
         def total(records: tuple[Record, ...]) -> tuple[Record, ...]:
             return tuple(replace(r, injected=None) if included else r.with_total_force() for r in records)
@@ -94,20 +79,7 @@ class Data:
 
 
 def load_data(config: StudyConfig, scratch: Path) -> Data:
-    """Read or simulate the records of a study.
-
-    Parameters
-    ----------
-    config : StudyConfig
-        Configuration of the study.
-    scratch : Path
-        Folder for the FMU that the demo needs.
-
-    Raises
-    ------
-    RecordError, ConfigError
-        As `read_measurement`, or if a window is outside the record.
-    """
+    """Read or simulate the records of a study."""
     published: Mapping[str, Mapping[str, float]] = {}
     findings: tuple[str, ...] = ()
     windows = dict(config.data.get("windows", {}))
@@ -130,15 +102,7 @@ def load_data(config: StudyConfig, scratch: Path) -> Data:
 
 
 def demo(servo: Servo, scratch: Path) -> Record:
-    """Simulate a record: 1 kg with LuGre friction under the servo, a sum of two sines, measured by its encoder.
-
-    Parameters
-    ----------
-    servo : Servo
-        Feedback and sensors.
-    scratch : Path
-        Folder for the FMU of the reference.
-    """
+    """Simulate a record: 1 kg with LuGre friction under the servo, a sum of two sines, measured by its encoder."""
     t = servo.Ts * np.arange(float(round(2.5 * PERIOD / servo.Ts)))
     w = 2.0 * pi / PERIOD
     r = 4e-3 * (1.0 - np.cos(w * t)) + 0.5e-3 * (1.0 - np.cos(5.0 * w * t))
@@ -174,26 +138,7 @@ def build_reference(t: Array, r: Array, folder: Path, name: str, rotary: bool = 
 
 
 def measured_servo(data: Data, servo: Servo, folder: Path, name: str, injected: Array | None = None) -> Measured | None:
-    """Return the measured servo; None if the record has no position or no reference.
-
-    Parameters
-    ----------
-    data : Data
-        Data whose forces contain the injected force.
-    servo : Servo
-        Feedback and sensors.
-    folder : Path
-        Folder for the FMU of the reference.
-    name : str
-        Model identifier of the axis.
-    injected : array, shape (n,), optional
-        Force that was added to that of the servo in the longest record.
-
-    Raises
-    ------
-    ConfigError
-        If the sample times of record and servo differ.
-    """
+    """Return the measured servo; None if the record has no position or no reference."""
     record = data.longest
     if record.q is None or record.reference is None:
         return None

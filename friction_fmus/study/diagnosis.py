@@ -64,41 +64,20 @@ class Explanation:
 
 @dataclass(frozen=True, eq=False)
 class Diagnosis:
-    """Explanations of a residual.
-
-    Attributes
-    ----------
-    explanations : tuple of Explanation
-        Explanations that hold together.
-    gains : tuple of IdentifiedParameter
-        Gains that the record shows; empty if they are not estimated.
-    injected : array, shape (n,), or None
-        Force added from outside.
-    confirmed : bool
-        Whether the record shows the configured gains, although it contains another force.
-    """
+    """Explanations of a residual."""
 
     explanations: tuple[Explanation, ...]
+    """Explanations that hold together."""
     gains: tuple[IdentifiedParameter, ...] = ()
+    """Gains that the record shows; empty if they are not estimated."""
     injected: Array | None = None
+    """Force added from outside."""
     confirmed: bool = False
+    """Whether the record shows the configured gains, although it contains another force."""
 
 
 def explain(compared: Comparison, allowed: float) -> Diagnosis:
-    """Return why the servo does not reproduce the recorded force.
-
-    Parameters
-    ----------
-    compared : Comparison
-        Force and command.
-    allowed : float
-        Residual up to which a servo reproduces the record.
-
-    Returns
-    -------
-    Diagnosis
-        At least one explanation.
-    """
+    """Return why the servo does not reproduce the recorded force."""
     enough = max(allowed, EXPLAINED * compared.residual)
     attempts = [
         attempt(compared, allowed)

@@ -27,76 +27,45 @@ ALIKE: Final = 0.1
 
 @dataclass(frozen=True)
 class Scheme:
-    """What is added to the axis in one trial.
-
-    Attributes
-    ----------
-    servo : Servo
-        Feedback and sensors; integral action is part of it.
-    gain : float
-        Gain of the compensator.
-    bandwidth : float or None
-        Bandwidth of an estimator, or corner frequency of integral action [Hz].
-    compensator, feedforward : Compensator or None
-        Compensator, and the friction feedforward beside it.
-    margins : LoopMargins or None
-        Margins of the loop; None if the compensator cannot be linearised.
-    table : bool
-        Whether the identified force over position is compensated along the reference.
-    """
+    """What is added to the axis in one trial."""
 
     servo: Servo
+    """Feedback and sensors; integral action is part of it."""
     gain: float = 1.0
+    """Gain of the compensator."""
     bandwidth: float | None = None
+    """Bandwidth of an estimator, or corner frequency of integral action [Hz]."""
     compensator: Compensator | None = None
+    """Compensator, and the friction feedforward beside it."""
     feedforward: Compensator | None = None
     margins: LoopMargins | None = None
+    """Margins of the loop; None if the compensator cannot be linearised."""
     table: bool = False
+    """Whether the identified force over position is compensated along the reference."""
 
 
 @dataclass(frozen=True)
 class Evaluation:
-    """Results of one compensator.
-
-    Attributes
-    ----------
-    scheme : Scheme or None
-        Best trial with a gain up to 1; None if all failed.
-    metrics : Metrics or None
-        Its metrics.
-    trials : tuple of Trial
-        All trials.
-    corners : tuple of Corner
-        Runs of the best trial on axes that differ.
-    error : Curve or None
-        Reference minus position over time of the best trial.
-    reason : str
-        Reason why there is no best trial.
-    schemes : tuple of Scheme
-        The schemes of the trials.
-    """
+    """Results of one compensator."""
 
     scheme: Scheme | None
+    """Best trial with a gain up to 1; None if all failed."""
     metrics: Metrics | None
+    """Its metrics."""
     trials: tuple[Trial, ...]
+    """All trials."""
     corners: tuple[Corner, ...]
+    """Runs of the best trial on axes that differ."""
     error: Curve | None
+    """Reference minus position over time of the best trial."""
     reason: str = ""
+    """Reason why there is no best trial."""
     schemes: tuple[Scheme, ...] = ()
+    """The schemes of the trials."""
 
 
 def evaluate(bench: Bench, schemes: Sequence[Scheme], cases: Sequence[Case]) -> Evaluation:
-    """Co-simulate the axis with each scheme, and with the best one on axes that differ from the identified one.
-
-    Parameters
-    ----------
-    bench : Bench
-        Axis and reference.
-    schemes : sequence of Scheme
-        Trials. The best one has a gain up to 1, see `_best`.
-    cases : sequence of Case
-        Differences of the axis.
-    """
+    """Co-simulate the axis with each scheme, and with the best one on axes that differ from the identified one."""
     with PartPool() as pool:
         return _evaluated(bench, schemes, cases, pool)
 

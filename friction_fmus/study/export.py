@@ -30,29 +30,7 @@ OWN: Final = "recommended"
 def export_recommended(
     out: Path, bench: Bench, scheme: Scheme, name: str, citation: str, figures: Figures | None = None
 ) -> tuple[WrittenFile, ...]:
-    """Write the files needed to use the recommended compensator.
-
-    Parameters
-    ----------
-    out : Path
-        Folder of the results.
-    bench : Bench
-        Axis and reference.
-    scheme : Scheme
-        What is added to the axis.
-    name : str
-        Name of the axis.
-    citation : str
-        Citation of the data.
-    figures : Figures, optional
-        Figures of the report that the files reproduce, for the README.
-
-    Returns
-    -------
-    tuple of WrittenFile
-        Written files. `axis.ssp` contains all FMUs and parameters of the axis. The gain is set in the parameter `gain`
-        of a law if its output `u` is used; otherwise it is the gain of the connection to the servo.
-    """
+    """Write the files needed to use the recommended compensator."""
     folder = out / OWN
     make_folder(folder)
     written: list[WrittenFile] = []

@@ -30,23 +30,7 @@ def recommended_loop(
     trajectory: Trajectory,
     path: Path,
 ) -> LoopFile:
-    """Return the loop of an axis for which `without_code` gives no reason.
-
-    Parameters
-    ----------
-    system : System
-        Axis as it is exported.
-    servo : Servo
-        Feedback and sensors.
-    laws : mapping of str to Compensator
-        The laws beside the servo, by name of the part.
-    given : mapping of str to mapping
-        Parameters of these laws.
-    trajectory : Trajectory
-        Reference, with the table over position if it is compensated.
-    path : Path
-        The file.
-    """
+    """Return the loop of an axis for which `without_code` gives no reason."""
     outputs = {"servo": Compensator(servo.law)} | dict(laws)
     start = {name: value for name, value in system.start.items() if not isinstance(value, str)}
     own = {name.partition(".")[2]: value for name, value in start.items() if name.startswith("servo.")}

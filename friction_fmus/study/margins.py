@@ -33,28 +33,7 @@ At rest it only changes with the position, which is an eigenvalue of exactly 1; 
 def margins_of(
     servo: Servo, plant: Plant, speed: float, compensator: Compensator | None = None, kind: str = "", gain: float = 1.0
 ) -> LoopMargins | None:
-    """Return the margins of the servo with a compensator; None if the compensator cannot be linearised.
-
-    Parameters
-    ----------
-    servo : Servo
-        Feedback and sensors.
-    plant : Plant
-        Mass and friction.
-    speed : float
-        Speed at which sliding friction is linearised [m/s].
-    compensator : Compensator, optional
-        Compensator.
-    kind : str
-        Its kind, see `friction_fmus.blocks.use.KINDS`.
-    gain : float
-        Its gain.
-
-    Returns
-    -------
-    LoopMargins or None
-        The worst of the margins in sliding and, if the contact is elastic, at rest.
-    """
+    """Return the margins of the servo with a compensator; None if the compensator cannot be linearised."""
     found = []
     for at, driven in operating_points(plant, speed):
         laws = _laws(servo, compensator if kind not in OPEN_LOOP else None, kind, gain, at)

@@ -30,30 +30,20 @@ BAND: Final = 0.1
 
 @dataclass(frozen=True, eq=False)
 class Bench:
-    """Test bench on which compensators are compared.
-
-    Attributes
-    ----------
-    servo : Servo
-        Feedback and sensors.
-    plant : Plant
-        Identified mass and friction.
-    trajectory : Trajectory
-        Reference FMU and initial state.
-    r : array, shape (samples,)
-        Reference [m].
-    run_up : int
-        Number of samples before the first one of the record, in which the axis starts from rest.
-    band : float
-        Error below which the axis has settled after a reversal [m]; 0 if it is not known yet.
-    """
+    """Test bench on which compensators are compared."""
 
     servo: Servo
+    """Feedback and sensors."""
     plant: Plant
+    """Identified mass and friction."""
     trajectory: Trajectory
+    """Reference FMU and initial state."""
     r: Array
+    """Reference [m]."""
     run_up: int = 0
+    """Number of samples before the first one of the record, in which the axis starts from rest."""
     band: float = 0.0
+    """Error below which the axis has settled after a reversal [m]; 0 if it is not known yet."""
 
     @property
     def bandwidth(self) -> float:
@@ -99,13 +89,7 @@ def high_frequency(force: Array, bench: Bench) -> Array:
 
 
 def reversals(r: Array) -> list[tuple[int, int]]:
-    """Return the samples at which a reference starts to move in the other direction, each with the end of that motion.
-
-    Parameters
-    ----------
-    r : array, shape (n,)
-        Reference.
-    """
+    """Return the samples at which a reference reverses, each with the end of the motion that follows."""
     change = np.diff(r)
     moving = np.flatnonzero(np.abs(change) > 1e-6 * np.max(np.abs(change), initial=0.0))
     turns = moving[1:][np.diff(np.sign(change[moving])) != 0.0]

@@ -57,41 +57,28 @@ MEANING: Final = {"M": "moved mass", "OF": "offset of the drive"}
 
 @dataclass(frozen=True)
 class IdentifiedModel:
-    """Identified friction model.
-
-    Attributes
-    ----------
-    row : ModelResult
-        Entry in the result of the study.
-    block : str
-        Friction block.
-    values : mapping of str to float
-        Parameters of the block.
-    mass, offset : float
-        Mass [kg] and constant force [N] of the axis; 0 if the record has no drive force.
-    error : float or None
-        Error by which the models are ranked; None if it is infinite or the model failed.
-    force_error : float or None
-        Rms force error of the simulated servo over the same samples; None if it was not simulated.
-    predicted : Curve or None
-        Fitted signal over time as simulated by the model.
-    position, force : Curve or None
-        Simulated minus measured position and force of the servo over time.
-    position_map : PositionMap or None
-        Cogging and position-dependent friction.
-    """
+    """Identified friction model."""
 
     row: ModelResult
+    """Entry in the result of the study."""
     block: str = ""
+    """Friction block."""
     values: Mapping[str, float] = field(default_factory=dict)
+    """Parameters of the block."""
     mass: float = 0.0
+    """Mass [kg] and constant force [N] of the axis; 0 if the record has no drive force."""
     offset: float = 0.0
     error: float | None = None
+    """Error by which the models are ranked; None if it is infinite or the model failed."""
     force_error: float | None = None
+    """Rms force error of the simulated servo over the same samples; None if it was not simulated."""
     predicted: Curve | None = None
+    """Fitted signal over time as simulated by the model."""
     position: Curve | None = None
+    """Simulated minus measured position and force of the servo over time."""
     force: Curve | None = None
     position_map: PositionMap | None = None
+    """Cogging and position-dependent friction."""
 
     @property
     def plant(self) -> Plant:
@@ -101,26 +88,18 @@ class IdentifiedModel:
 
 @dataclass(frozen=True, eq=False)
 class Measured:
-    """Measured servo.
-
-    Attributes
-    ----------
-    servo : Servo
-        Feedback and sensors.
-    trajectory : Trajectory
-        Reference and initial state of the whole record.
-    q, force, r : array, shape (samples,)
-        Measured position and force, and the reference; the force contains an injected one.
-    train, validation : (int, int)
-        First and one past the last sample of the data for the fit and for the ranking.
-    """
+    """Measured servo."""
 
     servo: Servo
+    """Feedback and sensors."""
     trajectory: Trajectory
+    """Reference and initial state of the whole record."""
     q: Array
+    """Measured position and force, and the reference; the force contains an injected one."""
     force: Array | None
     r: Array
     train: tuple[int, int]
+    """First and one past the last sample of the data for the fit and for the ranking."""
     validation: tuple[int, int]
 
 
@@ -133,23 +112,7 @@ def identify_model(
     position_map: bool = True,
     viscous: bool = True,
 ) -> IdentifiedModel:
-    """Identify a friction model; if the identification fails, the result states the reason.
-
-    Parameters
-    ----------
-    name : str
-        Friction block.
-    train, validation : sequence of Record
-        Data for the fit and for validation.
-    published : mapping of str to float
-        Known parameter values.
-    measured : Measured or None
-        Measured servo, to be co-simulated with the identified model.
-    position_map : bool
-        Whether cogging and position-dependent friction are identified with the model, if this helps.
-    viscous : bool
-        Whether viscous friction is identified beside a model without it.
-    """
+    """Identify a friction model; if the identification fails, the result states the reason."""
     summary = find(name).summary
     try:
         # a model without state is fast to simulate and its cost may have several local minima

@@ -22,21 +22,7 @@ SMALL = 1e-3
 def next_steps(
     bench: Bench, scheme: Scheme, row: CompensatorResult, models: Sequence[ModelResult], units: AxisUnits
 ) -> tuple[str, ...]:
-    """Return what to set in the drive and what to measure, one or two sentences each.
-
-    Parameters
-    ----------
-    bench : Bench
-        Axis and reference.
-    scheme : Scheme
-        What is added to the axis according to the recommendation.
-    row : CompensatorResult
-        Recommended compensator, or the servo without compensation.
-    models : sequence of ModelResult
-        Friction models by rank.
-    units : AxisUnits
-        Units of the axis.
-    """
+    """Return what to set in the drive and what to measure, one or two sentences each."""
     return (
         *_motion(bench, units),
         *_integral(bench, scheme),

@@ -13,20 +13,7 @@ from friction_fmus.study.records import Fit
 
 
 def inverse_residual(fit: InverseModelFit, records: Sequence[Record]) -> Fit | None:
-    """Return the residual of the drive force of an inverse model, filtered and decimated as in its fit.
-
-    Parameters
-    ----------
-    fit : InverseModelFit
-        Parameters M, Fv, Fc and OF.
-    records : sequence of Record
-        Data with position and force.
-
-    Returns
-    -------
-    Fit or None
-        Residual; None without records that are long enough for the filters.
-    """
+    """Return the residual of the drive force of an inverse model, filtered and decimated as in its fit."""
     M, Fv, Fc, OF = (fit.parameters[name].value for name in ("M", "Fv", "Fc", "OF"))
     errors, forces = [], []
     for record in records:

@@ -33,15 +33,10 @@ UNKNOWN: Final = 10_000.0
 
 @dataclass(frozen=True)
 class Weights:
-    """Weights of the figures in the score.
-
-    Attributes
-    ----------
-    error, effort, margin, cost : float
-        Weights of worst-case error, drive force above the bandwidth, sensitivity peak, and cycles.
-    """
+    """Weights of the figures in the score."""
 
     error: float = 1.0
+    """Weights of worst-case error, drive force above the bandwidth, sensitivity peak, and cycles."""
     effort: float = 0.25
     margin: float = 0.25
     cost: float = 0.01
@@ -50,24 +45,7 @@ class Weights:
 def rank(
     none: CompensatorResult, rows: Sequence[CompensatorResult], weights: Weights, Ms: float
 ) -> list[CompensatorResult]:
-    """Rank the compensators.
-
-    Parameters
-    ----------
-    none : CompensatorResult
-        Servo without compensation.
-    rows : sequence of CompensatorResult
-        Compensators.
-    weights : Weights
-        Weights of the figures in the score.
-    Ms : float
-        Sensitivity peak that counts for a compensator whose margins are not known: the limit of the study.
-
-    Returns
-    -------
-    list of CompensatorResult
-        Compensators by rank, with `worst`, `best`, `improves`, `score` and `rank` set, then those without metrics.
-    """
+    """Rank the compensators."""
     judged = [_judged(none, row, weights, Ms) for row in rows if row.metrics is not None]
     # differences in the last bits must not decide the order
     ordered = sorted(judged, key=lambda row: (not row.improves, _rounded(row.score), row.name))
@@ -88,15 +66,7 @@ def extremes(row: CompensatorResult, none: CompensatorResult) -> CompensatorResu
 
 
 def figures(none: CompensatorResult, row: CompensatorResult, Ms: float) -> tuple[float, float, float, float]:
-    """Return the binary logarithms of the four figures relative to the servo without compensation.
-
-    Parameters
-    ----------
-    none, row : CompensatorResult
-        Servo without compensation, and compensator, both with `worst` set.
-    Ms : float
-        Sensitivity peak of a compensator without known margins.
-    """
+    """Return the binary logarithms of the four figures relative to the servo without compensation."""
     assert none.metrics is not None
     assert row.metrics is not None
     floor = max(NEGLIGIBLE * none.metrics.effort, 1e-300)

@@ -15,19 +15,7 @@ FEEDFORWARD = "with motion feedforward"
 def ladder(
     measured: Metrics | None, motion: bool, none: CompensatorResult, ranked: Sequence[CompensatorResult]
 ) -> tuple[Rung, ...]:
-    """Return the rungs from the axis as measured to the best compensation.
-
-    Parameters
-    ----------
-    measured : Metrics or None
-        Servo as it was measured; None if its loop is unstable in the simulation.
-    motion : bool
-        Whether the compared servos have motion feedforward.
-    none : CompensatorResult
-        Servo without friction compensation.
-    ranked : sequence of CompensatorResult
-        Compensators by rank.
-    """
+    """Return the rungs from the axis as measured to the best compensation."""
     rungs = [] if measured is None else [Rung(AS_MEASURED, "", measured)]
     if motion and none.metrics is not None:
         rungs.append(Rung(FEEDFORWARD, none.name, none.metrics))
@@ -63,22 +51,7 @@ def recommend(
     unit: str,
     contradicted: Mapping[str, str] | None = None,
 ) -> Recommendation:
-    """Return the recommended compensator with the reasons.
-
-    Parameters
-    ----------
-    none : CompensatorResult
-        Servo without compensation.
-    ranked : sequence of CompensatorResult
-        Compensators as returned by `rank`.
-    rungs : sequence of Rung
-        Ladder.
-    unit : str
-        Unit of the position, "m" or "rad".
-    contradicted : mapping of str to str, optional
-        Compensators with a better rank that violate a condition of the doctor, with that condition; `ranked` does not
-        contain them.
-    """
+    """Return the recommended compensator with the reasons."""
     tried = [row for row in ranked if row.rank is not None]
     if not tried:
         return Recommendation("", "No compensator could be simulated on this axis. The table states the reasons.")

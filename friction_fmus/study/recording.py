@@ -15,13 +15,7 @@ ERROR: Final = "tracking_error"
 
 
 def with_tracking_error(system: System) -> System:
-    """Return the system of an axis with a part that computes the tracking error, and with more recorded variables.
-
-    Parameters
-    ----------
-    system : System
-        The closed loop of an axis; it shares its parts with the result, so run one at a time.
-    """
+    """Return the system of an axis with a part that computes the tracking error, and with more recorded variables."""
     assert system.experiment is not None
     # at the samples only, because the reference has its new value only then
     part = FmuPart(ERROR, block("Sum"), every=system.experiment.decimate)

@@ -15,36 +15,24 @@ Numbers: TypeAlias = tuple[float, ...]
 
 @dataclass(frozen=True)
 class IdentifiedParameter:
-    """Identified parameter.
-
-    Attributes
-    ----------
-    name : str
-        Name in the block; M is the moved mass and OF the force offset of the drive.
-    value : float
-        Estimate, in `unit`.
-    standard_error : float or None
-        Standard error, in `unit`; None if the parameter was fixed.
-    unit : str
-        Unit; "1" for a dimensionless parameter.
-    meaning : str
-        Description.
-    published : float or None
-        Value in the literature, or the true value for a simulated record, in `unit`.
-    weak : str
-        Reason why the parameter is poorly identifiable, and what to measure; empty if it is well determined.
-    noise_error : float or None
-        Part of the standard error that is due to noise, in `unit`; None if the parts are not known.
-    """
+    """Identified parameter."""
 
     name: str
+    """Name in the block; M is the moved mass and OF the force offset of the drive."""
     value: float
+    """Estimate, in `unit`."""
     standard_error: float | None
+    """Standard error, in `unit`; None if the parameter was fixed."""
     unit: str
+    """Unit; "1" for a dimensionless parameter."""
     meaning: str
+    """Description."""
     published: float | None = None
+    """Value in the literature, or the true value for a simulated record, in `unit`."""
     weak: str = ""
+    """Reason why the parameter is poorly identifiable, and what to measure; empty if it is well determined."""
     noise_error: float | None = None
+    """Part of the standard error that is due to noise, in `unit`; None if the parts are not known."""
 
     @property
     def determined(self) -> bool:
@@ -55,93 +43,63 @@ class IdentifiedParameter:
 
 @dataclass(frozen=True)
 class Fit:
-    """Residual of a simulated signal.
-
-    Attributes
-    ----------
-    rms : float
-        Root mean square of simulated minus measured, in `unit`.
-    percent : float
-        Residual in percent of the root mean square of the measured signal.
-    signal, unit : str
-        Name and unit of the signal.
-    """
+    """Residual of a simulated signal."""
 
     rms: float
+    """Root mean square of simulated minus measured, in `unit`."""
     percent: float
+    """Residual in percent of the root mean square of the measured signal."""
     signal: str
+    """Name and unit of the signal."""
     unit: str
 
 
 @dataclass(frozen=True)
 class PositionPart:
-    """Force over position that was identified together with a friction model.
-
-    Attributes
-    ----------
-    nodes, spacing : int, float
-        Number of nodes of the table and their distance.
-    cogging, friction : float
-        Rms values of cogging and position-dependent friction over the table.
-    train_without, validation_without : Fit or None
-        Residuals of the model without this force.
-    """
+    """Force over position that was identified together with a friction model."""
 
     nodes: int
+    """Number of nodes of the table and their distance."""
     spacing: float
     cogging: float
+    """Rms values of cogging and position-dependent friction over the table."""
     friction: float
     train_without: Fit | None
+    """Residuals of the model without this force."""
     validation_without: Fit | None
 
 
 @dataclass(frozen=True)
 class ModelResult:
-    """Result of one friction model.
-
-    Attributes
-    ----------
-    name, summary : str
-        Name of the block and its description.
-    method : str
-        Identification method; empty if the model was not identified.
-    parameters : tuple of IdentifiedParameter
-        Identified parameters.
-    train, validation : Fit or None
-        Residuals on the training and the validation data.
-    closed_loop : tuple of Fit
-        Residuals of position and force of the co-simulated servo; empty without a servo.
-    aic, bic : float or None
-        Information criteria; lower is better.
-    rank : int or None
-        Rank by validation, 1 is best; None if the model was not identified.
-    warnings : tuple of str
-        Warnings of the identification.
-    reason : str
-        Reason why the model was not identified; empty if it was.
-    seconds : float
-        Elapsed time of the identification [s].
-    simulations : int
-        Number of simulations of the model.
-    position : PositionPart or None
-        Force over position; None if it does not improve the prediction.
-    """
+    """Result of one friction model."""
 
     name: str
+    """Name of the block and its description."""
     summary: str
     method: str = ""
+    """Identification method; empty if the model was not identified."""
     parameters: tuple[IdentifiedParameter, ...] = ()
+    """Identified parameters."""
     train: Fit | None = None
+    """Residuals on the training and the validation data."""
     validation: Fit | None = None
     closed_loop: tuple[Fit, ...] = ()
+    """Residuals of position and force of the co-simulated servo; empty without a servo."""
     aic: float | None = None
+    """Information criteria; lower is better."""
     bic: float | None = None
     rank: int | None = None
+    """Rank by validation, 1 is best; None if the model was not identified."""
     warnings: tuple[str, ...] = ()
+    """Warnings of the identification."""
     reason: str = ""
+    """Reason why the model was not identified; empty if it was."""
     seconds: float = 0.0
+    """Elapsed time of the identification [s]."""
     simulations: int = 0
+    """Number of simulations of the model."""
     position: PositionPart | None = None
+    """Force over position; None if it does not improve the prediction."""
 
 
 @dataclass(frozen=True)
@@ -154,26 +112,18 @@ class Curve:
 
 @dataclass(frozen=True)
 class Picture:
-    """Curves in one pair of axes.
-
-    Attributes
-    ----------
-    x_label, y_label : str
-        Quantities of the axes.
-    x_unit, y_unit : str
-        Units of the axes.
-    data : mapping of str to Curve
-        Decimated measurements, by name.
-    models : mapping of str to Curve
-        Decimated curves of the models, by name of the block.
-    """
+    """Curves in one pair of axes."""
 
     x_label: str
+    """Quantities of the axes."""
     y_label: str
     x_unit: str
+    """Units of the axes."""
     y_unit: str
     data: Mapping[str, Curve]
+    """Decimated measurements, by name."""
     models: Mapping[str, Curve]
+    """Decimated curves of the models, by name of the block."""
 
 
 @dataclass(frozen=True)
@@ -193,53 +143,35 @@ class ConditionResult:
 
 @dataclass(frozen=True)
 class StudyFinding:
-    """Finding that limits how far the result of a study can be trusted.
-
-    Attributes
-    ----------
-    name : str
-        Stable name, such as ``wrong-gains``.
-    what : str
-        Description with numbers, in one sentence.
-    change : str
-        Proposed change, in one sentence.
-    stops : bool
-        Whether the result must not be used: nothing is ranked that depends on the finding, and no FMU is written.
-    """
+    """Finding that limits how far the result of a study can be trusted."""
 
     name: str
+    """Stable name, such as ``wrong-gains``."""
     what: str
+    """Description with numbers, in one sentence."""
     change: str
+    """Proposed change, in one sentence."""
     stops: bool
+    """Whether the result must not be used: nothing is ranked that depends on the finding, and no FMU is written."""
 
 
 @dataclass(frozen=True)
 class ServoCheck:
-    """Comparison of the servo as configured with the recorded drive force.
-
-    Attributes
-    ----------
-    residual : Fit or None
-        Recorded force minus command of the servo for the recorded reference and position; None if not compared.
-    allowed : float
-        Residual up to which the servo reproduces the record, in percent of the rms force.
-    findings : tuple of StudyFinding
-        Reasons for a larger residual.
-    gains : tuple of IdentifiedParameter
-        Gains estimated from the record; empty if those of the configuration reproduce it.
-    recorded, commanded : Curve or None
-        Force over time: as recorded, and as the servo commands it.
-    reason : str
-        Reason why the servo was not compared; empty if it was.
-    """
+    """Comparison of the servo as configured with the recorded drive force."""
 
     residual: Fit | None = None
+    """Recorded force minus command of the servo for the recorded reference and position; None if not compared."""
     allowed: float = 0.0
+    """Residual up to which the servo reproduces the record, in percent of the rms force."""
     findings: tuple[StudyFinding, ...] = ()
+    """Reasons for a larger residual."""
     gains: tuple[IdentifiedParameter, ...] = ()
+    """Gains estimated from the record; empty if those of the configuration reproduce it."""
     recorded: Curve | None = None
+    """Force over time: as recorded, and as the servo commands it."""
     commanded: Curve | None = None
     reason: str = ""
+    """Reason why the servo was not compared; empty if it was."""
 
 
 @dataclass(frozen=True)

@@ -42,20 +42,6 @@ def refine(
     Only positions are compared: the force follows from the position through the known controller and would count the
     same error twice. The fit is discarded if, on data that were not fitted, it makes position or force of the simulated
     servo worse, or increases the error of the force predicted for the measured motion by more than `BIAS`.
-
-    Parameters
-    ----------
-    found : IdentifiedModel
-        Model after `in_closed_loop`.
-    measured : Measured
-        Measured servo.
-    train, unfitted : sequence of Record
-        Data that were fitted, and data that were not; without the latter the model is returned unchanged.
-
-    Returns
-    -------
-    IdentifiedModel
-        Refined model, or the given one with a warning that states why the fit was discarded.
     """
     if not unfitted:
         return found

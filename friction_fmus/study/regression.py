@@ -21,29 +21,20 @@ UNITS: Final[Mapping[str, str]] = {"kp": "1/s", "kv": "N.s/m", "ki": "N/m", "Kp"
 
 @dataclass(frozen=True, eq=False)
 class Comparison:
-    """Recorded force and the force that the servo commands.
-
-    Attributes
-    ----------
-    force, command, unlimited : array, shape (n,)
-        Recorded force, command within the force limit, and command without this limit.
-    used : array of bool, shape (n,)
-        Samples that are compared.
-    servo : Servo
-        Servo as configured.
-    record : Record
-        Record with reference and position.
-    included : bool
-        Whether a declared injected force was subtracted from the recorded force.
-    """
+    """Recorded force and the force that the servo commands."""
 
     force: Array
+    """Recorded force, command within the force limit, and command without this limit."""
     command: Array
     unlimited: Array
     used: NDArray[np.bool_]
+    """Samples that are compared."""
     servo: Servo
+    """Servo as configured."""
     record: Record
+    """Record with reference and position."""
     included: bool = False
+    """Whether a declared injected force was subtracted from the recorded force."""
 
     @property
     def level(self) -> float:

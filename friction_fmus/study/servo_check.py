@@ -35,22 +35,7 @@ SATURATED: Final = 0.98
 
 
 def commanded(servo: Servo, r: Array, q: Array, rotary: bool = False) -> Array:
-    """Return the force that the servo commands for a recorded reference and position.
-
-    Parameters
-    ----------
-    servo : Servo
-        Feedback and feedforward; the position is used as recorded, without another quantisation.
-    r, q : array, shape (n,)
-        Reference and position at the samples of the servo.
-    rotary : bool
-        Whether the axis is rotary.
-
-    Returns
-    -------
-    array, shape (n,)
-        Force in each sample. An integral starts at 0.
-    """
+    """Return the force that the servo commands for a recorded reference and position."""
     rd = np.gradient(r, servo.Ts)
     columns = {"r": r, "rd": rd, "rdd": np.gradient(rd, servo.Ts), "x": q}
     length = "rad" if rotary else "m"
@@ -77,39 +62,18 @@ def commanded(servo: Servo, r: Array, q: Array, rotary: bool = False) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class CheckedServo:
-    """Result of the comparison, and the force that was added to that of the servo.
-
-    Attributes
-    ----------
-    result : ServoCheck
-        Residual and findings.
-    included : bool
-        Whether the recorded force contains the injected force.
-    injected : array, shape (n,), or None
-        Force added to that of the servo from outside, as declared or as found; None without one.
-    """
+    """Result of the comparison, and the force that was added to that of the servo."""
 
     result: ServoCheck
+    """Residual and findings."""
     included: bool = False
+    """Whether the recorded force contains the injected force."""
     injected: Array | None = None
+    """Force added to that of the servo from outside, as declared or as found; None without one."""
 
 
 def check_servo(record: Record, servo: Servo | None) -> CheckedServo:
-    """Compare the servo with the recorded drive force.
-
-    Parameters
-    ----------
-    record : Record
-        Record of the axis, sampled like the servo.
-    servo : Servo or None
-        Servo as configured.
-
-    Returns
-    -------
-    CheckedServo
-        Residual, findings, gains estimated from the record, and injected force. If the record does not have all
-        columns, the result states the reason.
-    """
+    """Compare the servo with the recorded drive force."""
     missing = [name for name, values in (("reference", record.reference), ("position", record.q)) if values is None]
     missing += ["drive force"] if record.force is None else []
     if servo is None or missing:

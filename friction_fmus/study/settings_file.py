@@ -35,41 +35,19 @@ GAIN_UNITS: Final[Mapping[str, tuple[str, str]]] = {
 
 @dataclass(frozen=True)
 class Known:
-    """What is known of an axis when its file of settings is written.
-
-    Attributes
-    ----------
-    columns, suggestions : mapping of str to Column
-        Columns by role, and those of which an entry is missing.
-    servo : mapping of str to str
-        Entries of ``[servo]`` as TOML; empty if it is unknown.
-    measurement : Measurement or None
-        The record; None if entries of its columns are missing.
-    """
+    """What is known of an axis when its file of settings is written."""
 
     columns: Mapping[str, Column]
+    """Columns by role, and those of which an entry is missing."""
     suggestions: Mapping[str, Column] = field(default_factory=dict)
     servo: Mapping[str, str] = field(default_factory=dict)
+    """Entries of ``[servo]`` as TOML; empty if it is unknown."""
     measurement: Measurement | None = None
+    """The record; None if entries of its columns are missing."""
 
 
 def write_settings(folder: Path, table: Table, known: Known) -> Path:
-    """Write the settings of a study, complete as far as they are known, with comments on the rest.
-
-    Parameters
-    ----------
-    folder : Path
-        Folder of the file `SETTINGS_FILE`.
-    table : Table
-        Columns of the data file.
-    known : Known
-        What is known of the axis.
-
-    Returns
-    -------
-    Path
-        The file.
-    """
+    """Write the settings of a study, complete as far as they are known, with comments on the rest."""
     path = folder / SETTINGS_FILE
     with atomic_path(path) as temporary:
         temporary.write_text(settings_text(table, known, _relative(table.file, folder)), encoding="utf-8")
@@ -77,22 +55,7 @@ def write_settings(folder: Path, table: Table, known: Known) -> Path:
 
 
 def settings_of(config: StudyConfig, data: Data, out: Path) -> tuple[WrittenFile, ...]:
-    """Write the settings of a study that was started with a data file; an existing file is kept.
-
-    Parameters
-    ----------
-    config : StudyConfig
-        Configuration of the study.
-    data : Data
-        Its data.
-    out : Path
-        Folder of the results.
-
-    Returns
-    -------
-    tuple of WrittenFile
-        The file; empty if the study was started with its configuration.
-    """
+    """Write the settings of a study that was started with a data file; an existing file is kept."""
     if not config.bare or data.measurement is None or data.measurement.mapping.file is None:
         return ()
     if not (out / SETTINGS_FILE).exists():

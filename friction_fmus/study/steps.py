@@ -39,25 +39,17 @@ rebuild: Final = Converter(detailed_validation=False).structure
 
 @dataclass(frozen=True)
 class Step:
-    """Step of a study: call of a module-level function that returns a dataclass.
-
-    Attributes
-    ----------
-    name : str
-        Name, part of the file name.
-    function : callable
-        Function that returns a dataclass.
-    arguments : tuple
-        Arguments: numbers, strings, arrays, paths, and mappings, sequences and dataclasses of them. For a path, the
-        content of the file enters the key.
-    kind : type
-        Type of the result.
-    """
+    """Step of a study: call of a module-level function that returns a dataclass."""
 
     name: str
+    """Name, part of the file name."""
     function: Callable[..., Any]
+    """Function that returns a dataclass."""
     arguments: tuple[Any, ...]
+    """Arguments: numbers, strings, arrays, paths, and mappings, sequences and dataclasses of them. For a path, the
+    content of the file enters the key."""
     kind: type
+    """Type of the result."""
 
     @property
     def key(self) -> str:
@@ -69,11 +61,6 @@ class Step:
 
 class StepCache:
     """Cache of the results of steps, as JSON files.
-
-    Parameters
-    ----------
-    folder : Path
-        Folder of the files; created if needed.
 
     Attributes
     ----------
@@ -107,24 +94,7 @@ class StepCache:
 def run_steps(
     steps: Sequence[Step], store: StepCache, executor: Executor | None, done: Callable[[Step], None] = lambda step: None
 ) -> list[Any]:
-    """Run independent steps that are not in the cache.
-
-    Parameters
-    ----------
-    steps : sequence of Step
-        Steps to run.
-    store : StepCache
-        Cache of results; each step is added when it is finished.
-    executor : Executor or None
-        Executor that runs the steps; None runs them in this process.
-    done : callable
-        Called with each finished step.
-
-    Returns
-    -------
-    list
-        Results in the order of the steps.
-    """
+    """Run independent steps that are not in the cache."""
     results: dict[int, Any] = {}
     waiting: dict[Future[Any], int] = {}
     for place, step in enumerate(steps):

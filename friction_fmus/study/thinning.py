@@ -14,15 +14,7 @@ POINTS: Final = 1500
 
 
 def thinned(x: Array, y: Array, points: int = POINTS) -> Curve:
-    """Return a decimated curve with the minimum and maximum of each interval, so that peaks are kept.
-
-    Parameters
-    ----------
-    x, y : array, shape (n,)
-        Points of the curve.
-    points : int
-        Approximate number of points to keep.
-    """
+    """Return a decimated curve with the minimum and maximum of each interval, so that peaks are kept."""
     width = -(-2 * len(y) // points)
     if width <= 2:
         return Curve(tuple(x.tolist()), tuple(y.tolist()))

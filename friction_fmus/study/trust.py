@@ -24,15 +24,7 @@ GROWTH: Final = 1.1
 
 
 def force_findings(records: Sequence[Record], servo: Servo | None) -> tuple[StudyFinding, ...]:
-    """Return findings about a drive force that contradicts the recorded motion, or the limit of the servo.
-
-    Parameters
-    ----------
-    records : sequence of Record
-        Motion and drive force.
-    servo : Servo or None
-        Servo as configured.
-    """
+    """Return findings about a drive force that contradicts the recorded motion, or the limit of the servo."""
     forbidding = (*FORBIDDING, "mass-not-identified") if servo is not None and servo.mass is None else FORBIDDING
     found = [
         StudyFinding(each.name, each.what, each.measure, each.name in forbidding) for each in contradictions(records)
@@ -51,15 +43,6 @@ def mass_findings(servo: Servo | None, model: IdentifiedModel, unit: str) -> tup
 
     Friction is left out, except for its viscous part: a loop whose oscillation grows by more than `GROWTH` in every
     sample exceeds any friction within a few samples.
-
-    Parameters
-    ----------
-    servo : Servo or None
-        Servo as configured.
-    model : IdentifiedModel
-        Best model.
-    unit : str
-        Unit of the mass.
     """
     if servo is None or model.mass <= 0.0:
         return ()
@@ -86,15 +69,7 @@ def loop_growth(servo: Servo, mass: float, viscous: float) -> float:
 
 
 def loop_findings(models: Sequence[IdentifiedModel], simulated: bool) -> tuple[StudyFinding, ...]:
-    """Return a finding if the servo was simulated, but with none of the models it follows the record.
-
-    Parameters
-    ----------
-    models : sequence of IdentifiedModel
-        Models after `ranked`.
-    simulated : bool
-        Whether the servo was co-simulated with the models.
-    """
+    """Return a finding if the servo was simulated, but with none of the models it follows the record."""
     if not simulated or not models or models[0].row.rank is not None:
         return ()
     failed = next((found.row.reason for found in models if found.row.train is not None), "")

@@ -29,21 +29,7 @@ def trials(
     limits: Limits,
     gains: Sequence[float],
 ) -> list[Scheme]:
-    """Return the trials of a compensator that keep the limits; empty if there are none.
-
-    Parameters
-    ----------
-    candidate : Candidate
-        Compensator, or integral action.
-    known : AxisKnowledge
-        Axis.
-    speed : float
-        Speed at which sliding friction is linearised [m/s].
-    limits : Limits
-        Limits on the margins.
-    gains : sequence of float
-        Gains to try for a compensator without a bandwidth.
-    """
+    """Return the trials of a compensator that keep the limits; empty if there are none."""
     servo, plant = known.servo, known.plant
 
     def with_gain(gain: float) -> Scheme:

@@ -42,86 +42,57 @@ Settings = Mapping[str, float]
 
 @dataclass(frozen=True)
 class Knob:
-    """Property of the axis that a reader of the report can change.
-
-    Attributes
-    ----------
-    name, text : str
-        Name, and what is changed.
-    unit : str
-        Unit; empty for a factor or a number of samples.
-    start : float
-        Value of the study.
-    least, most : float
-        Range of the slider.
-    settings : tuple of mapping of str to float
-        For each run, the parameters and what each is divided by the value of the knob.
-    zero : bool
-        Whether the value may also be zero.
-    taps : tuple of str
-        Parameters of which one is 1 and all others are 0, from the one for the value `least` on, in steps of 1.
-    """
+    """Property of the axis that a reader of the report can change."""
 
     name: str
+    """Name, and what is changed."""
     text: str
     unit: str
+    """Unit; empty for a factor or a number of samples."""
     start: float
+    """Value of the study."""
     least: float
+    """Range of the slider."""
     most: float
     settings: tuple[Settings, ...]
+    """For each run, the parameters and what each is divided by the value of the knob."""
     zero: bool = False
+    """Whether the value may also be zero."""
     taps: tuple[str, ...] = ()
+    """Parameters of which one is 1 and all others are 0, from the one for the value `least` on, in steps of 1."""
 
 
 @dataclass(frozen=True)
 class Run:
-    """Run of the axis.
-
-    Attributes
-    ----------
-    name : str
-        Compensator, "none" for the servo alone.
-    metrics : Metrics
-        Metrics of the study.
-    model : WasmModel
-        Servo, compensator and axis; the inputs are the reference and, if the measured position is noisy, the noise.
-    """
+    """Run of the axis."""
 
     name: str
+    """Compensator, "none" for the servo alone."""
     metrics: Metrics
+    """Metrics of the study."""
     model: WasmModel
+    """Servo, compensator and axis; the inputs are the reference and, if the measured position is noisy, the noise."""
 
 
 @dataclass(frozen=True, eq=False)
 class WhatIf:
-    """The axis in the browser.
-
-    Attributes
-    ----------
-    runs : tuple of Run
-        The recommended compensator, if there is one, and the servo alone.
-    knobs : tuple of Knob
-        Properties that can be changed.
-    Ts : float
-        Sample time [s].
-    r, noise : array, shape (samples,)
-        Reference, and noise of the measured position of standard deviation 1; empty without noise.
-    run_up : int
-        Number of samples before the first one of the record.
-    whole : bool
-        Whether the reference is that of the study, not only its first `LONGEST` samples.
-    same_master : bool
-        Whether the study solves friction and motion together, as the modules do.
-    """
+    """The axis in the browser."""
 
     runs: tuple[Run, ...]
+    """The recommended compensator, if there is one, and the servo alone."""
     knobs: tuple[Knob, ...]
+    """Properties that can be changed."""
     Ts: float
+    """Sample time [s]."""
     r: Array
+    """Reference, and noise of the measured position of standard deviation 1; empty without noise."""
     noise: Array = field(default_factory=lambda: np.zeros(0))
     run_up: int = 0
+    """Number of samples before the first one of the record."""
     whole: bool = True
+    """Whether the reference is that of the study, not only its first `LONGEST` samples."""
     same_master: bool = True
+    """Whether the study solves friction and motion together, as the modules do."""
 
 
 def panel_of(bench: Bench, found: Sequence[tuple[CompensatorResult, Scheme]], noise: Array) -> WhatIf | str:
@@ -133,22 +104,7 @@ def panel_of(bench: Bench, found: Sequence[tuple[CompensatorResult, Scheme]], no
 
 
 def what_if(bench: Bench, found: Sequence[tuple[CompensatorResult, Scheme]], noise: Array) -> WhatIf:
-    """Compile the axis for the browser.
-
-    Parameters
-    ----------
-    bench : Bench
-        Axis and reference.
-    found : sequence of (CompensatorResult, Scheme)
-        Servo alone, and with the recommended compensator, with their results.
-    noise : array, shape (samples,)
-        Noise of standard deviation 1, as in the study.
-
-    Raises
-    ------
-    HarnessError
-        If a system cannot be compiled.
-    """
+    """Compile the axis for the browser."""
     shown = [(row.name, row.metrics, scheme) for row, scheme in found if row.metrics is not None]
     with ExitStack() as stack:
         # they are started side by side when they are compiled: none shares a part with another one

@@ -30,34 +30,16 @@ LAWS: Final = ("compensator", "feedforward")
 
 @dataclass(frozen=True)
 class Figures:
-    """Figures of the report that the files reproduce.
-
-    Attributes
-    ----------
-    rms : float
-        Tracking error [m or rad].
-    unit : str
-        Unit of the position.
-    """
+    """Figures of the report that the files reproduce."""
 
     rms: float
+    """Tracking error [m or rad]."""
     unit: str
+    """Unit of the position."""
 
 
 def wiring(system: System, servo: Servo, figures: Figures | None, no_code: str) -> str:
-    """Return the README of the folder of the recommendation.
-
-    Parameters
-    ----------
-    system : System
-        Axis as it is exported.
-    servo : Servo
-        Feedback and sensors.
-    figures : Figures or None
-        Figures of the report; None if the axis has no compensator.
-    no_code : str
-        Why the folder does not contain the loop as C code; empty if it does.
-    """
+    """Return the README of the folder of the recommendation."""
     assert system.experiment is not None
     every = round(servo.Ts / system.experiment.step)
     wires = [wire for wire in map(parse_wire, system.wires) if split_name(wire.target)[0] not in PLANT]

@@ -30,13 +30,7 @@ T = TypeVar("T")
 
 
 def result_in_rotary_words(result: T) -> T:
-    """Return a result with the words and units of a rotary axis in all its texts.
-
-    Parameters
-    ----------
-    result : dataclass
-        Result of a study, or a part of it.
-    """
+    """Return a result with the words and units of a rotary axis in all its texts."""
     return replace(result, **{f.name: _worded(getattr(result, f.name), f.name) for f in fields(result)})  # type: ignore[type-var, arg-type]
 
 

@@ -30,19 +30,13 @@ MOST_EVENTS: Final = 20_000
 
 @dataclass(frozen=True)
 class Alignment:
-    """The events of one run in time, and how much later another run has them.
-
-    Parameters
-    ----------
-    times, shifts : float64 array, shape (n,)
-        Times of the events, in order, and by how much the other run is late [s].
-    interval : float
-        Median time between two events of the same kind [s]; the duration of the run if there are too few.
-    """
+    """The events of one run in time, and how much later another run has them."""
 
     times: Values
+    """Times of the events, in order, and by how much the other run is late [s]."""
     shifts: Values
     interval: float
+    """Median time between two events of the same kind [s]; the duration of the run if there are too few."""
 
     def at(self, times: Values) -> Values:
         """Return by how much the other run is late at these times [s]."""
@@ -50,20 +44,7 @@ class Alignment:
 
 
 def crossings(times: Values, values: Values, level: float, band: float) -> tuple[Values, Values]:
-    """Return the times [s] at which values cross a level and leave a band around it, and the directions.
-
-    Parameters
-    ----------
-    times, values : float64 array, shape (n,)
-        The variable.
-    level, band : float
-        The level, and half of the width of the band.
-
-    Returns
-    -------
-    (float64 array, float64 array), shapes (k,)
-        Times, interpolated linearly, and directions: 1 upwards, -1 downwards.
-    """
+    """Return the times [s] at which values cross a level and leave a band around it, and the directions."""
     above = values - level
     sides = (above >= band).view(np.int8) - (above <= -band).view(np.int8)
     ends = np.append(np.flatnonzero(sides[1:] != sides[:-1]), len(sides) - 1)
@@ -83,13 +64,7 @@ def crossings(times: Values, values: Values, level: float, band: float) -> tuple
 
 
 def align(times: Values, values: Values, other_times: Values, other_values: Values) -> Alignment | None:
-    """Return the alignment of a variable in two runs, or None if their events do not correspond.
-
-    Parameters
-    ----------
-    times, values, other_times, other_values : float64 array
-        The variable in both runs, with times [s].
-    """
+    """Return the alignment of a variable in two runs, or None if their events do not correspond."""
     low, high = float(values.min()), float(values.max())
     if not high > low:
         return None
@@ -135,20 +110,7 @@ def _nearest(of: Values, to: Values) -> NDArray[np.int64]:
 def aligned_difference(
     times: Values, values: Values, other_times: Values, other_values: Values, by: Alignment
 ) -> Values:
-    """Return how far values are from what the other run has at the shifted times, give or take a row of this run.
-
-    Parameters
-    ----------
-    times, values, other_times, other_values : float64 array
-        The variable in both runs, with times [s].
-    by : Alignment
-        The shifts.
-
-    Returns
-    -------
-    float64 array, shape (len(times),)
-        The differences.
-    """
+    """Return how far values are from what the other run has at the shifted times, give or take a row of this run."""
     row = times[1] - times[0]
     there = times + by.at(times)
     first, last = (np.interp(there + late, other_times, other_values) for late in (-row, row))

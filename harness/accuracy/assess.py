@@ -32,34 +32,7 @@ REQUIRED: Final = 0.01
 
 
 def run_with_accuracy(system: Assembly, experiment: Experiment, options: Options, required: float) -> Result:
-    """Run a system and tell how far the result is off.
-
-    Parameters
-    ----------
-    system, experiment, options
-        As of `harness.run.run`.
-    required : float
-        Required accuracy relative to the range of each variable.
-
-    Returns
-    -------
-    xarray.Dataset
-        As of `harness.run.run`. Each variable ``x`` has a companion ``x.bound``, its error bound, and the attributes
-        ``relative_error``, ``observed_order``, ``verdict`` and, where its events were compared, ``event_error`` [s]; a
-        force that transfers energy has ``energy`` and ``energy_error`` [J]. The Dataset has the attributes
-
-        * ``accuracy``, the worst verdict, and ``required_accuracy``;
-        * ``tolerance_error``, the relative error that no shorter step reduces, and ``tolerance_source``;
-        * ``largest_coupling_error``, a connection;
-        * if another step is needed, ``suggested_step`` [s], for the master adaptive with
-          ``suggested_coupling_tolerance``, where steps were divided with ``suggested_step_tolerance``, and where
-          sample times or delays are counted in steps with ``suggested_factor``, which these counts then need.
-
-    Raises
-    ------
-    HarnessError
-        As of `harness.run.run`, or if the run cannot be repeated with another step.
-    """
+    """Run a system and tell how far the result is off."""
     check_required(required)
     names = recorded_names(system.parts, experiment.record)
     wires = [wire for wire in system.wires if _moves(system.parts, wire)]

@@ -19,22 +19,15 @@ from harness.system.wire import Wire, wire_map
 
 @dataclass(frozen=True)
 class Energy:
-    """Energy that a pair of connections transfers over a run.
-
-    Parameters
-    ----------
-    pair : (Wire, Wire)
-        The connection of the force and that of the velocity, in opposite directions between two parts.
-    net, passed : float
-        Integral of the power and of its magnitude [J].
-    error : float
-        Bound of the error of the net energy at any time [J].
-    """
+    """Energy that a pair of connections transfers over a run."""
 
     pair: tuple[Wire, Wire]
+    """The connection of the force and that of the velocity, in opposite directions between two parts."""
     net: float
+    """Integral of the power and of its magnitude [J]."""
     passed: float
     error: float
+    """Bound of the error of the net energy at any time [J]."""
 
     @property
     def relative(self) -> float:
@@ -63,19 +56,7 @@ def energy(
     most: float,
     noise: float,
 ) -> Energy:
-    """Return the energy that a pair transfers, with its error.
-
-    Parameters
-    ----------
-    parts : mapping of str to Part
-        The parts of the system.
-    pair : (Wire, Wire)
-        See `power_pairs`.
-    forces, speeds : sequence of Track
-        Their values in the run in question and in those with other steps.
-    most, noise : float
-        See `harness.accuracy.estimate.estimate`.
-    """
+    """Return the energy that a pair transfers, with its error."""
     wire = pair[0]
     ports = [find_port(parts, name, "connection") for name in (wire.source, wire.target, pair[1].source)]
     gain, offset = wire_map(wire, ports[0], ports[1])

@@ -33,24 +33,16 @@ ASYMPTOTIC: Final = 0.01
 
 @dataclass(frozen=True)
 class Convergence:
-    """How runs with other steps approach this one.
-
-    Parameters
-    ----------
-    order : float
-        Observed order; NaN if it cannot be observed.
-    factor : float
-        Error bound over the difference to the next run; infinite if the runs do not converge.
-    expected : float
-        The order that a shorter step can count on.
-    least : float
-        Least difference that counts: runs that agree much better than the order explains do so by chance.
-    """
+    """How runs with other steps approach this one."""
 
     order: float
+    """Observed order; NaN if it cannot be observed."""
     factor: float
+    """Error bound over the difference to the next run; infinite if the runs do not converge."""
     expected: float
+    """The order that a shorter step can count on."""
     least: float = 0.0
+    """Least difference that counts: runs that agree much better than the order explains do so by chance."""
 
     @property
     def resolved(self) -> bool:
@@ -59,21 +51,7 @@ class Convergence:
 
 
 def converge(near: Values, far: Values | None, most: float, size: float, floor: float, *, finer: bool) -> Convergence:
-    """Return the convergence of a variable.
-
-    Parameters
-    ----------
-    near : float64 array
-        Absolute differences between this run and the next one, with twice or half the step.
-    far : float64 array or None
-        The same between the runs with two and four times the step, at about the same times.
-    most : float
-        Order of the master.
-    size, floor : float
-        Range of the variable, and the difference that counts as none.
-    finer : bool
-        Whether the next run has half the step.
-    """
+    """Return the convergence of a variable."""
     if finer:  # the order is not observed; at order 1, this run has twice the error of the next one
         return Convergence(math.nan, 2.0 * REGULAR, 1.0)
     if far is None:

@@ -45,25 +45,17 @@ NOTHING: Final = 1e-8
 
 @dataclass(frozen=True)
 class Track:
-    """One variable in one run.
-
-    Parameters
-    ----------
-    ratio : Fraction
-        Step of the run over that of the run in question.
-    stride : Fraction
-        Steps of the run in question between two rows.
-    start, row : float
-        Time of the first row, and from one row to the next [s].
-    values : float64 array, shape (n,)
-        The rows.
-    """
+    """One variable in one run."""
 
     ratio: Fraction
+    """Step of the run over that of the run in question."""
     stride: Fraction
+    """Steps of the run in question between two rows."""
     start: float
+    """Time of the first row, and from one row to the next [s]."""
     row: float
     values: Values
+    """The rows."""
 
     @property
     def times(self) -> Values:
@@ -82,33 +74,22 @@ class Track:
 
 @dataclass(frozen=True)
 class Estimate:
-    """The error of a variable.
-
-    Parameters
-    ----------
-    bound : float32 array, shape (n,)
-        Error bound at each row, in the unit of the variable, rounded up.
-    relative : float
-        Its largest value over the range of the variable.
-    shift : float
-        Bound of the error of the times of events [s]; 0 if the runs were compared at equal times.
-    relative_shift : float
-        The same over the time between two events.
-    convergence : Convergence
-        Observed order.
-    verdict : Verdict
-        What may be concluded.
-    oscillation : Oscillation or None
-        Period and amplitude of a motion that no step reproduces at each time.
-    """
+    """The error of a variable."""
 
     bound: NDArray[np.float32]
+    """Error bound at each row, in the unit of the variable, rounded up."""
     relative: float
+    """Its largest value over the range of the variable."""
     shift: float
+    """Bound of the error of the times of events [s]; 0 if the runs were compared at equal times."""
     relative_shift: float
+    """The same over the time between two events."""
     convergence: Convergence
+    """Observed order."""
     verdict: Verdict
+    """What may be concluded."""
     oscillation: Oscillation | None = None
+    """Period and amplitude of a motion that no step reproduces at each time."""
 
     @property
     def largest(self) -> float:
@@ -122,21 +103,7 @@ class Estimate:
 
 
 def estimate(tracks: Sequence[Track], *, most: float, noise: float, nominal: float, required: float) -> Estimate:
-    """Return the error of a variable of the first run.
-
-    Parameters
-    ----------
-    tracks : sequence of Track
-        The run in question, then those with twice and four times the step, or that with half of it.
-    most : float
-        Order of the master.
-    noise : float
-        Relative error that the tolerances of loops and parts leave.
-    nominal : float
-        Typical magnitude of the variable.
-    required : float
-        Required accuracy relative to the range.
-    """
+    """Return the error of a variable of the first run."""
     own = tracks[0]
     if not all(np.abs(track.values).max() < LARGEST for track in tracks):
         never = Convergence(math.nan, math.inf, math.nan)

@@ -29,32 +29,7 @@ def measure_bounds(
     *,
     dense: bool = False,
 ) -> dict[str, float]:
-    """Return the error bounds of numbers that were found in a run.
-
-    Parameters
-    ----------
-    system : Assembly
-        The system.
-    experiment : Experiment
-        Settings of the run.
-    measure : callable
-        Returns the numbers of a run.
-    found : mapping of str to float
-        Those of the run in question.
-    dense : bool
-        Whether a run with half the step records in every step if the run in question does: a mean over rows, or the
-        largest of them, depends on the distance of the rows.
-
-    Returns
-    -------
-    dict of str to float
-        The bound of each number, its name with the suffix `BOUND`; see `number_bound`.
-
-    Raises
-    ------
-    HarnessError
-        If the run cannot be repeated with another step.
-    """
+    """Return the error bounds of numbers that were found in a run."""
     # numbers of runs that end at different times differ by what happens in between
     runs = others(system, experiment, of_equal_end(experiment, ratios(system, experiment)), dense=dense)
     finer = bool(runs) and runs[0].ratio < 1
@@ -67,24 +42,7 @@ def measure_bounds(
 
 
 def number_bound(values: Sequence[float], *, most: float, noise: float, finer: bool) -> float:
-    """Return the error bound of the first number.
-
-    Parameters
-    ----------
-    values : sequence of float
-        The number in the run in question, and in those with other steps.
-    most : float
-        Order of the master.
-    noise : float
-        Relative error that the tolerances of loops and parts leave.
-    finer : bool
-        Whether the second run has half the step.
-
-    Returns
-    -------
-    float
-        Infinite if a number is not finite, or if no run with another step succeeded.
-    """
+    """Return the error bound of the first number."""
     if len(values) < 2 or not all(map(math.isfinite, values)):
         return math.inf
     size = abs(values[0])

@@ -22,20 +22,14 @@ FEWEST: Final = 4
 
 @dataclass(frozen=True)
 class Oscillation:
-    """Period and amplitude of a variable, with their errors.
-
-    Parameters
-    ----------
-    period, amplitude : float
-        Means over the periods of the run in question: the time between two upward crossings of the middle [s], and half
-        of the difference of the largest and the smallest value between them.
-    period_error, amplitude_error : float
-        The largest difference to the other runs, or twice the standard error of the mean if that is larger.
-    """
+    """Period and amplitude of a variable, with their errors."""
 
     period: float
+    """Means over the periods of the run in question: the time between two upward crossings of the middle [s], and half
+    of the difference of the largest and the smallest value between them."""
     amplitude: float
     period_error: float
+    """The largest difference to the other runs, or twice the standard error of the mean if that is larger."""
     amplitude_error: float
 
     @property
@@ -45,13 +39,7 @@ class Oscillation:
 
 
 def oscillation(runs: Sequence[tuple[Values, Values]]) -> Oscillation | None:
-    """Return the oscillation of a variable, or None if it does not oscillate in all runs.
-
-    Parameters
-    ----------
-    runs : sequence of (float64 array, float64 array)
-        Times [s] and values of each run, the run in question first.
-    """
+    """Return the oscillation of a variable, or None if it does not oscillate in all runs."""
     found = []
     for times, values in runs:
         one = _periods(times, values)

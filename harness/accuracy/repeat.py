@@ -26,22 +26,15 @@ _LOG = logging.getLogger("harness")
 
 @dataclass(frozen=True)
 class Repetition:
-    """A run with another step.
-
-    Parameters
-    ----------
-    ratio : Fraction
-        Its step over that of the run in question.
-    start, step : float
-        Start of both runs, and step of the run in question [s].
-    recorder : Recorder
-        What it has recorded.
-    """
+    """A run with another step."""
 
     ratio: Fraction
+    """Its step over that of the run in question."""
     start: float
+    """Start of both runs, and step of the run in question [s]."""
     step: float
     recorder: Recorder
+    """What it has recorded."""
 
     def track(self, name: str) -> Track:
         """One variable of the run."""
@@ -50,23 +43,7 @@ class Repetition:
 
 
 def repeated(system: Assembly, experiment: Experiment, options: Options) -> tuple[Result, list[Repetition]]:
-    """Run a system, and again with other steps.
-
-    Parameters
-    ----------
-    system, experiment, options
-        As of `harness.run.run`.
-
-    Returns
-    -------
-    (xarray.Dataset, list of Repetition)
-        The run in question, and those of the others that did not fail, in the order of `harness.accuracy.rungs.ratios`.
-
-    Raises
-    ------
-    HarnessError
-        If the run in question fails, or cannot be repeated with another step.
-    """
+    """Run a system, and again with other steps."""
     if options.resume or options.checkpoint:
         raise ExperimentError(
             "the accuracy of a run that is continued or saved for continuation cannot be told: run it as a whole"

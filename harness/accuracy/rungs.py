@@ -42,13 +42,7 @@ class Scaled:
 
 
 def ratios(system: Assembly, experiment: Experiment) -> tuple[Fraction, ...]:
-    """Return the steps of the other runs over the step of this one: 2 and 4, or what the sample times leave of them.
-
-    Raises
-    ------
-    ExperimentError
-        If the run cannot be repeated with another step.
-    """
+    """Return the steps of the other runs over the step of this one: 2 and 4, or what the sample times leave of them."""
     for each in experiment.manipulators:
         if isinstance(each, (Noise, DropOut)):
             raise ExperimentError(

@@ -20,22 +20,6 @@ def suggested_step(found: Sequence[Estimate], experiment: Experiment, required: 
     """Return the step with which all variables have the required accuracy [s].
 
     It is the present step over a whole number, so that sampled parts keep their sample times.
-
-    Parameters
-    ----------
-    found : sequence of Estimate
-        The error of each variable.
-    experiment : Experiment
-        Settings of the run.
-    required : float
-        Required accuracy relative to the range.
-    floor : float
-        Relative error that no shorter step reduces.
-
-    Returns
-    -------
-    float or None
-        None if the present step suffices, if the runs do not converge, or if no step suffices.
     """
     if floor >= MARGIN * required:
         return None

@@ -20,18 +20,12 @@ OF_LOOPS: Final = 10.0
 
 @dataclass(frozen=True)
 class Floor:
-    """The relative error that no shorter step reduces.
-
-    Parameters
-    ----------
-    error : float
-        Its size, relative to the range of a variable.
-    source : str
-        The setting or the part that leaves it: ``rounding``, ``loop_tolerance`` or ``tolerance of NAME``.
-    """
+    """The relative error that no shorter step reduces."""
 
     error: float
+    """Its size, relative to the range of a variable."""
     source: str
+    """The setting or the part that leaves it: ``rounding``, ``loop_tolerance`` or ``tolerance of NAME``."""
 
 
 def order_of(experiment: Experiment) -> float:

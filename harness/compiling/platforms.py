@@ -20,22 +20,15 @@ from harness.storage.scratch import ScratchFolder
 
 
 class Platform(NamedTuple):
-    """A platform: a folder in the binaries of an FMU.
-
-    Attributes
-    ----------
-    folder : str
-        Name of the folder in FMI 2.0 or, if FMI 2.0 has none, the platform tuple of FMI 3.0.
-    suffix : str
-        Suffix of a shared library.
-    targets : tuple of str or None
-        Target of zig, or the targets of the slices of a universal binary. None stands for this machine and the compiler
-        ``CC`` if that is set.
-    """
+    """A platform: a folder in the binaries of an FMU."""
 
     folder: str
+    """Name of the folder in FMI 2.0 or, if FMI 2.0 has none, the platform tuple of FMI 3.0."""
     suffix: str
+    """Suffix of a shared library."""
     targets: tuple[str | None, ...]
+    """Target of zig, or the targets of the slices of a universal binary. None stands for this machine and the compiler
+    ``CC`` if that is set."""
 
 
 NATIVE: Final = Platform(fmpy.platform, fmpy.sharedLibraryExtension, (None,))
@@ -57,18 +50,7 @@ WASM: Final = Platform("wasm32", ".wasm", ("wasm32-wasi",))
 
 
 def select(names: tuple[str, ...]) -> tuple[Platform, ...]:
-    """Return the platforms with these names.
-
-    Parameters
-    ----------
-    names : tuple of str
-        Keys of `PLATFORMS`, ``"native"`` for this machine, or ``"all"``.
-
-    Raises
-    ------
-    BuildError
-        For an unknown name.
-    """
+    """Return the platforms with these names."""
     known = {"native": (NATIVE,), "all": _CROSS, **{platform.folder: (platform,) for platform in _CROSS}}
     for name in names:
         if name not in known:
@@ -77,47 +59,13 @@ def select(names: tuple[str, ...]) -> tuple[Platform, ...]:
 
 
 def compiled(platform: Platform, sources: Mapping[str, str], name: str, *, headers: bool = True) -> bytes:
-    """Compile a library for a platform.
-
-    Parameters
-    ----------
-    platform : Platform
-        The target platform.
-    sources : mapping of str to str
-        Text of each file, among them ``NAME.c``, which is compiled.
-    name : str
-        Name of the library.
-    headers : bool
-        Whether the sources include the FMI headers.
-
-    Raises
-    ------
-    BuildError
-        If the sources do not compile.
-    """
+    """Compile a library for a platform."""
     slices = [_kept(target, platform.suffix, sources, name, headers)[1] for target in platform.targets]
     return universal(slices) if len(slices) > 1 else slices[0]
 
 
 def linked(platform: Platform, units: Mapping[str, Mapping[str, str]], name: str, quiet: Collection[str] = ()) -> bytes:
-    """Compile and link a library of several C files for a platform; the object of each file is cached.
-
-    Parameters
-    ----------
-    platform : Platform
-        The target platform.
-    units : mapping of str to mapping of str to str
-        For each file to compile, its text and those of the files that it includes, by path.
-    name : str
-        Name of the library.
-    quiet : collection of str
-        Files of other tools, whose warnings do not matter.
-
-    Raises
-    ------
-    BuildError
-        If a file does not compile, or the library cannot be linked.
-    """
+    """Compile and link a library of several C files for a platform; the object of each file is cached."""
     slices = [_linked(target, units, f"{name}{platform.suffix}", quiet) for target in platform.targets]
     return universal(slices) if len(slices) > 1 else slices[0]
 

@@ -47,13 +47,7 @@ _CACHE_OF_ZIG = "ZIG_GLOBAL_CACHE_DIR"
 
 
 def cache_folder() -> Path:
-    """Make and return the folder for cached build results; ``FRICTION_FMUS_CACHE`` overrides it.
-
-    Raises
-    ------
-    BuildError
-        If it cannot be made.
-    """
+    """Make and return the folder for cached build results; ``FRICTION_FMUS_CACHE`` overrides it."""
     import platformdirs  # imported here, as the build of the wheel has neither this package nor fmpy
 
     folder = Path(os.environ.get("FRICTION_FMUS_CACHE") or platformdirs.user_cache_dir("friction-fmus"))
@@ -75,19 +69,7 @@ def header_folder() -> Path:
 
 
 def compiler(target: str | None = None) -> list[str]:
-    """Return the compiler command, without file names.
-
-    Parameters
-    ----------
-    target : str or None
-        Target of zig, such as ``x86_64-windows-gnu``. None stands for this machine and the compiler ``CC`` if that is
-        set.
-
-    Raises
-    ------
-    MissingPackageError
-        If zig is needed and not installed.
-    """
+    """Return the compiler command, without file names."""
     if target is None and os.environ.get("CC"):
         return shlex.split(os.environ["CC"])
     command = [str(_zig()), "cc"]
@@ -158,26 +140,7 @@ def _flags(target: str | None, *, own: bool = True) -> list[str]:
 def compile_library(
     folder: Path, source: str, library: Path, *, headers: bool = True, target: str | None = None
 ) -> None:
-    """Compile a C file to a shared library.
-
-    Parameters
-    ----------
-    folder : Path
-        Folder of the sources; the compiler runs there, so that no path enters the binary.
-    source : str
-        The file to compile.
-    library : Path
-        The library to write.
-    headers : bool
-        Whether the sources include the FMI headers.
-    target : str or None
-        See `compiler`.
-
-    Raises
-    ------
-    BuildError
-        If the file does not compile; the message quotes the compiler's first error.
-    """
+    """Compile a C file to a shared library."""
     include = ["-isystem", str(header_folder())] if headers else []
     command = [*compiler(target), *_flags(target), *include, source, "-o", str(library), *_link_flags(library, target)]
     _run(folder, command, f"{source} does not compile", target)
@@ -186,15 +149,7 @@ def compile_library(
 def compile_object(
     folder: Path, source: str, output: Path, *, form: str = "-c", warns: bool = True, target: str | None = None
 ) -> None:
-    """Compile a C file that includes the FMI headers; see `compile_library`.
-
-    Parameters
-    ----------
-    form : str
-        ``-c`` for an object file, ``-S`` for assembly, ``-E`` for the preprocessed text.
-    warns : bool
-        Whether warnings are errors.
-    """
+    """Compile a C file that includes the FMI headers; see `compile_library`."""
     command = [
         *compiler(target),
         *_flags(target, own=warns),

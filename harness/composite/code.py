@@ -38,37 +38,25 @@ _WRITABLE: Final = re.compile(
 
 @dataclass(frozen=True)
 class PartCode:
-    """The sources of an FMU, which several parts may use.
-
-    Parameters
-    ----------
-    folder : str
-        Folder of the sources, which distinguishes this FMU from others in the composite.
-    prefix : str
-        Prefix of its functions.
-    identifier, guid : str
-        Model identifier and GUID.
-    files : mapping of str to str
-        Text of each source file.
-    compiled : tuple of str
-        The files to compile.
-    own : bool
-        Whether this project has generated the FMU; warnings of the compiler are errors then.
-    single : bool
-        Whether each part needs its own copy of the code, because the FMU keeps data outside of its instances.
-    symbols : tuple of str
-        Symbols that get the prefix, as other parts may define symbols of the same name.
-    """
+    """The sources of an FMU, which several parts may use."""
 
     folder: str
+    """Folder of the sources, which distinguishes this FMU from others in the composite."""
     prefix: str
+    """Prefix of its functions."""
     identifier: str
+    """Model identifier and GUID."""
     guid: str
     files: Mapping[str, str]
+    """Text of each source file."""
     compiled: tuple[str, ...]
+    """The files to compile."""
     own: bool
+    """Whether this project has generated the FMU; warnings of the compiler are errors then."""
     single: bool
+    """Whether each part needs its own copy of the code, because the FMU keeps data outside of its instances."""
     symbols: tuple[str, ...] = ()
+    """Symbols that get the prefix, as other parts may define symbols of the same name."""
 
     @property
     def sources(self) -> dict[str, str]:
@@ -89,22 +77,7 @@ class PartCode:
 
 
 def part_codes(parts: Mapping[str, Part], name: str, platforms: Sequence[Platform]) -> dict[str, PartCode]:
-    """Return the sources of each part that is an FMU; parts with equal FMUs share them if they can.
-
-    Parameters
-    ----------
-    parts : mapping of str to Part
-        All parts by name.
-    name : str
-        Model identifier of the composite, with which all prefixes begin.
-    platforms : sequence of Platform
-        Target platforms.
-
-    Raises
-    ------
-    BuildError
-        If an FMU carries no sources, or needs files beside them; if two parts define the same symbol.
-    """
+    """Return the sources of each part that is an FMU; parts with equal FMUs share them if they can."""
     codes: dict[str, PartCode] = {}
     given_of: dict[Path, tuple[str, str, dict[str, str], tuple[str, ...], bool, bool]] = {}
     owners: dict[str, tuple[str, str]] = {}

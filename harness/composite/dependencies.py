@@ -17,13 +17,6 @@ def step_dependencies(system: Assembly, variables: Sequence[Variable]) -> dict[s
     """Return for each output and derivative the indices of the inputs and states on which it depends directly.
 
     States count if the FMU is for model exchange too.
-
-    Parameters
-    ----------
-    system : Assembly
-        The system.
-    variables : sequence of Variable
-        The variables of the FMU; indices count from 1.
     """
     inside = [wire for wire in system.wires if wire.ends[0][0] in system.parts]
     outside = [wire for wire in system.wires if wire not in inside and not wire.delay]
@@ -59,15 +52,7 @@ def _direct(part: Part, *, exchanges: bool) -> Mapping[str, Iterable[str]]:
 
 
 def start_dependencies(system: Assembly, variables: Sequence[Variable]) -> dict[str, list[int] | None]:
-    """Return for each calculated variable the indices of those on which its start value depends; None: on all.
-
-    Parameters
-    ----------
-    system : Assembly
-        The system.
-    variables : sequence of Variable
-        The variables of the FMU; indices count from 1.
-    """
+    """Return for each calculated variable the indices of those on which its start value depends; None: on all."""
     drivers = _drivers(system.wires)
     knowns = {v.inner: i for i, v in enumerate(variables, start=1) if v.causality == "input" or v.initial == "exact"}
     stated = {name: _stated(part) for name, part in system.parts.items() if isinstance(part, FmuPart)}

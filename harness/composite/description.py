@@ -23,28 +23,19 @@ from harness.units import BASE_SYMBOLS, BaseUnit, parse_unit
 
 @dataclass(frozen=True)
 class Texts:
-    """What the description says of the FMU beside its variables.
-
-    Parameters
-    ----------
-    identifier, guid : str
-        Model identifier and GUID.
-    summary : str
-        One line on the system.
-    made : str
-        Time stamp.
-    sources : tuple of str
-        The files to compile.
-    exchanges : bool
-        Whether the FMU is for model exchange too.
-    """
+    """What the description says of the FMU beside its variables."""
 
     identifier: str
+    """Model identifier and GUID."""
     guid: str
     summary: str
+    """One line on the system."""
     made: str
+    """Time stamp."""
     sources: tuple[str, ...]
+    """The files to compile."""
     exchanges: bool
+    """Whether the FMU is for model exchange too."""
 
 
 def composite_description(
@@ -55,27 +46,7 @@ def composite_description(
     initial: Mapping[str, Sequence[int] | None],
     experiment: Experiment,
 ) -> bytes:
-    """Return the XML file.
-
-    Parameters
-    ----------
-    texts : Texts
-        Names and texts.
-    parts : mapping of str to Part
-        The parts by name.
-    variables : sequence of Variable
-        The variables; their indices count from 1 in the XML.
-    dependencies, initial : mapping of str to sequence of int
-        Indices of the variables on which each output and derivative depends, in a step and at the start; None: on
-        all.
-    experiment : Experiment
-        Start, stop and step of the default experiment.
-
-    Raises
-    ------
-    BuildError
-        If two parts define one unit differently.
-    """
+    """Return the XML file."""
     fmus = [part for part in parts.values() if isinstance(part, FmuPart)]
     root = etree.Element(
         "fmiModelDescription",

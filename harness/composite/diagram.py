@@ -25,15 +25,7 @@ LONGEST: Final = 16
 
 
 def diagram(system: Assembly, title: str) -> bytes:
-    """Return the block diagram as SVG: parts with their models, connections with their signals.
-
-    Parameters
-    ----------
-    system : Assembly
-        The system.
-    title : str
-        Title of the drawing.
-    """
+    """Return the block diagram as SVG: parts with their models, connections with their signals."""
     layout, signals = _arranged(system)
     wide, high = 2.1, 0.95  # inches between columns and rows
     size = (wide * (layout.columns - 1 + 1.1 * BOX[0]), high * (layout.rows - 1 + 2.0 * BOX[1]))
@@ -52,15 +44,7 @@ def diagram(system: Assembly, title: str) -> bytes:
 
 
 def loop_icon(system: Assembly, title: str) -> Image:
-    """Return the icon: the boxes and arrows of the diagram in a frame.
-
-    Parameters
-    ----------
-    system : Assembly
-        The system.
-    title : str
-        Title of the drawing.
-    """
+    """Return the icon: the boxes and arrows of the diagram in a frame."""
     layout, _ = _arranged(system)
     with plain_style():
         figure = Figure(figsize=(2.0, 2.0), dpi=100)

@@ -18,34 +18,19 @@ SWEEPS = 8
 
 @dataclass(frozen=True)
 class Layout:
-    """A block diagram on a grid.
-
-    Parameters
-    ----------
-    places : mapping of str to tuple of float
-        Column and row of each part; row 0 is the middle.
-    routes : mapping of tuple of str to tuple of tuple of float
-        Columns and rows that the connection between two parts passes, from its source to its target.
-    columns, rows : int
-        Size of the grid.
-    """
+    """A block diagram on a grid."""
 
     places: Mapping[str, Point]
+    """Column and row of each part; row 0 is the middle."""
     routes: Mapping[Pair, tuple[Point, ...]]
+    """Columns and rows that the connection between two parts passes, from its source to its target."""
     columns: int
+    """Size of the grid."""
     rows: int
 
 
 def arrange(parts: Sequence[str], pairs: Iterable[Pair]) -> Layout:
-    """Return the layout of a system.
-
-    Parameters
-    ----------
-    parts : sequence of str
-        The parts.
-    pairs : iterable of tuple of str
-        Source and target of each connection.
-    """
+    """Return the layout of a system."""
     edges = [pair for pair in dict.fromkeys(pairs) if pair[0] != pair[1]]
     back = _feedback(parts, edges)
     forward = [(b, a) if (a, b) in back else (a, b) for a, b in edges]

@@ -28,19 +28,7 @@ def documentation(
     codes: Mapping[str, PartCode],
     variables: Sequence[Variable],
 ) -> dict[str, bytes]:
-    """Return the files by their place in the FMU.
-
-    Parameters
-    ----------
-    system : Assembly
-        The system.
-    identifier, summary : str
-        Name of the FMU, and one line on the system.
-    codes : mapping of str to PartCode
-        The sources of each part.
-    variables : sequence of Variable
-        The variables of the FMU.
-    """
+    """Return the files by their place in the FMU."""
     found: dict[str, bytes] = {}
     for name, code in {code.folder: (name, code) for name, code in codes.items()}.values():
         part = system.parts[name]

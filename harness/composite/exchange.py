@@ -10,13 +10,7 @@ from harness.system.assembly import Assembly
 
 
 def exchange_fault(system: Assembly) -> str | None:
-    """Return why the FMU of a system is for co-simulation only; None if it is for model exchange too.
-
-    Parameters
-    ----------
-    system : Assembly
-        The system inside the FMU.
-    """
+    """Return why the FMU of a system is for co-simulation only; None if it is for model exchange too."""
     for name, part in system.parts.items():
         if isinstance(part, FmuPart) and part.archive.description.modelExchange is None:
             return f"{name} is for co-simulation only"

@@ -16,15 +16,7 @@ from harness.system.wire import Wire, find_part, split_name
 
 
 class InputsPart(Part):
-    """The inputs of a composite FMU, as outputs of a part.
-
-    Parameters
-    ----------
-    name : str
-        Name within the system.
-    ports : sequence of Port
-        The inputs, with names "part.port".
-    """
+    """The inputs of a composite FMU, as outputs of a part."""
 
     def __init__(self, name: str, ports: Sequence[Port]) -> None:
         """Make a part with these outputs."""
@@ -59,18 +51,12 @@ class InputsPart(Part):
 
 @dataclass(frozen=True)
 class Interface:
-    """What a composite FMU shows of its system.
-
-    Parameters
-    ----------
-    inputs : mapping of str to Port
-        The inputs by name: inputs of parts, and outputs of sources that the FMU does not contain.
-    outputs : tuple of str
-        Outputs of parts that are outputs of the FMU.
-    """
+    """What a composite FMU shows of its system."""
 
     inputs: Mapping[str, Port]
+    """The inputs by name: inputs of parts, and outputs of sources that the FMU does not contain."""
     outputs: tuple[str, ...]
+    """Outputs of parts that are outputs of the FMU."""
 
 
 @dataclass(frozen=True)
@@ -86,20 +72,7 @@ class OpenSystem:
 
 
 def without_sources(system: Assembly, inputs: Sequence[str] | None) -> tuple[OpenSystem, dict[str, Port]]:
-    """Return the system without the parts whose outputs are inputs of the FMU, and these inputs.
-
-    Parameters
-    ----------
-    system : Assembly
-        The system.
-    inputs : sequence of str or None
-        The chosen inputs, among them outputs of parts that have no inputs, such as a reference.
-
-    Raises
-    ------
-    BuildError
-        If another output of such a part is connected.
-    """
+    """Return the system without the parts whose outputs are inputs of the FMU, and these inputs."""
     chosen = list(inputs or ())
     outputs = {
         f"{name}.{port.name}": port for name, part in system.parts.items() if not part.inputs for port in part.outputs
@@ -126,24 +99,7 @@ def without_sources(system: Assembly, inputs: Sequence[str] | None) -> tuple[Ope
 def choose_interface(
     system: OpenSystem, taken: Mapping[str, Port], inputs: Sequence[str] | None, outputs: Sequence[str] | None
 ) -> Interface:
-    """Return the inputs and outputs of a composite FMU.
-
-    Parameters
-    ----------
-    system : OpenSystem
-        The system without the sources that are inputs.
-    taken : mapping of str to Port
-        Their outputs.
-    inputs : sequence of str or None
-        The chosen inputs; None chooses all inputs that nothing drives.
-    outputs : sequence of str or None
-        The chosen outputs, with ``*`` and ``?``; None chooses all outputs of all parts.
-
-    Raises
-    ------
-    UnknownNameError, BuildError
-        If a name is unknown, is given twice, or names an input that is driven.
-    """
+    """Return the inputs and outputs of a composite FMU."""
     driven = {wire.target: wire.source for wire in system.wires}
     ports = {f"{part.name}.{port.name}": port for part in system.parts.values() for port in part.inputs}
     free = {**taken, **{name: port for name, port in ports.items() if name not in driven}}
@@ -169,13 +125,7 @@ def choose_interface(
 
 
 def check_parts(system: OpenSystem) -> None:
-    """Raise an error for a part that cannot be compiled into an FMU.
-
-    Raises
-    ------
-    BuildError
-        If a part is neither an FMU for co-simulation nor a recorded series, or cannot save its state.
-    """
+    """Raise an error for a part that cannot be compiled into an FMU."""
     if not any(isinstance(part, FmuPart) for part in system.parts.values()):
         raise BuildError(f"the system '{system.name}' contains no FMU: add one")
     for part in system.parts.values():

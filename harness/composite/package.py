@@ -155,13 +155,7 @@ def _start(system: OpenSystem, experiment: Experiment) -> None:
 
 
 def _experiment(system: Assembly, step: float | None, master: str | None) -> Experiment:
-    """Return the experiment inside the FMU: its master solves loops.
-
-    Raises
-    ------
-    BuildError
-        If the system has no step, or a setting that an FMU cannot have.
-    """
+    """Return the experiment inside the FMU: its master solves loops."""
     if master is not None and master not in MASTERS:
         raise BuildError(f"a composite FMU cannot contain the master {master!r}: give newton or adaptive")
     experiment = system.experiment

@@ -41,25 +41,7 @@ def table_file(
     tolerance: float,
     doubt: float,
 ) -> str:
-    """Return the text of the C file.
-
-    Parameters
-    ----------
-    name, guid : str
-        Model identifier and GUID.
-    system : OpenSystem
-        The system with its inputs as a part.
-    plan : Plan
-        Its plan.
-    start : StartOrder
-        The order in which its start values spread.
-    codes : mapping of str to PartCode
-        Sources of the parts.
-    variables : sequence of Variable
-        The variables of the FMU.
-    error, tolerance, doubt : float
-        As of `Loops`.
-    """
+    """Return the text of the C file."""
     loops = Loops(Engine(plan, ()), tolerance, error)
     writer = _Writer(system, plan, loops, start, codes, variables)
     lines = [

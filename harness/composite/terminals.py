@@ -16,15 +16,7 @@ MEMBER = f"{FOLDER}/terminalsAndIcons.xml"
 
 
 def composite_terminals(system: Assembly, variables: Sequence[Variable]) -> bytes:
-    """Return the XML file.
-
-    Parameters
-    ----------
-    system : Assembly
-        The system.
-    variables : sequence of Variable
-        The variables of the FMU; a terminal needs all its members among the inputs and outputs.
-    """
+    """Return the XML file."""
     shown = {variable.name for variable in variables if variable.causality in ("input", "output")}
     root = etree.Element("fmiTerminalsAndIcons", fmiVersion="3.0")
     graphics = etree.SubElement(root, "GraphicalRepresentation")

@@ -15,44 +15,30 @@ from harness.system.assembly import Assembly
 
 @dataclass(frozen=True)
 class Variable:
-    """A variable of a composite FMU.
-
-    Parameters
-    ----------
-    name : str
-        "part.variable".
-    part : str
-        The part; empty for the time.
-    port : Port
-        Type, unit and limits.
-    reference : int
-        Value reference in the part's FMU, or column of a recorded series.
-    causality, variability : str
-        As in the model description.
-    initial : str or None
-        "exact" or "calculated"; None for an input and the time.
-    start : float, int, bool or None
-        Start value, if it has one.
-    early : bool
-        Whether it can be set before the first step only.
-    type_name, quantity : str or None
-        The part's declared type of a Real, and its quantity.
-    state : str or None
-        The state of which this is the derivative.
-    """
+    """A variable of a composite FMU."""
 
     name: str
+    """"part.variable"."""
     part: str
+    """The part; empty for the time."""
     port: Port
+    """Type, unit and limits."""
     reference: int
+    """Value reference in the part's FMU, or column of a recorded series."""
     causality: str
+    """As in the model description."""
     variability: str
     initial: str | None = None
+    """"exact" or "calculated"; None for an input and the time."""
     start: StartValue | None = None
+    """Start value, if it has one."""
     early: bool = False
+    """Whether it can be set before the first step only."""
     type_name: str | None = None
+    """The part's declared type of a Real, and its quantity."""
     quantity: str | None = None
     state: str | None = None
+    """The state of which this is the derivative."""
 
     @property
     def inner(self) -> str:
@@ -61,17 +47,7 @@ class Variable:
 
 
 def composite_variables(system: Assembly, interface: Interface, *, exchanges: bool) -> list[Variable]:
-    """Return the time, and the inputs, outputs, parameters and local variables of all parts.
-
-    Parameters
-    ----------
-    system : Assembly
-        The system.
-    interface : Interface
-        Its inputs and outputs.
-    exchanges : bool
-        Whether the FMU is for model exchange too, and so shows the derivatives of its states.
-    """
+    """Return the time, and the inputs, outputs, parameters and local variables of all parts."""
     found = [Variable("time", "", Port("time", "s", description="simulation time"), 0, "independent", "continuous")]
     wired = {wire.target for wire in system.wires}
     for name, part in system.parts.items():

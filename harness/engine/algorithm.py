@@ -26,13 +26,5 @@ class Algorithm(ABC):
         return {}
 
     def failure(self, number: int, time: float) -> HarnessError:
-        """Return the error for a tick that has no solution.
-
-        Parameters
-        ----------
-        number : int
-            ``failed_part`` of the engine.
-        time : float
-            Beginning of the tick [s].
-        """
+        """Return the error for a tick that has no solution."""
         return HarnessError(f"the master found no solution at t = {time:.12g} s; use a shorter step")

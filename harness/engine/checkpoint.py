@@ -38,36 +38,21 @@ Arrays: TypeAlias = Mapping[str, np.ndarray[Any, Any]]
 
 @dataclass(frozen=True)
 class Checkpoint:
-    """State of a run, read from a file.
-
-    Parameters
-    ----------
-    path : Path
-        The file.
-    tick : int
-        Number of completed communication steps.
-    signals : mapping of str to float
-        Values by "part.port".
-    states : mapping of str to bytes
-        State of each part.
-    memory : mapping of str to (str, tuple of int, bytes)
-        Internal arrays of the master: type, shape and content of each.
-    """
+    """State of a run, read from a file."""
 
     path: Path
+    """The file."""
     tick: int
+    """Number of completed communication steps."""
     signals: Mapping[str, float]
+    """Values by "part.port"."""
     states: Mapping[str, bytes]
+    """State of each part."""
     memory: Mapping[str, tuple[str, tuple[int, ...], bytes]]
+    """Internal arrays of the master: type, shape and content of each."""
 
     def restore(self, plan: Plan, memory: Arrays) -> None:
-        """Restore started parts, their values and the internal arrays of the master to this state.
-
-        Raises
-        ------
-        HarnessError
-            If the arrays of the master differ from this run (nothing is changed then), or if a part rejects its state.
-        """
+        """Restore started parts, their values and the internal arrays of the master to this state."""
         saved = {name: self._array(name, array) for name, array in memory.items()}
         for part in plan.parts:
             part.deserialise(self.states[part.name])
@@ -91,15 +76,7 @@ class Checkpoint:
 
 
 def write_checkpoint(path: Path, system: Assembly, experiment: Experiment, plan: Plan, memory: Arrays) -> None:
-    """Write the state at the end of a run; an existing file is replaced only when the new one is complete.
-
-    Raises
-    ------
-    HarnessError
-        If a part cannot save its state to a file.
-    OutputError
-        If the file cannot be written.
-    """
+    """Write the state at the end of a run; an existing file is replaced only when the new one is complete."""
     header = {
         "format": _FORMAT,
         "tick": plan.ticks,
@@ -116,14 +93,7 @@ def write_checkpoint(path: Path, system: Assembly, experiment: Experiment, plan:
 
 
 def read_checkpoint(path: Path, system: Assembly, experiment: Experiment) -> Checkpoint:
-    """Read the state of a run.
-
-    Raises
-    ------
-    ExperimentError
-        If the file is unreadable or damaged, belongs to another system or another communication step, or was written
-        after the end of this run.
-    """
+    """Read the state of a run."""
     try:
         require_regular(path)
         members = _members(path)
@@ -153,13 +123,7 @@ def read_checkpoint(path: Path, system: Assembly, experiment: Experiment) -> Che
 
 
 def _members(path: Path) -> dict[str, bytes]:
-    """Return the members of the file after checking their hash.
-
-    Raises
-    ------
-    ValueError
-        If they are too large or do not match their hash. zipfile raises other exceptions.
-    """
+    """Return the members of the file after checking their hash."""
     with zipfile.ZipFile(path) as archive:
         entries = archive.infolist()
         if sum(entry.file_size for entry in entries) > _LARGEST:

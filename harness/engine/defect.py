@@ -76,15 +76,7 @@ class Pair(ctypes.Structure):
 
 
 class Coupling:
-    """Measurement of the coupling errors of an explicit master.
-
-    Parameters
-    ----------
-    engine : Engine
-        The engine that runs the master.
-    schedule : Schedule
-        Operations of the master.
-    """
+    """Measurement of the coupling errors of an explicit master."""
 
     def __init__(self, engine: Engine, schedule: Schedule) -> None:
         """Find the connections that pass held values, and the force-velocity pairs."""
@@ -116,13 +108,7 @@ class Coupling:
         data.pairs, data.pair_count = ctypes.addressof(self._pair_data), len(pairs)
 
     def report(self) -> dict[str, str | float]:
-        """Log a warning for each connection whose values are wrong.
-
-        Returns
-        -------
-        dict
-            The largest value of each measure, for the attributes of the result.
-        """
+        """Log a warning for each connection whose values are wrong."""
         worst = {"lasting_defect": 0.0, "alternating_defect": 0.0, "energy_defect": 0.0, "feeding": 0.0}
         worst["missed_rest"] = 0.0
         for wire, defect in zip(self.wires, self._defects, strict=True):

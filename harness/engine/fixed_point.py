@@ -16,25 +16,7 @@ _Numbers: TypeAlias = "ctypes._Pointer[ctypes.c_double]"
 
 
 def fixed_point(residual: Callable[[_Values], _Values], estimate: _Values) -> _Values:
-    """Return the w with the smallest residual that Newton's method finds, see ``fixed_point.h``.
-
-    Parameters
-    ----------
-    residual : callable
-        ``residual(w)`` returns G(w) - w, shape (n,).
-    estimate : float64 array, shape (n,)
-        First estimate of w.
-
-    Returns
-    -------
-    float64 array, shape (n,)
-        The values; their residual may be large.
-
-    Raises
-    ------
-    Exception
-        What ``residual`` raises.
-    """
+    """Return the w with the smallest residual that Newton's method finds, see ``fixed_point.h``."""
     n = len(estimate)
     engine = library()
     w, work, norm = estimate.copy(), np.zeros(engine.fixed_point_work(n)), np.zeros(1)

@@ -112,41 +112,20 @@ class IntegratorData(ctypes.Structure):
 
 
 class Failure(NamedTuple):
-    """Why a step of an `Integrator` failed.
-
-    Attributes
-    ----------
-    function : str
-        Function of the FMU that failed, or ``"its integration"``.
-    reason : str
-        What went wrong; empty if the function returned a status.
-    status : int
-        This status.
-    time : float
-        Time of the failure [s].
-    """
+    """Why a step of an `Integrator` failed."""
 
     function: str
+    """Function of the FMU that failed, or ``"its integration"``."""
     reason: str
+    """What went wrong; empty if the function returned a status."""
     status: int
+    """This status."""
     time: float
+    """Time of the failure [s]."""
 
 
 class Integrator:
     """An FMU for model exchange together with its solver; the engine calls it like an FMU for co-simulation.
-
-    Parameters
-    ----------
-    component : int
-        Address of the instance.
-    addresses : mapping of str to int
-        Addresses of the FMU's functions, by name without ``fmi2``; 0 for a function that must not be called.
-    states : sequence of str
-        Names of the continuous states.
-    indicators : int
-        Number of event indicators.
-    inputs : int
-        Number of Real inputs.
 
     Attributes
     ----------
@@ -154,11 +133,6 @@ class Integrator:
         Its data in C; its address takes the place of the instance.
     functions : mapping of str to int
         Addresses of the functions that take the place of the FMU's.
-
-    Raises
-    ------
-    HarnessError
-        If this installation has no CVODE.
     """
 
     def __init__(
@@ -186,15 +160,7 @@ class Integrator:
         self.close: Callable[[], object] = _make_solver(self) if states or indicators else lambda: None
 
     def begin(self, time: float, tolerance: float | None) -> int:
-        """Begin a run after initialisation mode and return a status of FMI.
-
-        Parameters
-        ----------
-        time : float
-            Start time [s].
-        tolerance : float or None
-            Relative tolerance; None or 0 stands for `TOLERANCE`.
-        """
+        """Begin a run after initialisation mode and return a status of FMI."""
         self.data.tolerance = max(_SHARE * (tolerance or TOLERANCE), _FINEST)
         if self.data.solver:  # invalidates the tolerances of the last run
             ctypes.memset(self.data.absolute, 0, 8 * max(1, len(self.states)))
@@ -247,13 +213,7 @@ class _Sundials(NamedTuple):
 
 @cache
 def _sundials() -> _Sundials:
-    """Load SUNDIALS from fmpy.
-
-    Raises
-    ------
-    HarnessError
-        If fmpy has none for this platform, or another version.
-    """
+    """Load SUNDIALS from fmpy."""
     try:
         found = import_module("fmpy.sundials.libraries")
         names = ("core", "nvecserial", "sunmatrixdense", "sunlinsoldense", "cvode")

@@ -62,13 +62,7 @@ def sources() -> dict[str, str]:
 
 
 def mirrors(name: str) -> Callable[[_Struct], _Struct]:
-    """Declare that a ctypes structure has the layout of a C struct; its size is checked when the library is loaded.
-
-    Parameters
-    ----------
-    name : str
-        Name of the struct in engine.c.
-    """
+    """Declare that a ctypes structure has the layout of a C struct; its size is checked when the library is loaded."""
 
     def declared(struct: _Struct) -> _Struct:
         _MIRRORS[name] = struct

@@ -61,17 +61,7 @@ class Manipulation:
 
 
 class Manipulations:
-    """All manipulators of a run.
-
-    Parameters
-    ----------
-    plan : Plan
-        The plan, whose gains and offsets are changed from tick to tick.
-    schedule : Schedule
-        Operations of the master.
-    manipulators : sequence of Manipulator
-        Manipulators of the experiment.
-    """
+    """All manipulators of a run."""
 
     def __init__(self, plan: Plan, schedule: Schedule, manipulators: Sequence[Manipulator]) -> None:
         """Collect all manipulators, the delays of the connections first."""
@@ -81,13 +71,7 @@ class Manipulations:
         self._fresh = plan.fresh_inputs(schedule) if self._given else {}
 
     def begin(self) -> None:
-        """Lay out all manipulators for a run of the plan, whose parts have been started.
-
-        Raises
-        ------
-        ExperimentError
-            If a manipulator names an unconnected input, or needs a Real and the input is not one.
-        """
+        """Lay out all manipulators for a run of the plan, whose parts have been started."""
         self.all = [_lay_out(self.plan, manipulator, self._fresh) for manipulator in self._given]
         for m in self.all[: np.count_nonzero(self.plan.delays)]:
             if not math.isnan(self.plan.initials[m.input]):
@@ -194,15 +178,6 @@ def delay_length(plan: Plan, signal: int, ticks: int) -> int:
     """Return the number of past values that a connection with a delay needs.
 
     The delay counts from the end of a step, except for a sample of a continuous part, which is taken at its beginning.
-
-    Parameters
-    ----------
-    plan : Plan
-        The plan.
-    signal : int
-        Index of the connected input.
-    ticks : int
-        The delay in communication steps.
     """
     source = plan.parts[plan.owners[int(plan.sources[signal])]]
     return ticks + (plan.parts[_target(plan, signal)].sampled and not source.sampled)

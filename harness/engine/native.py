@@ -79,32 +79,18 @@ class EngineData(ctypes.Structure):
 
 @dataclass(frozen=True)
 class _Bound:
-    """A part with the addresses that the compiled loop calls.
-
-    Attributes
-    ----------
-    calls : Calls
-        Operations of the plan for which it was bound; a part with other operations is bound again.
-    native : Native or None
-        The functions of an FMU; None for a part in Python.
-    kept : list
-        Objects that the addresses in its struct point to.
-    """
+    """A part with the addresses that the compiled loop calls."""
 
     calls: Calls
+    """Operations of the plan for which it was bound; a part with other operations is bound again."""
     native: Native | None
+    """The functions of an FMU; None for a part in Python."""
     kept: list[object]
+    """Objects that the addresses in its struct point to."""
 
 
 class Engine:
     """A plan as the data of the compiled loop.
-
-    Parameters
-    ----------
-    plan : Plan
-        The plan.
-    program : sequence of (int, int)
-        The operations of an explicit master; empty for an implicit one.
 
     Attributes
     ----------
@@ -124,17 +110,7 @@ class Engine:
         self._run = library().engine_run
 
     def begin(self, rows: Values, columns: Sequence[int], decimate: int) -> None:
-        """Prepare a run of the plan, whose parts have been started.
-
-        Parameters
-        ----------
-        rows : float64 array, shape (R, C)
-            The table to record into.
-        columns : sequence of int, length C
-            Signals to record.
-        decimate : int
-            Number of ticks from one recorded row to the next.
-        """
+        """Prepare a run of the plan, whose parts have been started."""
         plan = self.plan
         self.error, self._kept = None, []
         for index, calls in enumerate(plan.calls):
@@ -152,13 +128,7 @@ class Engine:
         data.width, data.decimate = len(columns), decimate
 
     def run(self, first: int, last: int) -> None:
-        """Run the ticks first, ..., last - 1, without the GIL.
-
-        Raises
-        ------
-        PartError
-            If a part fails; the message states the time.
-        """
+        """Run the ticks first, ..., last - 1, without the GIL."""
         done = self._run(ctypes.addressof(self.data), first, last)
         if done < last:
             raise self.failure()
@@ -209,15 +179,7 @@ class Engine:
             raise self.error
 
     def advance_by(self, function: str, data: ctypes.Structure) -> None:
-        """Let a master advance the ticks of this run.
-
-        Parameters
-        ----------
-        function : str
-            Name of its exported function in C, an ``Advance`` of engine.h.
-        data : Structure
-            What the function finds in ``algorithm``; kept until the run ends.
-        """
+        """Let a master advance the ticks of this run."""
         self.data.advance = ctypes.cast(getattr(library(), function), _POINTER)
         self.data.algorithm = self.keep_struct(data)
 

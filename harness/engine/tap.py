@@ -64,19 +64,6 @@ def tap_reader(plan: Plan, tap: Tap) -> Reader:
 class Recorder:
     """Recorder that copies values to a preallocated table after every ``decimate`` ticks.
 
-    Parameters
-    ----------
-    plan : Plan
-        The run.
-    names : sequence of str
-        ``part.port`` of each recorded variable.
-    decimate : int
-        Number of ticks from one recorded row to the next; the first row holds the start values.
-    begin : int
-        The first tick of a run that continues another one.
-    attributes : mapping, optional
-        Attributes of the run.
-
     Attributes
     ----------
     attributes : dict
@@ -87,11 +74,6 @@ class Recorder:
         The table.
     columns : list of int, length C
         Recorded signals.
-
-    Raises
-    ------
-    ExperimentError
-        If the table does not fit into memory.
     """
 
     def __init__(

@@ -15,15 +15,6 @@ from harness.system.plan import Plan, Program, Schedule
 class NativeTicks:
     """The ticks in C.
 
-    Parameters
-    ----------
-    plan : Plan
-        What is run.
-    schedule : Schedule
-        What the master does.
-    experiment : Experiment
-        Its manipulators.
-
     Attributes
     ----------
     memory : dict of str to array
@@ -76,13 +67,7 @@ class NativeTicks:
 
 
 class PythonTicks:
-    """The ticks in Python, of masters that hold values.
-
-    Parameters
-    ----------
-    plan, schedule, experiment
-        As of `NativeTicks`.
-    """
+    """The ticks in Python, of masters that hold values."""
 
     def __init__(self, plan: Plan, schedule: Schedule, experiment: Experiment) -> None:
         """Check the master."""

@@ -25,38 +25,20 @@ _SIMULATION: Final[Mapping[str, str]] = {
 
 @dataclass(frozen=True)
 class Traits:
-    """What FMI 3.0 adds.
-
-    Parameters
-    ----------
-    token : str
-        Instantiation token.
-    sampled : bool
-        Whether the FMU takes its samples at the ticks of a clock.
-    references : int
-        Largest value reference of the variables. The event indicators and the clock have the next ones.
-    indicators : int
-        Number of event indicators.
-    """
+    """What FMI 3.0 adds."""
 
     token: str
+    """Instantiation token."""
     sampled: bool
+    """Whether the FMU takes its samples at the ticks of a clock."""
     references: int
+    """Largest value reference of the variables. The event indicators and the clock have the next ones."""
     indicators: int
+    """Number of event indicators."""
 
 
 def description_3(old: etree._Element, variables: Sequence[Variable], traits: Traits) -> bytes:
-    """Return the XML file.
-
-    Parameters
-    ----------
-    old : lxml element
-        Root of the file of FMI 2.0.
-    variables : sequence of Variable
-        The variables.
-    traits : Traits
-        What FMI 3.0 adds.
-    """
+    """Return the XML file."""
     dropped = ("guid", "numberOfEventIndicators")
     kept = {str(key): str(value) for key, value in old.attrib.items() if key not in dropped}
     root = etree.Element("fmiModelDescription", {**kept, "fmiVersion": "3.0", "instantiationToken": traits.token})

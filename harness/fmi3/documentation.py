@@ -33,15 +33,7 @@ _SECTION: Final = re.compile(
 
 
 def page_3(page: str, description: bytes) -> str:
-    """Return the page with the capability flags of FMI 3.0; a page without the section is unchanged.
-
-    Parameters
-    ----------
-    page : str
-        HTML of the FMU in FMI 2.0.
-    description : bytes
-        modelDescription.xml of FMI 3.0.
-    """
+    """Return the page with the capability flags of FMI 3.0; a page without the section is unchanged."""
     root = etree.fromstring(description)
     flags = {
         str(k): str(v)

@@ -74,26 +74,7 @@ def fmi_3(
     clocks: bool = False,
     arrays: bool = False,
 ) -> bytes:
-    """Return an FMU of this project as FMI 3.0, from the cache or compiled.
-
-    Parameters
-    ----------
-    content : bytes
-        The FMU in FMI 2.0, with sources.
-    platforms : sequence of Platform
-        Target platforms.
-    compiling : callable, optional
-        Called before each platform is compiled, with its name and the number of completed platforms.
-    quiet : collection of str
-        Files of other tools, whose warnings do not matter.
-    clocks, arrays : bool
-        Whether a sampled block has a clock, and vectors are arrays. Many importers know neither.
-
-    Raises
-    ------
-    BuildError
-        If the sources do not compile.
-    """
+    """Return an FMU of this project as FMI 3.0, from the cache or compiled."""
     shell = _shell()
     digest = hashlib.sha256(content)
     modules = (path.read_text(encoding="utf-8") for path in sorted(Path(__file__).parent.glob("*.py")))

@@ -26,33 +26,22 @@ _ELEMENT: Final = re.compile(r"(?P<name>.*)\[(?P<index>\d+)\](?P<end>\)?)")
 
 @dataclass(frozen=True)
 class Variable:
-    """A variable of FMI 3.0.
-
-    Parameters
-    ----------
-    name : str
-        Name; that of an array has no index.
-    inner : int
-        Value reference in FMI 2.0 of the only or the first element.
-    type : str
-        Name of its element in the XML.
-    elements : tuple of lxml element
-        ScalarVariable in FMI 2.0 of each element; the largest number of them.
-    is_array : bool
-        Whether it is an array, perhaps of one element.
-    is_sized : bool
-        Whether the structural parameter, which is the first variable, is the length of the array.
-    reference : int
-        Value reference: the position among the variables from 1, as OMSimulator reads dependencies as positions.
-    """
+    """A variable of FMI 3.0."""
 
     name: str
+    """Name; that of an array has no index."""
     inner: int
+    """Value reference in FMI 2.0 of the only or the first element."""
     type: str
+    """Name of its element in the XML."""
     elements: tuple[etree._Element, ...]
+    """ScalarVariable in FMI 2.0 of each element; the largest number of them."""
     is_array: bool = False
+    """Whether it is an array, perhaps of one element."""
     is_sized: bool = False
+    """Whether the structural parameter, which is the first variable, is the length of the array."""
     reference: int = 0
+    """Value reference: the position among the variables from 1, as OMSimulator reads dependencies as positions."""
 
     @property
     def is_intermediate(self) -> bool:
@@ -67,17 +56,7 @@ class Variable:
 
 
 def grouped(scalars: Sequence[etree._Element], *, arrays: bool, resizable: bool) -> tuple[Variable, ...]:
-    """Return the variables, the structural parameter first, as fmusim 0.0.39 needs it before its arrays.
-
-    Parameters
-    ----------
-    scalars : sequence of lxml element
-        ScalarVariable of each variable of FMI 2.0, in their order.
-    arrays : bool
-        Whether elements that follow each other become an array.
-    resizable : bool
-        Whether the number of elements may become a structural parameter.
-    """
+    """Return the variables, the structural parameter first, as fmusim 0.0.39 needs it before its arrays."""
     found = _sized(tuple(_arrays(scalars)), resizable) if arrays else tuple(map(_scalar, scalars))
     return tuple(replace(v, reference=k) for k, v in enumerate(found, start=1))
 

@@ -37,15 +37,7 @@ class Extrapolation(ctypes.Structure):
 
 
 class Extrapolated(Algorithm):
-    """The data of a master that extrapolates, attached to an engine.
-
-    Parameters
-    ----------
-    engine : Engine
-        The engine that runs the master.
-    order : int
-        Order of the polynomials, 1 or 2.
-    """
+    """The data of a master that extrapolates, attached to an engine."""
 
     def __init__(self, engine: Engine, order: int) -> None:
         """Store the engine and the order, which all runs share."""

@@ -143,25 +143,7 @@ def _held_inputs(plan: Plan, group: Sequence[int], wires: Sequence[MovingWire]) 
 
 
 class Loops(Algorithm):
-    """The data of an implicit master, attached to an engine.
-
-    Parameters
-    ----------
-    engine : Engine
-        The engine that runs the master.
-    tolerance : float
-        Residual relative to the magnitude of the values.
-    error : float
-        Tolerated coupling error relative to the magnitude of the values, which determines the inner steps; 0: one step
-        for every tick.
-    doubt : float
-        Difference of a step from its halves, relative to the magnitude of the values, from which it is divided.
-
-    Raises
-    ------
-    ExperimentError
-        If a part of a loop cannot be rolled back.
-    """
+    """The data of an implicit master, attached to an engine."""
 
     def __init__(self, engine: Engine, tolerance: float, error: float = 0.0, doubt: float = STEP_TOLERANCE) -> None:
         """Find the loops and fill in the data."""
@@ -262,14 +244,7 @@ class Loops(Algorithm):
         return {**self._memory, **places}  # without the indices of unknowns and lines
 
     def report(self) -> dict[str, str | float]:
-        """Log a warning for each loop that no inner step resolved.
-
-        Returns
-        -------
-        dict
-            For all loops: numbers of evaluations, inner steps, rolled-back steps and steps checked against their
-            halves; the largest remaining error over the magnitude of its value.
-        """
+        """Log a warning for each loop that no inner step resolved."""
         data, (_, moving, guards, _) = self.data, self._arrays
         checks = sum(int(guard.checks) for guard in guards)
         counts = {"evaluations": data.evaluations, "substeps": data.substeps, "rejected": data.rejected}

@@ -24,27 +24,18 @@ _MOST_INDICATORS: Final = 1_000_000
 
 @dataclass(frozen=True)
 class Archive:
-    """A checked FMU file.
-
-    Parameters
-    ----------
-    path : Path
-        The FMU.
-    description : fmpy.model_description.ModelDescription
-        The parsed modelDescription.xml.
-    ports : mapping of str to Port
-        All variables by name, as ports.
-    variables : mapping of str to fmpy.model_description.ModelVariable
-        All variables by name, with value reference, causality, variability and initial.
-    flat : Flat or None
-        For FMI 3.0: its arrays and clocks; description and variables are in terms of FMI 2.0.
-    """
+    """A checked FMU file."""
 
     path: Path
+    """The FMU."""
     description: Any
+    """The parsed modelDescription.xml."""
     ports: Mapping[str, Port]
+    """All variables by name, as ports."""
     variables: Mapping[str, Any]
+    """All variables by name, with value reference, causality, variability and initial."""
     flat: Flat | None = None
+    """For FMI 3.0: its arrays and clocks; description and variables are in terms of FMI 2.0."""
 
     @property
     def platform(self) -> str:

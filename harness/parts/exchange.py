@@ -14,20 +14,7 @@ _TIME = struct.Struct("<d")
 
 
 class ExchangeInstance(Instance):
-    """One instance of an FMU for model exchange, which steps like one for co-simulation.
-
-    Parameters
-    ----------
-    library, archive, name
-        See `Instance`.
-
-    Raises
-    ------
-    PartError
-        If the FMU cannot be instantiated.
-    HarnessError
-        If this installation has no solver.
-    """
+    """One instance of an FMU for model exchange, which steps like one for co-simulation."""
 
     def __init__(self, library: Library, archive: Archive, name: str) -> None:
         """Instantiate the FMU and make its solver."""

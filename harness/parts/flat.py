@@ -44,60 +44,40 @@ MOST_ELEMENTS: Final = 1_000_000
 
 @dataclass(frozen=True)
 class Array:
-    """A variable of FMI 3.0 with its elements.
-
-    Parameters
-    ----------
-    name, type : str
-        Name and type.
-    reference : int
-        Value reference.
-    first, count : int
-        Number of its first element, and how many there are; strings have elements too.
-    structural : bool
-        Whether it is a structural parameter.
-    shape : tuple of int
-        Sizes of its dimensions; () for a scalar.
-    """
+    """A variable of FMI 3.0 with its elements."""
 
     name: str
+    """Name and type."""
     type: str
     reference: int
+    """Value reference."""
     first: int
+    """Number of its first element, and how many there are; strings have elements too."""
     count: int
     structural: bool
+    """Whether it is a structural parameter."""
     shape: tuple[int, ...]
+    """Sizes of its dimensions; () for a scalar."""
 
 
 @dataclass(frozen=True)
 class Flat:
-    """What the adapter needs to know.
-
-    Parameters
-    ----------
-    arrays : tuple of Array
-        All variables but clocks and binaries.
-    elements : int
-        Number of elements.
-    clocks : tuple of fmpy.model_description.ModelVariable
-        The periodic clocks that the harness ticks.
-    starts : tuple of float
-        Start value of each element, or 0; NaN if none is stated as the size of the array was changed.
-    elements_of : mapping of str to tuple of str
-        Names of the elements of each variable.
-    others : mapping of str to str
-        Types of the variables that are no ports, clocks and binaries.
-    exchange : bool
-        Whether the FMU offers model exchange as well.
-    """
+    """What the adapter needs to know."""
 
     arrays: tuple[Array, ...]
+    """All variables but clocks and binaries."""
     elements: int
+    """Number of elements."""
     clocks: tuple[Any, ...]
+    """The periodic clocks that the harness ticks."""
     starts: tuple[float, ...]
+    """Start value of each element, or 0; NaN if none is stated as the size of the array was changed."""
     elements_of: Mapping[str, tuple[str, ...]]
+    """Names of the elements of each variable."""
     others: Mapping[str, str]
+    """Types of the variables that are no ports, clocks and binaries."""
     exchange: bool
+    """Whether the FMU offers model exchange as well."""
 
     def names(self, array: Array) -> tuple[str, ...]:
         """Return the names of the elements."""
@@ -110,22 +90,7 @@ class Flat:
 
 
 def flatten(path: Path, description: Any, sizes: Mapping[str, int]) -> tuple[Any, Flat]:
-    """Return the description in terms of FMI 2.0.
-
-    Parameters
-    ----------
-    path : Path
-        The FMU.
-    description : fmpy.model_description.ModelDescription
-        Its description.
-    sizes : mapping of str to int
-        Values of structural parameters, in place of their start values.
-
-    Raises
-    ------
-    FmuError
-        If the FMU has no co-simulation, a clock that the harness cannot tick, or an array that is malformed.
-    """
+    """Return the description in terms of FMI 2.0."""
     if description.coSimulation is None:
         raise FmuError(
             f"{path} is an FMI 3.0 FMU without co-simulation: export it for co-simulation, or as FMI 2.0 for model "
@@ -162,13 +127,7 @@ def flatten(path: Path, description: Any, sizes: Mapping[str, int]) -> tuple[Any
 
 
 def stated_sizes(flat: Flat | None, part: str, start: Mapping[str, StartValue]) -> dict[str, int]:
-    """Return the values of structural parameters among the start values of a part.
-
-    Raises
-    ------
-    StartValueError
-        If one of them is not a whole number.
-    """
+    """Return the values of structural parameters among the start values of a part."""
     sizes = {}
     for name in start.keys() & (flat.structural if flat is not None else {}).keys():
         value = start[name]

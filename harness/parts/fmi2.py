@@ -52,18 +52,6 @@ class Library:
     """An unpacked FMU with its loaded shared library.
 
     Each part has its own copy, so that an FMU with static variables can be used in several parts.
-
-    Parameters
-    ----------
-    archive : Archive
-        The checked FMU file.
-    name : str
-        Instance name.
-
-    Raises
-    ------
-    FmuError
-        If the archive cannot be unpacked or the library cannot be loaded.
     """
 
     def __init__(self, archive: Archive, name: str) -> None:
@@ -156,15 +144,6 @@ class State:
 class Instance:
     """One instance of an FMU for co-simulation, from instantiation to release.
 
-    Parameters
-    ----------
-    library : Library
-        The loaded FMU.
-    archive : Archive
-        Its model description.
-    name : str
-        Name of the part, used as instance name and as name of the logger below ``harness``.
-
     Attributes
     ----------
     component : int
@@ -181,11 +160,6 @@ class Instance:
         ``do_step(stepped, t, h, 1)`` returns a status.
     interpolates : bool
         Whether the inputs may change linearly during a step.
-
-    Raises
-    ------
-    PartError
-        If the FMU cannot be instantiated.
     """
 
     def __init__(self, library: Library, archive: Archive, name: str) -> None:
@@ -227,15 +201,7 @@ class Instance:
         self.component = library.slave.component
 
     def begin(self, time: float, tolerance: float | None) -> None:
-        """Leave initialisation mode.
-
-        Parameters
-        ----------
-        time : float
-            Start time [s].
-        tolerance : float or None
-            Relative tolerance of the run, if there is one.
-        """
+        """Leave initialisation mode."""
         self.call("ExitInitializationMode")
         self.running = True
 
@@ -268,13 +234,7 @@ class Instance:
         return getattr(self._dll, f"fmi2{name}")  # type: ignore[no-any-return]
 
     def call(self, function: str, *arguments: object) -> None:
-        """Call fmi2<function> with the instance as its first argument.
-
-        Raises
-        ------
-        PartError
-            If the function returns Discard, Error or Fatal.
-        """
+        """Call fmi2<function> with the instance as its first argument."""
         status: int = self.function(function)(self.component, *arguments)
         if status > 1:
             raise self.failure(f"fmi2{function}", status)
@@ -313,13 +273,7 @@ class Instance:
         return self.functions, inputs, outputs
 
     def reset(self) -> bool:
-        """Return the instance to its initial state with fmi2Reset.
-
-        Returns
-        -------
-        bool
-            False if the FMU does not support this or has failed in the last run; then release the instance.
-        """
+        """Return the instance to its initial state with fmi2Reset."""
         if self._failed:
             return False
         self.last_message = ""

@@ -115,18 +115,7 @@ def _saves(archive: Archive) -> bool:
 
 
 class Instance3(Instance):
-    """One instance of an FMU of FMI 3.0, with the calls of FMI 2.0.
-
-    Parameters
-    ----------
-    library, archive, name
-        See `harness.parts.fmi2.Instance`.
-
-    Raises
-    ------
-    PartError
-        If the FMU cannot be instantiated.
-    """
+    """One instance of an FMU of FMI 3.0, with the calls of FMI 2.0."""
 
     def _instantiate(self, loaded: Library, archive: Archive) -> None:
         flat = archive.flat
@@ -209,13 +198,7 @@ class Instance3(Instance):
         return functions, chosen[0], chosen[1]
 
     def preload(self, values: Mapping[str, StartValue]) -> None:
-        """Take over all start values before the first is set, as an array is set as a whole.
-
-        Raises
-        ------
-        StartValueError
-            If a value of an array is missing whose size was changed: its description states none.
-        """
+        """Take over all start values before the first is set, as an array is set as a whole."""
         for array in self._flat.arrays:
             names = {name: k for k, name in enumerate(self._flat.names(array)) if name in values}
             place = self._kept["values"][array.first : array.first + array.count]

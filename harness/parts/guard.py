@@ -37,13 +37,7 @@ _ISOLATE: Final = "run it in its own process (isolate = true)"
 
 
 class Guard:
-    """Guard that watches the parts of a system while they are loaded, run and freed.
-
-    Parameters
-    ----------
-    parts : iterable of Part
-        The parts; those that are FMUs in this process are watched.
-    """
+    """Guard that watches the parts of a system while they are loaded, run and freed."""
 
     def __init__(self, parts: Sequence[Part]) -> None:
         """Find the parts to watch."""
@@ -53,13 +47,7 @@ class Guard:
         self._before: _Surroundings | None = None
 
     def look(self, name: str | None = None) -> None:
-        """Restore changed process settings and log a warning.
-
-        Parameters
-        ----------
-        name : str or None
-            The part that was called; None if it may have been any of them.
-        """
+        """Restore changed process settings and log a warning."""
         before = self._before
         if before is None or (name is not None and name not in self.watched):
             return
@@ -80,18 +68,7 @@ class Guard:
 
     @contextmanager
     def running(self, *, look: bool = True) -> Iterator[None]:
-        """Report an FMU that ends the program in the block, and restore all settings at the end of the block.
-
-        Parameters
-        ----------
-        look : bool
-            Whether to restore the settings, which takes about 10 us.
-
-        Raises
-        ------
-        HarnessError
-            If one of the parts is in use, as it is if two threads run the same system.
-        """
+        """Report an FMU that ends the program in the block, and restore all settings at the end of the block."""
         with _sole_use(self._parts):
             if not self.watched:
                 yield

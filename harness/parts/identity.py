@@ -20,13 +20,7 @@ _DEEPEST: Final = 20
 
 
 def part_identity(part: Part) -> list[str]:
-    """Return kind, content and sample time of a part; equal parts have the same, wherever their files are.
-
-    Raises
-    ------
-    FmuError
-        If the file of an FMU cannot be read.
-    """
+    """Return kind, content and sample time of a part; equal parts have the same, wherever their files are."""
     if isinstance(part, FmuPart):  # an isolated FMU is the same FMU
         try:
             content = digest(part.path.read_bytes())

@@ -92,39 +92,27 @@ class Calls:
 
 @dataclass(frozen=True)
 class Native:
-    """Data with which the native engine calls a running FMU without Python.
-
-    Parameters
-    ----------
-    component : int
-        Address of the instance; of its adapter for an FMU of FMI 3.0.
-    instance : int or None
-        Address of the instance of an FMU of FMI 3.0.
-    functions : mapping of str to int
-        Address of each function of FMI 2.0, by its name without ``fmi2``, and of those of FMI 3.0 that are called
-        directly, with ``instance``.
-    inputs, outputs : sequence of int
-        Value references, in the order in which the ports were bound.
-    input_types, output_types : sequence of PortType
-        Types of the ports.
-    interpolates : bool
-        Whether the FMU accepts input derivatives.
-    saves : bool
-        Whether the state can be saved and restored.
-    failure : callable
-        ``failure(function, status, time)`` returns the error for a failed call.
-    """
+    """Data with which the native engine calls a running FMU without Python."""
 
     component: int
+    """Address of the instance; of its adapter for an FMU of FMI 3.0."""
     instance: int | None
+    """Address of the instance of an FMU of FMI 3.0."""
     functions: Mapping[str, int]
+    """Address of each function of FMI 2.0, by its name without ``fmi2``, and of those of FMI 3.0 that are called
+    directly, with ``instance``."""
     inputs: Sequence[int]
+    """Value references, in the order in which the ports were bound."""
     outputs: Sequence[int]
     input_types: Sequence[PortType]
+    """Types of the ports."""
     output_types: Sequence[PortType]
     interpolates: bool
+    """Whether the FMU accepts input derivatives."""
     saves: bool
+    """Whether the state can be saved and restored."""
     failure: Callable[[str, int, float], Exception]
+    """``failure(function, status, time)`` returns the error for a failed call."""
 
 
 class Part(ABC):

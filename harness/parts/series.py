@@ -21,25 +21,17 @@ from harness.storage.files import read_csv, reason
 
 @dataclass(frozen=True)
 class Table:
-    """A recorded series as arrays.
-
-    Parameters
-    ----------
-    times : float64 array, shape (n,)
-        Times of the samples [s].
-    values, slopes : float64 arrays, shape (n, columns)
-        Row k applies from sample k on; its values change by ``slopes`` per second.
-    slack : float
-        Time by which rounding may put a communication point before its sample [s].
-    end : float
-        Last time that a step may reach [s].
-    """
+    """A recorded series as arrays."""
 
     times: Values
+    """Times of the samples [s]."""
     values: Values
+    """Row k applies from sample k on; its values change by ``slopes`` per second."""
     slopes: Values
     slack: float
+    """Time by which rounding may put a communication point before its sample [s]."""
     end: float
+    """Last time that a step may reach [s]."""
 
 
 class SeriesPart(Part):

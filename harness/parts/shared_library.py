@@ -20,18 +20,7 @@ _FAT: Final = 0xCAFEBABE
 
 
 def missing_bytes(path: Path) -> int | None:
-    """Return the number of bytes missing at the end of a shared library.
-
-    Parameters
-    ----------
-    path : Path
-        An ELF, PE or Mach-O file.
-
-    Returns
-    -------
-    int or None
-        0 if the file is complete; None if it has another format or ends within its own tables.
-    """
+    """Return the number of bytes missing at the end of a shared library."""
     with path.open("rb") as file:
         return missing_of(file.read(LONGEST_TABLE), path.stat().st_size)
 

@@ -16,23 +16,7 @@ PAGE_BITS = 14
 
 
 def universal(slices: Sequence[bytes]) -> bytes:
-    """Return one binary for several architectures.
-
-    Parameters
-    ----------
-    slices : sequence of bytes
-        64-bit Mach-O files of one architecture each. Their signatures stay valid.
-
-    Returns
-    -------
-    bytes
-        The universal binary.
-
-    Raises
-    ------
-    ValueError
-        If a slice is not a 64-bit Mach-O file.
-    """
+    """Return one binary for several architectures."""
     page = 1 << PAGE_BITS
     header = struct.pack(">II", MAGIC, len(slices))
     content = b""

@@ -22,22 +22,7 @@ def require_distinct(names: Sequence[str]) -> None:
 def from_columns(
     columns: Mapping[str, NDArray[Any]], attributes: Mapping[str, Mapping[str, str]], run: Mapping[str, str | float]
 ) -> Result:
-    """Return a Dataset of named columns.
-
-    Parameters
-    ----------
-    columns : mapping of str to array, shape (n,)
-        ``time`` [s] and the variables.
-    attributes : mapping of str to mapping
-        Units and descriptions of the columns; empty ones are omitted.
-    run : mapping
-        Attributes of the run.
-
-    Raises
-    ------
-    ValueError
-        If there is no time, or if a column contains other values than numbers.
-    """
+    """Return a Dataset of named columns."""
     if "time" not in columns:
         raise ValueError("it has no column 'time'")
     variables = {}

@@ -70,13 +70,7 @@ def write_step(system: etree._Element, experiment: Experiment) -> None:
 
 
 def read_experiment(root: etree._Element, where: str) -> Experiment | None:
-    """Return the experiment, or None if the stop time or the communication step is missing or invalid.
-
-    Raises
-    ------
-    SystemFileError
-        If an annotation of this project is malformed.
-    """
+    """Return the experiment, or None if the stop time or the communication step is missing or invalid."""
     element = root.find("ssd:DefaultExperiment", SPACES)
     if element is None:
         return None

@@ -26,22 +26,7 @@ def scalars(structure: Structure) -> Structure:
 
 
 def split(structure: Structure, variables: Mapping[Node, Shape], where: str) -> Structure:
-    """Return the structure with a connector and a connection for each element of an array.
-
-    Parameters
-    ----------
-    structure : Structure
-        The structure as in the file.
-    variables : mapping of Node to Shape
-        Variables of the FMUs of FMI 3.0.
-    where : str
-        Name of the file, for messages.
-
-    Raises
-    ------
-    SystemFileError
-        If the sizes of two connected arrays, or those in the file and in an FMU, differ or are missing.
-    """
+    """Return the structure with a connector and a connection for each element of an array."""
     shapes = dict(variables)
     joined = {node for edge in structure.edges for node in (edge.source, edge.target)}
     for node, connector in structure.connectors.items():

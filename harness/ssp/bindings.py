@@ -27,27 +27,18 @@ _LOG = logging.getLogger("harness")
 
 @dataclass(frozen=True)
 class Binding:
-    """A parameter binding with the files that it names.
-
-    Parameters
-    ----------
-    path : Path
-        The element to which it belongs.
-    parameters : ParameterSet
-        The parameters.
-    mapping : mapping of str to list of Entry, or None
-        Entries by the name of the source; None if every parameter keeps its name.
-    prefix : str
-        Prefix of all names in the parameter set.
-    where : str
-        Name of the binding, for messages.
-    """
+    """A parameter binding with the files that it names."""
 
     path: Path
+    """The element to which it belongs."""
     parameters: ParameterSet
+    """The parameters."""
     mapping: Mapping[str, list[Entry]] | None
+    """Entries by the name of the source; None if every parameter keeps its name."""
     prefix: str
+    """Prefix of all names in the parameter set."""
     where: str
+    """Name of the binding, for messages."""
 
     def entries(self) -> Iterator[tuple[Parameter, tuple[int, ...], str, Entry]]:
         """Return each value with the shape of its array, its index such as ``[1,2]``, and its target."""
@@ -63,13 +54,7 @@ class Binding:
 
 
 def read_bindings(package: Package, structure: Structure) -> list[Binding]:
-    """Return all parameter bindings, each before those that override it.
-
-    Raises
-    ------
-    SystemFileError
-        If a parameter set or a mapping is missing or invalid.
-    """
+    """Return all parameter bindings, each before those that override it."""
     inside_out = [*structure.components.items(), *reversed(list(structure.systems.items()))]
     return [
         _binding(package, structure, path, binding)
@@ -85,29 +70,6 @@ def bound_values(
 
     A later binding overrides an earlier one, and a binding of a system overrides the bindings of its elements. An
     unknown name is ignored with a warning, as SSP requires.
-
-    Parameters
-    ----------
-    bindings : sequence of Binding
-        The bindings, from `read_bindings`.
-    structure : Structure
-        Elements of the SSD.
-    network : Network
-        Connections of the SSD.
-    only : container of Node or None
-        Variables whose values are wanted; None returns all.
-
-    Returns
-    -------
-    dict of Node to value
-        Values by variable.
-
-    Raises
-    ------
-    SystemFileError
-        If the sizes of a parameter and of its variable differ.
-    UnitError, StartValueError
-        If a value does not fit its variable.
     """
     values: dict[Node, Parameter] = {}
     for binding in bindings:

@@ -52,22 +52,7 @@ _FOLDERS: Final = MappingProxyType(
 
 
 def parse_document(data: bytes, space: str, where: str) -> etree._Element:
-    """Parse and validate a document.
-
-    Parameters
-    ----------
-    data : bytes
-        The XML.
-    space : {SSD, SSV, SSM}
-        Expected kind of document.
-    where : str
-        Name of the document, for messages.
-
-    Raises
-    ------
-    SystemFileError
-        If the document is not XML or not valid against the schema of its version.
-    """
+    """Parse and validate a document."""
     parser = etree.XMLParser(resolve_entities=False, no_network=True, remove_comments=True, remove_pis=True)
     try:
         root = etree.fromstring(data, parser)
@@ -97,13 +82,7 @@ def check_element(element: etree._Element, space: str, where: str) -> etree._Ele
 
 
 def sub(parent: etree._Element, tag: str, **attributes: str | None) -> etree._Element:
-    """Append an element ``prefix:name``; attributes that are None are omitted.
-
-    Raises
-    ------
-    SystemFileError
-        If an attribute contains characters that XML cannot carry.
-    """
+    """Append an element ``prefix:name``; attributes that are None are omitted."""
     prefix, name = tag.split(":")
     element = etree.SubElement(parent, f"{{{SPACES[prefix]}}}{name}")
     for key, value in attributes.items():

@@ -16,24 +16,7 @@ from harness.units import BaseUnit, needed_unit
 
 
 class Network:
-    """The connections of all systems as one graph.
-
-    Parameters
-    ----------
-    structure : Structure
-        Elements of the file.
-    parts : mapping of Path to Part
-        The part made from each component.
-    where : str
-        Name of the file, for messages.
-
-    Raises
-    ------
-    SystemFileError
-        If two connections drive the same connector.
-    UnitError
-        If a unit is unknown, or the file and an FMU state different units.
-    """
+    """The connections of all systems as one graph."""
 
     def __init__(self, structure: Structure, parts: Mapping[Path, Part], where: str) -> None:
         """Sort the connections by target and by source."""
@@ -56,28 +39,12 @@ class Network:
             self._check_connector(node)
 
     def wires(self) -> list[Wire]:
-        """Return a connection for each FMU input that an FMU output drives.
-
-        Raises
-        ------
-        SystemFileError
-            If a connection is not supported.
-        UnitError
-            If a connection joins different quantities.
-        """
+        """Return a connection for each FMU input that an FMU output drives."""
         chains = (self._chain(edge) for edge in self.structure.edges if edge.target.path in self.parts)
         return [self._wire(chain) for chain in chains if chain[0].source.path in self.parts]
 
     def spread(self, node: Node, parameter: Parameter) -> dict[Node, Parameter]:
-        """Return the FMU variables that receive a parameter of this node, with converted values.
-
-        Raises
-        ------
-        UnitError
-            If the units measure different quantities.
-        StartValueError
-            If the value cannot be transformed.
-        """
+        """Return the FMU variables that receive a parameter of this node, with converted values."""
         if node in self._settable:
             return {node: parameter}
         landed: dict[Node, Parameter] = {}

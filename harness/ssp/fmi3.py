@@ -30,15 +30,7 @@ def indices(element: str) -> str:
 
 
 def grouped(wires: Sequence[Wire], arrays: Mapping[str, Array]) -> Iterator[tuple[Wire, bool]]:
-    """Return the connections, and whether one stands for all those between two arrays of the same shape.
-
-    Parameters
-    ----------
-    wires : sequence of Wire
-        Connections of elements.
-    arrays : mapping of str to Array
-        Arrays by ``part.element``.
-    """
+    """Return the connections, and whether one stands for all those between two arrays of the same shape."""
     elements: dict[tuple[str, str], list[str]] = {}
     for dotted, array in arrays.items():
         elements.setdefault((split_name(dotted)[0], array.name), []).append(dotted)

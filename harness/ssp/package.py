@@ -33,19 +33,7 @@ SSD_NAME: Final = "SystemStructure.ssd"
 
 
 class Package:
-    """An archive opened for reading.
-
-    Parameters
-    ----------
-    path : Path
-        The .ssp file.
-
-    Raises
-    ------
-    SystemFileError
-        If the file is missing, is not an SSP archive, or has members that are unsafe to unpack (see
-        `harness.storage.zip_file`).
-    """
+    """An archive opened for reading."""
 
     def __init__(self, path: Path) -> None:
         """Open and check the archive."""
@@ -78,32 +66,11 @@ class Package:
         self._archive.close()
 
     def read(self, member: str, where: str) -> bytes:
-        """Return the content of a member.
-
-        Raises
-        ------
-        SystemFileError
-            If the member does not exist or is damaged.
-        """
+        """Return the content of a member."""
         return _read(self._archive, member, where)
 
     def referenced(self, element: etree._Element, component: etree._Element | None, where: str) -> tuple[bytes, str]:
-        """Return content and name of the file in the attribute ``source`` of an element.
-
-        Parameters
-        ----------
-        element : lxml element
-            The reference; with ``sourceBase="component"`` the file is in the FMU.
-        component : lxml element or None
-            The component of the reference, if any.
-        where : str
-            The reference, for messages.
-
-        Raises
-        ------
-        SystemFileError
-            If the file is not in the archive.
-        """
+        """Return content and name of the file in the attribute ``source`` of an element."""
         source = member_name(element.get("source"), where)
         if element.get("sourceBase", "SSD") == "SSD":
             return self.read(source, where), f"{source} in {self.path}"
@@ -132,15 +99,7 @@ class Package:
         return data
 
     def unpack(self, member: str, folder: Path, where: str) -> Path:
-        """Write a member to its path below a folder and return the resulting path.
-
-        Raises
-        ------
-        SystemFileError
-            If the member does not exist.
-        OutputError
-            If the file cannot be written.
-        """
+        """Write a member to its path below a folder and return the resulting path."""
         data, target = self._read_fmu(member, where), folder / member
         make_folder(target.parent)
         with atomic_path(target) as temporary:
@@ -165,13 +124,7 @@ class TemporaryFolder:
 
 
 def member_name(source: str | None, where: str) -> str:
-    """Return the member of the archive that a relative URI names.
-
-    Raises
-    ------
-    SystemFileError
-        If the URI names anything else.
-    """
+    """Return the member of the archive that a relative URI names."""
     parts = urlsplit(source or "")
     name = str(PurePosixPath(unquote(parts.path)))
     if parts.scheme or parts.netloc or parts.query or parts.fragment or not parts.path or find_outside([name]):
@@ -180,13 +133,7 @@ def member_name(source: str | None, where: str) -> str:
 
 
 def write_package(path: Path, members: dict[str, bytes | Path]) -> None:
-    """Write an archive; the same members give the same bytes.
-
-    Raises
-    ------
-    OutputError
-        If the archive cannot be written.
-    """
+    """Write an archive; the same members give the same bytes."""
     with atomic_path(path) as temporary, zipfile.ZipFile(temporary, "w") as archive:
         for name, content in members.items():
             entry = zipfile.ZipInfo(name)  # dated 1980, for identical bytes

@@ -24,15 +24,7 @@ _LOG = logging.getLogger("harness")
 
 
 def read_ssp(path: Path, folder: Path | None) -> SystemDescription:
-    """Read an archive; see `System.from_ssp`.
-
-    Raises
-    ------
-    SystemFileError
-        If the file cannot be read or contains unsupported elements.
-    HarnessError
-        If the described system is invalid.
-    """
+    """Read an archive; see `System.from_ssp`."""
     with Package(path) as package:
         root = parse_document(package.read(SSD_NAME, str(path)), SSD, f"{SSD_NAME} in {path}")
         structure = read_structure(root, read_units(root, "ssd:Units"), str(path))

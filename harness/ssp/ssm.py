@@ -13,31 +13,18 @@ from harness.ssp.transformation import Transformation, flag, read_transformation
 
 @dataclass(frozen=True)
 class Entry:
-    """Mapping of a source parameter to a variable.
-
-    Parameters
-    ----------
-    target : str
-        Name of the variable.
-    transformation : Linear or Table
-        Transformation of the value, after its unit conversion.
-    suppress : bool
-        Whether unit conversion is suppressed.
-    """
+    """Mapping of a source parameter to a variable."""
 
     target: str
+    """Name of the variable."""
     transformation: Transformation
+    """Transformation of the value, after its unit conversion."""
     suppress: bool
+    """Whether unit conversion is suppressed."""
 
 
 def parse_ssm(root: etree._Element, where: str) -> dict[str, list[Entry]]:
-    """Return the entries of an element ParameterMapping by the name of the source.
-
-    Raises
-    ------
-    SystemFileError
-        If the element is invalid, or two parameters are mapped to the same name.
-    """
+    """Return the entries of an element ParameterMapping by the name of the source."""
     check_element(root, SSM, where)
     entries: dict[str, list[Entry]] = {}
     targets: set[str] = set()

@@ -19,20 +19,6 @@ def start_parameters(
     """Return the start values with type and unit of their variables, and the shapes of the arrays.
 
     An array is always given as a whole, as an importer sets it as a whole.
-
-    Parameters
-    ----------
-    part : FmuPart
-        The part.
-    start : mapping of str to value
-        Its start values.
-    arrays : mapping of str to Array
-        Variables of FMI 3.0 by the names of their elements; empty for a file of SSP 1.0.
-
-    Raises
-    ------
-    SystemFileError
-        If a value has the wrong type, or an element of an array has none.
     """
     ports = {port.name: port for port in (*part.inputs, *part.parameters)}
     parameters: dict[str, Parameter] = {}

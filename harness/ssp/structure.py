@@ -35,53 +35,35 @@ class Node:
 
 @dataclass(frozen=True)
 class Connector:
-    """A connector as described in the file.
-
-    Parameters
-    ----------
-    kind : str
-        Such as ``input``, ``output``, ``parameter`` or ``calculatedParameter``.
-    unit : BaseUnit or None
-        The unit, if it is stated and known.
-    unit_name : str
-        Name of the unit; empty if none is stated.
-    type : str
-        Type of its values, such as ``Real``; empty if it is not stated.
-    shape : tuple of int or None
-        Sizes of an array; None where the file states none.
-    """
+    """A connector as described in the file."""
 
     kind: str
+    """Such as ``input``, ``output``, ``parameter`` or ``calculatedParameter``."""
     unit: BaseUnit | None
+    """The unit, if it is stated and known."""
     unit_name: str = ""
+    """Name of the unit; empty if none is stated."""
     type: str = ""
+    """Type of its values, such as ``Real``; empty if it is not stated."""
     shape: tuple[int | None, ...] = ()
+    """Sizes of an array; None where the file states none."""
 
 
 @dataclass(frozen=True)
 class Edge:
-    """A connection, in signal direction.
-
-    Parameters
-    ----------
-    source, target : Node
-        Ends of the connection.
-    transformation : Linear or Table
-        Transformation of a value, after its unit conversion.
-    suppress : bool
-        Whether unit conversion is suppressed.
-    element : lxml element
-        The XML element, with its annotations.
-    source_index, target_index : tuple of int
-        Indices of the connected element of an array; () if everything is connected.
-    """
+    """A connection, in signal direction."""
 
     source: Node
+    """Ends of the connection."""
     target: Node
     transformation: Transformation
+    """Transformation of a value, after its unit conversion."""
     suppress: bool
+    """Whether unit conversion is suppressed."""
     element: etree._Element
+    """The XML element, with its annotations."""
     source_index: tuple[int, ...] = ()
+    """Indices of the connected element of an array; () if everything is connected."""
     target_index: tuple[int, ...] = ()
 
     def __str__(self) -> str:
@@ -91,49 +73,24 @@ class Edge:
 
 @dataclass(frozen=True)
 class Structure:
-    """All elements of an SSD.
-
-    Parameters
-    ----------
-    systems : mapping of Path to lxml element
-        All systems, each before its subsystems.
-    components : mapping of Path to lxml element
-        All FMUs, in the order of the file.
-    connectors : mapping of Node to Connector
-        All connectors.
-    edges : tuple of Edge
-        All connections.
-    units : mapping of str to BaseUnit
-        Units that the document defines.
-    shapes : mapping of Node to tuple of int
-        Sizes of the arrays before they were split into elements; () for a scalar.
-    """
+    """All elements of an SSD."""
 
     systems: Mapping[Path, etree._Element]
+    """All systems, each before its subsystems."""
     components: Mapping[Path, etree._Element]
+    """All FMUs, in the order of the file."""
     connectors: Mapping[Node, Connector]
+    """All connectors."""
     edges: tuple[Edge, ...]
+    """All connections."""
     units: Mapping[str, BaseUnit] = field(default_factory=dict)
+    """Units that the document defines."""
     shapes: Mapping[Node, tuple[int, ...]] = field(default_factory=dict)
+    """Sizes of the arrays before they were split into elements; () for a scalar."""
 
 
 def read_structure(root: etree._Element, units: Mapping[str, BaseUnit], where: str) -> Structure:
-    """Return all elements of a document.
-
-    Parameters
-    ----------
-    root : lxml element
-        The valid SystemStructureDescription.
-    units : mapping of str to BaseUnit
-        The units that it defines.
-    where : str
-        Name of the file, for messages.
-
-    Raises
-    ------
-    SystemFileError
-        If the document contains unsupported elements.
-    """
+    """Return all elements of a document."""
     outermost = root.find("ssd:System", SPACES)
     assert outermost is not None  # the document is valid
     systems: dict[Path, etree._Element] = {}
@@ -172,13 +129,7 @@ def _connector(element: etree._Element, units: Mapping[str, BaseUnit], where: st
 
 
 def read_shape(element: etree._Element, where: str) -> tuple[int | None, ...]:
-    """Return the sizes of a connector or parameter of SSP 2.0; None stands for one that is not stated.
-
-    Raises
-    ------
-    SystemFileError
-        If a dimension states its size twice.
-    """
+    """Return the sizes of a connector or parameter of SSP 2.0; None stands for one that is not stated."""
     sizes = []
     for dimension in element.iterfind(DIMENSION):
         size = dimension.get("size")

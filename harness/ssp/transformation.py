@@ -21,13 +21,7 @@ class Linear:
     offset: float = 0.0
 
     def __call__(self, value: StartValue, where: str) -> StartValue:
-        """Return the transformed value.
-
-        Raises
-        ------
-        StartValueError
-            If the value is not a number.
-        """
+        """Return the transformed value."""
         if self == Linear():
             return value
         if isinstance(value, (bool, str)):
@@ -44,13 +38,7 @@ class Table:
     entries: Mapping[StartValue, StartValue]
 
     def __call__(self, value: StartValue, where: str) -> StartValue:
-        """Return the target of the value.
-
-        Raises
-        ------
-        StartValueError
-            If the table does not contain the value.
-        """
+        """Return the target of the value."""
         for source, target in self.entries.items():
             if type(source) is type(value) and source == value:
                 return target

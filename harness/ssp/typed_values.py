@@ -27,13 +27,7 @@ _NEW: Final = tuple(kind for kind in TYPES if kind != "Boolean")
 def read_values(
     element: etree._Element, units: Mapping[str, BaseUnit], where: str
 ) -> tuple[tuple[int, ...], list[Parameter]]:
-    """Return the shape of an element Parameter and its values in row-major order.
-
-    Raises
-    ------
-    SystemFileError
-        If the values are binary, do not fit the shape, or are too large for their type.
-    """
+    """Return the shape of an element Parameter and its values in row-major order."""
     typed = element[0]
     kind, description = etree.QName(typed).localname, element.get("description", "")
     if kind == "Binary":
@@ -61,15 +55,7 @@ def read_values(
 def write_values(
     element: etree._Element, name: str, shape: Sequence[int], values: Sequence[Parameter], units: dict[str, BaseUnit]
 ) -> None:
-    """Append the typed values and the dimensions, and add the unit to ``units``.
-
-    Raises
-    ------
-    SystemFileError
-        If a value does not have its type, or the elements of an array have several types or units.
-    UnitError
-        If the unit has two meanings.
-    """
+    """Append the typed values and the dimensions, and add the unit to ``units``."""
     kinds = {(_kind(parameter), parameter.unit, known_unit(parameter.unit, parameter.base)) for parameter in values}
     if len(kinds) > 1:
         raise SystemFileError(f"the elements of the array '{name}' have several types or units: give all the same")

@@ -13,13 +13,7 @@ from harness.units import BASE_SYMBOLS, LONGEST_UNIT, BaseUnit, conversion, pars
 
 
 def read_units(root: etree._Element, tag: str) -> dict[str, BaseUnit]:
-    """Return the units that a document defines in its element ``tag`` (``ssd:Units`` or ``ssv:Units``), by name.
-
-    Raises
-    ------
-    UnitError
-        If the numbers of a unit are invalid.
-    """
+    """Return the units that a document defines in its element ``tag`` (``ssd:Units`` or ``ssv:Units``), by name."""
     units = {}
     for unit in root.iterfind(f"{tag}/ssc:Unit", SPACES):
         base = unit.find("ssc:BaseUnit", SPACES)
@@ -54,13 +48,7 @@ def known_unit(name: str | None, base: BaseUnit | None) -> BaseUnit | None:
 
 
 def converted(source: BaseUnit, target: BaseUnit, where: str) -> tuple[float, float]:
-    """Return factor and offset that convert a number from one unit to another.
-
-    Raises
-    ------
-    UnitError
-        If the units measure different quantities.
-    """
+    """Return factor and offset that convert a number from one unit to another."""
     numbers = conversion(source, target)
     if numbers is None:
         raise UnitError(
@@ -71,42 +59,18 @@ def converted(source: BaseUnit, target: BaseUnit, where: str) -> tuple[float, fl
 
 @dataclass(frozen=True)
 class Signal:
-    """A value along a chain of connections: gain * (source value in the current unit) + offset.
-
-    Parameters
-    ----------
-    source : BaseUnit or None
-        The first known unit of the chain.
-    unit : BaseUnit or None
-        The current unit.
-    gain, offset : float
-        Transformation by the connections so far, without unit conversion.
-    """
+    """A value along a chain of connections: gain * (source value in the current unit) + offset."""
 
     source: BaseUnit | None
+    """The first known unit of the chain."""
     unit: BaseUnit | None
+    """The current unit."""
     gain: float = 1.0
+    """Transformation by the connections so far, without unit conversion."""
     offset: float = 0.0
 
     def passed(self, unit: BaseUnit | None, factor: float, offset: float, suppress: bool, where: str) -> Signal:
-        """Return the signal after a connection: first converted, then transformed, as SSP 1.0 requires.
-
-        Parameters
-        ----------
-        unit : BaseUnit or None
-            Unit of the target connector.
-        factor, offset : float
-            Linear transformation of the connection.
-        suppress : bool
-            Whether unit conversion is suppressed.
-        where : str
-            Name of the connection, for messages.
-
-        Raises
-        ------
-        UnitError
-            If the units measure different quantities.
-        """
+        """Return the signal after a connection: first converted, then transformed, as SSP 1.0 requires."""
         gain, rest = self.gain, self.offset
         if self.unit is not None and unit is not None:
             k, c = converted(self.unit, unit, where)

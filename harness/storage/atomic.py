@@ -21,18 +21,7 @@ FULL: Final = frozenset(
 
 
 def make_folder(path: Path) -> None:
-    """Make a folder, and those above it, unless it exists.
-
-    Parameters
-    ----------
-    path : Path
-        The folder.
-
-    Raises
-    ------
-    OutputError
-        If it cannot be made.
-    """
+    """Make a folder, and those above it, unless it exists."""
     try:
         path.mkdir(parents=True, exist_ok=True)
     except OSError as error:

@@ -15,13 +15,7 @@ from harness.storage.atomic import atomic_path
 
 
 def keep(path: Path, content: bytes) -> None:
-    """Write a file and its hash; create the folder if needed.
-
-    Raises
-    ------
-    OutputError, OSError
-        If the file cannot be written.
-    """
+    """Write a file and its hash; create the folder if needed."""
     path.parent.mkdir(parents=True, exist_ok=True)
     for target, data in ((_beside(path), _hash(content)), (path, content)):  # a file that exists has its hash
         with atomic_path(target) as temporary:

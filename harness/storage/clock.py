@@ -7,13 +7,7 @@ from harness.errors import BuildError
 
 
 def stamped() -> str | None:
-    """Return the time of ``SOURCE_DATE_EPOCH`` in the format of FMI; None if it is not set.
-
-    Raises
-    ------
-    BuildError
-        If it is not a number of seconds.
-    """
+    """Return the time of ``SOURCE_DATE_EPOCH`` in the format of FMI; None if it is not set."""
     epoch = os.environ.get("SOURCE_DATE_EPOCH")
     if not epoch:
         return None

@@ -17,20 +17,7 @@ LARGEST_DATA: Final = 1 << 30
 
 
 def require_regular(path: Path, largest: int | None = None) -> None:
-    """Raise an OSError unless the path is a regular file of at most the given size.
-
-    Parameters
-    ----------
-    path : Path
-        The file.
-    largest : int or None
-        Largest size [bytes]; None for any size.
-
-    Raises
-    ------
-    OSError
-        If the file does not exist, is not a regular file (a device, a pipe), or is too large; ``strerror`` says which.
-    """
+    """Raise an OSError unless the path is a regular file of at most the given size."""
     try:
         found = path.stat()
     except ValueError as error:  # a NUL in the name
@@ -54,28 +41,12 @@ def read_regular(path: Path, largest: int = LARGEST_TEXT) -> bytes:
 
 
 def read_source(path: Path) -> str:
-    """Return the text of a UTF-8 file with line ends converted to ``\\n``.
-
-    Raises
-    ------
-    OSError
-        See `read_regular`.
-    ValueError
-        If the file is not UTF-8 text.
-    """
+    """Return the text of a UTF-8 file with line ends converted to ``\\n``."""
     return read_regular(path).decode("utf-8").replace("\r\n", "\n")
 
 
 def read_csv(path: Path) -> list[list[str]]:
-    """Return the non-empty rows of a CSV file in UTF-8.
-
-    Raises
-    ------
-    OSError
-        See `read_regular`.
-    ValueError
-        If the file is not text or not CSV.
-    """
+    """Return the non-empty rows of a CSV file in UTF-8."""
     text = read_regular(path, LARGEST_DATA).decode("utf-8-sig")
     try:
         return [line for line in csv.reader(io.StringIO(text, newline="")) if line]

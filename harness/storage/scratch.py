@@ -19,13 +19,7 @@ _OWNER: Final = ".owner"
 
 
 class ScratchFolder(tempfile.TemporaryDirectory[str]):
-    """A temporary folder with a file that its process keeps locked; the lock ends with the process.
-
-    Parameters
-    ----------
-    prefix : str
-        Beginning of the folder's name; it begins with one of `PREFIXES`.
-    """
+    """A temporary folder with a file that its process keeps locked; the lock ends with the process."""
 
     def __init__(self, prefix: str) -> None:
         """Remove folders of killed processes, and make the folder."""
@@ -77,13 +71,7 @@ else:
 
     @contextmanager
     def _abandoned(folder: Path) -> Iterator[None]:
-        """Hold the lock of a folder.
-
-        Raises
-        ------
-        OSError
-            If its process is alive, or the folder is not a folder of this class.
-        """
+        """Hold the lock of a folder."""
         if folder.lstat().st_uid != os.getuid():
             raise PermissionError(folder)
         handle = os.open(folder / _OWNER, os.O_RDWR | os.O_NOFOLLOW)

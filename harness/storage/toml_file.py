@@ -22,26 +22,7 @@ _LONG_KEY = re.compile(rf"(?<![A-Za-z0-9_-]){_PART}(?:[ \t]*+\.[ \t]*+{_PART}){{
 
 
 def read_toml(path: Path) -> dict[str, Any]:
-    """Read a TOML file.
-
-    Parameters
-    ----------
-    path : Path
-        The file.
-
-    Returns
-    -------
-    dict
-        The tables. Integers fit into 64 bits, keys have no control characters, texts have at most `LONGEST` characters
-        and no NUL, and nothing is nested deeper than `DEEPEST`.
-
-    Raises
-    ------
-    OSError
-        If the file cannot be read, see `read_regular`.
-    ValueError
-        If the file is not TOML or exceeds one of these limits.
-    """
+    """Read a TOML file."""
     content = read_regular(path).decode("utf-8").replace("\r\n", "\n")  # like tomllib.load
     long = _LONG_KEY.search(content)
     if long is not None:

@@ -51,22 +51,7 @@ def find_absence(path: Path) -> str | None:
 
 
 def open_zip(source: Path | IO[bytes], size: int | None = None) -> zipfile.ZipFile:
-    """Open an archive after checking that it is safe to unpack.
-
-    Parameters
-    ----------
-    source : Path or binary file
-        The archive.
-    size : int or None
-        Size of the outer file if the archive is a member of another one [bytes].
-
-    Raises
-    ------
-    ZipError
-        If the archive is damaged or spans several files, or if `find_danger` finds a problem.
-    OSError
-        If the file cannot be read.
-    """
+    """Open an archive after checking that it is safe to unpack."""
     archive = _opened(source)
     danger = find_danger(archive.infolist(), size_of(archive) if size is None else size)
     if danger is not None:
@@ -76,29 +61,13 @@ def open_zip(source: Path | IO[bytes], size: int | None = None) -> zipfile.ZipFi
 
 
 def list_zip(source: Path | IO[bytes]) -> tuple[list[zipfile.ZipInfo], int]:
-    """Return the members of an archive without safety checks, and the size of its file.
-
-    Raises
-    ------
-    ZipError
-        If the archive is damaged or spans several files.
-    OSError
-        If the file cannot be read.
-    """
+    """Return the members of an archive without safety checks, and the size of its file."""
     with _opened(source) as archive:
         return archive.infolist(), size_of(archive)
 
 
 def read_zip(archive: zipfile.ZipFile, member: str) -> bytes:
-    """Return the content of a member.
-
-    Raises
-    ------
-    KeyError
-        If the member does not exist.
-    ZipError
-        If the member is damaged.
-    """
+    """Return the content of a member."""
     entry = archive.getinfo(member)
     try:
         return archive.read(entry)
@@ -107,24 +76,7 @@ def read_zip(archive: zipfile.ZipFile, member: str) -> bytes:
 
 
 def unpack_zip(archive: zipfile.ZipFile, folder: Path, without: tuple[str, ...] = ()) -> None:
-    """Unpack all members below a folder.
-
-    Parameters
-    ----------
-    archive : ZipFile
-        The archive.
-    folder : Path
-        The folder.
-    without : tuple of str
-        Beginnings of the names of members that are not needed.
-
-    Raises
-    ------
-    ZipError
-        If a member is damaged.
-    OSError
-        If the files cannot be written.
-    """
+    """Unpack all members below a folder."""
     for entry in archive.infolist():
         if entry.filename.startswith(without):
             continue
@@ -143,15 +95,7 @@ def size_of(archive: zipfile.ZipFile) -> int:
 
 
 def find_danger(entries: Sequence[zipfile.ZipInfo], size: int) -> str | None:
-    """Return why an archive is unsafe to unpack, as the end of a sentence, or None.
-
-    Parameters
-    ----------
-    entries : sequence of ZipInfo
-        Members of the archive.
-    size : int
-        Size of its file [bytes].
-    """
+    """Return why an archive is unsafe to unpack, as the end of a sentence, or None."""
     return next(_dangers(entries, size), None)
 
 
@@ -215,13 +159,7 @@ def find_twice(names: Iterable[str]) -> str | None:
 
 
 def find_clashes(members: Iterable[tuple[str, bool]]) -> list[str]:
-    """Return the paths that are both a file and a folder.
-
-    Parameters
-    ----------
-    members : iterable of tuple of str and bool
-        Path from `normal_name`, and whether it is a folder.
-    """
+    """Return the paths that are both a file and a folder."""
     # "\0" sorts before all characters of names, so the content of a folder follows directly after a file of that name
     keys = sorted((name.replace("/", "\0"), folder) for name, folder in members)
     clashes = [""] if ("", False) in keys else []
@@ -237,13 +175,7 @@ def unpacked_size(entries: Iterable[zipfile.ZipInfo]) -> int:
 
 
 def is_bomb(unpacked: int, size: int) -> bool:
-    """Return whether an archive unpacks to far more than its file size; its declared packed sizes may be false.
-
-    Parameters
-    ----------
-    unpacked, size : int
-        Unpacked size of all members, and size of the file [bytes].
-    """
+    """Return whether an archive unpacks to far more than its file size; its declared packed sizes may be false."""
     return unpacked > max(LARGEST, RATIO * size)
 
 
@@ -278,15 +210,7 @@ def _reason(error: Exception) -> str:
 
 
 def zipped(members: Mapping[str, bytes], made: str) -> bytes:
-    """Return an FMU: sorted members of one time and one mode, so that equal contents give equal bytes.
-
-    Parameters
-    ----------
-    members : mapping of str to bytes
-        Contents by path.
-    made : str
-        Time of all members, as "2026-11-20T00:00:00Z".
-    """
+    """Return an FMU: sorted members of one time and one mode, so that equal contents give equal bytes."""
     content = io.BytesIO()
     moment = max(tuple(int(part) for part in re.findall(r"\d+", made))[:6], (1980, 1, 1, 0, 0, 0))  # ZIP begins in 1980
     with zipfile.ZipFile(content, "w", zipfile.ZIP_DEFLATED) as archive:

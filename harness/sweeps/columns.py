@@ -33,13 +33,6 @@ class Storage(Protocol):
 class Columns:
     """The columns of the table; the first run that is measured says which measures there are.
 
-    Parameters
-    ----------
-    parameters : mapping of str to PortType
-        The swept names.
-    units : mapping of str to str
-        Their units, where there are any.
-
     Attributes
     ----------
     measures : list of str or None
@@ -53,13 +46,7 @@ class Columns:
         self.measures: list[str] | None = None
 
     def begin(self, outcomes: Sequence[Outcome]) -> bool:
-        """Return whether the measures become known with these outcomes.
-
-        Raises
-        ------
-        SweepError
-            If a measure has the name of another column.
-        """
+        """Return whether the measures become known with these outcomes."""
         first = next((list(outcome.measures) for outcome in outcomes if outcome.measures), None)
         if self.measures is not None or first is None:
             return False
@@ -72,15 +59,7 @@ class Columns:
     def values(
         self, outcomes: Sequence[Outcome], samples: Sequence[Sample]
     ) -> dict[str, tuple[PortType, list[int | float | bool | str | None]]]:
-        """Return type and values of each column; a run whose measures have other names than earlier ones gets an error.
-
-        Parameters
-        ----------
-        outcomes : sequence of Outcome
-            The runs.
-        samples : sequence of mapping
-            The parameter sets of the whole sweep.
-        """
+        """Return type and values of each column; a run with other measures than earlier ones gets an error."""
         for outcome in outcomes:
             if outcome.measures and outcome.measures.keys() != set(self.measures or ()):
                 outcome.error = (
@@ -106,13 +85,7 @@ class Columns:
 
 
 class Memory:
-    """The outcomes of a sweep without a folder.
-
-    Parameters
-    ----------
-    columns : Columns
-        Those of its table.
-    """
+    """The outcomes of a sweep without a folder."""
 
     def __init__(self, columns: Columns) -> None:
         """Begin without outcomes."""

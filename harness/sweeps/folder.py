@@ -43,30 +43,10 @@ _FORMAT: Final = pds.ParquetFileFormat(
 class SweepFolder:
     """A sweep on disk.
 
-    Parameters
-    ----------
-    path : Path
-        The folder, see `sole_writer`.
-    description : mapping
-        The sweep as JSON; a folder with another description is rejected.
-    parameters : mapping of str to PortType
-        Types of the swept names.
-    units : mapping of str to str
-        Units of the swept names, if any.
-    kept : mapping of str to PortType
-        Types of the stored trajectories.
-
     Attributes
     ----------
     done : set of int
         Numbers of the completed runs.
-
-    Raises
-    ------
-    SweepError
-        If the folder contains another sweep or other files.
-    OutputError
-        If the folder cannot be written.
     """
 
     def __init__(
@@ -107,15 +87,7 @@ class SweepFolder:
         self.done = self._runs_done(int(description["runs"]))
 
     def add(self, outcomes: Sequence[Outcome], samples: Sequence[Sample]) -> None:
-        """Write the outcomes of some runs to one file, completely or not at all.
-
-        Parameters
-        ----------
-        outcomes : sequence of Outcome
-            Outcomes of the runs; one whose measures have other names than before becomes an error.
-        samples : sequence of mapping
-            The parameter sets of the whole sweep.
-        """
+        """Write the outcomes of some runs to one file, completely or not at all."""
         if not outcomes:
             return
         if self._columns.begin(outcomes):
@@ -196,13 +168,7 @@ def _damage(path: Path, why: str) -> str:
 
 
 def read_manifest(path: Path) -> dict[str, Any]:
-    """Return the description of the sweep in a folder.
-
-    Raises
-    ------
-    SweepError
-        If the folder contains no sweep.
-    """
+    """Return the description of the sweep in a folder."""
     try:
         content = json.loads((path / MANIFEST).read_text(encoding="utf-8"))
     except (OSError, ValueError, RecursionError) as error:
@@ -288,15 +254,7 @@ def _array(values: NDArray[Any], kind: PortType) -> Any:
 
 @contextmanager
 def sole_writer(path: Path) -> Iterator[None]:
-    """Make a folder and lock it against other processes; the lock ends with the process.
-
-    Raises
-    ------
-    SweepError
-        If another process has locked the folder.
-    OutputError
-        If the folder cannot be made.
-    """
+    """Make a folder and lock it against other processes; the lock ends with the process."""
     make_folder(path)
     try:
         import fcntl

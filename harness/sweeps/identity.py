@@ -15,22 +15,7 @@ from harness.system.system import System
 
 
 def description(system: System, job: Job, samples: Sequence[Sample]) -> dict[str, Any]:
-    """Return a description of a sweep as JSON, with hashes of its large elements.
-
-    Parameters
-    ----------
-    system : System
-        The system.
-    job : Job
-        Settings and measures of the runs.
-    samples : sequence of mapping
-        All parameter sets.
-
-    Returns
-    -------
-    dict
-        The description; equal sweeps have equal descriptions, independent of the paths of their files.
-    """
+    """Return a description of a sweep as JSON, with hashes of its large elements."""
     content = {
         "parts": {name: part_identity(part) for name, part in system.parts.items()},
         "wires": sorted(repr(wire) for wire in system.wires),

@@ -31,18 +31,12 @@ _PATTERN = re.compile(r"\s*(?P<kind>\w+)\((?P<name>.+)\)\s*")
 
 @dataclass(frozen=True)
 class Builtin:
-    """A built-in measure of one variable, for example ``rms(pid.u)``.
-
-    Parameters
-    ----------
-    kind : str
-        Key of `KINDS`.
-    name : str
-        ``part.port``.
-    """
+    """A built-in measure of one variable, for example ``rms(pid.u)``."""
 
     kind: str
+    """Key of `KINDS`."""
     name: str
+    """``part.port``."""
 
     def __str__(self) -> str:
         """Return the heading of the column."""
@@ -58,27 +52,7 @@ class Builtin:
 
 
 def find_measures(measure: str | Measure | Iterable[str | Measure], parts: Mapping[str, Part]) -> tuple[Measure, ...]:
-    """Return the requested measures.
-
-    Parameters
-    ----------
-    measure : str, callable, or several of them
-        ``kind(part.port)``, where ``*`` and ``?`` match outputs, or a function of the result of a run.
-    parts : mapping of str to Part
-        The parts of the system.
-
-    Returns
-    -------
-    tuple of callable
-        One for each function and for each variable of a built-in measure.
-
-    Raises
-    ------
-    SweepError
-        If a text does not have this form.
-    UnknownNameError
-        If a measure or variable does not exist.
-    """
+    """Return the requested measures."""
     wanted = [measure] if isinstance(measure, str) or callable(measure) else list(measure)
     found: dict[Measure, None] = {}
     for one in wanted:

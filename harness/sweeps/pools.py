@@ -80,13 +80,7 @@ class SerialPool:
 
 
 class ThreadPool:
-    """Threads of this process, each with its own system.
-
-    Parameters
-    ----------
-    workers : int
-        Number of threads.
-    """
+    """Threads of this process, each with its own system."""
 
     losses: tuple[type[BaseException], ...] = ()
 
@@ -112,13 +106,7 @@ class ThreadPool:
 
 
 class ProcessPool:
-    """Processes on this machine, each with its own executor, so that a process that dies does not affect the others.
-
-    Parameters
-    ----------
-    workers : int
-        Number of processes.
-    """
+    """Processes on this machine, each with its own executor, so that a process that dies does not affect the others."""
 
     losses: tuple[type[BaseException], ...] = (BrokenExecutor,)
 
@@ -206,13 +194,7 @@ class _Slot:
 
 
 def _new_slot(context: BaseContext, scratch: str) -> _Slot:
-    """Start a worker process, with a new fork server if the old one has been killed.
-
-    Raises
-    ------
-    SweepError
-        If no process starts.
-    """
+    """Start a worker process, with a new fork server if the old one has been killed."""
     reason = ""
     for pause in _PAUSES:
         sleep(pause)
@@ -226,13 +208,7 @@ def _new_slot(context: BaseContext, scratch: str) -> _Slot:
 
 
 class DaskPool:
-    """The workers of a dask cluster.
-
-    Parameters
-    ----------
-    client : distributed.Client
-        Client connected to the scheduler.
-    """
+    """The workers of a dask cluster."""
 
     def __init__(self, client: Any) -> None:
         """Keep the client, which stays open afterwards."""
@@ -283,13 +259,7 @@ class DaskPool:
 
 
 def make_pool(executor: Any, workers: int | None) -> Pool:
-    """Return the requested pool.
-
-    Raises
-    ------
-    SweepError
-        If the executor is unknown or the number of workers is less than 1.
-    """
+    """Return the requested pool."""
     if workers is not None and workers < 1:
         raise SweepError(f"the number of workers is {workers}: give 1 or more")
     if executor == "serial":

@@ -19,13 +19,6 @@ class Queue:
     A chunk takes about 0.5 s or 2 % of the sweep's duration so far, and at most 10 s. This limits the work lost if the
     sweep is killed, and also the number of files. Towards the end, chunks become smaller, so that all workers finish at
     about the same time.
-
-    Parameters
-    ----------
-    runs : iterable of int
-        Numbers of the runs.
-    most : int
-        Largest number of runs in a chunk.
     """
 
     def __init__(self, runs: Iterable[int], most: int) -> None:
@@ -59,13 +52,7 @@ class Queue:
             self._seconds = max(1e-6, sum(outcome.wall_time for outcome in outcomes) / len(outcomes))
 
     def give_back(self, chunk: Sequence[int]) -> list[Outcome]:
-        """Return a chunk whose worker died to the queue, in halves, to isolate the run that killed it.
-
-        Returns
-        -------
-        list of Outcome
-            The failed outcome of a single run whose workers have died too often.
-        """
+        """Return a chunk whose worker died to the queue, in halves, to isolate the run that killed it."""
         if len(chunk) > 1:
             half = len(chunk) // 2
             self._again += [list(chunk[:half]), list(chunk[half:])]

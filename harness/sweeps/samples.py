@@ -33,13 +33,7 @@ MOST_RUNS: Final = 10_000_000
 
 
 def check_runs(count: int) -> None:
-    """Raise an error for more runs than a sweep can have.
-
-    Raises
-    ------
-    SweepError
-        If there are more than `MOST_RUNS`.
-    """
+    """Raise an error for more runs than a sweep can have."""
     if count > MOST_RUNS:
         raise SweepError(
             f"the sweep would have {count} runs; the limit is {MOST_RUNS}: use fewer parameters or fewer values"
@@ -139,13 +133,7 @@ def sobol(bounds: Bounds, n: int, seed: int, *, log: Collection[str] = ()) -> li
 
 
 def read_csv_samples(path: Path) -> list[dict[str, StartValue]]:
-    """Read parameter sets from a table: a row of names, then one set per row; an empty cell keeps the default.
-
-    Raises
-    ------
-    SweepError
-        If the file is not such a table.
-    """
+    """Read parameter sets from a table: a row of names, then one set per row; an empty cell keeps the default."""
     try:
         lines = read_csv(path)
     except (OSError, ValueError) as error:
@@ -197,13 +185,7 @@ def read_samples(paths: Iterable[Path]) -> list[WithUnits]:
 
 
 def checked_samples(samples: Iterable[Given], system: System) -> list[dict[str, StartValue]]:
-    """Return parameter sets with plain Python values, in the units of the system.
-
-    Raises
-    ------
-    SweepError
-        If there are none, or a value is not a number, a Boolean or a text.
-    """
+    """Return parameter sets with plain Python values, in the units of the system."""
     plain = [
         {str(name): _swept(value, str(name)) for name, value in _in_units(sample, system).items()} for sample in samples
     ]
@@ -213,13 +195,7 @@ def checked_samples(samples: Iterable[Given], system: System) -> list[dict[str, 
 
 
 def column_types(samples: Sequence[Sample]) -> dict[str, PortType]:
-    """Return the type of each swept name over all parameter sets, in order of appearance.
-
-    Raises
-    ------
-    SweepError
-        If the values of a name have incompatible types.
-    """
+    """Return the type of each swept name over all parameter sets, in order of appearance."""
     kinds: dict[str, set[type]] = {}
     for sample in samples:
         for name, value in sample.items():

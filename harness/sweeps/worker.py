@@ -36,65 +36,41 @@ _LOG = logging.getLogger("harness")
 
 @dataclass(frozen=True)
 class Job:
-    """Data common to all runs of a sweep.
-
-    Parameters
-    ----------
-    key : str
-        Identifies the sweep; workers keep a system for each.
-    open : callable
-        Returns a system for exclusive use.
-    experiment : Experiment
-        Settings of each run, with full names of the recorded variables.
-    measures : tuple of callable
-        Functions of the result of a run.
-    keep : tuple of str
-        Variables whose trajectories are returned.
-    accuracy : bool
-        Whether each measure gets an error bound.
-    """
+    """Data common to all runs of a sweep."""
 
     key: str
+    """Identifies the sweep; workers keep a system for each."""
     open: Callable[[], System]
+    """Returns a system for exclusive use."""
     experiment: Experiment
+    """Settings of each run, with full names of the recorded variables."""
     measures: tuple[Measure, ...]
+    """Functions of the result of a run."""
     keep: tuple[str, ...] = ()
+    """Variables whose trajectories are returned."""
     accuracy: bool = False
+    """Whether each measure gets an error bound."""
 
 
 @dataclass
 class Outcome:
-    """Outcome of a run.
-
-    Attributes
-    ----------
-    run : int
-        Number of the run.
-    wall_time : float
-        Duration of the run [s].
-    measures : dict of str to float
-        Values of the measures; empty if the run failed.
-    error, warnings : str or None
-        Error of the run, and logged warnings.
-    kept : xarray.Dataset or None
-        Stored trajectories.
-    """
+    """Outcome of a run."""
 
     run: int
+    """Number of the run."""
     wall_time: float = 0.0
+    """Duration of the run [s]."""
     measures: dict[str, float] = field(default_factory=dict)
+    """Values of the measures; empty if the run failed."""
     error: str | None = None
+    """Error of the run, and logged warnings."""
     warnings: str | None = None
     kept: Result | None = None
+    """Stored trajectories."""
 
 
 class Runner:
     """The system of one worker.
-
-    Parameters
-    ----------
-    job : Job
-        The sweep.
 
     Attributes
     ----------
@@ -248,24 +224,7 @@ def run_chunk(
     stopped: Callable[[], bool] = lambda: False,
     idle: float | None = None,
 ) -> list[Outcome]:
-    """Execute some runs of a sweep with the system of this thread.
-
-    Parameters
-    ----------
-    job : Job
-        The sweep.
-    runs : sequence of (int, mapping)
-        Number and values of each run.
-    stopped : callable
-        Called before every run; the remaining runs are skipped if it returns True or the sweep has ended.
-    idle : float or None
-        Time without a chunk after which the system is closed, as the process of the sweep may have been killed [s].
-
-    Returns
-    -------
-    list of Outcome
-        Outcomes of the executed runs.
-    """
+    """Execute some runs of a sweep with the system of this thread."""
     key = (job.key, threading.get_ident())
     outcomes: list[Outcome] = []
     while job.key not in _ended:

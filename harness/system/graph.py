@@ -19,20 +19,7 @@ Edges = Mapping[Node, Sequence[tuple[Node, Wire]]]
 
 
 def direct_edges(parts: Mapping[str, Part], wires: Iterable[Wire]) -> dict[Node, list[tuple[Node, Wire]]]:
-    """Return for each output the outputs on which it depends directly, with the connection in between.
-
-    Parameters
-    ----------
-    parts : mapping of str to Part
-        All parts by name.
-    wires : iterable of Wire
-        The connections to consider.
-
-    Returns
-    -------
-    dict
-        List of ((part, output), connection) for each (part, output).
-    """
+    """Return for each output the outputs on which it depends directly, with the connection in between."""
     drivers: dict[Node, tuple[Node, Wire]] = {wire.ends[1]: (wire.ends[0], wire) for wire in wires}
     return {
         (name, output.name): [
@@ -82,23 +69,7 @@ def instantaneous(parts: Mapping[str, Part], wires: Iterable[Wire]) -> list[Wire
 
 
 def check_loops(parts: Mapping[str, Part], wires: Sequence[Wire], *, implicit: bool) -> None:
-    """Raise an error if there is an algebraic loop that the master cannot solve.
-
-    Parameters
-    ----------
-    parts : mapping of str to Part
-        All parts by name.
-    wires : sequence of Wire
-        All connections.
-    implicit : bool
-        Whether the master solves loops of Real connections between continuous parts that are stepped in every
-        communication step.
-
-    Raises
-    ------
-    AlgebraicLoopError
-        If there is such a loop; the message lists its variables in signal direction.
-    """
+    """Raise an error if there is an algebraic loop that the master cannot solve."""
     closing = instantaneous(parts, wires)
     if implicit:
         closing = [wire for wire in closing if not _solved(parts, wire)]

@@ -24,39 +24,21 @@ _TOLERANCE = 1e-10
 
 @dataclass(frozen=True)
 class StartOrder:
-    """How start values spread through the connections.
-
-    Parameters
-    ----------
-    order : tuple of int
-        The parts in the order in which values spread.
-    roots : tuple of int
-        Outputs whose values the algebraic loops determine, as indices of signals.
-    is_loop, is_late_loop : bool
-        Whether there is an algebraic loop; whether there is one through a sampled part or a delay.
-    loop : str
-        The connections of the algebraic loops.
-    """
+    """How start values spread through the connections."""
 
     order: tuple[int, ...]
+    """The parts in the order in which values spread."""
     roots: tuple[int, ...]
+    """Outputs whose values the algebraic loops determine, as indices of signals."""
     is_loop: bool
+    """Whether there is an algebraic loop; whether there is one through a sampled part or a delay."""
     is_late_loop: bool
     loop: str
+    """The connections of the algebraic loops."""
 
 
 def start_order(plan: Plan, parts: Mapping[str, Part], wires: Sequence[Wire]) -> StartOrder:
-    """Return how start values spread through these parts, which the plan contains.
-
-    Parameters
-    ----------
-    plan : Plan
-        The plan.
-    parts : mapping of str to Part
-        The parts by name.
-    wires : sequence of Wire
-        The connections between them.
-    """
+    """Return how start values spread through these parts, which the plan contains."""
     wires = [wire for wire in wires if wire.initial is None]
     closing = instantaneous(parts, wires)
     place = {part.name: index for index, part in enumerate(plan.parts)}
@@ -77,21 +59,7 @@ def start_order(plan: Plan, parts: Mapping[str, Part], wires: Sequence[Wire]) ->
 
 
 class Initialisation:
-    """The start of the runs of a plan.
-
-    Parameters
-    ----------
-    plan : Plan
-        What is started.
-    system : Assembly
-        The system.
-    experiment : Experiment
-        Settings of the run.
-    guard : Guard
-        Watches the parts.
-    open_end : bool
-        Whether the run may be continued later; the parts are then not told its stop time.
-    """
+    """The start of the runs of a plan."""
 
     def __init__(self, plan: Plan, system: Assembly, experiment: Experiment, guard: Guard, *, open_end: bool) -> None:
         """Find the order in which values spread, and the loops."""
@@ -108,16 +76,6 @@ class Initialisation:
         """Initialise all parts at the start time; the start values then stand in the signals of the plan.
 
         A part that begins the run with the instance of an earlier run of this plan keeps its calls.
-
-        Parameters
-        ----------
-        values : mapping of str to value
-            Start values by "part.port".
-
-        Raises
-        ------
-        HarnessError
-            If a part cannot be started or an algebraic loop has no solution.
         """
         plan, guard = self._plan, self._guard
         earlier, plan.calls[:] = [*plan.calls], []

@@ -17,27 +17,7 @@ from harness.system.wire import find_part, split_name, wire_map
 
 
 def recorded_names(parts: Mapping[str, Part], patterns: Iterable[str], context: str = "record") -> list[str]:
-    """Return the names of the variables that match patterns.
-
-    Parameters
-    ----------
-    parts : mapping of str to Part
-        All parts by name.
-    patterns : iterable of str
-        Full names ``part.port`` of any readable variables, or patterns with ``*`` and ``?`` for outputs.
-    context : str
-        Where the patterns come from, for messages.
-
-    Returns
-    -------
-    list of str
-        Each name once, in the order of the patterns, then of parts and ports.
-
-    Raises
-    ------
-    UnknownNameError
-        If a pattern matches nothing.
-    """
+    """Return the names of the variables that match patterns."""
     outputs = [f"{name}.{port.name}" for name, part in parts.items() for port in part.outputs]
     found: dict[str, None] = {}
     for pattern in patterns:
@@ -53,13 +33,7 @@ def recorded_names(parts: Mapping[str, Part], patterns: Iterable[str], context: 
 
 
 def find_port(parts: Mapping[str, Part], dotted: str, context: str) -> Port:
-    """Return a readable variable by its full name.
-
-    Raises
-    ------
-    UnknownNameError
-        If the variable does not exist.
-    """
+    """Return a readable variable by its full name."""
     part_name, port_name = split_name(dotted)
     part = find_part(parts, part_name, context)
     ports = {port.name: port for port in (*part.inputs, *part.outputs, *part.observables)}
@@ -71,22 +45,7 @@ def find_port(parts: Mapping[str, Part], dotted: str, context: str) -> Port:
 
 
 def make_plan(system: Assembly, experiment: Experiment, read: Sequence[str]) -> Plan:
-    """Return the plan of a run.
-
-    Parameters
-    ----------
-    system : Assembly
-        The checked system.
-    experiment : Experiment
-        Settings of the run.
-    read : sequence of str
-        Names of all recorded and tapped variables.
-
-    Returns
-    -------
-    Plan
-        The plan without operations and values, as the parts have not been started.
-    """
+    """Return the plan of a run."""
     parts = [system.parts[name] for name in _order(system, experiment)]
     drivers = {wire.target: wire.source for wire in system.wires}
     wanted = set(read) | set(drivers.values())

@@ -208,13 +208,7 @@ def _check_seed(manipulator: Manipulator, seed: object) -> None:
 
 
 def read_manipulator(table: Mapping[str, Any]) -> Manipulator:
-    """Return a manipulator from a table such as ``{"kind": "bias", "input": "pid.x", "value": 1e-3, "start": 0.5}``.
-
-    Raises
-    ------
-    ExperimentError
-        If a key is missing, unknown or of the wrong type.
-    """
+    """Return a manipulator from a table such as ``{"kind": "bias", "input": "pid.x", "value": 1e-3, "start": 0.5}``."""
     kind = table.get("kind")
     if not isinstance(kind, str) or kind not in _KINDS:
         remedy = nearest(kind if isinstance(kind, str) else "", _KINDS)

@@ -24,19 +24,13 @@ GET: Final = 2
 
 @dataclass(frozen=True)
 class MovingWire:
-    """A connection whose value varies during a step: between two continuous parts that are both stepped at every tick.
-
-    Parameters
-    ----------
-    input, output : int
-        Indices of the signals at its ends.
-    source, target : int
-        Indices of the parts at its ends.
-    """
+    """A connection whose value varies during a step: between two continuous parts that step at every tick."""
 
     input: int
+    """Indices of the signals at its ends."""
     output: int
     source: int
+    """Indices of the parts at its ends."""
     target: int
 
 
@@ -180,25 +174,17 @@ class Plan:
 
 @dataclass(frozen=True)
 class Schedule:
-    """What a master does at every tick.
-
-    Parameters
-    ----------
-    operations : tuple of (int, int)
-        Pairs (SET | STEP | GET, index of the part), executed in this order.
-    algorithm : callable or None
-        ``algorithm(engine)`` returns an `Algorithm` in C, which replaces the operations.
-    implicit : bool
-        Whether it solves loops, so that inputs get values from the end of the step.
-    lines : tuple of MovingWire
-        Connections whose values the operations pass as lines from the beginning to the end of the step, to FMUs that
-        interpolate inputs.
-    """
+    """What a master does at every tick."""
 
     operations: tuple[tuple[int, int], ...] = ()
+    """Pairs (SET | STEP | GET, index of the part), executed in this order."""
     algorithm: Callable[[Engine], Algorithm] | None = None
+    """``algorithm(engine)`` returns an `Algorithm` in C, which replaces the operations."""
     implicit: bool = False
+    """Whether it solves loops, so that inputs get values from the end of the step."""
     lines: tuple[MovingWire, ...] = ()
+    """Connections whose values the operations pass as lines from the beginning to the end of the step, to FMUs that
+    interpolate inputs."""
 
 
 def map_of(gain: float, offset: float, output: float) -> float:
@@ -212,15 +198,6 @@ class Program:
     """A fixed list of operations that Python executes in every communication step.
 
     The compiled engine executes the same list from the arrays of the plan, with bit-identical results.
-
-    Parameters
-    ----------
-    plan : Plan
-        The started plan.
-    operations : sequence of (int, int)
-        Sequence of (SET | STEP | GET, index of the part). SET first copies the driving outputs to the inputs.
-    manipulate : callable or None
-        ``manipulate(tick)`` sets the gains and offsets of the connections for a tick.
     """
 
     def __init__(
@@ -235,13 +212,7 @@ class Program:
         self._calls = [_call(plan, operation, part) for operation, part in operations]
 
     def __call__(self, tick: int) -> None:
-        """Advance from tick to tick + 1.
-
-        Raises
-        ------
-        PartError
-            If a part fails; the message states the time.
-        """
+        """Advance from tick to tick + 1."""
         time = self._start + tick * self._step
         if self._manipulate is not None:
             self._manipulate(tick)

@@ -61,13 +61,7 @@ class SystemDescription:
 
 
 def read_system(path: Path, resolve: Callable[[str], Path] | None) -> SystemDescription:
-    """Read a system file; see `System.from_toml`.
-
-    Raises
-    ------
-    SystemFileError
-        If the file cannot be read or has unknown keys.
-    """
+    """Read a system file; see `System.from_toml`."""
     try:
         document = read_toml(path)
     except OSError as error:

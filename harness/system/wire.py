@@ -56,13 +56,7 @@ class Wire:
 
 @lru_cache(maxsize=10_000)  # every run has the same few names
 def split_name(dotted: str) -> tuple[str, str]:
-    """Return part and port of ``"part.port"``.
-
-    Raises
-    ------
-    WireError
-        If the text has no dot.
-    """
+    """Return part and port of ``"part.port"``."""
     part, dot, port = dotted.partition(".")
     if not (part and dot and port):
         raise WireError(f"'{dotted}' does not name a port: write it as 'part.port'")
@@ -70,13 +64,7 @@ def split_name(dotted: str) -> tuple[str, str]:
 
 
 def parse_wire(text: str | tuple[str, str] | Wire) -> Wire:
-    """Return the connection for ``"a.y -> b.u"`` or the pair ``("a.y", "b.u")``.
-
-    Raises
-    ------
-    WireError
-        If the text has another form.
-    """
+    """Return the connection for ``"a.y -> b.u"`` or the pair ``("a.y", "b.u")``."""
     if isinstance(text, Wire):
         return text
     ends = text.split("->") if isinstance(text, str) else text
@@ -88,13 +76,7 @@ def parse_wire(text: str | tuple[str, str] | Wire) -> Wire:
 
 
 def check_wires(parts: Mapping[str, Part], wires: Sequence[Wire]) -> None:
-    """Check names, types and units of all connections, and that no input is driven twice.
-
-    Raises
-    ------
-    UnknownNameError, WireError, UnitError
-        At the first invalid connection.
-    """
+    """Check names, types and units of all connections, and that no input is driven twice."""
     driven: dict[str, Wire] = {}
     for wire in wires:
         source = _end(parts, wire, wire.source, "outputs")
@@ -111,13 +93,7 @@ def check_wires(parts: Mapping[str, Part], wires: Sequence[Wire]) -> None:
 
 
 def find_part(parts: Mapping[str, Part], name: str, context: str) -> Part:
-    """Return the part with this name.
-
-    Raises
-    ------
-    UnknownNameError
-        If the part does not exist; the message names the context and the most similar part.
-    """
+    """Return the part with this name."""
     if name not in parts:
         raise UnknownNameError(f"there is no part '{name}' (in {context}): {nearest(name, parts)}")
     return parts[name]
@@ -166,13 +142,7 @@ def _check_units(parts: Mapping[str, Part], wire: Wire, source: Port, target: Po
 
 
 def wire_map(wire: Wire, source: Port, target: Port) -> tuple[float, float]:
-    """Return gain and offset from the output to the input, including unit conversion.
-
-    Raises
-    ------
-    UnitError
-        If the units measure different quantities.
-    """
+    """Return gain and offset from the output to the input, including unit conversion."""
     factor, shift = _conversion(wire, source, target)
     return wire.gain * factor, wire.gain * shift + wire.offset
 
@@ -222,13 +192,6 @@ def stated_starts(parts: Iterable[Part], driven: Container[str]) -> dict[str, St
     """Return the start values that FMUs of this project state for inputs that nothing drives.
 
     Those of other FMUs are kept in every system, with a warning.
-
-    Parameters
-    ----------
-    parts : iterable of Part
-        The parts.
-    driven : container of str
-        Inputs with a connection or a start value, as "part.port".
     """
     inputs = (
         (f"{part.name}.{port.name}", port)

@@ -13,19 +13,7 @@ _NUMBERS: Final[Mapping[str, type]] = {"Real": float, "Integer": int, "Enumerati
 
 
 def described(root: etree._Element) -> dict[str, Any]:
-    """Return the content of ``NAME.json`` for the root of a modelDescription.xml of FMI 2.0.
-
-    Parameters
-    ----------
-    root : lxml element
-        The element ``fmiModelDescription``.
-
-    Returns
-    -------
-    dict
-        Name, texts, GUID, default experiment, the variables in the order of the XML, and the names of the elements of
-        each array.
-    """
+    """Return the content of ``NAME.json`` for the root of a modelDescription.xml of FMI 2.0."""
     simulation, experiment = root.find("CoSimulation"), root.find("DefaultExperiment")
     assert simulation is not None
     types = {str(each.get("name")): each for each in root.iterfind("TypeDefinitions/SimpleType")}

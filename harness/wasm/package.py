@@ -31,18 +31,12 @@ CLASS: Final = "model.js"
 
 @dataclass(frozen=True)
 class WasmModel:
-    """A module with the description of its variables.
-
-    Attributes
-    ----------
-    module : bytes
-        The WebAssembly module, which has no imports.
-    description : mapping
-        What JavaScript knows about it, see `described`.
-    """
+    """A module with the description of its variables."""
 
     module: bytes
+    """The WebAssembly module, which has no imports."""
     description: Mapping[str, Any]
+    """What JavaScript knows about it, see `described`."""
 
     @property
     def name(self) -> str:
@@ -97,13 +91,7 @@ def class_script() -> str:
 
 
 def is_wasm(platforms: Sequence[str], fmi: int) -> bool:
-    """Return whether the platform is ``wasm32``, which makes an npm package in place of an FMU.
-
-    Raises
-    ------
-    BuildError
-        If there are other platforms too, or another version of FMI.
-    """
+    """Return whether the platform is ``wasm32``, which makes an npm package in place of an FMU."""
     if WASM.folder not in platforms:
         return False
     if len(set(platforms)) > 1:
@@ -114,20 +102,7 @@ def is_wasm(platforms: Sequence[str], fmi: int) -> bool:
 
 
 def wasm_model(content: bytes, quiet: Collection[str] = ()) -> WasmModel:
-    """Return an FMU as a WebAssembly module, compiled from its sources or from the cache.
-
-    Parameters
-    ----------
-    content : bytes
-        The FMU in FMI 2.0, with sources.
-    quiet : collection of str
-        Files of other tools, whose warnings do not matter.
-
-    Raises
-    ------
-    BuildError
-        If the sources do not compile, or need an operating system.
-    """
+    """Return an FMU as a WebAssembly module, compiled from its sources or from the cache."""
     with ZipFile(BytesIO(content)) as archive:
         root = etree.fromstring(archive.read("modelDescription.xml"))
         names = [name for name in archive.namelist() if name.startswith("sources/") and not name.endswith("/")]
@@ -151,13 +126,7 @@ def wasm_model(content: bytes, quiet: Collection[str] = ()) -> WasmModel:
 
 
 def write_package(model: WasmModel, folder: Path) -> Path:
-    """Write the npm package completely or not at all; replace an earlier one.
-
-    Raises
-    ------
-    OutputError
-        If the folder exists and is not such a package, or cannot be written.
-    """
+    """Write the npm package completely or not at all; replace an earlier one."""
     if folder.exists() and not (folder.is_dir() and (not any(folder.iterdir()) or (folder / CLASS).is_file())):
         raise OutputError(f"{folder} exists and is not a package of this command: give another folder")
     try:

@@ -20,18 +20,12 @@ KINDS: Final = ("ModelExchange", "CoSimulation", "ScheduledExecution")
 
 @dataclass(frozen=True)
 class Variable3:
-    """A variable, with the defaults of the standard and of its declared type.
-
-    Parameters
-    ----------
-    element : lxml.etree.Element
-        Its element, such as Float64.
-    declared : lxml.etree.Element or None
-        The type that it names, if there is one of its kind.
-    """
+    """A variable, with the defaults of the standard and of its declared type."""
 
     element: etree._Element
+    """Its element, such as Float64."""
     declared: etree._Element | None
+    """The type that it names, if there is one of its kind."""
 
     @property
     def type(self) -> str:
@@ -101,15 +95,10 @@ class Variable3:
 
 @dataclass
 class Model3:
-    """The content of modelDescription.xml.
-
-    Parameters
-    ----------
-    root : lxml.etree.Element
-        The element fmiModelDescription.
-    """
+    """The content of modelDescription.xml."""
 
     root: etree._Element
+    """The element fmiModelDescription."""
 
     @cached_property
     def variables(self) -> list[Variable3]:

@@ -37,11 +37,6 @@ def start(library: Library, name: str = "checked") -> Instance:
 class ExchangeInstance(Instance):
     """One instance for model exchange; between steps it is in event mode.
 
-    Parameters
-    ----------
-    library, name
-        See `Instance`.
-
     Attributes
     ----------
     info : EventInfo

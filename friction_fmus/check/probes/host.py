@@ -46,15 +46,7 @@ def probe(*, several: bool = False, crash: str = "", only: str = "") -> Callable
 
 
 def main(folder: str, names: list[str]) -> None:
-    """Run probes.
-
-    Parameters
-    ----------
-    folder : str
-        Folder with ``job.json`` and ``trace``; ``report`` is written to it.
-    names : list of str
-        Names of the probes.
-    """
+    """Run probes."""
     _limit()
     place = Path(folder)
     job = json.loads((place / "job.json").read_text(encoding="utf-8"))

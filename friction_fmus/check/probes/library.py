@@ -91,15 +91,7 @@ class MissingError(Exception):
 
 
 class RefusedError(Exception):
-    """A call failed that must succeed.
-
-    Parameters
-    ----------
-    function, status : str
-        Name without its prefix; status in the words of the standard.
-    message : str
-        The last log message of the FMU.
-    """
+    """A call failed that must succeed."""
 
     def __init__(self, function: str, status: str, message: str) -> None:
         """Store the arguments."""
@@ -125,15 +117,7 @@ class Variable:
 
 
 class Library:
-    """A loaded library with the data of its XML.
-
-    Parameters
-    ----------
-    job : dict
-        Data from the check, see `friction_fmus.check.binary`.
-    trace : mmap
-        Memory for the name of the function being called, in case it never returns.
-    """
+    """A loaded library with the data of its XML."""
 
     version = b"2.0"
     """What the library has to answer to GetVersion."""
@@ -212,20 +196,7 @@ class Library:
 
 
 class Instance:
-    """One instance; all calls except calls of `status` must succeed.
-
-    Parameters
-    ----------
-    library : Library
-        The FMU.
-    name : str
-        Instance name.
-
-    Raises
-    ------
-    RefusedError
-        If the FMU returns no instance.
-    """
+    """One instance; all calls except calls of `status` must succeed."""
 
     def __init__(self, library: Library, name: str = "checked") -> None:
         """Instantiate."""

@@ -30,13 +30,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> None:
-    """Build the FMUs and print their paths.
-
-    Raises
-    ------
-    FrictionError
-        If the options contradict each other.
-    """
+    """Build the FMUs and print their paths."""
     from friction_fmus.blocks.catalogue import listing
     from friction_fmus.cli.console import progress_bar
     from friction_fmus.fmi.package import build

@@ -23,18 +23,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
-    """Check the files and write the report.
-
-    Returns
-    -------
-    int
-        1 if there are errors or warnings, otherwise 0.
-
-    Raises
-    ------
-    FrictionError
-        If a file cannot be checked.
-    """
+    """Check the files and write the report."""
     from friction_fmus.check import check
     from friction_fmus.check.reports import as_json, as_sarif, as_text, failed, rules_table
     from friction_fmus.cli.console import console, literal_console, progress_bar

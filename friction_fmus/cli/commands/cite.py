@@ -14,13 +14,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> None:
-    """Print the entries, each once.
-
-    Raises
-    ------
-    FrictionError
-        If a block of the user has no BibTeX entry.
-    """
+    """Print the entries, each once."""
     from friction_fmus.blocks.bibliography import bibliography
     from friction_fmus.blocks.catalogue import find
 

@@ -24,13 +24,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> None:
-    """Write the FMU and print its path.
-
-    Raises
-    ------
-    HarnessError
-        If the system cannot be written as an FMU.
-    """
+    """Write the FMU and print its path."""
     from friction_fmus.cli.systems import open_system
     from harness.composite.package import MASTERS
 

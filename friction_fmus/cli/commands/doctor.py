@@ -32,13 +32,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
-    """Examine the system and print the findings.
-
-    Returns
-    -------
-    int
-        1 if there are findings, otherwise 0.
-    """
+    """Examine the system and print the findings."""
     from friction_fmus.cli.console import console
     from friction_fmus.cli.systems import open_system
     from friction_fmus.doctor import axes, examine, unknown_parts

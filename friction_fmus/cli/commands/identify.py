@@ -75,18 +75,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
-    """Identify the models, write the files and print the ranking.
-
-    Returns
-    -------
-    int
-        1 if the drive force contradicts the motion, so that the parameters cannot be used; otherwise 0.
-
-    Raises
-    ------
-    FrictionError
-        If an option is invalid or no model can be identified.
-    """
+    """Identify the models, write the files and print the ranking."""
     from friction_fmus.cli.console import RunBar, console, progress_bar, styled
     from friction_fmus.cli.identification_tables import show_data, show_parameters, show_ranking
     from friction_fmus.identification import examine_segments, read_measurement
@@ -154,13 +143,7 @@ def _residual(result: Identification, validation: Sequence[Record], folder: Path
 
 
 def parse_fixed(text: str) -> tuple[str, float | bool]:
-    """Return name and value of ``--fixed NAME=VALUE``.
-
-    Raises
-    ------
-    FrictionError
-        If the text has another form, or the value is not finite.
-    """
+    """Return name and value of ``--fixed NAME=VALUE``."""
     try:
         name, value = parse_assignment(text)
     except FrictionError as error:

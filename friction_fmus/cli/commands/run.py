@@ -44,18 +44,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
-    """Run the system and write the result.
-
-    Returns
-    -------
-    int
-        1 if the result is reported as wrong or less accurate than required and that is not allowed, otherwise 0.
-
-    Raises
-    ------
-    FrictionError
-        If the format of a file is unknown, or the run fails.
-    """
+    """Run the system and write the result."""
     from friction_fmus.cli.console import RunBar, console, progress_bar
     from friction_fmus.cli.systems import open_system
     from harness.engine.defect import inaccurate

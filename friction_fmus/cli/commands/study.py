@@ -41,18 +41,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
-    """Run the study and print its results.
-
-    Returns
-    -------
-    int
-        1 if a finding forbids to use the result, otherwise 0.
-
-    Raises
-    ------
-    KeyboardInterrupt
-        If the study is interrupted; the message states that it can be resumed.
-    """
+    """Run the study and print its results."""
     if options.init:
         from friction_fmus.cli.study_questions import write_configuration
 

@@ -62,13 +62,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
-    """Run the sweep, and print the first results and the folder.
-
-    Returns
-    -------
-    int
-        1 if no run succeeds, or if a result is reported as wrong and that is not allowed, otherwise 0.
-    """
+    """Run the sweep, and print the first results and the folder."""
     from friction_fmus.cli.cluster import connect
     from friction_fmus.cli.console import console
     from friction_fmus.cli.parameter_sets import parameter_sets

@@ -20,18 +20,12 @@ __all__ = ["Figure", "Image", "Portrait", "portray", "terminal_icon"]
 
 @dataclass(frozen=True)
 class Figure:
-    """A figure of the documentation.
-
-    Attributes
-    ----------
-    svg : bytes
-        The SVG file.
-    caption, alternative : str
-        Caption, which describes the experiment; alternative text for readers who cannot see the figure.
-    """
+    """A figure of the documentation."""
 
     svg: bytes
+    """The SVG file."""
     caption: str
+    """Caption, which describes the experiment; alternative text for readers who cannot see the figure."""
     alternative: str
 
 
@@ -44,15 +38,7 @@ class Portrait:
 
 
 def portray(block: Block, description: Description, folder: Path) -> Portrait:
-    """Run a block and plot its behaviour.
-
-    Parameters
-    ----------
-    block, description : Block, Description
-        The block.
-    folder : Path
-        The unzipped FMU with a binary for this platform.
-    """
+    """Run a block and plot its behaviour."""
     bench = Bench(block, description, folder)
     panels = _panels(bench)
     figures = tuple(

@@ -41,13 +41,7 @@ EXPERIMENTS: Final[Mapping[str, Experiment]] = {
 
 
 def experiment(bench: Bench) -> Experiment | None:
-    """Return the experiment for a block, or None if there is nothing to show.
-
-    Raises
-    ------
-    FrictionError
-        If the block's file names an unknown experiment.
-    """
+    """Return the experiment for a block, or None if there is nothing to show."""
     named = bench.portrait
     if named:
         if named not in EXPERIMENTS:

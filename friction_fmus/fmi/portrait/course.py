@@ -28,61 +28,36 @@ SILENT = fmi2CallbackFunctions(
 
 @dataclass(frozen=True)
 class Curve:
-    """A line in a panel.
-
-    Attributes
-    ----------
-    x, y : array, shape (n,)
-        Points in the units of the panel.
-    label : str
-        Label, if the panel has several curves; else empty.
-    aside : bool
-        Whether the curve is an input of the block, shown for comparison.
-    detail : bool
-        Whether the icon omits the curve.
-    """
+    """A line in a panel."""
 
     x: Vector
+    """Points in the units of the panel."""
     y: Vector
     label: str = ""
+    """Label, if the panel has several curves; else empty."""
     aside: bool = False
+    """Whether the curve is an input of the block, shown for comparison."""
     detail: bool = False
+    """Whether the icon omits the curve."""
 
 
 @dataclass(frozen=True)
 class Panel:
-    """A plot with its curves, axes and caption.
-
-    Attributes
-    ----------
-    curves : tuple of Curve
-        At least one.
-    x, y : tuple of str
-        Name and unit of each axis.
-    caption : str
-        Description of the experiment, for the documentation.
-    equal : bool
-        Whether both axes have the same scale.
-    """
+    """A plot with its curves, axes and caption."""
 
     curves: tuple[Curve, ...]
+    """At least one."""
     x: tuple[str, str]
+    """Name and unit of each axis."""
     y: tuple[str, str]
     caption: str
+    """Description of the experiment, for the documentation."""
     equal: bool = False
+    """Whether both axes have the same scale."""
 
 
 class Bench:
     """Test bench that runs a compiled block with its start values.
-
-    Parameters
-    ----------
-    block : Block
-        The block.
-    description : BlockVariables
-        Its variables, read from its binary.
-    folder : Path
-        The unzipped FMU with a binary for this platform.
 
     Attributes
     ----------
@@ -128,13 +103,7 @@ class Bench:
 
     @contextmanager
     def session(self, outputs: Sequence[str], start: float = 0.0) -> Iterator[Session]:
-        """Open a run of a new instance, step by step.
-
-        Raises
-        ------
-        FMICallException
-            If the block rejects its start values.
-        """
+        """Open a run of a new instance, step by step."""
         fmu = FMU2Slave(
             guid=self._description.guid,
             unzipDirectory=str(self._folder),
@@ -151,27 +120,7 @@ class Bench:
             fmu.freeInstance()
 
     def run(self, times: Vector, inputs: Mapping[str, Vector], outputs: Sequence[str]) -> tuple[Vector, ...]:
-        """Step from each time to the next.
-
-        Parameters
-        ----------
-        times : array, shape (n,)
-            Increasing times [s].
-        inputs : mapping of str to array, shape (n,)
-            Values of the inputs from each time to the next; inputs that the block does not have are ignored.
-        outputs : sequence of str
-            Names of the outputs.
-
-        Returns
-        -------
-        tuple of array, shape (n,)
-            Values of each output at the times.
-
-        Raises
-        ------
-        FMICallException
-            If the block rejects its start values or a step.
-        """
+        """Step from each time to the next."""
         rows = [dict(zip(inputs, row, strict=True)) for row in zip(*inputs.values(), strict=True)] or [{}] * times.size
         with self.session(outputs, float(times[0])) as session:
             session.begin(rows[0])
@@ -183,17 +132,7 @@ class Bench:
 
 
 class Session:
-    """A run of one instance. Inputs that the block does not have are ignored.
-
-    Parameters
-    ----------
-    fmu : FMU2Slave
-        The instance, in initialization mode.
-    variables : mapping of str to Variable
-        Variables of the block by name.
-    outputs : sequence of str
-        Outputs that `step` and `values` return.
-    """
+    """A run of one instance. Inputs that the block does not have are ignored."""
 
     def __init__(self, fmu: FMU2Slave, variables: Mapping[str, Variable], outputs: Sequence[str]) -> None:
         """Find the value references."""

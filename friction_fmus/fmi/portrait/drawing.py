@@ -49,17 +49,7 @@ WIDTH, HEIGHT = 152.0, 116.0
 
 
 def icon(name: str, kind: str, portrait: str, panels: Sequence[Panel]) -> Image:
-    """Return the icon of a block, without its name, which tools write below the icon.
-
-    Parameters
-    ----------
-    name, kind : str
-        Name and kind of the block.
-    portrait : str
-        The experiment that its file names; some of them have a schematic.
-    panels : sequence of Panel
-        Curves of the block; if empty, the icon shows the frame only.
-    """
+    """Return the icon of a block, without its name, which tools write below the icon."""
     colour = COLOURS[kind]
     with plain_style():
         figure = Figure(figsize=(SIZE, SIZE), dpi=DPI)

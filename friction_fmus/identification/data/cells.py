@@ -32,15 +32,7 @@ def numeric(cell: str) -> bool:
 
 
 def numbers(cells: Sequence[str], comma: bool) -> Array | None:
-    """Return cells as numbers, nan where one is missing; None if one of them is a text.
-
-    Parameters
-    ----------
-    cells : sequence of str
-        Cells of a column.
-    comma : bool
-        Whether commas are decimal points.
-    """
+    """Return cells as numbers, nan where one is missing; None if one of them is a text."""
     if any("_" in cell or (comma and "." in cell) for cell in cells):  # Python takes 1_000 for a number
         return None
     if comma:

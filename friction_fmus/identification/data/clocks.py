@@ -15,18 +15,12 @@ from friction_fmus.identification.data.tables import Table
 
 @dataclass(frozen=True, eq=False)
 class Group:
-    """Signals sampled at the same times.
-
-    Attributes
-    ----------
-    t : array of float, shape (n,)
-        Times; they increase.
-    signals : mapping of str to array of float, shape (n,)
-        Values by heading.
-    """
+    """Signals sampled at the same times."""
 
     t: Array
+    """Times; they increase."""
     signals: Mapping[str, Array]
+    """Values by heading."""
 
 
 def on_one_clock(path: Path, groups: Sequence[Group], time: str, unit: str) -> Table:
@@ -34,20 +28,6 @@ def on_one_clock(path: Path, groups: Sequence[Group], time: str, unit: str) -> T
 
     The signals of other groups are interpolated linearly, and missing outside of their times. Each of them has a note,
     because interpolation smooths a force and distorts the derivatives of a position.
-
-    Parameters
-    ----------
-    path : Path
-        Data file.
-    groups : sequence of Group
-        Signals by their times; at least one.
-    time, unit : str
-        Heading and unit of the times.
-
-    Returns
-    -------
-    Table
-        Table with the times in the first column.
     """
     base = max(groups, key=lambda group: len(group.signals))
     columns: dict[str, Array] = {time: base.t}

@@ -26,21 +26,14 @@ NEEDED: Final = (("time",), ("position", "velocity"), ("force", "friction"))
 
 @dataclass(frozen=True)
 class Guess:
-    """What the headings of a file say.
-
-    Attributes
-    ----------
-    columns : dict of str to Column
-        Columns with a unit that fits, by role.
-    suggestions : dict of str to Column
-        Recognised columns that lack a unit or a gain, or are one of several, by role.
-    problems : dict of str to list of str
-        What is missing or ambiguous, by role.
-    """
+    """What the headings of a file say."""
 
     columns: dict[str, Column]
+    """Columns with a unit that fits, by role."""
     suggestions: dict[str, Column]
+    """Recognised columns that lack a unit or a gain, or are one of several, by role."""
     problems: dict[str, list[str]]
+    """What is missing or ambiguous, by role."""
 
 
 def guess_columns(table: Table) -> Guess:
@@ -71,13 +64,7 @@ def guess_columns(table: Table) -> Guess:
 
 
 def guess_mapping(table: Table, path: Path) -> DataMapping:
-    """Return the mapping implied by headings with units.
-
-    Raises
-    ------
-    RecordError
-        If the headings are ambiguous; the message contains a template of the mapping.
-    """
+    """Return the mapping implied by headings with units."""
     guess = guess_columns(table)
     if guess.problems:
         reasons = "; ".join(problem for problems in guess.problems.values() for problem in problems)
@@ -91,17 +78,7 @@ def guess_mapping(table: Table, path: Path) -> DataMapping:
 
 
 def columns_text(table: Table, known: Mapping[str, Column], suggestions: Mapping[str, Column]) -> str:
-    """Return the table ``[columns]`` of a mapping as TOML, with ? for unknown entries.
-
-    Parameters
-    ----------
-    table : Table
-        Columns of the file.
-    known : mapping of str to Column
-        Columns by role.
-    suggestions : mapping of str to Column
-        Columns of which an entry is missing, by role.
-    """
+    """Return the table ``[columns]`` of a mapping as TOML, with ? for unknown entries."""
     entries = dict(known)
     for role in ("time", "position", "force"):
         if not (entries.keys() & set(next((need for need in NEEDED if role in need), ()))):

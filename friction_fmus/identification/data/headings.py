@@ -83,33 +83,18 @@ _BEFORE_UNIT = re.compile(r"\s+in\s+|\s*/\s*|_|,\s*|\s+")
 
 @dataclass(frozen=True)
 class Meaning:
-    """Role that a heading may have.
-
-    Attributes
-    ----------
-    role : str
-        Role of the column.
-    unit : str
-        Unit in the heading, also from ``F/N``, ``x in mm`` and ``position_mm``; empty if there is none.
-    fallback : bool
-        Whether other columns for the role take precedence.
-    """
+    """Role that a heading may have."""
 
     role: str
+    """Role of the column."""
     unit: str
+    """Unit in the heading, also from ``F/N``, ``x in mm`` and ``position_mm``; empty if there is none."""
     fallback: bool = False
+    """Whether other columns for the role take precedence."""
 
 
 def meaning_of(heading: str, unit: str) -> Meaning | None:
-    """Return the role that a heading names; None if it is unknown.
-
-    Parameters
-    ----------
-    heading : str
-        Heading without a unit in brackets.
-    unit : str
-        The unit from the brackets or from the file; empty if there is none.
-    """
+    """Return the role that a heading names; None if it is unknown."""
     if _OBJECT.fullmatch(unit):
         unit = ""
     for name, its_unit in _readings(heading, unit):

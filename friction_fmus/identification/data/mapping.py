@@ -25,30 +25,20 @@ MISSING = "?"
 
 @dataclass(frozen=True)
 class Column:
-    """Column of a data file.
-
-    Attributes
-    ----------
-    column : str
-        Heading; empty if the file has no column for the time.
-    unit : str
-        Unit of the numbers; empty for the unit in the heading.
-    gain : str
-        Factor with unit, such as ``35.15 N/V`` for the force of a command in V; empty for none.
-    sign : int
-        1, or -1 to invert the sign.
-    period : str
-        Sample time, such as ``1 ms``, if the file has no column for the time.
-    held : bool
-        Whether the force is a command that the drive holds until the next sample.
-    """
+    """Column of a data file."""
 
     column: str
+    """Heading; empty if the file has no column for the time."""
     unit: str = ""
+    """Unit of the numbers; empty for the unit in the heading."""
     gain: str = ""
+    """Factor with unit, such as ``35.15 N/V`` for the force of a command in V; empty for none."""
     sign: int = 1
+    """1, or -1 to invert the sign."""
     period: str = ""
+    """Sample time, such as ``1 ms``, if the file has no column for the time."""
     held: bool = False
+    """Whether the force is a command that the drive holds until the next sample."""
 
 
 @dataclass(frozen=True)
@@ -245,13 +235,7 @@ def _check_units(role: str, column: Column, where: str) -> None:
 
 
 def combined_unit(role: str, column: Column, where: str, unit: str = "") -> tuple[float, Any]:
-    """Return factor and unit of one unit of the column, including its gain.
-
-    Raises
-    ------
-    RecordError
-        If a unit is unknown, or of the wrong quantity.
-    """
+    """Return factor and unit of one unit of the column, including its gain."""
     text = column.unit or unit
     known = unit_of(text)
     if known is None:

@@ -33,18 +33,6 @@ def read_mcap(path: Path) -> Table:
     Each number in a message becomes a column named after topic, joint and field, such as
     ``/joint_states/axis1/position``. The time is that of the header of the message if it has one, otherwise the time of
     the log, in s since the first message of the file.
-
-    Parameters
-    ----------
-    path : Path
-        File with messages encoded by ROS 2 or in JSON; other topics are ignored.
-
-    Raises
-    ------
-    RecordError
-        If the file has no topic with numbers that can be decoded.
-    MissingPackageError
-        If a package of the extra ``mcap`` is not installed.
     """
     require("mcap")
     from mcap.reader import make_reader

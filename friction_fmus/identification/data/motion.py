@@ -16,25 +16,17 @@ BANDWIDTH = 30.0
 
 @dataclass(frozen=True, eq=False)
 class MotionFeatures:
-    """Features of the motion in a record.
-
-    Attributes
-    ----------
-    q, v : array, shape (n,)
-        Smoothed position and velocity.
-    noise : float
-        Standard deviation of the noise of the position, or of the integral of the velocity.
-    reversals : array of int
-        Indices of the reversal points.
-    strokes : array, shape (reversals - 1,)
-        Distances between consecutive reversal points.
-    """
+    """Features of the motion in a record."""
 
     q: Array
+    """Smoothed position and velocity."""
     v: Array
     noise: float
+    """Standard deviation of the noise of the position, or of the integral of the velocity."""
     reversals: Array
+    """Indices of the reversal points."""
     strokes: Array
+    """Distances between consecutive reversal points."""
 
 
 def motion_features(record: Record) -> MotionFeatures:

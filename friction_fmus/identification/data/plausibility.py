@@ -19,21 +19,7 @@ FACTOR = 3.0
 
 
 def plausible(records: Sequence[Record], columns: Mapping[str, Column]) -> Iterator[Finding]:
-    """Yield findings about units and signs of a measurement.
-
-    Parameters
-    ----------
-    records : sequence of Record
-        Segments of the measurement.
-    columns : mapping of str to Column
-        Columns of the data file, by role.
-
-    Yields
-    ------
-    Finding
-        ``position-and-velocity-disagree``, ``position-and-reference-disagree``, ``implausible-motion``,
-        ``position-jumps``, ``force-of-other-sign``, ``friction-of-other-sign``.
-    """
+    """Yield findings about units and signs of a measurement."""
     longest = max(records, key=len).with_total_force()
     yield from _velocity(longest)
     yield from _reference(longest)

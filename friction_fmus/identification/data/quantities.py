@@ -74,13 +74,7 @@ def factor(role: str, unit: BaseUnit, units: AxisUnits) -> float | None:
 
 
 def parse_quantity(text: str | float, where: str) -> tuple[float, BaseUnit]:
-    """Return number and unit of a text such as ``35.15 N/V``; a number alone has the unit 1.
-
-    Raises
-    ------
-    RecordError
-        If the text is not a number with a known unit; the message starts with `where`.
-    """
+    """Return number and unit of a text such as ``35.15 N/V``; a number alone has the unit 1."""
     given = str(text)
     match = _NUMBER.fullmatch(given) if len(given) <= _LONGEST and not isinstance(text, bool) else None
     unit = unit_of(match[2] or "1") if match else None

@@ -24,36 +24,16 @@ SMOOTH = ("q", "v", "reference")
 
 @dataclass(frozen=True, eq=False)
 class SampledSegment:
-    """Equally spaced segment of a measurement without gaps.
-
-    Attributes
-    ----------
-    t : array, shape (n,)
-        Time [s].
-    columns : mapping of str to array, shape (n,)
-        Other columns.
-    """
+    """Equally spaced segment of a measurement without gaps."""
 
     t: Array
+    """Time [s]."""
     columns: Mapping[str, Array]
+    """Other columns."""
 
 
 def equally_spaced(t: Array, columns: Mapping[str, Array]) -> tuple[list[SampledSegment], list[Finding]]:
     """Split a measurement at gaps, and convert each segment to equal intervals.
-
-    Parameters
-    ----------
-    t : array, shape (n,)
-        Increasing time [s].
-    columns : mapping of str to array, shape (n,)
-        Other columns.
-
-    Returns
-    -------
-    list of SampledSegment
-        Segments of at least `SHORTEST` samples.
-    list of Finding
-        Findings that apply: ``gaps``, ``short-pieces``, ``rounded-time``, ``irregular-sampling``.
 
     Notes
     -----

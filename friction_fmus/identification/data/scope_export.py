@@ -28,15 +28,7 @@ _NO_UNIT = ("", "(None)", "None")
 
 
 def is_scope_export(lines: Sequence[tuple[int, str]], separator: str) -> bool:
-    """Return whether a text is an export of TwinCAT Scope.
-
-    Parameters
-    ----------
-    lines : sequence of (int, str)
-        Lines with their numbers, without empty ones.
-    separator : str
-        Separator of the columns.
-    """
+    """Return whether a text is an export of TwinCAT Scope."""
     if not lines[0][1].startswith(KEY + separator):
         return False
     names = _names_row(lines, separator)
@@ -48,13 +40,7 @@ def is_scope_export(lines: Sequence[tuple[int, str]], separator: str) -> bool:
 
 
 def read_scope_export(path: Path, lines: Sequence[tuple[int, str]], separator: str) -> Table:
-    """Read a text export of TwinCAT Scope (`is_scope_export`).
-
-    Raises
-    ------
-    RecordError
-        If a cell is not a number, or the file has no channel.
-    """
+    """Read a text export of TwinCAT Scope (`is_scope_export`)."""
     names_row = _names_row(lines, separator)
     first = _first_number(lines, separator, names_row + 1)
     assert first is not None

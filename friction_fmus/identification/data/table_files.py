@@ -20,13 +20,7 @@ from harness.extras import require
 
 
 def read_table(path: Path) -> Table:
-    """Read a data file; the suffix determines the format.
-
-    Raises
-    ------
-    RecordError
-        If the suffix is unknown, or the file cannot be read.
-    """
+    """Read a data file; the suffix determines the format."""
     readers: dict[str, Callable[[Path], Table]] = dict.fromkeys((".csv", ".tsv", ".txt", ".dat", ".asc"), read_text)
     readers |= {".mcap": read_mcap, ".parquet": _read_parquet, ".pq": _read_parquet, ".mat": _read_mat}
     suffix = path.suffix.lower()

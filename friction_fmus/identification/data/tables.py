@@ -19,33 +19,22 @@ EXACT = 2**53
 
 @dataclass(frozen=True, eq=False)
 class Table:
-    """Columns of a data file.
-
-    Attributes
-    ----------
-    file : Path
-        Path of the file.
-    columns : mapping of str to array
-        Numeric columns by heading, with NaN for empty cells.
-    units : mapping of str to str
-        Units by heading, if the file states them.
-    texts : mapping of str to str
-        First non-numeric cell of each other column and its location, by heading.
-    lines : array of int, shape (n,), or None
-        Line number of each row in the file.
-    findings : tuple of Finding
-        Problems found in the file.
-    notes : mapping of str to Finding
-        Problems that concern one column only, by heading.
-    """
+    """Columns of a data file."""
 
     file: Path
+    """Path of the file."""
     columns: Mapping[str, Array]
+    """Numeric columns by heading, with NaN for empty cells."""
     units: Mapping[str, str] = field(default_factory=dict)
+    """Units by heading, if the file states them."""
     texts: Mapping[str, str] = field(default_factory=dict)
+    """First non-numeric cell of each other column and its location, by heading."""
     lines: NDArray[np.int64] | None = None
+    """Line number of each row in the file."""
     findings: tuple[Finding, ...] = ()
+    """Problems found in the file."""
     notes: Mapping[str, Finding] = field(default_factory=dict)
+    """Problems that concern one column only, by heading."""
 
     def place(self, row: int) -> str:
         """Return the location of a row in the file, for messages."""

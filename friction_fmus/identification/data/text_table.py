@@ -28,13 +28,7 @@ _SEPARATORS = (";", "\t", ",", "|")
 
 
 def read_text(path: Path) -> Table:
-    """Read a text table: columns separated by ; tab , | or spaces, after comments and a heading.
-
-    Raises
-    ------
-    RecordError
-        If there is no table, rows have different numbers of cells, or commas are both decimal points and separators.
-    """
+    """Read a text table: columns separated by ; tab , | or spaces, after comments and a heading."""
     full = [(n, line) for n, line in enumerate(_decoded(path).splitlines(), start=1) if line.strip()]
     numbered = [(n, line) for n, line in full if not line.lstrip().startswith(_COMMENTS)]
     if len(numbered) < 4:

@@ -15,18 +15,7 @@ TRAIN: Final = 0.6
 
 
 def default_windows(records: Sequence[Record]) -> dict[str, tuple[float, float]]:
-    """Return the windows of records for which none are given.
-
-    Parameters
-    ----------
-    records : sequence of Record
-        Segments of a measurement.
-
-    Returns
-    -------
-    dict of str to (float, float)
-        Start and end of ``train`` and ``validation`` [s]; only ``train`` if the rest would be too short.
-    """
+    """Return the windows of records for which none are given."""
     begin, end = float(records[0].t[0]), float(records[-1].t[-1])
     middle = begin + TRAIN * (end - begin)
 

@@ -63,19 +63,6 @@ def correlation_length(residual: Array) -> int:
 def coloured_covariance(back: Array, U: Array, residual: Array, lengths: Sequence[int], lag: int) -> Array:
     """Return the covariance of estimates from the scores U' r.
 
-    Parameters
-    ----------
-    back : array, shape (values, p)
-        Estimates for a unit of each score.
-    U : array, shape (n, p)
-        Orthonormal regressors.
-    residual : array, shape (n,)
-        What the regression has left.
-    lengths : sequence of int
-        Number of residuals of each record.
-    lag : int
-        Largest lag of the estimate of Newey and West, see `correlation_length`.
-
     Notes
     -----
     The estimate from an autoregressive model is enlarged where that of Newey and West is larger, as for residuals whose

@@ -15,13 +15,7 @@ _LOCK = threading.Lock()
 
 @contextmanager
 def driven(path: Path) -> Iterator[Drive]:
-    """Provide a drive of an FMU for exclusive use; the last one of each FMU stays loaded.
-
-    Parameters
-    ----------
-    path : Path
-        Path of the FMU.
-    """
+    """Provide a drive of an FMU for exclusive use; the last one of each FMU stays loaded."""
     with _LOCK:
         drive = _IDLE.pop(path, None)
     drive = drive or Drive(FmuPart(path.stem, path))

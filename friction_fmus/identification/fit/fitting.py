@@ -16,33 +16,22 @@ from harness import Drive
 
 @dataclass(frozen=True, eq=False)
 class FitData:
-    """Friction block, and the records to which it is fitted.
-
-    Attributes
-    ----------
-    model : ContactModel
-        Friction block.
-    drive : Drive
-        Loaded block.
-    segments : sequence of PreparedSegment
-        Prepared records.
-    traits : Traits
-        Rough properties of the friction, for start values.
-    constraints : Constraints
-        Fixed values, bounds and start values given by the user.
-    units : AxisUnits
-        Units of the axis.
-    Fn0 : float or None
-        Normal force at which the parameters are valid [N]; None if it was not measured.
-    """
+    """Friction block, and the records to which it is fitted."""
 
     model: ContactModel
+    """Friction block."""
     drive: Drive
+    """Loaded block."""
     segments: Sequence[PreparedSegment]
+    """Prepared records."""
     traits: Traits
+    """Rough properties of the friction, for start values."""
     constraints: Constraints
+    """Fixed values, bounds and start values given by the user."""
     units: AxisUnits
+    """Units of the axis."""
     Fn0: float | None
+    """Normal force at which the parameters are valid [N]; None if it was not measured."""
 
     def problem(self, setup: Setup) -> Problem:
         """Return the least-squares problem of a setup."""
@@ -52,35 +41,18 @@ class FitData:
 
 @dataclass(frozen=True, eq=False)
 class Fit:
-    """Result of a method of identification.
-
-    Attributes
-    ----------
-    setup : Setup
-        Coordinates of the search, and their conversion to parameters.
-    problem : Problem
-        Least-squares problem.
-    found : SearchResult
-        Solution of the problem.
-    """
+    """Result of a method of identification."""
 
     setup: Setup
+    """Coordinates of the search, and their conversion to parameters."""
     problem: Problem
+    """Least-squares problem."""
     found: SearchResult
+    """Solution of the problem."""
 
 
 def fit_scalars(data: FitData, loss: Loss, starts: int | None) -> Fit:
-    """Fit a block with scalar parameters.
-
-    Parameters
-    ----------
-    data : FitData
-        Block and records.
-    loss : str
-        Loss function, see `search`.
-    starts : int or None
-        Number of searches; None for 1 if the user gave all start values, otherwise 3.
-    """
+    """Fit a block with scalar parameters."""
     setup = scalar_setup(data.model, data.segments, data.traits, data.constraints, data.units, data.Fn0)
     problem = data.problem(setup)
     known = all(c.name in data.constraints.start or c.name == "OF" for c in problem.shared)

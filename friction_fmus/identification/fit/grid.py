@@ -114,23 +114,7 @@ def fit_grid(
     given: Mapping[str, float] | None = None,
     initial_forces: Sequence[float] = INITIAL_FORCES,
 ) -> HysteresisGrid:
-    """Fit the stiffness of elements with given break-away distances to a prepared record.
-
-    Parameters
-    ----------
-    segment : PreparedSegment
-        Prepared record.
-    scale : float
-        Force that corresponds to a signal of 1.
-    distance : array, shape (p,)
-        Break-away distances in ascending order.
-    viscous : bool
-        Whether to fit a viscous force in addition.
-    given : mapping of str to float, optional
-        Known mass M and offset OF.
-    initial_forces : sequence of float
-        Initial forces of an element over its limit.
-    """
+    """Fit the stiffness of elements with given break-away distances to a prepared record."""
     given, points = given or {}, len(distance)
     responses = element_responses(segment, np.tile(distance, len(initial_forces)), np.repeat(initial_forces, points))
     columns = [segment.rows(responses)]
@@ -189,20 +173,6 @@ def element_responses(segment: PreparedSegment, distance: Array, initial_force: 
 
 def with_count(grid: HysteresisGrid, count: int | None, most: int = BLOCK_ELEMENTS) -> tuple[Array, Array, Array]:
     """Return a given number of elements with nearly the same virgin curve as a grid.
-
-    Parameters
-    ----------
-    grid : HysteresisGrid
-        Identified elements.
-    count : int or None
-        Number of elements; None for the smallest number that changes the curve by at most 0.5 % of its final value.
-    most : int
-        Largest number of elements if `count` is None.
-
-    Returns
-    -------
-    tuple of arrays, shape (count,)
-        Stiffness, slip force, and initial force over slip force of each element.
 
     Notes
     -----

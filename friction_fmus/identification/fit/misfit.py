@@ -18,17 +18,6 @@ ALLOWANCE = 3.0
 def misfit_variance(found: SearchResult, parts: Sequence[Array], lengths: Sequence[int], G: Array) -> Array:
     """Return the variances by which a misfit widens those of reported values, shape (values,).
 
-    Parameters
-    ----------
-    found : SearchResult
-        Search whose residuals have the scale of the parts.
-    parts : sequence of array, shape (n,)
-        Predicted signal over the scale of the residuals, and its part that is proportional to the acceleration.
-    lengths : sequence of int
-        Number of samples of each record.
-    G : array, shape (values, p)
-        Derivatives of the reported values with respect to the coordinates.
-
     Notes
     -----
     A force that is measured a little later than the motion, and a velocity or an acceleration from filtered

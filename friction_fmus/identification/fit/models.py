@@ -25,26 +25,18 @@ from harness import FmuPart, open_archive
 
 @dataclass(frozen=True)
 class Traits:
-    """Rough properties of the friction, estimated from the data.
-
-    Attributes
-    ----------
-    level, peak : float
-        Typical and largest force in sliding [force].
-    viscous : float
-        Increase of the force with speed [force / velocity].
-    stiffness, damping : float
-        Stiffness and damping of the contact in small motions [force / position], [force / velocity].
-    speed : float
-        Largest speed [velocity].
-    """
+    """Rough properties of the friction, estimated from the data."""
 
     level: float
+    """Typical and largest force in sliding [force]."""
     peak: float
     viscous: float
+    """Increase of the force with speed [force / velocity]."""
     stiffness: float
+    """Stiffness and damping of the contact in small motions [force / position], [force / velocity]."""
     damping: float
     speed: float
+    """Largest speed [velocity]."""
 
     @property
     def distance(self) -> float:
@@ -121,39 +113,26 @@ class Parameter:
 
 @dataclass(frozen=True)
 class ContactModel:
-    """Friction block with the properties needed for its identification.
-
-    Attributes
-    ----------
-    name : str
-        Name of the block.
-    path : Path
-        FMU of the block.
-    parameters : mapping of str to Parameter
-        All parameters, by name.
-    states : tuple of str
-        Names of the states.
-    loaded : bool
-        Whether the block has the normal force as input.
-    rate_dependent : bool
-        Whether the force depends on the velocity, not only on the path.
-    identified_by : Identified
-        Identification of the block, as stated in its file.
-    lacks_viscous : bool
-        Whether the block has no viscous friction.
-    viscous : bool
-        Whether a viscous friction with the coefficient Fv acts beside the block.
-    """
+    """Friction block with the properties needed for its identification."""
 
     name: str
+    """Name of the block."""
     path: Path
+    """FMU of the block."""
     parameters: Mapping[str, Parameter]
+    """All parameters, by name."""
     states: tuple[str, ...]
+    """Names of the states."""
     loaded: bool
+    """Whether the block has the normal force as input."""
     rate_dependent: bool
+    """Whether the force depends on the velocity, not only on the path."""
     identified_by: Identified
+    """Identification of the block, as stated in its file."""
     lacks_viscous: bool = False
+    """Whether the block has no viscous friction."""
     viscous: bool = False
+    """Whether a viscous friction with the coefficient Fv acts beside the block."""
 
     @property
     def static(self) -> bool:
@@ -185,15 +164,7 @@ class ContactModel:
 
 
 def state_sizes(model: ContactModel, values: Mapping[str, float]) -> dict[str, float]:
-    """Return the magnitude of each state in steady sliding: the deflection, or the force of each element.
-
-    Parameters
-    ----------
-    model : ContactModel
-        Friction block.
-    values : mapping of str to float
-        Parameters; missing ones have their default values.
-    """
+    """Return the magnitude of each state in steady sliding: the deflection, or the force of each element."""
     values = {**{name: parameter.start for name, parameter in model.parameters.items()}, **values}
     if model.initial_state is not None:
         return {model.initial_state: float(evaluate(model.identified_by.size, values))}
@@ -227,22 +198,7 @@ def identifiable() -> tuple[str, ...]:
 
 
 def contact_model(model: str | Path, units: AxisUnits) -> ContactModel:
-    """Build a block and read its parameters; the result is cached for blocks of the catalogue.
-
-    Parameters
-    ----------
-    model : str or Path
-        Name of a block, or path of a ``.c`` file, see `friction_fmus.build`.
-    units : AxisUnits
-        Units of the axis; a rotary axis uses the rotational variant of the block.
-
-    Raises
-    ------
-    IdentificationError
-        If the block cannot be identified from a record.
-    UnknownNameError, BuildError
-        If there is no such block, or it does not compile.
-    """
+    """Build a block and read its parameters; the result is cached for blocks of the catalogue."""
     if str(model) in listing():
         return _known(str(model), units)
     return _read(model, units)

@@ -58,23 +58,16 @@ REGULAR = 1e-6
 
 @dataclass(frozen=True, eq=False)
 class PositionFit:
-    """Force over position that was identified together with a friction model.
-
-    Attributes
-    ----------
-    table : PositionMap
-        Cogging and position-dependent friction.
-    crossed, crossed_without : float
-        Rms error of the cross-validation over blocks of the training data, with and without the table, in the unit of
-        the signal.
-    train_without, validation_without : Score or None
-        Scores of the model without the table.
-    """
+    """Force over position that was identified together with a friction model."""
 
     table: PositionMap
+    """Cogging and position-dependent friction."""
     crossed: float
+    """Rms error of the cross-validation over blocks of the training data, with and without the table, in the unit of
+    the signal."""
     crossed_without: float
     train_without: Score | None = None
+    """Scores of the model without the table."""
     validation_without: Score | None = None
 
 
@@ -85,20 +78,14 @@ class Regressor:
     The values at the nodes add up to zero for cogging and for friction, because their means belong to the offset and to
     the Coulomb friction of the model. Each value counts as one more sample, with a measured force of 0, so that the
     table is flat where the record has few samples.
-
-    Attributes
-    ----------
-    grid : Grid
-        Nodes.
-    v_sign : float
-        Velocity over which the sign is smoothed [m/s].
-    columns : array, shape (n, 2 (nodes - 1))
-        Drive force for a unit of each coefficient, at the rows of the residual.
     """
 
     grid: Grid
+    """Nodes."""
     v_sign: float
+    """Velocity over which the sign is smoothed [m/s]."""
     columns: Array
+    """Drive force for a unit of each coefficient, at the rows of the residual."""
 
     def __post_init__(self) -> None:
         """Factorise the normal equations."""
@@ -127,15 +114,6 @@ class Regressor:
 
 def fit_with_table(fit: Fit, data: FitData, loss: Loss) -> tuple[Fit, PositionFit] | None:
     """Fit a table together with the parameters of a friction model; None if the table does not help.
-
-    Parameters
-    ----------
-    fit : Fit
-        Fit of the friction model alone.
-    data : FitData
-        Block and records, whose signal is a drive force.
-    loss : str
-        Loss function of the search; the table itself is always fitted by least squares.
 
     Notes
     -----

@@ -28,29 +28,20 @@ TOLERANCE = 1e-7
 
 @dataclass(frozen=True)
 class Coordinate:
-    """Unknown of the search, scaled to a magnitude of 1.
-
-    Attributes
-    ----------
-    name : str
-        Name of the value.
-    scale : float
-        Magnitude of the value; the coordinate is x = log(value / scale) or x = value / scale.
-    start, lower, upper : float
-        Start value and bounds of the value.
-    log : bool
-        Whether the coordinate is logarithmic, as for values that must not be zero.
-    segment : int or None
-        Index of the record whose initial state it is; None if all records share it.
-    """
+    """Unknown of the search, scaled to a magnitude of 1."""
 
     name: str
+    """Name of the value."""
     scale: float
+    """Magnitude of the value; the coordinate is x = log(value / scale) or x = value / scale."""
     start: float
+    """Start value and bounds of the value."""
     lower: float = -math.inf
     upper: float = math.inf
     log: bool = False
+    """Whether the coordinate is logarithmic, as for values that must not be zero."""
     segment: int | None = None
+    """Index of the record whose initial state it is; None if all records share it."""
 
     def value(self, x: float) -> float:
         """Return the value at the coordinate x."""
@@ -80,40 +71,27 @@ States = Callable[[Mapping[str, float], Mapping[str, float]], dict[str, float]]
 
 @dataclass(eq=False)
 class Problem:
-    """Residuals of a block over several records.
-
-    Attributes
-    ----------
-    drive : Drive
-        Loaded block.
-    segments : sequence of PreparedSegment
-        Prepared records.
-    coordinates : sequence of Coordinate
-        Coordinates shared by all records first, then the others.
-    assemble, states : callable
-        Functions that return parameters and initial states of the block.
-    constants : mapping of str to float
-        Other start values.
-    simulations : int
-        Number of simulations so far.
-    regressor : Regressor or None
-        Linear unknowns, which are eliminated from the residual (variable projection).
-    anchor : array, shape (p,), or None
-        Point to which weak springs tie the coordinates, so that those which the record does not determine stay there.
-    viscous : bool
-        Whether the value Fv is the coefficient of a viscous friction beside the block.
-    """
+    """Residuals of a block over several records."""
 
     drive: Drive
+    """Loaded block."""
     segments: Sequence[PreparedSegment]
+    """Prepared records."""
     coordinates: Sequence[Coordinate]
+    """Coordinates shared by all records first, then the others."""
     assemble: Assemble
+    """Functions that return parameters and initial states of the block."""
     states: States
     constants: Mapping[str, float | int | bool]
+    """Other start values."""
     simulations: int = field(default=0)
+    """Number of simulations so far."""
     regressor: Regressor | None = None
+    """Linear unknowns, which are eliminated from the residual (variable projection)."""
     anchor: Array | None = None
+    """Point to which weak springs tie the coordinates, so that those which the record does not determine stay there."""
     viscous: bool = False
+    """Whether the value Fv is the coefficient of a viscous friction beside the block."""
 
     def __post_init__(self) -> None:
         """Compute the magnitude of the signal."""

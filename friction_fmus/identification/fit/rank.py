@@ -16,13 +16,6 @@ RANK_TOLERANCE = 1e-6
 def dependent_columns(singular: Array, right: Array, names: Sequence[str]) -> list[str]:
     """Return the names of linearly dependent columns; empty if all columns are independent.
 
-    Parameters
-    ----------
-    singular, right : array, shapes (p,) and (p, p)
-        Singular values in descending order, and right singular vectors, of the columns scaled to length 1.
-    names : sequence of str
-        Names of the columns.
-
     Notes
     -----
     With two dependences, the singular vectors are an arbitrary basis of the null space, determined by rounding. The

@@ -93,28 +93,7 @@ def weak_parameters(
     at_bound: Mapping[str, float],
     unseen: Sequence[str],
 ) -> dict[str, str]:
-    """Return the poorly identifiable parameters.
-
-    Parameters
-    ----------
-    model : ContactModel
-        Friction block.
-    names : sequence of str
-        Parameters, in the order of `correlation`.
-    values, errors : mapping of str to float
-        Estimates and standard errors.
-    correlation : array, shape (p, p)
-        Correlation of the estimates; p may exceed the number of names.
-    at_bound : mapping of str to float
-        Bounds of the parameters that reached a bound.
-    unseen : sequence of str
-        Parameters that the data do not depend on.
-
-    Returns
-    -------
-    dict of str to str
-        Reason and advice on what to measure, by parameter.
-    """
+    """Return the poorly identifiable parameters."""
     weak = {}
     for i, name in enumerate(names):
         reasons = []

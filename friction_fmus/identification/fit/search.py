@@ -53,30 +53,20 @@ Loss = Literal["linear", "soft_l1", "huber", "cauchy", "arctan"]
 
 @dataclass(frozen=True, eq=False)
 class SearchResult:
-    """Result of a search.
-
-    Attributes
-    ----------
-    x : array, shape (p,)
-        Coordinates.
-    residual : array, shape (n,)
-        Residual over the magnitude of the signal.
-    J : array, shape (n, p)
-        Jacobian of the residual at x.
-    converged : bool
-        Whether the search converged before the iteration limit.
-    loss : str
-        Minimised loss.
-    scale : float
-        Residual above which a robust loss differs from the square.
-    """
+    """Result of a search."""
 
     x: Array
+    """Coordinates."""
     residual: Array
+    """Residual over the magnitude of the signal."""
     J: Array
+    """Jacobian of the residual at x."""
     converged: bool
+    """Whether the search converged before the iteration limit."""
     loss: str
+    """Minimised loss."""
     scale: float
+    """Residual above which a robust loss differs from the square."""
 
     @property
     def cost(self) -> float:
@@ -87,27 +77,7 @@ class SearchResult:
 def search(
     problem: Problem, loss: Loss, starts: int, tolerance: float = CLOSE, begin: Array | None = None
 ) -> SearchResult:
-    """Minimise the residuals from the start point of the problem and from random points around it.
-
-    Parameters
-    ----------
-    problem : Problem
-        Residuals and coordinates.
-    loss : str
-        One of `Loss`; robust losses are scaled by 1.48 times the median of the absolute residuals.
-    starts : int
-        Number of searches; each one after the first starts at the best of several random points. For long records, all
-        searches use a part of the samples, and the best result is refined on all samples.
-    tolerance : float
-        Relative change of the cost at which the search on all samples ends.
-    begin : array, shape (p,), optional
-        First start point, if not that of the problem.
-
-    Raises
-    ------
-    FitError
-        If the loss is unknown, or the block rejects the start values.
-    """
+    """Minimise the residuals from the start point of the problem and from random points around it."""
     if loss not in get_args(Loss):
         raise FitError(f"There is no loss {loss!r}; use one of {', '.join(get_args(Loss))}.")
     if starts < 1:

@@ -38,35 +38,21 @@ class Constraints:
 
 @dataclass(frozen=True)
 class Setup:
-    """Coordinates of a search, and their conversion to start values of the block.
-
-    Attributes
-    ----------
-    coordinates : tuple of Coordinate
-        Coordinates shared by all records first, then the others.
-    assemble, states : callable
-        Functions that return parameters and initial states, see `Problem`.
-    constants : mapping of str to number
-        Other start values of the block.
-    units : mapping of str to str
-        Units of the values returned by `assemble` and `states`.
-    """
+    """Coordinates of a search, and their conversion to start values of the block."""
 
     coordinates: tuple[Coordinate, ...]
+    """Coordinates shared by all records first, then the others."""
     assemble: Assemble
+    """Functions that return parameters and initial states, see `Problem`."""
     states: States
     constants: Mapping[str, float | int | bool]
+    """Other start values of the block."""
     units: Mapping[str, str]
+    """Units of the values returned by `assemble` and `states`."""
 
 
 def check_constraints(model: ContactModel, signal: str, constraints: Constraints) -> None:
-    """Validate the user's constraints.
-
-    Raises
-    ------
-    FitError
-        If a name is not a parameter of the block, a value is outside its range, or constraints contradict each other.
-    """
+    """Validate the user's constraints."""
     known = {*model.parameters, "OF", *(("M",) if signal == "force" else ()), *(("Fv",) if model.viscous else ())}
     for kind, names in (("fixed", constraints.fixed), ("bounds", constraints.bounds), ("start", constraints.start)):
         for name in names:
@@ -111,13 +97,7 @@ def scalar_setup(
     units: AxisUnits,
     Fn0: float | None,
 ) -> Setup:
-    """Return the setup of a search for a block with scalar parameters.
-
-    Raises
-    ------
-    FitError
-        If all parameters are fixed.
-    """
+    """Return the setup of a search for a block with scalar parameters."""
     names = model.identified(constraints.named, constraints.fixed)
     coordinates = [coordinate(model, name, traits, constraints) for name in names]
     coordinates += surroundings(segments, traits, constraints, model.viscous)

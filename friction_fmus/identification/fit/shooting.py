@@ -35,22 +35,15 @@ FREE = 100.0
 
 @dataclass(frozen=True, eq=False)
 class Arc:
-    """Piece of a record.
-
-    Attributes
-    ----------
-    record : int
-        Index of the record.
-    begin, end : int
-        First sample, and first sample of the next arc or last sample of the record.
-    measured : array, shape (end - begin + 1,)
-        Measured position.
-    """
+    """Piece of a record."""
 
     record: int
+    """Index of the record."""
     begin: int
+    """First sample, and first sample of the next arc or last sample of the record."""
     end: int
     measured: Array
+    """Measured position."""
 
 
 #: Function of parameters, arc and its initial state (position, velocity) that returns position and velocity at its
@@ -60,42 +53,28 @@ Simulate = Callable[[Array, Arc, Array], tuple[Array, Array]]
 
 @dataclass(frozen=True, eq=False)
 class Prior:
-    """What is known of the parameters before the search.
-
-    Attributes
-    ----------
-    mean, deviation : array, shape (p,)
-        Expected value and standard deviation.
-    lower, upper : array, shape (p,)
-        Bounds.
-    """
+    """What is known of the parameters before the search."""
 
     mean: Array
+    """Expected value and standard deviation."""
     deviation: Array
     lower: Array
+    """Bounds."""
     upper: Array
 
 
 @dataclass(frozen=True, eq=False)
 class ShootingResult:
-    """Result of multiple shooting.
-
-    Attributes
-    ----------
-    x : array, shape (p,)
-        Parameters.
-    states : array, shape (arcs, 2)
-        Position and velocity at the beginning of each arc.
-    covariance : array, shape (p, p)
-        Covariance of the parameters, from errors and prior.
-    converged : bool
-        Whether the search converged before the iteration limit, and the arcs continue each other.
-    """
+    """Result of multiple shooting."""
 
     x: Array
+    """Parameters."""
     states: Array
+    """Position and velocity at the beginning of each arc."""
     covariance: Array
+    """Covariance of the parameters, from errors and prior."""
     converged: bool
+    """Whether the search converged before the iteration limit, and the arcs continue each other."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -120,26 +99,6 @@ def shoot(
     simulate: Simulate, arcs: Sequence[Arc], states: Array, prior: Prior, independent: float, steps: Array
 ) -> ShootingResult:
     """Fit parameters and the states at the beginning of each arc to measured positions.
-
-    Parameters
-    ----------
-    simulate : callable
-        Simulation of one arc; returns NaN if it fails.
-    arcs : sequence of Arc
-        Arcs of each record in order, record by record.
-    states : array, shape (arcs, 2)
-        Measured states at the beginning of each arc.
-    prior : Prior
-        Expected parameters, from which the search starts.
-    independent : float
-        Number of independent samples of the error, which determines its weight against the prior.
-    steps : array, shape (2,)
-        Steps of position and velocity for finite differences.
-
-    Raises
-    ------
-    FitError
-        If the simulation fails near the expected parameters.
 
     Notes
     -----

@@ -20,42 +20,28 @@ Between: TypeAlias = Literal["held", "linear", "halves"]
 
 @dataclass(frozen=True, eq=False)
 class PreparedSegment:
-    """Record prepared for a fit.
-
-    Attributes
-    ----------
-    record : Record
-        Original record.
-    inputs : mapping of str to array, shape (n,)
-        Inputs of the block: v, and Fn if the normal force was measured.
-    between : {"held", "linear", "halves"}
-        Interpolation of the inputs between samples: the later value, linear, or the nearer value.
-    x : array, shape (n,)
-        Position of the motion, from 0.
-    a : array, shape (n,) or None
-        Acceleration, if the signal is a drive force.
-    per : array, shape (n,) or None
-        Normal force, if the signal is the friction coefficient [N].
-    measured : array, shape (m,)
-        Signal to reproduce, decimated by `rows`.
-    t : array, shape (m,)
-        Time of the signal [s].
-    filter : InverseModelSettings or None
-        Filter of both sides of the equation; None for none.
-    stride : int
-        Distance between the samples used, in samples of the record.
-    """
+    """Record prepared for a fit."""
 
     record: Record
+    """Original record."""
     inputs: Mapping[str, Array]
+    """Inputs of the block: v, and Fn if the normal force was measured."""
     between: Between
+    """Interpolation of the inputs between samples: the later value, linear, or the nearer value."""
     x: Array
+    """Position of the motion, from 0."""
     a: Array | None
+    """Acceleration, if the signal is a drive force."""
     per: Array | None
+    """Normal force, if the signal is the friction coefficient [N]."""
     measured: Array
+    """Signal to reproduce, decimated by `rows`."""
     t: Array
+    """Time of the signal [s]."""
     filter: InverseModelSettings | None
+    """Filter of both sides of the equation; None for none."""
     stride: int = 1
+    """Distance between the samples used, in samples of the record."""
 
     @property
     def step(self) -> float:
@@ -103,13 +89,7 @@ class PreparedSegment:
 
 
 def signal_of(records: Sequence[Record]) -> tuple[str, str]:
-    """Return name and unit of the signal to fit: mu, friction or force.
-
-    Raises
-    ------
-    RecordError
-        If a record has neither friction nor force, or not the same signals as the others.
-    """
+    """Return name and unit of the signal to fit: mu, friction or force."""
     if all(record.friction is not None for record in records):
         if all(record.normal is not None for record in records):
             return "mu", "1"
@@ -125,31 +105,7 @@ def signal_of(records: Sequence[Record]) -> tuple[str, str]:
 def prepare(
     record: Record, model: ContactModel, signal: str, settings: InverseModelSettings | None = None
 ) -> PreparedSegment:
-    """Prepare a record for the simulation of a friction block.
-
-    Parameters
-    ----------
-    record : Record
-        Motion and forces.
-    model : ContactModel
-        Friction block; determines how the velocity is computed.
-    signal : str
-        Signal to fit, see `signal_of`.
-    settings : InverseModelSettings, optional
-        Filter of the motion and, for a drive force, of both sides of the equation.
-
-    Returns
-    -------
-    PreparedSegment
-        The block is driven by the measured velocity, linearly interpolated. If no velocity was measured, a rate-
-        independent block follows the measured path exactly, with the difference quotient held over each interval; other
-        blocks use the velocity of the filtered position.
-
-    Raises
-    ------
-    RecordError
-        If the normal force is not positive, or the record is too short for the filter.
-    """
+    """Prepare a record for the simulation of a friction block."""
     filter_ = settings if settings is not None else default_settings(record)
     inputs: dict[str, Array] = {}
     a: Array | None = None
@@ -191,20 +147,7 @@ def prepare(
 
 
 def traits(segments: Sequence[PreparedSegment], scale: float = 1.0) -> Traits:
-    """Return rough properties of the friction, for start values of parameters.
-
-    Parameters
-    ----------
-    segments : sequence of PreparedSegment
-        Prepared records.
-    scale : float
-        Force that corresponds to a signal of 1: the mean normal force for the signal mu.
-
-    Raises
-    ------
-    RecordError
-        If there is no motion, or the signal is zero.
-    """
+    """Return rough properties of the friction, for start values of parameters."""
     v, x, y = [], [], []
     for segment in segments:
         columns = np.column_stack([segment.inputs["v"], segment.x])

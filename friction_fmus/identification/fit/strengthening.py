@@ -16,17 +16,7 @@ FEWEST = 5
 
 
 def explanation(parameters: Mapping[str, float], v: Array, friction: Array, units: AxisUnits) -> str:
-    """Return why Fs is below Fc, or that the record does not show it; empty if it is not below.
-
-    Parameters
-    ----------
-    parameters : mapping of str to float
-        Identified parameters; a model without Fc, Fs and vs needs no explanation.
-    v, friction : array, shape (n,)
-        Velocity, and measured force without inertia and offset.
-    units : AxisUnits
-        Units of the axis.
-    """
+    """Return why Fs is below Fc, or that the record does not show it; empty if it is not below."""
     if not {"Fc", "Fs", "vs"} <= parameters.keys() or parameters["Fs"] >= BELOW * parameters["Fc"]:
         return ""
     Fc, Fs, vs = (parameters[name] for name in ("Fc", "Fs", "vs"))

@@ -24,17 +24,7 @@ class Method(Protocol):
     """Interface of a module of this package."""
 
     def fit(self, data: FitData, loss: Loss, starts: int | None) -> Fit:
-        """Identify the parameters of a friction block.
-
-        Parameters
-        ----------
-        data : FitData
-            Block and records.
-        loss : str
-            Loss function, see `search`.
-        starts : int or None
-            Number of searches from different start points; None for the default of the method.
-        """
+        """Identify the parameters of a friction block."""
 
 
 def method_names() -> tuple[str, ...]:
@@ -43,20 +33,7 @@ def method_names() -> tuple[str, ...]:
 
 
 def find_method(model: ContactModel, name: str = "auto") -> tuple[str, Method]:
-    """Return name and module of the method of a friction block.
-
-    Parameters
-    ----------
-    model : ContactModel
-        Friction block.
-    name : str
-        Method requested by the user; "auto" for the method of the block.
-
-    Raises
-    ------
-    FitError
-        If the requested method does not apply to the block, or the file of the block names an unknown method.
-    """
+    """Return name and module of the method of a friction block."""
     natural = model.identified_by.method or ("inverse" if model.static else "output-error")
     if natural not in method_names():
         raise FitError(

@@ -66,25 +66,7 @@ STEPS: Final = 1e-4, 1e-3
 
 
 def identify_free_run(found: Identification) -> Identification:
-    """Fit an identified model to the position of a free run, by multiple shooting.
-
-    Parameters
-    ----------
-    found : Identification
-        Identification from the drive force; its parameters with their errors are the prior, and its force over position
-        is kept.
-
-    Returns
-    -------
-    Identification
-        Result with the position as signal, and the parameter ``OF_rate`` if the constant force drifts: OF holds in the
-        middle of the training data.
-
-    Raises
-    ------
-    FitError
-        If the records have no drive force or no position.
-    """
+    """Fit an identified model to the position of a free run, by multiple shooting."""
     if found.signal != "force" or any(record.q is None for record in found.records):
         raise FitError("The method 'free-run' needs the columns position and force of a drive; add them.")
     names = [name for name, e in found.parameters.items() if "[" not in name and _determined(name, e)]

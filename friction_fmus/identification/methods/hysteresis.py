@@ -42,22 +42,7 @@ ROUGH = 1e-2
 
 
 def fit(data: FitData, loss: Loss, starts: int | None) -> Fit:
-    """Fit elements on a coarse grid of break-away distances, then on finer grids around the distances found.
-
-    Parameters
-    ----------
-    data : FitData
-        Block and records.
-    loss : str
-        Loss function, see `search`.
-    starts : int or None
-        Number of searches from the coarse grid; None for 1.
-
-    Raises
-    ------
-    FitError
-        If N is out of range, or a parameter of an element, or Fc of a law with elements, is given.
-    """
+    """Fit elements on a coarse grid of break-away distances, then on finer grids around the distances found."""
     common = data.model, data.segments, data.traits, data.constraints, data.units, data.Fn0
     setup = hysteresis_setup(*common)
     problem = data.problem(setup)
@@ -91,11 +76,6 @@ def hysteresis_setup(
     Each element has a stiffness and a break-away distance, searched on a logarithmic scale, and for each record an
     initial force within its slip limits. For a law with a Stribeck curve, the slip forces of the elements add up to Fc,
     and Fs is a multiple of Fc.
-
-    Raises
-    ------
-    FitError
-        If N is out of range, or a parameter of an element, or Fc of a law with elements, is given.
     """
     generalised = "alpha[1]" in model.parameters
     _check(model, constraints, generalised)

@@ -21,37 +21,24 @@ _CALL = 10  # cost of a call of the C library in operations
 
 @dataclass(frozen=True)
 class Decision:
-    """An ``if`` with the selects of its condition.
-
-    Attributes
-    ----------
-    condition : int
-        The tested node.
-    selects : tuple of int
-        Nodes that take one of two values depending on the condition.
-    sides : tuple of Block
-        Operations computed only for the first, and only for the second value.
-    """
+    """An ``if`` with the selects of its condition."""
 
     condition: int
+    """The tested node."""
     selects: tuple[int, ...]
+    """Nodes that take one of two values depending on the condition."""
     sides: tuple[Block, Block]
+    """Operations computed only for the first, and only for the second value."""
 
 
 @dataclass(frozen=True)
 class Loop:
-    """A loop over the elements of vectors.
-
-    Attributes
-    ----------
-    lanes : int
-        Number of elements.
-    items : tuple of int or Decision
-        Operations on one element, and sums over the elements.
-    """
+    """A loop over the elements of vectors."""
 
     lanes: int
+    """Number of elements."""
     items: tuple[int | Decision, ...]
+    """Operations on one element, and sums over the elements."""
 
 
 Block = tuple["int | Decision | Loop", ...]
@@ -77,20 +64,7 @@ class _CircleError(Exception):
 
 
 def plan(nodes: Sequence[Node], results: Iterable[int]) -> Block:
-    """Return the operations needed for the results, in an order of computation.
-
-    Parameters
-    ----------
-    nodes : sequence of Node
-        All operations, arguments before their users.
-    results : iterable of int
-        Indices of the results.
-
-    Returns
-    -------
-    Block
-        The operations, without constants and arguments of the function.
-    """
+    """Return the operations needed for the results, in an order of computation."""
     wanted = tuple(results)
     order = _needed(nodes, wanted)
     groups: dict[int, int] = {}

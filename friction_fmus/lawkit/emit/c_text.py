@@ -26,34 +26,23 @@ __all__ = ["DOUBLE", "FLOAT", "Kernel", "Lows", "Real", "kernel"]
 
 @dataclass(frozen=True)
 class Kernel:
-    """The C statements of a function.
-
-    Attributes
-    ----------
-    lines : tuple of str
-        Declarations and statements, which end with the assignments of all results. Truth values have the type ``bool``.
-    functions : frozenset of str
-        Called functions of <math.h>.
-    """
+    """The C statements of a function."""
 
     lines: tuple[str, ...]
+    """Declarations and statements, which end with the assignments of all results. Truth values have the type ``bool``.
+    """
     functions: frozenset[str]
+    """Called functions of <math.h>."""
 
 
 @dataclass(frozen=True)
 class Lows:
-    """Lower parts of pairs, see `friction_fmus.lawkit.emit.pairs`.
-
-    Attributes
-    ----------
-    wide : mapping of int to Weight
-        Arguments that are pairs.
-    reads, writes : mapping of int to str
-        C expressions of the lower parts, by index of the argument and of the result.
-    """
+    """Lower parts of pairs, see `friction_fmus.lawkit.emit.pairs`."""
 
     wide: Mapping[int, Weight]
+    """Arguments that are pairs."""
     reads: Mapping[int, str]
+    """C expressions of the lower parts, by index of the argument and of the result."""
     writes: Mapping[int, str]
 
 
@@ -76,46 +65,6 @@ def kernel(
 
     All results are assigned after the last operation, so a result may overwrite an argument. Operations that only one
     side of a decision needs are computed on that side if this saves enough to justify a branch.
-
-    Parameters
-    ----------
-    function : casadi.Function
-        A function with scalar SX arguments and results.
-    reads : sequence of str
-        C expression of each argument, such as ``Kp``, ``k[2]``, ``parameters->Kp``; it is evaluated at each use.
-    writes : sequence of str
-        C expression that each result is assigned to, such as ``model->u``.
-    real : Real
-        Type of all numbers.
-    conditions : iterable of int
-        Indices of the arguments that are C truth values.
-    positive : iterable of int, optional
-        Indices of the arguments that are never negative. If given, -0.0 is not expected in any argument: it is computed
-        as -0.0 or as 0.0.
-    taken : iterable of str
-        Identifiers that are already in use.
-    lows : Lows, optional
-        Arguments and results that are pairs; the default is none.
-    named : collection of Named
-        Names of nodes of the function's graph; others get a name that describes their operation. If None, constants are
-        t1, t2, ...
-    remarks : mapping of int to sequence of str, optional
-        Comments for nodes of the function's graph.
-    flags : collection of str
-        Elements of `writes` that are C truth values.
-    unrolls : bool
-        Whether the macro UNROLLED stands before each loop.
-
-    Returns
-    -------
-    Kernel
-        C99 declarations and assignments. In double, results are bit-identical to casadi's if compiled without
-        contraction (``-ffp-contract=off``) and with the same C library.
-
-    Raises
-    ------
-    FrictionError
-        If an operation has no C form, or the function is not scalar.
     """
     nodes, results = graph(function)
     describes, named = named is not None, named or ()

@@ -26,13 +26,6 @@ Chain = tuple[int, ...]
 class Search:
     """Search for chains of corresponding nodes.
 
-    Parameters
-    ----------
-    nodes, results, reads, writes
-        See `friction_fmus.lawkit.emit.loops.roll`.
-    refused : iterable of str
-        Vectors whose elements are not read or written in loops.
-
     Attributes
     ----------
     needed : set of int

@@ -10,21 +10,14 @@ from friction_fmus.lawkit.emit.real import Real
 
 
 class Text(NamedTuple):
-    """A C expression.
-
-    Attributes
-    ----------
-    text : str
-        The expression.
-    rank : int
-        Precedence of its outermost operator; `PRIMARY` for names, numbers and calls.
-    reads : frozenset of int
-        Indices of the arguments of the function that it reads.
-    """
+    """A C expression."""
 
     text: str
+    """The expression."""
     rank: int
+    """Precedence of its outermost operator; `PRIMARY` for names, numbers and calls."""
     reads: frozenset[int]
+    """Indices of the arguments of the function that it reads."""
 
 
 PRIMARY = 9
@@ -97,19 +90,7 @@ def called_function(operation: str, real: Real) -> str:
 
 
 def expression(operation: str, given: Sequence[Text], real: Real, *, number_first: bool) -> Text:
-    """Return an operation on numbers or, for AND and OR, on truth values.
-
-    Parameters
-    ----------
-    operation : str
-        Operation of a node, other than decisions and NOT.
-    given : sequence of Text
-        Its arguments.
-    real : Real
-        Type of all numbers.
-    number_first : bool
-        Whether the first argument is a constant; comparisons are then mirrored.
-    """
+    """Return an operation on numbers or, for AND and OR, on truth values."""
     if operation in LOGIC:
         return joined(given[0], LOGIC[operation], given[1], BOTH if operation == "AND" else EITHER, (UNARY, UNARY))
     if operation in INFIX:

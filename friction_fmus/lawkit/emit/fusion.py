@@ -15,17 +15,6 @@ def in_loops(
 
     A loop contains what the units after it need, and what needs its elements; other operations on elements wait for a
     later loop, so that their results need not be stored.
-
-    Parameters
-    ----------
-    ordered : sequence of keys
-        The units; none waits for a later one.
-    waits : mapping
-        Units for which each unit waits.
-    lanes : mapping of key to int
-        Number of elements of each unit; 0 for a unit outside loops.
-    sums : collection of keys
-        Units whose result is complete after the loop.
     """
     steps: list[list[Key]] = []
     left = list(ordered)

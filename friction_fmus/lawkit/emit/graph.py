@@ -29,27 +29,18 @@ OPERATIONS = {*INFIX, *CONDITIONS, *LIBM, *FORMULAS, "IF_ELSE_ZERO"}
 
 @dataclass(frozen=True)
 class Node:
-    """An operation.
-
-    Attributes
-    ----------
-    operation : str
-        Its name.
-    arguments : tuple of int
-        Indices of its arguments.
-    value : float
-        The value of a constant, the index of an input, the first value of the index of a loop.
-    lanes : int
-        Number of elements of a vector; 0 for a scalar.
-    brief : bool
-        Whether its expression is repeated at each use.
-    """
+    """An operation."""
 
     operation: str
+    """Its name."""
     arguments: tuple[int, ...] = ()
+    """Indices of its arguments."""
     value: float = 0.0
+    """The value of a constant, the index of an input, the first value of the index of a loop."""
     lanes: int = 0
+    """Number of elements of a vector; 0 for a scalar."""
     brief: bool = False
+    """Whether its expression is repeated at each use."""
 
     @property
     def is_leaf(self) -> bool:

@@ -19,44 +19,24 @@ __all__ = ["INDEX", "Rolled", "roll"]
 
 @dataclass(frozen=True)
 class Rolled:
-    """A graph with operations on vectors.
-
-    Attributes
-    ----------
-    nodes : list of Node
-        All operations, arguments before their users.
-    reads : list of str
-        C expression of each argument: the given ones, then those of vectors, with the index `INDEX`.
-    members : dict of int to tuple of int
-        Given arguments by the index of each vector in `reads`.
-    targets : dict of int to list of str
-        Places to which each result is assigned.
-    place : dict of int to int
-        New index of each given node that still exists, of an element its vector.
-    single : dict of int to int
-        New index of each given element that is also used singly.
-    """
+    """A graph with operations on vectors."""
 
     nodes: list[Node]
+    """All operations, arguments before their users."""
     reads: list[str]
+    """C expression of each argument: the given ones, then those of vectors, with the index `INDEX`."""
     members: dict[int, Chain] = field(default_factory=dict)
+    """Given arguments by the index of each vector in `reads`."""
     targets: dict[int, list[str]] = field(default_factory=dict)
+    """Places to which each result is assigned."""
     place: dict[int, int] = field(default_factory=dict)
+    """New index of each given node that still exists, of an element its vector."""
     single: dict[int, int] = field(default_factory=dict)
+    """New index of each given element that is also used singly."""
 
 
 def roll(nodes: Sequence[Node], results: Sequence[int], reads: Sequence[str], writes: Sequence[str]) -> Rolled:
-    """Find the operations on elements of vectors.
-
-    Parameters
-    ----------
-    nodes : sequence of Node
-        Scalar operations, arguments before their users.
-    results : sequence of int
-        Node of each result.
-    reads, writes : sequence of str
-        C expression of each argument, and place of each result.
-    """
+    """Find the operations on elements of vectors."""
     refused: set[str] = set()  # vectors whose elements are read or written singly
     while True:
         search = Search(nodes, results, reads, writes, refused)

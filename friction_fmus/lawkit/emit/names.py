@@ -38,25 +38,17 @@ _KINDS = {
 
 
 class Named(NamedTuple):
-    """A name that the source of a function gives to a node.
-
-    Attributes
-    ----------
-    name : str
-        The name, which several nodes may have.
-    node : int
-        Index of the node.
-    depth : int
-        0 for names in the law itself, more for names in functions that it calls.
-    assigned : bool
-        Whether it is the name of a variable. Its node always becomes a constant; other names are used if a node needs
-        one.
-    """
+    """A name that the source of a function gives to a node."""
 
     name: str
+    """The name, which several nodes may have."""
     node: int
+    """Index of the node."""
     depth: int
+    """0 for names in the law itself, more for names in functions that it calls."""
     assigned: bool
+    """Whether it is the name of a variable. Its node always becomes a constant; other names are used if a node needs
+    one."""
 
 
 def place_name(place: str) -> str:
@@ -69,21 +61,6 @@ class Names:
     """Unique identifiers, made from the names of nodes.
 
     A node without a name is named after its operation and its operands, or after its operation if they have no names.
-
-    Parameters
-    ----------
-    nodes : sequence of Node
-        All operations, arguments before their users.
-    named : collection of Named
-        Names in the order of assignment.
-    reads : sequence of str
-        C expression of each argument.
-    results : mapping of int to str
-        Place to which a node is assigned.
-    taken : iterable of str
-        Identifiers that are already in use.
-    describes : bool
-        Whether nodes without a name get one that describes them; otherwise they are t1, t2, ...
     """
 
     def __init__(

@@ -42,33 +42,7 @@ def positions(
     outputs: Iterable[int],
     sums: Mapping[int, int],
 ) -> tuple[dict[int, Weight], set[int]]:
-    """Find the arguments and results that must be pairs.
-
-    Parameters
-    ----------
-    nodes : sequence of Node
-        The operations of a function, arguments before their users.
-    results : sequence of int
-        Indices of the results.
-    inputs : iterable of int
-        Indices of the arguments that are absolute positions.
-    parameters : iterable of int
-        Indices of the arguments that are lengths or pure numbers. One becomes a pair if a position is added to it or
-        multiplied or divided by it, as its rounding error would shift the axis.
-    states : mapping of int to int
-        For the index of each result that may be an absolute position, the index of the argument with its previous
-        value.
-    outputs : iterable of int
-        Indices of the other results that may be absolute positions.
-    sums : mapping of int to int
-        For the index of each result that is a sum of small increments, the index of the argument with its previous
-        value.
-
-    Returns
-    -------
-    tuple of dict of int to Weight and set of int
-        The arguments by index, and the indices of the results.
-    """
+    """Find the arguments and results that must be pairs."""
     allowed, wide = set(parameters), dict.fromkeys(inputs, Weight(1.0))
     # first the states that store a position: until they are known, any difference from them appears to be absolute
     for kept in ((Weight(1.0),), None):
@@ -198,25 +172,7 @@ def split(
     reads: Mapping[int, int],
     writes: Iterable[int],
 ) -> tuple[list[Node], list[int], list[Pair]]:
-    """Replace pairs by operations on floats.
-
-    Parameters
-    ----------
-    nodes, results
-        See `positions`.
-    wide : mapping of int to Weight
-        Arguments that are pairs, from `positions`.
-    reads : mapping of int to int
-        For the index of each argument that is a pair, the index of the argument with its lower part.
-    writes : iterable of int
-        Indices of the results that are pairs.
-
-    Returns
-    -------
-    tuple of list of Node, list of int and list of Pair
-        Nodes and results in floats, and the pair of each given node. The results are followed by the lower parts of
-        those that are pairs.
-    """
+    """Replace pairs by operations on floats."""
     written = list(writes)
     weights = _needed(nodes, _weights(nodes, wide), {results[i] for i in written})
     writer = _Splitter(nodes, weights, reads)

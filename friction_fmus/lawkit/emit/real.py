@@ -10,30 +10,20 @@ from friction_fmus.errors import FrictionError
 
 @dataclass(frozen=True)
 class Real:
-    """A floating-point type of C.
-
-    Attributes
-    ----------
-    name : str
-        C keyword.
-    suffix : str
-        Suffix of literals and of the functions in <math.h>.
-    infinity : str
-        Expression for infinity.
-    largest : float
-        Largest finite number.
-    smallest : float
-        Smallest magnitude of a constant other than zero: a guard against division by zero must not become zero.
-    bound : float
-        Largest magnitude of an input, so that its square does not overflow; 0 if each finite number is accepted.
-    """
+    """A floating-point type of C."""
 
     name: str
+    """C keyword."""
     suffix: str
+    """Suffix of literals and of the functions in <math.h>."""
     infinity: str
+    """Expression for infinity."""
     largest: float
+    """Largest finite number."""
     smallest: float
+    """Smallest magnitude of a constant other than zero: a guard against division by zero must not become zero."""
     bound: float = 0.0
+    """Largest magnitude of an input, so that its square does not overflow; 0 if each finite number is accepted."""
 
     def literal(self, value: float) -> str:
         """Return the shortest literal that reads back as this number."""

@@ -22,17 +22,7 @@ _PASSES |= {"SIN", "TAN", "ASIN", "ATAN", "SINH", "TANH", "ASINH", "ATANH", "ERF
 
 
 class Zeros:
-    """Analysis of the zeros among the values of nodes.
-
-    Parameters
-    ----------
-    nodes : sequence of Node
-        All operations, arguments before their users.
-    kept : mapping of int to sequence of int
-        For the index of each argument that a result overwrites, the nodes of such results.
-    unsigned, positive : collection of int
-        Indices of the arguments of the function that are never -0.0, and of those that are never negative either.
-    """
+    """Analysis of the zeros among the values of nodes."""
 
     def __init__(
         self,

@@ -13,21 +13,14 @@ RESULT, SIDE, IF = -1, -2, -3  # users of a value that are not nodes
 
 
 class Store(NamedTuple):
-    """Assignment to elements of vectors.
-
-    Attributes
-    ----------
-    node : int
-        A vector, or a select of vectors.
-    places : sequence of str
-        Places of an element.
-    side : int or None
-        Side of the select that is assigned; None for the value of the node.
-    """
+    """Assignment to elements of vectors."""
 
     node: int
+    """A vector, or a select of vectors."""
     places: Sequence[str]
+    """Places of an element."""
     side: int | None
+    """Side of the select that is assigned; None for the value of the node."""
 
     def values(self, nodes: Sequence[Node]) -> tuple[int, ...]:
         """Return the node that is assigned; none for a zero."""

@@ -31,21 +31,7 @@ from friction_fmus.lawkit.emit.statements import statement
 
 
 class Values:
-    """The expressions of all values at one place in the code.
-
-    Parameters
-    ----------
-    rolled : Rolled
-        All operations, C expressions of arguments, and places of results.
-    real : Real
-        Type of all numbers.
-    conditions : collection of int
-        Indices of the arguments that are truth values.
-    zeros : Zeros
-        Where -0.0 must become 0.0.
-    flags : collection of str
-        Places of results that are truth values.
-    """
+    """The expressions of all values at one place in the code."""
 
     def __init__(
         self, rolled: Rolled, real: Real, conditions: Collection[int], zeros: Zeros, flags: Collection[str]

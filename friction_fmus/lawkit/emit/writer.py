@@ -25,27 +25,7 @@ _WIDTH = 150  # longest expression that is not divided into several
 
 
 class Writer(Values):
-    """Writer of the statements of a function.
-
-    Parameters
-    ----------
-    rolled : Rolled
-        All operations, C expressions of arguments, and places of results.
-    real : Real
-        Type of all numbers.
-    conditions : collection of int
-        Indices of the arguments that are truth values.
-    zeros : Zeros
-        Where -0.0 must become 0.0.
-    names : Names
-        Identifiers.
-    remarks : mapping of int to sequence of str
-        Comments for nodes, which then become constants or variables.
-    flags : collection of str
-        Places of results that are truth values.
-    unrolls : bool
-        Whether the macro UNROLLED stands before each loop.
-    """
+    """Writer of the statements of a function."""
 
     def __init__(
         self,
@@ -73,15 +53,7 @@ class Writer(Values):
         self._in_loop = False
 
     def statements(self, block: Block, targets: Mapping[int, Sequence[str]]) -> list[str]:
-        """Return the statements of a function.
-
-        Parameters
-        ----------
-        block : Block
-            The operations.
-        targets : mapping of int to sequence of str
-            Places to which each result is assigned.
-        """
+        """Return the statements of a function."""
         for number, place in last_values(self._nodes, block, targets):
             self._last_moment.setdefault(number, set()).add(place)
         count_users(self._nodes, block, self._users)
@@ -103,17 +75,7 @@ class Writer(Values):
         return [f"const {self._kind(number)} {name} = {value};"]
 
     def _block(self, block: Block, targets: Mapping[int, Sequence[str]], stores: Sequence[Store] = ()) -> list[str]:
-        """Return statements, then assignments to the targets of nodes.
-
-        Parameters
-        ----------
-        block : Block
-            Operations.
-        targets : mapping of int to sequence of str
-            Places to which values are assigned.
-        stores : sequence of Store
-            Assignments to elements of vectors.
-        """
+        """Return statements, then assignments to the targets of nodes."""
         outer, self._lines = self._lines, []
         left = dict(targets)
         stores = [*stores]
@@ -141,13 +103,7 @@ class Writer(Values):
         return lines
 
     def _stored_early(self, item: int | Decision | Loop, later: Block, stores: Sequence[Store]) -> list[Store]:
-        """Choose the place of a result for elements that are used later, unless its old value is also used later.
-
-        Returns
-        -------
-        list of Store
-            The other assignments.
-        """
+        """Choose the place of a result for elements that are used later, unless its old value is also used later."""
         inner = item.items if isinstance(item, Loop) else (item,)
         left = []
         for store in stores if later else ():

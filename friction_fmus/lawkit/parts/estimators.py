@@ -33,26 +33,7 @@ def mean_friction(force: SX, m: SX, dv: SX, Ts: SX) -> SX:
 def corrected(
     mean: Sequence[SX], P: Sequence[Sequence[SX]], units: Sequence[SX], i: int, measured: SX, variance: SX
 ) -> tuple[list[SX], list[list[SX]]]:
-    """Return the state of a Kalman filter after a measurement of its element i.
-
-    Parameters
-    ----------
-    mean : sequence of SX
-        The n predicted values.
-    P : sequence of sequences of SX
-        Upper triangle of their covariance, rows of n, n - 1, ..., 1 elements, with each value scaled by its unit.
-    units : sequence of SX
-        Scale (unit) of each value.
-    i : int
-        The measured element.
-    measured, variance : SX
-        The measurement, and its positive variance in squares of the unit.
-
-    Returns
-    -------
-    tuple
-        Mean and upper triangle of the covariance; the row of element i is computed without cancellation.
-    """
+    """Return the state of a Kalman filter after a measurement of its element i."""
     n = len(mean)
     column = [P[min(i, j)][abs(i - j)] for j in range(n)]
     total = column[i] + variance

@@ -10,17 +10,7 @@ from friction_fmus.lawkit.expressions import clip, limits
 
 
 def increment(r: SX, last: SX, started: SX, reset: SX) -> SX:
-    """Return the displacement of the reference since the previous sample; 0 in the first sample and during reset.
-
-    Parameters
-    ----------
-    r, last : SX
-        Reference in this and in the previous sample.
-    started : SX
-        0 in the first sample, when `last` does not exist.
-    reset : SX
-        Whether the law is reset in this sample.
-    """
+    """Return the displacement of the reference since the previous sample; 0 in the first sample and during reset."""
     # r - r instead of 0, so that NaN stays NaN
     return r - if_else(logic_and(started, logic_not(reset)), last, r)
 
@@ -64,22 +54,7 @@ def when(enable: SX, **values: SX | float) -> dict[str, SX]:
 
 
 def reference_shift(force: SX, shift: SX, integral: SX, Kp: SX, Kd: SX, Ki: SX, Ts: SX) -> tuple[SX, SX, SX]:
-    """Return the shift of the reference for which a PID controller generates a given force.
-
-    Parameters
-    ----------
-    force : SX
-        The force in this sample.
-    shift, integral : SX
-        Shift of the position in this sample, and sum of the earlier shifts times Ts.
-    Kp, Kd, Ki, Ts : SX
-        Gains and sample time of the controller.
-
-    Returns
-    -------
-    rate, shift, integral : SX
-        Shift of the velocity in this sample; shift and integral in the next sample.
-    """
+    """Return the shift of the reference for which a PID controller generates a given force."""
     rate = (force - Kp * shift - Ki * integral) / Kd
     return rate, shift + Ts * rate, integral + Ts * shift
 

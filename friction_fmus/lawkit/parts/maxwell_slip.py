@@ -30,21 +30,14 @@ CONDITIONS = {
 
 @dataclass(frozen=True)
 class Element:
-    """An element in a sample with the displacement dx; forces are positive in the direction of dx.
-
-    Attributes
-    ----------
-    level : SX
-        Force at which it slips [force].
-    moved : SX
-        Its force after the displacement [force].
-    slipped, slips : SX
-        Whether it slips during the displacement, and 1 or 0 after it; 0 for an element that is not in use.
-    """
+    """An element in a sample with the displacement dx; forces are positive in the direction of dx."""
 
     level: SX
+    """Force at which it slips [force]."""
     moved: SX
+    """Its force after the displacement [force]."""
     slipped: SX
+    """Whether it slips during the displacement, and 1 or 0 after it; 0 for an element that is not in use."""
     slips: SX
 
 
@@ -64,17 +57,7 @@ def weights(alpha: SX, N: SX) -> tuple[list[SX], SX]:
 def slide(
     Fi: SX, slipping: SX, way: SX, k: SX, N: SX, shares: Sequence[SX], total: SX, dx: SX, S: SX, decay: SX
 ) -> list[Element]:
-    """Return the elements after a displacement dx at the Stribeck level S.
-
-    Parameters
-    ----------
-    Fi, slipping, way : SX
-        States before.
-    k, N, shares, total : SX, SX, sequence of SX, SX
-        Stiffness of each element; number of elements in use; weights and their sum.
-    dx, S, decay : SX
-        Displacement in the sample, Stribeck level, and exp(-C Ts / S).
-    """
+    """Return the elements after a displacement dx at the Stribeck level S."""
     side = if_else(dx > 0.0, 1.0, -1.0)
     unit, used = S / total, in_use(N)
     found = []

@@ -45,18 +45,7 @@ def relaxed(z: SX, drive: SX, rate: SX, Ts: SX) -> SX:
 
 
 def adapted(value: SX, rate: SX, push: SX, active: SX, low: SX, high: SX, Ts: SX) -> SX:
-    """Return a parameter after one step of its adaptation, limited to low and high.
-
-    Parameters
-    ----------
-    value, rate : SX
-        The parameter and its rate of change.
-    push : SX
-        Direction in which the adaptation moves the output. The adaptation stops while it would drive the output further
-        into the active limit.
-    active : SX
-        The active limit of the output from `limits`.
-    """
+    """Return a parameter after one step of its adaptation, limited to low and high."""
     return clip(value + Ts * if_else(push * active > 0.0, 0.0, rate), low, high)
 
 

@@ -26,33 +26,13 @@ def tracked(track: SX, u_track: SX, gain: SX, otherwise: SX) -> SX:
 
 
 def carried(track: SX, u: SX, rest: SX, gain: SX, otherwise: SX) -> SX:
-    """Return the memory with which a law begins a sample.
-
-    Parameters
-    ----------
-    track, u : SX
-        Whether the law tracks a force, and this force within the limits of the output.
-    rest, gain : SX
-        The output of the law before its limits is rest + gain memory, with gain >= 0.
-    otherwise : SX
-        The memory if the law does not track, or if gain = 0, so that the memory does not act on the output.
-    """
+    """Return the memory with which a law begins a sample."""
     follows = logic_and(track, gain != 0.0)
     return if_else(follows, (u - rest) / if_else(follows, gain, 1.0), otherwise)
 
 
 def deflected(track: SX, u_track: SX, rest: SX, stiffness: SX, most: SX, u_min: SX, u_max: SX, otherwise: SX) -> SX:
-    """Return the deflection of a contact with which a law begins a sample, as `carried`.
-
-    Parameters
-    ----------
-    track, u_track, rest, u_min, u_max, otherwise : SX
-        See `carried`.
-    stiffness : SX
-        The output of the law before its limits is rest + stiffness deflection; may be negative.
-    most : SX
-        Largest magnitude of the deflection, which is that of steady sliding.
-    """
+    """Return the deflection of a contact with which a law begins a sample, as `carried`."""
     squared = stiffness**2  # of a known sign, unlike the stiffness, so that the generated C need not exclude -0.0
     follows = logic_and(track, squared != 0.0)
     limited_track = clip(u_track, u_min, u_max)

@@ -25,15 +25,7 @@ from friction_fmus.lawkit.declarations import (
 
 
 def starting(variable: Any, start: float) -> Any:
-    """Return a variable with another start value.
-
-    Parameters
-    ----------
-    variable : Variable
-        A variable of this module.
-    start : float
-        The new start value.
-    """
+    """Return a variable with another start value."""
     return replace(variable, start=start)
 
 

@@ -35,23 +35,16 @@ def residual_plots(study: StudyResult) -> list[Plot]:
 
 @dataclass(frozen=True)
 class Score:
-    """Formatted scores of a model.
-
-    Attributes
-    ----------
-    validation, train : str
-        Residual in percent; a dash if there is none.
-    aic, bic : str
-        Information criteria minus the lowest one of all models fitted to the same signal.
-    closed_loop : mapping of str to str
-        Residuals of the co-simulated servo, by signal.
-    """
+    """Formatted scores of a model."""
 
     validation: str
+    """Residual in percent; a dash if there is none."""
     train: str
     aic: str
+    """Information criteria minus the lowest one of all models fitted to the same signal."""
     bic: str
     closed_loop: Mapping[str, str]
+    """Residuals of the co-simulated servo, by signal."""
 
 
 def scores(models: Sequence[ModelResult]) -> dict[str, Score]:

@@ -37,13 +37,7 @@ _HEAD: Final = struct.Struct("<BI")
 
 
 class Line:
-    """One end of the channel.
-
-    Parameters
-    ----------
-    end : socket.socket
-        A socket connected to the other end.
-    """
+    """One end of the channel."""
 
     def __init__(self, end: socket.socket) -> None:
         """Take ownership of the socket."""
@@ -66,17 +60,7 @@ class Line:
         return kind, pickle.loads(data) if data else None
 
     def answered(self) -> tuple[int, Any]:
-        """Wait for a message from the process and return its kind and content.
-
-        Raises
-        ------
-        EOFError
-            If the other end is closed.
-        TimeoutError
-            If no message arrives within the timeout of the socket.
-        ValueError
-            If the message is malformed.
-        """
+        """Wait for a message from the process and return its kind and content."""
         kind, data = self._receive()
         if kind not in _FROM_PROCESS:
             raise ValueError(f"a message of kind {kind}")
@@ -109,13 +93,7 @@ def as_plain(error: HarnessError) -> dict[str, Any]:
 
 
 def as_error(plain: Mapping[str, Any]) -> HarnessError:
-    """Return the error that `as_plain` encoded, or an error with the same text.
-
-    Raises
-    ------
-    KeyError, TypeError, ValueError
-        If the value does not encode an error.
-    """
+    """Return the error that `as_plain` encoded, or an error with the same text."""
     if "part" in plain:
         part, function, reason, time = plain["part"]
         return PartError(str(part), str(function), str(reason), None if time is None else float(time))
@@ -124,13 +102,6 @@ def as_error(plain: Mapping[str, Any]) -> HarnessError:
 
 class Shared:
     """Values in memory shared by both processes.
-
-    Parameters
-    ----------
-    path : Path
-        The mapped file.
-    inputs, outputs : int
-        Numbers of values.
 
     Attributes
     ----------

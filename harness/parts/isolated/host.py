@@ -16,17 +16,7 @@ from harness.parts.part import Calls
 
 
 def serve(descriptor: int, name: str, path: str) -> None:
-    """Serve requests for an FMU until the other end of the channel is closed.
-
-    Parameters
-    ----------
-    descriptor : int
-        Inherited file descriptor of the socket.
-    name : str
-        Name of the part.
-    path : str
-        The .fmu file.
-    """
+    """Serve requests for an FMU until the other end of the channel is closed."""
     threading.Thread(target=_end_with_the_harness, daemon=True).start()
     line = Line(socket.socket(fileno=descriptor))
     logger = logging.getLogger("harness")

@@ -28,28 +28,12 @@ class ProcessError(Exception):
 class Process:
     """A Python process that serves one FMU, see `harness.parts.isolated.host.serve`.
 
-    Parameters
-    ----------
-    name : str
-        Name of the part.
-    path : Path
-        The .fmu file.
-    timeout : float
-        Longest time to answer [s].
-
     Attributes
     ----------
     folder : Path
         Temporary folder of both processes, removed at the end of this one.
     last_message : str
         The last log message of the FMU, quoted if the process dies.
-
-    Raises
-    ------
-    HarnessError
-        If the operating system does not support such processes.
-    ProcessError
-        If the process does not start.
     """
 
     def __init__(self, name: str, path: Path, timeout: float) -> None:
@@ -81,15 +65,7 @@ class Process:
         ours.settimeout(timeout)
 
     def ask(self, kind: int, content: object = None) -> object:
-        """Send a request and return the answer, see `harness.parts.isolated.channel`.
-
-        Raises
-        ------
-        HarnessError
-            If the process reports an error.
-        ProcessError
-            If the process does not answer.
-        """
+        """Send a request and return the answer, see `harness.parts.isolated.channel`."""
         try:
             self._line.ask(kind, content)
         except OSError:
