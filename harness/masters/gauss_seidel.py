@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from harness.parts.fmu import FmuPart
 from harness.parts.series import SeriesPart
 from harness.system.experiment import Experiment
 from harness.system.plan import GET, SET, STEP, Plan, Schedule
@@ -18,6 +19,7 @@ def master(plan: Plan, experiment: Experiment) -> Schedule:
         wire
         for wire in plan.moving_wires
         if isinstance(plan.parts[wire.source], SeriesPart)
+        and isinstance(plan.parts[wire.target], FmuPart)
         and wire.source < wire.target
         and plan.delays[wire.input] == 0
         and plan.names[wire.input] not in changed

@@ -184,7 +184,7 @@ def test_the_result_becomes_fmu_parameter_set_picture_and_prediction(tmp_path: P
     assert result.plot(tmp_path / "contact.png").stat().st_size > 10_000
 
 
-@pytest.mark.parametrize("model", some(OTHERS, ["GMS", "Karnopp"]))
+@pytest.mark.parametrize("model", some(OTHERS, ["GMS", "Stiction"]))
 def test_every_model_that_is_offered_is_identified(model: str) -> None:
     q = reversals(400, 2e-4)
     record = Record("any", STEP * np.arange(400), q=q, friction=dahl_force(q, 1e5, 2.0) + noise(9, 400))
