@@ -5,15 +5,17 @@ from __future__ import annotations
 import sys
 from collections.abc import Callable, Mapping, Sequence
 from importlib import import_module
+from importlib.util import find_spec
 
 from harness.extras import EXTRAS, missing
 
-interpreters = import_module("_interpreters" if sys.version_info >= (3, 13) else "_xxsubinterpreters")
+_SUBINTERPRETERS = "_interpreters" if sys.version_info >= (3, 13) else "_xxsubinterpreters"
+interpreters = import_module(_SUBINTERPRETERS) if find_spec(_SUBINTERPRETERS) else None
 
 
 def require_main_interpreter() -> None:
     """Raise an ImportError in a subinterpreter, where the import of packages written in C may hang."""
-    if interpreters.get_current() != interpreters.get_main():
+    if interpreters is not None and interpreters.get_current() != interpreters.get_main():
         raise ImportError(
             "friction-fmus and its harness run in the main interpreter of Python only, as NumPy does: "
             "use threads or processes instead of subinterpreters"
