@@ -172,13 +172,14 @@ fmi2Status fmi2SetContinuousStates(fmi2Component component, const fmi2Real state
     return fmi2OK;
 }
 
-/* Gather a vector from the parts. All of its values are read before the first one is returned. */
-#define GATHER(function, member, count, total, what)                                                                   \
+/* Gather a vector from the parts, whose inputs settle first if it `depends` on them. All of its values are read before
+   the first one is returned. */
+#define GATHER(function, member, count, total, what, depends)                                                          \
     fmi2Status fmi2##function(fmi2Component component, fmi2Real values[], size_t n)                                    \
     {                                                                                                                  \
         ENTER_AS(fmi2ModelExchange, #function, MAY_##function)                                                         \
         REQUIRE_VECTOR(#function, values, n, total, what)                                                              \
-        const fmi2Status status = MODE(c) == INSTANTIATED ? fmi2OK : settle_or_return(c, "fmi2" #function);            \
+        const fmi2Status status = depends ? settle_or_return(c, "fmi2" #function) : fmi2OK;                            \
         if (status != fmi2OK)                                                                                          \
             return status;                                                                                             \
         double found[(total) + 1], *to = found;                                                                        \
@@ -194,9 +195,9 @@ enum {
     MAY_GetEventIndicators = MAY_GetContinuous,
     MAY_GetNominalsOfContinuousStates = ANY_MODE
 };
-GATHER(GetContinuousStates, get_states, states, STATES, "states")
-GATHER(GetDerivatives, get_derivatives, states, STATES, "states")
-GATHER(GetNominalsOfContinuousStates, get_nominals, states, STATES, "states")
-GATHER(GetEventIndicators, get_indicators, indicators, INDICATORS, "event indicators")
+GATHER(GetContinuousStates, get_states, states, STATES, "states", true)
+GATHER(GetDerivatives, get_derivatives, states, STATES, "states", true)
+GATHER(GetNominalsOfContinuousStates, get_nominals, states, STATES, "states", false)
+GATHER(GetEventIndicators, get_indicators, indicators, INDICATORS, "event indicators", true)
 
 #endif

@@ -71,7 +71,7 @@ def test_the_checks_find_a_fault_that_is_there(tmp_path: Path, monkeypatch: pyte
         (THREAD, "static volatile int shared; shared = shared + k;", "data race"),
     ):
         (tmp_path / "faulty.c").write_text(
-            text.replace("        advance_by(c", f"        {line}\n        advance_by(c")
+            text.replace("        advance_instance(c", f"        {line}\n        advance_instance(c")
         )
         program = compiled("Viscous", str(tmp_path / "faulty.c"), flags, tmp_path)
         run = subprocess.run([program], capture_output=True, text=True, check=False)

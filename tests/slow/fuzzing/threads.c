@@ -39,7 +39,7 @@ static double drawn(uint64_t *seed) /* -1 to 1 */
 }
 
 /* A step: in model exchange one of Euler's method, with an event at its end. */
-static void advance_by(Instance *c, double h)
+static void advance_instance(Instance *c, double h)
 {
 #ifndef NO_EXCHANGE
     if (KIND(INSIDE(c)) == fmi2ModelExchange) {
@@ -86,7 +86,7 @@ static void *trial(void *given)
             if (k % 2)
                 fmi2SetRealInputDerivatives(c, &reference, 1, &order, &slope);
         }
-        advance_by(c, 1e-3);
+        advance_instance(c, 1e-3);
         t->hash = mix(t->hash, HASHED(c));
         if (k == CALLS / 3)
             fmi2GetFMUstate(c, &state);
