@@ -85,7 +85,7 @@ def build(
     fmi : {2, 3}
         Version of FMI: 2.0, or 3.0 with intermediate update and adjoint derivatives. The numbers are the same.
     clocks, arrays : bool
-        Whether an FMU of FMI 3.0 has a clock for its samples, and arrays for its vectors. Many importers know neither.
+        Whether an FMI 3.0 FMU has a clock for its samples, and arrays for its vectors. Many importers know neither.
     compiling : callable, optional
         Called before each platform is compiled, with its name and the number of completed platforms, for a progress
         bar. It is not called for an FMU in the cache.

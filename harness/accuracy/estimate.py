@@ -48,7 +48,7 @@ class Track:
     """One variable in one run."""
 
     ratio: Fraction
-    """Step of the run over that of the run in question."""
+    """Step of this run, relative to that of the run to be judged."""
     stride: Fraction
     """Steps of the run in question between two rows."""
     start: float

@@ -29,7 +29,7 @@ class Repetition:
     """A run with another step."""
 
     ratio: Fraction
-    """Its step over that of the run in question."""
+    """Its step, relative to that of the run to be judged."""
     start: float
     """Start of both runs, and step of the run in question [s]."""
     step: float

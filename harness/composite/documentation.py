@@ -106,5 +106,5 @@ def _map(wire: Wire) -> str:
     texts = [f"gain {wire.gain:g}"] if wire.gain != 1.0 else []
     texts += [f"offset {wire.offset:g}"] if wire.offset != 0.0 else []
     texts += [f"delay of {wire.delay} steps"] if wire.delay else []
-    texts += [] if wire.initial is None else [f"until then for {wire.initial:g}"]
+    texts += [] if wire.initial is None else [f"{wire.initial:g} until then"]
     return ", ".join(texts)

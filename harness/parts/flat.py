@@ -1,4 +1,4 @@
-"""The description of an FMU of FMI 3.0 as the harness sees it: each element of an array is a variable of its own."""
+"""The description of an FMI 3.0 FMU as the harness sees it: each element of an array is a variable of its own."""
 
 from __future__ import annotations
 

@@ -91,7 +91,7 @@ class _Slave:
 
 
 class Library3(Library):
-    """An unpacked FMU of FMI 3.0 with its loaded library; its functions are those of the adapter."""
+    """An unpacked FMI 3.0 FMU with its loaded library; its functions are those of the adapter."""
 
     def _load(self, archive: Archive, name: str, folder: str) -> None:
         self.slave: Any = _Slave(archive, name, Path(folder))
@@ -115,7 +115,7 @@ def _saves(archive: Archive) -> bool:
 
 
 class Instance3(Instance):
-    """One instance of an FMU of FMI 3.0, with the calls of FMI 2.0."""
+    """One instance of an FMI 3.0 FMU, called as in FMI 2.0."""
 
     def _instantiate(self, loaded: Library, archive: Archive) -> None:
         flat = archive.flat

@@ -95,9 +95,9 @@ class Native:
     """Data with which the native engine calls a running FMU without Python."""
 
     component: int
-    """Address of the instance; of its adapter for an FMU of FMI 3.0."""
+    """Address of the instance; of its adapter for an FMI 3.0 FMU."""
     instance: int | None
-    """Address of the instance of an FMU of FMI 3.0."""
+    """Address of the instance of an FMI 3.0 FMU."""
     functions: Mapping[str, int]
     """Address of each function of FMI 2.0, by its name without ``fmi2``, and of those of FMI 3.0 that are called
     directly, with ``instance``."""

@@ -1,4 +1,4 @@
-"""Runs that begin at a Unix time, in the harness's own engine: the same steps and samples as from 0 on."""
+"""Runs that begin at a Unix time, in the harness's own engine: they have the same steps and samples as runs from 0."""
 
 from __future__ import annotations
 

@@ -15,13 +15,13 @@ from friction_fmus.identification.fit.output_error import score_covariance
 #: Probability (p value) below which residuals count as correlated.
 WHITE = 0.01
 
-#: Number of residuals from which on they are tested for correlation.
+#: Fewest residuals that are tested for correlation.
 TESTABLE = 200
 
 #: Highest order of the autoregressive model, and smallest number of residuals for each order.
 HIGHEST, EACH = 10, 10
 
-#: Corrections of the autocovariances, and number of residuals from which on none is needed.
+#: Corrections of the autocovariances, and the number of residuals above which none is needed.
 CORRECTIONS, MANY = 4, 2000
 
 #: Largest partial correlation: a model beyond is a drift.
