@@ -22,8 +22,8 @@ class Image:
     """An image in pixel and in vector format."""
 
     png: bytes
-    """The files."""
     svg: bytes
+    """The files."""
 
 
 #: Guards the settings of matplotlib, which all threads share, as several threads may build blocks.

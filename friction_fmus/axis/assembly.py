@@ -37,8 +37,8 @@ class LoopAssembly:
     """Parts, connections and start values of the loop of an axis, added one after the other."""
 
     servo: Servo
-    """Feedback and sensors; reference, initial state and disturbances."""
     trajectory: Trajectory
+    """Feedback and sensors; reference, initial state and disturbances."""
     every: int
     """Number of communication steps between mass and friction in a sample of the servo."""
     fmus: Mapping[str, Path]
@@ -46,9 +46,9 @@ class LoopAssembly:
     pool: PartPool
     """Parts of other loops to use again."""
     parts: list[Part] = field(default_factory=list)
-    """What has been added."""
     wires: list[str | Wire] = field(default_factory=list)
     start: dict[str, StartValue] = field(default_factory=dict)
+    """What has been added."""
 
     def add(self, name: str, model: str, values: Mapping[str, float], *, sampled: bool = True) -> FmuPart:
         """Add a block with these parameters; those that it does not have are ignored."""

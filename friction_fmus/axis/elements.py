@@ -53,8 +53,8 @@ class Trajectory:
     samples: int
     """Length in samples of the servo."""
     x0: float
-    """Initial position and velocity of the axis [m, m/s]."""
     v0: float
+    """Initial position and velocity of the axis [m, m/s]."""
     motion: bool = False
     """Whether the servo receives the reference velocity and acceleration."""
     offset: float = 0.0

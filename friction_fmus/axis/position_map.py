@@ -27,8 +27,8 @@ class Grid:
     """Equally spaced nodes over position."""
 
     begin: float
-    """Position of the first node and distance of the nodes [m]."""
     spacing: float
+    """Position of the first node and distance of the nodes [m]."""
     nodes: int
     """Number of nodes."""
     periodic: bool = False

@@ -20,8 +20,8 @@ class Paragraph:
     lead: str = ""
     """One of `LEADS`, or empty."""
     equations: bool = False
-    """Whether it is a block of equations, which keeps its layout; whether it is an item of a list."""
     item: bool = False
+    """Whether it is a block of equations, which keeps its layout; whether it is an item of a list."""
 
     @property
     def text(self) -> str:

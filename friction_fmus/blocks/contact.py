@@ -19,9 +19,9 @@ class Level:
     """Steady-state friction in one direction: g(v) = Fc + (Fs - Fc) exp(-(v/vs)^delta), and viscous friction."""
 
     Fc: float
-    """Coulomb and static friction [N], viscous coefficient [N.s/m]."""
     Fs: float
     viscous: float = 0.0
+    """Coulomb and static friction [N], viscous coefficient [N.s/m]."""
     vs: float | None = None
     """Stribeck velocity [m/s]; with None or 0, static friction acts at rest only."""
     delta: float = 2.0
@@ -46,9 +46,9 @@ class Contact:
     levels: tuple[Level, Level]
     """Forward and backward."""
     stiffness: float = 0.0
+    damping: float = 0.0
     """Stiffness and damping of the contact at rest [N/m, N.s/m], proportional to the normal force; stiffness 0 if
     rigid."""
-    damping: float = 0.0
     viscous: float = 0.0
     """Viscous coefficient that also acts at rest [N.s/m]."""
 

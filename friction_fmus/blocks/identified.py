@@ -56,9 +56,9 @@ class Identified:
     fits: Mapping[str, Fitted] = field(default_factory=dict)
     """Parameters that are identified although their names do not imply it, or with another start value."""
     state: str = ""
+    size: str = ""
     """First state, whose initial value is identified as well, and an expression for its magnitude in steady sliding;
     both empty if no initial state is identified."""
-    size: str = ""
 
 
 def identified(code: str) -> Identified:

@@ -23,8 +23,8 @@ class Plant:
     mass: str
     """Mass [kg], an expression of the parameters."""
     damping: str = ""
-    """Parameters; empty if there are none."""
     stiffness: str = ""
+    """Parameters; empty if there are none."""
     flexible: tuple[str, ...] = ()
     """For a motor and a load connected by a spring: both masses, stiffness and damping; else empty."""
     belt: str = ""
@@ -40,10 +40,10 @@ class Sensor:
     quantum: str = ""
     """Resolution of the measured position, an expression; empty if it is not quantised."""
     velocity: str = ""
-    """Output with a velocity from position differences, their distance in samples, and the time constant of a
-    subsequent filter."""
     window: str = "1"
     smoothing: str = "0"
+    """Output with a velocity from position differences, their distance in samples, and the time constant of a
+    subsequent filter."""
 
 
 @dataclass(frozen=True)
@@ -130,11 +130,11 @@ class InLoop:
     friction: Friction | None = None
     """Friction of a friction model, or of a plant that contains its own friction."""
     plant: Plant | None = None
-    """The role."""
     sensor: Sensor | None = None
     drive: Drive | None = None
     cogging: Cogging | None = None
     law: Loop | None = None
+    """The role."""
 
     @property
     def known(self) -> bool:

@@ -30,17 +30,17 @@ class Variable:
     """One scalar variable of a block."""
 
     name: str
-    """Name as in the XML (elements of vectors are ``k[1]``, derivatives ``der(z)``), unit and description."""
     unit: str
     text: str
+    """Name as in the XML (elements of vectors are ``k[1]``, derivatives ``der(z)``), unit and description."""
     start: float
-    """Start value, limits and nominal value. The start value is NaN if a parameter provides the initial value."""
     min: float
     max: float
     nominal: float
+    """Start value, limits and nominal value. The start value is NaN if a parameter provides the initial value."""
     role: int
-    """Constants of this module."""
     type: int
+    """Constants of this module."""
     reference: int
     """Value reference."""
     origin: int
@@ -68,9 +68,9 @@ class Description(BlockVariables):
     """A block's variables and structure."""
 
     dependencies: dict[int, tuple[int, ...]]
+    initial_dependencies: dict[int, tuple[int, ...]]
     """For the value reference of each unknown, the value references of the knowns on which it depends: in step mode
     (inputs, continuous states, time) and in initialization mode (inputs, exact variables, time)."""
-    initial_dependencies: dict[int, tuple[int, ...]]
 
 
 def describe(library: Path, computed: Mapping[str, Iterable[str]] | None = None) -> Description:

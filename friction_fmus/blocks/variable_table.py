@@ -37,9 +37,9 @@ class Entry:
     """A variable, or the elements of a vector."""
 
     name: str
-    """Name (``k[1...10]`` for a vector), unit or type, and description."""
     unit: str
     text: str
+    """Name (``k[1...10]`` for a vector), unit or type, and description."""
     starts: tuple[str, ...]
     """Start values; one if all are equal, none for computed variables."""
     limits: str

@@ -106,9 +106,9 @@ class Fault:
     """An error yielded by a rule's function, from which the rule makes a `Finding`."""
 
     message: str
-    """See `Finding`."""
     line: int | None = None
     variable: str | None = None
+    """See `Finding`."""
     file: str = DESCRIPTION
 
 

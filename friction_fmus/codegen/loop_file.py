@@ -61,8 +61,8 @@ class LoopFile:
     Ts: float
     """Sample time [s]."""
     u_min: float
-    """Limits of the force [N]."""
     u_max: float
+    """Limits of the force [N]."""
     offset: float | None = None
     """Constant force that is added [N]; None for none."""
     window: int = 0

@@ -19,9 +19,9 @@ class Gains:
     """Position loop in PID form: u = Kp e + Kd (rd - v) + Ki times the integral of e."""
 
     Kp: float
-    """Gains [N/m, N.s/m, N/(m.s)]."""
     Kd: float
     Ki: float = 0.0
+    """Gains [N/m, N.s/m, N/(m.s)]."""
     db: float = 0.0
     """Error up to which the integral is held [m]."""
     m: float = 0.0
@@ -49,11 +49,11 @@ class Law:
     rules: tuple[Rule, ...] = ()
     """Conditions specific to this law."""
     measured: bool = False
-    """As in `Loop`."""
     at_rest: bool = False
     estimates: bool = False
     hunts: bool = True
     shapes: bool = False
+    """As in `Loop`."""
 
 
 @dataclass(frozen=True)
@@ -61,11 +61,11 @@ class SignalPath:
     """Actuator, limits and sensors between a law and its plant."""
 
     tau: float = 0.0
-    """Lag and delay of the actuator [s]."""
     delay: float = 0.0
+    """Lag and delay of the actuator [s]."""
     low: float = -math.inf
-    """Limits of the force on the plant [N]."""
     high: float = math.inf
+    """Limits of the force on the plant [N]."""
     amplified: float = 1.0
     """Gain of the force of the law for small movements."""
     window: int = 0
@@ -98,8 +98,8 @@ class ActiveLaw:
     to_force: float = 1.0
     """Product of the gains of the connections from its u to the force on the plant."""
     of_position: float = 1.0
-    """Gains of the connections from the plant to its x and v."""
     of_velocity: float = 1.0
+    """Gains of the connections from the plant to its x and v."""
     path: SignalPath = SignalPath()
     """Actuator, limits and sensors between the law and the plant."""
 
@@ -137,9 +137,9 @@ class Axis:
     plant: str
     """Name of the part."""
     m: float
-    """Mass [kg], damper [N.s/m] and spring [N/m] to ground."""
     damping: float = 0.0
     stiffness: float = 0.0
+    """Mass [kg], damper [N.s/m] and spring [N/m] to ground."""
     friction: str | None = None
     """Name of the part with the friction; None if no known part acts as friction."""
     contact: Contact | None = None

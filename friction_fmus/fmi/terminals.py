@@ -52,8 +52,8 @@ class Member:
     """A variable in a terminal."""
 
     name: str
-    """Name in the terminal, by which members are matched, and name in the block."""
     variable: str
+    """Name in the terminal, by which members are matched, and name in the block."""
     kind: str = "signal"
     """``signal``, ``inflow`` or ``outflow``."""
 
@@ -63,8 +63,8 @@ class Terminal:
     """A group of variables that are connected in one step."""
 
     name: str
-    """Name and description."""
     description: str
+    """Name and description."""
     domain: str
     """``translational``, ``rotational``, ``dimensionless`` or ``reference``."""
     rule: str

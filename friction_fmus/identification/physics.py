@@ -50,8 +50,8 @@ class DriveBalance:
     """Least squares of the drive force."""
 
     mass: float
-    """Mass and its standard error [kg or kg.m2]."""
     error: float
+    """Mass and its standard error [kg or kg.m2]."""
     dissipated: float
     """Mean power of viscous and Coulomb friction over the mean magnitude of the power of the force without offset;
     negative if friction drives the axis."""

@@ -12,9 +12,9 @@ class Heading:
     """Texts in the decorator ``@law`` of a law."""
 
     name: str
-    """See `friction_fmus.lawkit.law.Law`."""
     summary: str
     source: str
+    """See `friction_fmus.lawkit.law.Law`."""
     path: Path
     """The file that defines it."""
 

@@ -20,11 +20,11 @@ class Results:
     """Symbols and expressions of a law."""
 
     arguments: tuple[SX, ...]
-    """Scalars that a sample reads, and outputs followed by next states."""
     expressions: tuple[SX, ...]
+    """Scalars that a sample reads, and outputs followed by next states."""
     labels: tuple[str, ...]
-    """Names of both."""
     names: tuple[str, ...]
+    """Names of both."""
 
 
 def function_of(where: str, name: str, results: Results) -> Function:

@@ -20,11 +20,11 @@ class Point:
     """A compensator in the plot of error against effort and margin."""
 
     name: str
-    """Compensator and its kind."""
     kind: str
+    """Compensator and its kind."""
     error: float
-    """Worst-case error and drive force above the bandwidth, in the displayed units."""
     effort: float
+    """Worst-case error and drive force above the bandwidth, in the displayed units."""
     Ms: float | None
     """Peak of the sensitivity function."""
     best: bool = False

@@ -75,9 +75,9 @@ class Bar:
     name: str
     """Name of the compensator."""
     value: float
-    """Tracking error, and the smallest and largest one in the cases."""
     low: float
     high: float
+    """Tracking error, and the smallest and largest one in the cases."""
     emphasis: str = ""
     """"best", "second" or ""."""
 

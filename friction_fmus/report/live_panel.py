@@ -55,13 +55,13 @@ class LivePanel:
     runs: tuple[ShownRun, ...]
     """Runs."""
     picture: str
-    """SVG without scripts, JSON, JavaScript and CSS."""
     data: str
     script: str
     style: str
+    """SVG without scripts, JSON, JavaScript and CSS."""
     whole: bool
-    """Whether the whole record is simulated, and with the master algorithm of the study."""
     same_master: bool
+    """Whether the whole record is simulated, and with the master algorithm of the study."""
     seconds: float
     """Simulated time [s]."""
 

@@ -24,13 +24,13 @@ class Case:
     name: str
     """Description."""
     friction: float = 1.0
-    """Factors of all friction forces and of the mass."""
     mass: float = 1.0
+    """Factors of all friction forces and of the mass."""
     delay: int = 0
     """Further samples by which the force lags the command."""
     coarser: float = 1.0
-    """Factor of the encoder resolution, and standard deviation of additional noise of the measured position [m]."""
     noise: float = 0.0
+    """Factor of the encoder resolution, and standard deviation of additional noise of the measured position [m]."""
     load: float = 0.0
     """Constant force on the axis [N]."""
     counts: bool = True

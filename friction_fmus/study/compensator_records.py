@@ -14,8 +14,8 @@ class Metrics:
     """Metrics of one run of the servo, including its start."""
 
     rms: float
-    """Root mean square and maximum of the tracking error, reference minus position, in `units.position`."""
     largest: float
+    """Root mean square and maximum of the tracking error, reference minus position, in `units.position`."""
     effort: float
     """Root mean square of the drive force, in `units.force`."""
     effort_high: float
@@ -106,9 +106,9 @@ class CompensatorResult:
     """Result of one compensator."""
 
     name: str
+    summary: str
     """Name of the law, or of feedforward and estimator joined by " + ", and its description; the entry "none" is the
     servo without compensation."""
-    summary: str
     kind: str
     """"none", "integral action", "feedforward", "model feedback", "estimator", "feedforward with estimator",
     "feedforward with integral action", "table over position" (alone or with others), "dither", "learning", or
@@ -134,11 +134,11 @@ class CompensatorResult:
     corners: tuple[Corner, ...] = ()
     """Runs of the best trial on other axes."""
     worst: float | None = None
-    """Largest and smallest `rms` of `metrics` and of the corners that count."""
     best: float | None = None
+    """Largest and smallest `rms` of `metrics` and of the corners that count."""
     cycles: float | None = None
-    """Estimated cycles of one sample and size of the C code on a Cortex-M4F [bytes]; None without C code."""
     flash: float | None = None
+    """Estimated cycles of one sample and size of the C code on a Cortex-M4F [bytes]; None without C code."""
     score: float | None = None
     """Weighted sum of logarithms by which the compensators are ranked, see `friction_fmus.study.ranking`."""
     rank: int | None = None

@@ -128,9 +128,9 @@ class Candidate:
     """Candidate compensator for an axis."""
 
     name: str
-    """Law, its kind, and the friction model that provides its parameters."""
     kind: str
     model: str
+    """Law, its kind, and the friction model that provides its parameters."""
     compensator: Compensator | None
     """Block with its parameters; None if the law does not apply, and for integral action of the servo."""
     reason: str = ""

@@ -50,8 +50,8 @@ class Data:
     records: tuple[Record, ...]
     """Segments between gaps."""
     train: tuple[Record, ...]
-    """Data for the fit and for validation."""
     validation: tuple[Record, ...]
+    """Data for the fit and for validation."""
     published: Mapping[str, Mapping[str, float]]
     """Known parameter values, by name of the model."""
     findings: tuple[str, ...] = ()

@@ -36,8 +36,8 @@ class Scheme:
     bandwidth: float | None = None
     """Bandwidth of an estimator, or corner frequency of integral action [Hz]."""
     compensator: Compensator | None = None
-    """Compensator, and the friction feedforward beside it."""
     feedforward: Compensator | None = None
+    """Compensator, and the friction feedforward beside it."""
     margins: LoopMargins | None = None
     """Margins of the loop; None if the compensator cannot be linearised."""
     table: bool = False

@@ -66,8 +66,8 @@ class IdentifiedModel:
     values: Mapping[str, float] = field(default_factory=dict)
     """Parameters of the block."""
     mass: float = 0.0
-    """Mass [kg] and constant force [N] of the axis; 0 if the record has no drive force."""
     offset: float = 0.0
+    """Mass [kg] and constant force [N] of the axis; 0 if the record has no drive force."""
     error: float | None = None
     """Error by which the models are ranked; None if it is infinite or the model failed."""
     force_error: float | None = None
@@ -75,8 +75,8 @@ class IdentifiedModel:
     predicted: Curve | None = None
     """Fitted signal over time as simulated by the model."""
     position: Curve | None = None
-    """Simulated minus measured position and force of the servo over time."""
     force: Curve | None = None
+    """Simulated minus measured position and force of the servo over time."""
     position_map: PositionMap | None = None
     """Cogging and position-dependent friction."""
 
@@ -95,12 +95,12 @@ class Measured:
     trajectory: Trajectory
     """Reference and initial state of the whole record."""
     q: Array
-    """Measured position and force, and the reference; the force contains an injected one."""
     force: Array | None
     r: Array
+    """Measured position and force, and the reference; the force contains an injected one."""
     train: tuple[int, int]
-    """First and one past the last sample of the data for the fit and for the ranking."""
     validation: tuple[int, int]
+    """First and one past the last sample of the data for the fit and for the ranking."""
 
 
 def identify_model(

@@ -36,10 +36,10 @@ class Weights:
     """Weights of the figures in the score."""
 
     error: float = 1.0
-    """Weights of worst-case error, drive force above the bandwidth, sensitivity peak, and cycles."""
     effort: float = 0.25
     margin: float = 0.25
     cost: float = 0.01
+    """Weights of worst-case error, drive force above the bandwidth, sensitivity peak, and cycles."""
 
 
 def rank(

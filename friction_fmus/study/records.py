@@ -50,8 +50,8 @@ class Fit:
     percent: float
     """Residual in percent of the root mean square of the measured signal."""
     signal: str
-    """Name and unit of the signal."""
     unit: str
+    """Name and unit of the signal."""
 
 
 @dataclass(frozen=True)
@@ -59,14 +59,14 @@ class PositionPart:
     """Force over position that was identified together with a friction model."""
 
     nodes: int
-    """Number of nodes of the table and their distance."""
     spacing: float
+    """Number of nodes of the table and their distance."""
     cogging: float
-    """Rms values of cogging and position-dependent friction over the table."""
     friction: float
+    """Rms values of cogging and position-dependent friction over the table."""
     train_without: Fit | None
-    """Residuals of the model without this force."""
     validation_without: Fit | None
+    """Residuals of the model without this force."""
 
 
 @dataclass(frozen=True)
@@ -74,20 +74,20 @@ class ModelResult:
     """Result of one friction model."""
 
     name: str
-    """Name of the block and its description."""
     summary: str
+    """Name of the block and its description."""
     method: str = ""
     """Identification method; empty if the model was not identified."""
     parameters: tuple[IdentifiedParameter, ...] = ()
     """Identified parameters."""
     train: Fit | None = None
-    """Residuals on the training and the validation data."""
     validation: Fit | None = None
+    """Residuals on the training and the validation data."""
     closed_loop: tuple[Fit, ...] = ()
     """Residuals of position and force of the co-simulated servo; empty without a servo."""
     aic: float | None = None
-    """Information criteria; lower is better."""
     bic: float | None = None
+    """Information criteria; lower is better."""
     rank: int | None = None
     """Rank by validation, 1 is best; None if the model was not identified."""
     warnings: tuple[str, ...] = ()
@@ -115,11 +115,11 @@ class Picture:
     """Curves in one pair of axes."""
 
     x_label: str
-    """Quantities of the axes."""
     y_label: str
+    """Quantities of the axes."""
     x_unit: str
-    """Units of the axes."""
     y_unit: str
+    """Units of the axes."""
     data: Mapping[str, Curve]
     """Decimated measurements, by name."""
     models: Mapping[str, Curve]
@@ -168,8 +168,8 @@ class ServoCheck:
     gains: tuple[IdentifiedParameter, ...] = ()
     """Gains estimated from the record; empty if those of the configuration reproduce it."""
     recorded: Curve | None = None
-    """Force over time: as recorded, and as the servo commands it."""
     commanded: Curve | None = None
+    """Force over time: as recorded, and as the servo commands it."""
     reason: str = ""
     """Reason why the servo was not compared; empty if it was."""
 

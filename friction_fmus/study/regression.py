@@ -24,9 +24,9 @@ class Comparison:
     """Recorded force and the force that the servo commands."""
 
     force: Array
-    """Recorded force, command within the force limit, and command without this limit."""
     command: Array
     unlimited: Array
+    """Recorded force, command within the force limit, and command without this limit."""
     used: NDArray[np.bool_]
     """Samples that are compared."""
     servo: Servo

@@ -38,8 +38,8 @@ class Known:
     """What is known of an axis when its file of settings is written."""
 
     columns: Mapping[str, Column]
-    """Columns by role, and those of which an entry is missing."""
     suggestions: Mapping[str, Column] = field(default_factory=dict)
+    """Columns by role, and those of which an entry is missing."""
     servo: Mapping[str, str] = field(default_factory=dict)
     """Entries of ``[servo]`` as TOML; empty if it is unknown."""
     measurement: Measurement | None = None

@@ -45,15 +45,15 @@ class Knob:
     """Property of the axis that a reader of the report can change."""
 
     name: str
-    """Name, and what is changed."""
     text: str
+    """Name, and what is changed."""
     unit: str
     """Unit; empty for a factor or a number of samples."""
     start: float
     """Value of the study."""
     least: float
-    """Range of the slider."""
     most: float
+    """Range of the slider."""
     settings: tuple[Settings, ...]
     """For each run, the parameters and what each is divided by the value of the knob."""
     zero: bool = False
@@ -85,8 +85,8 @@ class WhatIf:
     Ts: float
     """Sample time [s]."""
     r: Array
-    """Reference, and noise of the measured position of standard deviation 1; empty without noise."""
     noise: Array = field(default_factory=lambda: np.zeros(0))
+    """Reference, and noise of the measured position of standard deviation 1; empty without noise."""
     run_up: int = 0
     """Number of samples before the first one of the record."""
     whole: bool = True

@@ -33,8 +33,8 @@ class Alignment:
     """The events of one run in time, and how much later another run has them."""
 
     times: Values
-    """Times of the events, in order, and by how much the other run is late [s]."""
     shifts: Values
+    """Times of the events, in order, and by how much the other run is late [s]."""
     interval: float
     """Median time between two events of the same kind [s]; the duration of the run if there are too few."""
 

@@ -24,8 +24,8 @@ class Energy:
     pair: tuple[Wire, Wire]
     """The connection of the force and that of the velocity, in opposite directions between two parts."""
     net: float
-    """Integral of the power and of its magnitude [J]."""
     passed: float
+    """Integral of the power and of its magnitude [J]."""
     error: float
     """Bound of the error of the net energy at any time [J]."""
 

@@ -52,8 +52,8 @@ class Track:
     stride: Fraction
     """Steps of the run in question between two rows."""
     start: float
-    """Time of the first row, and from one row to the next [s]."""
     row: float
+    """Time of the first row, and from one row to the next [s]."""
     values: Values
     """The rows."""
 

@@ -25,12 +25,12 @@ class Oscillation:
     """Period and amplitude of a variable, with their errors."""
 
     period: float
+    amplitude: float
     """Means over the periods of the run in question: the time between two upward crossings of the middle [s], and half
     of the difference of the largest and the smallest value between them."""
-    amplitude: float
     period_error: float
-    """The largest difference to the other runs, or twice the standard error of the mean if that is larger."""
     amplitude_error: float
+    """The largest difference to the other runs, or twice the standard error of the mean if that is larger."""
 
     @property
     def worst(self) -> float:

@@ -31,8 +31,8 @@ class Repetition:
     ratio: Fraction
     """Its step, relative to that of the run to be judged."""
     start: float
-    """Start of both runs, and step of the run in question [s]."""
     step: float
+    """Start of both runs, and step of the run in question [s]."""
     recorder: Recorder
     """What it has recorded."""
 

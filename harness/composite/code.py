@@ -45,8 +45,8 @@ class PartCode:
     prefix: str
     """Prefix of its functions."""
     identifier: str
-    """Model identifier and GUID."""
     guid: str
+    """Model identifier and GUID."""
     files: Mapping[str, str]
     """Text of each source file."""
     compiled: tuple[str, ...]

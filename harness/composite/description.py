@@ -26,8 +26,8 @@ class Texts:
     """What the description says of the FMU beside its variables."""
 
     identifier: str
-    """Model identifier and GUID."""
     guid: str
+    """Model identifier and GUID."""
     summary: str
     """One line on the system."""
     made: str

@@ -25,8 +25,8 @@ class Layout:
     routes: Mapping[Pair, tuple[Point, ...]]
     """Columns and rows that the connection between two parts passes, from its source to its target."""
     columns: int
-    """Size of the grid."""
     rows: int
+    """Size of the grid."""
 
 
 def arrange(parts: Sequence[str], pairs: Iterable[Pair]) -> Layout:

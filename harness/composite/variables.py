@@ -26,8 +26,8 @@ class Variable:
     reference: int
     """Value reference in the part's FMU, or column of a recorded series."""
     causality: str
-    """As in the model description."""
     variability: str
+    """As in the model description."""
     initial: str | None = None
     """"exact" or "calculated"; None for an input and the time."""
     start: StartValue | None = None
@@ -35,8 +35,8 @@ class Variable:
     early: bool = False
     """Whether it can be set before the first step only."""
     type_name: str | None = None
-    """The part's declared type of a Real, and its quantity."""
     quantity: str | None = None
+    """The part's declared type of a Real, and its quantity."""
     state: str | None = None
     """The state of which this is the derivative."""
 

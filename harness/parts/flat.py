@@ -47,13 +47,13 @@ class Array:
     """A variable of FMI 3.0 with its elements."""
 
     name: str
-    """Name and type."""
     type: str
+    """Name and type."""
     reference: int
     """Value reference."""
     first: int
-    """Number of its first element, and how many there are; strings have elements too."""
     count: int
+    """Number of its first element, and how many there are; strings have elements too."""
     structural: bool
     """Whether it is a structural parameter."""
     shape: tuple[int, ...]

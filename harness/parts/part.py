@@ -102,11 +102,11 @@ class Native:
     """Address of each function of FMI 2.0, by its name without ``fmi2``, and of those of FMI 3.0 that are called
     directly, with ``instance``."""
     inputs: Sequence[int]
-    """Value references, in the order in which the ports were bound."""
     outputs: Sequence[int]
+    """Value references, in the order in which the ports were bound."""
     input_types: Sequence[PortType]
-    """Types of the ports."""
     output_types: Sequence[PortType]
+    """Types of the ports."""
     interpolates: bool
     """Whether the FMU accepts input derivatives."""
     saves: bool

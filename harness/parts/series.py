@@ -26,8 +26,8 @@ class Table:
     times: Values
     """Times of the samples [s]."""
     values: Values
-    """Row k applies from sample k on; its values change by ``slopes`` per second."""
     slopes: Values
+    """Row k applies from sample k on; its values change by ``slopes`` per second."""
     slack: float
     """Time by which rounding may put a communication point before its sample [s]."""
     end: float

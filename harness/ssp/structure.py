@@ -54,8 +54,8 @@ class Edge:
     """A connection, in signal direction."""
 
     source: Node
-    """Ends of the connection."""
     target: Node
+    """Ends of the connection."""
     transformation: Transformation
     """Transformation of a value, after its unit conversion."""
     suppress: bool
@@ -63,8 +63,8 @@ class Edge:
     element: etree._Element
     """The XML element, with its annotations."""
     source_index: tuple[int, ...] = ()
-    """Indices of the connected element of an array; () if everything is connected."""
     target_index: tuple[int, ...] = ()
+    """Indices of the connected element of an array; () if everything is connected."""
 
     def __str__(self) -> str:
         """Return a text with both ends."""

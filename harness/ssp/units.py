@@ -66,8 +66,8 @@ class Signal:
     unit: BaseUnit | None
     """The current unit."""
     gain: float = 1.0
-    """Transformation by the connections so far, without unit conversion."""
     offset: float = 0.0
+    """Transformation by the connections so far, without unit conversion."""
 
     def passed(self, unit: BaseUnit | None, factor: float, offset: float, suppress: bool, where: str) -> Signal:
         """Return the signal after a connection: first converted, then transformed, as SSP 1.0 requires."""

@@ -63,8 +63,8 @@ class Outcome:
     measures: dict[str, float] = field(default_factory=dict)
     """Values of the measures; empty if the run failed."""
     error: str | None = None
-    """Error of the run, and logged warnings."""
     warnings: str | None = None
+    """Error of the run, and logged warnings."""
     kept: Result | None = None
     """Stored trajectories."""
 

@@ -31,8 +31,8 @@ class StartOrder:
     roots: tuple[int, ...]
     """Outputs whose values the algebraic loops determine, as indices of signals."""
     is_loop: bool
-    """Whether there is an algebraic loop; whether there is one through a sampled part or a delay."""
     is_late_loop: bool
+    """Whether there is an algebraic loop; whether there is one through a sampled part or a delay."""
     loop: str
     """The connections of the algebraic loops."""
 

@@ -27,11 +27,11 @@ class MovingWire:
     """A connection whose value varies during a step: between two continuous parts that step at every tick."""
 
     input: int
-    """Indices of the signals at its ends."""
     output: int
+    """Indices of the signals at its ends."""
     source: int
-    """Indices of the parts at its ends."""
     target: int
+    """Indices of the parts at its ends."""
 
 
 @dataclass(frozen=True)

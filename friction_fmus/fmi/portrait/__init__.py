@@ -25,8 +25,8 @@ class Figure:
     svg: bytes
     """The SVG file."""
     caption: str
-    """Caption, which describes the experiment; alternative text for readers who cannot see the figure."""
     alternative: str
+    """Caption, which describes the experiment; alternative text for readers who cannot see the figure."""
 
 
 @dataclass(frozen=True)

@@ -31,8 +31,8 @@ class Curve:
     """A line in a panel."""
 
     x: Vector
-    """Points in the units of the panel."""
     y: Vector
+    """Points in the units of the panel."""
     label: str = ""
     """Label, if the panel has several curves; else empty."""
     aside: bool = False
@@ -48,8 +48,8 @@ class Panel:
     curves: tuple[Curve, ...]
     """At least one."""
     x: tuple[str, str]
-    """Name and unit of each axis."""
     y: tuple[str, str]
+    """Name and unit of each axis."""
     caption: str
     """Description of the experiment, for the documentation."""
     equal: bool = False

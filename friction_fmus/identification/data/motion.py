@@ -19,8 +19,8 @@ class MotionFeatures:
     """Features of the motion in a record."""
 
     q: Array
-    """Smoothed position and velocity."""
     v: Array
+    """Smoothed position and velocity."""
     noise: float
     """Standard deviation of the noise of the position, or of the integral of the velocity."""
     reversals: Array

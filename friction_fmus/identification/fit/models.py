@@ -28,13 +28,13 @@ class Traits:
     """Rough properties of the friction, estimated from the data."""
 
     level: float
-    """Typical and largest force in sliding [force]."""
     peak: float
+    """Typical and largest force in sliding [force]."""
     viscous: float
     """Increase of the force with speed [force / velocity]."""
     stiffness: float
-    """Stiffness and damping of the contact in small motions [force / position], [force / velocity]."""
     damping: float
+    """Stiffness and damping of the contact in small motions [force / position], [force / velocity]."""
     speed: float
     """Largest speed [velocity]."""
 

@@ -63,12 +63,12 @@ class PositionFit:
     table: PositionMap
     """Cogging and position-dependent friction."""
     crossed: float
+    crossed_without: float
     """Rms error of the cross-validation over blocks of the training data, with and without the table, in the unit of
     the signal."""
-    crossed_without: float
     train_without: Score | None = None
-    """Scores of the model without the table."""
     validation_without: Score | None = None
+    """Scores of the model without the table."""
 
 
 @dataclass(frozen=True, eq=False)

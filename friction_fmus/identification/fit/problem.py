@@ -35,9 +35,9 @@ class Coordinate:
     scale: float
     """Magnitude of the value; the coordinate is x = log(value / scale) or x = value / scale."""
     start: float
-    """Start value and bounds of the value."""
     lower: float = -math.inf
     upper: float = math.inf
+    """Start value and bounds of the value."""
     log: bool = False
     """Whether the coordinate is logarithmic, as for values that must not be zero."""
     segment: int | None = None
@@ -80,8 +80,8 @@ class Problem:
     coordinates: Sequence[Coordinate]
     """Coordinates shared by all records first, then the others."""
     assemble: Assemble
-    """Functions that return parameters and initial states of the block."""
     states: States
+    """Functions that return parameters and initial states of the block."""
     constants: Mapping[str, float | int | bool]
     """Other start values."""
     simulations: int = field(default=0)

@@ -43,8 +43,8 @@ class Setup:
     coordinates: tuple[Coordinate, ...]
     """Coordinates shared by all records first, then the others."""
     assemble: Assemble
-    """Functions that return parameters and initial states, see `Problem`."""
     states: States
+    """Functions that return parameters and initial states, see `Problem`."""
     constants: Mapping[str, float | int | bool]
     """Other start values of the block."""
     units: Mapping[str, str]

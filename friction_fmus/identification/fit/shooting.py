@@ -40,8 +40,8 @@ class Arc:
     record: int
     """Index of the record."""
     begin: int
-    """First sample, and first sample of the next arc or last sample of the record."""
     end: int
+    """First sample, and first sample of the next arc or last sample of the record."""
     measured: Array
     """Measured position."""
 
@@ -56,11 +56,11 @@ class Prior:
     """What is known of the parameters before the search."""
 
     mean: Array
-    """Expected value and standard deviation."""
     deviation: Array
+    """Expected value and standard deviation."""
     lower: Array
-    """Bounds."""
     upper: Array
+    """Bounds."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -42,8 +42,8 @@ class Lows:
     wide: Mapping[int, Weight]
     """Arguments that are pairs."""
     reads: Mapping[int, str]
-    """C expressions of the lower parts, by index of the argument and of the result."""
     writes: Mapping[int, str]
+    """C expressions of the lower parts, by index of the argument and of the result."""
 
 
 def kernel(

@@ -37,8 +37,8 @@ class Element:
     moved: SX
     """Its force after the displacement [force]."""
     slipped: SX
-    """Whether it slips during the displacement, and 1 or 0 after it; 0 for an element that is not in use."""
     slips: SX
+    """Whether it slips during the displacement, and 1 or 0 after it; 0 for an element that is not in use."""
 
 
 def in_use(N: SX) -> list[SX]:

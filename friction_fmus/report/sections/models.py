@@ -38,11 +38,11 @@ class Score:
     """Formatted scores of a model."""
 
     validation: str
-    """Residual in percent; a dash if there is none."""
     train: str
+    """Residual in percent; a dash if there is none."""
     aic: str
-    """Information criteria minus the lowest one of all models fitted to the same signal."""
     bic: str
+    """Information criteria minus the lowest one of all models fitted to the same signal."""
     closed_loop: Mapping[str, str]
     """Residuals of the co-simulated servo, by signal."""
 
