@@ -23,8 +23,8 @@ from benchmarks.law_runs import LawBuffer, LawC, LawFmu, casadi_by_rows, rows_of
 from benchmarks.law_variants import variants
 from benchmarks.rows import Row, arguments, report
 from friction_fmus import catalogue
+from friction_fmus.codegen.emulation import samples
 from friction_fmus.codegen.export import make_export
-from friction_fmus.codegen.program import samples
 
 TARGETS = {"LuGreObserver": 1.1, "GMSFeedforward": 1.25}
 """Laws that are written by hand, and what the exported C may take over the faster one by hand."""

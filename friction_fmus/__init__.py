@@ -16,7 +16,7 @@ from friction_fmus import harness
 from friction_fmus.blocks.catalogue import Block, catalogue, find
 from friction_fmus.errors import BuildError, FrictionError, UnknownNameError
 from friction_fmus.version import VERSION
-from harness.lazy import lazy_names
+from harness.extras import lazy_names
 
 if TYPE_CHECKING:
     from friction_fmus.fmi.package import build, build_record, fmu

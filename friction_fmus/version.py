@@ -1,6 +1,6 @@
 """Version and release time of the distribution."""
 
-from harness.storage.clock import stamped
+from harness.storage.files import stamped
 
 VERSION = "0.1.0"
 RELEASED = "2026-11-20T00:00:00Z"

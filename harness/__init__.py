@@ -26,7 +26,7 @@ from harness.errors import (
     UnknownNameError,
     WireError,
 )
-from harness.lazy import lazy_names, require_main_interpreter
+from harness.extras import lazy_names, require_main_interpreter
 from harness.masters import masters
 from harness.plot import plot
 

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import sys
+from collections.abc import Callable, Mapping, Sequence
+from importlib import import_module
 from importlib.util import find_spec
 from typing import Final, NamedTuple
 
@@ -42,3 +45,44 @@ def require(*packages: str) -> None:
     for package in packages:
         if find_spec(package) is None:
             raise missing(package)
+
+
+_SUBINTERPRETERS = "_interpreters" if sys.version_info >= (3, 13) else "_xxsubinterpreters"
+interpreters = import_module(_SUBINTERPRETERS) if find_spec(_SUBINTERPRETERS) else None
+
+
+def require_main_interpreter() -> None:
+    """Raise an ImportError in a subinterpreter, where the import of packages written in C may hang."""
+    if interpreters is not None and interpreters.get_current() != interpreters.get_main():
+        raise ImportError(
+            "friction-fmus and its harness run in the main interpreter of Python only, as NumPy does: "
+            "use threads or processes instead of subinterpreters"
+        )
+
+
+def lazy_names(
+    package: str, modules: Mapping[str, Sequence[str]]
+) -> tuple[Callable[[str], object], Callable[[], list[str]]]:
+    """Return the functions ``__getattr__`` and ``__dir__`` for a package (PEP 562).
+
+    A public name that is also the name of a submodule must be imported by the package as usual: otherwise, importing
+    the submodule sets the attribute to the module.
+    """
+    homes = {name: module for module, names in modules.items() for name in names}
+
+    def getter(name: str) -> object:
+        if name not in homes:
+            raise AttributeError(f"module {package!r} has no attribute {name!r}")
+        try:
+            value = getattr(import_module(homes[name]), name)
+        except ModuleNotFoundError as error:
+            if error.name not in EXTRAS:
+                raise
+            raise missing(error.name) from error
+        setattr(sys.modules[package], name, value)
+        return value
+
+    def lister() -> list[str]:
+        return sorted(sys.modules[package].__all__)
+
+    return getter, lister

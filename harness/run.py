@@ -24,9 +24,8 @@ from harness.parts.part import StartValue
 from harness.result import Result
 from harness.system.assembly import Assembly, resize_parts
 from harness.system.experiment import Experiment
-from harness.system.graph import check_loops
+from harness.system.graph import check_loops, find_port, make_plan, recorded_names
 from harness.system.initialisation import Initialisation
-from harness.system.layout import find_port, make_plan, recorded_names
 from harness.system.plan import Plan
 
 _LOG = logging.getLogger("harness")

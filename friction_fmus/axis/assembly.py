@@ -9,15 +9,40 @@ from collections.abc import Callable, Hashable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
+from types import TracebackType
 
 import numpy as np
 
-from friction_fmus.axis.elements import Compensator, Plant, Trajectory
-from friction_fmus.axis.pool import PartPool
-from friction_fmus.axis.servo import Servo
+from friction_fmus.axis.servo import Compensator, Plant, Servo, Trajectory
 from friction_fmus.fmi.package import fmu
 from harness import FmuPart, Part, SeriesPart, Wire
 from harness.parts.part import StartValue
+
+
+@dataclass
+class PartPool:
+    """Parts of loops, to be used again by the next one, because loading an FMU takes longer than a short run.
+
+    Loops that share parts must not run at the same time. Used with ``with``, the pool closes the parts at the end.
+    """
+
+    _parts: dict[Hashable, FmuPart] = field(default_factory=dict)
+
+    def part(self, name: str, fmu: Hashable, path: Callable[[], Path], every: int) -> FmuPart:
+        """Return a part."""
+        key = name, fmu, every
+        if key not in self._parts:
+            self._parts[key] = FmuPart(name, path(), every=every)
+        return self._parts[key]
+
+    def __enter__(self) -> PartPool:
+        """Return the pool."""
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
+        """Close the parts."""
+        for part in self._parts.values():
+            part.close()
 
 
 def block(name: str, rotary: bool = False) -> Path:

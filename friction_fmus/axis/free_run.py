@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from friction_fmus.axis.assembly import block, constant_force, typed, viscous_beside
-from friction_fmus.axis.elements import Plant
 from friction_fmus.axis.loop import FINEST, master_of
+from friction_fmus.axis.servo import Plant
 from harness import Experiment, FmuPart, Part, SeriesPart, System, Wire
 from harness.parts.part import StartValue
 

@@ -4,19 +4,72 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from math import ceil
 from pathlib import Path
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from friction_fmus.axis.assembly import LoopAssembly, block, typed
-from friction_fmus.axis.elements import Compensator, Plant, Trajectory
-from friction_fmus.axis.pool import PartPool
-from friction_fmus.axis.servo import Servo
+from friction_fmus.axis.assembly import LoopAssembly, PartPool, block, typed
+from friction_fmus.axis.servo import Compensator, Plant, Servo, Trajectory
 from harness import Experiment, ExperimentError, Result, System, Wire
 from harness.accuracy.numbers import measure_bounds
 from harness.engine.defect import inaccurate
 from harness.engine.tap import Recorder
+
+__all__ = [
+    "Compensator",
+    "Plant",
+    "Trace",
+    "Trajectory",
+    "accurate",
+    "block",
+    "closed_loop",
+    "numerical_error",
+    "run_loop",
+    "typed",
+    "with_gain",
+]
+
+FITTED: Final = 12
+"""Number of samples at the start from which velocity and acceleration are estimated."""
+
+SLOW: Final = 1e-3
+"""Initial velocity over the largest one up to which a reference begins at rest."""
+
+REST: Final = 10
+"""Number of samples at rest before the run-up."""
+
+SHORTEST: Final = 20
+"""Smallest number of samples of a run-up."""
+
+
+def from_rest(r: NDArray[np.float64], Ts: float) -> NDArray[np.float64]:
+    """Return a reference that begins at rest.
+
+    A record may begin in motion. The states that compensators, servo and friction have then are unknown, and laws whose
+    states start at zero would disturb the axis, by 74 µm on the EMPS axis. An axis at rest on its reference needs only
+    the start values that the blocks have.
+    """
+    rd = np.gradient(r, Ts)
+    fastest = float(np.max(np.abs(rd)))
+    t = Ts * np.arange(float(FITTED))
+    curve, v0, _ = np.polyfit(t, r[:FITTED], 2)
+    if abs(v0) <= SLOW * fastest:
+        return r
+    a0 = 2.0 * curve
+    strongest = float(np.quantile(np.abs(np.gradient(rd, Ts)), 0.99))
+    samples = max(SHORTEST, ceil(1.5 * abs(v0) / (strongest * Ts))) if strongest > 0.0 else SHORTEST
+    samples = min(samples, len(r))
+    duration = samples * Ts
+    s = np.arange(samples + 1.0) / samples
+
+    # integral of the velocity v0 (3 s^2 - 2 s^3) + a0 T (s^3 - s^2)
+    path = duration * (v0 * (s**3 - s**4 / 2.0) + a0 * duration * (s**4 / 4.0 - s**3 / 3.0))
+    run_up = r[0] + path[:-1] - path[-1]
+    return np.concatenate([np.full(REST, run_up[0]), run_up, r])
+
 
 RECORDED = ("axis.x", "servo.u")
 """Variables recorded at every sample of the servo."""
@@ -126,18 +179,3 @@ def numerical_error(system: System, measure: Callable[[Trace], float]) -> float:
 def _trace(position: NDArray[np.float64], force: NDArray[np.float64]) -> Trace:
     """Return the trace of a result, whose rows have the force of the sampling period that ends there."""
     return Trace(q=position[:-1], force=force[1:])
-
-
-__all__ = [
-    "Compensator",
-    "Plant",
-    "Trace",
-    "Trajectory",
-    "accurate",
-    "block",
-    "closed_loop",
-    "numerical_error",
-    "run_loop",
-    "typed",
-    "with_gain",
-]

@@ -6,14 +6,115 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
+from functools import cache
+from pathlib import Path
+from typing import Final
 
 from friction_fmus.blocks.arithmetic import names_in
-from friction_fmus.blocks.bibliography import cited
 from friction_fmus.blocks.identified import Identified, identified
 from friction_fmus.blocks.loop import InLoop, in_loop
-from friction_fmus.blocks.macros import macro, string, words
-from friction_fmus.blocks.use import Use, use_of
+from friction_fmus.blocks.macros import macro, string, table, words
 from friction_fmus.errors import FrictionError, nearest
+
+FILE = Path(__file__).with_name("bibliography.bib")
+
+
+@cache
+def bibliography() -> dict[str, str]:
+    """Return the entries of ``bibliography.bib`` by key."""
+    entries = re.findall(r"^(@\w+\{(\w+),.*?^\})$", FILE.read_text(encoding="utf-8"), re.M | re.S)
+    return {key: entry for entry, key in entries}
+
+
+def cited(keys: Iterable[str]) -> tuple[str, ...]:
+    """Return the entries that a block cites."""
+    known = bibliography()
+    found = []
+    for key in keys:
+        if not key.startswith("@") and key not in known:
+            raise FrictionError(
+                f"the block cites {key!r}, which is not in bibliography.bib{nearest(key, known)}; correct the key, or "
+                "give the BibTeX entry itself"
+            )
+        found.append(known.get(key, key))
+    return tuple(found)
+
+
+KINDS: Final = ("feedforward", "model feedback", "estimator", "dither", "learning", "controller", "other")
+"""Kinds of compensators."""
+
+
+@dataclass(frozen=True)
+class Use:
+    """Use of a law or controller as a compensator that is added to a servo.
+
+    Attributes
+    ----------
+    kind : str
+        One of `KINDS`.
+    models : tuple of str
+        Friction models in order of preference; the law gets the parameters of the first identified one, by name. Empty
+        if it needs no model.
+    renamed : mapping of str to str
+        Parameters of the law that have another name in the model: model name to law name.
+    tuned : mapping of str to str
+        Expressions for further parameters, in terms of the model's parameters and of known data of the axis, see
+        `friction_fmus.study.compensators.AxisKnowledge`. ``W[i]`` stands for all elements of a vector.
+    output : str
+        The output that is added to the force of the servo.
+    never : str
+        A sentence that explains why the law is excluded from the comparison; empty if it is not excluded.
+    period : str
+        Parameter for the period of the reference in samples; empty if the reference need not be periodic.
+    """
+
+    kind: str
+    models: tuple[str, ...] = ()
+    renamed: Mapping[str, str] = field(default_factory=dict)
+    tuned: Mapping[str, str] = field(default_factory=dict)
+    output: str = "u"
+    never: str = ""
+    period: str = ""
+
+    def __post_init__(self) -> None:
+        """Raise an error for an unknown kind or a text that is not an expression."""
+        if self.kind not in KINDS:
+            raise FrictionError(f"{self.kind!r} is not a kind of compensator{nearest(self.kind, KINDS)}")
+        for text in self.tuned.values():
+            names_in(text)
+
+
+REPLACES_SERVO: Final = Use(
+    "controller", never="It replaces the feedback controller and cannot be compared at the same feedback gains."
+)
+"""Use of a law that closes the position loop itself."""
+
+SHAPES_REFERENCE: Final = Use(
+    "other",
+    never="It applies a feedforward force by way of the reference, for servos without a force input.",
+)
+"""Use of a law that shapes the reference."""
+
+
+def use_of(code: str) -> Use | None:
+    """Return the use that the macro USE of a C file declares, or None without this macro."""
+    rows = table(code, "USE", ("KIND", "MODELS", "RENAMED", "TUNED", "OUTPUT", "NEVER", "PERIOD"))
+    if not rows:
+        return None
+    single = dict(rows)
+    try:
+        pairs: dict[str, dict[str, str]] = {"RENAMED": {}, "TUNED": {}}
+        for key, arguments in rows:
+            if key in pairs:
+                name, text = arguments
+                pairs[key][name] = text
+        (kind,), (output,), (never,), (period,) = (
+            single.get(key, (otherwise,))
+            for key, otherwise in (("KIND", "other"), ("OUTPUT", "u"), ("NEVER", ""), ("PERIOD", ""))
+        )
+    except ValueError as error:
+        raise FrictionError(f"USE has a row with too few or too many arguments: {single}") from error
+    return Use(kind, single.get("MODELS", ()), pairs["RENAMED"], pairs["TUNED"], output, never, period)
 
 
 @dataclass(frozen=True)

@@ -10,8 +10,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from friction_fmus.blocks.about import About, about_c_block
-from friction_fmus.blocks.bibliography import cited
+from friction_fmus.blocks.about import About, about_c_block, cited
 from friction_fmus.blocks.customise import with_long_arrays
 from friction_fmus.errors import FrictionError, UnknownNameError, nearest
 from friction_fmus.lawkit.headings import law_paths, read_headings

@@ -39,7 +39,7 @@ from friction_fmus.check.description import (
 from friction_fmus.check.findings import DESCRIPTION, RULES, Finding, Rule, apply, declare
 from friction_fmus.check.fmi3 import Model3
 from friction_fmus.check.fmi3.binary import examine_binary_3
-from friction_fmus.check.side_files import examine_side_files
+from friction_fmus.check.structure import examine_side_files
 from friction_fmus.errors import FrictionError, UnknownNameError, nearest
 from harness.errors import HarnessError
 from harness.ssp.package import SSD_NAME

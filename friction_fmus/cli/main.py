@@ -16,7 +16,7 @@ from friction_fmus.errors import FrictionError
 from friction_fmus.version import VERSION
 from harness.errors import HarnessError
 from harness.extras import EXTRAS, missing
-from harness.storage.clock import stamped
+from harness.storage.files import stamped
 
 
 def parser() -> argparse.ArgumentParser:

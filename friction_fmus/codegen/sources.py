@@ -10,12 +10,11 @@ from dataclasses import replace
 import numpy as np
 
 from friction_fmus.blocks.catalogue import source_folder
-from friction_fmus.codegen.equations import numbered
-from friction_fmus.codegen.layout import Export, is_flag
+from friction_fmus.codegen.layout import Export, is_flag, numbered
 from friction_fmus.lawkit.conditions import PARAMETERS
 from friction_fmus.lawkit.emit.c_text import DOUBLE
 from friction_fmus.lawkit.emit.chains import INDEX, LEAST
-from friction_fmus.lawkit.emit.comments import comment
+from friction_fmus.lawkit.emit.names import comment
 from friction_fmus.lawkit.law import BOOLEANS, Kind, Variable
 from friction_fmus.version import VERSION
 

@@ -9,7 +9,7 @@ import numpy as np
 from friction_fmus.axis.position_map import Grid, PositionMap
 from friction_fmus.codegen.layout import Export
 from friction_fmus.lawkit.emit.c_text import DOUBLE, Real
-from friction_fmus.lawkit.emit.comments import comment
+from friction_fmus.lawkit.emit.names import comment
 from friction_fmus.version import VERSION
 
 

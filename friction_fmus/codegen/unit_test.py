@@ -12,7 +12,7 @@ from friction_fmus.codegen.layout import INPUTS, Export
 from friction_fmus.codegen.sources import number
 from friction_fmus.codegen.vectors import EXACT, N, Vectors, parts
 from friction_fmus.lawkit.emit.c_text import DOUBLE
-from friction_fmus.lawkit.emit.comments import comment
+from friction_fmus.lawkit.emit.names import comment
 from friction_fmus.lawkit.law import BOOLEANS, VECTORS, Kind, Variable
 from friction_fmus.version import VERSION
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from friction_fmus.codegen.layout import Export
-from friction_fmus.lawkit.emit.comments import comment
+from friction_fmus.lawkit.emit.names import comment
 from friction_fmus.version import VERSION
 
 

@@ -9,9 +9,8 @@ from __future__ import annotations
 from dataclasses import replace
 
 from friction_fmus.doctor.axis import Finding
-from friction_fmus.doctor.find import axes, unknown_parts
+from friction_fmus.doctor.find import axes, examine_steps, unknown_parts
 from friction_fmus.doctor.rules import examine_axis
-from friction_fmus.doctor.sampling import examine_steps
 from friction_fmus.fmi.rotary import in_rotary_words
 from harness import Experiment, System
 

@@ -2,7 +2,7 @@
 
 from typing import TYPE_CHECKING
 
-from harness.lazy import lazy_names
+from harness.extras import lazy_names
 
 if TYPE_CHECKING:
     from friction_fmus.identification.data.excitation import examine, examine_segments

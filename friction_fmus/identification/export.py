@@ -8,29 +8,81 @@ import math
 import os
 import tempfile
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import tomli_w
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
+import harness
+from friction_fmus.errors import FrictionError
 from friction_fmus.identification.data.findings import Finding
 from friction_fmus.identification.data.reading import Measurement
 from friction_fmus.identification.data.record import ROTARY
 from friction_fmus.identification.errors import IdentificationError
-from friction_fmus.identification.files import viscous_beside, write_viscous
 from friction_fmus.identification.fit.estimate import Estimate
 from friction_fmus.identification.fit.models import contact_model
 from friction_fmus.identification.fit.position import PositionFit
 from friction_fmus.identification.fit.scores import Score
-from friction_fmus.identification.parameter_files import Parameter, toml_text
 from friction_fmus.identification.plot import name_of
-from friction_fmus.identification.result import Identification
+from friction_fmus.identification.result import Identification, viscous_beside, write_viscous
 from friction_fmus.identification.survey import ModelComparison
+from harness import ssp
 from harness.compiling import toolchain
+
+
+class ParameterFileError(FrictionError):
+    """Parameters that cannot be written to a file."""
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """Parameter of a parameter set."""
+
+    value: float | int | bool
+    """Value, in `unit`."""
+    unit: str = "1"
+    """Unit; ignored unless the value is a float."""
+    description: str = ""
+    """Description."""
+    standard_error: float | None = None
+    """Standard error, in `unit`; None if the parameter was not estimated."""
+
+
+def ssv_bytes(name: str, parameters: Mapping[str, Parameter], citation: str = "") -> bytes:
+    """Return a parameter set as SSV."""
+    listed = {
+        key: harness.Parameter(p.value, p.unit if isinstance(p.value, float) else None, description=p.description)
+        for key, p in parameters.items()
+    }
+    description = f"Identified from the record of {citation}" if citation else ""
+    try:
+        return ssp.ssv_bytes(harness.ParameterSet(name, listed, description))
+    except harness.HarnessError as error:
+        raise ParameterFileError(str(error)) from error
+
+
+def toml_text(title: str, sets: Mapping[str, Mapping[str, Parameter]], citation: str = "") -> str:
+    """Return parameter sets as TOML."""
+    document: dict[str, Any] = {"title": title, **({"citation": citation} if citation else {})}
+    for set_name, parameters in sets.items():
+        document[set_name] = {key: _table(parameter) for key, parameter in parameters.items()}
+    return tomli_w.dumps(document)
+
+
+def _table(parameter: Parameter) -> dict[str, Any]:
+    found: dict[str, Any] = {"value": parameter.value, "unit": parameter.unit}
+    error = parameter.standard_error
+    if error is not None and math.isfinite(error):
+        found["standard_error"] = error
+    if parameter.description:
+        found["description"] = parameter.description
+    return found
+
 
 _LOG = logging.getLogger("friction_fmus")
 

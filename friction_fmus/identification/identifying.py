@@ -11,24 +11,89 @@ import numpy as np
 
 from friction_fmus.data import MeasuredAxis
 from friction_fmus.identification.closed_loop import identify_closed_loop, validated
-from friction_fmus.identification.data.record import Array, Record
+from friction_fmus.identification.data.record import Array, AxisUnits, Record
 from friction_fmus.identification.errors import FitError
 from friction_fmus.identification.fit.drives import driven
 from friction_fmus.identification.fit.estimate import Estimate
 from friction_fmus.identification.fit.fitting import Fit, FitData
 from friction_fmus.identification.fit.idim import InverseModelSettings
-from friction_fmus.identification.fit.misfit import misfit_variance
 from friction_fmus.identification.fit.models import ContactModel, contact_model
 from friction_fmus.identification.fit.position import fit_with_table
 from friction_fmus.identification.fit.problem import Problem
 from friction_fmus.identification.fit.scores import Score, criteria, independent_samples, score, weak_parameters
-from friction_fmus.identification.fit.search import Loss, covariance, unseen
+from friction_fmus.identification.fit.search import Loss, SearchResult, covariance, unseen
 from friction_fmus.identification.fit.setup import Constraints, Setup, check_constraints
 from friction_fmus.identification.fit.simulation_data import PreparedSegment, prepare, signal_of, traits
-from friction_fmus.identification.fit.strengthening import explanation
 from friction_fmus.identification.methods import find_method
 from friction_fmus.identification.methods.free_run import FREE_RUN, identify_free_run
 from friction_fmus.identification.result import Identification
+
+#: Factor of the estimated bias, because delays and filters are not its only causes. It is chosen so that intervals of
+#: 95 % cover the true parameters of nine in ten simulated axes (`tests/slow/test_intervals.py`).
+ALLOWANCE = 3.0
+
+
+def misfit_variance(found: SearchResult, parts: Sequence[Array], lengths: Sequence[int], G: Array) -> Array:
+    """Return the variances by which a misfit widens those of reported values, shape (values,).
+
+    Notes
+    -----
+    A force that is measured a little later than the motion, and a velocity or an acceleration from filtered
+    differences, change the signal in proportion to the first and second time derivatives of its parts. With these
+    columns N beside the Jacobian J, the estimates would move by
+
+        d = -(J' P J)^-1 J' P r,   P = 1 - N (N'N)^-1 N'.
+
+    What `ALLOWANCE` d exceeds the increase of the variance is a bias, whose square is added to the variance.
+    """
+    ends = np.cumsum(lengths)[:-1]
+    columns = []
+    for part in parts:
+        pieces = np.split(part, ends)
+        for _ in range(2):
+            pieces = [np.gradient(piece) if len(piece) > 1 else np.zeros_like(piece) for piece in pieces]
+            column = np.concatenate(pieces)
+            columns.append(column / (np.linalg.norm(column) or 1.0))
+    size = float(np.linalg.norm(found.J)) or 1.0
+    J = np.column_stack([found.J, *(size * column for column in columns)])
+    p = found.J.shape[1]
+    d = -np.linalg.lstsq(J, found.residual, rcond=1e-7)[0][:p]
+    before, _ = covariance(found, lengths)
+    after, _ = covariance(replace(found, J=J), lengths)
+    more = np.diag(G @ (after[:p, :p] - before) @ G.T)
+    bias: Array = np.maximum((ALLOWANCE * G @ d) ** 2 - np.maximum(more, 0.0), 0.0)
+    return bias
+
+
+#: Static over Coulomb friction below which it needs an explanation.
+BELOW = 0.98
+
+#: Fewest points near rest that can explain it.
+FEWEST = 5
+
+
+def explanation(parameters: Mapping[str, float], v: Array, friction: Array, units: AxisUnits) -> str:
+    """Return why Fs is below Fc, or that the record does not show it; empty if it is not below."""
+    if not {"Fc", "Fs", "vs"} <= parameters.keys() or parameters["Fs"] >= BELOW * parameters["Fc"]:
+        return ""
+    Fc, Fs, vs = (parameters[name] for name in ("Fc", "Fs", "vs"))
+    speed = np.abs(v)
+    against = friction * np.sign(v) - parameters.get("Fv", parameters.get("sigma2", 0.0)) * speed
+    near, beyond = (speed > 0.1 * vs) & (speed <= vs), (speed > 2.0 * vs) & (speed <= 4.0 * vs)
+    text = f"Fs = {Fs:.3g} {units.force} is below Fc = {Fc:.3g} {units.force}"
+    if np.count_nonzero(near) < FEWEST or np.count_nonzero(beyond) < FEWEST:
+        return (
+            f"{text}, but the record has only {np.count_nonzero(near)} points between {0.1 * vs:.2g} and {vs:.2g} "
+            f"{units.velocity}, around vs, that could show it; measure slow constant velocities in both directions"
+        )
+    low, high = float(np.mean(against[near])), float(np.mean(against[beyond]))
+    means = (
+        f"the {np.count_nonzero(near)} points of the record near rest, up to vs, have a mean friction without its "
+        f"viscous part of {low:.3g} {units.force}, those at two to four times vs {high:.3g} {units.force}"
+    )
+    if low < high:
+        return f"{text}: the friction of this axis increases with speed from rest on; {means}"
+    return f"{text}, but {means}: friction near rest is not smaller; fix Fs, or measure slow constant velocities"
 
 
 def identify(

@@ -10,7 +10,7 @@ from casadi import Function
 
 from friction_fmus.lawkit.declarations import FAULT, c_string
 from friction_fmus.lawkit.emit.c_text import kernel
-from friction_fmus.lawkit.emit.comments import comment
+from friction_fmus.lawkit.emit.names import comment
 from friction_fmus.lawkit.law import BOOLEANS, VECTORS, Kind, Law, Variable
 
 

@@ -2,7 +2,7 @@
 
 from typing import TYPE_CHECKING
 
-from harness.lazy import lazy_names
+from harness.extras import lazy_names
 
 if TYPE_CHECKING:
     from friction_fmus.axis.servo import Servo

@@ -4,16 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cache
+from math import pi
+from pathlib import Path
 from typing import Any, Final, TypeAlias
 
-from friction_fmus.axis.assembly import block
-from friction_fmus.axis.elements import Compensator
-from friction_fmus.axis.pool import PartPool
+import numpy as np
+
+from friction_fmus.axis.assembly import PartPool, block
+from friction_fmus.axis.servo import GAINS, Compensator, Servo
 from friction_fmus.blocks.catalogue import catalogue
 from friction_fmus.conditions.compensation import OVERCOMPENSATION
 from friction_fmus.doctor import examine
 from friction_fmus.errors import FrictionError
-from friction_fmus.study.cases import Case, cases
 from friction_fmus.study.compensator_records import CompensatorResult, Limits, LoopMargins, Recommendation, Rung
 from friction_fmus.study.compensators import (
     INTEGRAL,
@@ -24,16 +27,100 @@ from friction_fmus.study.compensators import (
     Candidate,
     buildable,
     candidates,
+    tuned_to,
+    within_range,
 )
 from friction_fmus.study.config import Compensation
-from friction_fmus.study.cost import cost_of
-from friction_fmus.study.evaluation import Evaluation, Scheme, evaluate, system_of
+from friction_fmus.study.evaluation import Case, Evaluation, Scheme, cases, evaluate, system_of
 from friction_fmus.study.margins import margins_of
 from friction_fmus.study.metrics import BAND, Bench
 from friction_fmus.study.ranking import extremes, rank
 from friction_fmus.study.recommending import ladder, recommend
 from friction_fmus.study.steps import Step
-from friction_fmus.study.tuning import trials
+from harness.storage.toml_file import read_toml
+
+COST_TABLE: Final = Path(__file__).with_name("cycles.toml")
+
+
+@dataclass(frozen=True)
+class Cost:
+    """Cost of one law with its default parameters."""
+
+    cycles: float
+    """Estimated cycles of one sample."""
+    flash: float
+    """Size of the code with the library functions that it calls [bytes]."""
+
+
+def cost_of(law: str) -> Cost | None:
+    """Return the cost of a law; None if the table does not contain it, as for controllers written in C."""
+    return Cost(0.0, 0.0) if law == INTEGRAL.name else _table().get(law)
+
+
+@cache
+def _table() -> dict[str, Cost]:
+    return {name: Cost(float(row["cycles"]), float(row["flash"])) for name, row in read_toml(COST_TABLE).items()}
+
+
+SCALES: Final = tuple(float(2.0**power) for power in np.arange(4.0, -4.1, -0.5))
+"""Bandwidths over the rule of `AxisKnowledge` among which the largest within the limits is sought, largest first."""
+
+SHARES: Final = (1.0, 0.7, 0.5, 0.35, 0.25, 0.125)
+"""Bandwidths that are tried, over the largest one within the limits."""
+
+
+def trials(
+    candidate: Candidate,
+    known: AxisKnowledge,
+    speed: float,
+    limits: Limits,
+    gains: Sequence[float],
+) -> list[Scheme]:
+    """Return the trials of a compensator that keep the limits; empty if there are none."""
+    servo, plant = known.servo, known.plant
+
+    def with_gain(gain: float) -> Scheme:
+        margins = margins_of(servo, plant, speed, candidate.compensator, candidate.kind, gain)
+        return Scheme(servo, gain, None, candidate.compensator, margins=margins)
+
+    def with_scale(scale: float) -> Scheme:
+        scaled = replace(known, scale=scale)
+        bandwidth = candidate.bandwidth(scaled)
+        if candidate == INTEGRAL:
+            feedback = with_integral(servo, 2.0 * pi * bandwidth)
+            return Scheme(feedback, 1.0, bandwidth, margins=margins_of(feedback, plant, speed))
+        compensator = tuned_to(candidate, scaled)
+        margins = margins_of(servo, plant, speed, compensator, candidate.kind)
+        return Scheme(servo, 1.0, bandwidth, compensator, margins=margins)
+
+    if candidate == TABLE:
+        return [Scheme(servo, margins=margins_of(servo, plant, speed), table=True)]
+    if not candidate.has_bandwidth:
+        return [each for each in map(with_gain, gains) if limits.kept_by(each.margins)]
+    # scales beyond the cap of the bandwidth give the same compensator
+    cap = candidate.bandwidth(replace(known, scale=SCALES[0]))
+    scales = [scale for scale in SCALES[1:] if candidate.bandwidth(replace(known, scale=scale)) < cap]
+
+    def possible(scheme: Scheme) -> bool:
+        inside = scheme.compensator is None or within_range(scheme.compensator)
+        return inside and limits.kept_by(scheme.margins)
+
+    largest = next((scale for scale in scales if possible(with_scale(scale))), None)
+    if largest is None:
+        return []
+    # a slower estimator can have a higher sensitivity peak
+    return [each for share in SHARES if possible(each := with_scale(share * largest))]
+
+
+def with_integral(servo: Servo, rate: float) -> Servo:
+    """Return the servo with an integral action whose corner frequency is `rate` [rad/s].
+
+    The corner is Ki/Kp of a PID controller, and ki/kv of the velocity loop of a cascade.
+    """
+    first, second, third = GAINS[servo.law]
+    over = servo.gains[first] if servo.law == "PID" else servo.gains[second]
+    return replace(servo, gains={**servo.gains, third: rate * over})
+
 
 JOINED: Final = 3
 """Number of the best feedforwards, and of the best estimators, that are combined with each other."""

@@ -1,6 +1,6 @@
 """Compensators that apply to an axis, and their parameters, derived from the identified axis.
 
-The file of each law and controller states how it is used and tuned, see `friction_fmus.blocks.use`.
+The file of each law and controller states how it is used and tuned, see `friction_fmus.blocks.about`.
 """
 
 from __future__ import annotations
@@ -14,9 +14,9 @@ import numpy as np
 
 from friction_fmus.axis.loop import Compensator, Plant, block, typed
 from friction_fmus.axis.servo import Servo
+from friction_fmus.blocks.about import KINDS, Use
 from friction_fmus.blocks.arithmetic import Number, evaluate, names_in, vectors_in
 from friction_fmus.blocks.catalogue import catalogue
-from friction_fmus.blocks.use import KINDS, Use
 from friction_fmus.errors import nearest
 from friction_fmus.identification import Array
 from friction_fmus.study.config import ALL, ConfigError

@@ -7,21 +7,105 @@ from pathlib import Path
 from typing import Final, Literal
 
 from friction_fmus.axis.assembly import viscous_beside
-from friction_fmus.axis.loop import accurate, block, closed_loop, typed, with_gain
+from friction_fmus.axis.loop import Compensator, Trajectory, accurate, block, closed_loop, typed, with_gain
+from friction_fmus.axis.servo import Servo
+from friction_fmus.blocks.catalogue import find
 from friction_fmus.codegen.export import export_law
-from friction_fmus.codegen.loop_file import LOOP_FILE, LoopFile, loop_text
+from friction_fmus.codegen.laws import law_of
+from friction_fmus.codegen.loop_file import LAWS, LOOP_FILE, SHARED, LoopFile, LoopLaw, loop_text
 from friction_fmus.fmi.package import build
+from friction_fmus.lawkit.law import Kind
 from friction_fmus.study.compensators import TABLE
-from friction_fmus.study.composites import export_composites
 from friction_fmus.study.evaluation import Scheme, with_table
-from friction_fmus.study.loop import recommended_loop, without_code
 from friction_fmus.study.metrics import Bench
 from friction_fmus.study.models import IdentifiedModel
-from friction_fmus.study.recording import with_tracking_error
 from friction_fmus.study.records import WrittenFile
-from friction_fmus.study.wiring import NOTHING, Figures, wiring
-from harness import FmuPart, Parameter, ParameterSet, open_archive, write_ssv
+from friction_fmus.study.wiring import NOTHING, Figures, wiring, with_tracking_error
+from harness import FmuPart, Parameter, ParameterSet, System, open_archive, write_ssv
 from harness.storage.atomic import atomic_path, make_folder
+from harness.system.wire import split_name
+
+MACHINE: Final = ("axis", "friction", "position")
+"""Parts of the machine."""
+
+
+def export_composites(folder: Path, whole: System) -> tuple[WrittenFile, ...]:
+    """Write ``axis.fmu`` and ``servo_axis.fmu``, which solve the loop of mass and friction inside."""
+    parts = [part for name, part in whole.parts.items() if name in MACHINE]
+    wires = [wire for wire in whole.wires if {end[0] for end in wire.ends} <= set(MACHINE)]
+    start = {name: value for name, value in whole.start.items() if split_name(name)[0] in MACHINE}
+    machine = System(parts, wires, {**start, "axis.F_drive": 0.0}, whole.experiment, "axis")
+    machine.to_fmu(folder / "axis.fmu", inputs=["axis.F_drive"])
+    references = sorted({wire.source for wire in whole.wires if split_name(wire.source)[0] == "reference"})
+    whole.to_fmu(folder / "servo_axis.fmu", inputs=references)
+    inputs = ", ".join(f"`{name}`" for name in references)
+    return (
+        WrittenFile(
+            f"{folder.name}/axis.fmu",
+            "The axis with the identified friction as one FMU for any simulator at any step; connect the drive to "
+            "`axis.F_drive`",
+        ),
+        WrittenFile(
+            f"{folder.name}/servo_axis.fmu",
+            f"The same with servo and compensator; connect the reference to {inputs}",
+        ),
+    )
+
+
+def without_code(servo: Servo, laws: Mapping[str, Compensator]) -> str:
+    """Return a sentence that says why a loop cannot be written as one unit in C; empty if it can."""
+    in_c = [name for name in (servo.law, *(law.model for law in laws.values())) if find(name).kind != "law"]
+    if in_c:
+        return f"There is no C code of the loop, because {in_c[0]} is a block in C; use the source code in its FMU."
+    return ""
+
+
+def recommended_loop(
+    system: System,
+    servo: Servo,
+    laws: Mapping[str, Compensator],
+    given: Mapping[str, Mapping[str, float | bool]],
+    trajectory: Trajectory,
+    path: Path,
+) -> LoopFile:
+    """Return the loop of an axis for which `without_code` gives no reason."""
+    outputs = {"servo": Compensator(servo.law)} | dict(laws)
+    start = {name: value for name, value in system.start.items() if not isinstance(value, str)}
+    own = {name.partition(".")[2]: value for name, value in start.items() if name.startswith("servo.")}
+    wires = {wire.target: wire for wire in system.wires}
+    entries = {}
+    for name in filter(outputs.__contains__, LAWS):
+        law, parameters = law_of(outputs[name].model), own if name == "servo" else given[name]
+        inputs = law.select(Kind.INPUT, Kind.OPTIONAL)
+        places = {variable.name: f"{name}.{variable.name}" for variable in inputs}
+        factor = [wire.gain for wire in system.wires if wire.source == f"{name}.{outputs[name].output}"]
+        entries[name] = LoopLaw(
+            outputs[name].model,
+            {key: value for key, value in parameters.items() if key not in (*SHARED, *places)},
+            {
+                variable.name: float(start.get(places[variable.name], variable.starts[0]))
+                for variable in inputs
+                if places[variable.name] not in {*wires, "servo.f"}
+                and (places[variable.name] in start or variable.kind is Kind.INPUT)
+            },
+            outputs[name].output,
+            factor[0] if name == "compensator" and factor[0] != 1.0 else None,
+        )
+    offset = wires["servo.f"].offset if "servo.f" in wires else start["servo.f"]
+    return LoopFile(
+        entries,
+        servo.Ts,
+        -servo.force_limit,
+        servo.force_limit,
+        float(offset) or None,
+        servo.window,
+        float(start["velocity.v0"]) or None,
+        trajectory.rotary,
+        trajectory.table is not None,
+        trajectory.table,
+        path,
+    )
+
 
 OWN: Final = "recommended"
 """Folder of the files of the recommendation."""

@@ -9,11 +9,10 @@ from typing import Final
 import numpy as np
 
 from friction_fmus.axis.assembly import block
-from friction_fmus.axis.elements import Compensator, Plant
-from friction_fmus.axis.servo import Servo
+from friction_fmus.axis.servo import Compensator, Plant, Servo
 from friction_fmus.blocks.catalogue import find
 from friction_fmus.conditions import DrivenPlant, SampledLaw, on_bristles, one_mass
-from friction_fmus.conditions.margins import Margins, loop_margins
+from friction_fmus.conditions.chain import Margins, loop_margins
 from friction_fmus.doctor.known import law_of
 from friction_fmus.doctor.linear import linearised
 from friction_fmus.study.compensator_records import LoopMargins

@@ -9,9 +9,8 @@ from typing import Final
 import numpy as np
 from scipy import signal
 
-from friction_fmus.axis.elements import Plant, Trajectory
 from friction_fmus.axis.loop import Trace
-from friction_fmus.axis.servo import Servo
+from friction_fmus.axis.servo import Plant, Servo, Trajectory
 from friction_fmus.identification import Array
 from friction_fmus.study.compensator_records import Metrics
 

@@ -5,48 +5,465 @@ from __future__ import annotations
 import math
 import platform
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, is_dataclass, replace
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, TypeVar
 
 import numpy as np
 
-from friction_fmus.axis.loop import Trajectory
-from friction_fmus.axis.start import from_rest
+from friction_fmus.axis.assembly import viscous_beside
+from friction_fmus.axis.loop import Trajectory, block, from_rest, typed
+from friction_fmus.axis.servo import GAINS, Servo
 from friction_fmus.blocks.catalogue import catalogue
+from friction_fmus.conditions import PathDynamics, SampledLaw, chain, one_mass
+from friction_fmus.conditions.linear import spectral_radius
 from friction_fmus.doctor import examine
 from friction_fmus.errors import FrictionError
-from friction_fmus.identification import ROTARY, Array, filtered_motion, identifiable
+from friction_fmus.fmi.rotary import in_rotary_words
+from friction_fmus.identification import ROTARY, Array, AxisUnits, Record, decimate, filtered_motion, identifiable
+from friction_fmus.identification.physics import FORBIDDING, contradictions
 from friction_fmus.study.comparison import Comparison, compare
-from friction_fmus.study.compensator_records import Recommendation
+from friction_fmus.study.compensator_records import CompensatorResult, Recommendation
 from friction_fmus.study.compensators import AxisKnowledge, check_names, period_of
 from friction_fmus.study.config import ALL, ConfigError, StudyConfig, load_config
 from friction_fmus.study.data import Data, build_reference, load_data, measured_servo
 from friction_fmus.study.evaluation import Scheme
 from friction_fmus.study.export import OWN, export_models, export_recommended
 from friction_fmus.study.metrics import Bench
-from friction_fmus.study.models import INVERSE, IdentifiedModel, identify_model, inverse_model, published_model, ranked
-from friction_fmus.study.next_steps import next_steps
-from friction_fmus.study.pictures import over_position, over_velocity, residuals, series
-from friction_fmus.study.records import ConditionResult, StudyFinding, WrittenFile
-from friction_fmus.study.refinement import refine
+from friction_fmus.study.models import (
+    INVERSE,
+    IdentifiedModel,
+    identify_model,
+    inverse_model,
+    published_model,
+    ranked,
+    refine,
+)
+from friction_fmus.study.recommending import shown
+from friction_fmus.study.records import ConditionResult, Curve, ModelResult, Picture, StudyFinding, WrittenFile, thinned
 from friction_fmus.study.result import StudyResult
 from friction_fmus.study.servo_check import CheckedServo, check_servo
 from friction_fmus.study.settings_file import SETTINGS_FILE, settings_of
 from friction_fmus.study.steps import CACHE, Step, StepCache, run_steps, workers
-from friction_fmus.study.summary import ProgressReporter, identifier, overview
-from friction_fmus.study.trust import force_findings, loop_findings, mass_findings, not_trusted, without_loop
 from friction_fmus.study.what_if import WhatIf, panel_of
 from friction_fmus.study.wiring import Figures
-from friction_fmus.study.words import result_in_rotary_words
 from friction_fmus.version import VERSION
-from harness import Progress, System
+from harness import Experiment, FmuPart, Progress, SeriesPart, System
 from harness.compiling import toolchain
 from harness.extras import require
 from harness.processors import available
 from harness.storage.atomic import atomic_path
+
+__all__ = ["StudyError", "run_study"]
+
+TEXTS: Final = frozenset(
+    (
+        *(
+            "change",
+            "failure",
+            "meaning",
+            "next_steps",
+            "no_compensation",
+            "overview",
+            "reason",
+            "runner_up_reason",
+            "summary",
+        ),
+        *("warnings", "weak", "what", "why", "wrong", "x_label", "y_label"),
+    )
+)
+"""Attributes of results that are texts for people; names, units, paths and commands are not."""
+
+T = TypeVar("T")
+
+
+def result_in_rotary_words(result: T) -> T:
+    """Return a result with the words and units of a rotary axis in all its texts."""
+    return replace(result, **{f.name: _worded(getattr(result, f.name), f.name) for f in fields(result)})  # type: ignore[type-var, arg-type]
+
+
+def _worded(value: Any, name: str) -> Any:
+    if is_dataclass(value) and not isinstance(value, type):
+        return result_in_rotary_words(value)
+    if isinstance(value, str):
+        return in_rotary_words(value) if name in TEXTS else value
+    if isinstance(value, tuple) and not (value and isinstance(value[0], float)):
+        return tuple(_worded(item, name) for item in value)
+    if isinstance(value, Mapping):
+        return {key: _worded(item, name) for key, item in value.items()}
+    return value
+
+
+DRAWN: Final = 4
+"""Number of models to plot, best first."""
+
+CLOUD: Final = 2000
+"""Approximate number of points of a scatter plot."""
+
+LOOP: Final = 3.0
+"""Longest section of the record plotted as a loop [s]."""
+
+
+def series(data: Sequence[Record], models: Sequence[IdentifiedModel]) -> tuple[Picture, ...]:
+    """Return the record over time, together with the simulations of the best models."""
+    record = max(data, key=len)
+    units = record.units
+    drawn = [found for found in models[:DRAWN] if found.row.rank]
+
+    def picture(name: str, unit: str, columns: Mapping[str, Array | None], lines: Mapping[str, Curve]) -> Picture:
+        shown = {key: thinned(record.t, column) for key, column in columns.items() if column is not None}
+        return Picture("time", name, "s", unit, shown, lines)
+
+    pictures = []
+    if record.q is not None:
+        pictures.append(picture("position", units.position, {"measured": record.q, "reference": record.reference}, {}))
+        errors = {found.row.name: found.position for found in drawn if found.position is not None}
+        if record.reference is not None:
+            error = {"measured, reference − position": record.reference - record.q}
+            pictures.append(picture("position error", units.position, error, {}))
+        if errors:
+            pictures.append(Picture("time", "simulated − measured position", "s", units.position, {}, errors))
+    if record.v is not None:
+        pictures.append(picture("velocity", units.velocity, {"measured": record.v}, {}))
+    if record.force is not None:
+        pictures.append(picture("drive force", units.force, {"measured": record.force}, {}))
+        forces = {found.row.name: found.force for found in drawn if found.force is not None}
+        if forces:
+            pictures.append(Picture("time", "simulated − measured force", "s", units.force, {}, forces))
+    if record.friction is not None:
+        over = record.normal if record.normal is not None and np.all(record.normal > 0.0) else None
+        column = record.friction if over is None else record.friction / over
+        lines = {found.row.name: found.predicted for found in drawn if found.predicted is not None}
+        name, unit = ("friction", units.force) if over is None else ("friction coefficient", "1")
+        pictures.append(picture(name, unit, {"measured": column}, lines))
+    return tuple(pictures)
+
+
+def residuals(record: Record, models: Sequence[IdentifiedModel]) -> tuple[Picture, ...]:
+    """Return the force residual of the co-simulated servo with the best models, over velocity and over position."""
+    forces = {found.row.name: found.force for found in models[:DRAWN] if found.row.rank and found.force is not None}
+    if not forces or record.q is None:
+        return ()
+    motion = filtered_motion(record)
+    t, units = record.t - record.t[0], record.units
+
+    def over(name: str, unit: str, column: Array) -> Picture:
+        curves = {
+            model: Curve(tuple(np.interp(curve.x, t, column).tolist()), curve.y) for model, curve in forces.items()
+        }
+        return Picture(name, "simulated − measured force", unit, units.force, {}, curves)
+
+    return over("velocity", units.velocity, motion.v), over("position", units.position, motion.q)
+
+
+def friction_of(record: Record, mass: float, offset: float) -> tuple[Array, Array, Array] | None:
+    """Return position, filtered velocity and friction of a record; None if it has neither friction nor force."""
+    if record.q is None:
+        return None
+    motion = filtered_motion(record)
+    if record.friction is not None:
+        return record.q, motion.v, record.friction
+    if record.force is None:
+        return None
+    return record.q, motion.v, record.force - mass * motion.a - offset
+
+
+def over_velocity(record: Record, models: Sequence[IdentifiedModel]) -> Picture | None:
+    """Return friction over velocity: points of the record, and curves of the models on a slow velocity sweep."""
+    best = [found for found in models if found.row.rank]
+    behind = friction_of(record, best[0].mass, best[0].offset) if best else None
+    if behind is None:
+        return None
+    _, v, friction = behind
+    smooth, level = decimate(v, 10), decimate(friction, 10)
+    few = slice(50, -50, max(1, len(smooth) // CLOUD)) if len(smooth) > 300 else slice(None)
+    fastest = 1.05 * float(np.max(np.abs(v)))
+    at = np.linspace(-fastest, fastest, 800)  # an even number: no point is at the jump at rest
+    curves = {}
+    for found in best[:DRAWN]:
+        F = drive(found, record.units, 5.0 * np.arange(800.0) / 800.0, at, _load(record))
+        curves[found.row.name] = Curve(tuple(at[1:].tolist()), tuple(F[1:].tolist()))
+    points = Curve(tuple(smooth[few].tolist()), tuple(level[few].tolist()))
+    units = record.units
+    return Picture("velocity", "friction", units.velocity, units.force, {"record": points}, curves)
+
+
+def over_position(record: Record, models: Sequence[IdentifiedModel]) -> Picture | None:
+    """Return friction over position around the reversal nearest to the middle of the record, measured and simulated."""
+    best = [found for found in models if found.row.rank]
+    behind = friction_of(record, best[0].mass, best[0].offset) if best else None
+    if behind is None:
+        return None
+    q, v, friction = behind
+    turns = np.flatnonzero(np.diff(np.sign(v)) != 0)
+    turns = turns[(turns > 100) & (turns < len(v) - 100)]
+    if not turns.size:
+        return None
+    centre = int(turns[np.argmin(np.abs(turns - len(v) // 2))])
+    half = min(round(0.5 * LOOP / record.Ts), len(v) // 4)
+    section = slice(max(0, centre - half), centre + half)
+    # start earlier: a bristle that starts in motion takes some time to deflect
+    lead = min(section.start, half)
+    driven = slice(section.start - lead, section.stop)
+    t = record.Ts * np.arange(float(len(v[driven])))
+    few = max(1, len(v[section]) // 600)
+    loops = {}
+    for found in best[:DRAWN]:
+        F = drive(found, record.units, t, v[driven], _load(record))[lead:]
+        loops[found.row.name] = Curve(tuple(q[section][::few].tolist()), tuple(F[::few].tolist()))
+    points = Curve(tuple(q[section][::few].tolist()), tuple(friction[section][::few].tolist()))
+    units = record.units
+    return Picture("position", "friction", units.position, units.force, {"record": points}, loops)
+
+
+def drive(found: IdentifiedModel, units: AxisUnits, t: Array, v: Array, load: float | None) -> Array:
+    """Return the friction force of a model's FMU driven by a velocity, shape (n,)."""
+    step = float(t[1] - t[0])
+    contact = FmuPart("friction", block(found.block, units.position == "rad"))
+    sweep = SeriesPart("sweep", t, {"v": v}, {"v": units.velocity})
+    inputs = {port.name for port in contact.inputs}
+    start: dict[str, float | int | bool | str] = {f"friction.{k}": v for k, v in typed(contact, found.values).items()}
+    start |= {"friction.F_ext": 0.0} if "F_ext" in inputs else {}
+    start |= {"friction.Fn": load} if "Fn" in inputs and load is not None else {}
+    experiment = Experiment(stop=step * (len(t) - 1), step=step, record=("friction.F",))
+    with System([sweep, contact], ["sweep.v -> friction.v"], start, experiment, "curve") as system:
+        F = np.asarray(system.run()["friction.F"].to_numpy(), dtype=np.float64)
+        F += viscous_beside(contact, found.plant) * v
+        return F
+
+
+def _load(record: Record) -> float | None:
+    """Return the mean normal force; None if it was not measured."""
+    return None if record.normal is None else float(np.mean(record.normal))
+
+
+@dataclass
+class ProgressReporter:
+    """Progress of a study from 0 to 1."""
+
+    progress: Progress | None
+    done: float = 0.0
+
+    def __call__(self, part: float) -> None:
+        """Report that this fraction is done; the reported progress never decreases."""
+        self.done = max(self.done, part)
+        if self.progress is not None:
+            self.progress.update(round(100.0 * self.done), 100)
+
+    def steps(self, begin: float, end: float, count: int) -> Callable[[Step], None]:
+        """Return a callback for each of `count` steps between two fractions."""
+        done = 0
+
+        def one(step: Step) -> None:
+            nonlocal done
+            done += 1
+            self(begin + (end - begin) * done / max(1, count))
+
+        return one
+
+
+def overview(config: StudyConfig, data: Data) -> dict[str, str]:
+    """Return descriptions of record, servo and settings, by topic."""
+    record, servo, wanted = data.longest, config.servo, config.compensation
+    length = f"{len(record)} samples at {1e3 * record.Ts:g} ms"
+    segments = f"{len(data.records)} segments; the longest has {length}"
+    overview = {"record": length if len(data.records) == 1 else segments}
+
+    def span(records: Sequence[Any]) -> str:
+        return f"{records[0].t[0]:.4g} to {records[-1].t[-1]:.4g} s"
+
+    overview["training data"] = span(data.train)
+    if data.validation:
+        overview["validation data"] = span(data.validation)
+    for number, finding in enumerate(data.findings, start=1):
+        overview[f"finding {number}"] = finding
+    if servo is not None:
+        gains = ", ".join(f"{name} {value:.5g}" for name, value in servo.gains.items())
+        overview["servo"] = (
+            f"{servo.law} with {gains}; sample time {1e3 * servo.Ts:g} ms, force limit ±{servo.force_limit:.4g} "
+            f"{record.units.force}, velocity over {servo.window} samples, encoder resolution "
+            + (shown(servo.quantum, record.units.position) if servo.quantum else "unlimited")
+        )
+        overview["compensation"] = (
+            f"gains {', '.join(f'{gain:g}' for gain in wanted.gains)}, or the bandwidth, with a sensitivity peak of at "
+            f"most {wanted.limits.Ms:g} and a delay margin of at least {wanted.limits.delay:g} samples; friction and "
+            f"mass {100 * wanted.mismatch:g} % off; the servo "
+            + ("has velocity and inertia feedforward" if wanted.motion_feedforward else "is as measured")
+        )
+    return overview
+
+
+def identifier(name: str) -> str:
+    """Return a valid model identifier made from the name of a record."""
+    letters = "".join(letter for letter in name.title() if letter.isascii() and letter.isalnum())
+    return letters if letters and letters[0].isalpha() else f"Axis{letters}"
+
+
+BEYOND: Final = 1.2
+"""Recorded force over the force limit above which one of them has a wrong unit."""
+
+GROWTH: Final = 1.1
+"""Growth of an oscillation per sample above which the loop is too unstable to have been recorded."""
+
+
+def force_findings(records: Sequence[Record], servo: Servo | None) -> tuple[StudyFinding, ...]:
+    """Return findings about a drive force that contradicts the recorded motion, or the limit of the servo."""
+    forbidding = (*FORBIDDING, "mass-not-identified") if servo is not None and servo.mass is None else FORBIDDING
+    found = [
+        StudyFinding(each.name, each.what, each.measure, each.name in forbidding) for each in contradictions(records)
+    ]
+    peak = max((float(np.max(np.abs(record.force))) for record in records if record.force is not None), default=0.0)
+    if servo is not None and peak > BEYOND * servo.force_limit:
+        unit = records[0].units.force
+        what = f"The recorded drive force reaches {peak:.3g} {unit}; the force limit is {servo.force_limit:.3g} {unit}."
+        change = "Correct the unit of the force in [columns] or force_limit in [servo]."
+        found.append(StudyFinding("force-beyond-limit", what, change, stops=True))
+    return tuple(found)
+
+
+def mass_findings(servo: Servo | None, model: IdentifiedModel, unit: str) -> tuple[StudyFinding, ...]:
+    """Return a finding if the loop of servo and identified mass is so unstable that no record can come from it.
+
+    Friction is left out, except for its viscous part: a loop whose oscillation grows by more than `GROWTH` in every
+    sample exceeds any friction within a few samples.
+    """
+    if servo is None or model.mass <= 0.0:
+        return ()
+    growth = loop_growth(servo, model.mass, max(model.values.get("Fv", model.values.get("sigma2", 0.0)), 0.0))
+    if growth <= GROWTH:
+        return ()
+    what = (
+        f"With the identified mass of {model.mass:.3g} {unit}, the servo is unstable: an oscillation grows by a factor "
+        f"of {growth:.3g} in every sample, so the record cannot come from this axis."
+    )
+    change = "Correct the unit of force or position, or the gains and Ts of the servo."
+    return (StudyFinding("mass-contradicts-servo", what, change, stops=True),)
+
+
+def loop_growth(servo: Servo, mass: float, viscous: float) -> float:
+    """Return the largest magnitude of the poles of the sampled loop of a mass without Coulomb friction.
+
+    Integral action is left out, as it is slow.
+    """
+    Kp, Kd, _ = servo.pid
+    feedback = SampledLaw(np.zeros((0, 0)), np.zeros((0, 3)), np.zeros(0), np.array([-Kp, -Kd, 0.0]))
+    path = PathDynamics(delay=servo.delay * servo.Ts, window=servo.window)
+    return spectral_radius(chain(one_mass(mass, viscous), [feedback], servo.Ts, path))
+
+
+def loop_findings(models: Sequence[IdentifiedModel], simulated: bool) -> tuple[StudyFinding, ...]:
+    """Return a finding if the servo was simulated, but with none of the models it follows the record."""
+    if not simulated or not models or models[0].row.rank is not None:
+        return ()
+    failed = next((found.row.reason for found in models if found.row.train is not None), "")
+    if not failed:
+        return ()
+    change = (
+        "Check Ts, window, quantum and force limit of the servo, and whether a force acts on the axis that the record "
+        "does not contain; such a force can be declared as column injected."
+    )
+    what = f"The simulated servo does not follow the record with any friction model. {models[0].row.name}: {failed}"
+    return (StudyFinding("loop-not-reproduced", what, change, stops=True),)
+
+
+def without_loop(models: Sequence[IdentifiedModel]) -> list[IdentifiedModel]:
+    """Return the models with the error of their predicted signal, so that they can be ranked without a servo."""
+    found = []
+    for each in models:
+        fit = each.row.validation or each.row.train
+        row = each.row if fit is None else replace(each.row, reason="")
+        found.append(replace(each, error=None if fit is None else fit.rms, row=row))
+    return found
+
+
+def not_trusted(findings: Sequence[StudyFinding]) -> str:
+    """Return why no compensator is compared, in one sentence."""
+    names = ", ".join(finding.name for finding in findings if finding.stops)
+    return f"No compensator was compared, because the result cannot be trusted ({names}). Correct this first."
+
+
+SENSITIVE = 1.5
+"""Factor by which the error rises in a case that is worth a measurement."""
+
+SMALL = 1e-3
+"""Constant force over the force limit up to which it is not worth a setting."""
+
+
+def next_steps(
+    bench: Bench, scheme: Scheme, row: CompensatorResult, models: Sequence[ModelResult], units: AxisUnits
+) -> tuple[str, ...]:
+    """Return what to set in the drive and what to measure, one or two sentences each."""
+    return (
+        *_motion(bench, units),
+        *_integral(bench, scheme),
+        *_laws(scheme, row),
+        *_sensitive(row, units),
+        *_fragile(row),
+        *_weak(row, models),
+    )
+
+
+def _motion(bench: Bench, units: AxisUnits) -> Iterator[str]:
+    if not bench.trajectory.motion:
+        return
+    force = bench.plant.offset
+    known = abs(force) > SMALL * bench.servo.force_limit
+    constant = f", and a constant force of {force:.3g} {units.force}" if known else ""
+    yield (
+        "Switch on the feedforward of velocity (100 %) and acceleration (inertia "
+        f"{bench.plant.mass:.4g} {units.inertia}){constant}."
+    )
+
+
+def _integral(bench: Bench, scheme: Scheme) -> Iterator[str]:
+    name = GAINS[bench.servo.law][-1]
+    value = scheme.servo.gains[name]
+    if value != bench.servo.gains[name]:
+        yield f"Set the integral gain of the {scheme.servo.law} to {name} = {value:.4g}."
+
+
+def _laws(scheme: Scheme, row: CompensatorResult) -> Iterator[str]:
+    if scheme.table:
+        yield "Subtract the force over position at the reference, see PositionMap.fmu in the folder recommended."
+    laws = [law for law in (scheme.feedforward, scheme.compensator) if law is not None]
+    if not laws:
+        return
+    tuned = f"a bandwidth of {row.bandwidth:.3g} Hz" if row.bandwidth is not None else f"gain {row.gain:g}"
+    names = " and ".join(law.model for law in laws)
+    only_integral = scheme.compensator is None
+    yield (
+        f"Add {names}{'' if only_integral else f' with {tuned}'}; the folder recommended contains the parameters, the "
+        "code and the connections."
+    )
+
+
+def _sensitive(row: CompensatorResult, units: AxisUnits) -> Iterator[str]:
+    if row.metrics is None:
+        return
+    tried = [(each.metrics.rms, each.name) for each in row.corners if each.counts and each.metrics is not None]
+    if tried and max(tried)[0] > SENSITIVE * row.metrics.rms:
+        error, name = max(tried)
+        yield (
+            f"The error is most sensitive to this case: {name} ({shown(row.metrics.rms, units.position)} becomes "
+            f"{shown(error, units.position)}). If it can occur on the machine, record it and repeat the study."
+        )
+
+
+def _fragile(row: CompensatorResult) -> Iterator[str]:
+    failing = [each.name for each in row.corners if each.metrics is None]
+    if failing:
+        yield f"The loop fails in these cases: {', '.join(failing)}. Rule them out before you switch it on."
+
+
+def _weak(row: CompensatorResult, models: Sequence[ModelResult]) -> Iterator[str]:
+    model = next((model for model in models if model.name == row.model), None)
+    weak = [parameter for parameter in model.parameters if parameter.weak] if model is not None else []
+    if weak:
+        names = " and ".join(parameter.name for parameter in weak)
+        yield f"The record determines {names} of {row.model} poorly ({weak[0].name}: {weak[0].weak})."
+
 
 CLOSE: Final = 1.5
 """Models whose error is at most this factor times the smallest are also fitted to the closed loop."""
@@ -374,6 +791,3 @@ class _Study:
 def _noise(samples: int) -> Array:
     """Return the noise of the measured position with standard deviation 1."""
     return np.random.default_rng(SEED).standard_normal(samples)
-
-
-__all__ = ["StudyError", "run_study"]

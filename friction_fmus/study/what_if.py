@@ -12,9 +12,8 @@ from typing import Final
 
 import numpy as np
 
-from friction_fmus.axis.assembly import block
+from friction_fmus.axis.assembly import PartPool, block
 from friction_fmus.axis.loop import RECORDED
-from friction_fmus.axis.pool import PartPool
 from friction_fmus.axis.servo import GAINS, Servo
 from friction_fmus.identification import Array
 from friction_fmus.study.compensator_records import CompensatorResult, Metrics

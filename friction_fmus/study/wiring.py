@@ -4,14 +4,32 @@ from __future__ import annotations
 
 import textwrap
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
+from friction_fmus.axis.assembly import block
+from friction_fmus.axis.loop import RECORDED
 from friction_fmus.axis.servo import Servo
 from friction_fmus.codegen.loop_file import LOOP_FILE
-from friction_fmus.study.recording import ERROR
 from harness import FmuPart, System, Wire
 from harness.system.wire import parse_wire, split_name
+
+REFERENCE: Final = "reference.r"
+ERROR: Final = "tracking_error"
+"""Part with the reference minus the position."""
+
+
+def with_tracking_error(system: System) -> System:
+    """Return the system of an axis with a part that computes the tracking error, and with more recorded variables."""
+    assert system.experiment is not None
+    # at the samples only, because the reference has its new value only then
+    part = FmuPart(ERROR, block("Sum"), every=system.experiment.decimate)
+    parts = [*system.parts.values(), part]
+    wires: list[str | Wire] = [*system.wires, f"{REFERENCE} -> {ERROR}.u1", f"axis.x -> {ERROR}.u2"]
+    start = {**system.start, f"{ERROR}.gain[2]": -1.0}
+    experiment = replace(system.experiment, record=(REFERENCE, RECORDED[0], f"{ERROR}.y", *RECORDED[1:]))
+    return System(parts, wires, start, experiment, system.name)
+
 
 PLANT: Final = ("axis", "friction", "position", "encoder", "measured", "noise", ERROR)
 """Parts that stand for the machine or compute the tracking error; the README has the connections of all others."""

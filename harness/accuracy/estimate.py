@@ -12,10 +12,243 @@ from typing import Final, Literal, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from harness.accuracy.alignment import Alignment, align, aligned_difference
-from harness.accuracy.convergence import IRREGULAR, REGULAR, Convergence, converge, envelope
-from harness.accuracy.oscillation import Oscillation, oscillation
 from harness.parts.part import Values
+
+LEVELS: Final = (0.2, 0.5, 0.8)
+"""Levels, as shares of the range of the variable."""
+
+HYSTERESIS: Final = 0.05
+"""Half of the band around a level that a value must leave, as a share of the range."""
+
+PAIRED: Final = 0.6
+"""Least share of the crossings of a level that both runs must have."""
+
+MOST_EVENTS: Final = 20_000
+"""Largest number of crossings of a level; a variable with more of them is noise, which has no events."""
+
+
+@dataclass(frozen=True)
+class Alignment:
+    """The events of one run in time, and how much later another run has them."""
+
+    times: Values
+    shifts: Values
+    """Times of the events, in order, and by how much the other run is late [s]."""
+    interval: float
+    """Median time between two events of the same kind [s]; the duration of the run if there are too few."""
+
+    def at(self, times: Values) -> Values:
+        """Return by how much the other run is late at these times [s]."""
+        return np.asarray(np.interp(times, self.times, self.shifts))
+
+
+def crossings(times: Values, values: Values, level: float, band: float) -> tuple[Values, Values]:
+    """Return the times [s] at which values cross a level and leave a band around it, and the directions."""
+    above = values - level
+    sides = (above >= band).view(np.int8) - (above <= -band).view(np.int8)
+    ends = np.append(np.flatnonzero(sides[1:] != sides[:-1]), len(sides) - 1)
+    ends = ends[sides[ends] != 0]  # the last rows of the spans outside of the band
+    (turns,) = np.nonzero(sides[ends[1:]] != sides[ends[:-1]])
+    if len(turns) > MOST_EVENTS:
+        return np.zeros(0), np.zeros(0)
+    ends, ways = ends[turns], sides[ends[turns + 1]]
+    k = np.empty(len(turns), dtype=np.int64)
+    for way, before in ((-1, above > 0.0), (1, above < 0.0)):
+        rows = np.flatnonzero(before[:-1] & ~before[1:]) + 1
+        mine = ways == way
+        k[mine] = rows[np.searchsorted(rows, ends[mine], side="right")]
+    share = above[k - 1] / (above[k - 1] - above[k])
+    found = times[k - 1] + share * (times[k] - times[k - 1])
+    return found, ways.astype(np.float64)
+
+
+def align(times: Values, values: Values, other_times: Values, other_values: Values) -> Alignment | None:
+    """Return the alignment of a variable in two runs, or None if their events do not correspond."""
+    low, high = float(values.min()), float(values.max())
+    if not high > low:
+        return None
+    events: list[tuple[float, float]] = [(float(times[0]), 0.0)]
+    intervals: list[float] = []
+    for share in LEVELS:
+        level, band = low + share * (high - low), HYSTERESIS * (high - low)
+        here, directions = crossings(times, values, level, band)
+        there, others = crossings(other_times, other_values, level, band)
+        for way in (1.0, -1.0):
+            ours, theirs = here[directions == way], there[others == way]
+            mine, partners = _pairs(ours, theirs)
+            if len(mine) < PAIRED * max(len(ours), len(theirs)):
+                continue  # the difference that remains shows it
+            events += zip(ours[mine], theirs[partners] - ours[mine], strict=True)
+        intervals += [float(gap) for gap in here[2:] - here[:-2]]
+    if len(events) == 1:
+        return None
+    events.sort()
+    found = np.array(events)
+    return Alignment(found[:, 0], found[:, 1], float(np.median(intervals)) if intervals else float(np.ptp(times)))
+
+
+def _pairs(ours: Values, theirs: Values) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Return the indices of events that are each other's nearest ones; a short ringing may have more of them."""
+    if not (len(ours) and len(theirs)):
+        return np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64)
+    forth, back = _nearest(ours, theirs), _nearest(theirs, ours)
+    (mine,) = np.nonzero(back[forth] == np.arange(len(ours)))
+    return mine, forth[mine]
+
+
+def _nearest(of: Values, to: Values) -> NDArray[np.int64]:
+    """Return for each time the index of the nearest of other times, which are in order."""
+    after = (
+        np.clip(np.searchsorted(to, of), 1, max(len(to) - 1, 1)) if len(to) > 1 else np.ones(len(of), dtype=np.int64)
+    )
+    before = after - 1
+    after = np.minimum(after, len(to) - 1)
+    return np.where(np.abs(to[before] - of) <= np.abs(to[after] - of), before, after)
+
+
+def aligned_difference(
+    times: Values, values: Values, other_times: Values, other_values: Values, by: Alignment
+) -> Values:
+    """Return how far values are from what the other run has at the shifted times, give or take a row of this run."""
+    row = times[1] - times[0]
+    there = times + by.at(times)
+    first, last = (np.interp(there + late, other_times, other_values) for late in (-row, row))
+    low, high = np.minimum(first, last), np.maximum(first, last)
+    other_row = other_times[1] - other_times[0]
+    begin, end = (
+        np.ceil((there + late - other_times[0]) / other_row).astype(np.int64).clip(0, len(other_times))
+        for late in (-row, row)
+    )
+    for k in range(int(np.max(end - begin))):  # the rows in between, of which there are one or two
+        inside = np.minimum(begin + k, end - 1)
+        among = np.where(end > begin, other_values[np.clip(inside, 0, len(other_values) - 1)], first)
+        low, high = np.minimum(low, among), np.maximum(high, among)
+    return np.asarray(np.maximum(0.0, np.maximum(values - high, low - values)))
+
+
+SETTLED: Final = 1 / 3
+"""Share of a run that may pass until it is periodic."""
+
+FEWEST: Final = 4
+"""Fewest periods of an oscillation."""
+
+
+@dataclass(frozen=True)
+class Oscillation:
+    """Period and amplitude of a variable, with their errors."""
+
+    period: float
+    amplitude: float
+    """Means over the periods of the run in question: the time between two upward crossings of the middle [s], and half
+    of the difference of the largest and the smallest value between them."""
+    period_error: float
+    amplitude_error: float
+    """The largest difference to the other runs, or twice the standard error of the mean if that is larger."""
+
+    @property
+    def worst(self) -> float:
+        """The larger relative error."""
+        return max(self.period_error / self.period, self.amplitude_error / self.amplitude)
+
+
+def oscillation(runs: Sequence[tuple[Values, Values]]) -> Oscillation | None:
+    """Return the oscillation of a variable, or None if it does not oscillate in all runs."""
+    found = []
+    for times, values in runs:
+        one = _periods(times, values)
+        if one is None:
+            return None
+        found.append(one)
+    means = np.array([[float(np.mean(each)) for each in one] for one in found])
+    spread = [2.0 * float(np.std(each, ddof=1)) / math.sqrt(len(each)) for each in found[0]]
+    errors = [max(float(np.max(np.abs(means[1:, k] - means[0, k]))), spread[k]) for k in (0, 1)]
+    return Oscillation(float(means[0, 0]), float(means[0, 1]), errors[0], errors[1])
+
+
+def _periods(times: Values, values: Values) -> tuple[Values, Values] | None:
+    """Return the duration and the amplitude of each period."""
+    begin = int(SETTLED * len(times))
+    t, y = times[begin:], values[begin:]
+    low, high = float(y.min()), float(y.max())
+    if not high > low:
+        return None
+    at, directions = crossings(t, y, 0.5 * (low + high), 2.0 * HYSTERESIS * (high - low))
+    ups = at[directions > 0.0]
+    if len(ups) < FEWEST + 1:
+        return None
+    cuts = np.searchsorted(t, ups)
+    parts = [y[a:b] for a, b in pairwise(cuts)]
+    return np.diff(ups), np.array([0.5 * float(np.ptp(part)) for part in parts])
+
+
+REGULAR: Final = 2.5
+"""Safety factor for three runs that converge as expected. Roache has 1.25, for smooth solutions."""
+
+IRREGULAR: Final = 3.0
+"""Safety factor for two runs, or for three that converge faster or more slowly than expected."""
+
+SLOWEST: Final = 0.5
+"""Lowest observed order that counts as convergence."""
+
+DEVIATION: Final = 0.7
+"""Largest difference of the observed order from the expected one that is regular."""
+
+ASYMPTOTIC: Final = 0.01
+"""Largest difference over the range of a variable at which an observed order can be relied on."""
+
+
+@dataclass(frozen=True)
+class Convergence:
+    """How runs with other steps approach this one."""
+
+    order: float
+    """Observed order; NaN if it cannot be observed."""
+    factor: float
+    """Error bound over the difference to the next run; infinite if the runs do not converge."""
+    expected: float
+    """The order that a shorter step can count on."""
+    least: float = 0.0
+    """Least difference that counts: runs that agree much better than the order explains do so by chance."""
+
+    @property
+    def resolved(self) -> bool:
+        """Whether the runs converge."""
+        return math.isfinite(self.factor)
+
+
+def converge(near: Values, far: Values | None, most: float, size: float, floor: float, *, finer: bool) -> Convergence:
+    """Return the convergence of a variable."""
+    if finer:  # the order is not observed; at order 1, this run has twice the error of the next one
+        return Convergence(math.nan, 2.0 * REGULAR, 1.0)
+    if far is None:
+        return Convergence(math.nan, IRREGULAR, 1.0)
+    sizes = [(float(np.sqrt(np.mean(np.square(each)))), float(np.max(each))) for each in (near, far)]
+    if max(sizes[0][1], sizes[1][1]) <= floor:
+        return Convergence(math.nan, REGULAR, most)
+    order = min(_order(*pair) for pair in zip(*sizes, strict=True))
+    if sizes[0][1] <= floor:  # this run and the next one agree: what the third one does is its own affair
+        return Convergence(order, IRREGULAR, 1.0)
+    if order < SLOWEST:
+        return Convergence(order, math.inf, math.nan)
+    expected = min(order, most)
+    regular = abs(order - most) <= DEVIATION and sizes[0][1] <= ASYMPTOTIC * size
+    expected = expected if regular else min(expected, 1.0)
+    least = sizes[1][1] / 2.0 ** (most + 1.0) if order > most + DEVIATION else 0.0
+    return Convergence(order, (REGULAR if regular else IRREGULAR) / (2.0**expected - 1.0), expected, least)
+
+
+def _order(near: float, far: float) -> float:
+    if near > 0.0 and far > 0.0:
+        return math.log2(far) - math.log2(near)
+    return math.inf if far > 0.0 else -math.inf
+
+
+def envelope(differences: Values, window: int) -> Values:
+    """Return the largest difference within so many rows before and after each row."""
+    from scipy.ndimage import maximum_filter1d
+
+    return np.asarray(maximum_filter1d(differences, 2 * window + 1, mode="nearest"))
+
 
 Verdict: TypeAlias = Literal["right", "sensitive", "too coarse", "not resolved", "wrong"]
 VERDICTS: Final[tuple[Verdict, ...]] = ("right", "sensitive", "too coarse", "not resolved", "wrong")

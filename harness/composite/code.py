@@ -12,7 +12,7 @@ from typing import Final
 from lxml import etree
 
 from harness.compiling.platforms import Platform, assembly
-from harness.compiling.sources import included
+from harness.compiling.toolchain import included
 from harness.errors import BuildError
 from harness.parts.fmu import FmuPart
 from harness.parts.part import Part

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 
-from harness.composite.exchange import states
-from harness.composite.variables import Variable
+from harness.composite.interface import Variable, states
 from harness.parts.fmu import FmuPart
 from harness.parts.part import Part
 from harness.system.assembly import Assembly

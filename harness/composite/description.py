@@ -10,8 +10,7 @@ from typing import Any
 
 from lxml import etree
 
-from harness.composite.exchange import reinitialised, states
-from harness.composite.variables import Variable
+from harness.composite.interface import Variable, reinitialised, states
 from harness.errors import BuildError
 from harness.parts.fmu import FmuPart
 from harness.parts.log_categories import LOG_CATEGORIES

@@ -11,7 +11,7 @@ from lxml import html
 
 from harness.composite.code import PartCode
 from harness.composite.diagram import diagram
-from harness.composite.variables import Variable
+from harness.composite.interface import Variable
 from harness.html import STYLE, row, table
 from harness.parts.fmu import FmuPart
 from harness.storage.zip_file import open_zip, read_zip

@@ -10,18 +10,24 @@ from pathlib import Path
 from typing import Final
 
 from harness.compiling.platforms import WASM, linked, select
-from harness.compiling.sources import guid_of, included, source_folder
+from harness.compiling.toolchain import guid_of, included, source_folder
 from harness.composite.code import part_codes
 from harness.composite.dependencies import start_dependencies, step_dependencies
 from harness.composite.description import Texts, composite_description
 from harness.composite.diagram import loop_icon
 from harness.composite.documentation import documentation
-from harness.composite.exchange import exchange_fault
-from harness.composite.interface import OpenSystem, check_parts, choose_interface, opened, without_sources
+from harness.composite.interface import (
+    OpenSystem,
+    check_parts,
+    choose_interface,
+    composite_variables,
+    exchange_fault,
+    opened,
+    without_sources,
+)
 from harness.composite.tables import table_file
 from harness.composite.terminals import FOLDER as TERMINALS
 from harness.composite.terminals import composite_terminals
-from harness.composite.variables import composite_variables
 from harness.engine.library import sources as engine_sources
 from harness.errors import BuildError, ExperimentError
 from harness.fmi3 import fmi_3
@@ -29,13 +35,12 @@ from harness.parts.feedthrough import find_feedthrough
 from harness.parts.fmu import FmuPart
 from harness.run import run
 from harness.storage.atomic import atomic_path
-from harness.storage.clock import stamped
+from harness.storage.files import stamped
 from harness.storage.zip_file import zipped
 from harness.system.assembly import Assembly
 from harness.system.experiment import COUPLING_TOLERANCE, LOOP_TOLERANCE, STEP_TOLERANCE, Experiment
-from harness.system.graph import check_loops, stepping_order
+from harness.system.graph import check_loops, make_plan, stepping_order
 from harness.system.initialisation import start_order
-from harness.system.layout import make_plan
 from harness.values import is_number
 from harness.wasm import is_wasm, wasm_model, write_package
 

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import math
+from collections.abc import Iterable, Mapping, Sequence
 from textwrap import shorten
 
 import numpy as np
@@ -10,10 +11,7 @@ from numpy.typing import NDArray
 
 from harness.composite.code import PartCode
 from harness.composite.description import provides_derivatives
-from harness.composite.exchange import exchange_fault, states
-from harness.composite.interface import InputsPart, OpenSystem
-from harness.composite.literals import c_integers, c_number, c_reals, c_rows, c_string
-from harness.composite.variables import Variable
+from harness.composite.interface import InputsPart, OpenSystem, Variable, exchange_fault, states
 from harness.engine.defect import UNRESOLVED
 from harness.engine.manipulate import delay_length
 from harness.engine.native import Engine
@@ -25,6 +23,41 @@ from harness.system.graph import instantaneous
 from harness.system.initialisation import StartOrder
 from harness.system.plan import Plan, Schedule
 from harness.system.wire import split_name
+
+
+def c_number(value: float) -> str:
+    """Return a constant of type double, the same to the last bit."""
+    if math.isinf(value):
+        return "INFINITY" if value > 0.0 else "-INFINITY"
+    return repr(float(value))
+
+
+def c_string(text: str) -> str:
+    """Return a C string; octal escapes hold what C99 does not, and break trigraphs."""
+    plain = (chr(byte) if 32 <= byte < 127 and chr(byte) not in '"\\?' else f"\\{byte:03o}" for byte in text.encode())
+    return '"' + "".join(plain) + '"'
+
+
+def c_reals(name: str, values: Iterable[float]) -> list[str]:
+    """Return the lines of an array of doubles; one without values gets a zero, as C has no empty arrays."""
+    texts = [c_number(float(value)) for value in values] or ["0.0"]
+    return _array(f"double {name}", texts)
+
+
+def c_integers(name: str, values: Iterable[int], kind: str = "int64_t") -> list[str]:
+    """Return the lines of an array of integers, as `c_reals`."""
+    return _array(f"{kind} {name}", [str(int(value)) for value in values] or ["0"])
+
+
+def _array(declaration: str, texts: Sequence[str]) -> list[str]:
+    rows = [f"    {', '.join(texts[i : i + 12])}," for i in range(0, len(texts), 12)]
+    return [f"static const {declaration}[] = {{", *rows, "};"]
+
+
+def c_rows(declaration: str, rows: Sequence[str], empty: str) -> list[str]:
+    """Return the lines of an array of these rows; without rows, `empty` is its only one."""
+    return [f"static const {declaration}[] = {{", *(rows or [f"    {empty},"]), "};"]
+
 
 _SETTINGS = {True: "SET_EARLY", False: "SET_ALWAYS"}
 

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 
 from lxml import etree
 
-from harness.composite.variables import Variable
+from harness.composite.interface import Variable
 from harness.parts.fmu import FmuPart
 from harness.storage.zip_file import open_zip, read_zip
 from harness.system.assembly import Assembly

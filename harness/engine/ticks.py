@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+from harness.engine.algorithm import attach_lines
 from harness.engine.defect import Coupling
-from harness.engine.line import attach_lines
 from harness.engine.manipulate import Manipulations
 from harness.engine.native import NOT_CONVERGED, Engine
 from harness.engine.tap import Recorder

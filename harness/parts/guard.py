@@ -20,8 +20,8 @@ from functools import cache
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
-from harness.engine.floats import described_floats
 from harness.engine.library import library
+from harness.engine.native import described_floats
 from harness.errors import HarnessError
 from harness.parts.fmi2 import LOADING
 from harness.parts.fmu import FmuPart

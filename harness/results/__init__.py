@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 from harness.errors import MissingPackageError, OutputError, ResultFileError
-from harness.lazy import lazy_names
+from harness.extras import lazy_names
 
 if TYPE_CHECKING:
     from harness.result import Result

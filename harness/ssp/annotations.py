@@ -16,7 +16,7 @@ from lxml import etree
 
 from harness.errors import ExperimentError, SystemFileError
 from harness.parts.fmu import FmuPart
-from harness.ssp.document import SPACES, sub
+from harness.ssp.package import SPACES, sub
 from harness.system.experiment import Experiment
 from harness.system.manipulator import manipulator_table, read_manipulator
 

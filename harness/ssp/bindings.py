@@ -11,15 +11,41 @@ from lxml import etree
 from harness.errors import SystemFileError
 from harness.parts.part import StartValue
 from harness.ssp.arrays import count, shown
-from harness.ssp.document import SPACES, SSM, SSV, parse_document
 from harness.ssp.flatten import Network
-from harness.ssp.package import Package
+from harness.ssp.package import SPACES, SSM, SSV, Package, check_element, parse_document
 from harness.ssp.parameter import Parameter
-from harness.ssp.ssm import Entry, parse_ssm
 from harness.ssp.ssv import MEDIA_TYPE, ParameterSet, parse_ssv
 from harness.ssp.structure import Node, Path, Structure
-from harness.ssp.transformation import Linear
+from harness.ssp.transformation import Linear, Transformation, flag, read_transformation
 from harness.units import BaseUnit
+
+
+@dataclass(frozen=True)
+class Entry:
+    """Mapping of a source parameter to a variable."""
+
+    target: str
+    """Name of the variable."""
+    transformation: Transformation
+    """Transformation of the value, after its unit conversion."""
+    suppress: bool
+    """Whether unit conversion is suppressed."""
+
+
+def parse_ssm(root: etree._Element, where: str) -> dict[str, list[Entry]]:
+    """Return the entries of an element ParameterMapping by the name of the source."""
+    check_element(root, SSM, where)
+    entries: dict[str, list[Entry]] = {}
+    targets: set[str] = set()
+    for element in root.iterfind("ssm:MappingEntry", SPACES):
+        target = element.get("target", "")
+        if target in targets:
+            raise SystemFileError(f"{where} maps two parameters to '{target}': remove one")
+        targets.add(target)
+        entry = Entry(target, read_transformation(element), flag(element, "suppressUnitConversion"))
+        entries.setdefault(element.get("source", ""), []).append(entry)
+    return entries
+
 
 _MAPPING_TYPE = "application/x-ssp-parameter-mapping"
 _LOG = logging.getLogger("harness")

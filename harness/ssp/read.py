@@ -11,9 +11,8 @@ from harness.parts.fmu import FmuPart
 from harness.ssp.annotations import read_experiment, read_part
 from harness.ssp.arrays import scalars, split
 from harness.ssp.bindings import Binding, bound_values, read_bindings
-from harness.ssp.document import SSD, parse_document
 from harness.ssp.flatten import Network
-from harness.ssp.package import SSD_NAME, Package, TemporaryFolder, member_name
+from harness.ssp.package import SSD, SSD_NAME, Package, TemporaryFolder, member_name, parse_document
 from harness.ssp.structure import Node, Structure, read_structure
 from harness.ssp.structure import Path as SystemPath
 from harness.ssp.units import read_units

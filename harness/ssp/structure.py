@@ -9,7 +9,7 @@ from typing import Final, TypeAlias
 from lxml import etree
 
 from harness.errors import SystemFileError
-from harness.ssp.document import DIMENSION, SPACES
+from harness.ssp.package import DIMENSION, SPACES
 from harness.ssp.transformation import Transformation, flag, read_transformation
 from harness.ssp.units import known_unit
 from harness.units import BaseUnit

@@ -10,7 +10,7 @@ from lxml import etree
 
 from harness.errors import StartValueError
 from harness.parts.part import StartValue
-from harness.ssp.document import SPACES
+from harness.ssp.package import SPACES
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from lxml import etree
 
 from harness.errors import UnitError
-from harness.ssp.document import SPACES, sub
+from harness.ssp.package import SPACES, sub
 from harness.units import BASE_SYMBOLS, LONGEST_UNIT, BaseUnit, conversion, parse_unit, stated_unit
 
 

@@ -3,26 +3,129 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 from lxml import etree
 
 from harness.errors import SystemFileError
-from harness.parts.flat import Array
+from harness.parts.flat import Array, element_names
 from harness.parts.fmu import FmuPart
 from harness.parts.part import Port, StartValue
 from harness.ssp.annotations import annotate, write_experiment, write_part, write_step
-from harness.ssp.document import SPACES, SSD, TOOL, set_text, sub, to_bytes
-from harness.ssp.fmi3 import arrays_of, grouped, indices, needs_two
-from harness.ssp.package import SSD_NAME, write_package
-from harness.ssp.ssv import ParameterSet, ssv_element
-from harness.ssp.start import start_parameters
+from harness.ssp.package import SPACES, SSD, SSD_NAME, TOOL, set_text, sub, to_bytes, write_package
+from harness.ssp.parameter import Parameter
+from harness.ssp.ssv import ParameterSet, is_single, ssv_element
 from harness.ssp.structure import FMU_TYPE
 from harness.ssp.units import known_unit, write_units
 from harness.system.assembly import Assembly, resize_parts
 from harness.system.wire import Wire, split_name, wire_map
 from harness.units import BaseUnit, units_agree
+
+#: Types that SSP 1.0 has under this or an older name.
+_OLD = ("Float64", "Int32", "Boolean", "String", "Enumeration")
+
+
+def arrays_of(part: FmuPart) -> dict[str, Array]:
+    """Return the variable of FMI 3.0 for each of its elements; none for an FMU of FMI 2.0."""
+    flat = part.archive.flat
+    return {} if flat is None else {name: array for array in flat.arrays for name in flat.names(array)}
+
+
+def needs_two(array: Array) -> bool:
+    """Return whether only SSP 2.0 can state the variable."""
+    return bool(array.shape) or array.type not in _OLD
+
+
+def indices(element: str) -> str:
+    """Return the indices of an element such as ``k[1,2]`` as SSP 2.0 writes them."""
+    return element[element.rindex("[") + 1 : -1].replace(",", " ")
+
+
+def grouped(wires: Sequence[Wire], arrays: Mapping[str, Array]) -> Iterator[tuple[Wire, bool]]:
+    """Return the connections, and whether one stands for all those between two arrays of the same shape."""
+    elements: dict[tuple[str, str], list[str]] = {}
+    for dotted, array in arrays.items():
+        elements.setdefault((split_name(dotted)[0], array.name), []).append(dotted)
+    k = 0
+    while k < len(wires):
+        wire = wires[k]
+        ends = [(end, arrays[end]) for end in (wire.source, wire.target) if end in arrays]
+        count = 1
+        if len(ends) == 2 and ends[0][1].shape == ends[1][1].shape:
+            names = [elements[split_name(end)[0], array.name] for end, array in ends]
+            run = wires[k : k + len(names[0])]
+            if [(each.source, each.target) for each in run] == list(zip(*names, strict=True)) and all(
+                replace(each, source=wire.source, target=wire.target) == wire for each in run
+            ):
+                yield wire, True
+                k += len(run)
+                continue
+        yield wire, False
+        k += count
+
+
+def start_parameters(
+    part: FmuPart, start: Mapping[str, StartValue], arrays: Mapping[str, Array]
+) -> tuple[dict[str, Parameter], dict[str, tuple[int, ...]]]:
+    """Return the start values with type and unit of their variables, and the shapes of the arrays.
+
+    An array is always given as a whole, as an importer sets it as a whole.
+    """
+    ports = {port.name: port for port in (*part.inputs, *part.parameters)}
+    parameters: dict[str, Parameter] = {}
+    shapes: dict[str, tuple[int, ...]] = {}
+    for name in start:
+        array = arrays.get(name)
+        if name in parameters:  # part of an array
+            continue
+        names = [name] if array is None else list(element_names(array.name, array.shape))
+        values = {each: start.get(each, ports[each].start) for each in names}
+        missing = next((each for each, value in values.items() if value is None), None)
+        if missing is not None:
+            raise SystemFileError(f"{part.name}.{missing} has no start value: give one for each element of the array")
+        if array is not None and array.shape:
+            shapes[array.name] = array.shape
+        kind = _stated_type(array, values)
+        parameters |= {
+            each: _parameter(part.name, ports[each], value, kind) for each, value in values.items() if value is not None
+        }
+    return parameters, shapes
+
+
+def _stated_type(array: Array | None, values: Mapping[str, StartValue | None]) -> str:
+    """Return the type of FMI 3.0 to state, if there is one."""
+    if array is None or array.type in ("Boolean", "String", "Enumeration"):
+        return ""
+    if array.type == "Float32":
+        exact = all(not isinstance(value, (int, float)) or is_single(value) for value in values.values())
+        return "Float32" if exact else "Float64"  # the FMU rounds the value, the file keeps it
+    return array.type
+
+
+def _parameter(part: str, port: Port, value: StartValue, kind: str) -> Parameter:
+    """Return a start value with the type and the unit of its variable."""
+    where = f"start value {value!r} of {part}.{port.name}"
+    try:
+        if port.type == "String":
+            return Parameter(str(value))
+        if port.type == "Real" and "Int" not in kind:
+            unit = port.unit if known_unit(port.unit, port.base) is not None else None
+            return Parameter(float(value), unit, port.base, type=kind)
+        number = int(value)
+        if number != value:
+            raise ValueError(value)
+        if port.items:
+            return Parameter({number: item for item, number in port.items}[number], item=True)
+        return Parameter(bool(number) if port.type == "Boolean" else number, type=kind)
+    except (KeyError, OverflowError, ValueError) as error:
+        raise SystemFileError(f"{where} has the wrong type: give {_expected(port)}") from error
+
+
+def _expected(port: Port) -> str:
+    return f"one of {', '.join(str(number) for _, number in port.items)}" if port.items else f"a {port.type}"
+
 
 #: Name of the parameter set of every component, as ecos requires one.
 SET_NAME = "start"

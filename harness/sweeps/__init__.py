@@ -2,7 +2,7 @@
 
 from typing import TYPE_CHECKING
 
-from harness.lazy import lazy_names
+from harness.extras import lazy_names
 from harness.sweeps.driver import sweep
 from harness.sweeps.measures import Measure
 from harness.sweeps.samples import Given, Sample, WithUnits, grid, latin_hypercube, read_samples, sobol

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import json
 import pickle
+from collections import Counter, deque
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, wait
 from contextlib import ExitStack
-from dataclasses import replace
+from dataclasses import fields, replace
 from functools import partial
 from pathlib import Path
-from typing import Any
+from time import monotonic
+from typing import Any, Final
 from uuid import uuid4
 
 import xarray as xr
@@ -17,17 +20,93 @@ import xarray as xr
 from harness.engine.tap import Progress
 from harness.errors import SweepError, nearest
 from harness.extras import require
-from harness.sweeps.columns import Columns, Memory, Storage
-from harness.sweeps.identity import description
+from harness.parts.identity import digest, function_identity, part_identity
+from harness.sweeps.folder import Columns, Memory, Storage
 from harness.sweeps.measures import Builtin, Measure, find_measures, label
 from harness.sweeps.pools import LOOK, Outcomes, Pool, ProcessPool, SerialPool, make_pool
-from harness.sweeps.queue import Queue
 from harness.sweeps.samples import Given, Sample, checked_samples, column_types
 from harness.sweeps.worker import SETTINGS, Job, Outcome
 from harness.system.experiment import Experiment
-from harness.system.graph import stepping_order
-from harness.system.layout import find_port, recorded_names
+from harness.system.graph import find_port, recorded_names, stepping_order
 from harness.system.system import System
+
+TRIES: Final = 3
+"""Number of workers that may die in a run before it counts as failed."""
+
+
+class Queue:
+    """Queue of the remaining runs.
+
+    A chunk takes about 0.5 s or 2 % of the sweep's duration so far, and at most 10 s. This limits the work lost if the
+    sweep is killed, and also the number of files. Towards the end, chunks become smaller, so that all workers finish at
+    about the same time.
+    """
+
+    def __init__(self, runs: Iterable[int], most: int) -> None:
+        """Start the clock."""
+        self._runs = deque(runs)
+        self._most = most
+        self._again: deque[list[int]] = deque()
+        self._deaths: Counter[int] = Counter()
+        self._seconds: float | None = None
+        self._begin = monotonic()
+
+    @property
+    def left(self) -> bool:
+        """Whether runs remain."""
+        return bool(self._runs or self._again)
+
+    def take(self, workers: int) -> list[int]:
+        """Return the runs of the next chunk."""
+        if self._again:
+            return self._again.popleft()
+        size = 1.0
+        if self._seconds is not None:
+            span = min(10.0, max(0.5, 0.02 * (monotonic() - self._begin)))
+            size = max(0.05 / self._seconds, min(span / self._seconds, len(self._runs) / (2 * workers)))
+        count = min(max(1, int(size)), self._most, len(self._runs))
+        return [self._runs.popleft() for _ in range(count)]
+
+    def note(self, outcomes: Sequence[Outcome]) -> None:
+        """Update the estimated duration of a run."""
+        if outcomes:
+            self._seconds = max(1e-6, sum(outcome.wall_time for outcome in outcomes) / len(outcomes))
+
+    def give_back(self, chunk: Sequence[int]) -> list[Outcome]:
+        """Return a chunk whose worker died to the queue, in halves, to isolate the run that killed it."""
+        if len(chunk) > 1:
+            half = len(chunk) // 2
+            self._again += [list(chunk[:half]), list(chunk[half:])]
+            return []
+        (run,) = chunk
+        self._deaths[run] += 1
+        if self._deaths[run] < TRIES:
+            self._again.append([run])
+            return []
+        return [Outcome(run, error=f"{TRIES} worker processes died in this run: check whether an FMU crashes")]
+
+
+def description(system: System, job: Job, samples: Sequence[Sample]) -> dict[str, Any]:
+    """Return a description of a sweep as JSON, with hashes of its large elements."""
+    content = {
+        "parts": {name: part_identity(part) for name, part in system.parts.items()},
+        "wires": sorted(repr(wire) for wire in system.wires),
+        "start": dict(system.start),
+    }
+    experiment = {key.name: getattr(job.experiment, key.name) for key in fields(job.experiment)}
+    return {
+        "system": digest(json.dumps(content, sort_keys=True).encode()),
+        "samples": digest(json.dumps(samples).encode()),
+        "runs": len(samples),
+        "experiment": experiment | {"manipulators": [repr(one) for one in job.experiment.manipulators]},
+        "measures": [_measure(measure) for measure in job.measures],
+        "keep": job.keep,
+    } | ({"accuracy": True} if job.accuracy else {})
+
+
+def _measure(measure: Measure) -> str:
+    return str(measure) if isinstance(measure, Builtin) else f"{label(measure)} {function_identity(measure)}"
+
 
 _MOST_BYTES = 32e6
 """Largest size of the trajectories in one file [bytes]."""

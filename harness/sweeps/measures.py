@@ -12,7 +12,7 @@ import numpy as np
 from harness.errors import SweepError, UnknownNameError, nearest
 from harness.parts.part import Part, Values
 from harness.result import Result
-from harness.system.layout import recorded_names
+from harness.system.graph import recorded_names
 
 Measure: TypeAlias = Callable[[Result], Mapping[str, float]]
 

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import ctypes
 import logging
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import TypeAlias
 
 import numpy as np
+from numpy.typing import NDArray
 
-from harness.engine.fixed_point import fixed_point
+from harness.engine.library import RESIDUAL, library
 from harness.errors import AlgebraicLoopError, PartError
 from harness.parts.guard import Guard
 from harness.parts.part import Part, StartValue, Values
@@ -17,6 +20,31 @@ from harness.system.experiment import Experiment
 from harness.system.graph import direct_edges, find_loop, instantaneous, propagation_order
 from harness.system.plan import Plan, fetcher
 from harness.system.wire import Wire, split_name
+
+_Values: TypeAlias = NDArray[np.float64]
+_Numbers: TypeAlias = "ctypes._Pointer[ctypes.c_double]"
+
+
+def fixed_point(residual: Callable[[_Values], _Values], estimate: _Values) -> _Values:
+    """Return the w with the smallest residual that Newton's method finds, see ``fixed_point.h``."""
+    n = len(estimate)
+    engine = library()
+    w, work, norm = estimate.copy(), np.zeros(engine.fixed_point_work(n)), np.zeros(1)
+    errors: list[BaseException] = []
+
+    def evaluate(_: int | None, at: _Numbers, result: _Numbers) -> bool:
+        try:
+            np.ctypeslib.as_array(result, (n,))[:] = residual(np.ctypeslib.as_array(at, (n,)).copy())
+        except BaseException as error:  # it must not be raised in C
+            errors.append(error)
+            return False
+        return True
+
+    engine.find_fixed_point(RESIDUAL(evaluate), None, w.ctypes.data, n, work.ctypes.data, norm.ctypes.data)
+    if errors:
+        raise errors[0]
+    return w
+
 
 _LOG = logging.getLogger("harness")
 _TOLERANCE = 1e-10

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from friction_fmus.codegen import Cost
 from friction_fmus.codegen.emulation import Instruction, _steps
-from friction_fmus.codegen.export import make_export
-from friction_fmus.codegen.readme import readme
+from friction_fmus.codegen.export import make_export, readme
 from friction_fmus.codegen.target import M4F
 
 

@@ -15,9 +15,9 @@ sys.path.insert(0, str(Path(__file__).parents[2]))
 
 from benchmarks.law_runs import LawC, LawFmu, casadi_by_rows, rows_of, run_casadi
 from friction_fmus.blocks.catalogue import laws_folder
+from friction_fmus.codegen.emulation import samples
 from friction_fmus.codegen.export import make_export
 from friction_fmus.codegen.layout import STATES
-from friction_fmus.codegen.program import samples
 from friction_fmus.lawkit.files import discover_laws
 from friction_fmus.lawkit.law import Kind
 

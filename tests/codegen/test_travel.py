@@ -20,8 +20,7 @@ sys.path.insert(0, str(Path(__file__).parents[2]))
 
 from benchmarks.law_runs import LawC, compile_, rows_of
 from friction_fmus.blocks.catalogue import laws_folder
-from friction_fmus.codegen.export import make_export
-from friction_fmus.codegen.readme import ACCURACY, TRAVEL, readme
+from friction_fmus.codegen.export import ACCURACY, TRAVEL, make_export, readme
 from friction_fmus.lawkit.emit.graph import graph
 from friction_fmus.lawkit.expressions import stribeck_level
 from friction_fmus.lawkit.files import discover_laws

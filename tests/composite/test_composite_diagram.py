@@ -7,7 +7,7 @@ import itertools
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from harness.composite.diagram_layout import arrange
+from harness.composite.diagram import arrange
 
 
 def test_a_servo_runs_from_left_to_right_and_back() -> None:

@@ -291,7 +291,7 @@ def test_a_handler_in_c_is_left_alone(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_a_subinterpreter_gets_a_reason() -> None:
     """Without it, the import of packages in C hangs."""
     code = (
-        "from harness.lazy import interpreters\n"
+        "from harness.extras import interpreters\n"
         "interpreters.run_string(interpreters.create(isolated=False), "
         "'try:\\n import harness\\nexcept ImportError as error:\\n print(error, flush=True)')"
     )

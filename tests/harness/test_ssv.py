@@ -29,7 +29,7 @@ from harness import (
     read_ssv,
     write_ssv,
 )
-from harness.ssp.document import SSV, parse_document
+from harness.ssp.package import SSV, parse_document
 from harness.ssp.ssv import parse_ssv, ssv_bytes
 
 FURLONG = BaseUnit((0, 1, 0, 0, 0, 0, 0, 0), 201.168)

@@ -11,7 +11,7 @@ import pytest
 from fmpy.ssp.ssd import read_ssv
 from lxml import etree
 
-from friction_fmus.identification.parameter_files import Parameter, ParameterFileError, ssv_bytes, toml_text
+from friction_fmus.identification.export import Parameter, ParameterFileError, ssv_bytes, toml_text
 
 PARAMETERS = {
     "friction.Fc": Parameter(20.3935, "N", "Coulomb & <friction>", 0.1),

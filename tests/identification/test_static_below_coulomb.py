@@ -9,7 +9,7 @@ import pytest
 from contacts import noise, stribeck_force
 
 from friction_fmus.identification import LINEAR, Record, compare_models, identify
-from friction_fmus.identification.fit.strengthening import explanation
+from friction_fmus.identification.identifying import explanation
 from friction_fmus.identification.survey import IdentificationTask
 from friction_fmus.study.models import IdentifiedModel, ranked
 from friction_fmus.study.records import IdentifiedParameter, ModelResult

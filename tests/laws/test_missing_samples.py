@@ -16,10 +16,10 @@ sys.path.insert(0, str(Path(__file__).parents[2]))
 
 from benchmarks.law_runs import LawC, rows_of
 from friction_fmus.blocks.catalogue import catalogue, laws_folder
+from friction_fmus.codegen.emulation import samples
 from friction_fmus.codegen.export import make_export
 from friction_fmus.codegen.layout import Export
 from friction_fmus.codegen.loop_file import LoopFile, LoopLaw, loop_text
-from friction_fmus.codegen.program import samples
 from friction_fmus.lawkit.files import discover_laws
 from friction_fmus.lawkit.law import Kind
 

@@ -13,8 +13,7 @@ from packaging.requirements import Requirement
 from friction_fmus.cli.commands import study
 from friction_fmus.cli.main import main
 from harness import MissingPackageError, extras
-from harness.extras import EXTRAS, require
-from harness.lazy import lazy_names
+from harness.extras import EXTRAS, lazy_names, require
 
 ROOT = Path(__file__).parents[2]
 

@@ -12,8 +12,7 @@ import pytest
 from thorough import some
 
 from friction_fmus.axis.position_map import Grid, PositionMap
-from friction_fmus.codegen.export import make_export
-from friction_fmus.codegen.readme import readme
+from friction_fmus.codegen.export import make_export, readme
 from friction_fmus.codegen.sources import header, implementation
 from friction_fmus.codegen.table import table_header, table_source
 

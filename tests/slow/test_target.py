@@ -17,11 +17,9 @@ from thorough import nightly, some
 
 from benchmarks.law_runs import LawC, rows_of, run_casadi
 from friction_fmus.codegen import CORES, Core, export_law, measure, target
-from friction_fmus.codegen.cycles import DURATIONS, cycles_of
-from friction_fmus.codegen.emulation import RANDOM, run, trace
-from friction_fmus.codegen.export import make_export
-from friction_fmus.codegen.program import CALLS, samples
-from friction_fmus.codegen.readme import ACCURACY, TRAVEL
+from friction_fmus.codegen.cost import DURATIONS, cycles_of
+from friction_fmus.codegen.emulation import CALLS, RANDOM, run, samples, trace
+from friction_fmus.codegen.export import ACCURACY, TRAVEL, make_export
 from friction_fmus.codegen.target import EMULATOR, M0PLUS, M4F, M7, assembly, call, compile_law, emulate, link_program
 from friction_fmus.codegen.unit_test import unit_test
 from friction_fmus.codegen.vectors import EXACT as EXACT_FUNCTIONS

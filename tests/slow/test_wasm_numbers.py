@@ -25,11 +25,10 @@ from wasm.engines import CASES, ENGINES, NODE, in_node, run_in
 from wasm.test_wasm_package import LARGEST
 
 from friction_fmus import catalogue
-from harness.compiling.sources import source_folder
-from harness.compiling.toolchain import compiler, header_folder
+from harness.compiling.toolchain import compiler, header_folder, source_folder
 from harness.system.experiment import LOOP_TOLERANCE
 from harness.wasm import WasmModel, class_script, wasm_model
-from harness.wasm.module import imports
+from harness.wasm.package import imports
 
 NAMES = (*some(tuple(catalogue()), SHELL_BLOCKS), *COMPOSITES)
 STEPS, PART = 300, 6

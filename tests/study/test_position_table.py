@@ -9,10 +9,9 @@ import numpy as np
 import pytest
 from thorough import nightly
 
-from friction_fmus.axis.elements import Compensator, Plant, Trajectory
 from friction_fmus.axis.loop import closed_loop, run_loop
 from friction_fmus.axis.position_map import Grid, PositionMap
-from friction_fmus.axis.servo import Servo
+from friction_fmus.axis.servo import Compensator, Plant, Servo, Trajectory
 from friction_fmus.identification import Array
 from friction_fmus.study.compensators import TABLE, AxisKnowledge, candidates
 from friction_fmus.study.data import build_reference

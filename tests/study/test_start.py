@@ -7,8 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from friction_fmus.axis.loop import Plant, Trajectory, closed_loop, run_loop
-from friction_fmus.axis.start import REST, from_rest
+from friction_fmus.axis.loop import REST, Plant, Trajectory, closed_loop, from_rest, run_loop
 from friction_fmus.data import load_emps
 from friction_fmus.study import load_config
 from friction_fmus.study.compensators import AxisKnowledge, candidates

@@ -15,14 +15,13 @@ from friction_fmus.data import load_emps
 from friction_fmus.identification import LINEAR, identifiable
 from friction_fmus.identification.fit.models import contact_model
 from friction_fmus.study import Servo, load_config, run_study
-from friction_fmus.study.cases import Case, cases
+from friction_fmus.study.comparison import trials, with_integral
 from friction_fmus.study.compensator_records import Limits
 from friction_fmus.study.compensators import AxisKnowledge, candidates, compensators, period_of
 from friction_fmus.study.data import LUGRE, build_reference
-from friction_fmus.study.evaluation import Evaluation, Scheme, evaluate, off_by
+from friction_fmus.study.evaluation import Case, Evaluation, Scheme, cases, evaluate, off_by
 from friction_fmus.study.metrics import Bench, at_rest, high_frequency, judge, reversals, settling
-from friction_fmus.study.thinning import thinned
-from friction_fmus.study.tuning import trials, with_integral
+from friction_fmus.study.records import thinned
 
 SERVO = Servo("PID", {"Kp": 12e3, "Kd": 190.0, "Ki": 0.0}, 1e-3, 20.0)
 PLANT = Plant("LuGre", LUGRE, 1.0, 0.2)

@@ -13,11 +13,10 @@ from made_up_study import made_up_study
 from small_axis import LAW, NOISE, SERVO, bench_of, runs_of
 from thorough import some
 
+from friction_fmus.axis.assembly import PartPool
 from friction_fmus.axis.loop import Compensator, run_loop
-from friction_fmus.axis.pool import PartPool
 from friction_fmus.report import report_html
-from friction_fmus.study.cases import Case, changed
-from friction_fmus.study.evaluation import Scheme, off_by, system_of
+from friction_fmus.study.evaluation import Case, Scheme, changed, off_by, system_of
 from friction_fmus.study.what_if import knobs_of, panel_of, variable_system
 from harness.compiling import toolchain
 

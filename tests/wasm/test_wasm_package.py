@@ -21,7 +21,7 @@ from friction_fmus.cli.main import main
 from friction_fmus.cli.systems import open_system
 from harness.errors import BuildError, OutputError
 from harness.wasm import class_script, wasm_model
-from harness.wasm.module import imports
+from harness.wasm.package import imports
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 LARGEST = 25 * 1024

@@ -12,8 +12,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from friction_fmus.identification.data.clocks import Group, on_one_clock
-from friction_fmus.identification.data.tables import EXACT, Table
+from friction_fmus.identification.data.tables import EXACT, Group, Table, on_one_clock
 from friction_fmus.identification.errors import RecordError
 from harness.extras import require
 

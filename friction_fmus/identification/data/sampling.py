@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
+from typing import Final
 
 import numpy as np
 from scipy.interpolate import CubicSpline
 
 from friction_fmus.identification.data.findings import Finding
-from friction_fmus.identification.data.record import JITTER, Array
+from friction_fmus.identification.data.record import JITTER, Array, Record
 
 #: Ratio of an interval to the median above which it is a gap, across which nothing is interpolated.
 GAP = 5.0
@@ -115,3 +116,20 @@ def _interpolated(name: str, t: Array, values: Array, at: Array) -> Array:
     if name in SMOOTH:
         return np.asarray(CubicSpline(t, values)(at), dtype=np.float64)
     return np.asarray(np.interp(at, t, values), dtype=np.float64)
+
+
+TRAIN: Final = 0.6
+"""Fraction of a record that is fitted; the rest is validation data."""
+
+
+def default_windows(records: Sequence[Record]) -> dict[str, tuple[float, float]]:
+    """Return the windows of records for which none are given."""
+    begin, end = float(records[0].t[0]), float(records[-1].t[-1])
+    middle = begin + TRAIN * (end - begin)
+
+    def enough(low: float, high: float) -> bool:
+        return any(np.count_nonzero((r.t >= low) & (r.t <= high)) >= SHORTEST for r in records)
+
+    if not (enough(begin, middle) and enough(middle, end)):
+        return {"train": (begin, end)}
+    return {"train": (begin, middle), "validation": (middle, end)}

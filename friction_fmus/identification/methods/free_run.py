@@ -15,9 +15,9 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from friction_fmus.axis.assembly import constant_force
-from friction_fmus.axis.elements import Plant
 from friction_fmus.axis.free_run import free_axis, run_free
 from friction_fmus.axis.loop import FINEST
+from friction_fmus.axis.servo import Plant
 from friction_fmus.identification.data.record import ROTARY, Array, Record
 from friction_fmus.identification.errors import FitError
 from friction_fmus.identification.fit.estimate import Estimate

@@ -17,8 +17,7 @@ from robustness.test_damaged_cache import check_end_of_library
 from thorough import nightly, some
 
 from friction_fmus import BuildError, build, catalogue
-from harness.compiling.platforms import PLATFORMS, select
-from harness.parts.universal import universal
+from harness.compiling.platforms import PLATFORMS, select, universal
 
 CO_SIMULATION, BOTH = 34, 44
 """Numbers of functions of FMI 2.0: for co-simulation, and also for model exchange."""
