@@ -19,7 +19,7 @@ from friction_fmus.codegen import measure
 from friction_fmus.codegen.export import make_export
 from friction_fmus.codegen.target import EMULATOR, M4F, PACKAGES
 from friction_fmus.study.comparison import TABLE
-from harness.storage.atomic import atomic_path
+from harness.storage.files import atomic_path
 
 HEADING = "# Cost of the laws in single precision on a Cortex-M4F; written by benchmarks/cycles.py.\n\n"
 

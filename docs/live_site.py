@@ -19,9 +19,9 @@ from zipfile import ZipFile
 
 from friction_fmus import fmu
 from friction_fmus.blocks.catalogue import Block, catalogue
-from friction_fmus.blocks.comment import paragraphs
-from friction_fmus.blocks.variable_table import variable_groups
-from friction_fmus.fmi.models_page import markdown
+from friction_fmus.blocks.macros import paragraphs
+from friction_fmus.blocks.probe import variable_groups
+from friction_fmus.fmi.documentation import markdown
 from friction_fmus.fmi.package import wasm_block
 from friction_fmus.harness import System
 from friction_fmus.live import SCRIPTS, about_block, assets, model_script, opened

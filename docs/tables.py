@@ -13,7 +13,7 @@ from pathlib import Path
 from needs import KNOWLEDGE, MEASURED, MOTIONS, QUESTIONS, REFERENCE, SITUATIONS, SWITCHES, Motion, Question, Situation
 
 from friction_fmus.blocks.catalogue import FEATURES, Block, catalogue
-from friction_fmus.blocks.comment import paragraphs
+from friction_fmus.blocks.macros import paragraphs
 from friction_fmus.blocks.probe import (
     BOOLEAN,
     FIXED,

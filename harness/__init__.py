@@ -33,8 +33,8 @@ from harness.plot import plot
 require_main_interpreter()
 
 if TYPE_CHECKING:
+    from harness.engine.algorithm import Progress, Tap
     from harness.engine.drive import Drive
-    from harness.engine.tap import Progress, Tap
     from harness.parts.archive import open_archive
     from harness.parts.callable_part import CallablePart
     from harness.parts.fmu import FmuPart
@@ -68,7 +68,7 @@ else:
             "harness.ssp": ["Parameter", "ParameterSet", "read_ssv", "write_ssv"],
             "harness.sweeps": ["grid", "latin_hypercube", "read_samples", "read_sweep", "sobol", "sweep"],
             "harness.system.system": ["System"],
-            "harness.engine.tap": ["Progress", "Tap"],
+            "harness.engine.algorithm": ["Progress", "Tap"],
             "harness.units": ["BaseUnit", "parse_unit"],
             "harness.system.wire": ["Wire"],
         },

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from harness.errors import OutputError, UnknownNameError, nearest
-from harness.storage.atomic import atomic_path
+from harness.storage.files import atomic_path
 
 if TYPE_CHECKING:
     from harness.result import Result

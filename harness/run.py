@@ -13,9 +13,8 @@ from typing import Final
 
 import numpy as np
 
+from harness.engine.algorithm import NativeTicks, Progress, PythonTicks, Reader, Recorder, Tap, tap_reader
 from harness.engine.checkpoint import read_checkpoint, write_checkpoint
-from harness.engine.tap import Progress, Reader, Recorder, Tap, tap_reader
-from harness.engine.ticks import NativeTicks, PythonTicks
 from harness.errors import ENDED, ExperimentError, HarnessError, Interrupted, PartError
 from harness.masters import find_master
 from harness.parts.feedthrough import find_feedthrough

@@ -15,8 +15,8 @@ from friction_fmus.axis.assembly import LoopAssembly, PartPool, block, typed
 from friction_fmus.axis.servo import Compensator, Plant, Servo, Trajectory
 from harness import Experiment, ExperimentError, Result, System, Wire
 from harness.accuracy.numbers import measure_bounds
+from harness.engine.algorithm import Recorder
 from harness.engine.defect import inaccurate
-from harness.engine.tap import Recorder
 
 __all__ = [
     "Compensator",

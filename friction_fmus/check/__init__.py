@@ -43,7 +43,7 @@ from friction_fmus.check.structure import examine_side_files
 from friction_fmus.errors import FrictionError, UnknownNameError, nearest
 from harness.errors import HarnessError
 from harness.ssp.package import SSD_NAME
-from harness.storage.scratch import ScratchFolder
+from harness.storage.files import ScratchFolder
 
 __all__ = ["RULES", "Finding", "Rule", "check"]
 

@@ -25,7 +25,7 @@ from friction_fmus.check.probes.rules import RULES as BINARY_RULES
 from friction_fmus.check.probes.rules import RULES_3
 from friction_fmus.errors import FrictionError
 from harness.compiling.platforms import NATIVE
-from harness.storage.scratch import ScratchFolder
+from harness.storage.files import ScratchFolder
 
 _MODULES: Final = (lifecycle, stepping, events, arrays, surroundings)
 """Modules that register the probes, in this order."""

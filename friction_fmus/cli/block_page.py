@@ -9,9 +9,8 @@ from rich.table import Table
 from rich.text import Text
 
 from friction_fmus.blocks.catalogue import FEATURES, Block
-from friction_fmus.blocks.comment import INDENT, Paragraph, paragraphs
-from friction_fmus.blocks.probe import BlockVariables
-from friction_fmus.blocks.variable_table import Entry, variable_groups
+from friction_fmus.blocks.macros import INDENT, Paragraph, paragraphs
+from friction_fmus.blocks.probe import BlockVariables, Entry, variable_groups
 
 WIDE = 100
 """Width of the terminal, in characters, from which the table of variables includes ranges."""

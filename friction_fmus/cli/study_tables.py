@@ -7,7 +7,7 @@ from rich.table import Table
 
 from friction_fmus.cli.console import styled
 from friction_fmus.study.compensator_records import CompensatorResult
-from friction_fmus.study.recommending import shown
+from friction_fmus.study.recommendation import shown
 from friction_fmus.study.records import Fit, ModelResult
 from friction_fmus.study.result import StudyResult
 

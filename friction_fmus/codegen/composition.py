@@ -11,11 +11,9 @@ from casadi import SX, Function, symvar
 
 from friction_fmus.blocks.about import About
 from friction_fmus.errors import FrictionError
-from friction_fmus.lawkit.conditions import PARAMETERS, Conditions
-from friction_fmus.lawkit.declarations import Kind, Variable
-from friction_fmus.lawkit.labels import Label
+from friction_fmus.lawkit.declarations import PARAMETERS, Conditions, Kind, Variable
 from friction_fmus.lawkit.law import Law, check_variables
-from friction_fmus.lawkit.results import Results, function_of
+from friction_fmus.lawkit.results import Label, Results, function_of
 
 _STATES = (Kind.STATE, Kind.STATES)
 

@@ -23,7 +23,7 @@ from friction_fmus.codegen.target import (
     missing,
 )
 from friction_fmus.errors import FrictionError
-from harness.storage.scratch import ScratchFolder
+from harness.storage.files import ScratchFolder
 
 
 @dataclass(frozen=True)

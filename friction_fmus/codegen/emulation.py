@@ -15,7 +15,7 @@ from friction_fmus.codegen.target import EMULATOR, Core, call, compile_law, emul
 from friction_fmus.codegen.vectors import inputs
 from friction_fmus.errors import FrictionError
 from friction_fmus.lawkit.law import BOOLEANS, Variable
-from harness.storage.scratch import ScratchFolder
+from harness.storage.files import ScratchFolder
 
 _SIZES = {"m": 1e-3, "m/s": 1e-2, "m/s2": 1.0, "rad": 1e-3, "rad/s": 1e-2}
 """Magnitude of the samples by unit, for which friction and control are neither at rest nor saturated."""

@@ -29,7 +29,7 @@ from friction_fmus.lawkit.declarations import ANGLE, LENGTH, Unit, Variable, c_s
 from friction_fmus.lawkit.emit.c_text import DOUBLE, FLOAT
 from friction_fmus.lawkit.law import Law
 from friction_fmus.version import VERSION
-from harness.storage.atomic import atomic_path, make_folder
+from harness.storage.files import atomic_path, make_folder
 
 DEVIATIONS = {
     "12.1": "products in a sum have no brackets, as in the equations.",

@@ -11,8 +11,7 @@ from types import MappingProxyType
 from casadi import Function
 
 from friction_fmus.axis.position_map import PositionMap
-from friction_fmus.lawkit.conditions import PARAMETERS
-from friction_fmus.lawkit.declarations import FAULT
+from friction_fmus.lawkit.declarations import FAULT, PARAMETERS
 from friction_fmus.lawkit.emit.c_text import DOUBLE, Kernel, Lows, Real, kernel
 from friction_fmus.lawkit.emit.graph import CONDITIONS, LIBM, Node, graph
 from friction_fmus.lawkit.emit.names import Named, comment_lines

@@ -20,11 +20,11 @@ from friction_fmus.codegen.composition import Composition
 from friction_fmus.codegen.laws import law_of, start_values
 from friction_fmus.codegen.loop_file import LAWS, SHARED, LoopFile
 from friction_fmus.errors import FrictionError, UnknownNameError, nearest
-from friction_fmus.lawkit.conditions import PARAMETERS
 from friction_fmus.lawkit.declarations import (
     FORCE,
     LENGTH,
     NO_UNIT,
+    PARAMETERS,
     VECTORS,
     VELOCITY,
     Command,
@@ -36,8 +36,7 @@ from friction_fmus.lawkit.declarations import (
     Unit,
     Variable,
 )
-from friction_fmus.lawkit.expressions import clip
-from friction_fmus.lawkit.law import Kind, Law
+from friction_fmus.lawkit.law import Kind, Law, clip
 from friction_fmus.lawkit.parts import variables
 from friction_fmus.lawkit.parts.feedforward import filled
 

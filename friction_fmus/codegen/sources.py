@@ -11,7 +11,7 @@ import numpy as np
 
 from friction_fmus.blocks.catalogue import source_folder
 from friction_fmus.codegen.layout import Export, is_flag, numbered
-from friction_fmus.lawkit.conditions import PARAMETERS
+from friction_fmus.lawkit.declarations import PARAMETERS
 from friction_fmus.lawkit.emit.c_text import DOUBLE
 from friction_fmus.lawkit.emit.chains import INDEX, LEAST
 from friction_fmus.lawkit.emit.names import comment

@@ -12,7 +12,7 @@ from typing import Final
 from friction_fmus.codegen.layout import Export
 from friction_fmus.codegen.sources import header, implementation
 from friction_fmus.errors import FrictionError
-from harness.storage.scratch import ScratchFolder
+from harness.storage.files import ScratchFolder
 
 COMPILER: Final = "arm-none-eabi-gcc"
 EMULATOR: Final = "qemu-arm"

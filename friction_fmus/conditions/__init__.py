@@ -4,19 +4,17 @@ Each function returns a `Condition`: whether it holds, the two numbers compared,
 why, and what to change. ``friction-fmus doctor`` evaluates the conditions on a system, see docs/conditions.md.
 """
 
-from .axis import belt, cogging, cogging_slope, encoder_count, fed_back_stiffness
+from .axis import belt, cogging, cogging_slope, critical_speed, encoder_count, fed_back_stiffness, pulled_mass
 from .chain import DrivenPlant, PathDynamics, SampledLaw, chain, loop_poles, on_bristles, one_mass, two_masses
 from .compensation import (
+    adaptation,
+    break_away,
     disturbance_loop,
     disturbance_observer,
     explicit_observer,
     inertia,
     injection,
     overcompensation,
-)
-from .compensators import (
-    adaptation,
-    break_away,
     prefilter,
     prefilter_match,
     preview,
@@ -24,23 +22,25 @@ from .compensators import (
     super_twisting,
     super_twisting_rate,
 )
-from .condition import Condition
+from .condition import Condition, quotes
 from .coupling import contact_step, longest_step, output_delay, sample_step
 from .learning import contraction, learning_filter, process_sensitivity, sampled_sensitivity
 from .position_loop import (
     closed_loop,
     dead_band,
+    dither_frequency,
+    dither_stroke,
     expected_slip,
     hunting,
+    pulses,
     routh,
     sampled,
+    slide,
+    slide_in_loop,
     steepest_fall,
     stick_slip_free,
     turned_friction,
 )
-from .pulled import critical_speed, pulled_mass
-from .quoted import quotes
-from .shaking import dither_frequency, dither_stroke, pulses, slide, slide_in_loop
 
 __all__ = [
     "Condition",

@@ -3,11 +3,274 @@
 from __future__ import annotations
 
 import math
+from typing import Final
 
 import numpy as np
 
-from friction_fmus.conditions.condition import Condition, at_least, at_most, below
-from friction_fmus.conditions.linear import Matrix, held_mass, is_stable, longest_sample, spectral_radius
+from friction_fmus.conditions.condition import (
+    Condition,
+    Matrix,
+    above,
+    at_least,
+    at_most,
+    below,
+    held_mass,
+    is_stable,
+    longest_sample,
+    spectral_radius,
+)
+
+MOST_PREVIEW: Final = 1024
+"""Longest preview that is recommended, in samples: the limit of DiscreteInverse."""
+
+
+def break_away(most: float, Fs: float, direction: str = "forward") -> Condition:
+    """Check that the drive can break the axis away: the largest force behind all limits is above static friction.
+
+    Parameters
+    ----------
+    most : float
+        Largest force of the drive in this direction [N].
+    Fs : float
+        Static friction [N].
+    direction : str
+        ``forward`` or ``backward``, for the text.
+
+    Returns
+    -------
+    Condition
+        Its value is the largest force, its bound static friction [N].
+    """
+    return Condition(
+        name="break-away",
+        ok=above(most, Fs),
+        value=most,
+        bound=Fs,
+        wrong=f"the largest force {direction}, behind all limits, is {most:.4g} N; static friction is {Fs:.4g} N",
+        why="the drive cannot start a slow motion in that direction: the axis sticks",
+        change=f"raise the limits of the law and of the actuator above {Fs:.4g} N",
+        source="balance of forces at rest",
+    )
+
+
+def sliding_gain(K: float, F: float) -> Condition:
+    """Check that a set-valued sliding mode reaches s = 0: its gain covers the remaining friction, K >= F.
+
+    Parameters
+    ----------
+    K : float
+        Gain of the sign function [N].
+    F : float
+        Largest friction that no other law compensates [N].
+
+    Returns
+    -------
+    Condition
+        Its value is K, its bound F [N].
+    """
+    return Condition(
+        name="sliding gain",
+        ok=at_least(K, F),
+        value=K,
+        bound=F,
+        wrong=f"the gain of the sliding mode, K = {K:.4g} N, must be at least the remaining friction, {F:.4g} N",
+        why="the axis does not reach the sliding surface: it sticks away from its target, and a larger s does not "
+        "increase the force",
+        change=f"raise K to at least {F:.4g} N; a larger K does no harm in this law",
+        source="Acary, Brogliato, Systems and Control Letters 59(5), 2010: |F| <= K",
+    )
+
+
+def super_twisting(c1: float, c2: float) -> Condition:
+    """Check that super-twisting converges in finite time for friction with rate L: c2 > 1 and c1 > sqrt(1 + c2).
+
+    Parameters
+    ----------
+    c1, c2 : float
+        Gains of sqrt(m L |s|) and of L in the normalised form.
+
+    Returns
+    -------
+    Condition
+        It compares c2 with 1, or c1 with sqrt(1 + c2) if c2 is above 1.
+    """
+    least = math.sqrt(1.0 + max(c2, 1.0))
+    by_rate = at_most(c2, 1.0)
+    value, bound = (c2, 1.0) if by_rate else (c1, least)
+    text = f"c2 = {c2:.4g} must be above 1" if by_rate else f"c1 = {c1:.4g} must be above sqrt(1 + c2) = {least:.4g}"
+    return Condition(
+        name="super-twisting",
+        ok=above(value, bound),
+        value=value,
+        bound=bound,
+        wrong=text,
+        why="the integral part changes more slowly than friction with rate L and lags behind it"
+        if by_rate
+        else "the law may oscillate about the sliding surface without reaching it",
+        change="use c1 = 1.5 and c2 = 1.1 (Levant)",
+        source="Levant, Automatica 34(3), 1998; the bound of c1: Seeber, Horn, Automatica 84, 2017 (from memory)",
+    )
+
+
+def super_twisting_rate(c2: float, L: float, rate: float) -> Condition:
+    """Check that the bound L covers the rate of change of friction: c2 L >= max |dF/dt|.
+
+    Parameters
+    ----------
+    c2, L : float
+        Gain and bound [N/s] of the law.
+    rate : float
+        Largest rate of change of friction [N/s]: s0 |v| while a contact with the stiffness s0 is elastic.
+
+    Returns
+    -------
+    Condition
+        Its value is c2 L, its bound the rate [N/s].
+    """
+    return Condition(
+        name="super-twisting rate",
+        ok=at_least(c2 * L, rate),
+        value=c2 * L,
+        bound=rate,
+        wrong=f"c2 L = {c2 * L:.4g} N/s must be at least the largest rate of change of friction, {rate:.4g} N/s",
+        why="the estimate lags behind friction at reversals and leaves an error",
+        change=f"raise L above {rate / c2 if c2 > 0.0 else math.inf:.4g} N/s",
+        source="Levant, Automatica 34(3), 1998",
+    )
+
+
+def adaptation(rate: float, Ks: float, m: float, Ts: float) -> Condition:
+    """Check that a sampled gradient adaptation is stable: rate Ts < Ks and 2 Ks Ts/m < 4 + rate Ts^2/m.
+
+    These are Jury's conditions for m (s_next - s) = -Ts (Ks s + a), a_next = a + Ts rate s.
+
+    Parameters
+    ----------
+    rate : float
+        Sum of Gamma_i f_i^2 over all terms [N/m], with their regressors f_i at the largest friction.
+    Ks : float
+        Gain of s [N.s/m].
+    m, Ts : float
+        Mass [kg] and sample time [s].
+
+    Returns
+    -------
+    Condition
+        It compares 2 Ks Ts/m with 4 + rate Ts^2/m if that inequality is violated, otherwise rate Ts with Ks.
+    """
+    slow = below(2.0 * Ks * Ts / m, 4.0 + rate * Ts**2 / m)
+    value, bound = (rate * Ts, Ks) if slow else (2.0 * Ks * Ts / m, 4.0 + rate * Ts**2 / m)
+    return Condition(
+        name="adaptation",
+        ok=below(value, bound),
+        value=value,
+        bound=bound,
+        wrong=f"the adaptation rate times Ts, {value:.4g} N.s/m, must be below Ks = {bound:.4g} N.s/m"
+        if slow
+        else f"2 Ks Ts/m = {value:.4g} must be below 4 + Gamma F^2 Ts^2/m = {bound:.4g}",
+        why="each correction of the estimate is larger than the error: the estimate oscillates between its limits",
+        change=f"divide the adaptation rates by more than {value / bound:.3g}, or raise Ks"
+        if slow
+        else "lower Ks or the sample time",
+        source="Jury's conditions for the sampled law, derived here",
+    )
+
+
+def prefilter(Kp: float, Kd: float, Ki: float, Ts: float) -> Condition:
+    """Check that the recursion of the prefilter is stable: Ts Ki < Kp and 2 Ts Kp < 4 Kd + Ts^2 Ki.
+
+    Parameters
+    ----------
+    Kp, Kd, Ki, Ts : float
+        Gains [N/m, N.s/m, N/(m.s)] and sample time [s] of the prefilter.
+
+    Returns
+    -------
+    Condition
+        It compares 2 Ts Kp with 4 Kd + Ts^2 Ki if that inequality is violated, otherwise Ts Ki with Kp.
+    """
+    slow = below(2.0 * Ts * Kp, 4.0 * Kd + Ts**2 * Ki)
+    value, bound = (Ts * Ki, Kp) if slow else (2.0 * Ts * Kp, 4.0 * Kd + Ts**2 * Ki)
+    return Condition(
+        name="prefilter",
+        ok=below(value, bound),
+        value=value,
+        bound=bound,
+        wrong=f"Ts Ki = {value:.4g} N/m must be below Kp = {bound:.4g} N/m"
+        if slow
+        else f"2 Ts Kp = {value:.4g} N.s/m must be below 4 Kd + Ts^2 Ki = {bound:.4g} N.s/m",
+        why="the inverse of the controller is unstable at this sample time: the filtered reference diverges",
+        change="lower Ki" if slow else f"sample faster than every {2.0 * Kd / Kp:.4g} s, or raise Kd",
+        source="Jury's conditions for 1/C, derived here",
+    )
+
+
+def prefilter_match(own: tuple[float, ...], controller: tuple[float, ...]) -> Condition:
+    """Check that a prefilter R = 1 + F/C uses the gains of the controller C that follows it.
+
+    Parameters
+    ----------
+    own, controller : tuple of float
+        Kp, Kd, Ki and Ts of the prefilter and of the controller, compared with a relative tolerance of 1e-6.
+
+    Returns
+    -------
+    Condition
+        It compares the gain that differs most; its value is the gain of the prefilter.
+    """
+    apart = [abs(a - b) / max(abs(a), abs(b)) if a != b else 0.0 for a, b in zip(own, controller, strict=True)]
+    worst = int(np.argmax(apart))
+    name = ("Kp", "Kd", "Ki", "Ts")[worst]
+    return Condition(
+        name="prefilter gains",
+        ok=max(apart) <= 1e-6,
+        value=own[worst],
+        bound=controller[worst],
+        wrong=f"{name} is {own[worst]:.6g} in the prefilter and {controller[worst]:.6g} in the controller",
+        why="the output of the controller is then not its response to r plus the feedforward: the plant receives a "
+        "wrong force",
+        change=f"set {name} of the prefilter to {controller[worst]:.6g}",
+        source="the identity R = 1 + F/C",
+    )
+
+
+def preview(zero: float, N: float) -> Condition:
+    """Check that the preview of a non-causal inverse is long enough: its truncation error |zero|^-N is at most 0.001.
+
+    Parameters
+    ----------
+    zero : float
+        Zero outside the unit circle; 0 if there is none.
+    N : float
+        Samples of preview.
+
+    Returns
+    -------
+    Condition
+        Its value is |zero|^-N, its bound 0.001.
+    """
+    value = 0.0 if zero == 0.0 else abs(zero) ** -N if above(abs(zero), 1.0) else math.inf
+    outside = value < math.inf
+    least = math.ceil(math.log(1e3) / math.log(abs(zero))) if outside and zero else 0
+    return Condition(
+        name="preview",
+        ok=at_most(value, 1e-3),
+        value=value,
+        bound=1e-3,
+        wrong=f"the truncated series of the inverse has the relative error |zero|^-N = {value:.4g} with N = {N:.4g}"
+        if outside
+        else f"the zero {zero:.4g} is not outside the unit circle",
+        why="the tracking error is this factor times the reference N samples ahead"
+        if outside
+        else "the series in powers of the zero does not converge",
+        change="put a zero inside the unit circle into inner"
+        if not least
+        else f"use a preview of at least {least} samples, or zero_phase"
+        if least <= MOST_PREVIEW
+        else f"use zero_phase: the zero is so near the circle that a preview of {MOST_PREVIEW} samples is too short",
+        source="Gross, Tomizuka, Messner, ASME JDSMC 116(1), 1994; the bound 0.001 is a rule of this library",
+    )
+
 
 OVERCOMPENSATION = "over-compensation"
 """Name of the condition `overcompensation`."""

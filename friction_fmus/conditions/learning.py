@@ -7,8 +7,7 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from friction_fmus.conditions.condition import Condition, at_least, below, first_largest
-from friction_fmus.conditions.linear import held_mass
+from friction_fmus.conditions.condition import Condition, at_least, below, first_largest, held_mass
 from friction_fmus.conditions.position_loop import closed_loop
 
 Response: TypeAlias = NDArray[np.complex128]

@@ -11,8 +11,7 @@ import numpy as np
 from friction_fmus import conditions
 from friction_fmus.blocks.contact import Level
 from friction_fmus.conditions import Condition, DrivenPlant, SampledLaw
-from friction_fmus.conditions.condition import above, first_largest
-from friction_fmus.conditions.linear import Matrix, spectral_radius
+from friction_fmus.conditions.condition import Matrix, above, first_largest, spectral_radius
 from friction_fmus.doctor.axis import ActiveLaw, Axis, Finding, Gains
 from friction_fmus.doctor.compensators import left_of, share_of
 

@@ -37,18 +37,14 @@ from friction_fmus.blocks.probe import (
 )
 from friction_fmus.errors import BuildError
 from friction_fmus.fmi.documentation import index_page
-from friction_fmus.fmi.model_description import model_description
+from friction_fmus.fmi.model_description import model_description, terminals, terminals_and_icons
 from friction_fmus.fmi.portrait import portray, terminal_icon
-from friction_fmus.fmi.terminals import terminals, terminals_and_icons
 from friction_fmus.version import VERSION, build_time
 from harness import drawing, html
 from harness.compiling import toolchain
 from harness.compiling.platforms import NATIVE, Platform, compiled, native_library, select
 from harness.fmi3 import fmi_3
-from harness.storage.atomic import atomic_path, make_folder
-from harness.storage.cache import cached
-from harness.storage.files import read_source, reason
-from harness.storage.scratch import ScratchFolder
+from harness.storage.files import ScratchFolder, atomic_path, cached, make_folder, read_source, reason
 from harness.storage.zip_file import find_outside, zipped
 from harness.wasm import WasmModel, is_wasm, wasm_model, write_package
 

@@ -6,10 +6,17 @@ from harness.extras import lazy_names
 
 if TYPE_CHECKING:
     from friction_fmus.identification.data.excitation import examine, examine_segments
-    from friction_fmus.identification.data.findings import Finding, RecordWarning
     from friction_fmus.identification.data.mapping import DataMapping, load_mapping, read_mapping, read_windows
     from friction_fmus.identification.data.reading import Measurement, read_measurement, read_records
-    from friction_fmus.identification.data.record import LINEAR, ROTARY, Array, AxisUnits, Record
+    from friction_fmus.identification.data.record import (
+        LINEAR,
+        ROTARY,
+        Array,
+        AxisUnits,
+        Finding,
+        Record,
+        RecordWarning,
+    )
     from friction_fmus.identification.errors import ExcitationError, FitError, IdentificationError, RecordError
     from friction_fmus.identification.fit.estimate import Estimate
     from friction_fmus.identification.fit.grid import HysteresisGrid, identify_hysteresis
@@ -50,7 +57,15 @@ else:
             ],
             "friction_fmus.identification.fit.estimate": ["Estimate"],
             "friction_fmus.identification.data.excitation": ["examine", "examine_segments"],
-            "friction_fmus.identification.data.findings": ["Finding", "RecordWarning"],
+            "friction_fmus.identification.data.record": [
+                "Finding",
+                "RecordWarning",
+                "LINEAR",
+                "ROTARY",
+                "Array",
+                "AxisUnits",
+                "Record",
+            ],
             "friction_fmus.identification.fit.grid": ["HysteresisGrid", "identify_hysteresis"],
             "friction_fmus.identification.identifying": ["identify"],
             "friction_fmus.identification.fit.idim": [
@@ -80,7 +95,6 @@ else:
             ],
             "friction_fmus.identification.fit.presliding": ["PreslidingFit", "identify_presliding"],
             "friction_fmus.identification.data.reading": ["Measurement", "read_measurement", "read_records"],
-            "friction_fmus.identification.data.record": ["LINEAR", "ROTARY", "Array", "AxisUnits", "Record"],
             "friction_fmus.identification.residual": ["LearnedResidual", "ResidualTable", "learn_residual"],
             "friction_fmus.identification.result": ["Identification"],
             "friction_fmus.identification.fit.scores": ["Score"],

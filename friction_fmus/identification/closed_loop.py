@@ -17,12 +17,12 @@ from friction_fmus.fmi.package import build_record
 from friction_fmus.identification.data.record import ROTARY, Array, Record
 from friction_fmus.identification.errors import FitError
 from friction_fmus.identification.fit.idim import filtered_motion
+from friction_fmus.identification.fit.least_squares import Constraints
 from friction_fmus.identification.fit.models import ContactModel, contact_model, state_sizes
 from friction_fmus.identification.fit.output_error import Mapper, Target, Unknown, fit_output_error
 from friction_fmus.identification.fit.scores import Score, criteria, independent_samples, score, weak_parameters
-from friction_fmus.identification.fit.setup import Constraints
 from harness import System
-from harness.storage.scratch import ScratchFolder
+from harness.storage.files import ScratchFolder
 
 if TYPE_CHECKING:
     from friction_fmus.identification.result import Identification

@@ -13,16 +13,14 @@ from friction_fmus.data import MeasuredAxis
 from friction_fmus.identification.closed_loop import identify_closed_loop, validated
 from friction_fmus.identification.data.record import Array, AxisUnits, Record
 from friction_fmus.identification.errors import FitError
-from friction_fmus.identification.fit.drives import driven
+from friction_fmus.identification.fit.block_fit import Fit, FitData, driven
 from friction_fmus.identification.fit.estimate import Estimate
-from friction_fmus.identification.fit.fitting import Fit, FitData
 from friction_fmus.identification.fit.idim import InverseModelSettings
+from friction_fmus.identification.fit.least_squares import Constraints, Problem, Setup, check_constraints
 from friction_fmus.identification.fit.models import ContactModel, contact_model
 from friction_fmus.identification.fit.position import fit_with_table
-from friction_fmus.identification.fit.problem import Problem
 from friction_fmus.identification.fit.scores import Score, criteria, independent_samples, score, weak_parameters
 from friction_fmus.identification.fit.search import Loss, SearchResult, covariance, unseen
-from friction_fmus.identification.fit.setup import Constraints, Setup, check_constraints
 from friction_fmus.identification.fit.simulation_data import PreparedSegment, prepare, signal_of, traits
 from friction_fmus.identification.methods import find_method
 from friction_fmus.identification.methods.free_run import FREE_RUN, identify_free_run

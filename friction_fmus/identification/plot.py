@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 
 from friction_fmus.fmi.rotary import in_rotary_words
 from friction_fmus.identification.data.record import ROTARY, Array
-from harness.storage.atomic import atomic_path
+from harness.storage.files import atomic_path
 
 if TYPE_CHECKING:
     from friction_fmus.identification.result import Identification

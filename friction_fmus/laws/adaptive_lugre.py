@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from casadi import SX, fabs, if_else, logic_and
 
-from friction_fmus.lawkit.expressions import stribeck_level
 from friction_fmus.lawkit.law import (
     DAMPING,
     FORCE,
@@ -19,6 +18,7 @@ from friction_fmus.lawkit.law import (
     SampleTime,
     State,
     law,
+    stribeck_level,
 )
 from friction_fmus.lawkit.parts import variables
 from friction_fmus.lawkit.parts.observers import adapted, limited, relaxed

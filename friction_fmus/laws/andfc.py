@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from casadi import SX, exp, fabs, if_else
 
-from friction_fmus.lawkit.expressions import clip, elapsed, stribeck_level, unless_winding_up
 from friction_fmus.lawkit.law import (
     DAMPING,
     FORCE,
@@ -19,7 +18,11 @@ from friction_fmus.lawkit.law import (
     Parameter,
     SampleTime,
     State,
+    clip,
+    elapsed,
     law,
+    stribeck_level,
+    unless_winding_up,
 )
 from friction_fmus.lawkit.parts import variables
 from friction_fmus.lawkit.parts.estimators import starts_now

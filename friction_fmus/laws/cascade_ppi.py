@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from casadi import SX, if_else
 
-from friction_fmus.lawkit.expressions import clip, limits, unless_winding_up
 from friction_fmus.lawkit.law import (
     DAMPING,
     FORCE,
@@ -17,7 +16,10 @@ from friction_fmus.lawkit.law import (
     Parameter,
     SampleTime,
     State,
+    clip,
     law,
+    limits,
+    unless_winding_up,
 )
 from friction_fmus.lawkit.parts import variables
 from friction_fmus.lawkit.parts.tracking import carried, restarts, tracked

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from casadi import SX, fabs, if_else, logic_or, sign
 
-from friction_fmus.lawkit.expressions import clip
 from friction_fmus.lawkit.law import (
     FORCE,
     NO_UNIT,
@@ -15,6 +14,7 @@ from friction_fmus.lawkit.law import (
     Output,
     Parameter,
     Use,
+    clip,
     law,
 )
 from friction_fmus.lawkit.parts import variables

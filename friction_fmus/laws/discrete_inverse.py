@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from casadi import SX, floor, if_else, logic_and, logic_not, logic_or
 
-from friction_fmus.lawkit.expressions import clip, limits
 from friction_fmus.lawkit.law import (
     FORCE,
     LENGTH,
@@ -18,7 +17,9 @@ from friction_fmus.lawkit.law import (
     State,
     Switch,
     Use,
+    clip,
     law,
+    limits,
 )
 from friction_fmus.lawkit.parts import variables
 from friction_fmus.lawkit.parts.feedforward import filled

@@ -6,7 +6,6 @@ from math import pi, sqrt
 
 from casadi import SX, cos, exp, expm1, if_else, logic_and, logic_not, sin
 
-from friction_fmus.lawkit.expressions import clip, elapsed
 from friction_fmus.lawkit.law import (
     FORCE,
     FREQUENCY,
@@ -21,6 +20,8 @@ from friction_fmus.lawkit.law import (
     State,
     Switch,
     Use,
+    clip,
+    elapsed,
     law,
 )
 from friction_fmus.lawkit.parts import variables

@@ -6,7 +6,6 @@ from math import pi
 
 from casadi import SX, fabs, floor, if_else, sin
 
-from friction_fmus.lawkit.expressions import clip, limits
 from friction_fmus.lawkit.law import (
     FORCE,
     FREQUENCY,
@@ -19,7 +18,9 @@ from friction_fmus.lawkit.law import (
     SampleTime,
     State,
     Use,
+    clip,
     law,
+    limits,
 )
 
 

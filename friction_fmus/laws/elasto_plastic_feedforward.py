@@ -6,7 +6,6 @@ import math
 
 from casadi import SX, atan2, cos, expm1, fabs, if_else, log1p, logic_and, sign, sin
 
-from friction_fmus.lawkit.expressions import elapsed, stribeck_level
 from friction_fmus.lawkit.law import (
     FORCE,
     LENGTH,
@@ -19,7 +18,9 @@ from friction_fmus.lawkit.law import (
     SampleTime,
     State,
     Use,
+    elapsed,
     law,
+    stribeck_level,
 )
 from friction_fmus.lawkit.parts import variables
 from friction_fmus.lawkit.parts.feedforward import at_most, fading, feedforward, increment, relax, when

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from casadi import SX, exp, if_else
 
-from friction_fmus.lawkit.expressions import clip, elapsed
 from friction_fmus.lawkit.law import (
     FORCE,
     NO_UNIT,
@@ -16,6 +15,8 @@ from friction_fmus.lawkit.law import (
     SampleTime,
     State,
     Use,
+    clip,
+    elapsed,
     law,
 )
 from friction_fmus.lawkit.parts import variables

@@ -6,7 +6,6 @@ from itertools import pairwise
 
 from casadi import SX, fabs, floor, if_else, sign
 
-from friction_fmus.lawkit.expressions import clip
 from friction_fmus.lawkit.law import (
     FORCE,
     LENGTH,
@@ -17,6 +16,7 @@ from friction_fmus.lawkit.law import (
     Parameter,
     Switch,
     Use,
+    clip,
     law,
 )
 from friction_fmus.lawkit.parts import variables

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from casadi import SX, ceil, exp, fabs, if_else, logic_and, logic_or
 
-from friction_fmus.lawkit.expressions import elapsed, stribeck_level
 from friction_fmus.lawkit.law import (
     DAMPING,
     FORCE,
@@ -16,7 +15,9 @@ from friction_fmus.lawkit.law import (
     Parameter,
     SampleTime,
     Use,
+    elapsed,
     law,
+    stribeck_level,
 )
 from friction_fmus.lawkit.parts import maxwell_slip, variables
 from friction_fmus.lawkit.parts.feedforward import feedforward, increment, when

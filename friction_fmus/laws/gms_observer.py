@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from casadi import SX, exp, fabs, if_else, logic_and, logic_not
 
-from friction_fmus.lawkit.expressions import stribeck_level
 from friction_fmus.lawkit.law import (
     FORCE,
     NO_UNIT,
@@ -16,6 +15,7 @@ from friction_fmus.lawkit.law import (
     SampleTime,
     Use,
     law,
+    stribeck_level,
 )
 from friction_fmus.lawkit.parts import maxwell_slip, variables
 from friction_fmus.lawkit.parts.maxwell_slip import ELEMENTS, slide, weights

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from casadi import SX
 
-from friction_fmus.lawkit.expressions import clip
 from friction_fmus.lawkit.law import (
     FORCE,
     NO_UNIT,
@@ -13,6 +12,7 @@ from friction_fmus.lawkit.law import (
     Output,
     Parameter,
     SampleTime,
+    clip,
     law,
 )
 from friction_fmus.lawkit.parts import variables

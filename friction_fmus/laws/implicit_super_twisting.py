@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from casadi import SX, fabs, if_else, sign, sqrt
 
-from friction_fmus.lawkit.expressions import clip, unless_winding_up
 from friction_fmus.lawkit.law import (
     FORCE,
     NO_UNIT,
@@ -15,7 +14,9 @@ from friction_fmus.lawkit.law import (
     Parameter,
     SampleTime,
     State,
+    clip,
     law,
+    unless_winding_up,
 )
 from friction_fmus.lawkit.parts import variables
 from friction_fmus.lawkit.parts.observers import limited

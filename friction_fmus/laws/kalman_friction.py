@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from casadi import SX, if_else
 
-from friction_fmus.lawkit.expressions import clip, elapsed
 from friction_fmus.lawkit.law import (
     FORCE,
     LENGTH,
@@ -19,6 +18,8 @@ from friction_fmus.lawkit.law import (
     State,
     Switch,
     Use,
+    clip,
+    elapsed,
     law,
 )
 from friction_fmus.lawkit.parts import variables

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from casadi import SX, fabs, if_else, logic_and, sign
 
-from friction_fmus.lawkit.expressions import elapsed, stribeck_level
 from friction_fmus.lawkit.law import (
     DAMPING,
     FORCE,
@@ -19,7 +18,9 @@ from friction_fmus.lawkit.law import (
     State,
     Switch,
     Use,
+    elapsed,
     law,
+    stribeck_level,
 )
 from friction_fmus.lawkit.parts import variables
 from friction_fmus.lawkit.parts.feedforward import fading, feedforward, increment, relax, when

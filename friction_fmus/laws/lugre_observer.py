@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from casadi import SX, fabs, if_else
 
-from friction_fmus.lawkit.expressions import limits, stribeck_level, unless_winding_up
 from friction_fmus.lawkit.law import (
     FORCE,
     LENGTH,
@@ -18,6 +17,9 @@ from friction_fmus.lawkit.law import (
     State,
     Use,
     law,
+    limits,
+    stribeck_level,
+    unless_winding_up,
 )
 from friction_fmus.lawkit.parts import variables
 from friction_fmus.lawkit.parts.observers import acting, limited

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from casadi import SX, exp, fabs, if_else, sign
 
-from friction_fmus.lawkit.expressions import clip
 from friction_fmus.lawkit.law import (
     DAMPING,
     FORCE,
@@ -19,6 +18,7 @@ from friction_fmus.lawkit.law import (
     Parameter,
     SampleTime,
     State,
+    clip,
     law,
 )
 from friction_fmus.lawkit.parts import variables

@@ -6,7 +6,6 @@ from dataclasses import dataclass
 
 from casadi import SX, fabs, if_else, sign, vertcat
 
-from friction_fmus.lawkit.expressions import clip
 from friction_fmus.lawkit.law import (
     FORCE,
     MASS,
@@ -19,6 +18,7 @@ from friction_fmus.lawkit.law import (
     SampleTime,
     Size,
     State,
+    clip,
     law,
 )
 from friction_fmus.lawkit.parts import variables

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from casadi import SX, if_else
 
-from friction_fmus.lawkit.expressions import clip, elapsed
 from friction_fmus.lawkit.law import (
     FORCE,
     NO_UNIT,
@@ -15,6 +14,8 @@ from friction_fmus.lawkit.law import (
     Parameter,
     SampleTime,
     Use,
+    clip,
+    elapsed,
     law,
 )
 from friction_fmus.lawkit.parts import variables

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from casadi import SX, fabs
 
-from friction_fmus.lawkit.expressions import clip, stribeck_level
 from friction_fmus.lawkit.law import (
     FORCE,
     NO_UNIT,
@@ -14,7 +13,9 @@ from friction_fmus.lawkit.law import (
     Output,
     Parameter,
     Use,
+    clip,
     law,
+    stribeck_level,
 )
 from friction_fmus.lawkit.parts import variables
 from friction_fmus.lawkit.parts.observers import limited

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from casadi import SX, fabs, if_else, logic_and, sign
 
-from friction_fmus.lawkit.expressions import stribeck_level
 from friction_fmus.lawkit.law import (
     DAMPING,
     FORCE,
@@ -17,6 +16,7 @@ from friction_fmus.lawkit.law import (
     Switch,
     Use,
     law,
+    stribeck_level,
 )
 from friction_fmus.lawkit.parts import variables
 from friction_fmus.lawkit.parts.feedforward import feedforward

@@ -1,8 +1,16 @@
 """Procedures that run a system of FMUs repeatedly: iterative learning, identification from feedback, break-away."""
 
 from friction_fmus.procedures.feedback_error import FrictionTable, identify_from_feedback
-from friction_fmus.procedures.ilc import Loop, Training, inverse_process_sensitivity, learning_step, train, zero_phase
-from friction_fmus.procedures.ilc_identification import PositionTables, separate
+from friction_fmus.procedures.ilc import (
+    Loop,
+    PositionTables,
+    Training,
+    inverse_process_sensitivity,
+    learning_step,
+    separate,
+    train,
+    zero_phase,
+)
 from friction_fmus.procedures.static_friction import BreakAways, break_away, find_break_aways
 
 __all__ = [

@@ -20,7 +20,7 @@ from friction_fmus.report.live_panel import live_panel
 from friction_fmus.report.sections import Section, sections
 from friction_fmus.study.result import StudyResult
 from friction_fmus.study.what_if import WhatIf
-from harness.storage.atomic import atomic_path
+from harness.storage.files import atomic_path
 
 FOLDER = Path(__file__).parent
 

@@ -31,11 +31,10 @@ from friction_fmus.study.compensators import (
     within_range,
 )
 from friction_fmus.study.config import Compensation
-from friction_fmus.study.evaluation import Case, Evaluation, Scheme, cases, evaluate, system_of
+from friction_fmus.study.evaluation import BAND, Bench, Case, Evaluation, Scheme, cases, evaluate, system_of
 from friction_fmus.study.margins import margins_of
-from friction_fmus.study.metrics import BAND, Bench
 from friction_fmus.study.ranking import extremes, rank
-from friction_fmus.study.recommending import ladder, recommend
+from friction_fmus.study.recommendation import ladder, recommend
 from friction_fmus.study.steps import Step
 from harness.storage.toml_file import read_toml
 

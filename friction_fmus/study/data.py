@@ -24,7 +24,7 @@ from friction_fmus.identification import (
     read_mapping,
     read_measurement,
 )
-from friction_fmus.identification.data.sampling import default_windows
+from friction_fmus.identification.data.reading import default_windows
 from friction_fmus.study.config import ConfigError, StudyConfig
 from friction_fmus.study.models import Measured
 

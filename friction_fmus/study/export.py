@@ -16,13 +16,12 @@ from friction_fmus.codegen.loop_file import LAWS, LOOP_FILE, SHARED, LoopFile, L
 from friction_fmus.fmi.package import build
 from friction_fmus.lawkit.law import Kind
 from friction_fmus.study.compensators import TABLE
-from friction_fmus.study.evaluation import Scheme, with_table
-from friction_fmus.study.metrics import Bench
+from friction_fmus.study.evaluation import Bench, Scheme, with_table
 from friction_fmus.study.models import IdentifiedModel
 from friction_fmus.study.records import WrittenFile
 from friction_fmus.study.wiring import NOTHING, Figures, wiring, with_tracking_error
 from harness import FmuPart, Parameter, ParameterSet, System, open_archive, write_ssv
-from harness.storage.atomic import atomic_path, make_folder
+from harness.storage.files import atomic_path, make_folder
 from harness.system.wire import split_name
 
 MACHINE: Final = ("axis", "friction", "position")

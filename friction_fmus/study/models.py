@@ -31,7 +31,7 @@ from friction_fmus.identification import (
     identify,
     identify_inverse_model,
 )
-from friction_fmus.identification.fit.drives import driven
+from friction_fmus.identification.fit.block_fit import driven
 from friction_fmus.identification.fit.idim import default_settings
 from friction_fmus.identification.fit.models import contact_model
 from friction_fmus.identification.fit.position import PositionFit

@@ -12,13 +12,13 @@ from friction_fmus.axis.servo import GAINS
 from friction_fmus.identification import ROTARY, Measurement
 from friction_fmus.identification.data.guessing import columns_text, quoted
 from friction_fmus.identification.data.mapping import MISSING, Column
-from friction_fmus.identification.data.sampling import default_windows
+from friction_fmus.identification.data.reading import default_windows
 from friction_fmus.identification.data.table_files import read_table
 from friction_fmus.identification.data.tables import Table
 from friction_fmus.study.config import OPTIONAL_GAINS, StudyConfig
 from friction_fmus.study.data import Data
 from friction_fmus.study.records import WrittenFile
-from harness.storage.atomic import atomic_path
+from harness.storage.files import atomic_path
 
 SETTINGS_FILE: Final = "study.toml"
 

@@ -27,8 +27,7 @@ import harness
 from friction_fmus.blocks.catalogue import source_folder
 from friction_fmus.study.result import plain
 from friction_fmus.version import VERSION
-from harness.storage.atomic import make_folder
-from harness.storage.cache import keep, kept
+from harness.storage.files import keep, kept, make_folder
 
 CACHE: Final = ".study"
 """Subfolder of the results with the cached steps."""

@@ -18,20 +18,19 @@ from friction_fmus.axis.loop import Trajectory, block, from_rest, typed
 from friction_fmus.axis.servo import GAINS, Servo
 from friction_fmus.blocks.catalogue import catalogue
 from friction_fmus.conditions import PathDynamics, SampledLaw, chain, one_mass
-from friction_fmus.conditions.linear import spectral_radius
+from friction_fmus.conditions.condition import spectral_radius
 from friction_fmus.doctor import examine
 from friction_fmus.errors import FrictionError
 from friction_fmus.fmi.rotary import in_rotary_words
 from friction_fmus.identification import ROTARY, Array, AxisUnits, Record, decimate, filtered_motion, identifiable
-from friction_fmus.identification.physics import FORBIDDING, contradictions
+from friction_fmus.identification.residual import FORBIDDING, contradictions
 from friction_fmus.study.comparison import Comparison, compare
 from friction_fmus.study.compensator_records import CompensatorResult, Recommendation
 from friction_fmus.study.compensators import AxisKnowledge, check_names, period_of
 from friction_fmus.study.config import ALL, ConfigError, StudyConfig, load_config
 from friction_fmus.study.data import Data, build_reference, load_data, measured_servo
-from friction_fmus.study.evaluation import Scheme
+from friction_fmus.study.evaluation import Bench, Scheme
 from friction_fmus.study.export import OWN, export_models, export_recommended
-from friction_fmus.study.metrics import Bench
 from friction_fmus.study.models import (
     INVERSE,
     IdentifiedModel,
@@ -41,7 +40,7 @@ from friction_fmus.study.models import (
     ranked,
     refine,
 )
-from friction_fmus.study.recommending import shown
+from friction_fmus.study.recommendation import shown
 from friction_fmus.study.records import ConditionResult, Curve, ModelResult, Picture, StudyFinding, WrittenFile, thinned
 from friction_fmus.study.result import StudyResult
 from friction_fmus.study.servo_check import CheckedServo, check_servo
@@ -54,7 +53,7 @@ from harness import Experiment, FmuPart, Progress, SeriesPart, System
 from harness.compiling import toolchain
 from harness.extras import require
 from harness.processors import available
-from harness.storage.atomic import atomic_path
+from harness.storage.files import atomic_path
 
 __all__ = ["StudyError", "run_study"]
 

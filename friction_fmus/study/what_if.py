@@ -17,10 +17,9 @@ from friction_fmus.axis.loop import RECORDED
 from friction_fmus.axis.servo import GAINS, Servo
 from friction_fmus.identification import Array
 from friction_fmus.study.compensator_records import CompensatorResult, Metrics
-from friction_fmus.study.evaluation import Scheme, off_by, system_of
-from friction_fmus.study.metrics import Bench
+from friction_fmus.study.evaluation import Bench, Scheme, off_by, system_of
 from harness import FmuPart, HarnessError, System, Wire
-from harness.storage.scratch import ScratchFolder
+from harness.storage.files import ScratchFolder
 from harness.system.wire import split_name
 from harness.wasm import WasmModel
 

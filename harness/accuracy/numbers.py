@@ -12,7 +12,7 @@ import numpy as np
 
 from harness.accuracy.estimate import IRREGULAR, converge
 from harness.accuracy.rungs import of_equal_end, others, ratios
-from harness.engine.tap import Recorder
+from harness.engine.algorithm import Recorder
 from harness.system.assembly import Assembly
 from harness.system.experiment import LOOP_TOLERANCE, Experiment
 

@@ -19,7 +19,7 @@ from typing import Final
 import numpy as np
 
 from harness.accuracy.estimate import Track
-from harness.engine.tap import Progress, Recorder
+from harness.engine.algorithm import Progress, Recorder
 from harness.errors import ExperimentError, HarnessError, Interrupted
 from harness.parts.part import Part, StartValue
 from harness.parts.series import SeriesPart

@@ -15,8 +15,7 @@ import fmpy
 from harness.compiling import toolchain
 from harness.errors import BuildError, nearest
 from harness.processors import available
-from harness.storage.cache import cached
-from harness.storage.scratch import ScratchFolder
+from harness.storage.files import ScratchFolder, cached
 
 MAGIC = 0xCAFEBABE
 SLICE_MAGIC = 0xFEEDFACF

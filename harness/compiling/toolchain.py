@@ -15,7 +15,7 @@ from pathlib import Path
 
 from harness.errors import BuildError, MissingPackageError
 from harness.extras import require
-from harness.storage.scratch import ScratchFolder
+from harness.storage.files import ScratchFolder
 
 
 def source_folder() -> Path:

@@ -3,21 +3,248 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+import re
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from html import escape
 from importlib.metadata import version
+from pathlib import Path
 from typing import Any
 
-from lxml import etree
+from lxml import etree, html
 
+from harness.composite.code import PartCode
+from harness.composite.diagram import diagram
 from harness.composite.interface import Variable, reinitialised, states
 from harness.errors import BuildError
+from harness.html import STYLE, row, table
 from harness.parts.fmu import FmuPart
 from harness.parts.log_categories import LOG_CATEGORIES
 from harness.parts.part import Part
 from harness.patterns import STRUCTURED
+from harness.storage.zip_file import open_zip, read_zip
+from harness.system.assembly import Assembly
 from harness.system.experiment import Experiment
+from harness.system.graph import instantaneous
+from harness.system.wire import Wire, split_name
 from harness.units import BASE_SYMBOLS, BaseUnit, parse_unit
+
+
+def step_dependencies(system: Assembly, variables: Sequence[Variable]) -> dict[str, list[int]]:
+    """Return for each output and derivative the indices of the inputs and states on which it depends directly.
+
+    States count if the FMU is for model exchange too.
+    """
+    inside = [wire for wire in system.wires if wire.ends[0][0] in system.parts]
+    outside = [wire for wire in system.wires if wire not in inside and not wire.delay]
+    prompt = [wire for wire in outside if not system.parts[wire.ends[1][0]].sampled]
+    drivers = _drivers([*instantaneous(system.parts, inside), *prompt])
+    held = {v.state for v in variables if v.state}
+    knowns = {v.inner: i for i, v in enumerate(variables, start=1) if v.causality == "input" or v.name in held}
+    stated = {name: _direct(part, exchanges=bool(held)) for name, part in system.parts.items()}
+
+    def direct(name: str) -> Iterable[str]:
+        owner, own = split_name(name)
+        return (f"{owner}.{port}" for port in stated.get(owner, {}).get(own, ()))
+
+    return {
+        v.name: sorted(knowns[name] for name in _reached(v.inner, direct, drivers) if name in knowns)
+        for v in variables
+        if v.causality == "output" or v.state
+    }
+
+
+def _direct(part: Part, *, exchanges: bool) -> Mapping[str, Iterable[str]]:
+    """Return the inputs on which each output depends, and for model exchange also the states, and the derivatives."""
+    if part.sampled:
+        return {}
+    if not exchanges or not isinstance(part, FmuPart):
+        return part.dependencies
+    description = part.archive.description
+    everything = [port.name for port in part.inputs] + list(states(part).values())
+    return {
+        unknown.variable.name: everything if unknown.dependencies is None else [v.name for v in unknown.dependencies]
+        for unknown in (*description.outputs, *description.derivatives)
+    }
+
+
+def start_dependencies(system: Assembly, variables: Sequence[Variable]) -> dict[str, list[int] | None]:
+    """Return for each calculated variable the indices of those on which its start value depends; None: on all."""
+    drivers = _drivers(system.wires)
+    knowns = {v.inner: i for i, v in enumerate(variables, start=1) if v.causality == "input" or v.initial == "exact"}
+    stated = {name: _stated(part) for name, part in system.parts.items() if isinstance(part, FmuPart)}
+    if any(found is None for found in stated.values()):
+        return {v.name: None for v in variables}
+
+    def direct(name: str) -> Iterable[str]:
+        owner, own = split_name(name)
+        return (f"{owner}.{port}" for port in (stated.get(owner) or {}).get(own, ()))
+
+    return {
+        v.name: sorted(knowns[name] for name in _reached(v.inner, direct, drivers) if name in knowns)
+        for v in variables
+        if v.initial == "calculated"
+    }
+
+
+def _stated(part: FmuPart) -> dict[str, list[str]] | None:
+    """Return the initial dependencies that an FMU declares; None if it does not declare all of them."""
+    unknowns = part.archive.description.initialUnknowns
+    if any(unknown.dependencies is None for unknown in unknowns):
+        return None
+    return {unknown.variable.name: [known.name for known in unknown.dependencies] for unknown in unknowns}
+
+
+def _drivers(wires: Iterable[Wire]) -> Mapping[str, str]:
+    return {wire.target: wire.source for wire in wires}
+
+
+def _reached(output: str, direct: Callable[[str], Iterable[str]], drivers: Mapping[str, str]) -> set[str]:
+    """Return all variables on which an output depends: directly, or through connections."""
+    found: set[str] = set()
+    pending = [output]
+    while pending:
+        for name in direct(pending.pop()):
+            if name not in found:
+                found.add(name)
+                if name in drivers:
+                    found.add(drivers[name])  # an input of the FMU, or an output of a part
+                    pending.append(drivers[name])
+    return found
+
+
+PAGE = "documentation/index.html"
+
+
+def documentation(
+    system: Assembly,
+    identifier: str,
+    summary: str,
+    codes: Mapping[str, PartCode],
+    variables: Sequence[Variable],
+) -> dict[str, bytes]:
+    """Return the files by their place in the FMU."""
+    found: dict[str, bytes] = {}
+    for name, code in {code.folder: (name, code) for name, code in codes.items()}.values():
+        part = system.parts[name]
+        assert isinstance(part, FmuPart)
+        with open_zip(part.path) as archive:
+            for member in sorted(archive.namelist()):
+                if member.startswith("documentation/licenses/") and not member.endswith("/"):
+                    found[f"documentation/licenses/{code.folder}-{Path(member).name}"] = read_zip(archive, member)
+    texts = dict.fromkeys(found.values())
+    found["documentation/licenses/license.txt"] = b"\n".join(texts) or b"The parts of this FMU state no licence.\n"
+    drawing = diagram(system, identifier)
+    found["documentation/diagram.svg"] = drawing
+    found[PAGE] = _page(system, identifier, summary, variables, drawing).encode()
+    return found
+
+
+def _page(system: Assembly, identifier: str, summary: str, variables: Sequence[Variable], drawing: bytes) -> str:
+    width, height = (
+        round(float(size) * 4.0 / 3.0) for size in re.findall(rb'(?:width|height)="([\d.]+)pt"', drawing)[:2]
+    )
+    ways = dict.fromkeys(f"{wire.ends[0][0]} to {wire.ends[1][0]}" for wire in system.wires)
+    alternative = escape(f"Block diagram with connections from {', '.join(ways)}" if ways else f"Parts of {identifier}")
+    parts = "".join(
+        row(name, part.archive.description.modelName, part.archive.description.description or "")
+        for name, part in system.parts.items()
+        if isinstance(part, FmuPart)
+    )
+    connections = "".join(row(wire.source, wire.target, _map(wire)) for wire in system.wires)
+    listed = "".join(
+        row(v.name, v.causality, v.port.unit or "", "" if v.start is None else f"{v.start:g}", v.port.description)
+        for v in variables
+    )
+    tables = [
+        ("Parts", "FMUs whose sources this FMU contains", ("name", "model", "description"), parts),
+        ("Connections", "Values that parts exchange", ("source", "target", "conversion"), connections),
+        ("Variables", "Variables and their start values", ("name", "causality", "unit", "start", "meaning"), listed),
+    ]
+    shown = "".join(
+        f"<h2>{title}</h2>\n{table(caption, heads, f'<tbody>{body}</tbody>')}"
+        for title, caption, heads, body in tables
+        if body
+    )
+    return (
+        f'<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n<title>{identifier}</title>\n'
+        '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
+        f"<style>{STYLE}</style>\n</head>\n<body>\n<main>\n<h1>{identifier} <small>composite</small></h1>\n"
+        f'<img class="icon" src="../model.png" alt="Icon of {identifier}" width="200" height="200">\n'
+        f"<p><strong>{escape(summary)}.</strong></p>\n<p>The FMU solves the loops of its parts.</p>\n"
+        f'<div class="wide figures">\n<img src="diagram.svg" alt="{alternative}" width="{width}" height="{height}">\n'
+        f"</div>\n{shown}<h2>Source</h2>\n{''.join(_sources(system))}</main>\n"
+        '<footer>\n<p><a href="licenses/license.txt">Licences</a> of the parts.</p>\n</footer>\n</body>\n</html>\n'
+    )
+
+
+def _sources(system: Assembly) -> Iterator[str]:
+    """Yield the sources of the models, from the pages of their FMUs; a page of another tool is not quoted."""
+    seen = set()
+    for part in {part.path: part for part in system.parts.values() if isinstance(part, FmuPart)}.values():
+        if not part.strict:
+            continue
+        with open_zip(part.path) as archive:
+            page = html.fromstring(read_zip(archive, PAGE)) if PAGE in archive.namelist() else None
+        heads = [] if page is None else [head for head in page.iter("h2") if head.text == "Source"]
+        for element in heads[0].itersiblings() if heads else ():
+            if element.tag not in ("p", "pre"):
+                break
+            text = escape("".join(map(str, element.itertext())))
+            if (element.tag, text) not in seen:
+                seen.add((element.tag, text))
+                lead = f"<b>{escape(part.archive.description.modelName)}:</b> " if element.tag == "p" else ""
+                yield f"<{element.tag}>{lead}{text}</{element.tag}>\n"
+
+
+def _map(wire: Wire) -> str:
+    texts = [f"gain {wire.gain:g}"] if wire.gain != 1.0 else []
+    texts += [f"offset {wire.offset:g}"] if wire.offset != 0.0 else []
+    texts += [f"delay of {wire.delay} steps"] if wire.delay else []
+    texts += [] if wire.initial is None else [f"{wire.initial:g} until then"]
+    return ", ".join(texts)
+
+
+FOLDER = "terminalsAndIcons"
+MEMBER = f"{FOLDER}/terminalsAndIcons.xml"
+
+
+def composite_terminals(system: Assembly, variables: Sequence[Variable]) -> bytes:
+    """Return the XML file."""
+    shown = {variable.name for variable in variables if variable.causality in ("input", "output")}
+    root = etree.Element("fmiTerminalsAndIcons", fmiVersion="3.0")
+    graphics = etree.SubElement(root, "GraphicalRepresentation")
+    extent = {"x1": "-100", "y1": "-100", "x2": "100", "y2": "100"}
+    etree.SubElement(graphics, "CoordinateSystem", {**extent, "suggestedScalingFactorTo_mm": "0.1"})
+    etree.SubElement(graphics, "Icon", extent)
+    listed = etree.SubElement(root, "Terminals")
+    for name, part in system.parts.items():
+        for terminal in _terminals(part) if isinstance(part, FmuPart) else ():
+            members = [(f"{name}.{member.get('variableName')}", member) for member in terminal.iterfind("*")]
+            if not members or not all(variable in shown for variable, _ in members):
+                continue
+            attributes = {str(key): str(value) for key, value in terminal.attrib.items()}
+            element = etree.SubElement(listed, "Terminal", attributes | {"name": f"{name}.{terminal.get('name')}"})
+            for variable, member in members:
+                own = {str(key): str(value) for key, value in member.attrib.items()}
+                etree.SubElement(element, "TerminalMemberVariable", own | {"variableName": variable})
+    if len(listed) == 0:
+        root.remove(listed)
+    return bytes(etree.tostring(root, xml_declaration=True, encoding="UTF-8", pretty_print=True))
+
+
+def _terminals(part: FmuPart) -> Iterator[etree._Element]:
+    """Yield the terminals of an FMU without graphics."""
+    with open_zip(part.path) as archive:
+        if MEMBER not in archive.namelist():
+            return
+        parser = etree.XMLParser(resolve_entities=False, no_network=True)
+        root = etree.fromstring(read_zip(archive, MEMBER), parser)
+    for terminal in root.iterfind("Terminals/Terminal"):
+        for graphics in terminal.findall("TerminalGraphicalRepresentation"):
+            terminal.remove(graphics)
+        if all(child.tag == "TerminalMemberVariable" for child in terminal):
+            yield terminal
 
 
 @dataclass(frozen=True)

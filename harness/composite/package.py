@@ -12,10 +12,16 @@ from typing import Final
 from harness.compiling.platforms import WASM, linked, select
 from harness.compiling.toolchain import guid_of, included, source_folder
 from harness.composite.code import part_codes
-from harness.composite.dependencies import start_dependencies, step_dependencies
-from harness.composite.description import Texts, composite_description
+from harness.composite.description import FOLDER as TERMINALS
+from harness.composite.description import (
+    Texts,
+    composite_description,
+    composite_terminals,
+    documentation,
+    start_dependencies,
+    step_dependencies,
+)
 from harness.composite.diagram import loop_icon
-from harness.composite.documentation import documentation
 from harness.composite.interface import (
     OpenSystem,
     check_parts,
@@ -26,16 +32,13 @@ from harness.composite.interface import (
     without_sources,
 )
 from harness.composite.tables import table_file
-from harness.composite.terminals import FOLDER as TERMINALS
-from harness.composite.terminals import composite_terminals
 from harness.engine.library import sources as engine_sources
 from harness.errors import BuildError, ExperimentError
 from harness.fmi3 import fmi_3
 from harness.parts.feedthrough import find_feedthrough
 from harness.parts.fmu import FmuPart
 from harness.run import run
-from harness.storage.atomic import atomic_path
-from harness.storage.files import stamped
+from harness.storage.files import atomic_path, stamped
 from harness.storage.zip_file import zipped
 from harness.system.assembly import Assembly
 from harness.system.experiment import COUPLING_TOLERANCE, LOOP_TOLERANCE, STEP_TOLERANCE, Experiment

@@ -4,15 +4,161 @@ from __future__ import annotations
 
 import ctypes
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
-from typing import Any
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Protocol, TypeAlias
 
 import numpy as np
 
+from harness.engine.defect import Coupling
 from harness.engine.library import mirrors
-from harness.engine.native import Engine
-from harness.errors import HarnessError
-from harness.system.plan import MovingWire
+from harness.engine.manipulate import Manipulations
+from harness.engine.native import NOT_CONVERGED, Engine
+from harness.errors import ExperimentError, HarnessError
+from harness.parts.part import Values
+from harness.result import Result, make_result
+from harness.system.experiment import Experiment
+from harness.system.plan import MovingWire, Plan, Program, Schedule
+
+Reader: TypeAlias = Callable[[int], None]
+
+
+@dataclass(frozen=True)
+class Tap:
+    """A function that receives values during a run.
+
+    Parameters
+    ----------
+    read : callable
+        ``read(t, values)`` with the time [s] and a float64 array, shape (len(names),). The array is reused: copy the
+        values that you keep.
+    names : tuple of str
+        ``part.port`` of each value.
+    every : int
+        Number of communication steps between two calls; the first call is at the start.
+    """
+
+    read: Callable[[float, Values], None]
+    names: tuple[str, ...]
+    every: int = 1
+
+
+class Progress(Protocol):
+    """Interface to which a run reports its progress, such as a progress bar."""
+
+    def update(self, done: int, total: int) -> None:
+        """Report that ``done`` of ``total`` communication steps are done; called about 100 times and at the end.
+
+        Parameters
+        ----------
+        done, total : int
+            Numbers of communication steps.
+        """
+
+
+def tap_reader(plan: Plan, tap: Tap) -> Reader:
+    """Return the tap as a function of the tick."""
+    columns = np.array([plan.columns[name] for name in tap.names], dtype=np.int64)
+    values = np.zeros(len(columns))
+
+    def read(tick: int) -> None:
+        np.take(plan.signals, columns, out=values, mode="clip")
+        tap.read(plan.time(tick), values)
+
+    return read
+
+
+class Recorder:
+    """Recorder that copies values to a preallocated table after every ``decimate`` ticks.
+
+    Attributes
+    ----------
+    attributes : dict
+        The same, to which the run adds what it has measured.
+    filled : int
+        Number of rows recorded so far.
+    rows : float64 array, shape (R, C)
+        The table.
+    columns : list of int, length C
+        Recorded signals.
+    """
+
+    def __init__(
+        self,
+        plan: Plan,
+        names: Sequence[str],
+        decimate: int,
+        begin: int = 0,
+        attributes: Mapping[str, str | float] | None = None,
+    ) -> None:
+        """Allocate the table."""
+        self._first = -(-begin // decimate)
+        self.names = tuple(names)
+        self.attributes = dict(attributes or {})
+        self.decimate = decimate
+        self._plan = plan
+        self.filled = 0
+        self._end: float | None = None
+        rows = plan.ticks // decimate + 1 - self._first
+        try:
+            self.rows = np.empty((max(rows, 0), len(self.names)))
+        except (MemoryError, ValueError) as error:
+            gigabytes = 8e-9 * rows * len(self.names)
+            raise ExperimentError(
+                f"recording {len(self.names)} variables at {rows} times takes {gigabytes:.3g} GB, more than is "
+                "available: record fewer variables or increase decimate"
+            ) from error
+        self.columns = [plan.columns[name] for name in self.names]
+
+    @property
+    def read(self) -> Reader:
+        """Return a function that records one row; it is not stored, as a reference cycle would keep the table alive."""
+        columns = self.columns
+        width = len(columns)
+        if width and columns == list(range(columns[0], columns[0] + width)):
+            # contiguous columns, as in a run that records everything: a plain copy is five times as fast
+            source = memoryview(self._plan.signals.data)[columns[0] : columns[0] + width]
+            table = memoryview(self.rows.reshape(-1).data)
+
+            def copy(tick: int) -> None:
+                row = self.filled
+                table[row * width : (row + 1) * width] = source
+                self.filled = row + 1
+
+            return copy
+
+        indices = np.array(columns, dtype=np.int64)
+        signals, rows = self._plan.signals, self.rows
+
+        def take(tick: int) -> None:
+            signals.take(indices, out=rows[self.filled], mode="clip")
+            self.filled += 1
+
+        return take
+
+    def read_end(self, time: float) -> None:
+        """Record a last row at a time between two ticks."""
+        self.rows = np.vstack([self.rows[: self.filled], self._plan.signals[self.columns]])
+        self.filled, self._end = self.filled + 1, time
+
+    def column(self, name: str) -> Values:
+        """Return the recorded values of a variable."""
+        return np.ascontiguousarray(self.rows[: self.filled, self.names.index(name)])
+
+    @property
+    def times(self) -> Values:
+        """Time of each row that has been recorded [s]."""
+        ticks = (self._first + np.arange(self.filled)) * self.decimate
+        times: Values = self._plan.start + ticks * np.float64(self._plan.step)
+        if self._end is not None:
+            times[-1] = self._end
+        return times
+
+    def result(self) -> Result:
+        """What has been recorded so far."""
+        rows, times = self.rows[: self.filled], self.times
+        return make_result(times, rows, {name: self._plan.ports[name] for name in self.names}, self.attributes)
+
 
 _POINTER, _INT, _REAL = ctypes.c_void_p, ctypes.c_int64, ctypes.c_double
 
@@ -49,3 +195,86 @@ class Algorithm(ABC):
     def failure(self, number: int, time: float) -> HarnessError:
         """Return the error for a tick that has no solution."""
         return HarnessError(f"the master found no solution at t = {time:.12g} s; use a shorter step")
+
+
+class NativeTicks:
+    """The ticks in C.
+
+    Attributes
+    ----------
+    memory : dict of str to array
+        What the mechanisms of the present run remember from step to step, for a checkpoint.
+    """
+
+    def __init__(self, plan: Plan, schedule: Schedule, experiment: Experiment) -> None:
+        """Lay out what all runs have in common."""
+        self._engine, self._lines = Engine(plan, schedule.operations), schedule.lines
+        self._algorithm = schedule.algorithm(self._engine) if schedule.algorithm else None
+        self._coupling = None if schedule.implicit else Coupling(self._engine, schedule)
+        self._manipulations = Manipulations(plan, schedule, experiment.manipulators)
+
+    def begin(self, recorder: Recorder) -> None:
+        """Begin a run, whose parts have been started."""
+        self._recorder = recorder
+        self._engine.begin(recorder.rows, recorder.columns, recorder.decimate)
+        self._manipulations.begin()
+        self._manipulations.attach(self._engine)
+        if self._lines:
+            attach_lines(self._engine, self._lines)
+        mechanisms = [each for each in (self._algorithm, self._coupling) if each is not None]
+        for mechanism in mechanisms:
+            mechanism.begin()
+        remembering = (*mechanisms, self._manipulations)
+        self.memory = {name: array for each in remembering for name, array in each.memory().items()}
+
+    def run(self, first: int, last: int) -> None:
+        """Run the ticks first, ..., last - 1."""
+        data = self._engine.data
+        data.filled = self._recorder.filled
+        try:
+            with self._engine.interruptible():
+                self._engine.run(first, last)
+        except HarnessError:
+            if self._algorithm and data.status == NOT_CONVERGED:
+                raise self._algorithm.failure(int(data.failed_part), float(data.failed_time)) from None
+            raise
+        finally:
+            self._recorder.filled = int(data.filled)
+
+    def attributes(self) -> dict[str, str | float]:
+        """Return what is to be known of the run, for the attributes of the result."""
+        mechanisms = [each for each in (self._algorithm, self._coupling) if each is not None]
+        return {name: value for each in mechanisms for name, value in each.report().items()}
+
+    def close(self) -> None:
+        """Free the states that were saved within steps, and the table."""
+        self._engine.end()
+
+
+class PythonTicks:
+    """The ticks in Python, of masters that hold values."""
+
+    def __init__(self, plan: Plan, schedule: Schedule, experiment: Experiment) -> None:
+        """Check the master."""
+        if not schedule.operations or schedule.lines:
+            raise ExperimentError("this master runs in the compiled engine only: leave native as it is")
+        self._plan, self._schedule = plan, schedule
+        self._manipulations = Manipulations(plan, schedule, experiment.manipulators)
+
+    def begin(self, recorder: Recorder) -> None:
+        """Begin a run, whose parts have been started."""
+        self._manipulations.begin()
+        self._advance = Program(self._plan, self._schedule.operations, self._manipulations)
+        self.memory = self._manipulations.memory()
+
+    def run(self, first: int, last: int) -> None:
+        """Run the ticks first, ..., last - 1; time is the integer tick and nothing else."""
+        for tick in range(first, last):
+            self._advance(tick)
+
+    def attributes(self) -> dict[str, str | float]:
+        """Return nothing: nothing is measured."""
+        return {}
+
+    def close(self) -> None:
+        """Do nothing: no state was saved."""

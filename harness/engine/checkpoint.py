@@ -14,8 +14,7 @@ import numpy as np
 
 from harness.errors import ExperimentError
 from harness.parts.identity import part_identity
-from harness.storage.atomic import atomic_path
-from harness.storage.files import require_regular
+from harness.storage.files import atomic_path, require_regular
 from harness.system.assembly import Assembly
 from harness.system.experiment import Experiment
 from harness.system.plan import Plan

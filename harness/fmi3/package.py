@@ -17,7 +17,7 @@ from harness.compiling import toolchain
 from harness.compiling.platforms import Platform, linked
 from harness.compiling.toolchain import guid_of, included, source_folder
 from harness.fmi3.description import Traits, Variable, description_3, grouped
-from harness.storage.cache import cached
+from harness.storage.files import cached
 from harness.storage.zip_file import zipped
 
 PAGE: Final = "documentation/index.html"

@@ -19,8 +19,7 @@ from harness.engine.integrator import FUNCTIONS
 from harness.errors import ENDED, FmuError, PartError
 from harness.parts.archive import Archive
 from harness.parts.shared_library import missing_bytes
-from harness.storage.atomic import FULL
-from harness.storage.scratch import ScratchFolder
+from harness.storage.files import FULL, ScratchFolder
 from harness.storage.zip_file import ZipError, open_zip, unpack_zip
 
 _DISCARD, FATAL = 2, 4

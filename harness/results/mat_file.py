@@ -24,8 +24,8 @@ from numpy.typing import NDArray
 
 from harness.errors import OutputError
 from harness.result import Result
-from harness.results.table import from_columns, require_distinct
-from harness.storage.atomic import atomic_path
+from harness.results.parquet_file import from_columns, require_distinct
+from harness.storage.files import atomic_path
 
 _TYPES: Final = {"i": "Integer", "b": "Boolean"}
 _DTYPES: Final = {"Integer": np.int64, "Boolean": np.bool_}

@@ -9,7 +9,7 @@ import xarray as xr
 
 from harness.errors import OutputError
 from harness.result import Result
-from harness.storage.atomic import atomic_path
+from harness.storage.files import atomic_path
 
 
 def to_netcdf(result: Result, path: str | Path) -> None:

@@ -16,8 +16,7 @@ import fmpy
 from lxml import etree
 
 from harness.errors import SystemFileError
-from harness.storage.atomic import atomic_path, make_folder
-from harness.storage.scratch import ScratchFolder
+from harness.storage.files import ScratchFolder, atomic_path, make_folder
 from harness.storage.zip_file import (
     NotZipError,
     ZipError,

@@ -19,8 +19,7 @@ from harness.ssp.package import SPACES, SSV, TOOL, check_element, parse_document
 from harness.ssp.parameter import Parameter
 from harness.ssp.structure import read_shape
 from harness.ssp.units import known_unit, read_units, write_units
-from harness.storage.atomic import atomic_path
-from harness.storage.files import LARGEST_DATA, read_regular
+from harness.storage.files import LARGEST_DATA, atomic_path, read_regular
 from harness.units import BaseUnit
 
 _FLOATS: Final = ("Real", "Float64", "Float32")

@@ -4,14 +4,194 @@ from __future__ import annotations
 
 import csv
 import errno
+import hashlib
 import io
 import os
+import shutil
 import stat
+import sys
+import tempfile
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from datetime import UTC, datetime
+from functools import cache
 from pathlib import Path
 from typing import Final
 
-from harness.errors import BuildError
+from harness.errors import BuildError, OutputError
+
+FULL: Final = frozenset(
+    getattr(errno, name)
+    for name in ("ENOSPC", "EFBIG", "EDQUOT")
+    if hasattr(errno, name)  # Windows has no quota
+)
+"""Error numbers of a full disk or an exceeded quota."""
+
+
+def make_folder(path: Path) -> None:
+    """Make a folder, and those above it, unless it exists."""
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise OutputError(f"cannot make the folder {path}: {error.strerror}; give another one") from error
+
+
+@contextmanager
+def atomic_path(path: Path) -> Iterator[Path]:
+    """Yield the path of a temporary file that replaces ``path`` if the block succeeds and is removed if it fails.
+
+    Parameters
+    ----------
+    path : Path
+        The file to write.
+
+    Yields
+    ------
+    Path
+        An existing empty file in the same folder, with the same suffix.
+
+    Raises
+    ------
+    OutputError
+        If the folder does not exist or is not writable, or if the disk is full.
+    """
+    try:
+        handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.stem}-", suffix=path.suffix)
+    except OSError as error:
+        raise OutputError(
+            f"cannot write {path}: {error.strerror}; give a path in an existing writable folder"
+        ) from error
+    os.close(handle)
+    temporary = Path(name)
+    try:
+        yield temporary
+        mask = os.umask(0)
+        os.umask(mask)
+        temporary.chmod(0o666 & ~mask)  # mkstemp makes private files; a result has the usual permissions
+        try:
+            temporary.replace(path)
+        except OSError as error:
+            raise OutputError(f"cannot write {path}: {error.strerror}; give the path of a file") from error
+    except OSError as error:
+        raise OutputError(f"cannot write {path}: {_reason(error, name)}; {_remedy(error)}") from error
+    finally:
+        temporary.unlink(missing_ok=True)
+
+
+def _reason(error: OSError, temporary: str) -> str:
+    """Return the system's error text without what libraries add; name the file if it is not the temporary one."""
+    text = os.strerror(error.errno) if error.errno else str(error)
+    return text if error.filename in (None, temporary) else f"{text}: {error.filename}"
+
+
+def _remedy(error: OSError) -> str:
+    if error.errno in FULL:
+        return "free some space or give a path on another disk"
+    return "give a path in an existing writable folder"
+
+
+PREFIXES: Final = ("harness-", "friction-fmus-")
+"""Prefixes of the names of all temporary folders."""
+
+_OWNER: Final = ".owner"
+
+
+class ScratchFolder(tempfile.TemporaryDirectory[str]):
+    """A temporary folder with a file that its process keeps locked; the lock ends with the process."""
+
+    def __init__(self, prefix: str) -> None:
+        """Remove folders of killed processes, and make the folder."""
+        _remove_leftovers(tempfile.gettempdir())
+        super().__init__(prefix=prefix, ignore_cleanup_errors=True)
+        self._owner = _claimed(Path(self.name))
+
+    def cleanup(self) -> None:
+        """Remove the folder."""
+        if self._owner is not None:
+            os.close(self._owner)
+            self._owner = None
+        super().cleanup()
+
+    def __del__(self) -> None:
+        """Release the lock; the base class removes the folder."""
+        if getattr(self, "_owner", None) is not None:
+            with suppress(OSError):
+                os.close(self._owner)  # type: ignore[arg-type]
+
+
+if sys.platform == "win32":
+
+    def _claimed(folder: Path) -> int | None:
+        """Return None, as Windows has another kind of lock."""
+        return None
+
+    def _remove_leftovers(parent: str) -> None:
+        """Do nothing, as the owners of the folders are unknown."""
+
+else:
+    import fcntl
+
+    def _claimed(folder: Path) -> int | None:
+        """Return the descriptor of the locked file, which gets its final name after it is locked."""
+        handle, name = tempfile.mkstemp(dir=folder)
+        fcntl.flock(handle, fcntl.LOCK_EX)
+        Path(name).rename(folder / _OWNER)
+        return handle
+
+    @cache
+    def _remove_leftovers(parent: str) -> None:
+        """Remove the folders that ended processes of this user have left; once per process."""
+        with suppress(OSError), os.scandir(parent) as entries:
+            for entry in [*entries]:
+                if entry.name.startswith(PREFIXES) and entry.is_dir(follow_symlinks=False):
+                    with suppress(OSError), _abandoned(Path(entry.path)):
+                        shutil.rmtree(entry.path, ignore_errors=True)
+
+    @contextmanager
+    def _abandoned(folder: Path) -> Iterator[None]:
+        """Hold the lock of a folder."""
+        if folder.lstat().st_uid != os.getuid():
+            raise PermissionError(folder)
+        handle = os.open(folder / _OWNER, os.O_RDWR | os.O_NOFOLLOW)
+        try:
+            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            yield
+        finally:
+            os.close(handle)
+
+
+def keep(path: Path, content: bytes) -> None:
+    """Write a file and its hash; create the folder if needed."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    for target, data in ((_beside(path), _hash(content)), (path, content)):  # a file that exists has its hash
+        with atomic_path(target) as temporary:
+            temporary.write_bytes(data)
+
+
+def kept(path: Path) -> bytes | None:
+    """Return the content of a file written by `keep`, or None if it is missing, damaged or unreadable."""
+    try:
+        content = path.read_bytes()
+        return content if _beside(path).read_bytes() == _hash(content) else None
+    except OSError:
+        return None
+
+
+def cached(path: Path, make: Callable[[], bytes]) -> bytes:
+    """Return the content of a file written by `keep`; if there is none, make it and store it."""
+    content = kept(path)
+    if content is None:
+        content = make()
+        keep(path, content)
+    return content
+
+
+def _beside(path: Path) -> Path:
+    return path.with_name(f"{path.name}.sha256")
+
+
+def _hash(content: bytes) -> bytes:
+    return hashlib.sha256(content).hexdigest().encode()
 
 
 def stamped() -> str | None:

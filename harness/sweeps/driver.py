@@ -17,7 +17,7 @@ from uuid import uuid4
 
 import xarray as xr
 
-from harness.engine.tap import Progress
+from harness.engine.algorithm import Progress
 from harness.errors import SweepError, nearest
 from harness.extras import require
 from harness.parts.identity import digest, function_identity, part_identity

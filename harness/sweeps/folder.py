@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from harness.errors import SweepError
 from harness.parts.part import PortType
-from harness.storage.atomic import atomic_path, make_folder
+from harness.storage.files import atomic_path, make_folder
 from harness.sweeps.samples import Sample
 from harness.sweeps.worker import Outcome
 

@@ -22,7 +22,7 @@ from typing import Any, Final, Protocol, TypeAlias
 
 from harness.errors import SweepError
 from harness.processors import available
-from harness.storage.scratch import ScratchFolder
+from harness.storage.files import ScratchFolder
 from harness.sweeps.samples import Sample
 from harness.sweeps.worker import Job, Outcome, close_runners, run_chunk
 

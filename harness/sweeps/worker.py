@@ -11,7 +11,7 @@ from time import perf_counter
 from typing import Any, Final
 
 from harness.accuracy.numbers import measure_bounds
-from harness.engine.tap import Recorder
+from harness.engine.algorithm import Recorder
 from harness.errors import HarnessError, SweepError
 from harness.parts.fmu import FmuPart
 from harness.parts.part import StartValue

@@ -10,7 +10,7 @@ from types import TracebackType
 from typing import Any, Literal, Self
 
 from harness.composite.package import compose
-from harness.engine.tap import Progress, Tap
+from harness.engine.algorithm import Progress, Tap
 from harness.errors import (
     ExperimentError,
     HarnessError,

@@ -14,7 +14,7 @@ from harness.errors import ExperimentError, SystemFileError, nearest
 from harness.parts.fmu import FmuPart
 from harness.parts.part import Part, StartValue
 from harness.parts.series import SeriesPart
-from harness.storage.atomic import atomic_path
+from harness.storage.files import atomic_path
 from harness.storage.toml_file import read_toml
 from harness.system.assembly import Assembly
 from harness.system.experiment import Experiment

@@ -16,7 +16,7 @@ from friction_fmus.codegen.export import make_export
 from friction_fmus.codegen.layout import equations_of, numbered
 from friction_fmus.codegen.sources import header, implementation
 from friction_fmus.lawkit.files import discover_laws
-from friction_fmus.lawkit.labels import labelled
+from friction_fmus.lawkit.results import labelled
 
 LAWS = [law.name for law in discover_laws(laws_folder())]
 

@@ -22,9 +22,8 @@ from benchmarks.law_runs import LawC, compile_, rows_of
 from friction_fmus.blocks.catalogue import laws_folder
 from friction_fmus.codegen.export import ACCURACY, TRAVEL, make_export, readme
 from friction_fmus.lawkit.emit.graph import graph
-from friction_fmus.lawkit.expressions import stribeck_level
 from friction_fmus.lawkit.files import discover_laws
-from friction_fmus.lawkit.law import Kind
+from friction_fmus.lawkit.law import Kind, stribeck_level
 
 N = 4_000
 Ts = 1e-3

@@ -25,7 +25,7 @@ from friction_fmus.codegen.sources import header, implementation
 from friction_fmus.codegen.unit_test import unit_test
 from friction_fmus.codegen.vectors import N, vectors
 from friction_fmus.errors import FrictionError
-from friction_fmus.lawkit.conditions import PARAMETERS
+from friction_fmus.lawkit.declarations import PARAMETERS
 from friction_fmus.lawkit.files import discover_laws
 from friction_fmus.lawkit.law import BOOLEANS
 from harness.compiling import toolchain

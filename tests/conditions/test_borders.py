@@ -15,7 +15,7 @@ from thorough import some
 from friction_fmus import conditions
 from friction_fmus.blocks.contact import Contact, Level
 from friction_fmus.conditions import Condition, SampledLaw, chain, loop_poles, one_mass
-from friction_fmus.conditions.linear import is_stable
+from friction_fmus.conditions.condition import is_stable
 from friction_fmus.doctor.axis import ActiveLaw, Axis, Law
 from friction_fmus.doctor.compensators import left_of
 from friction_fmus.doctor.known import law_of

@@ -18,7 +18,7 @@ from friction_fmus.conditions import (
     one_mass,
     two_masses,
 )
-from friction_fmus.conditions.linear import spectral_radius
+from friction_fmus.conditions.condition import spectral_radius
 from friction_fmus.doctor.linear import linearised, local_function
 from friction_fmus.lawkit.files import discover_laws
 from friction_fmus.lawkit.law import Kind

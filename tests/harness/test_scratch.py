@@ -12,8 +12,8 @@ from pathlib import Path
 
 import pytest
 
-from harness.storage import scratch
-from harness.storage.scratch import ScratchFolder
+from harness.storage import files
+from harness.storage.files import ScratchFolder
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="Windows has another kind of lock")
 
@@ -53,12 +53,12 @@ def kill(process: subprocess.Popen[str]) -> None:
 
 def next_run() -> None:
     """What the first folder of another process does."""
-    scratch._remove_leftovers.cache_clear()
+    files._remove_leftovers.cache_clear()
     ScratchFolder("harness-").cleanup()
 
 
 HERE = (
-    "from harness.storage.scratch import ScratchFolder\n"
+    "from harness.storage.files import ScratchFolder\n"
     "folder = ScratchFolder('harness-')\nopen(folder.name + '/x', 'w')\n"
 )
 
@@ -133,7 +133,7 @@ def test_a_compilation_that_is_killed_leaves_nothing(temporary: Path, tmp_path: 
     os.killpg(process.pid, signal.SIGKILL)
     process.wait()
     assert len([*temporary.glob("friction-fmus-*")]) == 1
-    scratch._remove_leftovers.cache_clear()
+    files._remove_leftovers.cache_clear()
     with ScratchFolder("friction-fmus-"):
         pass
     assert [*temporary.iterdir()] == []

@@ -21,7 +21,7 @@ from thorough import THOROUGH, nightly
 from friction_fmus.errors import FrictionError
 from friction_fmus.fmi.units import base_unit
 from friction_fmus.identification import RecordError, read_measurement
-from friction_fmus.identification.data.quantities import parse_quantity, unit_of
+from friction_fmus.identification.data.record import parse_quantity, unit_of
 from harness import BaseUnit
 
 ROOT = Path(__file__).parents[2]

@@ -26,7 +26,7 @@ from friction_fmus.blocks.catalogue import laws_folder
 from friction_fmus.codegen.export import make_export, readme
 from friction_fmus.codegen.loop_file import LoopFile, LoopLaw, loop_text
 from friction_fmus.codegen.sources import header, implementation
-from friction_fmus.lawkit.conditions import PARAMETERS
+from friction_fmus.lawkit.declarations import PARAMETERS
 from friction_fmus.lawkit.files import discover_laws
 from friction_fmus.lawkit.law import Kind, Law
 

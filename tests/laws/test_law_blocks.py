@@ -13,9 +13,8 @@ from thorough import some
 from friction_fmus.blocks.catalogue import laws_folder
 from friction_fmus.blocks.probe import read_variables
 from friction_fmus.fmi.units import base_unit
-from friction_fmus.lawkit.block import block_source
 from friction_fmus.lawkit.files import discover_laws
-from friction_fmus.lawkit.law import BOOLEANS, VECTORS, Kind, Law, Unit, Variable
+from friction_fmus.lawkit.law import BOOLEANS, VECTORS, Kind, Law, Unit, Variable, block_source
 
 LAWS = discover_laws(laws_folder())
 SOME_LAWS = [law for law in LAWS if law.name in EACH_FEATURE]

@@ -19,7 +19,7 @@ from friction_fmus.check import check
 from friction_fmus.codegen.export import export_law
 from friction_fmus.doctor import examine, unknown_parts
 from friction_fmus.errors import FrictionError
-from friction_fmus.fmi.models_page import models_page
+from friction_fmus.fmi.documentation import models_page
 from friction_fmus.identification import identifiable
 from friction_fmus.study.config import load_config
 from friction_fmus.study.study import run_study

@@ -12,7 +12,7 @@ from check.libraries import BINARY, HERE, Library
 from thorough import nightly, slowness, some
 
 from friction_fmus.check import check
-from friction_fmus.check.reports import as_json, as_sarif
+from friction_fmus.check.findings import as_json, as_sarif
 
 LONG = 1_000_000
 """Characters of a name."""

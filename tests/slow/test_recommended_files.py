@@ -26,9 +26,8 @@ from friction_fmus.identification.fit.models import contact_model
 from friction_fmus.study import Servo
 from friction_fmus.study.compensators import AxisKnowledge, candidates, compensators
 from friction_fmus.study.data import LUGRE, build_reference
-from friction_fmus.study.evaluation import Scheme, evaluate
+from friction_fmus.study.evaluation import Bench, Scheme, evaluate, judge
 from friction_fmus.study.export import export_recommended
-from friction_fmus.study.metrics import Bench, judge
 from friction_fmus.study.wiring import Figures
 from harness import CallablePart, Experiment, FmuPart, Part, Port, System, Wire
 

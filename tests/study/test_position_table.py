@@ -15,9 +15,8 @@ from friction_fmus.axis.servo import Compensator, Plant, Servo, Trajectory
 from friction_fmus.identification import Array
 from friction_fmus.study.compensators import TABLE, AxisKnowledge, candidates
 from friction_fmus.study.data import build_reference
-from friction_fmus.study.evaluation import Scheme, evaluate
+from friction_fmus.study.evaluation import Bench, Scheme, evaluate
 from friction_fmus.study.export import export_recommended
-from friction_fmus.study.metrics import Bench
 from harness import System
 
 T = 1e-3 * np.arange(1001.0)

@@ -19,8 +19,20 @@ from friction_fmus.study.comparison import trials, with_integral
 from friction_fmus.study.compensator_records import Limits
 from friction_fmus.study.compensators import AxisKnowledge, candidates, compensators, period_of
 from friction_fmus.study.data import LUGRE, build_reference
-from friction_fmus.study.evaluation import Case, Evaluation, Scheme, cases, evaluate, off_by
-from friction_fmus.study.metrics import Bench, at_rest, high_frequency, judge, reversals, settling
+from friction_fmus.study.evaluation import (
+    Bench,
+    Case,
+    Evaluation,
+    Scheme,
+    at_rest,
+    cases,
+    evaluate,
+    high_frequency,
+    judge,
+    off_by,
+    reversals,
+    settling,
+)
 from friction_fmus.study.records import thinned
 
 SERVO = Servo("PID", {"Kp": 12e3, "Kd": 190.0, "Ki": 0.0}, 1e-3, 20.0)

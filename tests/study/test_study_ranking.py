@@ -8,7 +8,7 @@ import pytest
 
 from friction_fmus.study.compensator_records import CompensatorResult, Corner, Limits, LoopMargins, Metrics
 from friction_fmus.study.ranking import Weights, extremes, figures, rank
-from friction_fmus.study.recommending import ladder, largest_step, recommend, shown
+from friction_fmus.study.recommendation import ladder, largest_step, recommend, shown
 
 
 def row(

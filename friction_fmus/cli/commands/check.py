@@ -25,9 +25,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> int:
     """Check the files and write the report."""
     from friction_fmus.check import check
-    from friction_fmus.check.reports import as_json, as_sarif, as_text, failed, rules_table
+    from friction_fmus.check.findings import as_json, as_sarif, as_text, failed, rules_table
     from friction_fmus.cli.console import console, literal_console, progress_bar
-    from harness.storage.atomic import atomic_path
+    from harness.storage.files import atomic_path
 
     if options.rules:
         console.print(rules_table())

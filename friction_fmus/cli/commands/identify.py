@@ -79,9 +79,9 @@ def run(options: argparse.Namespace) -> int:
     from friction_fmus.cli.console import RunBar, console, progress_bar, styled
     from friction_fmus.cli.identification_tables import show_data, show_parameters, show_ranking
     from friction_fmus.identification import examine_segments, read_measurement
-    from friction_fmus.identification.data.sampling import default_windows
+    from friction_fmus.identification.data.reading import default_windows
     from friction_fmus.identification.export import write_results
-    from friction_fmus.identification.physics import FORBIDDING, contradictions
+    from friction_fmus.identification.residual import FORBIDDING, contradictions
     from friction_fmus.identification.survey import IdentificationTask, compare_models
 
     models = _models(options.model or _configured(options.data))

@@ -15,7 +15,7 @@ from friction_fmus.cli.arguments import add_allow_inaccurate, add_master, add_sy
 from friction_fmus.errors import FrictionError
 from harness.errors import HarnessError, Interrupted
 from harness.results import FORMATS
-from harness.storage.atomic import make_folder
+from harness.storage.files import make_folder
 
 _PICTURES = (".png", ".svg", ".pdf")
 

@@ -10,8 +10,7 @@ import numpy as np
 from scipy.integrate import cumulative_trapezoid
 from scipy.signal import butter, find_peaks, sosfiltfilt
 
-from friction_fmus.identification.data.findings import Finding
-from friction_fmus.identification.data.record import Array, Record
+from friction_fmus.identification.data.record import Array, Finding, Record
 
 #: Bandwidth of the smoothed position over its median frequency, below which half of the power of the velocity is.
 BANDWIDTH = 30.0

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from friction_fmus.identification.data.quantities import QUANTITY, fits, parse_quantity, times, unit_of
+from friction_fmus.identification.data.record import QUANTITY, fits, parse_quantity, times, unit_of
 from friction_fmus.identification.errors import RecordError
 from harness.storage.files import reason
 from harness.storage.toml_file import read_toml

@@ -10,8 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from friction_fmus.identification.data.findings import Finding
-from friction_fmus.identification.data.record import Array
+from friction_fmus.identification.data.record import Array, Finding
 
 #: Largest integer below which all integers are exact as floating-point numbers.
 EXACT = 2**53

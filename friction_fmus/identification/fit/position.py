@@ -19,7 +19,7 @@ from threadpoolctl import threadpool_limits
 
 from friction_fmus.axis.position_map import Grid, PositionMap
 from friction_fmus.identification.data.record import ROTARY, Array
-from friction_fmus.identification.fit.fitting import Fit, FitData
+from friction_fmus.identification.fit.block_fit import Fit, FitData
 from friction_fmus.identification.fit.scores import Score
 from friction_fmus.identification.fit.search import NEAR, Loss, search
 from friction_fmus.identification.fit.simulation_data import PreparedSegment

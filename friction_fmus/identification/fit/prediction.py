@@ -10,12 +10,11 @@ import numpy as np
 
 from friction_fmus.identification.closed_loop import axis_response
 from friction_fmus.identification.data.record import Array, Record
-from friction_fmus.identification.fit.drives import driven
+from friction_fmus.identification.fit.block_fit import driven
+from friction_fmus.identification.fit.least_squares import INITIAL_LIMIT, Coordinate, Problem
 from friction_fmus.identification.fit.models import ContactModel, contact_model, state_sizes
 from friction_fmus.identification.fit.position import force_on_axis
-from friction_fmus.identification.fit.problem import Coordinate, Problem
 from friction_fmus.identification.fit.search import search
-from friction_fmus.identification.fit.setup import INITIAL_LIMIT
 from friction_fmus.identification.fit.simulation_data import PreparedSegment, prepare
 from friction_fmus.identification.methods.free_run import FREE_RUN, START, free_response
 

@@ -9,8 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from friction_fmus.identification.data.record import Array
+from friction_fmus.identification.fit.least_squares import advice
 from friction_fmus.identification.fit.models import ContactModel
-from friction_fmus.identification.fit.setup import advice
 
 #: Relative standard error above which a parameter counts as poorly identifiable.
 WEAK = 0.25

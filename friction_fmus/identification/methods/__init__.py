@@ -15,7 +15,7 @@ from friction_fmus.errors import nearest
 from friction_fmus.identification.errors import FitError
 
 if TYPE_CHECKING:
-    from friction_fmus.identification.fit.fitting import Fit, FitData
+    from friction_fmus.identification.fit.block_fit import Fit, FitData
     from friction_fmus.identification.fit.models import ContactModel
     from friction_fmus.identification.fit.search import Loss
 

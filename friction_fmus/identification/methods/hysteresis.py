@@ -9,12 +9,18 @@ import numpy as np
 
 from friction_fmus.identification.data.record import AxisUnits
 from friction_fmus.identification.errors import FitError
-from friction_fmus.identification.fit.fitting import Fit, FitData
+from friction_fmus.identification.fit.block_fit import Fit, FitData
 from friction_fmus.identification.fit.grid import BLOCK_ELEMENTS, INITIAL_FORCES, coarse, fit_grid, with_count
+from friction_fmus.identification.fit.least_squares import (
+    Constraints,
+    Coordinate,
+    Setup,
+    constants_of,
+    coordinate,
+    surroundings,
+)
 from friction_fmus.identification.fit.models import ContactModel, Traits
-from friction_fmus.identification.fit.problem import Coordinate
 from friction_fmus.identification.fit.search import Loss, search
-from friction_fmus.identification.fit.setup import Constraints, Setup, constants_of, coordinate, surroundings
 from friction_fmus.identification.fit.simulation_data import PreparedSegment
 
 #: Number of points of the grid of break-away distances.

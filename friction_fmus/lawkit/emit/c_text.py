@@ -14,11 +14,10 @@ from typing import NamedTuple
 from casadi import Function
 
 from friction_fmus.lawkit.emit.branches import DECIDES, Block, Decision, Loop, plan
-from friction_fmus.lawkit.emit.graph import COMPARE, CONDITIONS, INFIX, LIBM, LOGIC, Node, graph
-from friction_fmus.lawkit.emit.loops import INDEX, Rolled, roll
+from friction_fmus.lawkit.emit.chains import INDEX, Rolled, roll
+from friction_fmus.lawkit.emit.graph import COMPARE, CONDITIONS, INFIX, LIBM, LOGIC, Node, Zeros, graph
 from friction_fmus.lawkit.emit.names import DOUBLE, FLOAT, Named, Names, Real, comment_lines, place_name
 from friction_fmus.lawkit.emit.pairs import Weight, split
-from friction_fmus.lawkit.emit.signed_zeros import Zeros
 
 __all__ = ["DOUBLE", "FLOAT", "Kernel", "Lows", "Real", "kernel"]
 

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import math
 import struct
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 
 import casadi
@@ -100,3 +102,126 @@ def _joined(nodes: list[Node], node: Node) -> Node:
                 if opposite.operation == "NOT" and opposite.arguments[0] == first.arguments[0]:
                     return Node("SELECT", (*first.arguments, second.arguments[1]))
     return node
+
+
+# results that are never -0.0, whatever the arguments
+_NO_MINUS_ZERO = {"INDEX", "FABS", "SQ", "EXP", "COS", "COSH", "ACOS", "HYPOT", *CONDITIONS}
+_NEVER_NEGATIVE = {"INDEX", "FABS", "SQ", "EXP", "COSH", "ACOS", "HYPOT", *CONDITIONS}
+# the sign of a zero argument has no effect
+_BLIND = {*COMPARE, *LOGIC, "NOT", "FABS", "SQ", "EXP", "COS", "COSH", "ACOS", "LOG", "ACOSH", "HYPOT"}
+# the sign of a zero argument affects at most the sign of a zero result; so does the first argument of DIV
+_PASSES = {"MUL", "NEG", "TWICE", "FMIN", "FMAX", "SIGN", "SQRT", "EXPM1", "LOG1P", "FLOOR", "CEIL", "FMA", "SUM"}
+_PASSES |= {"SIN", "TAN", "ASIN", "ATAN", "SINH", "TANH", "ASINH", "ATANH", "ERF"}
+
+
+class Zeros:
+    """Analysis of the zeros among the values of nodes."""
+
+    def __init__(
+        self,
+        nodes: Sequence[Node],
+        kept: Mapping[int, Sequence[int]],
+        unsigned: Collection[int],
+        positive: Collection[int],
+    ) -> None:
+        """Find the zeros whose sign affects a number, now or in a later call."""
+        self._nodes = nodes
+        self._unsigned = unsigned
+        self._positive = positive
+        self._seen: set[int] = set()
+        count = -1
+        while len(self._seen) > count:
+            count = len(self._seen)
+            for number in range(len(nodes) - 1, -1, -1):
+                self._seen.update(self._shown(number))
+            for node in [nodes[number] for number in self._seen]:
+                if node.operation == "INPUT":
+                    self._seen.update(kept.get(int(node.value), ()))
+
+    def never_minus(self, number: int) -> bool:
+        """Return whether a node is never -0.0."""
+        node = self._nodes[number]
+        if node.operation == "CONST":
+            return node.value != 0.0 or math.copysign(1.0, node.value) > 0.0
+        if node.operation == "INPUT":
+            return int(node.value) in self._unsigned
+        if node.operation in ("IF_ELSE_ZERO", "SUB"):
+            return self.never_minus(node.arguments[1 if node.operation == "IF_ELSE_ZERO" else 0])
+        if node.operation == "SELECT":
+            return number in self._seen or all(map(self.never_minus, node.arguments[1:]))
+        if node.operation in ("ADD", "SUM"):
+            return any(map(self.never_minus, node.arguments))
+        if node.operation in ("MUL", "DIV"):
+            return all(map(self._never_negative, node.arguments))
+        return node.operation in _NO_MINUS_ZERO
+
+    def _never_negative(self, number: int) -> bool:
+        """Return whether a node is neither negative nor -0.0, as far as this is easy to see."""
+        node = self._nodes[number]
+        if node.operation == "CONST":
+            return math.copysign(1.0, node.value) > 0.0
+        if node.operation == "INPUT":
+            return int(node.value) in self._positive
+        if node.operation in ("ADD", "MUL", "DIV"):
+            return all(map(self._never_negative, node.arguments))
+        if node.operation in ("SELECT", "IF_ELSE_ZERO"):
+            condition, first, *second = node.arguments
+            return (self._never_negative(first) or self._holds_if_positive(condition, first)) and all(
+                map(self._never_negative, second)
+            )
+        return node.operation in _NEVER_NEGATIVE
+
+    def _holds_if_positive(self, condition: int, value: int) -> bool:
+        """Return whether a condition is ``0 < value``."""
+        node = self._nodes[condition]
+        zero, compared = node.arguments if node.operation == "LT" else (condition, condition)
+        return compared == value and self._nodes[zero].operation == "CONST" and self._nodes[zero].value == 0.0
+
+    def matters(self, number: int) -> bool:
+        """Return whether the sign of a zero affects a number."""
+        return number in self._seen
+
+    def becomes_plus(self, select: int, side: int) -> bool:
+        """Return whether -0.0 on a side of a select must become 0.0."""
+        node = self._nodes[select]
+        return node.operation == "SELECT" and select in self._seen and not self.never_minus(node.arguments[side])
+
+    def _shown(self, number: int) -> list[int]:
+        """Return the arguments for which the sign of a zero affects a number through this node."""
+        node, seen = self._nodes[number], number in self._seen
+        if node.operation in _BLIND:
+            return []
+        if node.operation == "IF_ELSE_ZERO":
+            return [node.arguments[1]] if seen else []
+        if node.operation == "SELECT":
+            return [node.arguments[side] for side in (1, 2) if seen and not self.becomes_plus(number, side)]
+        if node.operation in ("ADD", "SUB"):
+            return self._terms(node) if seen else []
+        if node.operation in _PASSES or self._is_positive_power(node):
+            return list(node.arguments) if seen else []
+        if node.operation == "DIV" and not seen:
+            return [node.arguments[1]]
+        if node.operation == "ATAN2" and self._never_zero(node.arguments[0]):
+            return []  # +-pi/2 at a zero of either sign
+        return list(node.arguments)
+
+    def _is_positive_power(self, node: Node) -> bool:
+        """Return whether a node is a power with a positive exponent, which makes a zero of a zero."""
+        return node.operation in ("POW", "CONSTPOW") and self._is_above_zero(node.arguments[1])
+
+    def _terms(self, node: Node) -> list[int]:
+        """Return the terms whose sign affects the sign of a sum of zeros: it is -0.0 only if both terms are."""
+        first, second = node.arguments
+        if node.operation == "ADD":
+            shown = [(first, not self.never_minus(second)), (second, not self.never_minus(first))]
+        else:
+            shown = [(first, not self._never_zero(second)), (second, not self.never_minus(first))]
+        return [term for term, shows in shown if shows and not self._never_zero(term)]
+
+    def _never_zero(self, number: int) -> bool:
+        node = self._nodes[number]
+        return node.operation == "CONST" and node.value != 0.0
+
+    def _is_above_zero(self, number: int) -> bool:
+        node = self._nodes[number]
+        return node.operation == "CONST" and node.value > 0.0

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from casadi import SX, if_else, logic_not, logic_or
 
-from friction_fmus.lawkit.expressions import clip, limits
+from friction_fmus.lawkit.law import clip, limits
 from friction_fmus.lawkit.parts.tracking import tracked
 
 

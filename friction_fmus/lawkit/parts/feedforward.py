@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from casadi import SX, exp, expm1, if_else, logic_and, logic_not, logic_or
 
-from friction_fmus.lawkit.expressions import clip, limits
+from friction_fmus.lawkit.law import clip, limits
 
 
 def increment(r: SX, last: SX, started: SX, reset: SX) -> SX:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from casadi import SX, expm1, fabs, if_else
 
-from friction_fmus.lawkit.expressions import clip, limits
+from friction_fmus.lawkit.law import clip, limits
 from friction_fmus.lawkit.parts.tracking import tracked
 
 

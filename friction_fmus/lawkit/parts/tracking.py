@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from casadi import SX, if_else, logic_and, logic_not
 
-from friction_fmus.lawkit.expressions import clip
+from friction_fmus.lawkit.law import clip
 
 
 def restarts(reset: SX, track: SX) -> SX:

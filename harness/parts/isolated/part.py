@@ -18,7 +18,7 @@ from harness.errors import HarnessError, PartError
 from harness.parts.fmu import FmuPart
 from harness.parts.isolated.channel import CALL, FAILED, GET, LOG, SET, STEP, Line, Shared, as_error
 from harness.parts.part import Calls, Native, StartValue, Values
-from harness.storage.scratch import ScratchFolder
+from harness.storage.files import ScratchFolder
 
 # Python may start slowly on a busy machine, which is not the fault of the FMU.
 _START_TIME: Final = 60.0

@@ -1,17 +1,19 @@
-"""Input and result of a method of identification, and the fit of a block with scalar parameters."""
+"""Pool of loaded FMUs: unpacking and loading an FMU takes longer than fitting a short record."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import threading
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
+from pathlib import Path
 
 from friction_fmus.identification.data.record import AxisUnits
+from friction_fmus.identification.fit.least_squares import Constraints, Problem, Setup, scalar_setup
 from friction_fmus.identification.fit.models import ContactModel, Traits
-from friction_fmus.identification.fit.problem import Problem
 from friction_fmus.identification.fit.search import Loss, SearchResult, search
-from friction_fmus.identification.fit.setup import Constraints, Setup, scalar_setup
 from friction_fmus.identification.fit.simulation_data import PreparedSegment
-from harness import Drive
+from harness import Drive, FmuPart
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,3 +59,23 @@ def fit_scalars(data: FitData, loss: Loss, starts: int | None) -> Fit:
     problem = data.problem(setup)
     known = all(c.name in data.constraints.start or c.name == "OF" for c in problem.shared)
     return Fit(setup, problem, search(problem, loss, starts or (1 if known else 3)))
+
+
+_IDLE: dict[Path, Drive] = {}
+_LOCK = threading.Lock()
+
+
+@contextmanager
+def driven(path: Path) -> Iterator[Drive]:
+    """Provide a drive of an FMU for exclusive use; the last one of each FMU stays loaded."""
+    with _LOCK:
+        drive = _IDLE.pop(path, None)
+    drive = drive or Drive(FmuPart(path.stem, path))
+    try:
+        yield drive
+    finally:
+        with _LOCK:
+            before = _IDLE.pop(path, None)
+            _IDLE[path] = drive
+        if before is not None:
+            before.close()
