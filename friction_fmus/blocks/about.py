@@ -122,8 +122,7 @@ class About:
     """Declarations in the file of a block."""
 
     portrait: str = ""
-    """Name of the experiment for the figures, see `friction_fmus.fmi.portrait.choice`; if empty, the ports select it.
-    """
+    """Name of the experiment for the figures, see `fmi.portrait.experiments`; if empty, the ports select it."""
     quotes: tuple[str, ...] = ()
     """Functions of `friction_fmus.conditions` that the documentation page quotes. The doctor evaluates them for systems
     with the block."""

@@ -1,4 +1,4 @@
-"""Macros of a block's C file that are tables for readers other than the compiler: ``COULOMB(Fc) STATIC(Fs) ...``."""
+"""The text of a block's C file: its comment, and macros that are tables for readers other than the compiler."""
 
 from __future__ import annotations
 

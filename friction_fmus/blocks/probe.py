@@ -1,4 +1,4 @@
-"""The row table of a compiled block, its fingerprint, and the dependencies between its variables."""
+"""The row table of a compiled block, its fingerprint, the groups of its variables, and their dependencies."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Findings of a check, and the rules."""
+"""Findings of a check, the rules, and reports."""
 
 from __future__ import annotations
 

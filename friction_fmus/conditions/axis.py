@@ -1,4 +1,4 @@
-"""Conditions on encoders, cogging, belts, and stiffness fed back by a law."""
+"""Conditions on encoders, cogging, belts, a mass pulled by a spring, and stiffness fed back by a law."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The result of a condition, and comparisons with a tolerance for rounding errors."""
+"""The result of a condition, comparisons with a tolerance for rounding errors, and linear loops."""
 
 from __future__ import annotations
 

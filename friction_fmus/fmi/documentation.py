@@ -1,4 +1,4 @@
-"""The documentation page inside an FMU, generated from the block."""
+"""The documentation page inside an FMU and in the documentation, generated from the block."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""modelDescription.xml of a block (FMI 2.0.5, section 2.2), from the row table of its binary."""
+"""modelDescription.xml and terminals of a block (FMI 2.0.5, section 2.2), from the row table of its binary."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Variables of a law: units, kinds and valid names."""
+"""Declarations of a law: variables with units, kinds, valid names, and conditions."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The equations of a law as one casadi function with scalar results."""
+"""The equations of a law as one casadi function with scalar results, and their labels."""
 
 from __future__ import annotations
 

@@ -14,10 +14,8 @@ from typing import Final
 import numpy as np
 
 from friction_fmus.blocks.catalogue import Block
-from friction_fmus.fmi.portrait.choice import Experiment
-from friction_fmus.fmi.portrait.control import TIME, move, sine
-from friction_fmus.fmi.portrait.course import Bench, Curve, Panel, Vector
-from friction_fmus.fmi.portrait.friction import largest_force, speed_scale
+from friction_fmus.fmi.portrait.bench import Bench, Curve, Panel, Vector
+from friction_fmus.fmi.portrait.experiments import TIME, Experiment, largest_force, move, sine, speed_scale
 
 Values = Mapping[str, float]
 

@@ -15,10 +15,9 @@ from fmpy.fmi1 import FMICallException
 
 from friction_fmus.blocks.catalogue import Block
 from friction_fmus.blocks.probe import BlockVariables, read_variables
-from friction_fmus.fmi.portrait.choice import experiment
-from friction_fmus.fmi.portrait.course import Bench as PortraitBench
-from friction_fmus.fmi.portrait.course import Curve, Panel, Session, Vector
-from friction_fmus.fmi.portrait.friction import elastic_reach, friction_panels, speed_scale
+from friction_fmus.fmi.portrait.bench import Bench as PortraitBench
+from friction_fmus.fmi.portrait.bench import Curve, Panel, Session, Vector
+from friction_fmus.fmi.portrait.experiments import elastic_reach, experiment, friction_panels, speed_scale
 from friction_fmus.live.further import BEGIN, FURTHER, idle
 from harness.compiling.platforms import NATIVE
 

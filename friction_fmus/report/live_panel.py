@@ -14,8 +14,8 @@ from typing import Any, Final
 
 import numpy as np
 
-from friction_fmus.fmi.portrait.course import Curve as PlainCurve
-from friction_fmus.fmi.portrait.course import Panel
+from friction_fmus.fmi.portrait.bench import Curve as PlainCurve
+from friction_fmus.fmi.portrait.bench import Panel
 from friction_fmus.fmi.portrait.drawing import chart
 from friction_fmus.identification import Array
 from friction_fmus.live import SCRIPTS, assets

@@ -17,7 +17,7 @@ from friction_fmus.fmi.rotary import html_in_rotary_words
 from friction_fmus.identification import ROTARY
 from friction_fmus.report import numbers, views
 from friction_fmus.report.live_panel import live_panel
-from friction_fmus.report.sections import Section, sections
+from friction_fmus.report.sections import SECTIONS, Section
 from friction_fmus.study.result import StudyResult
 from friction_fmus.study.what_if import WhatIf
 from harness.storage.files import atomic_path
@@ -69,7 +69,7 @@ def report_html(study: StudyResult, panel: WhatIf | str = "") -> str:
 
     def body(name: str, section: Section) -> Markup:
         template = environment.get_template(f"sections/{name}.html")
-        return Markup(template.render(study=study, panel=live or panel, **section.content(study)))
+        return Markup(template.render(study=study, panel=live or panel, **section.values(study)))
 
     page = environment.get_template("page.html").render(
         study=study,
@@ -81,7 +81,7 @@ def report_html(study: StudyResult, panel: WhatIf | str = "") -> str:
         library=_library(),
         hashes=[_hash(text) for text in (script, get_plotlyjs(), *([live.script] if live else []))],
         sections=[
-            {"name": name, "title": section.TITLE, "body": body(name, section)} for name, section in sections().items()
+            {"name": name, "title": section.title, "body": body(name, section)} for name, section in SECTIONS.items()
         ],
     )
     return html_in_rotary_words(page) if study.units == ROTARY else page

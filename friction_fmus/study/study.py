@@ -23,7 +23,7 @@ from friction_fmus.doctor import examine
 from friction_fmus.errors import FrictionError
 from friction_fmus.fmi.rotary import in_rotary_words
 from friction_fmus.identification import ROTARY, Array, AxisUnits, Record, decimate, filtered_motion, identifiable
-from friction_fmus.identification.residual import FORBIDDING, contradictions
+from friction_fmus.identification.physics import FORBIDDING, contradictions
 from friction_fmus.study.comparison import Comparison, compare
 from friction_fmus.study.compensator_records import CompensatorResult, Recommendation
 from friction_fmus.study.compensators import AxisKnowledge, check_names, period_of

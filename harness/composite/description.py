@@ -1,4 +1,4 @@
-"""modelDescription.xml of a composite FMU (FMI 2.0.5, section 2.2)."""
+"""modelDescription.xml, terminals, dependencies and documentation of a composite FMU (FMI 2.0.5, section 2.2)."""
 
 from __future__ import annotations
 
@@ -205,8 +205,8 @@ def _map(wire: Wire) -> str:
     return ", ".join(texts)
 
 
-FOLDER = "terminalsAndIcons"
-MEMBER = f"{FOLDER}/terminalsAndIcons.xml"
+TERMINALS = "terminalsAndIcons"
+MEMBER = f"{TERMINALS}/terminalsAndIcons.xml"
 
 
 def composite_terminals(system: Assembly, variables: Sequence[Variable]) -> bytes:

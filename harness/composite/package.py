@@ -12,8 +12,8 @@ from typing import Final
 from harness.compiling.platforms import WASM, linked, select
 from harness.compiling.toolchain import guid_of, included, source_folder
 from harness.composite.code import part_codes
-from harness.composite.description import FOLDER as TERMINALS
 from harness.composite.description import (
+    TERMINALS,
     Texts,
     composite_description,
     composite_terminals,

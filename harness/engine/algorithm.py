@@ -1,4 +1,4 @@
-"""A master that is more than a list of operations, as the engine sees it."""
+"""A run as the engine sees it: masters that are more than a list of operations, taps, and ticks."""
 
 from __future__ import annotations
 

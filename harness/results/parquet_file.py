@@ -1,4 +1,4 @@
-"""Results as Parquet."""
+"""Results as Arrow tables and Parquet."""
 
 from __future__ import annotations
 

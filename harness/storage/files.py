@@ -1,4 +1,4 @@
-"""Input files: regular files of limited size, so that every read ends."""
+"""Files: input of limited size, atomic output, scratch folders, and the cache."""
 
 from __future__ import annotations
 

@@ -15,9 +15,9 @@ from thorough import some
 from friction_fmus import catalogue
 from friction_fmus.blocks.catalogue import find
 from friction_fmus.blocks.probe import describe
-from friction_fmus.fmi.portrait.choice import EXPERIMENTS, experiment
-from friction_fmus.fmi.portrait.course import Bench, Curve, Panel
+from friction_fmus.fmi.portrait.bench import Bench, Curve, Panel
 from friction_fmus.fmi.portrait.drawing import chart, icon, labelled, symbol
+from friction_fmus.fmi.portrait.experiments import EXPERIMENTS, experiment
 
 Panels = Callable[..., tuple[Panel, ...]]
 

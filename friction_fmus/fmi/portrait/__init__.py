@@ -10,9 +10,9 @@ from fmpy.fmi1 import FMICallException
 
 from friction_fmus.blocks.catalogue import Block
 from friction_fmus.blocks.probe import Description
-from friction_fmus.fmi.portrait.choice import experiment
-from friction_fmus.fmi.portrait.course import Bench, Panel
+from friction_fmus.fmi.portrait.bench import Bench, Panel
 from friction_fmus.fmi.portrait.drawing import chart, icon, labelled, terminal_icon
+from friction_fmus.fmi.portrait.experiments import experiment
 from harness.drawing import Image
 
 __all__ = ["Figure", "Image", "Portrait", "portray", "terminal_icon"]

@@ -1,4 +1,4 @@
-"""Reading records from data files."""
+"""Reading records from data files, and the sampling of their columns."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Record of an axis or a contact, the input of every identification."""
+"""Record of an axis or a contact, the input of every identification: quantities, findings and the record itself."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Pool of loaded FMUs: unpacking and loading an FMU takes longer than fitting a short record."""
+"""Fit of a friction block to records, with a pool of loaded FMUs."""
 
 from __future__ import annotations
 

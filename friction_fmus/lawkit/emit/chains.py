@@ -1,4 +1,4 @@
-"""Corresponding operations on the elements of vectors."""
+"""Corresponding operations on the elements of vectors, and loops over them."""
 
 from __future__ import annotations
 

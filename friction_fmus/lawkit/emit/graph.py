@@ -1,4 +1,4 @@
-"""The graph of operations of a casadi function, from which C code is generated."""
+"""The graph of operations of a casadi function, from which C code is generated, and the signs of its zeros."""
 
 from __future__ import annotations
 

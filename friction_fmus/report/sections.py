@@ -1,0 +1,386 @@
+"""Sections of the report: each has a template ``sections/name.html``, and a title here."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+
+from friction_fmus.blocks.catalogue import catalogue
+from friction_fmus.report.comparing import Point, ladder_bars, panels, tradeoffs
+from friction_fmus.report.figures import ROWS, STYLES, Bar, Plot, bars, lines, sweep
+from friction_fmus.report.numbers import multiple, number, quantity, unit
+from friction_fmus.report.views import NO_COMPENSATION, NONE, axes, label, reversal
+from friction_fmus.study.models import ALIKE
+from friction_fmus.study.ranking import figures
+from friction_fmus.study.result import CompensatorResult, Curve, Fit, ModelResult, Picture, StudyResult, Trial
+
+#: Number of compensators whose errors are shown, in addition to the servo without compensation.
+FIRST = 4
+
+#: Plots of the tuning: name, title of the axis, tuned parameter of a trial, caption.
+SWEEPS: tuple[tuple[str, str, Callable[[Trial], float | None], str], ...] = (
+    (
+        "gains",
+        "gain",
+        lambda trial: trial.gain if trial.bandwidth is None else None,
+        "Tracking error over the gain of the compensation, as far as the limits on the margins allow. Gain 1 applies "
+        "the full friction estimate; a minimum below 1 indicates over-compensation.",
+    ),
+    (
+        "bandwidths",
+        "bandwidth [Hz]",
+        lambda trial: trial.bandwidth,
+        "Tracking error over the bandwidth of estimators and of integral action, up to the limits on the margins.",
+    ),
+)
+
+
+def _compensators(study: StudyResult) -> Mapping[str, Any]:
+    """Return what the template needs in addition to the study."""
+    unit, factor = error_unit(study)
+    return {
+        "ranked": ranked(study),
+        "plots": compensator_plots(study),
+        "error_unit": unit,
+        "factor": factor,
+        "not_compared": not_compared(study),
+        "figures": scored(study),
+    }
+
+
+def ranked(study: StudyResult) -> list[CompensatorResult]:
+    """Return the co-simulated compensators by rank, after the servo without compensation."""
+    none = [row for row in study.compensators if row.name == NONE and row.metrics is not None]
+    rows = [row for row in study.compensators if row.rank is not None and row.metrics is not None and row.name != NONE]
+    return none + sorted(rows, key=lambda row: row.rank or 0)
+
+
+def scored(study: StudyResult) -> dict[str, tuple[float, float, float, float]]:
+    """Return the four figures of the score of each compensator that has them, by name; see `figures`."""
+    rows = ranked(study)
+    if not rows or rows[0].name != NONE or rows[0].worst is None or study.limits is None:
+        return {}
+    return {row.name: figures(rows[0], row, study.limits.Ms) for row in rows if row.worst is not None}
+
+
+def error_unit(study: StudyResult) -> tuple[str, float]:
+    """Return the unit of the tracking errors, and the factor from the position unit to it."""
+    return multiple(study.units.position, np.array([row.metrics.rms for row in ranked(study) if row.metrics]))
+
+
+def compensator_plots(study: StudyResult) -> dict[str, Plot]:
+    """Return the plots of the compensators that have data, by name."""
+    rows = ranked(study)
+    plots: dict[str, Plot] = {}
+    if not rows:
+        return plots
+    unit, factor = error_unit(study)
+    plots["bars"] = _bars(study, rows, unit, factor)
+    plots["tradeoffs"] = _tradeoffs(study, rows, unit, factor)
+
+    errors = {label(row.name): row.error for row in rows if row.error is not None}
+    if errors:
+        drawn = dict(list(errors.items())[: FIRST + 1])
+        caption = "Tracking error over time without compensation and of the best compensators, with the same axes."
+        figure = panels(drawn, ("time [s]", f"reference − position [{unit}]"), (1.0, factor))
+        turn = reversal(study.record)
+        views = {} if turn is None else {"around a reversal": turn}
+        plots["errors"] = Plot("errors-plot", figure, caption, f"Plot. {caption}", views=views, legend=False)
+
+    for name, title, value, caption in SWEEPS:
+        sweeps = _drawn({label(row.name): curve for row in rows if len((curve := _tuning(row, value)).x) > 1})
+        if sweeps:
+            figure = sweep(sweeps, (title, f"tracking error, rms [{unit}]"), factor)
+            plots[name] = Plot(f"{name}-plot", figure, caption, f"Plot. {caption} The table below has the values.")
+    return plots
+
+
+def _tuning(row: CompensatorResult, value: Callable[[Trial], float | None]) -> Curve:
+    """Return the error over the tuned parameter; empty if it is another one."""
+    tuned = [(at, trial.metrics.rms) for trial in row.trials if trial.metrics and (at := value(trial)) is not None]
+    return Curve(tuple(at for at, _ in sorted(tuned)), tuple(rms for _, rms in sorted(tuned)))
+
+
+def _drawn(curves: Mapping[str, Curve]) -> dict[str, Curve]:
+    """Return the first curves, one for each line style."""
+    return dict(list(curves.items())[: len(STYLES)])
+
+
+def _bars(study: StudyResult, rows: Sequence[CompensatorResult], unit: str, factor: float) -> Plot:
+    emphasis = {study.recommendation.name: "best", study.recommendation.runner_up: "second"}
+    shown = []
+    for row in rows[:ROWS]:
+        assert row.metrics is not None
+        rms = row.metrics.rms
+        low, high = (rms if value is None else value for value in (row.best, row.worst))
+        shown.append(
+            Bar(label(row.name), factor * rms, factor * min(low, rms), factor * max(high, rms),
+                emphasis.get(row.name, ""))
+        )  # fmt: skip
+    caption = (
+        "Tracking error on the identified axis; the whiskers show the smallest and largest error in the cases that "
+        "count. Blue: recommended; hatched: runner-up."
+    ) + (f" Only the first {ROWS} are shown." if len(rows) > ROWS else "")
+    figure = bars(shown, f"tracking error, rms [{unit}]")
+    return Plot("bars-plot", figure, caption, f"Bar chart. {caption} The table below has the values.", False, False)
+
+
+def _tradeoffs(study: StudyResult, rows: Sequence[CompensatorResult], unit: str, factor: float) -> Plot:
+    points = [
+        Point(label(row.name), row.kind if row.name != NONE else NO_COMPENSATION, factor * row.worst,
+              row.metrics.effort_high, row.margins.Ms if row.margins else None, row.name == study.recommendation.name)
+        for row in rows
+        if row.metrics is not None and row.worst is not None
+    ]  # fmt: skip
+    limit = study.limits.Ms if study.limits else None
+    caption = (
+        "Worst-case error against the drive force above the loop bandwidth, and against the peak of the sensitivity "
+        "function; the dotted line is its limit. The dashed line connects the compensators that no other one beats in "
+        "both. The large mark is the recommended one."
+    )
+    figure = tradeoffs(points, f"worst-case error, rms [{unit}]", f"force [{study.units.force}]", limit)
+    return Plot("tradeoffs-plot", figure, caption, f"Plot. {caption} The table below has the values.", False)
+
+
+def not_compared(study: StudyResult) -> dict[str, list[str]]:
+    """Return the compensators that were not co-simulated or failed, by reason."""
+    reasons: dict[str, list[str]] = {}
+    for row in study.compensators:
+        if not row.applies or row.metrics is None:
+            reasons.setdefault(row.reason, []).append(label(row.name))
+    return reasons
+
+
+def _friction(study: StudyResult) -> Mapping[str, Any]:
+    """Return what the template needs in addition to the study."""
+    return {
+        "friction_plots": friction_plots(study),
+        "friction_table": None if study.friction is None else friction_table(study.friction),
+    }
+
+
+def friction_plots(study: StudyResult) -> list[Plot]:
+    """Return the plots of friction over velocity and over displacement that have data."""
+    plots = []
+    for name, picture, what in (
+        ("friction", study.friction, "Grey points: record. Lines: identified models."),
+        ("hysteresis", study.hysteresis, "Record and models, with the same motion around a reversal."),
+    ):  # fmt: skip
+        if picture is None:
+            continue
+        caption = f"{picture.y_label[:1].upper()}{picture.y_label[1:]} over {picture.x_label}. {what}"
+        titles, factors = axes(picture)
+        seen = [row.name for row in study.models if row.name in picture.models][:4]
+        figure = lines(picture.data, picture.models, titles, factors, name == "friction", seen)
+        if (span := _span(picture)) is not None:
+            figure.update_yaxes(range=[factors[1] * value for value in span])
+            caption += " The vertical axis shows the range of the record; the button “full range” shows all curves."
+        plots.append(Plot(f"{name}-plot", figure, caption, f"Plot. {caption}"))
+    return plots
+
+
+def _span(picture: Picture, margin: float = 0.3) -> tuple[float, float] | None:
+    """Return the range of the record with a margin if a model exceeds it by more than its size; otherwise None.
+
+    The damping force of a bristle that starts in motion can be much larger than friction and would flatten all curves.
+    """
+    if not picture.data or not picture.models:
+        return None
+    low, high = (side(side(curve.y) for curve in picture.data.values()) for side in (min, max))
+    lowest, highest = (side(side(curve.y) for curve in picture.models.values()) for side in (min, max))
+    size = high - low
+    if lowest >= low - size and highest <= high + size:
+        return None
+    return low - margin * size, high + margin * size
+
+
+def friction_table(picture: Picture, rows: int = 9) -> tuple[list[str], list[list[str]]]:
+    """Return column headings and rows of friction at some velocities, one column for each model.
+
+    The velocities are evenly spaced over the curves, without zero, where friction jumps.
+    """
+    (x_title, _), (x_factor, y_factor) = axes(picture)
+    curves = {name: (np.asarray(curve.x), np.asarray(curve.y)) for name, curve in picture.models.items()}
+    fastest = min((float(np.max(np.abs(x))) for x, _ in curves.values()), default=0.0)
+    at = [v for v in np.linspace(-fastest, fastest, rows) if abs(v) > 1e-9 * fastest]
+    cells = [
+        [number(x_factor * v), *(number(y_factor * float(np.interp(v, x, y))) for x, y in curves.values())] for v in at
+    ]
+    return [x_title, *curves], cells if fastest else []
+
+
+def _ladder(study: StudyResult) -> Mapping[str, Any]:
+    """Return what the template needs in addition to the study."""
+    if not study.ladder:
+        return {"plot": None}
+    errors = np.array([rung.metrics.rms for rung in study.ladder])
+    unit, factor = multiple(study.units.position, errors[-1:])
+    caption = (
+        "Tracking error of the axis as it was measured, and with each kind of compensation at its best; the scale is "
+        "logarithmic. Every rung except the first has motion feedforward. Blue: recommended."
+        if study.ladder[0].name == ""
+        else "Tracking error with each kind of compensation at its best; the scale is logarithmic."
+    )
+    rungs = [(rung.title, rung.name == study.recommendation.name) for rung in study.ladder]
+    figure = ladder_bars(rungs, factor * errors, f"tracking error, rms [{unit}]")
+    return {
+        "plot": Plot("ladder-plot", figure, caption, f"Bar chart. {caption} The table has the values.", False, False)
+    }
+
+
+def _record(study: StudyResult) -> Mapping[str, Any]:
+    """Return what the template needs in addition to the study."""
+    return {"record_plots": record_plots(study)}
+
+
+def record_plots(study: StudyResult) -> list[Plot]:
+    """Return the plots of measured and simulated signals over time."""
+    turn = reversal(study.record)
+    plots = []
+    for index, picture in enumerate(study.record):
+        how = ", measured and simulated" if picture.data and picture.models else "" if picture.data else " by model"
+        caption = f"{picture.y_label[:1].upper()}{picture.y_label[1:]} over time{how}."
+        plots.append(_over_time(f"record-plot-{index + 1}", picture, caption, turn))
+    return plots
+
+
+def _over_time(name: str, picture: Picture, caption: str, turn: tuple[float, float] | None) -> Plot:
+    titles, factors = axes(picture)
+    views = {} if turn is None else {"around a reversal": turn}
+    if not picture.data:
+        return Plot(
+            name, panels(picture.models, titles, factors), caption, f"Plot. {caption}", legend=False, views=views
+        )
+    figure = lines(picture.data, picture.models, titles, factors, height=330)
+    return Plot(name, figure, caption, f"Plot. {caption}", views=views)
+
+
+def _servo(study: StudyResult) -> Mapping[str, Any]:
+    """Return the plot of recorded and commanded force; None if they were not compared."""
+    check = study.servo_check
+    if check.recorded is None or check.commanded is None:
+        return {"plot": None}
+    titles = ("time [s]", f"drive force [{unit(study.units.force)}]")
+    figure = lines({"recorded": check.recorded}, {"commanded by the servo": check.commanded}, titles, height=330)
+    caption = "Recorded drive force, and the force that the servo commands for the recorded reference and position."
+    return {"plot": Plot("servo-plot", figure, caption, f"Plot. {caption}")}
+
+
+def _sources(study: StudyResult) -> Mapping[str, Any]:
+    """Return what the template needs in addition to the study."""
+    return {"sources": sources(study)}
+
+
+def sources(study: StudyResult) -> list[tuple[str, str]]:
+    """Return name and source of each block of the catalogue used by the study."""
+    known = catalogue()
+    names = [row.name for row in study.models if row.rank is not None] + [
+        row.name for row in study.compensators if row.applies
+    ]
+    return [(name, known[name].source) for name in dict.fromkeys(names) if name in known]
+
+
+def _summary(study: StudyResult) -> Mapping[str, Any]:
+    """Return what the template needs in addition to the study."""
+    return {
+        "best": next((row for row in study.models if row.rank == 1), None),
+        "without": next((row for row in study.compensators if row.name == NONE), None),
+    }
+
+
+def _models(study: StudyResult) -> Mapping[str, Any]:
+    """Return what the template needs in addition to the study."""
+    return {"scores": scores(study.models), "alike": ALIKE, "residual_plots": residual_plots(study)}
+
+
+def residual_plots(study: StudyResult) -> list[Plot]:
+    """Return the plots of the force residual over velocity and position, with a panel for each of the best models."""
+    plots = []
+    for picture in study.residuals:
+        titles, factors = axes(picture)
+        caption = f"Simulated minus measured drive force over {picture.x_label}, in the co-simulated servo."
+        figure = panels(picture.models, titles, factors, dots=True)
+        plots.append(Plot(f"residual-{picture.x_label}", figure, caption, f"Plot. {caption}", False, False))
+    return plots
+
+
+@dataclass(frozen=True)
+class Score:
+    """Formatted scores of a model."""
+
+    validation: str
+    train: str
+    """Residual in percent; a dash if there is none."""
+    aic: str
+    bic: str
+    """Information criteria minus the lowest one of all models fitted to the same signal."""
+    closed_loop: Mapping[str, str]
+    """Residuals of the co-simulated servo, by signal."""
+
+
+def scores(models: Sequence[ModelResult]) -> dict[str, Score]:
+    """Return the scores of the identified models, by name."""
+    lowest: dict[tuple[str, tuple[str, str]], float] = {}
+    for row in models:
+        for name, value in (("aic", row.aic), ("bic", row.bic)):
+            if value is not None:
+                key = (name, _fitted(row))
+                lowest[key] = min(value, lowest.get(key, value))
+
+    def above(row: ModelResult, name: str, value: float | None) -> str:
+        return number(None) if value is None else f"{value - lowest[name, _fitted(row)]:.0f}"
+
+    return {
+        row.name: Score(
+            _percent(row.validation),
+            _percent(row.train),
+            above(row, "aic", row.aic),
+            above(row, "bic", row.bic),
+            {fit.signal: _residual(fit) for fit in row.closed_loop},
+        )
+        for row in models
+        if row.rank is not None
+    }
+
+
+def _fitted(row: ModelResult) -> tuple[str, str]:
+    return ("", "") if row.train is None else (row.train.signal, row.train.unit)
+
+
+def _percent(fit: Fit | None) -> str:
+    return number(None) if fit is None else f"{number(fit.percent)} %"
+
+
+def _residual(fit: Fit) -> str:
+    """Return a residual, also in percent unless that is negligible, as for a position relative to its travel."""
+    return quantity(fit.rms, fit.unit) + (f" ({_percent(fit)})" if fit.percent >= 0.1 else "")
+
+
+@dataclass(frozen=True)
+class Section:
+    """A section of the report."""
+
+    title: str
+    values: Callable[[StudyResult], Mapping[str, Any]] = lambda study: {}
+    """What the template needs in addition to ``study``."""
+
+
+SECTIONS: Final[Mapping[str, Section]] = {
+    "steps": Section("What to do next"),
+    "summary": Section("Summary", _summary),
+    "ladder": Section("From the axis as it is to the best compensation", _ladder),
+    "what_if": Section("What if the axis changes"),
+    "compensators": Section("Compensators", _compensators),
+    "servo": Section("Does the servo reproduce the record?", _servo),
+    "record": Section("Record", _record),
+    "models": Section("Models", _models),
+    "friction": Section("Friction curve and hysteresis", _friction),
+    "doctor": Section("Conditions of the loop"),
+    "files": Section("Files"),
+    "again": Section("Reproduction"),
+    "sources": Section("Citations", _sources),
+}
+"""The sections by name, in their order."""
