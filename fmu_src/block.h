@@ -39,12 +39,10 @@
 #ifndef BLOCK_H
 #define BLOCK_H
 
-#include <float.h>
-#include <math.h>
-#include <stdbool.h>
 #include <stddef.h>
 #include <stdint.h>
 
+#include "constants.h"
 #include "effort.h"
 
 /* before a loop with a constant number of passes, in a law: fast without branches of the loop */
@@ -56,7 +54,6 @@
 #define UNROLLED
 #endif
 
-#define INF    HUGE_VAL
 #define COUNTS 2147483647.0 /* the largest fmi2Integer */
 
 /* clang-format off */

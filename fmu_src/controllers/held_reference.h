@@ -4,6 +4,8 @@
 #ifndef HELD_REFERENCE_H
 #define HELD_REFERENCE_H
 
+#include "constants.h"
+
 #undef SLOPE
 #define SLOPE(name) 0.0
 static inline bool inputs_held(const Model *m)

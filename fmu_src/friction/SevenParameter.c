@@ -94,8 +94,118 @@ struct memory {
 #define KEEPS_BY keep_history
 
 #include "block.h"
+#include "ramp.h"
+#include "roots.h"
+#include "search.h"
 #include "load.h"
-#include "SevenParameter_history.h"
+
+/* ---- The history of the velocity. */
+
+static bool is_history(const Model *m)
+{
+    const struct memory *const past = &m->memory;
+    bool good = is_direction(past->slip) && isfinite(past->Fs_last) && is_count(past->slid, 1.0) &&
+                is_count(past->forgot, 1.0) && past->first < PIECES && is_count(past->first, PIECES) &&
+                is_count(past->count, PIECES);
+    for (int i = 0; good && i < past->count; i++)
+        good = isfinite(past->ring[(past->first + i) % PIECES].begin);
+    return good;
+}
+
+static struct piece *piece(struct memory *past, int i) { return &past->ring[(past->first + i) % PIECES]; }
+
+/* A step appends a few segments, the first of which may replace the last one, unless the history is thinned out. */
+static void keep_history(Memory *to, const Memory *from, const Model *m, bool follows)
+{
+    (void)m;
+    if (follows && to->thinned == from->thinned && to->count > 0) {
+        const int end = (from->first + from->count) % PIECES;
+        int i = (to->first + to->count - 1) % PIECES;
+        memcpy(to, from, offsetof(struct memory, ring));
+        do {
+            to->ring[i] = from->ring[i];
+            i = (i + 1) % PIECES;
+        } while (i != end);
+    } else
+        *to = *from;
+}
+
+static double along(const struct piece *p, double t) { return p->v + p->rate * (t - p->begin); }
+
+/* Return v up to now: at a jump, the earlier value. */
+static double until_now(const Model *m)
+{
+    const struct memory *const past = &m->memory;
+    return past->count > 0 ? along(&past->ring[(past->first + past->count - 1) % PIECES], m->time) : 0.0;
+}
+
+static double begin_of(const void *past, int64_t i)
+{
+    const struct memory *const of = (const struct memory *)past;
+    return of->ring[(of->first + i) % PIECES].begin;
+}
+
+/* Return v(t - tauL): at a jump, the later value, even if the times differ by rounding. */
+static double delayed(const Model *m)
+{
+    const struct memory *const past = &m->memory;
+    const double t = m->time - m->tauL, later = t + 1e-9 * m->tauL + 1e-15 * fabs(m->time);
+    if (m->tauL == 0.0)
+        return m->v;
+    const int last = (int)last_not_above(begin_of, past, -1, past->count, later); /* segment that has begun */
+    const struct piece at_rest = {0.0, 0.0, 0.0}, oldest = {0.0, past->ring[past->first].v, 0.0};
+    if (last < 0)
+        return along(past->forgot ? &oldest : &at_rest, t);
+    return along(&past->ring[(past->first + last) % PIECES], t);
+}
+
+/* Join neighbours whose total duration is at most four times the mean duration, at least a quarter of the segments, by
+   the line through their mean values, which preserves the distance. */
+static void thin_out(struct memory *past, double now)
+{
+    const double longest = 4.0 * (now - piece(past, 0)->begin) / (double)PIECES;
+    int kept = 0;
+    for (int i = 0; i < PIECES; i++) {
+        struct piece a = *piece(past, i);
+        const double end = i + 2 < PIECES ? piece(past, i + 2)->begin : now;
+        if (i + 1 < PIECES && end - a.begin <= longest) {
+            const struct piece b = *piece(past, ++i);
+            const double at_a = 0.5 * (a.begin + b.begin), at_b = 0.5 * (b.begin + end);
+            const double rate = (along(&b, at_b) - along(&a, at_a)) / (at_b - at_a);
+            a = (struct piece){a.begin, along(&a, at_a) - rate * (at_a - a.begin), rate};
+        }
+        *piece(past, kept++) = a;
+    }
+    past->count = kept;
+    past->thinned++;
+}
+
+/* Append v for the step from now over h, unless it continues the last segment. */
+static void remember(Model *m, double h)
+{
+    struct memory *const past = &m->memory;
+    const double now = m->time, v = m->v, rate = m->slope[INPUT_v], end = v + rate * h;
+    if (past->count > 0) {
+        struct piece *const last = piece(past, past->count - 1);
+        const double same = 1e-14 * fmax(fabs(v), fabs(end));
+        if (fabs(along(last, now) - v) <= same && fabs(along(last, now + h) - end) <= same)
+            return;
+        if (!(now > last->begin))
+            past->count--; /* it had no duration */
+    }
+    if (past->count == PIECES) {
+        while (past->count > 1 && piece(past, 1)->begin < now - (1.0 + 1e-6) * m->tauL) {
+            past->first = (past->first + 1) % PIECES;
+            past->count--;
+            past->forgot = 1;
+        }
+        if (past->count == PIECES) {
+            thin_out(past, now);
+            m->run.warning = true;
+        }
+    }
+    *piece(past, past->count++) = (struct piece){now, v, rate};
+}
 
 typedef struct {
     double slip, d, t2, Fs_last;
@@ -155,4 +265,75 @@ static void equations(Model *m)
     m->level = Fc + Fs;
 }
 
-#include "SevenParameter_ramp.h"
+/* ---- Steps: break-away as the root of a polynomial. */
+
+/* c0 + c1 t + c2 t^2 + c3 t^3 */
+static Taylor cubic(const void *data, double t)
+{
+    const double *const c = (const double *)data;
+    return (Taylor){.value = c[0] + t * (c[1] + t * (c[2] + t * c[3])),
+                    .slope = c[1] + t * (2.0 * c[2] + t * 3.0 * c[3])};
+}
+
+/* Return the first time within h at which the cubic, which is not positive at 0, becomes positive, or INF. */
+static double first_rise(const double *c, double h)
+{
+    double ends[4] = {0.0, h, h, h};
+    int n = 1;
+    /* the cubic is monotone between the roots of 3 c3 t^2 + 2 c2 t + c1 */
+    const double discriminant = c[2] * c[2] - 3.0 * c[3] * c[1];
+    if (discriminant > 0.0) {
+        const double q = -(c[2] + copysign(sqrt(discriminant), c[2]));
+        const double one = c[3] != 0.0 ? q / (3.0 * c[3]) : INF, other = c[1] / q;
+        const double early = fmin(one, other), late = fmax(one, other);
+        if (early > 0.0 && early < h)
+            ends[n++] = early;
+        if (late > 0.0 && late < h)
+            ends[n++] = late;
+    }
+    ends[n] = h;
+    for (int i = 0; i < n; i++)
+        if (cubic(c, ends[i + 1]).value > 0.0) {
+            double low = ends[i], high = ends[i + 1];
+            newton_between(cubic, c, 0.5 * (low + high), &low, &high);
+            return high;
+        }
+    return INF;
+}
+
+/* Return the time until kt d in the direction s reaches Fc + Fs(t2), or INF if not within h: (kt s d - Fc - Fs_last)
+   (t2 + gamma) - (Fs_inf - Fs_last) t2 = 0, where d is quadratic and t2 linear in time. */
+static double time_to_break_away(const Model *m, const Contact *c, double s, double h)
+{
+    const double over = m->kt * s * c->d - m->Fc - c->Fs_last, rise = m->Fs_inf - c->Fs_last;
+    const double pull = m->kt * fabs(m->v), half = 0.5 * m->kt * s * m->slope[INPUT_v], t = c->t2 + m->gamma;
+    const double at_once[] = {fmin(over - rise, 0.0), pull, half, 0.0};
+    const double in_time[] = {fmin(over * t - rise * c->t2, 0.0), over + pull * t - rise, pull + half * t, half};
+    return first_rise(m->gamma > 0.0 ? in_time : at_once, h);
+}
+
+static bool step(Model *m, double h)
+{
+    GIVEN(m)
+    const double rate = m->slope[INPUT_v], s = v != 0.0 ? sign(v) : sign(rate);
+
+    Contact c = contact(m, sign(v));
+    remember(m, h);
+    if (c.stopped) {
+        m->memory.slid = 1;
+        m->memory.Fs_last = c.Fs_last;
+    }
+    if (c.slip == 0.0 && s != 0.0 && breaks_away(m, &c, s))
+        c.slip = s;
+    if (c.slip == 0.0) {
+        const double wait = s != 0.0 ? time_to_break_away(m, &c, s, h) : INF, t = fmin(wait, h);
+        c.d += path_after(v, rate, t);
+        c.t2 += t;
+        if (wait <= h)
+            c.slip = s;
+    }
+    m->d = c.d;
+    m->t2 = c.t2;
+    m->memory.slip = c.slip;
+    return true;
+}

@@ -4,6 +4,8 @@
 #ifndef MOTION_H
 #define MOTION_H
 
+#include "constants.h"
+
 /* The velocity v + slope s from s = start to end. */
 typedef struct {
     double v, slope, start, end;

@@ -7,6 +7,8 @@
 #ifndef STRIBECK_H
 #define STRIBECK_H
 
+#include "constants.h"
+
 static inline double stribeck(double v, double Fc, double Fs, double vs, double delta)
 {
     const double ratio = fabs(v) / vs;

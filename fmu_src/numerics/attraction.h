@@ -6,10 +6,13 @@
 
    It is computed by Lobatto quadrature (Abramowitz, Stegun: Handbook of Mathematical Functions, 25.4.32) with error
    control, backwards from the end of the ramp until earlier contributions, which have the weight exp(-P), are
-   negligible. Included after presliding.h and stribeck.h. */
+   negligible. */
 
 #ifndef ATTRACTION_H
 #define ATTRACTION_H
+
+#include "constants.h"
+#include "stribeck.h"
 
 /* All quantities are in the direction of motion, so that speeds are nonnegative. */
 typedef struct {

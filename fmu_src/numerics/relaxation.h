@@ -13,6 +13,8 @@
 #ifndef RELAXATION_H
 #define RELAXATION_H
 
+#include "constants.h"
+
 typedef double Curve(double s, double y, const void *law);
 typedef struct {
     Curve *rate, *goal, *place; /* f, the goal, and p (a function of s only); the last two may be NULL */

@@ -12,6 +12,8 @@
 #ifndef RODAS_H
 #define RODAS_H
 
+#include "constants.h"
+
 enum { STAGES = 6 };
 static const double rodas_gamma = 0.25;
 static const double rodas_alpha[STAGES] = {0.0, 0.386, 0.21, 0.63, 1.0, 1.0};

@@ -1,5 +1,11 @@
 /* A ripple for PositionMap: cogging with a period of 24 mm over 72 mm, and friction that is largest at both ends.
    Begin and spacing of the nodes [m], and rows { C [N], D [N] }. */
+
+#ifndef MAP_H
+#define MAP_H
+
+#include "constants.h"
+
 /* clang-format off */
 static const double map_begin = 0.0, map_spacing = 0.003;
 static const bool map_periodic = false;
@@ -31,3 +37,5 @@ static const double map[][2] = {
     {0.0, 0.4},
 };
 /* clang-format on */
+
+#endif

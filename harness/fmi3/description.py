@@ -192,7 +192,7 @@ def _kinds(root: etree._Element, old: etree._Element, traits: Traits) -> None:
 
 
 def _flags(element: etree._Element, names: Mapping[str, str]) -> dict[str, str]:
-    """Return the capabilities. Whoever gives directional derivatives gives adjoint ones too, see fmi3_derivatives.h."""
+    """Return the capabilities. Whoever gives directional derivatives gives adjoint ones too, see fmi3.h."""
     flags = {new: str(element.get(old)) for old, new in names.items() if element.get(old) is not None}
     if flags.get("providesDirectionalDerivatives") == "true":
         flags["providesAdjointDerivatives"] = "true"
