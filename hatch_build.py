@@ -38,8 +38,8 @@ class BinariesHook(BuildHookInterface):  # type: ignore[type-arg]
             build_data["dependencies"] += self.metadata.core.optional_dependencies["all"]
             return
         from friction_fmus.blocks.catalogue import OWN_BLOCKS, catalogue
+        from harness.compiling.library import sources
         from harness.compiling.platforms import PLATFORMS, compiled
-        from harness.engine.library import sources
 
         folder = Path(self.directory).resolve()
         added = build_data["force_include"]

@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
-from typing import Final, TypeAlias
+from typing import TYPE_CHECKING, Final, TypeAlias
 
 import numpy as np
 import xarray as xr
 
 from harness.errors import UnknownNameError, nearest
-from harness.parts.part import Port, Values
 from harness.patterns import matching
+
+if TYPE_CHECKING:
+    from harness.parts.part import Port, Values
 
 Result: TypeAlias = xr.Dataset
 

@@ -17,12 +17,12 @@ from harness.engine.algorithm import NativeTicks, Progress, PythonTicks, Reader,
 from harness.engine.checkpoint import read_checkpoint, write_checkpoint
 from harness.errors import ENDED, ExperimentError, HarnessError, Interrupted, PartError
 from harness.masters import find_master
-from harness.parts.feedthrough import find_feedthrough
 from harness.parts.guard import Guard
 from harness.parts.part import StartValue
 from harness.result import Result
 from harness.system.assembly import Assembly, resize_parts
 from harness.system.experiment import Experiment
+from harness.system.feedthrough import find_feedthrough
 from harness.system.graph import check_loops, find_port, make_plan, recorded_names
 from harness.system.initialisation import Initialisation
 from harness.system.plan import Plan

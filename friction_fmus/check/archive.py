@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 from pathlib import Path, PurePosixPath
 
 from friction_fmus.check.findings import DESCRIPTION, Fault, Finding, apply, declare, rule
-from harness.parts.shared_library import LONGEST_TABLE, missing_of
+from harness.compiling.shared_library import LONGEST_TABLE, missing_of
 from harness.storage.zip_file import (
     LONGEST,
     ZipError,

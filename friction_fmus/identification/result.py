@@ -20,7 +20,7 @@ from friction_fmus.notebook import identification_html, identification_text
 from harness import Parameter, ParameterSet, write_ssv
 
 if TYPE_CHECKING:
-    from friction_fmus.data import ServoSettings
+    from friction_fmus.identification.data.record import ServoSettings
 
 
 def build_identified(result: Identification, folder: Path, name: str | None) -> Path:

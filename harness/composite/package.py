@@ -9,6 +9,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Final
 
+from harness.compiling.library import sources as engine_sources
 from harness.compiling.platforms import WASM, linked, select
 from harness.compiling.toolchain import guid_of, included, source_folder
 from harness.composite.code import part_codes
@@ -32,16 +33,15 @@ from harness.composite.interface import (
     without_sources,
 )
 from harness.composite.tables import table_file
-from harness.engine.library import sources as engine_sources
 from harness.errors import BuildError, ExperimentError
 from harness.fmi3 import fmi_3
-from harness.parts.feedthrough import find_feedthrough
 from harness.parts.fmu import FmuPart
 from harness.run import run
 from harness.storage.files import atomic_path, stamped
 from harness.storage.zip_file import zipped
 from harness.system.assembly import Assembly
 from harness.system.experiment import COUPLING_TOLERANCE, LOOP_TOLERANCE, STEP_TOLERANCE, Experiment
+from harness.system.feedthrough import find_feedthrough
 from harness.system.graph import check_loops, make_plan, stepping_order
 from harness.system.initialisation import start_order
 from harness.values import is_number

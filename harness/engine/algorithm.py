@@ -10,8 +10,8 @@ from typing import Any, Protocol, TypeAlias
 
 import numpy as np
 
+from harness.compiling.library import mirrors
 from harness.engine.defect import Coupling
-from harness.engine.library import mirrors
 from harness.engine.manipulate import Manipulations
 from harness.engine.native import NOT_CONVERGED, Engine
 from harness.errors import ExperimentError, HarnessError

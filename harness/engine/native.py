@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import ctypes
-import platform
 import signal
 import threading
 from collections.abc import Callable, Iterator, Sequence
@@ -14,29 +13,12 @@ from typing import Any, Final
 
 import numpy as np
 
-from harness.engine.library import library, mirrors
+from harness.compiling.library import library, mirrors
 from harness.errors import HarnessError, PartError, not_whole
+from harness.parts.guard import described_floats
 from harness.parts.part import TYPE_ORDER, Calls, Native, Values
 from harness.system.plan import GET, SET, STEP, Plan
 from harness.system.wire import split_name
-
-_FLOATS: Final = (
-    {
-        "the rounding mode": 0x0C006000,
-        "the treatment of denormal numbers": 0x8040,
-        "the precision of the x87 unit": 0x03000000,
-        "the trapping of invalid operations": 0x003F1F80,
-    }
-    if platform.machine().lower() in ("x86_64", "amd64", "i686", "x86")
-    else {"the rounding mode": 0x00C00000, "the treatment of denormal numbers": 0x01080003}
-)
-
-
-def described_floats(changed: int) -> str:
-    """Return a description of the changed bits of floats.h."""
-    words = [name for name, bits in _FLOATS.items() if changed & bits]
-    return " and ".join(words) or "the floating-point control"
-
 
 SAVE: Final = 3
 RESTORE: Final = 4

@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
+from harness.compiling.library import bytes_of, mirrors
 from harness.engine.algorithm import Algorithm, attach_lines
-from harness.engine.library import bytes_of, mirrors
 from harness.engine.native import Engine
 from harness.system.experiment import Experiment
 from harness.system.plan import GET, SET, STEP, Plan, Schedule

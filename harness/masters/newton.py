@@ -18,9 +18,9 @@ import numpy as np
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
+from harness.compiling.library import bytes_of, library, mirrors
 from harness.engine.algorithm import Algorithm, attach_lines
 from harness.engine.defect import UNRESOLVED, WRONG, contact_of
-from harness.engine.library import bytes_of, library, mirrors
 from harness.engine.native import Engine
 from harness.errors import ExperimentError
 from harness.system.experiment import LOOP_TOLERANCE, STEP_TOLERANCE, Experiment

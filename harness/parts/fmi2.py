@@ -15,10 +15,10 @@ from typing import Any, Final, TypeAlias
 import fmpy
 import fmpy.fmi2
 
-from harness.engine.integrator import FUNCTIONS
+from harness.compiling.shared_library import missing_bytes
 from harness.errors import ENDED, FmuError, PartError
 from harness.parts.archive import Archive
-from harness.parts.shared_library import missing_bytes
+from harness.parts.integrator import FUNCTIONS
 from harness.storage.files import FULL, ScratchFolder
 from harness.storage.zip_file import ZipError, open_zip, unpack_zip
 

@@ -15,7 +15,7 @@ import fmpy
 import fmpy.fmi3
 import numpy as np
 
-from harness.engine.library import library, mirrors
+from harness.compiling.library import library, mirrors
 from harness.errors import ENDED, PartError, StartValueError
 from harness.parts.archive import Archive
 from harness.parts.flat import TYPES, Flat

@@ -10,12 +10,12 @@ from functools import partial
 from pathlib import Path
 from typing import Any, Final
 
-from harness.engine.integrator import TOLERANCE, Integrator
 from harness.errors import HarnessError, PartError, StartValueError, not_whole
 from harness.parts.archive import Archive, open_archive
 from harness.parts.flat import stated_sizes
 from harness.parts.fmi2 import DO_STEP, Instance, Library, State, exchanges
 from harness.parts.fmi3 import Instance3, Library3
+from harness.parts.integrator import TOLERANCE, Integrator
 from harness.parts.part import Calls, Native, Part, Port, StartValue, Values
 from harness.values import is_number, shown
 
@@ -118,7 +118,7 @@ class FmuPart(Part):
     """A part that is an FMU of FMI 2.0, or of FMI 3.0 for co-simulation.
 
     The file is checked immediately. It is unpacked to a temporary folder at the start of its first run. An FMU that
-    offers model exchange only is integrated by the harness, see `harness.engine.integrator`.
+    offers model exchange only is integrated by the harness, see `harness.parts.integrator`.
 
     Parameters
     ----------

@@ -12,6 +12,7 @@ import ctypes
 import locale
 import logging
 import os
+import platform
 import sys
 import threading
 from collections.abc import Iterator, Mapping, Sequence
@@ -20,8 +21,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
-from harness.engine.library import library
-from harness.engine.native import described_floats
+from harness.compiling.library import library
 from harness.errors import HarnessError
 from harness.parts.fmi2 import LOADING
 from harness.parts.fmu import FmuPart
@@ -34,6 +34,24 @@ EXITED: Final = 2
 
 _AT_EXIT = ctypes.CFUNCTYPE(None)
 _ISOLATE: Final = "run it in its own process (isolate = true)"
+
+
+_FLOATS: Final = (
+    {
+        "the rounding mode": 0x0C006000,
+        "the treatment of denormal numbers": 0x8040,
+        "the precision of the x87 unit": 0x03000000,
+        "the trapping of invalid operations": 0x003F1F80,
+    }
+    if platform.machine().lower() in ("x86_64", "amd64", "i686", "x86")
+    else {"the rounding mode": 0x00C00000, "the treatment of denormal numbers": 0x01080003}
+)
+
+
+def described_floats(changed: int) -> str:
+    """Return a description of the changed bits of floats.h."""
+    words = [name for name, bits in _FLOATS.items() if changed & bits]
+    return " and ".join(words) or "the floating-point control"
 
 
 class Guard:

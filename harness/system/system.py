@@ -7,10 +7,8 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from types import TracebackType
-from typing import Any, Literal, Self
+from typing import TYPE_CHECKING, Any, Literal, Self
 
-from harness.composite.package import compose
-from harness.engine.algorithm import Progress, Tap
 from harness.errors import (
     ExperimentError,
     HarnessError,
@@ -19,21 +17,21 @@ from harness.errors import (
     UnknownNameError,
     WireError,
 )
-from harness.notebook import system_html, system_text
 from harness.parts.flat import element_names
 from harness.parts.fmu import FmuPart
 from harness.parts.guard import Guard
 from harness.parts.part import Part, Port, StartValue
 from harness.result import Result
-from harness.run import Options, run
-from harness.ssp import Parameter, ParameterSet, read_ssp, read_ssv, write_ssp
-from harness.ssp.arrays import shown as array_text
 from harness.system.assembly import resize_parts
 from harness.system.experiment import Experiment
 from harness.system.manipulator import Manipulator
 from harness.system.system_file import SystemDescription, read_system, write_system
 from harness.system.wire import Wire, check_wires, find_part, parse_wire, split_name, stated_starts
 from harness.values import is_count, is_line, plain, shown
+
+if TYPE_CHECKING:
+    from harness.engine.algorithm import Progress, Tap
+    from harness.ssp import Parameter, ParameterSet
 
 
 class StoredSystem:
@@ -124,6 +122,8 @@ class StoredSystem:
         HarnessError
             If the described system is invalid.
         """
+        from harness.ssp import read_ssp
+
         return cls._made(read_ssp(Path(path), None if folder is None else Path(folder)))
 
     def to_ssp(self, path: str | Path) -> None:
@@ -143,6 +143,8 @@ class StoredSystem:
         OutputError
             If the file cannot be written.
         """
+        from harness.ssp import write_ssp
+
         write_ssp(self, Path(path))
 
     def to_fmu(
@@ -185,6 +187,8 @@ class StoredSystem:
         BuildError, ExperimentError, UnknownNameError
             If a part has no sources or is written in Python, or an argument is invalid; nothing is written.
         """
+        from harness.composite.package import compose
+
         compose(
             self,
             Path(path),
@@ -283,10 +287,14 @@ class System(StoredSystem):
 
     def __repr__(self) -> str:
         """Return the name, the parts and the number of connections."""
+        from harness.notebook import system_text
+
         return system_text(self)
 
     def _repr_html_(self) -> str:
         """Return parts, connections and start values as tables, for a notebook."""
+        from harness.notebook import system_html
+
         return system_html(self)
 
     def with_parameters(
@@ -313,6 +321,8 @@ class System(StoredSystem):
         UnknownNameError, UnitError, StartValueError
             If a parameter does not fit its variable, or its unit is unknown.
         """
+        from harness.ssp import ParameterSet, read_ssv
+
         if isinstance(parameters, (str, Path)):
             parameters = read_ssv(parameters)
         if isinstance(parameters, ParameterSet):
@@ -328,6 +338,9 @@ class System(StoredSystem):
 
     def _check_arrays(self, parameters: Mapping[str, Parameter | StartValue]) -> None:
         """Raise an error if an array of the parameters has other elements than the variable."""
+        from harness.ssp import Parameter
+        from harness.ssp.arrays import shown as array_text
+
         shapes = {
             dotted.rpartition("[")[0]: given.shape
             for dotted, given in parameters.items()
@@ -346,6 +359,8 @@ class System(StoredSystem):
         self, parameters: Mapping[str, Parameter | StartValue]
     ) -> tuple[dict[str, StartValue], dict[str, Parameter]]:
         """Return the values in the units of their variables, and the parameters without a variable."""
+        from harness.ssp import Parameter
+
         values: dict[str, StartValue] = {}
         unknown: dict[str, Parameter] = {}
         for dotted, given in parameters.items():
@@ -446,6 +461,8 @@ class System(StoredSystem):
         lists = {"record": record, "order": order, "manipulators": manipulators}
         changes: dict[str, Any] = {key: value for key, value in given.items() if value is not None}
         changes |= {key: tuple(value) for key, value in lists.items() if value is not None}
+        from harness.run import Options, run
+
         if self.experiment is not None:
             experiment = replace(self.experiment, **changes)
         elif stop is None or step is None:

@@ -27,8 +27,8 @@ from harness import (
     System,
     sweep,
 )
-from harness.engine import integrator
 from harness.errors import BuildError, HarnessError
+from harness.parts import integrator
 from harness.run import Options, run
 
 MakeFmu = Callable[..., Path]

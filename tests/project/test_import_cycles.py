@@ -1,4 +1,4 @@
-"""No module imports itself by way of others, neither at its top nor inside a function."""
+"""No module imports itself by way of others, neither at its top nor inside a function; folders import downwards."""
 
 from __future__ import annotations
 
@@ -23,8 +23,11 @@ def modules() -> dict[str, Path]:
     return found
 
 
-def imports(nodes: list[ast.stmt], package: str) -> Iterator[tuple[str, str]]:
-    """Modules that are imported when this code runs, each with a name that is taken from it, or an empty one."""
+def imports(nodes: list[ast.stmt], package: str, *, late: bool = True) -> Iterator[tuple[str, str]]:
+    """Modules that are imported when this code runs, each with a name that is taken from it, or an empty one.
+
+    Without `late`, only what is imported with the module counts, and not what its functions import when called.
+    """
     for node in nodes:
         if isinstance(node, ast.Import):
             yield from ((name.name, "") for name in node.names)
@@ -32,10 +35,10 @@ def imports(nodes: list[ast.stmt], package: str) -> Iterator[tuple[str, str]]:
             module = resolve_name("." * node.level + (node.module or ""), package)
             yield from ((module, name.name) for name in node.names)
         elif isinstance(node, ast.If) and "TYPE_CHECKING" in ast.unparse(node.test):
-            yield from imports(node.orelse, package)
-        else:
+            yield from imports(node.orelse, package, late=late)
+        elif late or not isinstance(node, ast.FunctionDef | ast.ClassDef):
             inner = [part for part in ast.iter_child_nodes(node) if isinstance(part, ast.stmt | ast.excepthandler)]
-            yield from imports(inner, package)  # type: ignore[arg-type]
+            yield from imports(inner, package, late=late)  # type: ignore[arg-type]
 
 
 def test_there_is_no_cycle() -> None:
@@ -50,6 +53,28 @@ def test_there_is_no_cycle() -> None:
                     graph[name].add(source)
                 source = source.rpartition(".")[0]
     assert sum(map(len, graph.values())) > 500
+    try:
+        TopologicalSorter(graph).prepare()
+    except CycleError as error:
+        raise AssertionError(" <- ".join(error.args[1])) from error
+
+
+def folder(name: str) -> str:
+    """The folder of a module; a module beside the folders of a package is its own."""
+    return ".".join(name.split(".")[:2])
+
+
+def test_folders_import_downwards() -> None:
+    """Only functions that users call, such as `System.to_fmu`, import from folders above their own."""
+    files = modules()
+    graph: dict[str, set[str]] = {}
+    for name, file in files.items():
+        package = name if file.stem == "__init__" else name.rpartition(".")[0]
+        for module, taken in imports(ast.parse(file.read_text(encoding="utf-8")).body, package, late=False):
+            source = f"{module}.{taken}" if f"{module}.{taken}" in files else module
+            if source in files and folder(source) != folder(name):
+                graph.setdefault(folder(name), set()).add(folder(source))
+    assert sum(map(len, graph.values())) > 100
     try:
         TopologicalSorter(graph).prepare()
     except CycleError as error:

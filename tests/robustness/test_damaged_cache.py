@@ -18,8 +18,8 @@ from thorough import nightly, some
 from friction_fmus import build, fmu
 from friction_fmus.study.steps import CACHE, StepCache
 from harness import FmuError, FmuPart, System
+from harness.compiling import library
 from harness.compiling.platforms import NATIVE, Platform, compiled
-from harness.engine import library
 
 ROOT = Path(__file__).parents[2]
 sys.path.insert(0, str(ROOT / "tests" / "study"))
@@ -201,7 +201,7 @@ def test_a_truncated_library_beside_it_and_an_isolated_one(build_fmu: Callable[.
 
 
 def check_end_of_library(platform: Platform, folder: Path) -> None:
-    from harness.parts.shared_library import missing_bytes
+    from harness.compiling.shared_library import missing_bytes
 
     content = compiled(platform, library.sources(), "engine", headers=False)
     path = folder / f"engine{platform.suffix}"

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from types import MappingProxyType
 
 import numpy as np
 import scipy.io
 
-from friction_fmus.identification.data.record import Record
+from friction_fmus.identification.data.record import MeasuredAxis, Record, ServoSettings
 from friction_fmus.identification.errors import RecordError
 
 #: Published parameters [kg, N.s/m, N, N] (Janot, Gautier, Brunot 2019).
@@ -20,53 +19,6 @@ CITATION = (
     "A. Janot, M. Gautier, M. Brunot: Data Set and Reference Models of EMPS. "
     "2019 Workshop on Nonlinear System Identification Benchmarks, Eindhoven. nonlinearbenchmark.org"
 )
-
-
-@dataclass(frozen=True)
-class ServoSettings:
-    """Settings of the servo during a measurement: u = sat(kv (kp (r - x) - v)).
-
-    Attributes
-    ----------
-    kp : float
-        Position gain [1/s].
-    kv : float
-        Velocity gain, including the drive gain [N.s/m].
-    force_limit : float
-        Largest force in either direction [N].
-    Ts : float
-        Sample time [s].
-    window : int
-        Number of samples over which the velocity is computed: (x[k] - x[k - window]) / (window Ts).
-    quantum : float
-        Resolution of the position measurement [m].
-    drive_gain : float
-        Force per controller output [N/V].
-    """
-
-    kp: float
-    kv: float
-    force_limit: float
-    Ts: float
-    window: int
-    quantum: float
-    drive_gain: float
-
-
-@dataclass(frozen=True, eq=False)
-class MeasuredAxis:
-    """Record of an axis and the servo that drove it.
-
-    Attributes
-    ----------
-    record : Record
-        Measured signals.
-    servo : ServoSettings
-        Servo during the measurement.
-    """
-
-    record: Record
-    servo: ServoSettings
 
 
 def load_emps(path: Path | None = None) -> MeasuredAxis:

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from harness.compiling.platforms import NATIVE, native_library
-from harness.parts.shared_library import missing_bytes
+from harness.compiling.shared_library import missing_bytes
 
 _POINTER, _INT = ctypes.c_void_p, ctypes.c_int64
 _NUMBERS = ctypes.POINTER(ctypes.c_double)
@@ -26,7 +26,7 @@ _Struct = TypeVar("_Struct", bound=type[ctypes.Structure])
 @cache
 def library() -> ctypes.CDLL:
     """Return the compiled engine, from the wheel or else built from the sources and cached."""
-    folder = Path(__file__).parent
+    folder = Path(__file__).parents[1] / "engine"
     shipped = folder / "binaries" / NATIVE.folder / f"engine{NATIVE.suffix}"
     whole = shipped.is_file() and missing_bytes(shipped) == 0
     engine = ctypes.CDLL(str(shipped if whole else native_library(sources(), "engine", headers=False)))
@@ -54,7 +54,7 @@ def _check_size(engine: ctypes.CDLL, name: str) -> None:
 
 def sources() -> dict[str, str]:
     """Return the text of each of the engine's C files."""
-    folder = Path(__file__).parent
+    folder = Path(__file__).parents[1] / "engine"
     masters = sorted((folder.parent / "masters").glob("*.h"))
     files = (*folder.glob("*.h"), *folder.glob("*.c"), *masters)
     texts = {path.name: path.read_text(encoding="utf-8") for path in sorted(files)}
