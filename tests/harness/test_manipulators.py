@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from harness_parts import SIGMA0, bristle, mass
+from python_engine import run_in_python
 from scipy.linalg import expm
 
 from harness import (
@@ -29,7 +30,7 @@ from harness import (
     UnitError,
     WireError,
 )
-from harness.run import Options, run
+from harness.run import run
 from harness.system.wire import Wire
 
 BuildFmu = Callable[..., Path]
@@ -216,7 +217,7 @@ def test_engine_and_python_agree_to_the_last_bit(build_fmu: BuildFmu, master: st
     wires = [Wire("pid.u", "mass.F_drive", gain=0.9, offset=0.01), Wire("mass.v", "friction.v", delay=2)]
     experiment = Experiment(stop=0.6, step=1e-3, master=master, manipulators=ALL, record=("*", "mass.F_drive", "pid.x"))
     with servo(build_fmu, wires) as system:
-        one, other = run(system, experiment), run(system, experiment, Options(native=False))
+        one, other = run(system, experiment), run_in_python(system, experiment)
     for name in one:
         np.testing.assert_array_equal(one[name], other[name])
     assert np.ptp(one["pid.x"].values) > 0.0
