@@ -291,11 +291,11 @@ def test_system_file_keeps_wires_and_manipulators(build_fmu: BuildFmu, tmp_path:
         assert again.experiment == system.experiment
     text = (tmp_path / "system.toml").read_text()
     for old, new, message in [
-        ('kind = "bias"', 'kind = "bais"', "is not a kind of manipulator"),
+        ('kind = "bias"', 'kind = "bais"', "kind = 'bais'; give one of override, .*did you mean 'bias'"),
         (", value = 0.0001", "", "a bias has no value"),
-        ("value = 0.0001", 'value = "x"', "value of a bias is 'x'"),
-        ("gain = 0.9", "gaim = 0.9", "'gaim' is not a key of the connection"),
-        ("delay = 2", "delay = 2.5", "delay of the connection"),
+        ("value = 0.0001", 'value = "x"', "a bias has value = 'x'; give a number"),
+        ("gain = 0.9", "gaim = 0.9", "the connection .* 'gaim'; did you mean 'gain'"),
+        ("delay = 2", "delay = 2.5", "the connection .* delay = 2.5; give an integer"),
     ]:
         assert old in text
         (tmp_path / "wrong.toml").write_text(text.replace(old, new, 1))
