@@ -13,7 +13,7 @@ from typing import Final
 
 import numpy as np
 
-from harness.engine.algorithm import NativeTicks, Progress, PythonTicks, Reader, Recorder, Tap, tap_reader
+from harness.engine.algorithm import Progress, Reader, Recorder, Tap, Ticks, tap_reader
 from harness.engine.checkpoint import read_checkpoint, write_checkpoint
 from harness.errors import ENDED, ExperimentError, HarnessError, Interrupted, PartError
 from harness.masters import find_master
@@ -47,9 +47,6 @@ class Options:
     """File for the state at the end of the run."""
     pace: float | None = None
     """Simulated time per wall-clock time; None runs as fast as possible."""
-    native: bool = True
-    """Whether the compiled engine runs the loop. Python gives the same results for explicit masters, more slowly, for
-    comparison."""
 
     def __post_init__(self) -> None:
         """Check the pace."""
@@ -94,7 +91,7 @@ class Session:
         check_loops(system.parts, system.wires, implicit=schedule.implicit)
         open_end = bool(self._options.resume or self._options.checkpoint)
         self._initialisation = Initialisation(plan, system, experiment, self._guard, open_end=open_end)
-        self._ticks = (NativeTicks if self._options.native else PythonTicks)(plan, schedule, experiment)
+        self._ticks = Ticks(plan, schedule, experiment)
 
     def run(self, start: Mapping[str, StartValue]) -> Recorder:
         """Run it."""
@@ -151,8 +148,6 @@ class Session:
         for every, read in (*readers, *recording):
             if begin % every == 0:
                 read(begin)
-        if not options.native:
-            readers += recording
         _loop(ticks, readers, begin, plan, options.pace, self._guard)
         self._guard.look()  # before a file is written
         if options.checkpoint:
@@ -163,7 +158,7 @@ class Session:
 
 
 def _loop(
-    ticks: NativeTicks | PythonTicks,
+    ticks: Ticks,
     readers: Sequence[tuple[int, Reader]],
     begin: int,
     plan: Plan,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 import reprlib
 from dataclasses import fields
@@ -28,6 +29,12 @@ def shown(value: object) -> str:
 def number(value: object) -> float | None:
     """Return a number as a float, finite or not, or None for any other value."""
     return float(value) if type(value) in (int, float) else None  # type: ignore[arg-type]
+
+
+def finite(value: object) -> float | None:
+    """Return a finite number as a float, or None for any other value."""
+    found = number(value)
+    return found if found is not None and math.isfinite(found) else None
 
 
 def whole(value: object) -> int | None:

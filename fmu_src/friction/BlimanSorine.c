@@ -45,7 +45,12 @@
     PARAMETER(eps,    LENGTH,   1e-3, 1e-12, INF, "path constant")                           \
     PARAMETER(Fn0,    "N",      1.0,  1e-12, INF, "normal force for which the parameters are valid")
 
-#define IDENTIFIED SLIDING(F_fast, f1)
+#define IDENTIFIED                  \
+    FIT    (f1, 1.5 * level, loops) \
+    FIT    (f2, 0.5 * level, loops) \
+    FIT    (eta, 0.3, loops)        \
+    FIT    (eps, distance, loops)   \
+    SLIDING(F_fast, f1)
 /* clang-format on */
 
 #define STEPS_BY step

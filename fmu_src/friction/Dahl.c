@@ -46,8 +46,8 @@
     COULOMB  (Fc)    \
     STIFFNESS(sigma)
 
-#define IDENTIFIED                   \
-    FIT    (sigma, stiffness, small) \
+#define IDENTIFIED         \
+    FIT    (n, 1, loops)   \
     SLIDING(z, Fc / sigma)
 /* clang-format on */
 

@@ -44,6 +44,8 @@
     COULOMB(Fc)   \
     STATIC (T_dz) \
     VISCOUS(Fv)
+
+#define IDENTIFIED HELD(DV, 1e-3, slow)
 /* clang-format on */
 
 #include "block.h"

@@ -63,7 +63,10 @@
     STIFFNESS(sigma0)         \
     DAMPING  (sigma1, sigma2)
 
-#define IDENTIFIED SLIDING(z, Fc / sigma0)
+#define IDENTIFIED                       \
+    FIT    (z_ba, 0.5 * distance, loops) \
+    HELD   (v_d, 0, small_fast)          \
+    SLIDING(z, Fc / sigma0)
 /* clang-format on */
 
 #define STEPS_BY   step

@@ -77,7 +77,13 @@
     STIFFNESS(sum(k))            \
     DAMPING  (N * sigma, sigma2)
 
-#define IDENTIFIED METHOD(hysteresis)
+#define IDENTIFIED                     \
+    FIT   (k, stiffness, loops)        \
+    FIT   (alpha, 1, loops)            \
+    FIT   (C, 100 * level, swinging)   \
+    HELD  (Ci, 100 * level, swinging)  \
+    HELD  (sigma, damping, small_fast) \
+    METHOD(hysteresis)
 /* clang-format on */
 
 #define STEPS_BY   step

@@ -72,6 +72,12 @@
     VISCOUS  (sigma2)         \
     STIFFNESS(A / zc)         \
     DAMPING  (sigma1, sigma2)
+
+#define IDENTIFIED                  \
+    FIT (A, 2.5 * peak, loops)      \
+    FIT (zc, 2.5 * distance, loops) \
+    FIT (n, 1, loops)               \
+    HELD(dead_band, 0, loops)
 /* clang-format on */
 
 #include "reversals.h"

@@ -59,7 +59,9 @@
     STIFFNESS(sigma0)         \
     DAMPING  (sigma1, sigma2)
 
-#define IDENTIFIED SLIDING(z, Fc / sigma0)
+#define IDENTIFIED              \
+    HELD   (v_d, 0, small_fast) \
+    SLIDING(z, Fc / sigma0)
 /* clang-format on */
 
 #define STEPS_BY step

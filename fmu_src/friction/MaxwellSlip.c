@@ -48,7 +48,10 @@
     COULOMB  (sum(W)) \
     STIFFNESS(sum(k))
 
-#define IDENTIFIED METHOD(hysteresis)
+#define IDENTIFIED              \
+    FIT   (k, stiffness, loops) \
+    FIT   (W, level, loops)     \
+    METHOD(hysteresis)
 /* clang-format on */
 
 #define STEPS_BY   step

@@ -38,7 +38,12 @@
     PARAMETER(beta,   DAMPING,   774.6, 0.0,   INF, "damping while stuck")                     \
     PARAMETER(Fn0,    "N",       1.0,   1e-12, INF, "normal force for which the parameters are valid")
 
-#define IDENTIFIED SLIDING(z, z0)
+#define IDENTIFIED                     \
+    FIT    (sigma0, stiffness, small)  \
+    FIT    (z0, distance, loops)       \
+    FIT    (a, 0.1, slow)              \
+    FIT    (beta, damping, small_fast) \
+    SLIDING(z, z0)
 /* clang-format on */
 
 #define STEPS_BY   step

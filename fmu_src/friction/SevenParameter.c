@@ -69,7 +69,13 @@
     VISCOUS  (Fv)          \
     STIFFNESS(kt)
 
-#define IDENTIFIED SLIDING(d, Fc / kt)
+#define IDENTIFIED                     \
+    FIT    (Fs_inf, 0.2 * level, rest) \
+    FIT    (vs, 0.1 * speed, slow)     \
+    HELD   (Fs_a, 0.2 * level, rest)   \
+    HELD   (tauL, 5e-3, swinging)      \
+    HELD   (gamma, 1, rest)            \
+    SLIDING(d, Fc / kt)
 /* clang-format on */
 
 enum { PIECES = 1024 };

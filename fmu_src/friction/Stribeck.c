@@ -56,6 +56,8 @@
     STATIC  (Fs)                    \
     STRIBECK(vs, delta, shape == 0) \
     VISCOUS (Fv)
+
+#define IDENTIFIED HELD(offset, 0, directions)
 /* clang-format on */
 
 #include "resting.h"

@@ -30,6 +30,8 @@
     PARAMETER(delta_v, NO_UNIT,  1.0, 0.0, 100.0, "exponent of the velocity")
 
 #define CONTACT VISCOUS(Fv)
+
+#define IDENTIFIED HELD(delta_v, 1, fast)
 /* clang-format on */
 
 #include "block.h"

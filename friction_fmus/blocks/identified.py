@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from typing import Final
 
 from friction_fmus.blocks.arithmetic import names_in
+from friction_fmus.blocks.contact import Friction, friction_of
 from friction_fmus.blocks.macros import table
 from friction_fmus.errors import FrictionError, nearest
 
@@ -33,12 +34,15 @@ MEASURED: Final[Mapping[str, str]] = {
 
 @dataclass(frozen=True)
 class Fitted:
-    """A parameter that is identified."""
+    """How a parameter is identified."""
 
     start: str
     """Start value of the search, an expression of the names in `SEEN`."""
     experiment: str
     """Key in `MEASURED` of the experiment to run if the parameter is poorly identifiable."""
+    held: bool = False
+    """Whether the parameter keeps its default value unless the user gives a start value or bounds: it is correlated
+    with others, or most records do not show its effect."""
 
     @property
     def measure(self) -> str:
@@ -48,27 +52,40 @@ class Fitted:
 
 @dataclass(frozen=True)
 class Identified:
-    """Declarations on identification that do not follow from ports, features and parameter names."""
+    """How the file of a block says that the block is identified."""
 
     method: str = ""
     """A module of `friction_fmus.identification.methods`, or `NOT_IDENTIFIED`; empty: inverse or output error,
     depending on whether the block has states."""
     fits: Mapping[str, Fitted] = field(default_factory=dict)
-    """Parameters that are identified although their names do not imply it, or with another start value."""
+    """How each parameter is identified, by name without index and without the suffix ``_neg`` of v < 0."""
     state: str = ""
     size: str = ""
     """First state, whose initial value is identified as well, and an expression for its magnitude in steady sliding;
     both empty if no initial state is identified."""
 
 
+_CONTACT: Final[Mapping[str, Fitted]] = {
+    "coulomb": Fitted("level", "sliding"),
+    "static": Fitted("peak", "slow"),
+    "viscous": Fitted("viscous", "fast"),
+    "stribeck": Fitted("0.1 * speed", "slow"),
+    "exponent": Fitted("2", "slow", held=True),
+    "stiffness": Fitted("stiffness", "small"),
+    "damping": Fitted("damping", "small_fast"),
+}
+"""How a parameter is identified that is an attribute of `Friction` by itself."""
+
+
 def identified(code: str) -> Identified:
-    """Return the declarations in the macro IDENTIFIED of a C file, or the defaults without this macro."""
+    """Return how the macros CONTACT and IDENTIFIED of a C file say that the block is identified."""
     method, state, size = "", "", ""
-    fits = {}
-    for kind, arguments in table(code, "IDENTIFIED", ("FIT", "METHOD", "SLIDING")):
+    friction = friction_of(code) or Friction()
+    fits = {name: fit for role, fit in _CONTACT.items() if (name := getattr(friction, role)).isidentifier()}
+    for kind, arguments in table(code, "IDENTIFIED", ("FIT", "HELD", "METHOD", "SLIDING")):
         match kind, arguments:
-            case "FIT", (name, start, experiment):
-                fits[name] = _checked(name, Fitted(start, experiment))
+            case "FIT" | "HELD", (name, start, experiment):
+                fits[name] = _checked(kind, name, Fitted(start, experiment, kind == "HELD"))
             case "METHOD", (method,):
                 pass
             case "SLIDING", (state, size):
@@ -78,11 +95,11 @@ def identified(code: str) -> Identified:
     return Identified(method, fits, state, size)
 
 
-def _checked(name: str, fit: Fitted) -> Fitted:
+def _checked(kind: str, name: str, fit: Fitted) -> Fitted:
     if fit.experiment not in MEASURED:
         raise FrictionError(
-            f"FIT({name}) names the unknown experiment {fit.experiment!r}{nearest(fit.experiment, MEASURED)}"
+            f"{kind}({name}) names the unknown experiment {fit.experiment!r}{nearest(fit.experiment, MEASURED)}"
         )
     if unknown := sorted(names_in(fit.start) - set(SEEN)):
-        raise FrictionError(f"FIT({name}) starts at {fit.start!r}; {unknown[0]} is not one of {', '.join(SEEN)}")
+        raise FrictionError(f"{kind}({name}) starts at {fit.start!r}; {unknown[0]} is not one of {', '.join(SEEN)}")
     return fit

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -11,10 +10,9 @@ from typing import Any, Final, TypeAlias
 import tomli_w
 
 from friction_fmus.axis.position_map import Grid, PositionMap
-from friction_fmus.errors import FrictionError, nearest
-from harness.storage.files import reason
-from harness.storage.toml_file import read_toml
-from harness.values import number, shown
+from friction_fmus.errors import FrictionError
+from harness.storage.toml_file import Table, read_table
+from harness.values import finite, flag, text
 
 LOOP_FILE: Final = "loop.toml"
 """Name of the file that a study writes."""
@@ -85,40 +83,31 @@ def read_loop(path: Path) -> LoopFile:
         raise FrictionError(
             f"{path} does not exist; write it, or use recommended/{LOOP_FILE} of a study that recommends a compensation"
         )
-    try:
-        content = read_toml(path)
-    except (OSError, ValueError) as error:
-        raise FrictionError(f"{path} cannot be read as TOML ({reason(error)}); correct it") from error
+    content = read_table(path, FrictionError)
     if "loop" not in content and any(name in content for name in _STUDY):
         raise FrictionError(
             f"{path} describes a study, not a loop; run `friction-fmus study {path.name} -o out` and use "
             f"out/recommended/{LOOP_FILE}, which the study writes if it recommends a compensation"
         )
-    _known(content, ("loop", *LAWS, "table"), str(path), "table")
-    tables = {name: _table(content, name, str(path)) for name in content}
+    content.known(("loop", *LAWS, "table"), "table")
+    tables = {name: Table(value, f"{path}, [{name}],", FrictionError) for name, value in content.content.items()}
     for name in ("loop", "servo"):
         if name not in tables:
             raise FrictionError(f"{path} has no table [{name}]; add it")
-    where = f"{path}, [loop],"
     settings = tables["loop"]
-    _known(settings, _SETTINGS, where, "key")
-    for key in ("Ts", "u_min", "u_max"):
-        if key not in settings:
-            raise FrictionError(f"{where} has no {key}; add it")
-    flags = {key: settings[key] for key in _FLAGS if key in settings}
-    for key, value in flags.items():
-        if not isinstance(value, bool):
-            raise FrictionError(f"{where} has {key} = {shown(value)}; give true or false")
-    values = {key: _finite(settings, key, where) for key in settings if key not in flags}
+    settings.known(_SETTINGS)
+    flags = {key: settings.take(key, flag, "true or false") for key in _FLAGS if key in settings}
+    needed = ("Ts", "u_min", "u_max")
+    values = {key: _finite(settings, key) for key in (*needed, *settings) if key not in flags}
     if values["Ts"] < 1e-9:
-        raise FrictionError(f"{where} has Ts = {values['Ts']:g}; give a sample time of at least 1e-9 s")
+        raise FrictionError(f"{settings.where} has Ts = {values['Ts']:g}; give a sample time of at least 1e-9 s")
     if values["u_min"] > values["u_max"]:
-        raise FrictionError(f"{where} has u_min above u_max; exchange them")
+        raise FrictionError(f"{settings.where} has u_min above u_max; exchange them")
     window = values.get("window", 0.0)
     if window not in range(MOST + 1):
-        raise FrictionError(f"{where} has window = {window:g}; give an integer number of samples up to {MOST}")
+        raise FrictionError(f"{settings.where} has window = {window:g}; give an integer number of samples up to {MOST}")
     return LoopFile(
-        {name: _law(tables[name], f"{path}, [{name}],", name) for name in LAWS if name in tables},
+        {name: _law(tables[name], name) for name in LAWS if name in tables},
         values["Ts"],
         values["u_min"],
         values["u_max"],
@@ -126,7 +115,7 @@ def read_loop(path: Path) -> LoopFile:
         int(window),
         values.get("v0"),
         path=path,
-        table=_position_map(tables["table"], f"{path}, [table],") if "table" in tables else None,
+        table=_position_map(tables["table"]) if "table" in tables else None,
         **{**flags, **({"known_force": True} if "table" in tables else {})},
     )
 
@@ -149,63 +138,34 @@ def loop_text(loop: LoopFile, heading: str) -> str:
     return f"# {heading}\n# C code: friction-fmus codegen {loop.path.name} -o c\n\n{tomli_w.dumps(content)}"
 
 
-def _position_map(table: Mapping[str, Any], where: str) -> PositionMap:
-    keys = ("begin", "spacing", "periodic", "v_sign", *_COLUMNS)
-    _known(table, keys, where, "key")
-    for key in keys:
-        if key not in table:
-            raise FrictionError(f"{where} has no {key}; add it")
-    if not isinstance(table["periodic"], bool):
-        raise FrictionError(f"{where} has periodic = {shown(table['periodic'])}; give true or false")
-    cogging, friction = (_numbers(table, key, where) for key in _COLUMNS)
-    begin, spacing, v_sign = (_finite(table, key, where) for key in ("begin", "spacing", "v_sign"))
-    return PositionMap(Grid(begin, spacing, len(cogging), table["periodic"]), cogging, friction, v_sign)
+def _position_map(table: Table) -> PositionMap:
+    table.known(("begin", "spacing", "periodic", "v_sign", *_COLUMNS))
+    begin, spacing, v_sign = (_finite(table, key) for key in ("begin", "spacing", "v_sign"))
+    periodic = table.take("periodic", flag, "true or false")
+    cogging, friction = (_numbers(table, key) for key in _COLUMNS)
+    return PositionMap(Grid(begin, spacing, len(cogging), periodic), cogging, friction, v_sign)
 
 
-def _numbers(table: Mapping[str, Any], key: str, where: str) -> tuple[float, ...]:
-    if not isinstance(table[key], list):
-        raise FrictionError(f"{where} has {key} = {shown(table[key])}; give a list of numbers")
-    elements = {f"{key}[{i}]": value for i, value in enumerate(table[key], start=1)}
-    return tuple(_finite(elements, element, where) for element in elements)
+def _numbers(table: Table, key: str) -> tuple[float, ...]:
+    values = table.take(key, lambda value: value if isinstance(value, list) else None, "a list of numbers")
+    elements = {f"{key}[{i}]": value for i, value in enumerate(values, start=1)}
+    return tuple(_finite(Table(elements, table.where, table.error), element) for element in elements)
 
 
-def _law(table: Mapping[str, Any], where: str, name: str) -> LoopLaw:
-    keys = ("law", "parameters", "connections", *(("output", "factor") if name != "servo" else ()))
-    _known(table, keys, where, "key")
-    for key in ("law", "output"):
-        value = table.get(key, "u" if key == "output" else None)
-        if not isinstance(value, str):
-            raise FrictionError(f"{where} has {key} = {shown(value)}; give the name of {_THING[key]} as text")
-    parameters, connections = (_table(table, key, where) for key in ("parameters", "connections"))
-    for key, value in parameters.items():
-        if not isinstance(value, bool):
-            _finite(parameters, key, where)
-    for key, value in connections.items():
-        if not isinstance(value, str):
-            _finite(connections, key, where)
-    factor = _finite(table, "factor", where) if "factor" in table else None
-    return LoopLaw(table["law"], parameters, connections, table.get("output", "u"), factor)
+def _law(table: Table, name: str) -> LoopLaw:
+    table.known(("law", "parameters", "connections", *(("output", "factor") if name != "servo" else ())))
+    law = table.take("law", text, "the name of a law")
+    output = table.take("output", text, "the name of an output of the law", "u")
+    parameters, connections = (
+        Table(table.content.get(key, {}), f"{table.where} {key},", table.error) for key in ("parameters", "connections")
+    )
+    for own, kind in ((parameters, bool), (connections, str)):
+        for key, value in own.content.items():
+            if not isinstance(value, kind):
+                _finite(own, key)
+    factor = _finite(table, "factor") if "factor" in table else None
+    return LoopLaw(law, parameters.content, connections.content, output, factor)
 
 
-_THING = {"law": "a law", "output": "an output of the law"}
-
-
-def _table(content: Mapping[str, Any], name: str, where: str) -> Mapping[str, Any]:
-    table = content.get(name, {})
-    if not isinstance(table, Mapping):
-        raise FrictionError(f"{where} has {name} = {shown(table)}; make it a table")
-    return table
-
-
-def _finite(table: Mapping[str, Any], key: str, where: str) -> float:
-    found = number(table[key])
-    if found is None or not math.isfinite(found):
-        raise FrictionError(f"{where} has {key} = {shown(table[key])}; give a finite number")
-    return found
-
-
-def _known(content: Mapping[str, Any], names: tuple[str, ...], where: str, noun: str) -> None:
-    for name in content:
-        if name not in names:
-            hint = nearest(name, names)
-            raise FrictionError(f"{where} has the unknown {noun} {shown(name)}{hint}; valid are {', '.join(names)}")
+def _finite(table: Table, key: str) -> float:
+    return table.take(key, finite, "a finite number")

@@ -200,7 +200,7 @@ def _floor(name: str, open_loop: Identification) -> float:
     if name == "OF":
         return 0.05 * force
     v = max(float(np.max(np.abs(filtered_motion(r).v))) for r in open_loop.records)
-    return 0.05 * force / v if name in ("Fv", "sigma1", "sigma2", "beta") else 1e-300
+    return 0.05 * force / v if open_loop.parameters[name].unit == open_loop.records[0].units.viscous else 1e-300
 
 
 def _at_bound(unknowns: Sequence[Unknown], values: Mapping[str, float]) -> dict[str, float]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import Any, Final
@@ -12,11 +12,10 @@ from friction_fmus.axis.servo import GAINS, Servo
 from friction_fmus.errors import FrictionError, nearest
 from friction_fmus.study.compensator_records import Limits
 from friction_fmus.study.ranking import Weights
-from harness.storage.files import reason
-from harness.storage.toml_file import read_toml
-from harness.values import number, shown, texts
+from harness.storage.toml_file import Table, read_table
+from harness.values import finite, flag, texts
 
-OPTIONAL_GAINS: Final[Mapping[str, float]] = {"ki": 0.0}
+OPTIONAL_GAINS: Final[Mapping[str, tuple[float, ...]]] = {"ki": (0.0,)}
 """Default values of optional gains, equal to the start values of the law."""
 
 RECORDS: Final = ("emps", "tribometer", "demo")
@@ -142,11 +141,7 @@ def load_config(what: str | Path) -> StudyConfig:
         )
     if path.suffix.lower() != ".toml":
         return StudyConfig(str(what), "", {"data": {"file": path.name}}, path.parent, bare=True)
-    try:
-        table = read_toml(path)
-    except (OSError, ValueError) as error:
-        raise ConfigError(f"{path} cannot be read as TOML ({reason(error)}); correct it.") from error
-    return parse_config(table, path.parent, str(what))
+    return parse_config(read_table(path, ConfigError).content, path.parent, str(what))
 
 
 def parse_config(content: Mapping[str, Any], folder: Path = Path(), origin: str = "The configuration") -> StudyConfig:
@@ -171,10 +166,10 @@ def parse_config(content: Mapping[str, Any], folder: Path = Path(), origin: str 
     ConfigError
         If an entry is missing, invalid or unknown.
     """
-    _known(content, _TABLES, origin, "table")
-    tables = {name: _Table(content.get(name, {}), f"{origin}, [{name}],", name) for name in _TABLES}
-    data = dict(tables["data"].content)
-    record = tables["data"].text("record", choices=RECORDS) if "record" in data else ""
+    Table(content, origin, ConfigError).known(_TABLES, "table")
+    tables = {name: _table(content, name, origin) for name in _TABLES}
+    data = tables["data"].content
+    record = tables["data"].choice("record", RECORDS) if "record" in data else ""
     if record and (data.keys() - {"record"} or "columns" in content):
         raise ConfigError(
             f"{origin}, [data], names the record {record!r} and also describes a file; remove one of the two."
@@ -190,163 +185,121 @@ def parse_config(content: Mapping[str, Any], folder: Path = Path(), origin: str 
         mapping,
         folder,
         _servo(tables["servo"]) if "servo" in content else None,
-        models.names("models"),
-        models.flag("position_map", True),
-        models.flag("viscous", True),
+        _names(models, "models"),
+        _flag(models, "position_map", True),
+        _flag(models, "viscous", True),
         _compensation(tables["compensation"]),
     )
 
 
 def read_models(path: Path) -> list[str]:
     """Return the names of the models in the table ``[identify]`` of a TOML file; ``["all"]`` without one."""
-    try:
-        content = read_toml(path)
-    except (OSError, ValueError) as error:
-        raise ConfigError(f"{path} cannot be read as TOML ({reason(error)}); correct it.") from error
-    models = _Table(content.get("identify", {}), f"{path}, [identify],", "identify")
+    models = _table(read_table(path, ConfigError).content, "identify", str(path))
     models.known(("models",))
-    names = models.names("models")
+    names = _names(models, "models")
     return [names] if isinstance(names, str) else list(names)
 
 
-def _servo(table: _Table) -> Servo:
-    law = table.text("law", choices=tuple(GAINS))
+def _servo(table: Table) -> Servo:
+    law = table.choice("law", GAINS)
     names = GAINS[law]
     other = ("law", "Ts", "force_limit", "window", "quantum", "velocity_feedforward", "inertia_feedforward", "mass")
     table.known((*names, *other, "delay", "noise"))
-    gains = {name: table.number(name, low=0.0, above=True) for name in names[:-1]}
+    gains = {name: _number(table, name, low=0.0, above=True) for name in names[:-1]}
     return Servo(
         law,
         Ts=_period(table),
-        force_limit=table.number("force_limit", low=0.0, above=True),
-        window=table.whole("window", 2, low=1, high=LONGEST_WINDOW),
-        quantum=table.number("quantum", 0.0, low=0.0),
-        velocity_feedforward=table.flag("velocity_feedforward", False),
-        inertia_feedforward=table.number("inertia_feedforward", 0.0, low=0.0),
-        mass=table.number("mass", low=0.0, above=True) if "mass" in table.content else None,
-        gains={**gains, names[-1]: table.number(names[-1], OPTIONAL_GAINS.get(names[-1]), low=0.0)},
-        delay=table.whole("delay", 0, low=0, high=LONGEST_DELAY),
-        noise=table.number("noise", 0.0, low=0.0),
+        force_limit=_number(table, "force_limit", low=0.0, above=True),
+        window=_whole(table, "window", 2, low=1, high=LONGEST_WINDOW),
+        quantum=_number(table, "quantum", 0.0, low=0.0),
+        velocity_feedforward=_flag(table, "velocity_feedforward", False),
+        inertia_feedforward=_number(table, "inertia_feedforward", 0.0, low=0.0),
+        mass=_number(table, "mass", low=0.0, above=True) if "mass" in table else None,
+        gains={**gains, names[-1]: _number(table, names[-1], *OPTIONAL_GAINS.get(names[-1], ()), low=0.0)},
+        delay=_whole(table, "delay", 0, low=0, high=LONGEST_DELAY),
+        noise=_number(table, "noise", 0.0, low=0.0),
     )
 
 
-def _period(table: _Table) -> float:
+def _period(table: Table) -> float:
     """Return the sample time; outside of `PERIODS` a record could be neither simulated nor evaluated."""
     least, most = PERIODS
-    Ts = table.number("Ts", low=0.0, above=True)
-    if not least <= Ts <= most:
-        raise ConfigError(f"{table.where} has Ts = {Ts:g}; give a sample time from {least:g} to {most:g} s.")
-    return Ts
+    remedy = f"a sample time from {least:g} to {most:g} s"
+    return table.take("Ts", lambda value: Ts if (Ts := finite(value)) and least <= Ts <= most else None, remedy)
 
 
-def _compensation(table: _Table) -> Compensation:
+def _compensation(table: Table) -> Compensation:
     known = ("compensators", "gains", "mismatch", "motion_feedforward", "duration", "delays", "Ms", "delay_margin")
     table.known((*known, "weights"))
     default = Compensation()
-    gains = table.numbers("gains", default.gains)
+    remedy = "a list of numbers above 0 and up to 2"
+    gains = table.take("gains", lambda value: _list(value, lambda each: 0 < each <= 2), remedy, default.gains)
     if not any(0.0 < gain <= 1.0 for gain in gains):
         raise ConfigError(f"{table.where} has gains = {list(gains)}, none of them above 0 and up to 1; add 1.0.")
     return Compensation(
-        table.names("compensators"),
-        tuple(sorted(set(gains))),
-        table.number("mismatch", default.mismatch, low=0.0, high=0.9),
-        table.flag("motion_feedforward", default.motion_feedforward),
-        table.number("duration", low=0.0, above=True) if "duration" in table.content else None,
+        _names(table, "compensators"),
+        gains,
+        _number(table, "mismatch", default.mismatch, low=0.0, high=0.9),
+        _flag(table, "motion_feedforward", default.motion_feedforward),
+        _number(table, "duration", low=0.0, above=True) if "duration" in table else None,
         _delays(table),
         Limits(
-            table.number("Ms", default.limits.Ms, low=1.0, above=True),
-            table.number("delay_margin", default.limits.delay, low=0.0),
+            _number(table, "Ms", default.limits.Ms, low=1.0, above=True),
+            _number(table, "delay_margin", default.limits.delay, low=0.0),
         ),
         _weights(table),
     )
 
 
-def _delays(table: _Table) -> tuple[int, ...]:
-    values = table.content.get("delays", list(Compensation.delays))
-    found = [number(value) for value in values] if isinstance(values, list) else [None]
-    if any(value is None or value != int(value) or not 1 <= value <= LONGEST_DELAY for value in found):
-        raise ConfigError(
-            f"{table.where} has delays = {shown(values)}; give a list of integers from 1 to {LONGEST_DELAY}."
-        )
-    return tuple(sorted({int(value) for value in found if value is not None}))
+def _delays(table: Table) -> tuple[int, ...]:
+    def read(value: object) -> tuple[int, ...] | None:
+        found = _list(value, lambda each: each == int(each) and 1 <= each <= LONGEST_DELAY)
+        return () if value == [] else None if found is None else tuple(int(each) for each in found)
+
+    return table.take("delays", read, f"a list of integers from 1 to {LONGEST_DELAY}", Compensation.delays)
 
 
-def _weights(table: _Table) -> Weights:
-    weights = _Table(table.content.get("weights", {}), f"{table.where} weights,", "weights")
+def _weights(table: Table) -> Weights:
+    weights = Table(table.content.get("weights", {}), f"{table.where} weights,", ConfigError)
     names = tuple(each.name for each in fields(Weights))
     weights.known(names)
     default = Weights()
-    return Weights(**{name: weights.number(name, getattr(default, name), low=0.0) for name in names})
+    return Weights(**{name: _number(weights, name, getattr(default, name), low=0.0) for name in names})
 
 
-@dataclass(frozen=True)
-class _Table:
-    """One table of the configuration; each value is validated when it is read."""
-
-    content: Any
-    where: str
-    name: str
-
-    def __post_init__(self) -> None:
-        if not isinstance(self.content, Mapping):
-            raise ConfigError(f"{self.where} is {shown(self.content)}, not a table; make it a table.")
-
-    def known(self, keys: tuple[str, ...]) -> None:
-        _known(self.content, keys, self.where, "key")
-
-    def text(self, key: str, choices: tuple[str, ...]) -> str:
-        value = self._value(key)
-        if value not in choices:
-            hint = nearest(value, choices) if isinstance(value, str) else ""
-            raise ConfigError(f"{self.where} has {key} = {shown(value)}{hint}; use one of {', '.join(choices)}.")
-        return str(value)
-
-    def flag(self, key: str, default: bool) -> bool:
-        value = self.content.get(key, default)
-        if not isinstance(value, bool):
-            raise ConfigError(f"{self.where} has {key} = {shown(value)}; use true or false.")
-        return value
-
-    def number(
-        self, key: str, default: float | None = None, *, low: float, high: float = math.inf, above: bool = False
-    ) -> float:
-        value = self._value(key) if default is None else self.content.get(key, default)
-        found = number(value)
-        if found is None or not (low <= found <= high and found < math.inf) or (above and found == low):
-            limits = f"above {low:g}" if above else f"from {low:g}" + (f" to {high:g}" if high < math.inf else "")
-            raise ConfigError(f"{self.where} has {key} = {shown(value)}; give a number {limits}.")
-        return found
-
-    def whole(self, key: str, default: int, *, low: int, high: int) -> int:
-        value = self.number(key, float(default), low=low, high=high)
-        if value != int(value):
-            raise ConfigError(f"{self.where} has {key} = {value:g}; give an integer number of samples.")
-        return int(value)
-
-    def numbers(self, key: str, default: tuple[float, ...]) -> tuple[float, ...]:
-        values = self.content.get(key, list(default))
-        found = [number(value) for value in values] if isinstance(values, list) else []
-        if not found or any(value is None or not 0 < value <= 2 for value in found):
-            raise ConfigError(f"{self.where} has {key} = {shown(values)}; give a list of numbers above 0 and up to 2.")
-        return tuple(value for value in found if value is not None)
-
-    def names(self, key: str) -> tuple[str, ...] | str:
-        values = self.content.get(key, ALL)
-        if values == ALL:
-            return ALL
-        names = texts(values)
-        if not names:
-            raise ConfigError(f'{self.where} has {key} = {shown(values)}; give "all" or a list of names.')
-        return tuple(dict.fromkeys(names))
-
-    def _value(self, key: str) -> Any:
-        if key not in self.content:
-            raise ConfigError(f"{self.where} has no {key}; add it.")
-        return self.content[key]
+def _table(content: Mapping[str, Any], name: str, origin: str) -> Table:
+    return Table(content.get(name, {}), f"{origin}, [{name}],", ConfigError)
 
 
-def _known(content: Mapping[str, Any], names: tuple[str, ...], where: str, noun: str) -> None:
-    for name in content:
-        if name not in names:
-            hint = nearest(name, names)
-            raise ConfigError(f"{where} has the unknown {noun} {shown(name)}{hint}; valid are {', '.join(names)}.")
+def _number(table: Table, key: str, *default: float, low: float, high: float = math.inf, above: bool = False) -> float:
+    def read(value: object) -> float | None:
+        found = finite(value)
+        return None if found is None or not low <= found <= high or (above and found == low) else found
+
+    limits = f"above {low:g}" if above else f"from {low:g}" + (f" to {high:g}" if high < math.inf else "")
+    return table.take(key, read, f"a number {limits}", *default)
+
+
+def _whole(table: Table, key: str, default: int, *, low: int, high: int) -> int:
+    def read(value: object) -> int | None:
+        found = finite(value)
+        return int(found) if found is not None and found == int(found) and low <= found <= high else None
+
+    return table.take(key, read, f"an integer number of samples from {low} to {high}", default)
+
+
+def _flag(table: Table, key: str, default: bool) -> bool:
+    return table.take(key, flag, "true or false", default)
+
+
+def _list(value: object, fits: Callable[[float], bool]) -> tuple[float, ...] | None:
+    """Return a list of numbers, or None if it is empty or has another element."""
+    found = [finite(each) for each in value] if isinstance(value, list) else []
+    good = [each for each in found if each is not None and fits(each)]
+    return tuple(sorted(set(good))) if found and len(good) == len(found) else None
+
+
+def _names(table: Table, key: str) -> tuple[str, ...] | str:
+    if table.content.get(key, ALL) == ALL:
+        return ALL
+    return table.take(key, lambda value: tuple(dict.fromkeys(texts(value) or ())) or None, '"all" or a list of names')

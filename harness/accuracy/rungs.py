@@ -179,7 +179,7 @@ def repeated(system: Assembly, experiment: Experiment, options: Options) -> tupl
     shares = _shares(options.progress, (Fraction(1), *given))
     result = Session(system, experiment, replace(options, progress=next(shares, None))).run(system.start).result()
     try:
-        return result, others(system, experiment, given, shares, native=options.native)
+        return result, others(system, experiment, given, shares)
     except Interrupted as interrupted:
         interrupted.result = result
         raise
@@ -191,7 +191,6 @@ def others(
     given: Sequence[Fraction],
     shares: Iterator[Progress] | None = None,
     *,
-    native: bool = True,
     dense: bool = False,
 ) -> list[Repetition]:
     """Repeat a run with these steps up to the first that fails, or with half of the step if all of them fail."""
@@ -200,11 +199,11 @@ def others(
         progress = next(shares, None) if shares else None
         with rung(system, experiment, ratio, dense=dense) as (scaled, other), _silent():
             try:
-                session = Session(scaled, other, Options(progress=progress, native=native))
+                session = Session(scaled, other, Options(progress=progress))
                 found.append(Repetition(ratio, experiment.start, experiment.step, session.run(system.start)))
             except HarnessError:
                 break
-    return found if found or given == FINER else others(system, experiment, FINER, native=native, dense=dense)
+    return found if found or given == FINER else others(system, experiment, FINER, dense=dense)
 
 
 @contextmanager

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes
+import re
 from collections.abc import Callable
 from functools import cache
 from pathlib import Path
@@ -43,13 +44,21 @@ def library() -> ctypes.CDLL:
     engine.fixed_point_work.restype = _INT
     engine.fixed_point_work.argtypes = (_INT,)
     for name in _MIRRORS:
-        _check_size(engine, name)
+        _check_layout(engine, name)
     return engine
 
 
-def _check_size(engine: ctypes.CDLL, name: str) -> None:
-    size, expected = _INT.in_dll(engine, f"size_of_{name}").value, ctypes.sizeof(_MIRRORS[name])
-    assert size == expected, f"{name} has {size} bytes in C and {expected} in Python"
+def _check_layout(engine: ctypes.CDLL, name: str) -> None:
+    struct, fields = _MIRRORS[name], ctypes.addressof(ctypes.c_char.in_dll(engine, f"fields_of_{name}"))
+    names = ctypes.string_at(fields).decode().split()
+    offsets = (_INT * (len(names) + 1)).in_dll(engine, f"offsets_of_{name}")
+    compiled = [*zip(names, offsets, strict=False), ("size", offsets[-1])]
+    own_names = [field[0] for field in struct._fields_]
+    mirror = [*((own, getattr(struct, own).offset) for own in own_names), ("size", ctypes.sizeof(struct))]
+    for (field, offset), (own, expected) in zip(compiled, mirror, strict=False):
+        assert (field, offset) == (own, expected), (
+            f"{name} has {field} at byte {offset} in C and {own} at byte {expected} in Python"
+        )
 
 
 def sources() -> dict[str, str]:
@@ -58,16 +67,39 @@ def sources() -> dict[str, str]:
     masters = sorted((folder.parent / "masters").glob("*.h"))
     files = (*folder.glob("*.h"), *folder.glob("*.c"), *masters)
     texts = {path.name: path.read_text(encoding="utf-8") for path in sorted(files)}
-    return texts | {"masters.h": "".join(f'#include "{path.name}"\n' for path in masters)}
+    generated = {"masters.h": "".join(f'#include "{path.name}"\n' for path in masters)}
+    return texts | generated | {"mirrors.h": _layouts("\n".join(texts.values()))}
+
+
+def _layouts(code: str) -> str:
+    """Return C with the names and the offsets of the fields of each struct that is marked by MIRRORED."""
+    code = re.sub(r"/\*.*?\*/", "", code, flags=re.DOTALL)
+    lines = []
+    for name in re.findall(r"^MIRRORED\((\w+)\)", code, re.M):
+        tag = re.search(rf"typedef struct (\w+) {name};", code)
+        start, end = (rf"struct {tag[1]}", "") if tag else (r"typedef struct", rf" {name}")
+        body = re.search(rf"{start} {{([^{{}}]*)}}{end};", code)
+        assert body, f"{name} is marked by MIRRORED, but its struct is not found"
+        fields = [
+            field
+            for declaration in body[1].split(";")
+            for field in re.findall(r"\(\*(\w+)\)", declaration)
+            or re.findall(r"(\w+)(?:\[[^\]]*\])?\s*(?:,|$)", declaration.strip())
+        ]
+        offsets = ", ".join(f"offsetof({name}, {field})" for field in fields)
+        lines += [f"EXPORT extern const char fields_of_{name}[];", f"EXPORT extern const int64_t offsets_of_{name}[];"]
+        lines += [f'const char fields_of_{name}[] = "{" ".join(fields)}";']
+        lines += [f"const int64_t offsets_of_{name}[] = {{{offsets}, sizeof({name})}};"]
+    return "\n".join(lines) + "\n"
 
 
 def mirrors(name: str) -> Callable[[_Struct], _Struct]:
-    """Declare that a ctypes structure has the layout of a C struct; its size is checked when the library is loaded."""
+    """Declare that a ctypes structure has the layout of a C struct; it is checked when the library is loaded."""
 
     def declared(struct: _Struct) -> _Struct:
         _MIRRORS[name] = struct
         if library.cache_info().currsize:
-            _check_size(library(), name)
+            _check_layout(library(), name)
         return struct
 
     return declared

@@ -18,7 +18,7 @@ from harness.errors import ExperimentError, HarnessError
 from harness.parts.part import Values
 from harness.result import Result, make_result
 from harness.system.experiment import Experiment
-from harness.system.plan import MovingWire, Plan, Program, Schedule
+from harness.system.plan import MovingWire, Plan, Schedule
 
 Reader: TypeAlias = Callable[[int], None]
 
@@ -197,8 +197,8 @@ class Algorithm(ABC):
         return HarnessError(f"the master found no solution at t = {time:.12g} s; use a shorter step")
 
 
-class NativeTicks:
-    """The ticks in C.
+class Ticks:
+    """The ticks of a run, in C.
 
     Attributes
     ----------
@@ -249,32 +249,3 @@ class NativeTicks:
     def close(self) -> None:
         """Free the states that were saved within steps, and the table."""
         self._engine.end()
-
-
-class PythonTicks:
-    """The ticks in Python, of masters that hold values."""
-
-    def __init__(self, plan: Plan, schedule: Schedule, experiment: Experiment) -> None:
-        """Check the master."""
-        if not schedule.operations or schedule.lines:
-            raise ExperimentError("this master runs in the compiled engine only: leave native as it is")
-        self._plan, self._schedule = plan, schedule
-        self._manipulations = Manipulations(plan, schedule, experiment.manipulators)
-
-    def begin(self, recorder: Recorder) -> None:
-        """Begin a run, whose parts have been started."""
-        self._manipulations.begin()
-        self._advance = Program(self._plan, self._schedule.operations, self._manipulations)
-        self.memory = self._manipulations.memory()
-
-    def run(self, first: int, last: int) -> None:
-        """Run the ticks first, ..., last - 1; time is the integer tick and nothing else."""
-        for tick in range(first, last):
-            self._advance(tick)
-
-    def attributes(self) -> dict[str, str | float]:
-        """Return nothing: nothing is measured."""
-        return {}
-
-    def close(self) -> None:
-        """Do nothing: no state was saved."""

@@ -23,7 +23,10 @@ MIRRORED(Fmi3)
 MIRRORED(Line)
 MIRRORED(Manipulator)
 MIRRORED(Pair)
+MIRRORED(State3)
 MIRRORED(Variable3)
+
+#include "mirrors.h" /* generated: fields and offsets of the structs marked by MIRRORED */
 
 EXPORT int64_t fixed_point_work(int64_t n);
 

@@ -115,13 +115,8 @@ struct engine {
     double failed_time;
 };
 
-/* Declares the size of a struct that Python mirrors, for the check when the library is loaded. */
-#ifdef COMPOSITE
+/* Marks a struct that Python mirrors: library.py compiles a table of its fields and their offsets into the engine,
+   which is compared with the structure in Python when the engine is loaded. */
 #define MIRRORED(name)
-#else
-#define MIRRORED(name)                                                                                                 \
-    EXPORT extern const int64_t size_of_##name;                                                                        \
-    const int64_t size_of_##name = (int64_t)sizeof(name);
-#endif
 
 #endif

@@ -86,6 +86,7 @@ typedef struct {
     double failed_at;
 } Integrator;
 
+MIRRORED(EventInfo)
 MIRRORED(Integrator)
 
 /* The state of an FMU together with its time. */

@@ -15,7 +15,7 @@ from harness.engine.native import Engine
 from harness.errors import ExperimentError
 from harness.parts.part import Values
 from harness.system.manipulator import Bias, Delay, DropOut, Freeze, Manipulator, Noise, Override
-from harness.system.plan import Plan, Schedule, map_of
+from harness.system.plan import Plan, Schedule
 
 _POINTER, _INT, _REAL = ctypes.c_void_p, ctypes.c_int64, ctypes.c_double
 _OVERRIDE, _BIAS, _NOISE, _LOSS, _DELAY = range(5)
@@ -36,7 +36,7 @@ class ManipulatorData(ctypes.Structure):
     )
 
 
-@dataclass
+@dataclass(frozen=True)
 class Manipulation:
     """One manipulator during a run; engine/manipulate.h explains its fields."""
 
@@ -52,12 +52,6 @@ class Manipulation:
     phase: int
     gain: float
     offset: float
-    held: float = 0.0
-    lost: bool = False
-
-    def asks(self, tick: int) -> bool:
-        """Return whether the part at the end of the connection fetches its inputs at this tick."""
-        return self.every == 1 or tick % self.every == self.phase
 
 
 class Manipulations:
@@ -78,29 +72,6 @@ class Manipulations:
                 m.past[:] = self.plan.initials[m.input]
         self.data = (ManipulatorData * len(self.all))()
 
-    def __call__(self, tick: int) -> None:
-        """Set gains and offsets for a tick, as the compiled engine does."""
-        gains, offsets, signals = self.plan.gains, self.plan.offsets, self.plan.signals
-        for m in self.all:
-            gains[m.input], offsets[m.input] = self.plan.wire_gains[m.input], self.plan.wire_offsets[m.input]
-        for m in self.all:
-            active = m.first <= tick < m.last
-            output = float(signals[self.plan.sources[m.input]])
-            gain, offset = float(gains[m.input]), float(offsets[m.input])
-            if m.kind == _LOSS:
-                gain, offset = _lose(m, active, tick, output, gain, offset)
-            if m.kind == _DELAY:
-                m.past[tick % m.past.size] = output
-            if active and m.kind == _BIAS:
-                offset += m.value
-            if active and m.kind == _NOISE and m.samples is not None:
-                offset += m.value * float(m.samples[tick - m.first])
-            if active and m.kind == _DELAY:
-                gain, offset = 0.0, map_of(gain, offset, float(m.past[(tick + 1) % m.past.size]))
-            if active and m.kind == _OVERRIDE:
-                gain, offset = 0.0, m.value
-            gains[m.input], offsets[m.input] = gain, offset
-
     def memory(self) -> dict[str, np.ndarray[Any, Any]]:
         """Return the values kept from step to step for a checkpoint, as views of the engine's data."""
         past = {f"past of manipulator {number}": m.past for number, m in enumerate(self.all)}
@@ -117,16 +88,6 @@ class Manipulations:
             data.past, data.length = keep(m.past), m.past.size
         engine.data.manipulators, engine.data.manipulator_count = ctypes.addressof(self.data), len(self.all)
         engine.data.wire_gains, engine.data.wire_offsets = keep(self.plan.wire_gains), keep(self.plan.wire_offsets)
-
-
-def _lose(m: Manipulation, active: bool, tick: int, output: float, gain: float, offset: float) -> tuple[float, float]:
-    if not m.lost and (tick == 0 or m.asks(tick - 1)):
-        m.held = map_of(m.gain, m.offset, output if m.fresh else float(m.past[0]))
-    m.past[0] = output
-    if m.asks(tick):
-        m.lost = active and (m.samples is None or float(m.samples[tick - m.first]) < m.value)
-        m.gain, m.offset = gain, offset
-    return (0.0, m.held) if m.lost else (gain, offset)
 
 
 def _lay_out(plan: Plan, manipulator: Manipulator, fresh: dict[int, bool]) -> Manipulation:

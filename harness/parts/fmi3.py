@@ -68,6 +68,7 @@ class Adapter(ctypes.Structure):
     )
 
 
+@mirrors("State3")
 class _State(ctypes.Structure):
     """``State3`` of fmi3.h."""
 

@@ -77,6 +77,7 @@ _EXPORTED: Final = MappingProxyType(
 )
 
 
+@mirrors("EventInfo")
 class _EventInfo(ctypes.Structure):
     """``EventInfo`` of integrator.h."""
 

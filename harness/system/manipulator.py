@@ -7,7 +7,8 @@ from collections.abc import Mapping
 from dataclasses import MISSING, dataclass, field, fields
 from typing import Any, ClassVar, Final
 
-from harness.errors import ExperimentError, nearest
+from harness.errors import ExperimentError
+from harness.storage.toml_file import Table
 from harness.values import is_count, is_number, make_plain, number, shown, text
 
 LONGEST_DELAY: Final = 10_000_000
@@ -209,22 +210,19 @@ def _check_seed(manipulator: Manipulator, seed: object) -> None:
 
 def read_manipulator(table: Mapping[str, Any]) -> Manipulator:
     """Return a manipulator from a table such as ``{"kind": "bias", "input": "pid.x", "value": 1e-3, "start": 0.5}``."""
-    kind = table.get("kind")
-    if not isinstance(kind, str) or kind not in _KINDS:
-        remedy = nearest(kind if isinstance(kind, str) else "", _KINDS)
-        raise ExperimentError(f"{shown(kind)} is not a kind of manipulator: {remedy}")
-    cls = _KINDS[kind]
-    settings = {key: value for key, value in table.items() if key != "kind"}
-    known = {item.name: item for item in fields(cls)}
-    for key, value in settings.items():
-        if key not in known:
-            raise ExperimentError(f"'{key}' is not a key of a {kind}: {nearest(key, known)}")
-        if (text(value) if key == "input" else number(value)) is None:
-            raise ExperimentError(f"{key} of a {kind} is {shown(value)}, which has the wrong type")
-    for name, item in known.items():
-        if name not in settings and item.default is MISSING:
-            raise ExperimentError(f"a {kind} has no {name}: add it")
-    return cls(**settings)
+    kind = Table(table, "a manipulator", ExperimentError).choice("kind", _KINDS)
+    given = Table(table, f"a {kind}", ExperimentError)
+    keys = {item.name: item for item in fields(_KINDS[kind])}
+    given.known(("kind", *keys))
+    wanted = [key for key, item in keys.items() if key in given or item.default is MISSING]
+    settings: dict[str, Any] = {
+        key: given.take(key, *((text, "a text") if key == "input" else (_as_it_is, "a number"))) for key in wanted
+    }
+    return _KINDS[kind](**settings)
+
+
+def _as_it_is(value: Any) -> Any:
+    return value if number(value) is not None else None
 
 
 def manipulator_table(manipulator: Manipulator) -> dict[str, str | float | int]:

@@ -1,8 +1,8 @@
-"""The plan of a run: everything that the inner loop needs, as arrays, and the loop body in Python."""
+"""The plan of a run: everything that the inner loop needs, as arrays."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Final
@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from harness.errors import PartError
 from harness.parts.part import Calls, Part, Port, StartValue, Values
 
 if TYPE_CHECKING:
@@ -192,55 +191,6 @@ def map_of(gain: float, offset: float, output: float) -> float:
     if gain == 1.0 and offset == 0.0:
         return output
     return offset if gain == 0.0 else gain * output + offset
-
-
-class Program:
-    """A fixed list of operations that Python executes in every communication step.
-
-    The compiled engine executes the same list from the arrays of the plan, with bit-identical results.
-    """
-
-    def __init__(
-        self, plan: Plan, operations: Sequence[tuple[int, int]], manipulate: Callable[[int], None] | None = None
-    ) -> None:
-        """Prepare each operation as one function."""
-        self.plan = plan
-        self._manipulate = manipulate
-        self.operations = np.array(operations, dtype=np.int64).reshape(-1, 2)
-        self._start = plan.start
-        self._step = plan.step
-        self._calls = [_call(plan, operation, part) for operation, part in operations]
-
-    def __call__(self, tick: int) -> None:
-        """Advance from tick to tick + 1."""
-        time = self._start + tick * self._step
-        if self._manipulate is not None:
-            self._manipulate(tick)
-        try:
-            for call in self._calls:
-                call(tick, time)
-        except PartError as error:
-            if error.time is None:
-                error.time = time
-            raise
-
-
-def _call(plan: Plan, operation: int, part: int) -> Callable[[int, float], None]:
-    """Return one operation as a function of tick and time."""
-    step = plan.step
-    every, phase = int(plan.every[part]), int(plan.phase[part])
-    calls = plan.calls[part]
-
-    if operation == STEP:
-        advance = calls.step
-        if every == 1:
-            return lambda tick, time: advance(time, step)
-        return lambda tick, time: advance(plan.time(tick - phase), every * step) if tick % every == phase else None
-
-    action = fetcher(plan, part) if operation == SET else calls.get
-    if every == 1:
-        return lambda tick, time: action()
-    return lambda tick, time: action() if tick % every == phase else None
 
 
 def fetcher(plan: Plan, part: int) -> Callable[[], None]:

@@ -3,19 +3,19 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Final, TypeAlias
 
 import tomli_w
 
-from harness.errors import ExperimentError, SystemFileError, nearest
+from harness.errors import ExperimentError, SystemFileError
 from harness.parts.fmu import FmuPart
 from harness.parts.part import Part, StartValue
 from harness.parts.series import SeriesPart
 from harness.storage.files import atomic_path
-from harness.storage.toml_file import read_toml
+from harness.storage.toml_file import Table, read_table
 from harness.system.assembly import Assembly
 from harness.system.experiment import Experiment
 from harness.system.manipulator import manipulator_table, read_manipulator
@@ -30,10 +30,11 @@ _RECORD_KEYS = ("interpolation", "beyond")
 # checked by the classes that receive the values, as they may also come from Python
 _Kinds: TypeAlias = Mapping[str, tuple[Callable[[object], Any], str]]
 _NUMBER, _WHOLE, _TEXT = (number, "a number"), (whole, "an integer"), (text, "a text on one line")
+_FLAG = (flag, "true or false")
 _PART_KINDS: Final[_Kinds] = {
     **dict.fromkeys(("model", "fmu", "record", "interpolation", "beyond"), _TEXT),
     "every": (whole, "an integer number of communication steps"),
-    "isolate": (flag, "true or false"),
+    "isolate": _FLAG,
     "timeout": (number, "a number of seconds"),
 }
 _WIRE_KINDS: Final[_Kinds] = {"gain": _NUMBER, "offset": _NUMBER, "delay": _WHOLE, "initial": _NUMBER}
@@ -62,34 +63,25 @@ class SystemDescription:
 
 def read_system(path: Path, resolve: Callable[[str], Path] | None) -> SystemDescription:
     """Read a system file; see `System.from_toml`."""
-    try:
-        document = read_toml(path)
-    except OSError as error:
-        raise SystemFileError(f"cannot read the system file {path}: {error.strerror}; give an existing file") from error
-    except ValueError as error:
-        raise SystemFileError(f"{path} is not a TOML file: {error}; correct it there") from error
-
-    _check_keys(document, _TOP_KEYS, f"{path}")
+    document = read_table(path, SystemFileError)
+    document.known(_TOP_KEYS)
     parts: list[Part] = []
     start: dict[str, StartValue] = {}
     try:
-        for name, entry in _table(document, "parts", path).items():
-            if not isinstance(entry, dict):
-                raise SystemFileError(f"part '{name}' in {path} is not a table: write [parts.{name}]")
-            start |= _start_values(name, entry, path)
+        entries = _table(document, "parts", path)
+        for name in entries:
+            entry = Table(entries.content[name], f"part '{name}' in {path}", SystemFileError)
+            start |= {f"{name}.{key}": value for key, value in _start_values(entry, name, path).items()}
             parts.append(_read_part(name, entry, path, resolve))
-        wires = document.get("wires", [])
-        if not isinstance(wires, list):
-            raise SystemFileError(f'wires in {path} is not a list: write wires = ["a.y -> b.u"]')
+        wires: list[object] = document.take("wires", _list, 'a list, such as wires = ["a.y -> b.u"]', [])
+        experiment = _table(document, "experiment", path)
         return SystemDescription(
             parts=tuple(parts),
             wires=tuple(_read_wire(wire, path) for wire in wires),
             start=start,
-            experiment=_read_experiment(_table(document, "experiment", path), path)
-            if "experiment" in document
-            else None,
-            name=_take({"name": path.stem, **document}, "name", str(path), text, "a text on one line"),
-            strict=_take({"strict": False, **document}, "strict", str(path), flag, "true or false"),
+            experiment=_read_experiment(experiment) if "experiment" in document else None,
+            name=document.take("name", *_TEXT, path.stem),
+            strict=document.take("strict", *_FLAG, False),
         )
     except BaseException:
         for part in parts:
@@ -113,16 +105,13 @@ def write_system(system: Assembly, path: Path) -> None:
         temporary.write_text(tomli_w.dumps(document), encoding="utf-8")
 
 
-def _read_part(name: str, entry: Mapping[str, Any], path: Path, resolve: Callable[[str], Path] | None) -> Part:
-    kinds = [kind for kind in ("model", "fmu", "record") if kind in entry]
+def _read_part(name: str, entry: Table, path: Path, resolve: Callable[[str], Path] | None) -> Part:
+    kinds, where = [kind for kind in ("model", "fmu", "record") if kind in entry], entry.where
     if len(kinds) != 1:
-        raise SystemFileError(
-            f"part '{name}' in {path} has {' and '.join(kinds) or 'no source'}: give one of model, fmu, record"
-        )
+        raise SystemFileError(f"{where} has {' and '.join(kinds) or 'no source'}: give one of model, fmu, record")
     kind = kinds[0]
-    where = f"part '{name}' in {path}"
-    _check_keys(entry, (kind, *(_RECORD_KEYS if kind == "record" else _FMU_KEYS)), where)
-    settings = {key: _take(entry, key, where, *_PART_KINDS[key]) for key in entry if key != "start"}
+    entry.known((kind, *(_RECORD_KEYS if kind == "record" else _FMU_KEYS)))
+    settings = {key: entry.take(key, *_PART_KINDS[key]) for key in entry if key != "start"}
     origin = settings.pop(kind)
     try:
         if kind == "record":
@@ -150,9 +139,9 @@ def _read_wire(entry: object, path: Path) -> Wire:
     wire = parse_wire(ends)
     if not isinstance(entry, dict):
         return wire
-    where = f"the connection {wire} in {path}"
-    _check_keys(entry, ("wire", *_WIRE_KINDS), where)
-    return replace(wire, **{key: _take(entry, key, where, *_WIRE_KINDS[key]) for key in entry if key != "wire"})
+    table = Table(entry, f"the connection {wire} in {path}", SystemFileError)
+    table.known(("wire", *_WIRE_KINDS))
+    return replace(wire, **{key: table.take(key, *_WIRE_KINDS[key]) for key in table if key != "wire"})
 
 
 def _wire_entry(wire: Wire) -> str | dict[str, Any]:
@@ -161,51 +150,31 @@ def _wire_entry(wire: Wire) -> str | dict[str, Any]:
     return {"wire": str(wire), **changed} if changed else str(wire)
 
 
-def _read_experiment(table: Mapping[str, Any], path: Path) -> Experiment:
-    where = f"[experiment] in {path}"
-    _check_keys(table, _EXPERIMENT_KINDS, where)
-    settings = {key: _take(table, key, where, *_EXPERIMENT_KINDS[key]) for key in table}
-    for key in ("stop", "step"):
-        if key not in settings:
-            raise SystemFileError(f"{where} has no {key}: add one, in seconds")
+def _read_experiment(table: Table) -> Experiment:
+    table.known(_EXPERIMENT_KINDS)
+    settings = {key: table.take(key, *_EXPERIMENT_KINDS[key]) for key in dict.fromkeys(("stop", "step", *table))}
     try:
         settings |= {"manipulators": tuple(read_manipulator(item) for item in settings.get("manipulators", ()))}
     except ExperimentError as error:
-        raise SystemFileError(f"{error} (in {where})") from error
+        raise SystemFileError(f"{error} (in {table.where})") from error
     return Experiment(**settings)
 
 
-def _take(table: Mapping[str, Any], key: str, where: str, read: Callable[[object], Any], remedy: str) -> Any:
-    """Return the value of a key after checking its kind."""
-    value = read(table[key])
-    if value is None:
-        raise SystemFileError(f"{key} of {where} is {shown(table[key])}: give {remedy}")
-    return value
+def _table(document: Table, key: str, path: Path) -> Table:
+    return Table(document.content.get(key, {}), f"[{key}] in {path}", SystemFileError)
 
 
-def _table(document: Mapping[str, Any], key: str, path: Path) -> Mapping[str, Any]:
-    table = document.get(key, {})
-    if not isinstance(table, dict):
-        raise SystemFileError(f"{key} in {path} is not a table: write [{key}]")
-    return table
+def _list(value: object) -> list[object] | None:
+    return value if isinstance(value, list) else None
 
 
-def _start_values(part: str, entry: Mapping[str, Any], path: Path) -> dict[str, StartValue]:
-    table = entry.get("start", {})
-    if not isinstance(table, dict):
-        raise SystemFileError(f"start of part '{part}' in {path} is {shown(table)}: write [parts.{part}.start]")
-    for key, value in table.items():
-        if not isinstance(value, (bool, int, float, str)):
-            raise SystemFileError(
-                f"start value {key} of part '{part}' in {path} is {shown(value)}: give a number, a text, true or false"
-            )
-    return {f"{part}.{key}": value for key, value in table.items()}
+def _start_values(entry: Table, part: str, path: Path) -> dict[str, StartValue]:
+    table = Table(entry.content.get("start", {}), f"[parts.{part}.start] in {path}", SystemFileError)
+    return {key: table.take(key, _start_value, "a number, a text, true or false") for key in table}
 
 
-def _check_keys(table: Mapping[str, Any], known: Iterable[str], where: str) -> None:
-    for key in table:
-        if key not in known:
-            raise SystemFileError(f"'{key}' is not a key of {where}: {nearest(key, known)}")
+def _start_value(value: object) -> Any:
+    return value if isinstance(value, (bool, int, float, str)) else None
 
 
 def _part_table(part: Part, path: Path) -> dict[str, Any]:

@@ -15,6 +15,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from harness_parts import bristle, mass, memoryless
+from python_engine import run_in_python
 
 from harness import CallablePart, Experiment, FmuPart, PartError, Port, Result, System, Tap
 from harness.run import Options, Session, run
@@ -63,7 +64,7 @@ def servo(build_fmu: BuildFmu) -> System:
 def test_engine_and_python_agree_to_the_last_bit(build_fmu: BuildFmu, master: str, decimate: int) -> None:
     experiment = Experiment(stop=0.7, step=1e-3, master=master, decimate=decimate, record=("*", "mass.F_friction"))
     with servo(build_fmu) as system:
-        assert same(run(system, experiment), run(system, experiment, Options(native=False)))
+        assert same(run(system, experiment), run_in_python(system, experiment))
 
 
 def test_taps_and_progress_see_the_same_values(build_fmu: BuildFmu) -> None:
@@ -78,9 +79,13 @@ def test_taps_and_progress_see_the_same_values(build_fmu: BuildFmu) -> None:
 
     counters = {True: Counter(), False: Counter()}
     with servo(build_fmu) as system:
-        for native, rows in seen.items():
-            tap = Tap(lambda t, values, rows=rows: rows.append((t, float(values[0]))), ("mass.v",), every=3)
-            run(system, Experiment(stop=0.2, step=1e-3), Options([tap], counters[native], native=native))
+        experiment = Experiment(stop=0.2, step=1e-3)
+        tap, other = (
+            Tap(lambda t, values, rows=rows: rows.append((t, float(values[0]))), ("mass.v",), every=3)
+            for rows in seen.values()
+        )
+        run(system, experiment, Options([tap], counters[True]))
+        run_in_python(system, experiment, (other,), counters[False])
     assert seen[True] == seen[False]
     assert len(seen[True]) == 200 // 3 + 1
     assert counters[True].calls == counters[False].calls

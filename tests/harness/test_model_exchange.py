@@ -11,6 +11,7 @@ from pathlib import Path
 import fmpy
 import numpy as np
 import pytest
+from python_engine import run_in_python
 from scipy.integrate import solve_ivp
 from thorough import some
 
@@ -29,7 +30,7 @@ from harness import (
 )
 from harness.errors import BuildError, HarnessError
 from harness.parts import integrator
-from harness.run import Options, run
+from harness.run import run
 
 MakeFmu = Callable[..., Path]
 EXPLICIT = ["jacobi", "gauss-seidel"]
@@ -302,7 +303,7 @@ def test_engine_python_and_another_run_give_the_same_bits(exchange: MakeFmu, kin
         experiment = Experiment(stop=1.5, step=0.01)
         first = run(system, experiment)
         assert first.identical(run(system, experiment))
-        assert first.equals(run(system, experiment, Options(native=False)))
+        assert first.equals(run_in_python(system, experiment))
 
 
 @pytest.mark.parametrize("kind", ["BALL", "BELT", "STAIR", "OSCILLATOR"])

@@ -11,7 +11,7 @@ from thorough import some
 
 from harness import CallablePart, DropOut, Experiment, FmuPart, HarnessError, Noise, PartError, SeriesPart, System, Wire
 from harness.errors import StartValueError
-from harness.run import Options, Session
+from harness.run import Session
 from harness.sweeps import sweep
 
 BuildFmu = Callable[..., Path]
@@ -69,11 +69,9 @@ def bytes_of(system: System, experiment: Experiment, values: Mapping[str, float]
         return {str(name): column.to_numpy().tobytes() for name, column in result.data_vars.items()}
 
 
-def assert_runs_are_those_of_new_systems(
-    make: Callable[[bool], System], experiment: Experiment, options: Options | None = None
-) -> None:
+def assert_runs_are_those_of_new_systems(make: Callable[[bool], System], experiment: Experiment) -> None:
     with make(True) as system:
-        session = Session(system.with_start(SAMPLES[0]), experiment, options)
+        session = Session(system.with_start(SAMPLES[0]), experiment)
         for values in SAMPLES:
             result = session.run({**system.start, **values}).result()
             new = bytes_of(make(False), experiment, values)
@@ -93,11 +91,6 @@ def test_masters_and_manipulators(loop: Loop, master: Mapping[str, object]) -> N
     names = ("*", "mass.F_ext", "friction.v", "pid.Kp")
     experiment = Experiment(stop=0.02, step=1e-4, record=names, manipulators=manipulators, decimate=3, **master)  # type: ignore[arg-type]
     assert_runs_are_those_of_new_systems(lambda reuse: loop(reuse=reuse), experiment)
-
-
-def test_the_python_engine(loop: Loop) -> None:
-    experiment = Experiment(stop=0.01, step=1e-4)
-    assert_runs_are_those_of_new_systems(lambda reuse: loop(reuse=reuse), experiment, Options(native=False))
 
 
 @pytest.mark.parametrize(("master", "measure"), [("newton", "evaluations"), ("jacobi", "lasting_defect")])

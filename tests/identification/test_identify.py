@@ -14,6 +14,7 @@ import friction_fmus
 from friction_fmus import identify
 from friction_fmus.data import EMPS_PUBLISHED, load_emps
 from friction_fmus.identification import (
+    LINEAR,
     PUBLISHED_SETTINGS,
     ROTARY,
     FitError,
@@ -22,6 +23,7 @@ from friction_fmus.identification import (
     RecordError,
     identifiable,
 )
+from friction_fmus.identification.fit.models import contact_model
 from harness import Drive, FmuPart, read_ssv
 
 STEP = 1e-3
@@ -255,3 +257,62 @@ def test_a_block_that_names_a_method_that_does_not_exist(tmp_path: Path, lugre: 
     mine.write_text(text.replace("METHOD(hysteresis)", "METHOD(hysteresiss)"), encoding="utf-8")
     with pytest.raises(FitError, match=r"names the unknown method 'hysteresiss' \(did you mean hysteresis"):
         identify(mine, lugre[0])
+
+
+OWN = r"""
+#define MODEL   OwnNames
+#define SUMMARY "Smoothed Coulomb friction with names that mean something else in other models"
+#define SOURCE  "A test"
+
+#define VARIABLES                                                       \
+    INPUT    (v,     VELOCITY, 0.0,              "sliding velocity")    \
+    OUTPUT   (F,     FORCE,                      "friction")            \
+    PARAMETER(k,     FORCE,    1.0,  1e-9,  INF, "Coulomb friction")    \
+    PARAMETER(sigma, DAMPING,  0.4,  0.0,   INF, "viscous coefficient") \
+    PARAMETER(alpha, NO_UNIT,  0.0,  -1.0,  1.0, "excess for v < 0")    \
+    PARAMETER(vs,    VELOCITY, 1e-4, 1e-12, INF, "width of the smoothing")
+
+#define CONTACT    COULOMB(k) VISCOUS(sigma)
+#define IDENTIFIED FIT(alpha, 0, directions) HELD(vs, 1e-4, slow)
+
+#include "block.h"
+
+static void equations(Model *m)
+{
+    GIVEN(m)
+    m->F = k * (v < 0.0 ? 1.0 + alpha : 1.0) * tanh(v / vs) + sigma * v;
+}
+"""
+
+
+def own_names(folder: Path, old: str = "", new: str = "") -> Path:
+    source = folder / "OwnNames.c"
+    source.write_text(OWN.replace(old, new), encoding="utf-8")
+    return source
+
+
+def test_the_file_of_a_model_says_how_its_parameters_are_identified_not_their_names(tmp_path: Path) -> None:
+    v = sliding_record().column("v")
+    force = 10.0 * np.tanh(v / 1e-4) * np.where(v < 0.0, 1.2, 1.0) + 100.0 * v + noise(3, len(v))
+    record = Record("own names", STEP * np.arange(len(v)), v=v, friction=force)
+    result = identify(own_names(tmp_path), record, starts=1, fixed={"OF": 0.0})
+    assert {*result.values()} - {"OF"} == {"k", "sigma", "alpha"}
+    for name, value in {"k": 10.0, "sigma": 100.0, "alpha": 0.2}.items():
+        assert result.values()[name] == pytest.approx(value, rel=0.01), name
+    model = contact_model(own_names(tmp_path), LINEAR)
+    assert [model.fit_of(name).start for name in ("k", "sigma")] == ["level", "viscous"]
+    assert not model.lacks_viscous
+
+
+def test_a_parameter_without_a_statement_and_a_name_of_the_drive_are_errors(tmp_path: Path, lugre: Truth) -> None:
+    with pytest.raises(FitError, match=r"does not state how vs is identified.*HELD\(vs, "):
+        identify(own_names(tmp_path, "HELD(vs, 1e-4, slow)", ""), lugre[0])
+    with pytest.raises(FitError, match=r"OwnNames has a parameter OF, .* rename"):
+        identify(own_names(tmp_path, "alpha", "OF"), lugre[0])
+
+
+@pytest.mark.parametrize("name", identifiable())
+def test_each_model_states_how_its_parameters_are_identified(name: str) -> None:
+    model = contact_model(name, LINEAR)
+    numbers = {each.split("[")[0].removesuffix("_neg") for each, p in model.parameters.items() if p.real} - {"Fn0"}
+    assert numbers == {*model.identified_by.fits}

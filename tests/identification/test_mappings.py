@@ -142,13 +142,13 @@ def test_headings_that_leave_a_choice_are_answered_with_the_mapping_to_write(tmp
         ),
         ({"force": {"column": "u", "unit": "V", "gain": "much"}}, "not a number with a known unit"),
         ({"force": {"column": "u", "unit": "bananas"}}, "unknown unit 'bananas'"),
-        ({"force": {"column": "u", "unit": "N", "sign": 2}}, "sign = 2; use 1 or -1"),
-        ({"force": {"column": "u", "unit": "N", "held": "yes"}}, "use true or false"),
+        ({"force": {"column": "u", "unit": "N", "sign": 2}}, "sign = 2; give 1 or -1"),
+        ({"force": {"column": "u", "unit": "N", "held": "yes"}}, "give true or false"),
         ({"position": {"column": "u", "unit": "m", "held": True}}, "unknown key 'held'"),
         ({"force": {"column": "u", "unit": "N", "scale": 2}}, "unknown key 'scale'"),
         ({"force": {"unit": "N"}}, "force, needs column"),
         ({"force": 3}, "force, is 3; use"),
-        ({"current": "u"}, "unknown role 'current' in .columns.; valid are time, position"),
+        ({"current": "u"}, "columns., has the unknown role 'current'; known are force, "),
         ({"time": {"period": "-1 ms"}}, "use a positive time"),
     ],
 )
@@ -161,7 +161,7 @@ def test_mappings_that_make_no_sense_are_refused(tmp_path: Path, columns: dict[s
 @pytest.mark.parametrize(
     ("windows", "message"),
     [
-        ({"test": [0, 1]}, "unknown window 'test'; valid are train, validation"),
+        ({"test": [0, 1]}, "unknown window 'test'; known are train, validation"),
         ({"train": [1, 0]}, "the earlier one first"),
         ({"train": [1]}, "give start and end"),
         ({"train": "all"}, "give start and end"),
@@ -177,11 +177,11 @@ def test_windows_that_make_no_sense_are_refused(windows: dict[str, Any], message
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("[data]\nfile = 3\n", "file = 3; use a string"),
+        ("[data]\nfile = 3\n", "file = 3; give a string"),
         ("[data]\npath = 'x'\n", "unknown key 'path'"),
         ("[colums]\n", "unknown table 'colums'"),
         ("[data\n", "cannot be read as TOML"),
-        ("data = 1\n", "must be a table"),
+        ("data = 1\n", "not a table; make it a table"),
         ("[data]\nname = 'x'\n", "names no data file"),
         ("[data]\nrecord = 'emps'\n", "names the record 'emps' of the package, which only a study reads"),
         ("[data]\nfile = 'x.csv'\n[servo]\nkp = 1\n", "There is no data file"),

@@ -9,9 +9,8 @@ from typing import Any
 
 from friction_fmus.identification.data.record import QUANTITY, fits, parse_quantity, times, unit_of
 from friction_fmus.identification.errors import RecordError
-from harness.storage.files import reason
-from harness.storage.toml_file import read_toml
-from harness.values import is_line, number, shown
+from harness.storage.toml_file import Table, read_table
+from harness.values import flag, number, shown, text
 
 ROLES = tuple(QUANTITY)
 WINDOWS = ("train", "validation")
@@ -83,12 +82,7 @@ def load_mapping(path: Path) -> DataMapping:
     RecordError
         If the file is missing, is not valid TOML, or has an invalid entry.
     """
-    try:
-        table = read_toml(path)
-    except FileNotFoundError as error:
-        raise RecordError(f"There is no file {path}; give the path of a data file or of its mapping.") from error
-    except (OSError, ValueError) as error:
-        raise RecordError(f"{path} cannot be read as TOML ({reason(error)}); correct it.") from error
+    table = read_table(path, RecordError).content
     data = table.get("data")
     if isinstance(data, Mapping) and "record" in data:
         raise RecordError(
@@ -121,19 +115,20 @@ def read_mapping(table: Mapping[str, Any], folder: Path, origin: str = "The mapp
     RecordError
         If an entry is unknown, missing or of the wrong type.
     """
-    _known(table, ("data", "columns", "windows"), origin, "table")
-    data = _table(table, "data", origin)
-    _known(data, ("file", "name", "citation"), f"{origin}, [data],", "key")
-    for key, value in data.items():
-        if not isinstance(value, str) or (key == "file" and not is_line(value)):
-            raise RecordError(f"{origin}, [data], has {key} = {shown(value)}; use a string.")
-    columns = {role: _column(role, value, origin) for role, value in _table(table, "columns", origin).items()}
+    Table(table, origin, RecordError).known(("data", "columns", "windows"), "table")
+    about, headings, times = (
+        Table(table.get(name, {}), f"{origin}, [{name}],", RecordError) for name in ("data", "columns", "windows")
+    )
+    about.known(("file", "name", "citation"))
+    data = {key: about.take(key, text if key == "file" else _string, "a string") for key in about}
+    headings.known(ROLES, "role")
+    columns = {role: _column(role, value, origin) for role, value in headings.content.items()}
     if columns:
         if "time" not in columns:
             raise RecordError(f'{origin} has no time in [columns]; add time = {{ column = ..., unit = "s" }}.')
         if not columns.keys() & {"position", "velocity"}:
             raise RecordError(f"{origin} has neither position nor velocity in [columns]; add one of them.")
-    windows = read_windows(_table(table, "windows", origin), f"{origin}, [windows],")
+    windows = read_windows(times.content, times.where)
     file = folder / data["file"] if "file" in data else None
     return DataMapping(file, data.get("name", ""), data.get("citation", ""), columns, windows)
 
@@ -158,13 +153,9 @@ def read_windows(table: Mapping[str, Any], where: str) -> dict[str, tuple[float,
     RecordError
         If a window is not a pair of increasing times, windows overlap, or only ``validation`` is given.
     """
-    _known(table, WINDOWS, where, "window")
-    windows = {}
-    for name, pair in table.items():
-        times = [float(t) for t in pair if type(t) in (int, float)] if isinstance(pair, (list, tuple)) else []
-        if len(times) != 2 or len(pair) != 2 or not times[0] < times[1]:
-            raise RecordError(f"{where} has {name} = {shown(pair)}; give start and end in s, the earlier one first.")
-        windows[name] = (times[0], times[1])
+    given = Table(table, where, RecordError)
+    given.known(WINDOWS, "window")
+    windows = {name: given.take(name, _pair, "start and end in s, the earlier one first") for name in given}
     if set(windows) == {"validation"}:
         raise RecordError(f"{where} has only a window for validation; add one for train.")
     if len(windows) == 2:
@@ -174,50 +165,44 @@ def read_windows(table: Mapping[str, Any], where: str) -> dict[str, tuple[float,
     return windows
 
 
-def _known(table: Mapping[str, Any], names: tuple[str, ...], origin: str, noun: str) -> None:
-    unknown = [name for name in table if name not in names]
-    if unknown:
-        raise RecordError(f"{origin} has the unknown {noun} {shown(unknown[0])}; valid are {', '.join(names)}.")
+def _pair(value: object) -> tuple[float, float] | None:
+    """Return two increasing times."""
+    pair = [number(each) for each in value] if isinstance(value, (list, tuple)) else []
+    match pair:
+        case [float(first), float(last)] if first < last:
+            return first, last
+    return None
 
 
-def _table(table: Mapping[str, Any], name: str, origin: str) -> Mapping[str, Any]:
-    value = table.get(name, {})
-    if not isinstance(value, Mapping):
-        raise RecordError(f"{origin} has {name} = {shown(value)}; {name} must be a table.")
-    return value
+def _string(value: object) -> str | None:
+    return value if isinstance(value, str) else None
+
+
+def _gain(value: object) -> str | None:
+    return str(value) if isinstance(value, str) or number(value) is not None else None
 
 
 def _column(role: str, value: Any, origin: str) -> Column:
     """Read an entry of ``[columns]``: a heading, or a table with column, unit, gain and sign."""
     where = f"{origin}, [columns], {role},"
-    if role not in ROLES:
-        raise RecordError(f"{origin} has the unknown role {shown(role)} in [columns]; valid are {', '.join(ROLES)}.")
     if isinstance(value, str):
         return Column(value)
     if not isinstance(value, Mapping):
         raise RecordError(f'{where} is {shown(value)}; use {{ column = "heading", unit = "..." }}.')
-    keys = (
-        "column",
-        "unit",
-        "gain",
-        "sign",
-        *(("period",) if role == "time" else ("held",) if role == "force" else ()),
-    )
-    _known(value, keys, where, "key")
+    table = Table(value, where, RecordError)
+    own = {"time": ("period",), "force": ("held",)}.get(role, ())
+    table.known(("column", "unit", "gain", "sign", *own))
     if ("column" in value) == ("period" in value):
         choice = "either column or period" if role == "time" else "column"
         raise RecordError(f'{where} needs {choice}; use {{ column = "heading", unit = "..." }}.')
-    for key in ("column", "unit", "period"):
-        if key in value and (not isinstance(value[key], str) or (key != "column" and not is_line(value[key]))):
-            raise RecordError(f"{where} has {key} = {shown(value[key])}; use a string.")
-    sign = value.get("sign", 1)
-    if isinstance(sign, bool) or sign not in (1, -1):
-        raise RecordError(f"{where} has sign = {shown(sign)}; use 1 or -1.")
-    if not isinstance(gain := value.get("gain", ""), str) and number(gain) is None:
-        raise RecordError(f"{where} has gain = {shown(gain)}; use a number with a unit, such as '35.15 N/V'.")
-    if not isinstance(held := value.get("held", False), bool):
-        raise RecordError(f"{where} has held = {shown(held)}; use true or false.")
-    found = Column(value.get("column", ""), value.get("unit", ""), str(gain), int(sign), value.get("period", ""), held)
+    found = Column(
+        table.take("column", _string, "a string", ""),
+        table.take("unit", text, "a string", ""),
+        table.take("gain", _gain, "a number with a unit, such as '35.15 N/V'", ""),
+        table.take("sign", lambda sign: int(found) if (found := number(sign)) in (1.0, -1.0) else None, "1 or -1", 1),
+        table.take("period", text, "a string", ""),
+        table.take("held", flag, "true or false", False),
+    )
     if MISSING in (found.column, found.unit, found.gain):
         raise RecordError(f"{where} has a {MISSING} for a missing entry; replace it.")
     _check_units(role, found, where)

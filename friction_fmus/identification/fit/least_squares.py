@@ -291,7 +291,7 @@ def scalar_setup(
     unit = {name: p.unit for name, p in model.parameters.items()}
     unit |= {"M": units.inertia, "OF": units.force} | ({"Fv": units.viscous} if model.viscous else {})
     if state is not None:
-        unit[state] = units.force if state.startswith("F") else units.position
+        unit[state] = model.states[state]
     return Setup(tuple(coordinates), dict, states, constants, unit)
 
 

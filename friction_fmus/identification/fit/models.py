@@ -1,8 +1,7 @@
-"""Parameters of blocks that are identified, their start values, and the motion that determines each of them.
+"""Friction blocks as seen by the identification.
 
-Names, units, ranges and default values come from the FMU. The blocks of this package use the same name for the same
-quantity, so that one entry of `ROWS` serves all models. The file of a block states exceptions and further parameters
-(`IDENTIFIED`).
+Names, units, ranges and default values of the parameters come from the FMU; which of them are identified, from which
+start values, and the motion that determines each of them come from the block's file (`CONTACT` and `IDENTIFIED`).
 """
 
 from __future__ import annotations
@@ -19,7 +18,7 @@ from friction_fmus.blocks.catalogue import find, listing
 from friction_fmus.blocks.identified import NOT_IDENTIFIED, Fitted, Identified
 from friction_fmus.fmi.package import fmu
 from friction_fmus.identification.data.record import ROTARY, AxisUnits
-from friction_fmus.identification.errors import IdentificationError
+from friction_fmus.identification.errors import FitError, IdentificationError
 from harness import FmuPart, open_archive
 
 
@@ -46,47 +45,6 @@ class Traits:
     def value(self, expression: str) -> float:
         """Return the value of an expression of these numbers, see `Fitted.start`."""
         return float(evaluate(expression, {name: getattr(self, name) for name in names_in(expression)}))
-
-
-ROWS: Mapping[str, Fitted] = {
-    "M": Fitted("1", "accelerations"),
-    "OF": Fitted("0", "directions"),
-    "Fc": Fitted("level", "sliding"),
-    "Fs": Fitted("peak", "slow"),
-    "Fv": Fitted("viscous", "fast"),
-    "sigma2": Fitted("viscous", "fast"),
-    "vs": Fitted("0.1 * speed", "slow"),
-    "sigma0": Fitted("stiffness", "small"),
-    "sigma": Fitted("stiffness", "small"),
-    "kt": Fitted("stiffness", "small"),
-    "sigma1": Fitted("damping", "small_fast"),
-    "beta": Fitted("damping", "small_fast"),
-    "n": Fitted("1", "loops"),
-    "z_ba": Fitted("0.5 * distance", "loops"),
-    "z0": Fitted("distance", "loops"),
-    "a": Fitted("0.1", "slow"),
-    "f1": Fitted("1.5 * level", "loops"),
-    "f2": Fitted("0.5 * level", "loops"),
-    "eta": Fitted("0.3", "loops"),
-    "eps": Fitted("distance", "loops"),
-    "A": Fitted("2.5 * peak", "loops"),
-    "zc": Fitted("2.5 * distance", "loops"),
-    "Fs_a": Fitted("0.2 * level", "rest"),
-    "Fs_inf": Fitted("0.2 * level", "rest"),
-    "gamma": Fitted("1", "rest"),
-    "tauL": Fitted("5e-3", "swinging"),
-    "T_dz": Fitted("peak", "slow"),
-    "C": Fitted("100 * level", "swinging"),
-    "k": Fitted("stiffness", "loops"),
-    "W": Fitted("level", "loops"),
-    "alpha": Fitted("1", "loops"),
-}
-"""Start value and required motion of identified parameters, by name without the index of an element and without the
-suffix ``_neg`` of a parameter for v < 0. The file of a block states exceptions."""
-
-HELD = ("delta", "v_d", "delta_v", "gamma", "Fs_a", "tauL", "dead_band", "DV", "offset", "Fn0", "sigma")
-"""Parameters that keep their default value unless `start` or `bounds` contains them: shape parameters correlated with
-others, and effects that most records do not contain."""
 
 
 @dataclass(frozen=True)
@@ -121,8 +79,8 @@ class ContactModel:
     """FMU of the block."""
     parameters: Mapping[str, Parameter]
     """All parameters, by name."""
-    states: tuple[str, ...]
-    """Names of the states."""
+    states: Mapping[str, str]
+    """Units of the states, by name."""
     loaded: bool
     """Whether the block has the normal force as input."""
     rate_dependent: bool
@@ -148,19 +106,22 @@ class ContactModel:
         """Return the scalar parameters to identify; `named` are the keys of the user's start values and bounds."""
         chosen = []
         for name, parameter in self.parameters.items():
-            base = name.removesuffix("_neg")
-            fitted = base in self.identified_by.fits or (base in ROWS and base not in HELD)
-            mirrored = name != base and not fixed.get("asymmetric", 0.0)
+            mirrored = name.endswith("_neg") and not fixed.get("asymmetric", 0.0)
             if name in fixed or not parameter.real or "[" in name or mirrored:
                 continue
-            if name in named or fitted:
+            fit = self.fit_of(name)
+            if name in named or (fit is not None and not fit.held):
                 chosen.append(name)
+            elif fit is None and not (name == "Fn0" and self.loaded):
+                raise FitError(
+                    f"The file of {self.name} does not state how {name} is identified; add a row FIT({name}, start, "
+                    f"experiment) or HELD({name}, start, experiment) to IDENTIFIED there, or fix {name}."
+                )
         return chosen
 
     def fit_of(self, name: str) -> Fitted | None:
         """Return start value and required motion of a parameter, a vector element or a parameter for v < 0."""
-        base = name.split("[")[0].removesuffix("_neg")
-        return self.identified_by.fits.get(base, ROWS.get(base))
+        return self.identified_by.fits.get(name.split("[")[0].removesuffix("_neg"))
 
 
 def state_sizes(model: ContactModel, values: Mapping[str, float]) -> dict[str, float]:
@@ -236,8 +197,17 @@ def _read(model: str | Path, units: AxisUnits) -> ContactModel:
             v.description or "",
             v.type,
         )
-    friction = block.about.in_loop.friction
-    states = tuple(p.name for p in part.parameters if variables[p.name].causality == "local" and p.type == "Real")
+    states = {
+        p.name: variables[p.name].unit or "1"
+        for p in part.parameters
+        if variables[p.name].causality == "local" and p.type == "Real"
+    }
+    if taken := sorted({"M", "OF"} & parameters.keys()):
+        raise FitError(
+            f"{block.name} has a parameter {taken[0]}, the name of a result beside the model (mass M, offset OF of the "
+            "drive); rename the parameter."
+        )
+    friction, fits = block.about.in_loop.friction, block.about.identified.fits.values()
     return ContactModel(
         block.name,
         path,
@@ -246,5 +216,5 @@ def _read(model: str | Path, units: AxisUnits) -> ContactModel:
         "Fn" in names,
         "rate dependent" in block.features or not states,
         block.about.identified,
-        lacks_viscous=not {"Fv", "sigma2"} & parameters.keys() and (friction is None or friction.viscous == "0"),
+        lacks_viscous=(friction is None or friction.viscous == "0") and all(fit.start != "viscous" for fit in fits),
     )
