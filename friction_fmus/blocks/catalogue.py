@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 from friction_fmus.blocks.about import About, about_c_block, cited
 from friction_fmus.blocks.customise import with_long_arrays
 from friction_fmus.errors import FrictionError, UnknownNameError, nearest
+from friction_fmus.fmi.axis_units import SLIDING, TURNING, Words
 from friction_fmus.lawkit.headings import law_paths, read_headings
 from harness.extras import require
 from harness.storage.files import read_source, reason
@@ -73,6 +74,8 @@ class Block:
         Continuous states that an event of model exchange may change.
     about : About
         Further declarations in its file.
+    rotary_summary : str
+        The description for a rotary axis.
     """
 
     name: str
@@ -88,6 +91,11 @@ class Block:
     no_exchange: str = ""
     reinitialises: tuple[str, ...] = ()
     about: About = field(default_factory=About)
+    rotary_summary: str = ""
+
+    def summary_in(self, words: Words) -> str:
+        """Return the description with the nouns of an axis."""
+        return self.rotary_summary if words == TURNING and self.rotary_summary else self.summary
 
     @property
     def origin(self) -> str:
@@ -150,13 +158,14 @@ def read_c_block(path: Path, kind: str) -> Block:
     entries = tuple("\n  ".join(line.strip() for line in entry.splitlines()) for entry in found)
     about = _told(path, code)
     return Block(
-        *(name.group(1), kind, text("SUMMARY"), text("SOURCE"), page, path, code),
+        *(name.group(1), kind, SLIDING.fill(text("SUMMARY")), text("SOURCE"), page, path, code),
         features=features,
         bibtex=(*cited(about.cites), *entries),
         status=text("STATUS"),
         no_exchange=text("NO_EXCHANGE"),
         reinitialises=words("REINITIALISES"),
         about=about,
+        rotary_summary=TURNING.fill(text("SUMMARY")),
     )
 
 
@@ -174,9 +183,10 @@ def _read_laws(path: Path) -> list[Block]:
 
     return [
         Block(
-            *(law.name, "law", law.summary, law.source, law.documentation, law.path, block_source(law)),
+            *(law.name, "law", SLIDING.fill(law.summary), law.source, law.documentation, law.path, block_source(law)),
             bibtex=cited(law.about.cites),
             about=law.about,
+            rotary_summary=TURNING.fill(law.summary),
         )
         for law in discover_laws(path)
     ]
@@ -214,7 +224,7 @@ def _law_entries(folder: Path) -> list[Entry]:
     for file in law_paths(folder):
         headings = read_headings(file)
         laws = _read_laws(file) if headings is None else headings
-        found += [Entry(law.name, "law", law.summary, law.source, law.path) for law in laws]
+        found += [Entry(law.name, "law", SLIDING.fill(law.summary), law.source, law.path) for law in laws]
     return found
 
 
