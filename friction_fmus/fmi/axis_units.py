@@ -11,6 +11,7 @@ class Words(NamedTuple):
 
     force: str = "force"
     mass: str = "mass"
+    a_mass: str = "a mass"
     masses: str = "masses"
     moving_mass: str = "moving mass"
     moved_mass: str = "moved mass"
@@ -23,6 +24,10 @@ class Words(NamedTuple):
     N_ms: str = "N/(m.s)"
     N2s_m2: str = "N2.s/m2"
 
+    def signal(self, name: str) -> str:
+        """Return the name of a fitted signal: ``force`` is a torque on a rotary axis."""
+        return self.force if name == "force" else name
+
     def fill(self, text: str) -> str:
         """Return a text with placeholders such as ``{force}`` and ``{Force}`` replaced by the nouns."""
         for name, noun in self._asdict().items():
@@ -32,7 +37,7 @@ class Words(NamedTuple):
 
 SLIDING = Words()
 TURNING = Words(
-    *("torque", "inertia", "moments of inertia", "moment of inertia", "moment of inertia"),
+    *("torque", "inertia", "an inertia", "moments of inertia", "moment of inertia", "moment of inertia"),
     *("rad", "rad/s", "N.m", "kg.m2", "N.m/rad", "N.m.s/rad", "N.m/(rad.s)", "N2.m2.s/rad2"),
 )
 

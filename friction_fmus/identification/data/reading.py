@@ -13,13 +13,12 @@ import numpy as np
 from scipy.integrate import cumulative_trapezoid
 from scipy.interpolate import CubicSpline
 
+from friction_fmus.fmi.axis_units import LINEAR, AxisUnits
 from friction_fmus.identification.data.guessing import guess_mapping
 from friction_fmus.identification.data.mapping import Column, DataMapping, combined_unit, load_mapping, read_mapping
 from friction_fmus.identification.data.record import (
     JITTER,
-    LINEAR,
     Array,
-    AxisUnits,
     Finding,
     Record,
     RecordWarning,
