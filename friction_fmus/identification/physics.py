@@ -128,7 +128,7 @@ def missing_force(records: Sequence[Record]) -> Finding | None:
     u = records[0].units.words
     what = (
         f"In {len(starts)} intervals, the first one at {t[starts[0]]:.4g} s, the motion needs about {size:.3g} {u.N} "
-        "more or less than the recorded drive force."
+        f"more or less than the recorded drive {u.force}."
     )
     change = f"Record the {u.force} that acts there and declare its column as injected, or choose windows without it."
     share = float(np.sqrt(np.mean(np.square(np.where(outside, rest, 0.0))))) / level
