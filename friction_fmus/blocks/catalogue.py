@@ -93,14 +93,15 @@ class Block:
     about: About = field(default_factory=About)
     rotary_summary: str = ""
 
-    def summary_in(self, words: Words) -> str:
-        """Return the description with the nouns of an axis."""
-        return self.rotary_summary if words == TURNING and self.rotary_summary else self.summary
-
     @property
     def origin(self) -> str:
         """Return the source and, if known, the origin of the equations."""
         return f"{self.source}; {self.status}" if self.status else self.source
+
+
+def summary_of(block: Block, words: Words) -> str:
+    """Return the description of a block with the nouns of an axis."""
+    return block.rotary_summary if words == TURNING else block.summary
 
 
 class Entry(NamedTuple):

@@ -13,7 +13,7 @@ import numpy as np
 
 from friction_fmus.axis.assembly import PartPool, block
 from friction_fmus.axis.servo import GAINS, Compensator, Servo
-from friction_fmus.blocks.catalogue import catalogue
+from friction_fmus.blocks.catalogue import catalogue, summary_of
 from friction_fmus.conditions.compensation import OVERCOMPENSATION
 from friction_fmus.doctor import examine
 from friction_fmus.errors import FrictionError
@@ -312,7 +312,7 @@ def _with_table(row: CompensatorResult, evaluation: Evaluation, u: Words) -> Com
 
 def _candidate_row(candidate: Candidate, evaluation: Evaluation | None, u: Words) -> CompensatorResult:
     own = {INTEGRAL.name: INTEGRAL_SUMMARY, TABLE.name: u.fill(TABLE_SUMMARY)}
-    summary = own[candidate.name] if candidate.name in own else catalogue()[candidate.name].summary_in(u)
+    summary = own[candidate.name] if candidate.name in own else summary_of(catalogue()[candidate.name], u)
     if evaluation is None:
         return CompensatorResult(candidate.name, summary, candidate.kind, False, candidate.reason)
     return _row(candidate.name, summary, candidate.kind, candidate.model, evaluation, (candidate.name,))
@@ -320,10 +320,10 @@ def _candidate_row(candidate: Candidate, evaluation: Evaluation | None, u: Words
 
 def _joined(feedforward: Candidate, estimator: Candidate, evaluation: Evaluation, u: Words) -> CompensatorResult:
     blocks = catalogue()
-    second = INTEGRAL_SUMMARY if estimator == INTEGRAL else blocks[estimator.name].summary_in(u)
+    second = INTEGRAL_SUMMARY if estimator == INTEGRAL else summary_of(blocks[estimator.name], u)
     return _row(
         f"{feedforward.name} + {estimator.name}",
-        f"{blocks[feedforward.name].summary_in(u)}; {second[0].lower()}{second[1:]}",
+        f"{summary_of(blocks[feedforward.name], u)}; {second[0].lower()}{second[1:]}",
         f"feedforward with {estimator.kind}",
         feedforward.model,
         evaluation,

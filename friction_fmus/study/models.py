@@ -12,7 +12,7 @@ from friction_fmus.axis.assembly import constant_force
 from friction_fmus.axis.loop import Plant, Trajectory, closed_loop, run_loop
 from friction_fmus.axis.position_map import PositionMap
 from friction_fmus.axis.servo import Servo
-from friction_fmus.blocks.catalogue import find
+from friction_fmus.blocks.catalogue import find, summary_of
 from friction_fmus.errors import FrictionError
 from friction_fmus.fmi.axis_units import AxisUnits
 from friction_fmus.identification import (
@@ -145,7 +145,7 @@ def identify_model(
     viscous: bool = True,
 ) -> IdentifiedModel:
     """Identify a friction model; if the identification fails, the result states the reason."""
-    summary = find(name).summary_in(train[0].units.words)
+    summary = summary_of(find(name), train[0].units.words)
     try:
         # a model without state is fast to simulate and its cost may have several local minima
         starts = 3 if contact_model(name, train[0].units).static else 1
