@@ -68,6 +68,9 @@
 #define MASS         "kg.m2"
 #define STIFFNESS    "N.m/rad"
 #define DAMPING      "N.m.s/rad"
+#define FORCE_NOUN   "torque"
+#define MASS_NOUN    "inertia"
+#define MOVING_MASS  "moment of inertia"
 #else
 #define LENGTH       "m"
 #define VELOCITY     "m/s"
@@ -77,6 +80,9 @@
 #define MASS         "kg"
 #define STIFFNESS    "N/m"
 #define DAMPING      "N.s/m"
+#define FORCE_NOUN   "force"
+#define MASS_NOUN    "mass"
+#define MOVING_MASS  "moving mass"
 #endif
 #define TIME      "s"
 #define FREQUENCY "Hz"

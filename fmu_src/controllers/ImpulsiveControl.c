@@ -34,38 +34,38 @@
    or the pulses do not settle. A pulse within the presliding range springs back. u_min must not exceed u_max. */
 
 #define MODEL   ImpulsiveControl
-#define SUMMARY "Force pulses for an axis that is stuck away from its target"
+#define SUMMARY "{Force} pulses for an axis that is stuck away from its target"
 #define SOURCE  "Armstrong-Helouvry, Dupont, Canudas de Wit, Automatica 30(7), 1994"
 #define CITES   "ArmstrongHelouvry1994"
 #define QUOTES  "pulses"
 #define NEEDS   "stiction error"
 
 /* clang-format off */
-#define VARIABLES                                                                                                \
-    INPUT    (r,       LENGTH,   0.0,                 "reference position")                                      \
-    INPUT    (x,       LENGTH,   0.0,                 "measured position")                                       \
-    INPUT    (v,       VELOCITY, 0.0,                 "measured velocity")                                       \
-    OPTIONAL (f,       FORCE,    0.0,                 "force of the position controller")                        \
-    COMMAND  (enable,  1,                             "false: u = 0 and the counters are 0")                     \
-    COMMAND  (reset,   0,                             "true: no pulse, and the counters are 0")                  \
-    OUTPUT   (u,       FORCE,                         "f plus the pulse, within u_min and u_max")                \
-    OUTPUT   (u_sat,   NO_UNIT,                       "active limit: -1 lower, +1 upper, 0 none")                \
+#define VARIABLES                                                                                                               \
+    INPUT    (r,       LENGTH,   0.0,                 "reference position")                                                     \
+    INPUT    (x,       LENGTH,   0.0,                 "measured position")                                                      \
+    INPUT    (v,       VELOCITY, 0.0,                 "measured velocity")                                                      \
+    OPTIONAL (f,       FORCE,    0.0,                 FORCE_NOUN " of the position controller")                                 \
+    COMMAND  (enable,  1,                             "false: u = 0 and the counters are 0")                                    \
+    COMMAND  (reset,   0,                             "true: no pulse, and the counters are 0")                                 \
+    OUTPUT   (u,       FORCE,                         "f plus the pulse, within u_min and u_max")                               \
+    OUTPUT   (u_sat,   NO_UNIT,                       "active limit: -1 lower, +1 upper, 0 none")                               \
     OUTPUT_FLAG(fault,                         "true: an input is NaN or infinite; while enabled, outputs and states are held") \
-    LOCAL    (pulse,   FORCE,                         "force of the pulse, 0 between pulses")                    \
-    TALLY    (pulses,                                 "number of pulses started")                                \
-    FIXED    (Ts,      TIME,     1e-3,   1e-9,  INF,  "sample time")                                             \
-    PARAMETER(gain,    NO_UNIT,  1.0,    0.0,   1.0,  "fraction of the error that a pulse removes")              \
-    PARAMETER(m,       MASS,     1.0,    1e-12, INF,  "moving mass")                                             \
-    PARAMETER(Fc,      FORCE,    1.0,    1e-12, INF,  "Coulomb friction")                                        \
-    PARAMETER(Fs,      FORCE,    1.5,    0.0,   INF,  "static friction")                                         \
-    SWITCH   (sized,   1,                             "true: the pulse is sized by the error; false: F_pulse")   \
-    PARAMETER(F_pulse, FORCE,    3.0,    0.0,   INF,  "force of a pulse if sized is false")                      \
-    SWITCH   (alone,   1,                             "true: f is omitted during a pulse")                       \
-    PARAMETER(tol,     LENGTH,   1e-4,   0.0,   INF,  "tolerated error")                                         \
-    PARAMETER(v_stuck, VELOCITY, 1e-3,   0.0,   INF,  "speed below which the axis is considered stuck")          \
-    COUNT    (n_stuck, 10,       1,      COUNTS,      "samples at rest before a pulse")                          \
-    COUNT    (n_pulse, 5,        1,      COUNTS,      "samples of a pulse")                                      \
-    PARAMETER(u_min,   FORCE,   -100.0, -INF,   INF,  "lower limit of u")                                        \
+    LOCAL    (pulse,   FORCE,                         FORCE_NOUN " of the pulse, 0 between pulses")                             \
+    TALLY    (pulses,                                 "number of pulses started")                                               \
+    FIXED    (Ts,      TIME,     1e-3,   1e-9,  INF,  "sample time")                                                            \
+    PARAMETER(gain,    NO_UNIT,  1.0,    0.0,   1.0,  "fraction of the error that a pulse removes")                             \
+    PARAMETER(m,       MASS,     1.0,    1e-12, INF,  MOVING_MASS)                                                              \
+    PARAMETER(Fc,      FORCE,    1.0,    1e-12, INF,  "Coulomb friction")                                                       \
+    PARAMETER(Fs,      FORCE,    1.5,    0.0,   INF,  "static friction")                                                        \
+    SWITCH   (sized,   1,                             "true: the pulse is sized by the error; false: F_pulse")                  \
+    PARAMETER(F_pulse, FORCE,    3.0,    0.0,   INF,  FORCE_NOUN " of a pulse if sized is false")                               \
+    SWITCH   (alone,   1,                             "true: f is omitted during a pulse")                                      \
+    PARAMETER(tol,     LENGTH,   1e-4,   0.0,   INF,  "tolerated error")                                                        \
+    PARAMETER(v_stuck, VELOCITY, 1e-3,   0.0,   INF,  "speed below which the axis is considered stuck")                         \
+    COUNT    (n_stuck, 10,       1,      COUNTS,      "samples at rest before a pulse")                                         \
+    COUNT    (n_pulse, 5,        1,      COUNTS,      "samples of a pulse")                                                     \
+    PARAMETER(u_min,   FORCE,   -100.0, -INF,   INF,  "lower limit of u")                                                       \
     PARAMETER(u_max,   FORCE,    100.0, -INF,   INF,  "upper limit of u")
 
 #define IN_LOOP   \

@@ -39,7 +39,7 @@
    the loop. u_min must not exceed u_max. */
 
 #define MODEL    IterativeLearning
-#define SUMMARY  "Iterative learning of the force for a repeated motion"
+#define SUMMARY  "Iterative learning of the {force} for a repeated motion"
 #define SOURCE   "Arimoto, Kawamura, Miyazaki, Journal of Robotic Systems 1(2), 1984"
 #define CITES    "Arimoto1984, Bristow2006"
 #define PORTRAIT "learning"
@@ -47,30 +47,30 @@
 #define NEEDS    "trials"
 
 /* clang-format off */
-#define VARIABLES                                                                                                 \
-    INPUT    (r,         LENGTH, 0.0,                   "reference position")                                     \
-    INPUT    (x,         LENGTH, 0.0,                   "measured position")                                      \
-    COMMAND  (trial_end, 0,                             "becomes true in the first sample of the next trial")     \
-    COMMAND  (learn,     1,                             "false: trials are repeated without learning")            \
-    COMMAND  (enable,    1,                             "false: u = 0, F_hat = 0 and k = 0; the learned force is kept") \
-    COMMAND  (reset,     0,                             "true: what was learned is discarded")                    \
-    OUTPUT   (u,         FORCE,                         "force gain F_hat, within u_min and u_max")               \
-    OUTPUT   (F_hat,     FORCE,                         "learned force")                                          \
-    OUTPUT   (u_sat,     NO_UNIT,                       "active limit: -1 lower, +1 upper, 0 none")               \
+#define VARIABLES                                                                                                                \
+    INPUT    (r,         LENGTH, 0.0,                   "reference position")                                                    \
+    INPUT    (x,         LENGTH, 0.0,                   "measured position")                                                     \
+    COMMAND  (trial_end, 0,                             "becomes true in the first sample of the next trial")                    \
+    COMMAND  (learn,     1,                             "false: trials are repeated without learning")                           \
+    COMMAND  (enable,    1,                             "false: u = 0, F_hat = 0 and k = 0; the learned " FORCE_NOUN " is kept") \
+    COMMAND  (reset,     0,                             "true: what was learned is discarded")                                   \
+    OUTPUT   (u,         FORCE,                         FORCE_NOUN " gain F_hat, within u_min and u_max")                        \
+    OUTPUT   (F_hat,     FORCE,                         "learned " FORCE_NOUN)                                                   \
+    OUTPUT   (u_sat,     NO_UNIT,                       "active limit: -1 lower, +1 upper, 0 none")                              \
     OUTPUT_FLAG(fault,                          "true: an input is NaN or infinite; while enabled, outputs and states are held") \
-    LOCAL    (rms,       LENGTH,                        "root mean square error of the last trial")               \
-    TALLY    (trial,                                    "number of completed trials")                             \
-    FIXED    (Ts,        TIME,      1e-3,   1e-9, INF,  "sample time")                                            \
-    COUNT    (N,         1000,              1, LONGEST, "number of samples in a trial")                           \
-    PARAMETER(gain,      NO_UNIT,   1.0,    0.0,  1.0,  "fraction of the learned force that is applied")          \
-    PARAMETER(rate,      NO_UNIT,   0.5,    0.0,  2.0,  "learning rate")                                          \
-    PARAMETER(fq,        FREQUENCY, 50.0,   0.0,  INF,  "corner frequency of Q; 0: none")                         \
-    PARAMETER(m,         MASS,      1.0,    0.0,  INF,  "mass of the loop")                                       \
-    PARAMETER(Kp,        STIFFNESS, 12e3,   0.0,  INF,  "proportional gain of the controller")                    \
-    PARAMETER(Kd,        DAMPING,   190.0,  0.0,  INF,  "derivative gain of the controller")                      \
-    PARAMETER(Ki, FORCE "/(" LENGTH ".s)", 250e3, 0.0, INF, "integral gain of the controller")                    \
-    PARAMETER(u_min,     FORCE,    -100.0, -INF,  INF,  "lower limit of u and of the learned force")              \
-    PARAMETER(u_max,     FORCE,     100.0, -INF,  INF,  "upper limit of u and of the learned force")
+    LOCAL    (rms,       LENGTH,                        "root mean square error of the last trial")                              \
+    TALLY    (trial,                                    "number of completed trials")                                            \
+    FIXED    (Ts,        TIME,      1e-3,   1e-9, INF,  "sample time")                                                           \
+    COUNT    (N,         1000,              1, LONGEST, "number of samples in a trial")                                          \
+    PARAMETER(gain,      NO_UNIT,   1.0,    0.0,  1.0,  "fraction of the learned " FORCE_NOUN " that is applied")                \
+    PARAMETER(rate,      NO_UNIT,   0.5,    0.0,  2.0,  "learning rate")                                                         \
+    PARAMETER(fq,        FREQUENCY, 50.0,   0.0,  INF,  "corner frequency of Q; 0: none")                                        \
+    PARAMETER(m,         MASS,      1.0,    0.0,  INF,  MASS_NOUN " of the loop")                                                \
+    PARAMETER(Kp,        STIFFNESS, 12e3,   0.0,  INF,  "proportional gain of the controller")                                   \
+    PARAMETER(Kd,        DAMPING,   190.0,  0.0,  INF,  "derivative gain of the controller")                                     \
+    PARAMETER(Ki, FORCE "/(" LENGTH ".s)", 250e3, 0.0, INF, "integral gain of the controller")                                   \
+    PARAMETER(u_min,     FORCE,    -100.0, -INF,  INF,  "lower limit of u and of the learned " FORCE_NOUN)                       \
+    PARAMETER(u_max,     FORCE,     100.0, -INF,  INF,  "upper limit of u and of the learned " FORCE_NOUN)
 
 #define IN_LOOP            \
     LAW  ()                \

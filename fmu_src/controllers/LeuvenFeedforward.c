@@ -41,45 +41,45 @@
 #define NEEDS   "presliding ahead: 6"
 
 /* clang-format off */
-#define VARIABLES                                                                                           \
-    INPUT     (r,        LENGTH,   0.0,              "reference position")                                  \
-    INPUT     (rd,       VELOCITY, 0.0,              "reference velocity")                                  \
-    INPUT     (rdd,      ACCELERATION, 0.0,          "reference acceleration")                              \
-    OPTIONAL  (Fn,       "N",      1.0,              "normal force")                                        \
-    COMMAND   (enable,   1,                          "false: u = 0, F_hat = 0 and the states are at their start values") \
-    COMMAND   (reset,    0,                          "true: the states are reset to their start values")    \
-    OUTPUT    (u,        FORCE,                      "feedforward force, within u_min and u_max")           \
-    OUTPUT    (F_hat,    FORCE,                      "estimated friction force; u contains gain F_hat")     \
-    OUTPUT    (z_hat,    LENGTH,                     "deflection in this sample")                           \
-    OUTPUT    (u_sat,    NO_UNIT,                    "active limit: -1 lower, +1 upper, 0 none")            \
+#define VARIABLES                                                                                                          \
+    INPUT     (r,        LENGTH,   0.0,              "reference position")                                                 \
+    INPUT     (rd,       VELOCITY, 0.0,              "reference velocity")                                                 \
+    INPUT     (rdd,      ACCELERATION, 0.0,          "reference acceleration")                                             \
+    OPTIONAL  (Fn,       "N",      1.0,              "normal force")                                                       \
+    COMMAND   (enable,   1,                          "false: u = 0, F_hat = 0 and the states are at their start values")   \
+    COMMAND   (reset,    0,                          "true: the states are reset to their start values")                   \
+    OUTPUT    (u,        FORCE,                      "feedforward " FORCE_NOUN ", within u_min and u_max")                 \
+    OUTPUT    (F_hat,    FORCE,                      "estimated friction " FORCE_NOUN "; u contains gain F_hat")           \
+    OUTPUT    (z_hat,    LENGTH,                     "deflection in this sample")                                          \
+    OUTPUT    (u_sat,    NO_UNIT,                    "active limit: -1 lower, +1 upper, 0 none")                           \
     OUTPUT_FLAG(fault,                    "true: an input is NaN or infinite; while enabled, outputs and states are held") \
-    LOCAL     (F,        FORCE,                      "friction force along the reference")                  \
-    LOCAL     (Fh,       FORCE,                      "hysteresis force at the normal force Fn0")            \
-    LOCAL     (der_z,    VELOCITY,                   "time derivative of z")                                \
-    LOCAL     (Fb,       FORCE,                      "hysteresis force at the last stored reversal")        \
-    TALLY     (depth,                                "reversal points on both stacks")                      \
-    FLAG      (sliding,                              "the transition to sliding is complete")               \
-    FLAG      (stack_overflow,                       "an inner loop has been discarded")                    \
-    STATE     (z,        LENGTH,   0.0,   1e-5,      "deflection since the last stored reversal")           \
-    STATE     (v,        VELOCITY, 0.0,   1e-3,      "reference velocity used by the law")                  \
-    STATE     (last,     LENGTH,   0.0,   1.0,       "reference in the previous sample")                    \
-    STATE     (started,  NO_UNIT,  0.0,   1.0,       "1 if there is a previous sample")                     \
-    STATE     (missed,   NO_UNIT,  0.0,   1.0,       "number of samples missed before this one, as an input was invalid") \
-    FIXED     (Ts,       TIME,     1e-3,  1e-9, INF, "sample time")                                         \
-    PARAMETER (gain,     NO_UNIT,  1.0,   0.0,  1.0, "fraction of the friction that is compensated")        \
-    PARAMETER (mass,     MASS,     1.0,   0.0,  INF, "mass of the inertia feedforward; 0: none")            \
-    PARAMETER (A,        FORCE,    4.0,   1e-9,  INF, "limit of the hysteresis curve, at least 2 max(Fs, Fc)") \
-    PARAMETER (zc,       LENGTH,   4e-5,  1e-15, INF, "deflection scale of the hysteresis curve")           \
-    PARAMETER (n,        NO_UNIT,  2.0,   0.1,   1e4, "sharpness of the transition to sliding")             \
-    PARAMETER (sigma1,   DAMPING,  316.22776601683796, 0.0, INF, "bristle damping")                         \
-    PARAMETER (sigma2,   DAMPING,  0.4,   0.0,   INF, "viscous coefficient")                                \
-    PARAMETER (Fc,       FORCE,    1.0,   1e-9,  INF, "Coulomb friction")                                   \
-    PARAMETER (Fs,       FORCE,    1.5,   1e-9,  INF, "static friction, may be below Fc")                   \
-    PARAMETER (vs,       VELOCITY, 1e-3,  1e-12, INF, "Stribeck velocity")                                  \
-    PARAMETER (delta,    NO_UNIT,  2.0,   1e-3,  100.0, "Stribeck exponent")                                \
-    PARAMETER (dead_band, LENGTH,  0.0,   0.0,   INF, "deflection below which a reversal is discarded")     \
-    PARAMETER (Fn0,      "N",      1.0,   1e-12, INF, "normal force for which the parameters are valid")    \
-    PARAMETER (u_min,    FORCE,    -1000.0, -INF, INF, "lower limit of u")                                  \
+    LOCAL     (F,        FORCE,                      "friction " FORCE_NOUN " along the reference")                        \
+    LOCAL     (Fh,       FORCE,                      "hysteresis " FORCE_NOUN " at the normal force Fn0")                  \
+    LOCAL     (der_z,    VELOCITY,                   "time derivative of z")                                               \
+    LOCAL     (Fb,       FORCE,                      "hysteresis " FORCE_NOUN " at the last stored reversal")              \
+    TALLY     (depth,                                "reversal points on both stacks")                                     \
+    FLAG      (sliding,                              "the transition to sliding is complete")                              \
+    FLAG      (stack_overflow,                       "an inner loop has been discarded")                                   \
+    STATE     (z,        LENGTH,   0.0,   1e-5,      "deflection since the last stored reversal")                          \
+    STATE     (v,        VELOCITY, 0.0,   1e-3,      "reference velocity used by the law")                                 \
+    STATE     (last,     LENGTH,   0.0,   1.0,       "reference in the previous sample")                                   \
+    STATE     (started,  NO_UNIT,  0.0,   1.0,       "1 if there is a previous sample")                                    \
+    STATE     (missed,   NO_UNIT,  0.0,   1.0,       "number of samples missed before this one, as an input was invalid")  \
+    FIXED     (Ts,       TIME,     1e-3,  1e-9, INF, "sample time")                                                        \
+    PARAMETER (gain,     NO_UNIT,  1.0,   0.0,  1.0, "fraction of the friction that is compensated")                       \
+    PARAMETER (mass,     MASS,     1.0,   0.0,  INF, MASS_NOUN " of the inertia feedforward; 0: none")                     \
+    PARAMETER (A,        FORCE,    4.0,   1e-9,  INF, "limit of the hysteresis curve, at least 2 max(Fs, Fc)")             \
+    PARAMETER (zc,       LENGTH,   4e-5,  1e-15, INF, "deflection scale of the hysteresis curve")                          \
+    PARAMETER (n,        NO_UNIT,  2.0,   0.1,   1e4, "sharpness of the transition to sliding")                            \
+    PARAMETER (sigma1,   DAMPING,  316.22776601683796, 0.0, INF, "bristle damping")                                        \
+    PARAMETER (sigma2,   DAMPING,  0.4,   0.0,   INF, "viscous coefficient")                                               \
+    PARAMETER (Fc,       FORCE,    1.0,   1e-9,  INF, "Coulomb friction")                                                  \
+    PARAMETER (Fs,       FORCE,    1.5,   1e-9,  INF, "static friction, may be below Fc")                                  \
+    PARAMETER (vs,       VELOCITY, 1e-3,  1e-12, INF, "Stribeck velocity")                                                 \
+    PARAMETER (delta,    NO_UNIT,  2.0,   1e-3,  100.0, "Stribeck exponent")                                               \
+    PARAMETER (dead_band, LENGTH,  0.0,   0.0,   INF, "deflection below which a reversal is discarded")                    \
+    PARAMETER (Fn0,      "N",      1.0,   1e-12, INF, "normal force for which the parameters are valid")                   \
+    PARAMETER (u_min,    FORCE,    -1000.0, -INF, INF, "lower limit of u")                                                 \
     PARAMETER (u_max,    FORCE,    1000.0, -INF, INF, "upper limit of u")
 
 #define CONTACT         \

@@ -32,29 +32,29 @@
    inertia forces. u_min must not exceed u_max. */
 
 #define MODEL   LocalFunctionEstimator
-#define SUMMARY "Compensation of friction estimated by a polynomial fit to the last mean forces"
+#define SUMMARY "Compensation of friction estimated by a polynomial fit to the last mean {force}s"
 #define SOURCE  "Savitzky, Golay, Analytical Chemistry 36(8), 1964"
 #define CITES   "SavitzkyGolay1964"
 #define QUOTES  "loop_poles, disturbance_observer"
 #define NEEDS   "force and velocity: 3, uncertain model: 5"
 
 /* clang-format off */
-#define VARIABLES                                                                                                    \
-    INPUT    (v,      VELOCITY, 0.0,                "measured velocity")                                             \
-    INPUT    (u_prev, FORCE,    0.0,                "force applied since the last sample, after all limits")         \
-    COMMAND  (enable, 1,                            "false: u = 0, F_hat = 0 and the memory is empty")               \
-    COMMAND  (reset,  0,                            "true: the memory is cleared")                                   \
-    OUTPUT   (u,      FORCE,                        "compensation force gain F_hat, within u_min and u_max")         \
-    OUTPUT   (F_hat,  FORCE,                        "estimated friction force, positive for a positive velocity")    \
-    OUTPUT   (u_sat,  NO_UNIT,                      "active limit: -1 lower, +1 upper, 0 none")                      \
+#define VARIABLES                                                                                                                   \
+    INPUT    (v,      VELOCITY, 0.0,                "measured velocity")                                                            \
+    INPUT    (u_prev, FORCE,    0.0,                FORCE_NOUN " applied since the last sample, after all limits")                  \
+    COMMAND  (enable, 1,                            "false: u = 0, F_hat = 0 and the memory is empty")                              \
+    COMMAND  (reset,  0,                            "true: the memory is cleared")                                                  \
+    OUTPUT   (u,      FORCE,                        "compensation " FORCE_NOUN " gain F_hat, within u_min and u_max")               \
+    OUTPUT   (F_hat,  FORCE,                        "estimated friction " FORCE_NOUN ", positive for a positive velocity")          \
+    OUTPUT   (u_sat,  NO_UNIT,                      "active limit: -1 lower, +1 upper, 0 none")                                     \
     OUTPUT_FLAG(fault,                             "true: an input is NaN or infinite; while enabled, outputs and states are held") \
-    FIXED    (Ts,     TIME,     1e-3,   1e-9, INF,  "sample time")                                                   \
-    COUNT    (window, 10,       1,      LONGEST,    "number of intervals in the estimate")                           \
-    FIXED    (v0,     VELOCITY, 0.0,   -INF,  INF,  "velocity before the first sample")                               \
-    COUNT    (degree, 1,        0,      2,          "degree of the polynomial")                                      \
-    PARAMETER(gain,   NO_UNIT,  1.0,    0.0,  1.0,  "fraction of the friction that is compensated")                  \
-    PARAMETER(m,      MASS,     1.0,    0.0,  INF,  "moving mass")                                                   \
-    PARAMETER(u_min,  FORCE,   -100.0, -INF,  INF,  "lower limit of u")                                              \
+    FIXED    (Ts,     TIME,     1e-3,   1e-9, INF,  "sample time")                                                                  \
+    COUNT    (window, 10,       1,      LONGEST,    "number of intervals in the estimate")                                          \
+    FIXED    (v0,     VELOCITY, 0.0,   -INF,  INF,  "velocity before the first sample")                                             \
+    COUNT    (degree, 1,        0,      2,          "degree of the polynomial")                                                     \
+    PARAMETER(gain,   NO_UNIT,  1.0,    0.0,  1.0,  "fraction of the friction that is compensated")                                 \
+    PARAMETER(m,      MASS,     1.0,    0.0,  INF,  MOVING_MASS)                                                                    \
+    PARAMETER(u_min,  FORCE,   -100.0, -INF,  INF,  "lower limit of u")                                                             \
     PARAMETER(u_max,  FORCE,    100.0, -INF,  INF,  "upper limit of u")
 
 #define IN_LOOP            \

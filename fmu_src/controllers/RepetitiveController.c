@@ -37,7 +37,7 @@
    suppressed only partly. u_min must not exceed u_max. */
 
 #define MODEL    RepetitiveController
-#define SUMMARY  "Repetitive learning of the force against a periodic error during operation"
+#define SUMMARY  "Repetitive learning of the {force} against a periodic error during operation"
 #define SOURCE   "Hara, Yamamoto, Omata, Nakano, IEEE Trans. Automatic Control 33(7), 1988"
 #define CITES    "Hara1988, Tomizuka1989"
 #define PORTRAIT "learning"
@@ -45,27 +45,27 @@
 #define NEEDS    "periods"
 
 /* clang-format off */
-#define VARIABLES                                                                                                 \
-    INPUT    (r,      LENGTH, 0.0,                  "reference position")                                         \
-    INPUT    (x,      LENGTH, 0.0,                  "measured position")                                          \
-    COMMAND  (enable, 1,                            "false: u = 0, F_hat = 0 and the memory is empty")            \
-    COMMAND  (reset,  0,                            "true: what was learned is discarded")                        \
-    OUTPUT   (u,      FORCE,                        "periodic force gain F_hat, within u_min and u_max")          \
-    OUTPUT   (F_hat,  FORCE,                        "learned force")                                              \
-    OUTPUT   (u_sat,  NO_UNIT,                      "active limit: -1 lower, +1 upper, 0 none")                   \
+#define VARIABLES                                                                                                                \
+    INPUT    (r,      LENGTH, 0.0,                  "reference position")                                                        \
+    INPUT    (x,      LENGTH, 0.0,                  "measured position")                                                         \
+    COMMAND  (enable, 1,                            "false: u = 0, F_hat = 0 and the memory is empty")                           \
+    COMMAND  (reset,  0,                            "true: what was learned is discarded")                                       \
+    OUTPUT   (u,      FORCE,                        "periodic " FORCE_NOUN " gain F_hat, within u_min and u_max")                \
+    OUTPUT   (F_hat,  FORCE,                        "learned " FORCE_NOUN)                                                       \
+    OUTPUT   (u_sat,  NO_UNIT,                      "active limit: -1 lower, +1 upper, 0 none")                                  \
     OUTPUT_FLAG(fault,                          "true: an input is NaN or infinite; while enabled, outputs and states are held") \
-    FIXED    (Ts,     TIME,      1e-3,   1e-9, INF, "sample time")                                                \
-    COUNT    (N,      1000,              2, LONGEST, "number of samples in the period")                           \
-    COUNT    (M,      16,                0, TAPS,   "number of samples that Q uses before and after")             \
-    FIXED    (fq,     FREQUENCY, 50.0,   0.0,  INF, "corner frequency of Q; 0: none")                             \
-    PARAMETER(gain,   NO_UNIT,   1.0,    0.0,  1.0, "fraction of the learned force that is applied")              \
-    PARAMETER(rate,   NO_UNIT,   0.5,    0.0,  2.0, "learning rate")                                              \
-    PARAMETER(m,      MASS,      1.0,    0.0,  INF, "mass of the loop")                                           \
-    PARAMETER(Kp,     STIFFNESS, 12e3,   0.0,  INF, "proportional gain of the controller")                        \
-    PARAMETER(Kd,     DAMPING,   190.0,  0.0,  INF, "derivative gain of the controller")                          \
-    PARAMETER(Ki, FORCE "/(" LENGTH ".s)", 250e3, 0.0, INF, "integral gain of the controller")                    \
-    PARAMETER(u_min,  FORCE,    -100.0, -INF,  INF, "lower limit of u and of the learned force")                  \
-    PARAMETER(u_max,  FORCE,     100.0, -INF,  INF, "upper limit of u and of the learned force")
+    FIXED    (Ts,     TIME,      1e-3,   1e-9, INF, "sample time")                                                               \
+    COUNT    (N,      1000,              2, LONGEST, "number of samples in the period")                                          \
+    COUNT    (M,      16,                0, TAPS,   "number of samples that Q uses before and after")                            \
+    FIXED    (fq,     FREQUENCY, 50.0,   0.0,  INF, "corner frequency of Q; 0: none")                                            \
+    PARAMETER(gain,   NO_UNIT,   1.0,    0.0,  1.0, "fraction of the learned " FORCE_NOUN " that is applied")                    \
+    PARAMETER(rate,   NO_UNIT,   0.5,    0.0,  2.0, "learning rate")                                                             \
+    PARAMETER(m,      MASS,      1.0,    0.0,  INF, MASS_NOUN " of the loop")                                                    \
+    PARAMETER(Kp,     STIFFNESS, 12e3,   0.0,  INF, "proportional gain of the controller")                                       \
+    PARAMETER(Kd,     DAMPING,   190.0,  0.0,  INF, "derivative gain of the controller")                                         \
+    PARAMETER(Ki, FORCE "/(" LENGTH ".s)", 250e3, 0.0, INF, "integral gain of the controller")                                   \
+    PARAMETER(u_min,  FORCE,    -100.0, -INF,  INF, "lower limit of u and of the learned " FORCE_NOUN)                           \
+    PARAMETER(u_max,  FORCE,     100.0, -INF,  INF, "upper limit of u and of the learned " FORCE_NOUN)
 
 #define IN_LOOP             \
     LAW  ()                 \

@@ -32,17 +32,17 @@
 #define FEATURES "presliding"
 
 /* clang-format off */
-#define VARIABLES                                                                            \
-    INPUT    (v,      VELOCITY, 0.0,              "relative sliding velocity")               \
-    OPTIONAL (Fn,     "N",      1.0,              "normal force")                            \
-    OUTPUT   (F,      FORCE,                      "friction force, opposes v")               \
-    STATE    (F_fast, FORCE,    0.0,  1.0,        "force of the fast element at Fn0")        \
-    STATE    (F_slow, FORCE,    0.0,  1.0,        "force of the slow element at Fn0; not used in order 1") \
-    COUNT    (order,  2,        1,    2,          "1: fast element only, 2: both")           \
-    PARAMETER(f1,     FORCE,    1.8,  0.0,   INF, "level of the fast element")               \
-    PARAMETER(f2,     FORCE,    0.8,  0.0,   INF, "level of the slow element, below f1")     \
-    PARAMETER(eta,    NO_UNIT,  0.1,  1e-9,  1.0, "ratio of the path constants, fast over slow element") \
-    PARAMETER(eps,    LENGTH,   1e-3, 1e-12, INF, "path constant")                           \
+#define VARIABLES                                                                                                \
+    INPUT    (v,      VELOCITY, 0.0,              "relative sliding velocity")                                   \
+    OPTIONAL (Fn,     "N",      1.0,              "normal force")                                                \
+    OUTPUT   (F,      FORCE,                      "friction " FORCE_NOUN ", opposes v")                          \
+    STATE    (F_fast, FORCE,    0.0,  1.0,        FORCE_NOUN " of the fast element at Fn0")                      \
+    STATE    (F_slow, FORCE,    0.0,  1.0,        FORCE_NOUN " of the slow element at Fn0; not used in order 1") \
+    COUNT    (order,  2,        1,    2,          "1: fast element only, 2: both")                               \
+    PARAMETER(f1,     FORCE,    1.8,  0.0,   INF, "level of the fast element")                                   \
+    PARAMETER(f2,     FORCE,    0.8,  0.0,   INF, "level of the slow element, below f1")                         \
+    PARAMETER(eta,    NO_UNIT,  0.1,  1e-9,  1.0, "ratio of the path constants, fast over slow element")         \
+    PARAMETER(eps,    LENGTH,   1e-3, 1e-12, INF, "path constant")                                               \
     PARAMETER(Fn0,    "N",      1.0,  1e-12, INF, "normal force for which the parameters are valid")
 
 #define IDENTIFIED                  \

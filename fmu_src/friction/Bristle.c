@@ -35,20 +35,20 @@
 #define NO_EXCHANGE "its bristles are renewed at random, and each would be an event"
 
 /* clang-format off */
-#define VARIABLES                                                                                            \
-    INPUT    (v,       VELOCITY,  0.0,                  "relative sliding velocity")                         \
-    OPTIONAL (Fn,      FORCE,     1.0,                  "normal force")                                      \
-    OUTPUT   (F,       FORCE,                           "friction force, opposes v")                         \
-    OUTPUT   (F_mean,  FORCE,                           "mean friction force in long sliding")               \
-    OUTPUT   (E,       "J",                             "elastic energy in the bristles")                    \
-    STATE    (z,       LENGTH,    0.0,    1e-5,         "mean deflection of the bristles")                   \
-    TALLY    (rebonds,                                  "number of re-bonds of all bristles so far")         \
-    COUNT    (N,       20,        1,      MOST,         "number of bristles")                                \
-    COUNT    (seed,    1,         0,      COUNTS,       "seed of the random numbers")                        \
-    FIXED    (spread,  NO_UNIT,   0.0,    0.0,   1.0,   "spread of the initial deflections over delta_s")    \
-    PARAMETER(sigma0,  STIFFNESS, 5e3,    1e-9,  INF,   "stiffness of one bristle")                          \
-    PARAMETER(delta_s, LENGTH,    1.2e-5, 1e-12, INF,   "deflection at which a bristle breaks")              \
-    PARAMETER(Delta,   LENGTH,    6e-6,   0.0,   INF,   "largest distance of a re-bond")                     \
+#define VARIABLES                                                                                         \
+    INPUT    (v,       VELOCITY,  0.0,                  "relative sliding velocity")                      \
+    OPTIONAL (Fn,      FORCE,     1.0,                  "normal force")                                   \
+    OUTPUT   (F,       FORCE,                           "friction " FORCE_NOUN ", opposes v")             \
+    OUTPUT   (F_mean,  FORCE,                           "mean friction " FORCE_NOUN " in long sliding")   \
+    OUTPUT   (E,       "J",                             "elastic energy in the bristles")                 \
+    STATE    (z,       LENGTH,    0.0,    1e-5,         "mean deflection of the bristles")                \
+    TALLY    (rebonds,                                  "number of re-bonds of all bristles so far")      \
+    COUNT    (N,       20,        1,      MOST,         "number of bristles")                             \
+    COUNT    (seed,    1,         0,      COUNTS,       "seed of the random numbers")                     \
+    FIXED    (spread,  NO_UNIT,   0.0,    0.0,   1.0,   "spread of the initial deflections over delta_s") \
+    PARAMETER(sigma0,  STIFFNESS, 5e3,    1e-9,  INF,   "stiffness of one bristle")                       \
+    PARAMETER(delta_s, LENGTH,    1.2e-5, 1e-12, INF,   "deflection at which a bristle breaks")           \
+    PARAMETER(Delta,   LENGTH,    6e-6,   0.0,   INF,   "largest distance of a re-bond")                  \
     PARAMETER(Fn0,     FORCE,     1.0,    1e-12, INF,   "normal force for which the parameters are valid")
 /* clang-format on */
 

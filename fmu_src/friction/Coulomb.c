@@ -18,7 +18,7 @@
    exactly. */
 
 #define MODEL    Coulomb
-#define SUMMARY  "Coulomb friction, balances the external force at rest"
+#define SUMMARY  "Coulomb friction, balances the external {force} at rest"
 #define SOURCE   "Coulomb 1785; Olsson and others, European Journal of Control 4(3), 1998"
 #define CITES    "Olsson1998"
 #define STATUS   "equations of Olsson et al. 1998, section on static models"
@@ -26,13 +26,13 @@
 #define NEEDS    "sliding"
 
 /* clang-format off */
-#define VARIABLES                                                                                           \
-    INPUT    (v,     VELOCITY, 0.0,               "relative sliding velocity")                              \
-    INPUT    (F_ext, FORCE,    0.0,               "sum of the other forces on the mass; determines friction at rest") \
-    OPTIONAL (Fn,    "N",      1.0,               "normal force")                                           \
-    OUTPUT   (F,     FORCE,                       "friction force, opposes v")                              \
-    FLAG     (stuck,                              "at rest and held by friction")                           \
-    PARAMETER(Fc,    FORCE,    1.0, 0.0,   INF,   "Coulomb friction at Fn0")                                \
+#define VARIABLES                                                                                                                       \
+    INPUT    (v,     VELOCITY, 0.0,               "relative sliding velocity")                                                          \
+    INPUT    (F_ext, FORCE,    0.0,               "sum of the other " FORCE_NOUN "s on the " MASS_NOUN "; determines friction at rest") \
+    OPTIONAL (Fn,    "N",      1.0,               "normal force")                                                                       \
+    OUTPUT   (F,     FORCE,                       "friction " FORCE_NOUN ", opposes v")                                                 \
+    FLAG     (stuck,                              "at rest and held by friction")                                                       \
+    PARAMETER(Fc,    FORCE,    1.0, 0.0,   INF,   "Coulomb friction at Fn0")                                                            \
     PARAMETER(Fn0,   "N",      1.0, 1e-12, INF,   "normal force for which the parameters are valid")
 
 #define CONTACT COULOMB(Fc)

@@ -32,13 +32,13 @@
 #define NEEDS    "presliding"
 
 /* clang-format off */
-#define VARIABLES                                                                            \
-    INPUT    (v,     VELOCITY,  0.0,              "relative sliding velocity")               \
-    OPTIONAL (Fn,    "N",       1.0,              "normal force")                            \
-    OUTPUT   (F,     FORCE,                       "friction force, opposes v")               \
-    STATE    (z,     LENGTH,    0.0,  1e-5,       "deflection of the contact")               \
-    PARAMETER(sigma, STIFFNESS, 1e5,  1e-9,  INF, "stiffness at zero force")                 \
-    PARAMETER(Fc,    FORCE,     1.0,  1e-9,  INF, "Coulomb friction")                        \
+#define VARIABLES                                                                                 \
+    INPUT    (v,     VELOCITY,  0.0,              "relative sliding velocity")                    \
+    OPTIONAL (Fn,    "N",       1.0,              "normal force")                                 \
+    OUTPUT   (F,     FORCE,                       "friction " FORCE_NOUN ", opposes v")           \
+    STATE    (z,     LENGTH,    0.0,  1e-5,       "deflection of the contact")                    \
+    PARAMETER(sigma, STIFFNESS, 1e5,  1e-9,  INF, "stiffness at zero " FORCE_NOUN)                \
+    PARAMETER(Fc,    FORCE,     1.0,  1e-9,  INF, "Coulomb friction")                             \
     PARAMETER(n,     NO_UNIT,   1.0,  0.0,   100.0, "exponent of the softening, ductile above 1") \
     PARAMETER(Fn0,   "N",       1.0,  1e-12, INF, "normal force for which the parameters are valid")
 

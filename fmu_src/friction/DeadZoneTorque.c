@@ -28,16 +28,16 @@
 #define NO_EXCHANGE "the model has no solution at rest for forces between T_dz and Fc"
 
 /* clang-format off */
-#define VARIABLES                                                                                           \
-    INPUT    (v,     VELOCITY, 0.0,               "relative sliding velocity")                              \
-    INPUT    (F_ext, FORCE,    0.0,               "sum of the other forces on the mass; determines friction at rest") \
-    OPTIONAL (Fn,    "N",      1.0,               "normal force")                                           \
-    OUTPUT   (F,     FORCE,                       "friction force")                                         \
-    FLAG     (stuck,                              "inside the dead zone")                                   \
-    PARAMETER(Fc,    FORCE,    1.0,  0.0,   INF,  "Coulomb friction at Fn0")                                \
-    PARAMETER(T_dz,  FORCE,    1.5,  0.0,   INF,  "limit of the dead zone at Fn0: force, or torque in the rotational twin") \
-    PARAMETER(Fv,    DAMPING,  0.4,  0.0,   INF,  "viscous coefficient")                                    \
-    PARAMETER(DV,    VELOCITY, 1e-3, 0.0,   INF,  "velocity below which the dead zone applies")             \
+#define VARIABLES                                                                                                                       \
+    INPUT    (v,     VELOCITY, 0.0,               "relative sliding velocity")                                                          \
+    INPUT    (F_ext, FORCE,    0.0,               "sum of the other " FORCE_NOUN "s on the " MASS_NOUN "; determines friction at rest") \
+    OPTIONAL (Fn,    "N",      1.0,               "normal force")                                                                       \
+    OUTPUT   (F,     FORCE,                       "friction " FORCE_NOUN)                                                               \
+    FLAG     (stuck,                              "inside the dead zone")                                                               \
+    PARAMETER(Fc,    FORCE,    1.0,  0.0,   INF,  "Coulomb friction at Fn0")                                                            \
+    PARAMETER(T_dz,  FORCE,    1.5,  0.0,   INF,  "limit of the dead zone at Fn0: force, or torque in the rotational twin")             \
+    PARAMETER(Fv,    DAMPING,  0.4,  0.0,   INF,  "viscous coefficient")                                                                \
+    PARAMETER(DV,    VELOCITY, 1e-3, 0.0,   INF,  "velocity below which the dead zone applies")                                         \
     PARAMETER(Fn0,   "N",      1.0,  1e-12, INF,  "normal force for which the parameters are valid")
 
 #define CONTACT   \

@@ -38,21 +38,21 @@
 #define NEEDS    "held under vibration"
 
 /* clang-format off */
-#define VARIABLES                                                                               \
-    INPUT    (v,      VELOCITY,  0.0,                "relative sliding velocity")               \
-    OPTIONAL (Fn,     "N",       1.0,                "normal force")                            \
-    OUTPUT   (F,      FORCE,                         "friction force, opposes v")               \
-    STATE    (z,      LENGTH,    0.0,    1e-5,       "mean bristle deflection")                 \
-    FLAG     (elastic,                               "the bristles follow the motion without slip") \
-    PARAMETER(sigma0, STIFFNESS, 1e5,    1e-9,  INF, "bristle stiffness")                       \
-    PARAMETER(sigma1, DAMPING,   316.22776601683796, 0.0, INF, "bristle damping")               \
-    PARAMETER(sigma2, DAMPING,   0.4,    0.0,   INF, "viscous coefficient")                     \
-    PARAMETER(Fc,     FORCE,     1.0,    1e-9,  INF, "Coulomb friction")                        \
-    PARAMETER(Fs,     FORCE,     1.5,    1e-9,  INF, "static friction, may be below Fc")        \
-    PARAMETER(vs,     VELOCITY,  1e-3,   1e-12, INF, "Stribeck velocity")                       \
-    PARAMETER(delta,  NO_UNIT,   2.0,    1e-3,  100.0, "Stribeck exponent")                     \
+#define VARIABLES                                                                                                      \
+    INPUT    (v,      VELOCITY,  0.0,                "relative sliding velocity")                                      \
+    OPTIONAL (Fn,     "N",       1.0,                "normal force")                                                   \
+    OUTPUT   (F,      FORCE,                         "friction " FORCE_NOUN ", opposes v")                             \
+    STATE    (z,      LENGTH,    0.0,    1e-5,       "mean bristle deflection")                                        \
+    FLAG     (elastic,                               "the bristles follow the motion without slip")                    \
+    PARAMETER(sigma0, STIFFNESS, 1e5,    1e-9,  INF, "bristle stiffness")                                              \
+    PARAMETER(sigma1, DAMPING,   316.22776601683796, 0.0, INF, "bristle damping")                                      \
+    PARAMETER(sigma2, DAMPING,   0.4,    0.0,   INF, "viscous coefficient")                                            \
+    PARAMETER(Fc,     FORCE,     1.0,    1e-9,  INF, "Coulomb friction")                                               \
+    PARAMETER(Fs,     FORCE,     1.5,    1e-9,  INF, "static friction, may be below Fc")                               \
+    PARAMETER(vs,     VELOCITY,  1e-3,   1e-12, INF, "Stribeck velocity")                                              \
+    PARAMETER(delta,  NO_UNIT,   2.0,    1e-3,  100.0, "Stribeck exponent")                                            \
     PARAMETER(v_d,    VELOCITY,  0.0,    0.0,   INF, "speed at which the bristle damping decays; 0: constant damping") \
-    PARAMETER(z_ba,   LENGTH,    0.7e-5, 0.0,   INF, "break-away deflection, below Fc/sigma0")  \
+    PARAMETER(z_ba,   LENGTH,    0.7e-5, 0.0,   INF, "break-away deflection, below Fc/sigma0")                         \
     PARAMETER(Fn0,    "N",       1.0,    1e-12, INF, "normal force for which the parameters are valid")
 
 #define CONTACT               \

@@ -47,26 +47,26 @@
 #define NEEDS    "nested and sliding"
 
 /* clang-format off */
-#define VARIABLES                                                                                           \
-    INPUT     (v,        VELOCITY, 0.0,              "relative sliding velocity")                           \
-    OPTIONAL  (Fn,       "N",      1.0,              "normal force")                                        \
-    OUTPUT    (F,        FORCE,                      "friction force, opposes v")                           \
-    FLAGS     (slipping, 10,                         "the element slips")                                   \
-    STATES    (Fi,       10, FORCE, (0.0), 0.1,      "force of the element at the normal force Fn0")        \
-    COUNT     (N,        10,       1,     10,        "number of elements")                                  \
-    PARAMETERS(k,        10, STIFFNESS, (28e3, 15e3, 10e3, 8e3, 6.5e3, 5.3e3, 4.3e3, 3.5e3, 2.8e3, 2.1e3),  \
-                                   0.0, INF,         "stiffness of the element")                            \
-    PARAMETERS(alpha,    10, NO_UNIT, (0.1, 0.1, 0.1, 0.1, 0.1, 0.1, 0.1, 0.1, 0.1, 0.1),                   \
-                                   0.0, INF,         "weight of the element in the Stribeck level")         \
-    PARAMETER (C,        FORCE "/s", 100.0, 0.0, INF, "attraction to the Stribeck level")                   \
-    PARAMETERS(Ci,       10, FORCE "/s", (-1, -1, -1, -1, -1, -1, -1, -1, -1, -1),                          \
-                                   -1.0, INF,        "attraction of the element; negative: C")              \
-    PARAMETER (sigma,    DAMPING,  0.0,   0.0,   INF, "damping of each element")                            \
-    PARAMETER (sigma2,   DAMPING,  0.4,   0.0,   INF, "viscous coefficient")                                \
-    PARAMETER (Fc,       FORCE,    1.0,   1e-9,  INF, "Coulomb friction")                                   \
-    PARAMETER (Fs,       FORCE,    1.5,   1e-9,  INF, "static friction, may be below Fc")                   \
-    PARAMETER (vs,       VELOCITY, 1e-3,  1e-12, INF, "Stribeck velocity")                                  \
-    PARAMETER (delta,    NO_UNIT,  2.0,   1e-3,  100.0, "Stribeck exponent")                                \
+#define VARIABLES                                                                                          \
+    INPUT     (v,        VELOCITY, 0.0,              "relative sliding velocity")                          \
+    OPTIONAL  (Fn,       "N",      1.0,              "normal force")                                       \
+    OUTPUT    (F,        FORCE,                      "friction " FORCE_NOUN ", opposes v")                 \
+    FLAGS     (slipping, 10,                         "the element slips")                                  \
+    STATES    (Fi,       10, FORCE, (0.0), 0.1,      FORCE_NOUN " of the element at the normal force Fn0") \
+    COUNT     (N,        10,       1,     10,        "number of elements")                                 \
+    PARAMETERS(k,        10, STIFFNESS, (28e3, 15e3, 10e3, 8e3, 6.5e3, 5.3e3, 4.3e3, 3.5e3, 2.8e3, 2.1e3), \
+                                   0.0, INF,         "stiffness of the element")                           \
+    PARAMETERS(alpha,    10, NO_UNIT, (0.1, 0.1, 0.1, 0.1, 0.1, 0.1, 0.1, 0.1, 0.1, 0.1),                  \
+                                   0.0, INF,         "weight of the element in the Stribeck level")        \
+    PARAMETER (C,        FORCE "/s", 100.0, 0.0, INF, "attraction to the Stribeck level")                  \
+    PARAMETERS(Ci,       10, FORCE "/s", (-1, -1, -1, -1, -1, -1, -1, -1, -1, -1),                         \
+                                   -1.0, INF,        "attraction of the element; negative: C")             \
+    PARAMETER (sigma,    DAMPING,  0.0,   0.0,   INF, "damping of each element")                           \
+    PARAMETER (sigma2,   DAMPING,  0.4,   0.0,   INF, "viscous coefficient")                               \
+    PARAMETER (Fc,       FORCE,    1.0,   1e-9,  INF, "Coulomb friction")                                  \
+    PARAMETER (Fs,       FORCE,    1.5,   1e-9,  INF, "static friction, may be below Fc")                  \
+    PARAMETER (vs,       VELOCITY, 1e-3,  1e-12, INF, "Stribeck velocity")                                 \
+    PARAMETER (delta,    NO_UNIT,  2.0,   1e-3,  100.0, "Stribeck exponent")                               \
     PARAMETER (Fn0,      "N",      1.0,   1e-12, INF, "normal force for which the parameters are valid")
 
 #define CONTACT                  \

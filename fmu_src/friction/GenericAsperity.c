@@ -63,34 +63,34 @@
 #define NO_EXCHANGE "each of its thousands of asperities would be an event"
 
 /* clang-format off */
-#define VARIABLES                                                                                              \
-    INPUT    (v,         VELOCITY,  0.0,                "relative sliding velocity")                           \
-    OPTIONAL (Fn,        FORCE,     1.0,                "normal force")                                        \
-    OUTPUT   (F,         FORCE,                         "friction force, opposes v")                           \
-    OUTPUT   (F_N,       FORCE,                         "normal force of all contacts at Fn0")                 \
+#define VARIABLES                                                                                                    \
+    INPUT    (v,         VELOCITY,  0.0,                "relative sliding velocity")                                 \
+    OPTIONAL (Fn,        FORCE,     1.0,                "normal force")                                              \
+    OUTPUT   (F,         FORCE,                         "friction " FORCE_NOUN ", opposes v")                        \
+    OUTPUT   (F_N,       FORCE,                         "normal force of all contacts at Fn0")                       \
     OUTPUT   (F_max,     FORCE,                         "largest friction of the contacts on a flat profile at Fn0") \
-    STATE    (z,         LENGTH,    0.0,  1e-5,         "mean deflection of the asperities")                   \
-    TALLY    (stuck,                                    "number of sticking asperities")                       \
-    TALLY    (slipping,                                 "number of slipping asperities")                       \
-    TALLY    (loose,                                    "number of asperities without contact")                \
-    COUNT    (N,         20,        1,    MOST,         "number of asperities")                                \
-    COUNT    (seed,      1,         0,    COUNTS,       "seed of the random numbers")                          \
-    FIXED    (height_spread,   NO_UNIT, 0.5, 0.0, 1.0,  "spread of the heights about their mean")              \
-    FIXED    (wavelength_spread, NO_UNIT, 0.3, 0.0, 0.9, "spread of the wavelengths about their mean")           \
-    FIXED    (position_spread, NO_UNIT, 1.0, 0.0, 1.0,  "spread of the positions over a wavelength")           \
-    FIXED    (age0,      TIME,      0.0,  0.0,   INF,   "initial age of the contacts")                         \
-    PARAMETER(m,         MASS,      1e-7, 1e-18, INF,   "mass of a tip")                                       \
-    PARAMETER(k_n,       STIFFNESS, 2e5,  1e-9,  INF,   "normal spring of an asperity")                        \
-    PARAMETER(k_t,       STIFFNESS, 5e3,  1e-9,  INF,   "tangential spring of an asperity")                    \
-    PARAMETER(k_h,       STIFFNESS, 2e3,  1e-9,  INF,   "hysteresis spring of an asperity; damps the free tip") \
-    PARAMETER(height,    LENGTH,    1e-6, 0.0,   INF,   "mean height of an asperity above the mean of the profile") \
-    PARAMETER(A,         LENGTH,    2.5e-7, 0.0, INF,   "amplitude of the profile; 0: flat")                   \
-    PARAMETER(wavelength, LENGTH,   1e-5, 1e-7,  INF,   "wavelength of the profile")                           \
-    PARAMETER(mu0,       NO_UNIT,   0.25, 0.0,   INF,   "coefficient of friction of a new contact")            \
-    PARAMETER(dmu,       NO_UNIT,   0.1,  0.0,   INF,   "increase of the coefficient by adhesion with age")    \
-    PARAMETER(tau,       TIME,      0.1,  1e-9,  INF,   "time constant of adhesion")                           \
-    PARAMETER(creep,     NO_UNIT,   0.02, 0.0,   INF,   "growth of a contact per e-fold of its age")           \
-    PARAMETER(t0,        TIME,      1e-3, 1e-9,  INF,   "age at which creep begins")                           \
+    STATE    (z,         LENGTH,    0.0,  1e-5,         "mean deflection of the asperities")                         \
+    TALLY    (stuck,                                    "number of sticking asperities")                             \
+    TALLY    (slipping,                                 "number of slipping asperities")                             \
+    TALLY    (loose,                                    "number of asperities without contact")                      \
+    COUNT    (N,         20,        1,    MOST,         "number of asperities")                                      \
+    COUNT    (seed,      1,         0,    COUNTS,       "seed of the random numbers")                                \
+    FIXED    (height_spread,   NO_UNIT, 0.5, 0.0, 1.0,  "spread of the heights about their mean")                    \
+    FIXED    (wavelength_spread, NO_UNIT, 0.3, 0.0, 0.9, "spread of the wavelengths about their mean")               \
+    FIXED    (position_spread, NO_UNIT, 1.0, 0.0, 1.0,  "spread of the positions over a wavelength")                 \
+    FIXED    (age0,      TIME,      0.0,  0.0,   INF,   "initial age of the contacts")                               \
+    PARAMETER(m,         MASS,      1e-7, 1e-18, INF,   MASS_NOUN " of a tip")                                       \
+    PARAMETER(k_n,       STIFFNESS, 2e5,  1e-9,  INF,   "normal spring of an asperity")                              \
+    PARAMETER(k_t,       STIFFNESS, 5e3,  1e-9,  INF,   "tangential spring of an asperity")                          \
+    PARAMETER(k_h,       STIFFNESS, 2e3,  1e-9,  INF,   "hysteresis spring of an asperity; damps the free tip")      \
+    PARAMETER(height,    LENGTH,    1e-6, 0.0,   INF,   "mean height of an asperity above the mean of the profile")  \
+    PARAMETER(A,         LENGTH,    2.5e-7, 0.0, INF,   "amplitude of the profile; 0: flat")                         \
+    PARAMETER(wavelength, LENGTH,   1e-5, 1e-7,  INF,   "wavelength of the profile")                                 \
+    PARAMETER(mu0,       NO_UNIT,   0.25, 0.0,   INF,   "coefficient of friction of a new contact")                  \
+    PARAMETER(dmu,       NO_UNIT,   0.1,  0.0,   INF,   "increase of the coefficient by adhesion with age")          \
+    PARAMETER(tau,       TIME,      0.1,  1e-9,  INF,   "time constant of adhesion")                                 \
+    PARAMETER(creep,     NO_UNIT,   0.02, 0.0,   INF,   "growth of a contact per e-fold of its age")                 \
+    PARAMETER(t0,        TIME,      1e-3, 1e-9,  INF,   "age at which creep begins")                                 \
     PARAMETER(Fn0,       FORCE,     1.0,  1e-12, INF,   "normal force for which the parameters are valid")
 /* clang-format on */
 

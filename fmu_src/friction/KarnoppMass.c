@@ -31,21 +31,21 @@
 #define NEEDS    "real stop"
 
 /* clang-format off */
-#define VARIABLES                                                                                           \
-    INPUT       (F_ext, FORCE,    0.0,              "sum of all forces on the mass except friction")        \
-    OPTIONAL    (Fn,    "N",      1.0,              "normal force")                                         \
-    OUTPUT      (v,     VELOCITY,                   "velocity, 0 inside the band")                          \
-    OUTPUT      (F,     FORCE,                      "friction force")                                       \
-    STATE_OUTPUT(x,     LENGTH,   x0,  1.0,         "position")                                             \
-    STATE_OUTPUT(w,     VELOCITY, v0,  1.0,         "momentum over mass: velocity without the dead band")   \
-    FLAG        (stuck,                             "inside the band and held by friction")                 \
-    PARAMETER   (m,     MASS,     1.0,  1e-12, INF, "mass")                                                 \
-    PARAMETER   (Fc,    FORCE,    1.0,  0.0,   INF, "Coulomb friction at Fn0")                              \
-    PARAMETER   (Fs,    FORCE,    1.5,  0.0,   INF, "static friction at Fn0, may be below Fc")              \
-    PARAMETER   (Fv,    DAMPING,  0.4,  0.0,   INF, "viscous coefficient")                                  \
-    PARAMETER   (DV,    VELOCITY, 1e-3, 1e-12, INF, "half width of the velocity band treated as standstill") \
-    PARAMETER   (Fn0,   "N",      1.0,  1e-12, INF, "normal force for which the parameters are valid")      \
-    FIXED       (x0,    LENGTH,   0.0,  -INF,  INF, "initial position")                                     \
+#define VARIABLES                                                                                                      \
+    INPUT       (F_ext, FORCE,    0.0,              "sum of all " FORCE_NOUN "s on the " MASS_NOUN " except friction") \
+    OPTIONAL    (Fn,    "N",      1.0,              "normal force")                                                    \
+    OUTPUT      (v,     VELOCITY,                   "velocity, 0 inside the band")                                     \
+    OUTPUT      (F,     FORCE,                      "friction " FORCE_NOUN)                                            \
+    STATE_OUTPUT(x,     LENGTH,   x0,  1.0,         "position")                                                        \
+    STATE_OUTPUT(w,     VELOCITY, v0,  1.0,         "momentum over " MASS_NOUN ": velocity without the dead band")     \
+    FLAG        (stuck,                             "inside the band and held by friction")                            \
+    PARAMETER   (m,     MASS,     1.0,  1e-12, INF, MASS_NOUN)                                                         \
+    PARAMETER   (Fc,    FORCE,    1.0,  0.0,   INF, "Coulomb friction at Fn0")                                         \
+    PARAMETER   (Fs,    FORCE,    1.5,  0.0,   INF, "static friction at Fn0, may be below Fc")                         \
+    PARAMETER   (Fv,    DAMPING,  0.4,  0.0,   INF, "viscous coefficient")                                             \
+    PARAMETER   (DV,    VELOCITY, 1e-3, 1e-12, INF, "half width of the velocity band treated as standstill")           \
+    PARAMETER   (Fn0,   "N",      1.0,  1e-12, INF, "normal force for which the parameters are valid")                 \
+    FIXED       (x0,    LENGTH,   0.0,  -INF,  INF, "initial position")                                                \
     FIXED       (v0,    VELOCITY, 0.0,  -INF,  INF, "initial velocity")
 
 #define CONTACT \

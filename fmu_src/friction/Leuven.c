@@ -43,26 +43,26 @@
 #define FEATURES "presliding, nonlocal memory, Stribeck, lag, rate dependent"
 
 /* clang-format off */
-#define VARIABLES                                                                                           \
-    INPUT     (v,        VELOCITY, 0.0,              "relative sliding velocity")                           \
-    OPTIONAL  (Fn,       "N",      1.0,              "normal force")                                        \
-    OUTPUT    (F,        FORCE,                      "friction force, opposes v")                           \
-    LOCAL     (Fh,       FORCE,                      "hysteresis force at the normal force Fn0")            \
-    LOCAL     (Fb,       FORCE,                      "hysteresis force at the last stored reversal")        \
-    TALLY     (depth,                                "reversal points on both stacks")                      \
-    FLAG      (sliding,                              "r has reached 1 - 1e-3")                              \
-    FLAG      (stack_overflow,                       "an inner loop has been discarded")                    \
-    STATE     (z,        LENGTH,   0.0,   1e-5,      "deflection since the last stored reversal")           \
+#define VARIABLES                                                                                              \
+    INPUT     (v,        VELOCITY, 0.0,              "relative sliding velocity")                              \
+    OPTIONAL  (Fn,       "N",      1.0,              "normal force")                                           \
+    OUTPUT    (F,        FORCE,                      "friction " FORCE_NOUN ", opposes v")                     \
+    LOCAL     (Fh,       FORCE,                      "hysteresis " FORCE_NOUN " at the normal force Fn0")      \
+    LOCAL     (Fb,       FORCE,                      "hysteresis " FORCE_NOUN " at the last stored reversal")  \
+    TALLY     (depth,                                "reversal points on both stacks")                         \
+    FLAG      (sliding,                              "r has reached 1 - 1e-3")                                 \
+    FLAG      (stack_overflow,                       "an inner loop has been discarded")                       \
+    STATE     (z,        LENGTH,   0.0,   1e-5,      "deflection since the last stored reversal")              \
     PARAMETER (A,        FORCE,    4.0,   1e-9,  INF, "limit of the hysteresis curve, at least 2 max(Fs, Fc)") \
-    PARAMETER (zc,       LENGTH,   4e-5,  1e-15, INF, "deflection scale of the hysteresis curve")           \
-    PARAMETER (n,        NO_UNIT,  2.0,   0.1,   1e4, "sharpness of the transition to sliding")             \
-    PARAMETER (sigma1,   DAMPING,  316.22776601683796, 0.0, INF, "bristle damping")                         \
-    PARAMETER (sigma2,   DAMPING,  0.4,   0.0,   INF, "viscous coefficient")                                \
-    PARAMETER (Fc,       FORCE,    1.0,   1e-9,  INF, "Coulomb friction")                                   \
-    PARAMETER (Fs,       FORCE,    1.5,   1e-9,  INF, "static friction, may be below Fc")                   \
-    PARAMETER (vs,       VELOCITY, 1e-3,  1e-12, INF, "Stribeck velocity")                                  \
-    PARAMETER (delta,    NO_UNIT,  2.0,   1e-3,  100.0, "Stribeck exponent")                                \
-    PARAMETER (dead_band, LENGTH,  0.0,   0.0,   INF, "deflection below which a reversal is discarded")     \
+    PARAMETER (zc,       LENGTH,   4e-5,  1e-15, INF, "deflection scale of the hysteresis curve")              \
+    PARAMETER (n,        NO_UNIT,  2.0,   0.1,   1e4, "sharpness of the transition to sliding")                \
+    PARAMETER (sigma1,   DAMPING,  316.22776601683796, 0.0, INF, "bristle damping")                            \
+    PARAMETER (sigma2,   DAMPING,  0.4,   0.0,   INF, "viscous coefficient")                                   \
+    PARAMETER (Fc,       FORCE,    1.0,   1e-9,  INF, "Coulomb friction")                                      \
+    PARAMETER (Fs,       FORCE,    1.5,   1e-9,  INF, "static friction, may be below Fc")                      \
+    PARAMETER (vs,       VELOCITY, 1e-3,  1e-12, INF, "Stribeck velocity")                                     \
+    PARAMETER (delta,    NO_UNIT,  2.0,   1e-3,  100.0, "Stribeck exponent")                                   \
+    PARAMETER (dead_band, LENGTH,  0.0,   0.0,   INF, "deflection below which a reversal is discarded")        \
     PARAMETER (Fn0,      "N",      1.0,   1e-12, INF, "normal force for which the parameters are valid")
 
 #define CONTACT               \

@@ -28,7 +28,7 @@
    screw of EMPS has none within two standard errors. */
 
 #define MODEL    LoadDependentDahl
-#define SUMMARY  "Dahl friction proportional to the transmitted force, for strain-wave gears"
+#define SUMMARY  "Dahl friction proportional to the transmitted {force}, for strain-wave gears"
 #define SOURCE   "andyabateagility, issue 3528 of google-deepmind/mujoco, GitHub, 2026"
 #define CITES    "TorqueProportionalLoss2026"
 #define STATUS   "equations of a comment in the issue, not of a paper; an excerpt was read"
@@ -36,14 +36,14 @@
 #define NEEDS    "transmitted force"
 
 /* clang-format off */
-#define VARIABLES                                                                                    \
-    INPUT    (v,      VELOCITY, 0.0,               "relative sliding velocity")                      \
-    OPTIONAL (F_t,    FORCE,    1.0,               "transmitted force, positive if it drives towards positive v") \
-    OUTPUT   (F,      FORCE,                       "friction force, opposes v")                      \
-    STATE    (z,      NO_UNIT,  0.0,  1.0,         "deflection over the deflection of steady sliding") \
-    PARAMETER(mu_avg, NO_UNIT,  0.1,  0.0,   INF,  "mean of the friction coefficients of driving and back-driving") \
-    PARAMETER(mu_dif, NO_UNIT,  0.03, -INF,  INF,  "half of their difference, at most mu_avg")       \
-    PARAMETER(eps,    LENGTH,   1e-3, 1e-12, INF,  "path constant after a reversal")                 \
+#define VARIABLES                                                                                                          \
+    INPUT    (v,      VELOCITY, 0.0,               "relative sliding velocity")                                            \
+    OPTIONAL (F_t,    FORCE,    1.0,               "transmitted " FORCE_NOUN ", positive if it drives towards positive v") \
+    OUTPUT   (F,      FORCE,                       "friction " FORCE_NOUN ", opposes v")                                   \
+    STATE    (z,      NO_UNIT,  0.0,  1.0,         "deflection over the deflection of steady sliding")                     \
+    PARAMETER(mu_avg, NO_UNIT,  0.1,  0.0,   INF,  "mean of the friction coefficients of driving and back-driving")        \
+    PARAMETER(mu_dif, NO_UNIT,  0.03, -INF,  INF,  "half of their difference, at most mu_avg")                             \
+    PARAMETER(eps,    LENGTH,   1e-3, 1e-12, INF,  "path constant after a reversal")                                       \
     PARAMETER(Fv,     DAMPING,  0.4,  0.0,   INF,  "viscous coefficient")
 
 #define IDENTIFIED METHOD(none)

@@ -30,25 +30,25 @@
 #define NEEDS    "near presliding, stick-slip, frictional lag, changing normal force"
 
 /* clang-format off */
-#define VARIABLES                                                                                       \
-    INPUT    (v,          VELOCITY,  0.0,                    "relative sliding velocity")               \
-    OPTIONAL (Fn,         "N",       1.0,                    "normal force")                            \
-    OUTPUT   (F,          FORCE,                             "friction force, opposes v")               \
-    STATE    (z,          LENGTH,    0.0,  1e-5,             "mean bristle deflection")                 \
-    PARAMETER(sigma0,     STIFFNESS, 1e5,  1e-9, INF,        "bristle stiffness")                       \
-    PARAMETER(sigma1,     DAMPING,   316.22776601683796, 0.0, INF, "bristle damping")                   \
-    PARAMETER(sigma2,     DAMPING,   0.4,  0.0,  INF,        "viscous coefficient")                     \
-    PARAMETER(Fc,         FORCE,     1.0,  1e-9, INF,        "Coulomb friction")                        \
-    PARAMETER(Fs,         FORCE,     1.5,  1e-9, INF,        "static friction, may be below Fc")        \
-    PARAMETER(vs,         VELOCITY,  1e-3, 1e-12, INF,       "Stribeck velocity")                       \
-    PARAMETER(delta,      NO_UNIT,   2.0,  1e-3, 100.0,      "Stribeck exponent")                       \
+#define VARIABLES                                                                                                              \
+    INPUT    (v,          VELOCITY,  0.0,                    "relative sliding velocity")                                      \
+    OPTIONAL (Fn,         "N",       1.0,                    "normal force")                                                   \
+    OUTPUT   (F,          FORCE,                             "friction " FORCE_NOUN ", opposes v")                             \
+    STATE    (z,          LENGTH,    0.0,  1e-5,             "mean bristle deflection")                                        \
+    PARAMETER(sigma0,     STIFFNESS, 1e5,  1e-9, INF,        "bristle stiffness")                                              \
+    PARAMETER(sigma1,     DAMPING,   316.22776601683796, 0.0, INF, "bristle damping")                                          \
+    PARAMETER(sigma2,     DAMPING,   0.4,  0.0,  INF,        "viscous coefficient")                                            \
+    PARAMETER(Fc,         FORCE,     1.0,  1e-9, INF,        "Coulomb friction")                                               \
+    PARAMETER(Fs,         FORCE,     1.5,  1e-9, INF,        "static friction, may be below Fc")                               \
+    PARAMETER(vs,         VELOCITY,  1e-3, 1e-12, INF,       "Stribeck velocity")                                              \
+    PARAMETER(delta,      NO_UNIT,   2.0,  1e-3, 100.0,      "Stribeck exponent")                                              \
     PARAMETER(v_d,        VELOCITY,  0.0,  0.0,  INF,        "speed at which the bristle damping decays; 0: constant damping") \
-    SWITCH   (asymmetric, 0,                                 "v < 0 uses the parameters with the suffix _neg") \
-    PARAMETER(sigma2_neg, DAMPING,   0.4,  0.0,  INF,        "viscous coefficient for v < 0")           \
-    PARAMETER(Fc_neg,     FORCE,     1.0,  1e-9, INF,        "Coulomb friction for v < 0")              \
-    PARAMETER(Fs_neg,     FORCE,     1.5,  1e-9, INF,        "static friction for v < 0")               \
-    PARAMETER(vs_neg,     VELOCITY,  1e-3, 1e-12, INF,       "Stribeck velocity for v < 0")             \
-    PARAMETER(delta_neg,  NO_UNIT,   2.0,  1e-3, 100.0,      "Stribeck exponent for v < 0")             \
+    SWITCH   (asymmetric, 0,                                 "v < 0 uses the parameters with the suffix _neg")                 \
+    PARAMETER(sigma2_neg, DAMPING,   0.4,  0.0,  INF,        "viscous coefficient for v < 0")                                  \
+    PARAMETER(Fc_neg,     FORCE,     1.0,  1e-9, INF,        "Coulomb friction for v < 0")                                     \
+    PARAMETER(Fs_neg,     FORCE,     1.5,  1e-9, INF,        "static friction for v < 0")                                      \
+    PARAMETER(vs_neg,     VELOCITY,  1e-3, 1e-12, INF,       "Stribeck velocity for v < 0")                                    \
+    PARAMETER(delta_neg,  NO_UNIT,   2.0,  1e-3, 100.0,      "Stribeck exponent for v < 0")                                    \
     PARAMETER(Fn0,        "N",       1.0,  1e-12, INF,       "normal force for which the parameters are valid")
 
 #define CONTACT               \

@@ -31,17 +31,17 @@
 #define NEEDS    "nested presliding"
 
 /* clang-format off */
-#define VARIABLES                                                                                           \
-    INPUT     (v,        VELOCITY, 0.0,              "relative sliding velocity")                           \
-    OPTIONAL  (Fn,       "N",      1.0,              "normal force")                                        \
-    OUTPUT    (F,        FORCE,                      "friction force, opposes v")                           \
-    FLAGS     (slipping, 10,                         "the element slips")                                   \
-    STATES    (Fi,       10, FORCE, (0.0), 0.1,      "force of the element at the normal force Fn0")        \
-    COUNT     (N,        10,       1,     10,        "number of elements")                                  \
-    PARAMETERS(k,        10, STIFFNESS, (28e3, 15e3, 10e3, 8e3, 6.5e3, 5.3e3, 4.3e3, 3.5e3, 2.8e3, 2.1e3),  \
-                                   0.0, INF,         "stiffness of the element")                            \
-    PARAMETERS(W,        10, FORCE, (0.1, 0.1, 0.1, 0.1, 0.1, 0.1, 0.1, 0.1, 0.1, 0.1),                     \
-                                   0.0, INF,         "force at which the element slips")                    \
+#define VARIABLES                                                                                          \
+    INPUT     (v,        VELOCITY, 0.0,              "relative sliding velocity")                          \
+    OPTIONAL  (Fn,       "N",      1.0,              "normal force")                                       \
+    OUTPUT    (F,        FORCE,                      "friction " FORCE_NOUN ", opposes v")                 \
+    FLAGS     (slipping, 10,                         "the element slips")                                  \
+    STATES    (Fi,       10, FORCE, (0.0), 0.1,      FORCE_NOUN " of the element at the normal force Fn0") \
+    COUNT     (N,        10,       1,     10,        "number of elements")                                 \
+    PARAMETERS(k,        10, STIFFNESS, (28e3, 15e3, 10e3, 8e3, 6.5e3, 5.3e3, 4.3e3, 3.5e3, 2.8e3, 2.1e3), \
+                                   0.0, INF,         "stiffness of the element")                           \
+    PARAMETERS(W,        10, FORCE, (0.1, 0.1, 0.1, 0.1, 0.1, 0.1, 0.1, 0.1, 0.1, 0.1),                    \
+                                   0.0, INF,         FORCE_NOUN " at which the element slips")             \
     PARAMETER (Fn0,      "N",      1.0,   1e-12, INF, "normal force for which the parameters are valid")
 
 #define CONTACT       \

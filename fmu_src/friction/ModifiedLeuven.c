@@ -35,26 +35,26 @@
 #define FEATURES "presliding, nonlocal memory, Stribeck, lag, rate dependent"
 
 /* clang-format off */
-#define VARIABLES                                                                                           \
-    INPUT     (v,        VELOCITY, 0.0,              "relative sliding velocity")                           \
-    OPTIONAL  (Fn,       "N",      1.0,              "normal force")                                        \
-    OUTPUT    (F,        FORCE,                      "friction force, opposes v")                           \
-    LOCAL     (Fh,       FORCE,                      "hysteresis force at the normal force Fn0")            \
-    FLAGS     (slipping, 10,                         "the element slips")                                   \
-    STATE     (z,        LENGTH,   0.0,   1e-5,      "mean deflection")                                     \
-    STATES    (Fi,       10, FORCE, (0.0), 0.1,      "force of the element at the normal force Fn0")        \
-    COUNT     (N,        10,       1,     10,        "number of elements")                                  \
-    PARAMETERS(k,        10, STIFFNESS, (28e3, 15e3, 10e3, 8e3, 6.5e3, 5.3e3, 4.3e3, 3.5e3, 2.8e3, 2.1e3),  \
-                                   0.0, INF,         "stiffness of the element")                            \
-    PARAMETERS(W,        10, FORCE, (0.15, 0.15, 0.15, 0.15, 0.15, 0.15, 0.15, 0.15, 0.15, 0.15),           \
-                                   0.0, INF,         "force at which the element slips")                    \
-    PARAMETER (n,        NO_UNIT,  2.0,   0.1,   1e4, "sharpness of the transition to sliding")             \
-    PARAMETER (sigma1,   DAMPING,  316.22776601683796, 0.0, INF, "bristle damping")                         \
-    PARAMETER (sigma2,   DAMPING,  0.4,   0.0,   INF, "viscous coefficient")                                \
-    PARAMETER (Fc,       FORCE,    1.0,   1e-9,  INF, "Coulomb friction")                                   \
-    PARAMETER (Fs,       FORCE,    1.5,   1e-9,  INF, "static friction, may be below Fc")                   \
-    PARAMETER (vs,       VELOCITY, 1e-3,  1e-12, INF, "Stribeck velocity")                                  \
-    PARAMETER (delta,    NO_UNIT,  2.0,   1e-3,  100.0, "Stribeck exponent")                                \
+#define VARIABLES                                                                                          \
+    INPUT     (v,        VELOCITY, 0.0,              "relative sliding velocity")                          \
+    OPTIONAL  (Fn,       "N",      1.0,              "normal force")                                       \
+    OUTPUT    (F,        FORCE,                      "friction " FORCE_NOUN ", opposes v")                 \
+    LOCAL     (Fh,       FORCE,                      "hysteresis " FORCE_NOUN " at the normal force Fn0")  \
+    FLAGS     (slipping, 10,                         "the element slips")                                  \
+    STATE     (z,        LENGTH,   0.0,   1e-5,      "mean deflection")                                    \
+    STATES    (Fi,       10, FORCE, (0.0), 0.1,      FORCE_NOUN " of the element at the normal force Fn0") \
+    COUNT     (N,        10,       1,     10,        "number of elements")                                 \
+    PARAMETERS(k,        10, STIFFNESS, (28e3, 15e3, 10e3, 8e3, 6.5e3, 5.3e3, 4.3e3, 3.5e3, 2.8e3, 2.1e3), \
+                                   0.0, INF,         "stiffness of the element")                           \
+    PARAMETERS(W,        10, FORCE, (0.15, 0.15, 0.15, 0.15, 0.15, 0.15, 0.15, 0.15, 0.15, 0.15),          \
+                                   0.0, INF,         FORCE_NOUN " at which the element slips")             \
+    PARAMETER (n,        NO_UNIT,  2.0,   0.1,   1e4, "sharpness of the transition to sliding")            \
+    PARAMETER (sigma1,   DAMPING,  316.22776601683796, 0.0, INF, "bristle damping")                        \
+    PARAMETER (sigma2,   DAMPING,  0.4,   0.0,   INF, "viscous coefficient")                               \
+    PARAMETER (Fc,       FORCE,    1.0,   1e-9,  INF, "Coulomb friction")                                  \
+    PARAMETER (Fs,       FORCE,    1.5,   1e-9,  INF, "static friction, may be below Fc")                  \
+    PARAMETER (vs,       VELOCITY, 1e-3,  1e-12, INF, "Stribeck velocity")                                 \
+    PARAMETER (delta,    NO_UNIT,  2.0,   1e-3,  100.0, "Stribeck exponent")                               \
     PARAMETER (Fn0,      "N",      1.0,   1e-12, INF, "normal force for which the parameters are valid")
 
 #define CONTACT               \

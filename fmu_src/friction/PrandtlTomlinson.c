@@ -51,21 +51,21 @@
 #define PORTRAIT    "tomlinson"
 
 /* clang-format off */
-#define VARIABLES                                                                                          \
-    INPUT    (v,       VELOCITY,  0.0,                    "velocity of the driver")                        \
-    OUTPUT   (F,       FORCE,                             "friction force, opposes v")                     \
-    STATE    (X,       LENGTH,    0.0,  1.0,              "position of the driver")                        \
-    STATE    (x,       LENGTH,    0.0,  1.0,              "position of the tip")                           \
-    STATE    (w,       VELOCITY,  0.0,  1.0,              "velocity of the tip")                           \
-    LOCAL    (R,       FORCE,                             "thermal force, mean over the interval dt")      \
-    LOCAL    (eta,     NO_UNIT,                           "corrugation; stick-slip above 1")               \
-    PARAMETER(m,       MASS,      1.0,  1e-40, INF,       "mass of the tip")                               \
-    PARAMETER(damping, "1/s",     2.0,  0.0,   INF,       "gamma, damping rate")                           \
-    PARAMETER(k,       STIFFNESS, 1.0,  1e-30, INF,       "stiffness of the spring to the driver")         \
-    PARAMETER(E0,      "J",       0.25, 0.0,   INF,       "height of the potential, from peak to peak")    \
-    PARAMETER(a,       LENGTH,    1.0,  1e-20, INF,       "period of the potential")                       \
+#define VARIABLES                                                                                                \
+    INPUT    (v,       VELOCITY,  0.0,                    "velocity of the driver")                              \
+    OUTPUT   (F,       FORCE,                             "friction " FORCE_NOUN ", opposes v")                  \
+    STATE    (X,       LENGTH,    0.0,  1.0,              "position of the driver")                              \
+    STATE    (x,       LENGTH,    0.0,  1.0,              "position of the tip")                                 \
+    STATE    (w,       VELOCITY,  0.0,  1.0,              "velocity of the tip")                                 \
+    LOCAL    (R,       FORCE,                             "thermal " FORCE_NOUN ", mean over the interval dt")   \
+    LOCAL    (eta,     NO_UNIT,                           "corrugation; stick-slip above 1")                     \
+    PARAMETER(m,       MASS,      1.0,  1e-40, INF,       MASS_NOUN " of the tip")                               \
+    PARAMETER(damping, "1/s",     2.0,  0.0,   INF,       "gamma, damping rate")                                 \
+    PARAMETER(k,       STIFFNESS, 1.0,  1e-30, INF,       "stiffness of the spring to the driver")               \
+    PARAMETER(E0,      "J",       0.25, 0.0,   INF,       "height of the potential, from peak to peak")          \
+    PARAMETER(a,       LENGTH,    1.0,  1e-20, INF,       "period of the potential")                             \
     PARAMETER(kT,      "J",       0.0,  0.0,   INF,       "temperature times Boltzmann's constant; 0: no noise") \
-    FIXED    (dt,      TIME,      0.01, 1e-30, INF,       "interval of noise and damping, for kT > 0")     \
+    FIXED    (dt,      TIME,      0.01, 1e-30, INF,       "interval of noise and damping, for kT > 0")           \
     COUNT    (seed,    1,         0,    2147483647,       "seed of the noise")
 /* clang-format on */
 

@@ -26,16 +26,16 @@
 #define FEATURES "presliding, drift-free, rate dependent"
 
 /* clang-format off */
-#define VARIABLES                                                                              \
-    INPUT    (v,      VELOCITY,  0.0,               "relative sliding velocity")               \
-    OPTIONAL (Fn,     "N",       1.0,               "normal force")                            \
-    OUTPUT   (F,      FORCE,                        "friction force, opposes v")               \
-    STATE    (z,      LENGTH,    0.0,   1e-5,       "deflection of the contact")               \
-    FLAG     (stuck,                                "deflection below its limit")              \
-    PARAMETER(sigma0, STIFFNESS, 1e5,   1e-9,  INF, "stiffness while sliding")                 \
-    PARAMETER(z0,     LENGTH,    1e-5,  1e-15, INF, "largest deflection")                      \
-    PARAMETER(a,      NO_UNIT,   0.5,   0.0,   INF, "static over Coulomb friction, minus 1")   \
-    PARAMETER(beta,   DAMPING,   774.6, 0.0,   INF, "damping while stuck")                     \
+#define VARIABLES                                                                            \
+    INPUT    (v,      VELOCITY,  0.0,               "relative sliding velocity")             \
+    OPTIONAL (Fn,     "N",       1.0,               "normal force")                          \
+    OUTPUT   (F,      FORCE,                        "friction " FORCE_NOUN ", opposes v")    \
+    STATE    (z,      LENGTH,    0.0,   1e-5,       "deflection of the contact")             \
+    FLAG     (stuck,                                "deflection below its limit")            \
+    PARAMETER(sigma0, STIFFNESS, 1e5,   1e-9,  INF, "stiffness while sliding")               \
+    PARAMETER(z0,     LENGTH,    1e-5,  1e-15, INF, "largest deflection")                    \
+    PARAMETER(a,      NO_UNIT,   0.5,   0.0,   INF, "static over Coulomb friction, minus 1") \
+    PARAMETER(beta,   DAMPING,   774.6, 0.0,   INF, "damping while stuck")                   \
     PARAMETER(Fn0,    "N",       1.0,   1e-12, INF, "normal force for which the parameters are valid")
 
 #define IDENTIFIED                     \

@@ -43,24 +43,24 @@
 #define WARNING     "the velocity changed more than 1024 times within tauL; its history is thinned out"
 
 /* clang-format off */
-#define VARIABLES                                                                                           \
-    INPUT    (v,         VELOCITY,  0.0,               "relative sliding velocity")                         \
-    OPTIONAL (Fn,        "N",       1.0,               "normal force")                                      \
-    OUTPUT   (F,         FORCE,                        "friction force, opposes v")                         \
-    STATE    (d,         LENGTH,    0.0,  1e-5,        "deflection of the contact while it is stuck")       \
-    STATE    (t2,        TIME,      0.0,  1.0,         "dwell time: time since the contact became stuck")   \
-    FLAG     (stuck,                                   "the contact is stuck")                              \
-    LOCAL    (v_delayed, VELOCITY,                     "v(t - tauL)")                                       \
-    LOCAL    (Fs_last,   FORCE,                        "Stribeck part at the end of the previous sliding")  \
-    LOCAL    (level,     FORCE,                        "break-away force at Fn0, Fc + Fs(t2)")              \
-    PARAMETER(kt,        STIFFNESS, 1e5,  1e-9,  INF,  "stiffness of the contact at Fn0")                   \
-    PARAMETER(Fc,        FORCE,     1.0,  0.0,   INF,  "Coulomb friction at Fn0")                           \
-    PARAMETER(Fv,        DAMPING,   0.4,  0.0,   INF,  "viscous coefficient")                               \
+#define VARIABLES                                                                                                  \
+    INPUT    (v,         VELOCITY,  0.0,               "relative sliding velocity")                                \
+    OPTIONAL (Fn,        "N",       1.0,               "normal force")                                             \
+    OUTPUT   (F,         FORCE,                        "friction " FORCE_NOUN ", opposes v")                       \
+    STATE    (d,         LENGTH,    0.0,  1e-5,        "deflection of the contact while it is stuck")              \
+    STATE    (t2,        TIME,      0.0,  1.0,         "dwell time: time since the contact became stuck")          \
+    FLAG     (stuck,                                   "the contact is stuck")                                     \
+    LOCAL    (v_delayed, VELOCITY,                     "v(t - tauL)")                                              \
+    LOCAL    (Fs_last,   FORCE,                        "Stribeck part at the end of the previous sliding")         \
+    LOCAL    (level,     FORCE,                        "break-away " FORCE_NOUN " at Fn0, Fc + Fs(t2)")            \
+    PARAMETER(kt,        STIFFNESS, 1e5,  1e-9,  INF,  "stiffness of the contact at Fn0")                          \
+    PARAMETER(Fc,        FORCE,     1.0,  0.0,   INF,  "Coulomb friction at Fn0")                                  \
+    PARAMETER(Fv,        DAMPING,   0.4,  0.0,   INF,  "viscous coefficient")                                      \
     PARAMETER(Fs_a,      FORCE,     0.2,  0.0,   INF,  "static friction over Fc before the first sliding, at Fn0") \
-    PARAMETER(Fs_inf,    FORCE,     0.5,  0.0,   INF,  "static friction over Fc after a long rest, at Fn0") \
-    PARAMETER(vs,        VELOCITY,  1e-3, 1e-12, INF,  "Stribeck velocity")                                 \
-    PARAMETER(tauL,      TIME,      5e-3, 0.0,   INF,  "delay of the Stribeck effect, frictional lag")      \
-    PARAMETER(gamma,     TIME,      1.0,  0.0,   INF,  "dwell time for half of the rise of static friction") \
+    PARAMETER(Fs_inf,    FORCE,     0.5,  0.0,   INF,  "static friction over Fc after a long rest, at Fn0")        \
+    PARAMETER(vs,        VELOCITY,  1e-3, 1e-12, INF,  "Stribeck velocity")                                        \
+    PARAMETER(tauL,      TIME,      5e-3, 0.0,   INF,  "delay of the Stribeck effect, frictional lag")             \
+    PARAMETER(gamma,     TIME,      1.0,  0.0,   INF,  "dwell time for half of the rise of static friction")       \
     PARAMETER(Fn0,       "N",       1.0,  1e-12, INF,  "normal force for which the parameters are valid")
 
 #define CONTACT            \

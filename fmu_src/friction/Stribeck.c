@@ -30,25 +30,25 @@
 #define NEEDS    "through rest"
 
 /* clang-format off */
-#define VARIABLES                                                                                           \
-    INPUT    (v,          VELOCITY, 0.0,                 "relative sliding velocity")                       \
-    INPUT    (F_ext,      FORCE,    0.0,                 "sum of the other forces on the mass; determines friction at rest") \
-    OPTIONAL (Fn,         "N",      1.0,                 "normal force")                                    \
-    OUTPUT   (F,          FORCE,                         "friction force, opposes v")                       \
-    FLAG     (stuck,                                     "at rest and held by friction")                    \
-    PARAMETER(Fc,         FORCE,    1.0,  0.0,   INF,    "Coulomb friction")                                \
-    PARAMETER(Fs,         FORCE,    1.5,  0.0,   INF,    "static friction, may be below Fc")                \
-    PARAMETER(Fv,         DAMPING,  0.4,  0.0,   INF,    "viscous coefficient")                             \
-    PARAMETER(vs,         VELOCITY, 1e-3, 1e-12, INF,    "Stribeck velocity")                               \
-    PARAMETER(delta,      NO_UNIT,  2.0,  1e-3,  100.0,  "Stribeck exponent")                               \
-    COUNT    (shape,      0,        0,     1,            "shape of the Stribeck curve; 0: exponential, 1: Lorentzian") \
-    PARAMETER(Fn0,        "N",      1.0,  1e-12, INF,    "normal force for which the parameters are valid") \
-    PARAMETER(offset,     FORCE,    0.0,  -INF,  INF,    "constant force, for example of an amplifier offset") \
-    SWITCH   (asymmetric, 0,                             "v < 0 uses the parameters with the suffix _neg")  \
-    PARAMETER(Fc_neg,     FORCE,    1.0,  0.0,   INF,    "Coulomb friction for v < 0")                      \
-    PARAMETER(Fs_neg,     FORCE,    1.5,  0.0,   INF,    "static friction for v < 0")                       \
-    PARAMETER(Fv_neg,     DAMPING,  0.4,  0.0,   INF,    "viscous coefficient for v < 0")                   \
-    PARAMETER(vs_neg,     VELOCITY, 1e-3, 1e-12, INF,    "Stribeck velocity for v < 0")                     \
+#define VARIABLES                                                                                                                              \
+    INPUT    (v,          VELOCITY, 0.0,                 "relative sliding velocity")                                                          \
+    INPUT    (F_ext,      FORCE,    0.0,                 "sum of the other " FORCE_NOUN "s on the " MASS_NOUN "; determines friction at rest") \
+    OPTIONAL (Fn,         "N",      1.0,                 "normal force")                                                                       \
+    OUTPUT   (F,          FORCE,                         "friction " FORCE_NOUN ", opposes v")                                                 \
+    FLAG     (stuck,                                     "at rest and held by friction")                                                       \
+    PARAMETER(Fc,         FORCE,    1.0,  0.0,   INF,    "Coulomb friction")                                                                   \
+    PARAMETER(Fs,         FORCE,    1.5,  0.0,   INF,    "static friction, may be below Fc")                                                   \
+    PARAMETER(Fv,         DAMPING,  0.4,  0.0,   INF,    "viscous coefficient")                                                                \
+    PARAMETER(vs,         VELOCITY, 1e-3, 1e-12, INF,    "Stribeck velocity")                                                                  \
+    PARAMETER(delta,      NO_UNIT,  2.0,  1e-3,  100.0,  "Stribeck exponent")                                                                  \
+    COUNT    (shape,      0,        0,     1,            "shape of the Stribeck curve; 0: exponential, 1: Lorentzian")                         \
+    PARAMETER(Fn0,        "N",      1.0,  1e-12, INF,    "normal force for which the parameters are valid")                                    \
+    PARAMETER(offset,     FORCE,    0.0,  -INF,  INF,    "constant " FORCE_NOUN ", for example of an amplifier offset")                        \
+    SWITCH   (asymmetric, 0,                             "v < 0 uses the parameters with the suffix _neg")                                     \
+    PARAMETER(Fc_neg,     FORCE,    1.0,  0.0,   INF,    "Coulomb friction for v < 0")                                                         \
+    PARAMETER(Fs_neg,     FORCE,    1.5,  0.0,   INF,    "static friction for v < 0")                                                          \
+    PARAMETER(Fv_neg,     DAMPING,  0.4,  0.0,   INF,    "viscous coefficient for v < 0")                                                      \
+    PARAMETER(vs_neg,     VELOCITY, 1e-3, 1e-12, INF,    "Stribeck velocity for v < 0")                                                        \
     PARAMETER(delta_neg,  NO_UNIT,  2.0,  1e-3,  100.0,  "Stribeck exponent for v < 0")
 
 #define CONTACT                     \

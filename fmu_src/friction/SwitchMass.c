@@ -38,24 +38,24 @@
 #define PORTRAIT    "stick_slip"
 
 /* clang-format off */
-#define VARIABLES                                                                                           \
-    INPUT       (v_belt, VELOCITY, 0.2,              "velocity of the belt")                                \
-    OPTIONAL    (F_load, FORCE,    0.0,              "further applied force")                               \
-    OPTIONAL    (Fn,     "N",      1.0,              "normal force")                                        \
-    STATE_OUTPUT(x,      LENGTH,   x0,    1.0,       "position")                                            \
-    STATE_OUTPUT(v,      VELOCITY, v0,    1.0,       "velocity")                                            \
-    OUTPUT      (F,      FORCE,                      "friction force, opposes the relative velocity")       \
-    LOCAL       (v_r,    VELOCITY,                   "relative velocity, v - v_belt")                       \
-    FLAG        (stuck,                              "the stick equation is active")                        \
-    FLAG        (slipping,                           "the slip equation is active; neither: transition")    \
-    PARAMETER   (m,      MASS,      1.0,  1e-12, INF, "mass")                                               \
-    PARAMETER   (k,      STIFFNESS, 1.0,  1e-12, INF, "stiffness of the spring to the ground")              \
-    PARAMETER   (Fs,     FORCE,     1.0,  0.0,   INF, "static friction at Fn0")                             \
-    PARAMETER   (delta,  "s/" LENGTH, 3.0, 0.0,  INF, "decrease of friction with the relative velocity")    \
-    PARAMETER   (ratio,  NO_UNIT,   0.0,  0.0,   1.0, "ratio of friction at high speed to static friction") \
-    PARAMETER   (eta,    VELOCITY,  1e-6, 1e-12, INF, "half width of the relative-velocity band")           \
-    PARAMETER   (Fn0,    "N",       1.0,  1e-12, INF, "normal force for which the parameters are valid")    \
-    FIXED       (x0,     LENGTH,    0.0,  -INF,  INF, "initial position")                                   \
+#define VARIABLES                                                                                              \
+    INPUT       (v_belt, VELOCITY, 0.2,              "velocity of the belt")                                   \
+    OPTIONAL    (F_load, FORCE,    0.0,              "further applied " FORCE_NOUN)                            \
+    OPTIONAL    (Fn,     "N",      1.0,              "normal force")                                           \
+    STATE_OUTPUT(x,      LENGTH,   x0,    1.0,       "position")                                               \
+    STATE_OUTPUT(v,      VELOCITY, v0,    1.0,       "velocity")                                               \
+    OUTPUT      (F,      FORCE,                      "friction " FORCE_NOUN ", opposes the relative velocity") \
+    LOCAL       (v_r,    VELOCITY,                   "relative velocity, v - v_belt")                          \
+    FLAG        (stuck,                              "the stick equation is active")                           \
+    FLAG        (slipping,                           "the slip equation is active; neither: transition")       \
+    PARAMETER   (m,      MASS,      1.0,  1e-12, INF, MASS_NOUN)                                               \
+    PARAMETER   (k,      STIFFNESS, 1.0,  1e-12, INF, "stiffness of the spring to the ground")                 \
+    PARAMETER   (Fs,     FORCE,     1.0,  0.0,   INF, "static friction at Fn0")                                \
+    PARAMETER   (delta,  "s/" LENGTH, 3.0, 0.0,  INF, "decrease of friction with the relative velocity")       \
+    PARAMETER   (ratio,  NO_UNIT,   0.0,  0.0,   1.0, "ratio of friction at high speed to static friction")    \
+    PARAMETER   (eta,    VELOCITY,  1e-6, 1e-12, INF, "half width of the relative-velocity band")              \
+    PARAMETER   (Fn0,    "N",       1.0,  1e-12, INF, "normal force for which the parameters are valid")       \
+    FIXED       (x0,     LENGTH,    0.0,  -INF,  INF, "initial position")                                      \
     FIXED       (v0,     VELOCITY,  0.2,  -INF,  INF, "initial velocity")
 /* clang-format on */
 

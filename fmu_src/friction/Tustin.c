@@ -26,16 +26,16 @@
 #define FEATURES "Stribeck, rate dependent, needs force"
 
 /* clang-format off */
-#define VARIABLES                                                                                           \
-    INPUT    (v,     VELOCITY, 0.0,               "relative sliding velocity")                              \
-    INPUT    (F_ext, FORCE,    0.0,               "sum of the other forces on the mass; determines friction at rest") \
-    OPTIONAL (Fn,    "N",      1.0,               "normal force")                                           \
-    OUTPUT   (F,     FORCE,                       "friction force, opposes v")                              \
-    FLAG     (stuck,                              "at rest and held by friction")                           \
-    PARAMETER(Fc,    FORCE,    1.0,  0.0,   INF,  "Coulomb friction at Fn0")                                \
-    PARAMETER(Fs,    FORCE,    1.5,  0.0,   INF,  "static friction at Fn0, may be below Fc")                \
-    PARAMETER(Fv,    DAMPING,  0.4,  0.0,   INF,  "viscous coefficient")                                    \
-    PARAMETER(vs,    VELOCITY, 1e-3, 1e-12, INF,  "velocity scale of the decay of static friction")         \
+#define VARIABLES                                                                                                                       \
+    INPUT    (v,     VELOCITY, 0.0,               "relative sliding velocity")                                                          \
+    INPUT    (F_ext, FORCE,    0.0,               "sum of the other " FORCE_NOUN "s on the " MASS_NOUN "; determines friction at rest") \
+    OPTIONAL (Fn,    "N",      1.0,               "normal force")                                                                       \
+    OUTPUT   (F,     FORCE,                       "friction " FORCE_NOUN ", opposes v")                                                 \
+    FLAG     (stuck,                              "at rest and held by friction")                                                       \
+    PARAMETER(Fc,    FORCE,    1.0,  0.0,   INF,  "Coulomb friction at Fn0")                                                            \
+    PARAMETER(Fs,    FORCE,    1.5,  0.0,   INF,  "static friction at Fn0, may be below Fc")                                            \
+    PARAMETER(Fv,    DAMPING,  0.4,  0.0,   INF,  "viscous coefficient")                                                                \
+    PARAMETER(vs,    VELOCITY, 1e-3, 1e-12, INF,  "velocity scale of the decay of static friction")                                     \
     PARAMETER(Fn0,   "N",      1.0,  1e-12, INF,  "normal force for which the parameters are valid")
 
 #define CONTACT     \

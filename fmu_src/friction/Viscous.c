@@ -23,10 +23,10 @@
 #define FEATURES "rate dependent"
 
 /* clang-format off */
-#define VARIABLES                                                                          \
-    INPUT    (v,       VELOCITY, 0.0,             "relative sliding velocity")             \
-    OUTPUT   (F,       FORCE,                     "friction force, opposes v")             \
-    PARAMETER(Fv,      DAMPING,  0.4, 0.0, INF,   "viscous coefficient")                   \
+#define VARIABLES                                                                       \
+    INPUT    (v,       VELOCITY, 0.0,             "relative sliding velocity")          \
+    OUTPUT   (F,       FORCE,                     "friction " FORCE_NOUN ", opposes v") \
+    PARAMETER(Fv,      DAMPING,  0.4, 0.0, INF,   "viscous coefficient")                \
     PARAMETER(delta_v, NO_UNIT,  1.0, 0.0, 100.0, "exponent of the velocity")
 
 #define CONTACT VISCOUS(Fv)

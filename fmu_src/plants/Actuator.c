@@ -25,7 +25,7 @@
    the time and the delay. */
 
 #define MODEL       Actuator
-#define SUMMARY     "Delay, force limit and first-order lag of a drive"
+#define SUMMARY     "Delay, {force} limit and first-order lag of a drive"
 #define SOURCE      "Ellis: Control System Design Guide, 4th ed., 2012"
 #define CITES       "Ellis2012"
 #define NO_EXCHANGE "every change of u would become a time event after the delay"
@@ -33,15 +33,15 @@
 #define QUOTES      "loop_poles, break_away"
 
 /* clang-format off */
-#define VARIABLES                                                                                       \
-    INPUT    (u,         FORCE, 0.0,              "commanded force")                                    \
-    OUTPUT   (F,         FORCE,                   "force of the actuator")                              \
-    OUTPUT   (command,   FORCE,                   "u after delay and limits, the input of the lag")     \
-    STATE    (F_lag,     FORCE, 0.0,    1.0,      "force of the lag; initially also the value of u before the start") \
-    FLAG     (limited,                            "u after the delay exceeds a limit")                  \
-    PARAMETER(F_min,     FORCE, -100.0, -INF,INF, "lower limit, not above F_max")                       \
-    PARAMETER(F_max,     FORCE, 100.0,  -INF,INF, "upper limit")                                        \
-    PARAMETER(tau,       TIME,  0.0,    0.0, INF, "time constant of the lag; 0: none")                  \
+#define VARIABLES                                                                                                           \
+    INPUT    (u,         FORCE, 0.0,              "commanded " FORCE_NOUN)                                                  \
+    OUTPUT   (F,         FORCE,                   FORCE_NOUN " of the actuator")                                            \
+    OUTPUT   (command,   FORCE,                   "u after delay and limits, the input of the lag")                         \
+    STATE    (F_lag,     FORCE, 0.0,    1.0,      FORCE_NOUN " of the lag; initially also the value of u before the start") \
+    FLAG     (limited,                            "u after the delay exceeds a limit")                                      \
+    PARAMETER(F_min,     FORCE, -100.0, -INF,INF, "lower limit, not above F_max")                                           \
+    PARAMETER(F_max,     FORCE, 100.0,  -INF,INF, "upper limit")                                                            \
+    PARAMETER(tau,       TIME,  0.0,    0.0, INF, "time constant of the lag; 0: none")                                      \
     FIXED    (delay,     TIME,  0.0,    0.0, INF, "time until u takes effect; 0: none")
 
 #define IN_LOOP         \

@@ -30,21 +30,21 @@
 #define QUOTES   "belt"
 
 /* clang-format off */
-#define VARIABLES                                                                                      \
-    INPUT       (F_friction, FORCE,    0.0,              "friction force, opposes positive v_rel")     \
-    OPTIONAL    (v_belt,     VELOCITY, 0.1,              "velocity of the belt")                       \
-    OPTIONAL    (a_belt,     ACCELERATION, 0.0,          "acceleration of the belt, for F_ext")        \
-    OPTIONAL    (F_load,     FORCE,    0.0,              "further applied force")                      \
-    STATE_OUTPUT(x,          LENGTH,   x0,  1.0,         "position; 0: the spring is relaxed")         \
-    STATE_OUTPUT(v,          VELOCITY, v0,  1.0,         "velocity")                                   \
-    OUTPUT      (v_rel,      VELOCITY,                   "velocity of the mass relative to the belt")  \
-    OUTPUT      (a,          ACCELERATION,               "acceleration")                               \
-    OUTPUT      (F_spring,   FORCE,                      "force of spring and damper on the wall")     \
-    OUTPUT      (F_ext,      FORCE,                      "friction force if the mass moves with the belt") \
-    PARAMETER   (m,          MASS,      1.0, 1e-12, INF, "mass")                                       \
-    PARAMETER   (k,          STIFFNESS, 2.0, 0.0,   INF, "stiffness of the spring to the wall")        \
-    PARAMETER   (d,          DAMPING,   0.0, 0.0,   INF, "damping to the wall")                        \
-    FIXED       (x0,         LENGTH,    0.0, -INF,  INF, "initial position")                           \
+#define VARIABLES                                                                                                            \
+    INPUT       (F_friction, FORCE,    0.0,              "friction " FORCE_NOUN ", opposes positive v_rel")                  \
+    OPTIONAL    (v_belt,     VELOCITY, 0.1,              "velocity of the belt")                                             \
+    OPTIONAL    (a_belt,     ACCELERATION, 0.0,          "acceleration of the belt, for F_ext")                              \
+    OPTIONAL    (F_load,     FORCE,    0.0,              "further applied " FORCE_NOUN)                                      \
+    STATE_OUTPUT(x,          LENGTH,   x0,  1.0,         "position; 0: the spring is relaxed")                               \
+    STATE_OUTPUT(v,          VELOCITY, v0,  1.0,         "velocity")                                                         \
+    OUTPUT      (v_rel,      VELOCITY,                   "velocity of the " MASS_NOUN " relative to the belt")               \
+    OUTPUT      (a,          ACCELERATION,               "acceleration")                                                     \
+    OUTPUT      (F_spring,   FORCE,                      FORCE_NOUN " of spring and damper on the wall")                     \
+    OUTPUT      (F_ext,      FORCE,                      "friction " FORCE_NOUN " if the " MASS_NOUN " moves with the belt") \
+    PARAMETER   (m,          MASS,      1.0, 1e-12, INF, MASS_NOUN)                                                          \
+    PARAMETER   (k,          STIFFNESS, 2.0, 0.0,   INF, "stiffness of the spring to the wall")                              \
+    PARAMETER   (d,          DAMPING,   0.0, 0.0,   INF, "damping to the wall")                                              \
+    FIXED       (x0,         LENGTH,    0.0, -INF,  INF, "initial position")                                                 \
     FIXED       (v0,         VELOCITY,  0.0, -INF,  INF, "initial velocity")
 
 #define IN_LOOP          \

@@ -18,19 +18,19 @@
    with the pitch, F contains the rounding error of x, 1e-16 x. */
 
 #define MODEL    Cogging
-#define SUMMARY  "Position-dependent conservative force: harmonics of the magnet pitch"
+#define SUMMARY  "Position-dependent conservative {force}: harmonics of the magnet pitch"
 #define SOURCE   "Otten et al., IEEE/ASME Transactions on Mechatronics 2(3), 1997"
 #define CITES    "Otten1997"
 #define PORTRAIT "ripple"
 #define QUOTES   "cogging"
 
 /* clang-format off */
-#define VARIABLES                                                                                                    \
-    INPUT     (x,         LENGTH,  0.0,                                               "position")                    \
-    OUTPUT    (F,         FORCE,                                                      "force on the mass, positive forward") \
-    OUTPUT    (energy,    "J",                                                        "potential energy of the force") \
-    PARAMETER (pitch,     LENGTH,  0.024,                          1e-9, INF, "magnet pitch, the period of F")       \
-    PARAMETERS(amplitude, 6, FORCE, (1.0, 0.0, 0.0, 0.0, 0.0, 0.0), -INF, INF, "amplitude of each harmonic; 0: none") \
+#define VARIABLES                                                                                                                           \
+    INPUT     (x,         LENGTH,  0.0,                                               "position")                                           \
+    OUTPUT    (F,         FORCE,                                                      FORCE_NOUN " on the " MASS_NOUN ", positive forward") \
+    OUTPUT    (energy,    "J",                                                        "potential energy of the " FORCE_NOUN)                \
+    PARAMETER (pitch,     LENGTH,  0.024,                          1e-9, INF, "magnet pitch, the period of F")                              \
+    PARAMETERS(amplitude, 6, FORCE, (1.0, 0.0, 0.0, 0.0, 0.0, 0.0), -INF, INF, "amplitude of each harmonic; 0: none")                       \
     PARAMETERS(phase,     6, ANGLE, (0.0, 0.0, 0.0, 0.0, 0.0, 0.0), -INF, INF, "phase of each harmonic at x = 0")
 
 #define IN_LOOP COGGING(pitch, amplitude, phase)

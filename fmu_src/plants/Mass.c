@@ -17,21 +17,21 @@
 #define PORTRAIT "push"
 
 /* clang-format off */
-#define VARIABLES                                                                                      \
-    INPUT       (F_drive,    FORCE,    0.0,              "driving force")                              \
-    OPTIONAL    (F_load,     FORCE,    0.0,              "further applied force")                      \
-    INPUT       (F_friction, FORCE,    0.0,              "friction force, opposes positive v")         \
-    OPTIONAL    (v_support,  VELOCITY, 0.0,              "velocity of the support")                    \
-    STATE_OUTPUT(x,          LENGTH,   x0,  1.0,         "position")                                   \
-    STATE_OUTPUT(v,          VELOCITY, v0,  1.0,         "velocity")                                   \
-    STATE_OUTPUT(x_support,  LENGTH,   x_support0, 1.0,  "position of the support")                    \
-    OUTPUT      (a,          ACCELERATION,               "acceleration")                               \
-    OUTPUT      (F_ext,      FORCE,                      "sum of all forces except friction")          \
-    PARAMETER   (m,          MASS,      1.0, 1e-12, INF, "mass")                                       \
-    PARAMETER   (k,          STIFFNESS, 0.0, 0.0,   INF, "stiffness of the spring to the support")     \
-    PARAMETER   (d,          DAMPING,   0.0, 0.0,   INF, "damping to the support")                     \
-    FIXED       (x0,         LENGTH,    0.0, -INF,  INF, "initial position")                           \
-    FIXED       (v0,         VELOCITY,  0.0, -INF,  INF, "initial velocity")                           \
+#define VARIABLES                                                                                       \
+    INPUT       (F_drive,    FORCE,    0.0,              "driving " FORCE_NOUN)                         \
+    OPTIONAL    (F_load,     FORCE,    0.0,              "further applied " FORCE_NOUN)                 \
+    INPUT       (F_friction, FORCE,    0.0,              "friction " FORCE_NOUN ", opposes positive v") \
+    OPTIONAL    (v_support,  VELOCITY, 0.0,              "velocity of the support")                     \
+    STATE_OUTPUT(x,          LENGTH,   x0,  1.0,         "position")                                    \
+    STATE_OUTPUT(v,          VELOCITY, v0,  1.0,         "velocity")                                    \
+    STATE_OUTPUT(x_support,  LENGTH,   x_support0, 1.0,  "position of the support")                     \
+    OUTPUT      (a,          ACCELERATION,               "acceleration")                                \
+    OUTPUT      (F_ext,      FORCE,                      "sum of all " FORCE_NOUN "s except friction")  \
+    PARAMETER   (m,          MASS,      1.0, 1e-12, INF, MASS_NOUN)                                     \
+    PARAMETER   (k,          STIFFNESS, 0.0, 0.0,   INF, "stiffness of the spring to the support")      \
+    PARAMETER   (d,          DAMPING,   0.0, 0.0,   INF, "damping to the support")                      \
+    FIXED       (x0,         LENGTH,    0.0, -INF,  INF, "initial position")                            \
+    FIXED       (v0,         VELOCITY,  0.0, -INF,  INF, "initial velocity")                            \
     FIXED       (x_support0, LENGTH,    0.0, -INF,  INF, "initial position of the support")
 
 #define IN_LOOP               \

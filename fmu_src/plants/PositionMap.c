@@ -22,7 +22,7 @@
    or load. Below v_sign, where D is negative, the force drives the mass; the friction model must be larger. */
 
 #define MODEL    PositionMap
-#define SUMMARY  "Force over position: cogging and position-dependent friction from a table"
+#define SUMMARY  "{Force} over position: cogging and position-dependent friction from a table"
 #define SOURCE   "Otten et al., IEEE/ASME Transactions on Mechatronics 2(3), 1997; table in map.h"
 #define CITES    "Otten1997"
 #define QUOTES   "cogging"
@@ -32,12 +32,12 @@
 #define VARIABLES                                                                                              \
     INPUT    (x,             LENGTH,   0.0,             "position")                                            \
     INPUT    (v,             VELOCITY, 0.0,             "velocity")                                            \
-    OUTPUT   (F_position,    FORCE,                     "force on the mass, positive forward")                 \
+    OUTPUT   (F_position,    FORCE,                     FORCE_NOUN " on the " MASS_NOUN ", positive forward")  \
     OUTPUT   (cogging,       FORCE,                     "C(x): cogging, positive forward")                     \
     OUTPUT   (friction,      FORCE,                     "D(x): friction that opposes v, added to the average") \
     LOCAL    (x_begin,       LENGTH,                    "begin of the table")                                  \
     LOCAL    (x_end,         LENGTH,                    "end of the table or of its period")                   \
-    PARAMETER(F0,            FORCE,    0.0, -INF,  INF, "constant force")                                      \
+    PARAMETER(F0,            FORCE,    0.0, -INF,  INF, "constant " FORCE_NOUN)                                \
     PARAMETER(cogging_gain,  NO_UNIT,  1.0, -INF,  INF, "factor of the cogging")                               \
     PARAMETER(friction_gain, NO_UNIT,  1.0, -INF,  INF, "factor of the position-dependent friction")           \
     PARAMETER(v_sign,        VELOCITY, 1e-3, 1e-12, INF, "velocity over which the sign of v is smoothed")

@@ -35,27 +35,27 @@
 #define QUOTES   "loop_poles"
 
 /* clang-format off */
-#define VARIABLES                                                                                        \
-    INPUT       (F_drive,     FORCE,    0.0,             "force of the drive, on the motor")             \
-    OPTIONAL    (F_load,      FORCE,    0.0,             "force on the load")                            \
-    OPTIONAL    (F_friction1, FORCE,    0.0,             "friction of the motor, opposes positive v1")   \
-    OPTIONAL    (F_friction2, FORCE,    0.0,             "friction of the load, opposes positive v2")    \
-    STATE_OUTPUT(x1,          LENGTH,   x1_0, 1.0,       "position of the motor")                        \
-    STATE_OUTPUT(v1,          VELOCITY, v1_0, 1.0,       "velocity of the motor")                        \
-    STATE_OUTPUT(x2,          LENGTH,   x2_0, 1.0,       "position of the load")                         \
-    STATE_OUTPUT(v2,          VELOCITY, v2_0, 1.0,       "velocity of the load")                         \
-    OUTPUT      (a1,          ACCELERATION,              "acceleration of the motor")                    \
-    OUTPUT      (a2,          ACCELERATION,              "acceleration of the load")                     \
-    OUTPUT      (F_spring,    FORCE,                     "force of spring and damper, pulls the load forward") \
-    OUTPUT      (F_ext1,      FORCE,                     "sum of all forces on the motor except friction") \
-    OUTPUT      (F_ext2,      FORCE,                     "sum of all forces on the load except friction") \
-    PARAMETER   (m1,          MASS,      0.5, 1e-12, INF, "mass of the motor")                           \
-    PARAMETER   (m2,          MASS,      0.5, 1e-12, INF, "mass of the load")                            \
-    PARAMETER   (k,           STIFFNESS, 1e5, 0.0,   INF, "stiffness of the transmission")               \
-    PARAMETER   (d,           DAMPING,   5.0, 0.0,   INF, "damping of the transmission")                 \
-    FIXED       (x1_0,        LENGTH,    0.0, -INF,  INF, "initial position of the motor")               \
-    FIXED       (v1_0,        VELOCITY,  0.0, -INF,  INF, "initial velocity of the motor")               \
-    FIXED       (x2_0,        LENGTH,    0.0, -INF,  INF, "initial position of the load")                \
+#define VARIABLES                                                                                                    \
+    INPUT       (F_drive,     FORCE,    0.0,             FORCE_NOUN " of the drive, on the motor")                   \
+    OPTIONAL    (F_load,      FORCE,    0.0,             FORCE_NOUN " on the load")                                  \
+    OPTIONAL    (F_friction1, FORCE,    0.0,             "friction of the motor, opposes positive v1")               \
+    OPTIONAL    (F_friction2, FORCE,    0.0,             "friction of the load, opposes positive v2")                \
+    STATE_OUTPUT(x1,          LENGTH,   x1_0, 1.0,       "position of the motor")                                    \
+    STATE_OUTPUT(v1,          VELOCITY, v1_0, 1.0,       "velocity of the motor")                                    \
+    STATE_OUTPUT(x2,          LENGTH,   x2_0, 1.0,       "position of the load")                                     \
+    STATE_OUTPUT(v2,          VELOCITY, v2_0, 1.0,       "velocity of the load")                                     \
+    OUTPUT      (a1,          ACCELERATION,              "acceleration of the motor")                                \
+    OUTPUT      (a2,          ACCELERATION,              "acceleration of the load")                                 \
+    OUTPUT      (F_spring,    FORCE,                     FORCE_NOUN " of spring and damper, pulls the load forward") \
+    OUTPUT      (F_ext1,      FORCE,                     "sum of all " FORCE_NOUN "s on the motor except friction")  \
+    OUTPUT      (F_ext2,      FORCE,                     "sum of all " FORCE_NOUN "s on the load except friction")   \
+    PARAMETER   (m1,          MASS,      0.5, 1e-12, INF, MASS_NOUN " of the motor")                                 \
+    PARAMETER   (m2,          MASS,      0.5, 1e-12, INF, MASS_NOUN " of the load")                                  \
+    PARAMETER   (k,           STIFFNESS, 1e5, 0.0,   INF, "stiffness of the transmission")                           \
+    PARAMETER   (d,           DAMPING,   5.0, 0.0,   INF, "damping of the transmission")                             \
+    FIXED       (x1_0,        LENGTH,    0.0, -INF,  INF, "initial position of the motor")                           \
+    FIXED       (v1_0,        VELOCITY,  0.0, -INF,  INF, "initial velocity of the motor")                           \
+    FIXED       (x2_0,        LENGTH,    0.0, -INF,  INF, "initial position of the load")                            \
     FIXED       (v2_0,        VELOCITY,  0.0, -INF,  INF, "initial velocity of the load")
 
 #define IN_LOOP                        \

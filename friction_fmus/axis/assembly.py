@@ -142,7 +142,7 @@ class LoopAssembly:
             if compensator is not None:
                 raise ValueError("a loop with a compensator has no injected force")
             t = self.servo.Ts * np.arange(float(len(injected)))
-            unit = {"F": "N.m" if self.trajectory.rotary else "N"}
+            unit = {"F": self.trajectory.words.N}
             self.parts.append(SeriesPart("injected", t, {"F": injected}, unit, interpolation="previous", beyond="hold"))
             self.wires.append(Wire("injected.F", "servo.f", offset=offset))
             return

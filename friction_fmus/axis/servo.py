@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from friction_fmus.axis.position_map import PositionMap
+from friction_fmus.blocks.axis_units import Words, words_of
 
 
 @dataclass(frozen=True)
@@ -72,9 +73,20 @@ class Trajectory:
     table: PositionMap | None = None
     """Force over position that is compensated along the reference."""
 
+    @property
+    def words(self) -> Words:
+        """Nouns and units of the axis."""
+        return words_of(self.rotary)
+
 
 GAINS: Final[Mapping[str, tuple[str, ...]]] = {"CascadePPI": ("kp", "kv", "ki"), "PID": ("Kp", "Kd", "Ki")}
 """Names of the gains of each servo law."""
+
+GAIN_UNITS: Final[Mapping[str, str]] = {
+    **{"kp": "1/s", "kv": "{Ns_m}", "ki": "{N_m}"},
+    **{"Kp": "{N_m}", "Kd": "{Ns_m}", "Ki": "{N_ms}"},
+}
+"""Units of the gains as templates for `Words.fill`."""
 
 
 @dataclass(frozen=True)

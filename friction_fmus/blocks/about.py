@@ -91,7 +91,7 @@ REPLACES_SERVO: Final = Use(
 
 SHAPES_REFERENCE: Final = Use(
     "other",
-    never="It applies a feedforward force by way of the reference, for servos without a force input.",
+    never="It applies a feedforward {force} by way of the reference, for servos without a {force} input.",
 )
 """Use of a law that shapes the reference."""
 

@@ -14,6 +14,7 @@ from friction_fmus.blocks.about import About, about_c_block, cited
 from friction_fmus.blocks.customise import with_long_arrays
 from friction_fmus.blocks.headings import law_paths, read_headings
 from friction_fmus.errors import FrictionError, UnknownNameError, nearest
+from friction_fmus.blocks.axis_units import SLIDING, TURNING, Words
 from harness.extras import require
 from harness.storage.files import read_source, reason
 
@@ -73,6 +74,8 @@ class Block:
         Continuous states that an event of model exchange may change.
     about : About
         Further declarations in its file.
+    rotary_summary : str
+        The description for a rotary axis.
     """
 
     name: str
@@ -88,11 +91,17 @@ class Block:
     no_exchange: str = ""
     reinitialises: tuple[str, ...] = ()
     about: About = field(default_factory=About)
+    rotary_summary: str = ""
 
     @property
     def origin(self) -> str:
         """Return the source and, if known, the origin of the equations."""
         return f"{self.source}; {self.status}" if self.status else self.source
+
+
+def summary_of(block: Block, words: Words) -> str:
+    """Return the description of a block with the nouns of an axis."""
+    return block.rotary_summary if words == TURNING else block.summary
 
 
 class Entry(NamedTuple):
@@ -150,13 +159,14 @@ def read_c_block(path: Path, kind: str) -> Block:
     entries = tuple("\n  ".join(line.strip() for line in entry.splitlines()) for entry in found)
     about = _told(path, code)
     return Block(
-        *(name.group(1), kind, text("SUMMARY"), text("SOURCE"), page, path, code),
+        *(name.group(1), kind, SLIDING.fill(text("SUMMARY")), text("SOURCE"), page, path, code),
         features=features,
         bibtex=(*cited(about.cites), *entries),
         status=text("STATUS"),
         no_exchange=text("NO_EXCHANGE"),
         reinitialises=words("REINITIALISES"),
         about=about,
+        rotary_summary=TURNING.fill(text("SUMMARY")),
     )
 
 
@@ -174,9 +184,10 @@ def _read_laws(path: Path) -> list[Block]:
 
     return [
         Block(
-            *(law.name, "law", law.summary, law.source, law.documentation, law.path, block_source(law)),
+            *(law.name, "law", SLIDING.fill(law.summary), law.source, law.documentation, law.path, block_source(law)),
             bibtex=cited(law.about.cites),
             about=law.about,
+            rotary_summary=TURNING.fill(law.summary),
         )
         for law in discover_laws(path)
     ]
@@ -214,7 +225,7 @@ def _law_entries(folder: Path) -> list[Entry]:
     for file in law_paths(folder):
         headings = read_headings(file)
         laws = _read_laws(file) if headings is None else headings
-        found += [Entry(law.name, "law", law.summary, law.source, law.path) for law in laws]
+        found += [Entry(law.name, "law", SLIDING.fill(law.summary), law.source, law.path) for law in laws]
     return found
 
 

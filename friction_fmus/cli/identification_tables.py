@@ -7,9 +7,8 @@ from collections.abc import Sequence
 
 from rich.table import Table
 
-from friction_fmus.cli.console import console_for, styled
+from friction_fmus.cli.console import console, styled
 from friction_fmus.identification import (
-    ROTARY,
     AxisUnits,
     Finding,
     Identification,
@@ -18,7 +17,7 @@ from friction_fmus.identification import (
     Record,
 )
 from friction_fmus.identification.fit.position import PositionFit
-from friction_fmus.identification.plot import NAMES
+from friction_fmus.identification.plot import name_of
 from friction_fmus.identification.survey import ModelComparison
 
 
@@ -32,7 +31,6 @@ def show_data(
         return f"{records[0].t[0]:.4g} to {records[-1].t[-1]:.4g} s, {samples} samples"
 
     mapping, record = measurement.mapping, train[0]
-    console = console_for(record.units == ROTARY)
     columns = ", ".join(f"{role} {c.column or c.period!r}" for role, c in mapping.columns.items())
     console.print(styled((mapping.name, "bold"), f": {columns}"), soft_wrap=True)
     text = f"training data {span(train)} at {1e3 * record.Ts:.4g} ms; "
@@ -46,8 +44,7 @@ def show_data(
 def show_ranking(found: ModelComparison) -> None:
     """Print the ranked models as a table."""
     best = found.results[0]
-    console = console_for(best.records[0].units == ROTARY)
-    signal = NAMES.get(best.signal, best.signal)
+    signal = name_of(best)
     text = f"\nModels by {found.ranked_by}; errors are rms values, also in % of the rms of the {signal}"
     console.print(text, soft_wrap=True)
     table = Table(box=None, pad_edge=False, padding=(0, 1, 0, 0))
@@ -72,7 +69,6 @@ def show_ranking(found: ModelComparison) -> None:
 
 def show_parameters(result: Identification) -> None:
     """Print the parameters of a model with their standard errors."""
-    console = console_for(result.records[0].units == ROTARY)
     console.print(styled("\n", (result.model, "bold")))
     table = Table(box=None, pad_edge=False)
     for heading, justify in (("parameter", "left"), ("value", "right"), ("standard error", "right"), ("unit", "left")):
@@ -94,7 +90,6 @@ def show_parameters(result: Identification) -> None:
 
 def show_residual(result: Identification, learned: LearnedResidual | None) -> None:
     """Print the errors of a model with and without its learned residual."""
-    console = console_for(result.records[0].units == ROTARY)
     if learned is None:
         console.print(f"residual of {result.model}: none, as no table reduces the error in cross-validation by 2 %")
         return
@@ -122,10 +117,11 @@ def _position_text(found: PositionFit, units: AxisUnits) -> str:
         math.sqrt(sum(value**2 for value in column) / grid.nodes)
         for column in (found.table.cogging, found.table.friction)
     )
+    u = units.words
     return (
-        f"force over position: {grid.nodes} nodes every {grid.spacing:.3g} {units.position}, cogging {cogging:.3g} and "
-        f"friction {friction:.3g} {units.force} rms; error in cross-validation {found.crossed:.4g} {units.force}, "
-        f"without it {found.crossed_without:.4g} {units.force}"
+        f"{u.force} over position: {grid.nodes} nodes every {grid.spacing:.3g} {u.m}, cogging {cogging:.3g} and "
+        f"friction {friction:.3g} {u.N} rms; error in cross-validation {found.crossed:.4g} {u.N}, without it "
+        f"{found.crossed_without:.4g} {u.N}"
     )
 
 

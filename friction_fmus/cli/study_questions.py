@@ -7,16 +7,17 @@ from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
-from friction_fmus.axis.servo import GAINS
+from friction_fmus.axis.servo import GAIN_UNITS, GAINS
 from friction_fmus.cli.console import console
 from friction_fmus.errors import FrictionError, nearest
+from friction_fmus.blocks.axis_units import Words, words_of
 from friction_fmus.identification import RecordError, read_measurement
 from friction_fmus.identification.data.guessing import NEEDED, Guess, guess_columns
 from friction_fmus.identification.data.mapping import EXAMPLE, MISSING, Column, DataMapping, combined_unit
 from friction_fmus.identification.data.record import fits, parse_quantity, unit_of
 from friction_fmus.identification.data.table_files import read_table
 from friction_fmus.identification.data.tables import Table
-from friction_fmus.study.settings_file import GAIN_UNITS, SETTINGS_FILE, Known, write_settings
+from friction_fmus.study.settings_file import SETTINGS_FILE, Known, write_settings
 from harness.storage.files import make_folder
 
 BLANK = f'"{MISSING}"'
@@ -45,7 +46,7 @@ def write_configuration(data: Path, folder: Path) -> None:
     if ask:
         try:
             _ask_columns(table, guess)
-            servo = _ask_servo(rotary=_is_rotary(table, guess.columns))
+            servo = _ask_servo(words_of(_is_rotary(table, guess.columns)))
         except EOFError:
             console.print()
     missing = [need[0] for need in NEEDED if not guess.columns.keys() & set(need)]
@@ -115,7 +116,7 @@ def _ask_column(table: Table, guess: Guess, role: str, optional: bool) -> None:
     guess.problems.pop(role, None)
 
 
-def _ask_servo(rotary: bool) -> dict[str, str]:
+def _ask_servo(u: Words) -> dict[str, str]:
     """Return the entries of ``[servo]``; empty without a controller."""
     laws = (*GAINS, "none")
 
@@ -129,8 +130,8 @@ def _ask_servo(rotary: bool) -> dict[str, str]:
     servo = {"law": f'"{law}"'}
     for name in GAINS[law]:
         optional = name in ("ki", "Ki")
-        servo[name] = _ask(f"{name} [{GAIN_UNITS[name][rotary]}]", "0.0" if optional else "", _number) or BLANK
-    servo["force_limit"] = _ask(f"Largest force [{'N.m' if rotary else 'N'}]", "", _number) or BLANK
+        servo[name] = _ask(f"{name} [{u.fill(GAIN_UNITS[name])}]", "0.0" if optional else "", _number) or BLANK
+    servo["force_limit"] = _ask(f"Largest {u.force} [{u.N}]", "", _number) or BLANK
     return servo
 
 

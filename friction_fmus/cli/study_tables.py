@@ -14,6 +14,7 @@ from friction_fmus.study.result import StudyResult
 
 def show_study(console: Console, result: StudyResult) -> None:
     """Print models, compensators, recommendation and violated conditions."""
+    u = result.units.words
     show_servo(console, result)
     console.print(model_table(result))
     failed = [f"{row.name} ({row.reason})" for row in result.models if row.rank is None]
@@ -31,7 +32,8 @@ def show_study(console: Console, result: StudyResult) -> None:
         console.print(compensator_table(result))
         console.print(
             "Tracking error: root mean square of reference minus position over the whole run. Worst case: with "
-            "friction, mass, delay, encoder and load changed. Drive force: only the part above the loop bandwidth."
+            f"friction, {u.mass}, delay, encoder and load changed. Drive {u.force}: only the part above the loop "
+            "bandwidth."
         )
         console.print(_numerical(result))
         left = sum(row.metrics is None for row in result.compensators)
@@ -54,12 +56,13 @@ def show_study(console: Console, result: StudyResult) -> None:
 
 def show_servo(console: Console, result: StudyResult) -> None:
     """Print how well the servo as configured reproduces the record, and the findings."""
+    u = result.units.words
     check = result.servo_check
     if check.residual is not None:
         within = "reproduces" if check.residual.percent <= check.allowed else "does not reproduce"
         console.print(
-            f"The servo as configured {within} the recorded drive force: residual {check.residual.percent:.3g} % of "
-            f"its rms value, {check.allowed:.3g} % allowed."
+            f"The servo as configured {within} the recorded drive {u.force}: residual {check.residual.percent:.3g} % "
+            f"of its rms value, {check.allowed:.3g} % allowed."
         )
     elif check.reason:
         console.print(check.reason)
@@ -78,10 +81,13 @@ def model_table(result: StudyResult) -> Table:
     validated = any(row.validation is not None for row in result.models)
     fits = {row.name: row.validation if validated else row.train for row in result.models}
     signal = next((fit.signal for fit in fits.values() if fit is not None), "")
-    table.add_column(f"{signal} residual,\n{'validation' if validated else 'training'} data", justify="right")
+    table.add_column(
+        f"{result.units.words.signal(signal)} residual,\n{'validation' if validated else 'training'} data",
+        justify="right",
+    )
     if loop:
         table.add_column("closed loop:\nposition error", justify="right")
-        table.add_column("force\nerror", justify="right")
+        table.add_column(f"{result.units.words.force}\nerror", justify="right")
     table.add_column("poorly\nidentifiable")
     for row in result.models:
         if row.rank is None:
@@ -122,7 +128,7 @@ def compensator_table(result: StudyResult) -> Table:
     table.add_column("tracking\nerror", justify="right")
     table.add_column("worst\ncase", justify="right")
     table.add_column("Ms", justify="right")
-    table.add_column(f"drive\nforce [{force}]", justify="right")
+    table.add_column(f"drive\n{result.units.words.force} [{force}]", justify="right")
     table.add_column("cycles", justify="right")
     for row in result.compensators:
         if row.metrics is None:

@@ -11,6 +11,7 @@ from types import MappingProxyType
 from casadi import Function
 
 from friction_fmus.axis.position_map import PositionMap
+from friction_fmus.blocks.axis_units import Words, words_of
 from friction_fmus.lawkit.declarations import FAULT, PARAMETERS
 from friction_fmus.lawkit.emit.c_text import DOUBLE, Kernel, Lows, Real, kernel
 from friction_fmus.lawkit.emit.graph import CONDITIONS, LIBM, Node, graph
@@ -158,6 +159,11 @@ class Export:
     start: Values
     rotary: bool = False
     table: PositionMap | None = None
+
+    @property
+    def words(self) -> Words:
+        """Nouns and units of the axis."""
+        return words_of(self.rotary)
 
     @property
     def groups(self) -> dict[str, tuple[Variable, ...]]:

@@ -20,6 +20,7 @@ from friction_fmus.codegen.composition import Composition
 from friction_fmus.codegen.laws import law_of, start_values
 from friction_fmus.codegen.loop_file import LAWS, SHARED, LoopFile
 from friction_fmus.errors import FrictionError, UnknownNameError, nearest
+from friction_fmus.blocks.axis_units import words_of
 from friction_fmus.lawkit.declarations import (
     FORCE,
     LENGTH,
@@ -53,7 +54,7 @@ SIGNALS: Final[Mapping[str, Any]] = {
 }
 """Inputs of a loop; inputs of laws with these names are connected to them."""
 
-KNOWN: Final = Input(FORCE, 0.0, "known force, which is added to the other forces and hidden from the compensator")
+KNOWN: Final = Input(FORCE, 0.0, "known {force}, which is added to the other {force}s and hidden from the compensator")
 """Input of a loop for a further feedforward, such as a table over position."""
 
 TAKING_OVER: Final = ("track", "u_track")
@@ -77,6 +78,7 @@ class _Loop:
         self._loop = loop
         self._laws = {name: _law(loop, name) for name in LAWS if name in loop.laws}
         self._parts = Composition()
+        self._words = words_of(loop.rotary)
         self._equations: list[str] = []
         self._sections: dict[str, str] = {}
         self._outputs: list[tuple[Variable, SX]] = []
@@ -197,7 +199,9 @@ class _Loop:
         for shown in dict.fromkeys((entry.output, "F_hat")):
             if shown in found:
                 self._outputs.append((_named(f"{name}_{shown}", _output(law, shown)), found[shown]))
-        factor = self._number(f"factor_{name}", entry.factor, NO_UNIT, f"factor of {name}_{entry.output} in the force")
+        factor = self._number(
+            f"factor_{name}", entry.factor, NO_UNIT, f"factor of {name}_{entry.output} in the {{force}}"
+        )
         if factor is None:
             return f"{name}_{entry.output}", found[entry.output]
         return f"factor_{name} {name}_{entry.output}", factor * found[entry.output]
@@ -213,7 +217,8 @@ class _Loop:
         shared = {parameter: parameter for parameter in SHARED if parameter not in entry.parameters}
         if name == "compensator" and "u_track" in computed:
             shared["gain"] = "compensator_gain"
-        title = f"{name} is {law.name}: {law.summary}. {law.source}. Its variables have the prefix {name}_."
+        summary = self._words.fill(law.summary)
+        title = f"{name} is {law.name}: {summary}. {law.source}. Its variables have the prefix {name}_."
         others = [f"    {each} = {text}" for each, (text, _) in given.items() if text != each]
         equations = re.findall(r"(?:^    .*\n?)+", law.documentation, re.M)
         self._sections[f"{name}_"] = "\n\n".join(
@@ -268,10 +273,10 @@ class _Loop:
             "results of those before it."
         )
         equations = "\n".join(f"    {equation}" for equation in self._equations)
-        limits = (
-            "The limits u_min and u_max apply to the sum of all forces: the servo stops its integral while the sum is "
-            "limited, and estimators receive the limited sum of the previous sample, which the drive must apply. Start "
-            "with the axis at rest."
+        limits = self._words.fill(
+            "The limits u_min and u_max apply to the sum of all {force}s: the servo stops its integral while the sum "
+            "is limited, and estimators receive the limited sum of the previous sample, which the drive must apply. "
+            "Start with the axis at rest."
         )
         pages = ["\n\n".join(filter(None, [_filled(text), equations, _filled(limits)]))]
         prefixes = {}

@@ -6,12 +6,9 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 from friction_fmus.doctor.axis import Finding
 from friction_fmus.doctor.find import axes, examine_steps, unknown_parts
 from friction_fmus.doctor.rules import examine_axis
-from friction_fmus.fmi.rotary import in_rotary_words
 from harness import Experiment, System
 
 __all__ = ["Finding", "axes", "examine", "unknown_parts"]
@@ -43,11 +40,4 @@ def examine(system: System, experiment: Experiment | None = None) -> list[Findin
     plan = experiment or system.experiment
     if plan is not None:
         results += examine_steps(system, plan, found)
-    rotary = {axis.plant for axis in found if axis.rotary}
-    return [_in_rotary_words(finding) if rotary & set(finding.parts) else finding for finding in results]
-
-
-def _in_rotary_words(finding: Finding) -> Finding:
-    c = finding.condition
-    wrong, why, change, source = map(in_rotary_words, (c.wrong, c.why, c.change, c.source))
-    return replace(finding, condition=replace(c, wrong=wrong, why=why, change=change, source=source))
+    return results

@@ -9,6 +9,7 @@ from typing import TypeAlias
 
 from friction_fmus.blocks.contact import Contact, Level
 from friction_fmus.conditions import Condition, DrivenPlant, PathDynamics, SampledLaw, one_mass, two_masses
+from friction_fmus.blocks.axis_units import SLIDING, Words
 
 Values: TypeAlias = Mapping[str, float]
 """Parameters and constant inputs of a part, by name, in SI units."""
@@ -158,8 +159,8 @@ class Axis:
     """Speed of the other end of spring and damper [m/s]."""
     shapers: tuple[Shaper, ...] = ()
     """Prefilters of the references."""
-    rotary: bool = False
-    """Whether the plant has angles and torques, and the numbers are in their units."""
+    words: Words = SLIDING
+    """Nouns and units of the plant: forces and positions, or torques and angles."""
 
     def driven(self, damping: float, stiffness: float, measured: tuple[bool, bool] = (False, False)) -> DrivenPlant:
         """Return the linear plant with damping and stiffness of the contact in addition to those to ground."""

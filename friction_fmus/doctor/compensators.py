@@ -44,7 +44,7 @@ def injection_of_error(axis: Axis, used: ActiveLaw) -> Iterator[Condition]:
     gains = axis.servo.gains if axis.servo else None
     p = used.values
     if gains is not None and p["k"] > 0.0:
-        yield conditions.injection(axis.m, gains.Kp, gains.Kd, gains.Ki, p["sigma0"], p["sigma1"])
+        yield conditions.injection(axis.m, gains.Kp, gains.Kd, gains.Ki, p["sigma0"], p["sigma1"], axis.words)
 
 
 def feeds_stiffness_back(axis: Axis, used: ActiveLaw) -> Iterator[Condition]:
@@ -54,14 +54,16 @@ def feeds_stiffness_back(axis: Axis, used: ActiveLaw) -> Iterator[Condition]:
         stiffness = axis.contact.stiffness + axis.stiffness + gains.Kp
         if axis.contact.stiffness:  # a rigid contact is stiffer than any model of it
             fed_back = float(evaluate("either(sigma0, sum(k))", used.values))
-            yield conditions.fed_back_stiffness(share_of(used) * fed_back, stiffness)
+            yield conditions.fed_back_stiffness(share_of(used) * fed_back, stiffness, axis.words)
 
 
 def covers_friction(axis: Axis, used: ActiveLaw) -> Iterator[Condition]:
     """Yield the condition that a set-valued sliding mode covers the friction not compensated by other laws."""
     if axis.contact is not None:
         left = [left_of(axis, side, feedforward=True) for side in (0, 1)]
-        yield conditions.sliding_gain(share_of(used) * used.values["K"], max(max(at.Fc, at.Fs) for at in left))
+        yield conditions.sliding_gain(
+            share_of(used) * used.values["K"], max(max(at.Fc, at.Fs) for at in left), axis.words
+        )
 
 
 def follows_friction(axis: Axis, used: ActiveLaw) -> Iterator[Condition]:
@@ -72,7 +74,7 @@ def follows_friction(axis: Axis, used: ActiveLaw) -> Iterator[Condition]:
 def adapts(texts: tuple[str, ...], axis: Axis, used: ActiveLaw) -> Iterator[Condition]:
     """Yield the stability condition of an adaptation, from the expressions of its rate and its damping."""
     rate, damping = (float(evaluate(text, used.values)) for text in texts)
-    yield conditions.adaptation(rate, damping, axis.m, used.values["Ts"])
+    yield conditions.adaptation(rate, damping, axis.m, used.values["Ts"], axis.words)
 
 
 def looks_ahead(axis: Axis, used: ActiveLaw) -> Iterator[Condition]:
@@ -91,7 +93,7 @@ def dithers(axis: Axis, used: ActiveLaw) -> Iterator[Condition]:
     yield conditions.dither_frequency(p["frequency"], p["Ts"])
     if axis.contact is not None and axis.contact.stiffness:
         F = max(max(at.Fc, at.Fs) for at in axis.contact.levels)
-        yield conditions.dither_stroke(force, p["frequency"], axis.m, F, axis.contact.stiffness)
+        yield conditions.dither_stroke(force, p["frequency"], axis.m, F, axis.contact.stiffness, axis.words)
 
 
 def pushes(axis: Axis, used: ActiveLaw) -> Iterator[Condition]:
@@ -115,4 +117,4 @@ def pushes(axis: Axis, used: ActiveLaw) -> Iterator[Condition]:
     kept = short | (np.arange(len(sent)) == 0)  # a pulse at the force limit is repeated: one is enough
     gains = axis.servo.gains if axis.servo else None
     loop = (gains.Kp, gains.Kd) if gains else (0.0, 0.0)
-    yield conditions.pulses(errors[kept], sent[kept], worst.Fc, worst.Fs, tp, axis.m, *loop)
+    yield conditions.pulses(errors[kept], sent[kept], worst.Fc, worst.Fs, tp, axis.m, *loop, axis.words)

@@ -15,6 +15,7 @@ from friction_fmus.blocks.loop import InLoop, Plant
 from friction_fmus.conditions import cogging_slope
 from friction_fmus.doctor.axis import ActiveLaw, Axis, Finding, Shaper, SignalPath, Values
 from friction_fmus.doctor.known import known_blocks, law_of
+from friction_fmus.blocks.axis_units import words_of
 from harness import Experiment, FmuPart, Part, System, Wire, open_archive
 from harness.errors import StartValueError
 from harness.system.graph import stepping_order
@@ -152,7 +153,7 @@ def _axis(system: System, parts: Parts, drivers: Drivers, name: str, plant: Plan
         belt=p.get(plant.belt),
         support=p.get(plant.support),
         shapers=tuple(_shapers(system, parts, drivers, laws)),
-        rotary=any(port.unit in ("rad", "rad/s") for port in system.parts[name].outputs),
+        words=words_of(any(port.unit in ("rad", "rad/s") for port in system.parts[name].outputs)),
     )
 
 
@@ -324,5 +325,5 @@ def _contacts(system: System, experiment: Experiment, axis: Axis) -> Iterator[Fi
         return
     step = experiment.step * max(system.parts[name].every for name in (axis.plant, friction))
     damping = contact.damping + contact.viscous
-    condition = conditions.contact_step(experiment.master, step, axis.m, contact.stiffness, damping)
+    condition = conditions.contact_step(experiment.master, step, axis.m, contact.stiffness, damping, axis.words)
     yield Finding((axis.plant, friction), condition)

@@ -29,7 +29,7 @@ def examine_poles(axis: Axis, servo: ActiveLaw, left: float) -> Iterator[Finding
         if servo.path.amplified != 1.0:
             yield Finding(
                 (servo.part, axis.plant),
-                _poles(axis, own, left, 0.0, "with the force of the dead-zone law", servo.path.amplified),
+                _poles(axis, own, left, 0.0, f"with the {axis.words.force} of the dead-zone law", servo.path.amplified),
             )
     if estimating(axis, servo):
         yield from _regimes(axis, together, left)
@@ -41,7 +41,7 @@ def _regimes(axis: Axis, laws: tuple[ActiveLaw, ...], left: float) -> Iterator[F
     sliding = _poles(axis, laws, left, 0.0)
     yield Finding(parts, sliding)
     if sliding.ok and contact is not None and contact.stiffness:
-        where = f"in presliding (stiffness {contact.stiffness:.4g} N/m)"
+        where = f"in presliding (stiffness {contact.stiffness:.4g} {axis.words.N_m})"
         yield Finding(parts, _poles(axis, laws, contact.damping + contact.viscous, contact.stiffness, where))
 
 
@@ -84,7 +84,7 @@ def falling(axis: Axis, servo: ActiveLaw, level: Level) -> Iterator[Condition]:
         servo.values["Ts"],
         servo.path.dynamics,
         name="stick-slip",
-        where=f"at {v:.4g} m/s, where friction falls by {-slope:.4g} N.s/m,",
+        where=f"at {v:.4g} {axis.words.m_s}, where friction falls by {-slope:.4g} {axis.words.Ns_m},",
         why="friction falls with speed faster than the loop damps: slow motion is unstable and shows stick-slip",
         hint="raise the damping of the loop or the bandwidth of the estimator, or compensate the friction",
     )
@@ -115,14 +115,14 @@ def _poles(
     texts = {}
     if estimates:
         texts = {"name": "disturbance observer", "why": _INVERSE}
-        texts["hint"] = "lower the bandwidth of the estimator, correct its mass"
+        texts["hint"] = f"lower the bandwidth of the estimator, correct its {axis.words.mass}"
     elif axis.flexible is not None:
         texts = {"why": _resonance(*axis.flexible)}
     elif stiffness:
         texts = {"name": "presliding loop", "why": _BUZZ}
     driven = axis.driven(damping, stiffness, servo.path.at_load)
     return conditions.loop_poles(
-        driven, _together(laws, times), servo.values["Ts"], servo.path.dynamics, where=where, **texts
+        driven, _together(laws, times), servo.values["Ts"], servo.path.dynamics, where=where, u=axis.words, **texts
     )
 
 
@@ -173,7 +173,7 @@ def _linear(axis: Axis, servo: ActiveLaw, gains: Gains) -> Iterator[Finding]:
     left = _viscous(axis)
     if not servo.law.estimates:
         loop = (axis.m, axis.damping + left, gains.Kp, gains.Kd, gains.Ki)
-        yield Finding((servo.part, axis.plant), conditions.routh(*loop, axis.stiffness))
+        yield Finding((servo.part, axis.plant), conditions.routh(*loop, axis.stiffness, axis.words))
     yield from examine_poles(axis, servo, left)
 
 
@@ -190,12 +190,12 @@ def _with_friction(axis: Axis, servo: ActiveLaw, gains: Gains) -> Iterator[Condi
     at = max(left, key=lambda level: level.Fs - level.Fc)
     if gains.db > 0.0 and gains.Ki > 0.0 and gains.Kp > 0.0:
         slip = conditions.expected_slip(axis.m, axis.damping + at.viscous, gains.Kp, gains.Kd, at.Fc, at.Fs)
-        yield conditions.dead_band(gains.db, slip)
+        yield conditions.dead_band(gains.db, slip, axis.words)
     elif servo.law.hunts:
         turned = gains.reversal < 0.0 or gains.turned > 0.0
-        yield conditions.hunting(gains.Ki, at.Fc, at.Fs, turned, axis.contact.stiffness > 0.0)
+        yield conditions.hunting(gains.Ki, at.Fc, at.Fs, turned, axis.contact.stiffness > 0.0, axis.words)
     if gains.turned > 0.0 and gains.Ki > 0.0:
-        yield conditions.turned_friction(gains.turned, min(level.Fc for level in left))
+        yield conditions.turned_friction(gains.turned, min(level.Fc for level in left), axis.words)
 
 
 def _stick_slip(axis: Axis, servo: ActiveLaw, gains: Gains, left: list[Level]) -> Iterator[Condition]:
@@ -211,7 +211,9 @@ def _stick_slip(axis: Axis, servo: ActiveLaw, gains: Gains, left: list[Level]) -
         return
     taken = axis.m * gains.Ki / gains.Kp if gains.Kp > 0.0 and gains.Ki > 0.0 else 0.0
     falls = [
-        conditions.stick_slip_free(gains.Kd, axis.damping + at.viscous, at.Fc, at.Fs, at.vs or 0.0, at.delta, taken)
+        conditions.stick_slip_free(
+            gains.Kd, axis.damping + at.viscous, at.Fc, at.Fs, at.vs or 0.0, at.delta, taken, axis.words
+        )
         for at in falling_curves
     ]
     yield max(falls, key=lambda fall: fall.bound - fall.value)
@@ -223,7 +225,7 @@ def _around(axis: Axis, servo: ActiveLaw, gains: Gains) -> Iterator[Finding]:
     if axis.contact is not None:
         most = (path.high, -path.low)
         sides = [
-            conditions.break_away(most[side], axis.contact.levels[side].Fs, ("forward", "backward")[side])
+            conditions.break_away(most[side], axis.contact.levels[side].Fs, ("forward", "backward")[side], axis.words)
             for side in (0, 1)
         ]
         yield Finding(parts, min(sides, key=lambda side: side.value - side.bound))
@@ -231,16 +233,16 @@ def _around(axis: Axis, servo: ActiveLaw, gains: Gains) -> Iterator[Finding]:
         Kp, Kd = direct_gains(axis, servo)
         window = path.window * servo.values["Ts"] + path.smoothing if path.window else math.inf
         held = min(at.Fs for at in axis.contact.levels)
-        yield Finding((path.sensor, *parts), conditions.encoder_count(path.quantum, Kp, Kd, held, window))
+        yield Finding((path.sensor, *parts), conditions.encoder_count(path.quantum, Kp, Kd, held, window, axis.words))
     if axis.cogging is not None:
         part, slope = axis.cogging
-        yield Finding((part, *parts), conditions.cogging(gains.Kp + axis.stiffness, slope))
+        yield Finding((part, *parts), conditions.cogging(gains.Kp + axis.stiffness, slope, axis.words))
     for shaper in axis.shapers:
         own = tuple(shaper.values[key] for key in ("Kp", "Kd", "Ki", "Ts"))
-        yield Finding((shaper.part,), conditions.prefilter(own[0], own[1], own[2], own[3]))
+        yield Finding((shaper.part,), conditions.prefilter(own[0], own[1], own[2], own[3], axis.words))
         controller = servo.law.gains(servo.values) if servo.law.gains else gains
         theirs = (controller.Kp, controller.Kd, controller.Ki, servo.values.get("Ts", own[3]))
-        yield Finding((shaper.part, servo.part), conditions.prefilter_match(own, theirs))
+        yield Finding((shaper.part, servo.part), conditions.prefilter_match(own, theirs, axis.words))
 
 
 def _on_a_belt(axis: Axis) -> Iterator[Finding]:
@@ -250,7 +252,7 @@ def _on_a_belt(axis: Axis) -> Iterator[Finding]:
     at = axis.contact.levels[0 if axis.belt <= 0.0 else 1]
     if at.vs:
         damping = axis.damping + at.viscous
-        yield Finding(_plant(axis), conditions.belt(damping, at.Fc, at.Fs, at.vs, at.delta, axis.belt))
+        yield Finding(_plant(axis), conditions.belt(damping, at.Fc, at.Fs, at.vs, at.delta, axis.belt, axis.words))
 
 
 def _pulled(axis: Axis) -> Iterator[Finding]:
@@ -260,7 +262,7 @@ def _pulled(axis: Axis) -> Iterator[Finding]:
     at = axis.contact.levels[0 if axis.support > 0.0 else 1]
     if above(at.Fs, at.Fc):
         spring = (axis.m, axis.stiffness, axis.damping + at.viscous)
-        found = conditions.pulled_mass(*spring, at.Fc, at.Fs, at.vs, at.delta, axis.support)
+        found = conditions.pulled_mass(*spring, at.Fc, at.Fs, at.vs, at.delta, axis.support, axis.words)
         yield Finding(_plant(axis), found)
 
 
@@ -279,7 +281,7 @@ def _compensated(axis: Axis) -> Iterator[Finding]:
             worst = max(worst, float(np.max(total / there)))
     measured = any(used.law.measured for used, _ in known)
     parts = (*(used.part for used, _ in known), axis.friction or axis.plant)
-    yield Finding(parts, conditions.overcompensation(worst, measured))
+    yield Finding(parts, conditions.overcompensation(worst, measured, axis.words))
 
 
 def _inertia(axis: Axis, servo: ActiveLaw, gains: Gains) -> Iterator[Finding]:
@@ -289,4 +291,4 @@ def _inertia(axis: Axis, servo: ActiveLaw, gains: Gains) -> Iterator[Finding]:
     total = gains.m + sum(used.to_force * mass for used, mass in masses)
     if feeding:
         parts = (*(used.part for used in feeding), servo.part, axis.plant)
-        yield Finding(parts, conditions.inertia(total, axis.m, laws=len(feeding) + (gains.m != 0.0)))
+        yield Finding(parts, conditions.inertia(total, axis.m, laws=len(feeding) + (gains.m != 0.0), u=axis.words))

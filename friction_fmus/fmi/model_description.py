@@ -26,7 +26,6 @@ from friction_fmus.blocks.probe import (
     Description,
     Variable,
 )
-from friction_fmus.fmi.rotary import in_rotary_words
 from friction_fmus.fmi.units import DISPLAY_UNITS, QUANTITIES, base_unit
 from friction_fmus.version import VERSION, build_time
 from harness.parts.log_categories import LOG_CATEGORIES
@@ -246,11 +245,8 @@ def model_description(block: Block, description: Description, identifier: str) -
 
     model_variables = etree.SubElement(root, "ModelVariables")
     jumping = block.reinitialises if description.exchanges else ()
-    rotary = "rad" in units or "rad/s" in units
     for v in variables:
-        # the normal force of a rotary axis is still a force
-        text = in_rotary_words(v.text) if rotary and v.unit != "N" else v.text
-        _scalar_variable(model_variables, v, text, index, description.sampled, v.name in jumping)
+        _scalar_variable(model_variables, v, index, description.sampled, v.name in jumping)
 
     structure = etree.SubElement(root, "ModelStructure")
     outputs = [v for v in variables if v.role in (OUTPUT, STATE_OUTPUT)]
@@ -293,13 +289,11 @@ def _type_definitions(root: etree._Element, units: list[str]) -> None:
             etree.SubElement(simple, "Real", quantity=QUANTITIES[unit], unit=unit)
 
 
-def _scalar_variable(
-    parent: etree._Element, v: Variable, text: str, index: dict[int, int], sampled: bool, jumps: bool
-) -> None:
+def _scalar_variable(parent: etree._Element, v: Variable, index: dict[int, int], sampled: bool, jumps: bool) -> None:
     causality, variability, initial = ROLE[v.role]
     if variability == "continuous" and (v.type != 0 or (sampled and v.role in (OUTPUT, LOCAL, STATE, STATE_OUTPUT))):
         variability = "discrete"
-    attributes = {"name": v.name, "valueReference": str(v.reference), "description": text}
+    attributes = {"name": v.name, "valueReference": str(v.reference), "description": v.text}
     attributes |= {"causality": causality, "variability": variability}
     if initial:
         attributes["initial"] = initial

@@ -5,18 +5,11 @@ from typing import TYPE_CHECKING
 from harness.extras import lazy_names
 
 if TYPE_CHECKING:
+    from friction_fmus.blocks.axis_units import LINEAR, ROTARY, AxisUnits
     from friction_fmus.identification.data.excitation import examine, examine_segments
     from friction_fmus.identification.data.mapping import DataMapping, load_mapping, read_mapping, read_windows
     from friction_fmus.identification.data.reading import Measurement, read_measurement, read_records
-    from friction_fmus.identification.data.record import (
-        LINEAR,
-        ROTARY,
-        Array,
-        AxisUnits,
-        Finding,
-        Record,
-        RecordWarning,
-    )
+    from friction_fmus.identification.data.record import Array, Finding, Record, RecordWarning
     from friction_fmus.identification.errors import ExcitationError, FitError, IdentificationError, RecordError
     from friction_fmus.identification.fit.estimate import Estimate
     from friction_fmus.identification.fit.grid import HysteresisGrid, identify_hysteresis
@@ -60,12 +53,10 @@ else:
             "friction_fmus.identification.data.record": [
                 "Finding",
                 "RecordWarning",
-                "LINEAR",
-                "ROTARY",
                 "Array",
-                "AxisUnits",
                 "Record",
             ],
+            "friction_fmus.blocks.axis_units": ["LINEAR", "ROTARY", "AxisUnits"],
             "friction_fmus.identification.fit.grid": ["HysteresisGrid", "identify_hysteresis"],
             "friction_fmus.identification.identifying": ["identify"],
             "friction_fmus.identification.fit.idim": [

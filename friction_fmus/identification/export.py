@@ -20,8 +20,9 @@ from matplotlib.figure import Figure
 
 import harness
 from friction_fmus.errors import FrictionError
+from friction_fmus.blocks.axis_units import ROTARY
 from friction_fmus.identification.data.reading import Measurement
-from friction_fmus.identification.data.record import ROTARY, Finding
+from friction_fmus.identification.data.record import Finding
 from friction_fmus.identification.errors import IdentificationError
 from friction_fmus.identification.fit.estimate import Estimate
 from friction_fmus.identification.fit.models import contact_model

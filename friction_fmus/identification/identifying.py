@@ -9,8 +9,9 @@ from pathlib import Path
 
 import numpy as np
 
+from friction_fmus.blocks.axis_units import AxisUnits
 from friction_fmus.identification.closed_loop import identify_closed_loop, validated
-from friction_fmus.identification.data.record import Array, AxisUnits, MeasuredAxis, Record
+from friction_fmus.identification.data.record import Array, MeasuredAxis, Record
 from friction_fmus.identification.errors import FitError
 from friction_fmus.identification.fit.block_fit import Fit, FitData, driven
 from friction_fmus.identification.fit.estimate import Estimate

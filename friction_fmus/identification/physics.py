@@ -13,7 +13,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from friction_fmus.identification.data.record import Array, AxisUnits, Finding, Record
+from friction_fmus.blocks.axis_units import AxisUnits
+from friction_fmus.identification.data.record import Array, Finding, Record
 from friction_fmus.identification.errors import RecordError
 from friction_fmus.identification.fit.models import contact_model
 from friction_fmus.identification.fit.scores import independent_samples
@@ -124,12 +125,12 @@ def missing_force(records: Sequence[Record]) -> Finding | None:
     if np.count_nonzero(outside) < 3 * len(starts) or not len(starts) or np.mean(outside) > 0.4:
         return None
     size = float(np.median(np.abs(rest[outside])))
-    unit = records[0].units.force
+    u = records[0].units.words
     what = (
-        f"In {len(starts)} intervals, the first one at {t[starts[0]]:.4g} s, the motion needs about {size:.3g} {unit} "
-        "more or less than the recorded drive force."
+        f"In {len(starts)} intervals, the first one at {t[starts[0]]:.4g} s, the motion needs about {size:.3g} {u.N} "
+        f"more or less than the recorded drive {u.force}."
     )
-    change = "Record the force that acts there and declare its column as injected, or choose windows without it."
+    change = f"Record the {u.force} that acts there and declare its column as injected, or choose windows without it."
     share = float(np.sqrt(np.mean(np.square(np.where(outside, rest, 0.0))))) / level
     return Finding("missing-force" if share > 0.1 else "disturbed-force", what, change)
 
@@ -145,29 +146,32 @@ def contradictions(records: Sequence[Record]) -> tuple[Finding, ...]:
 
 def _about_mass(balance: DriveBalance, units: AxisUnits) -> tuple[Finding, ...]:
     """Return the finding about sign and size of mass and friction."""
+    u = units.words
     low, high = MASSES[units.position]
-    shown = f"{balance.mass:.3g} ± {balance.error:.2g} {units.inertia}"
+    shown = f"{balance.mass:.3g} ± {balance.error:.2g} {u.kg}"
+    fits = f"{u.a_mass} of {shown}"
     negative = balance.mass < -SIGNIFICANT * balance.error
     driving = balance.dissipated < -DRIVING
     if negative and driving:
-        what = f"The drive force has the wrong sign: it fits a mass of {shown}, and friction that drives the axis."
-        return (Finding("wrong-sign", what, "Set sign = -1 for the force in [columns]."),)
+        what = f"The drive {u.force} has the wrong sign: it fits {fits}, and friction that drives the axis."
+        return (Finding("wrong-sign", what, f"Set sign = -1 for the {u.force} in [columns]."),)
     if negative:
-        what = f"The drive force fits a mass of {shown}, which is negative."
+        what = f"The drive {u.force} fits {fits}, which is negative."
         change = (
-            "Check units and times of force and position; a spring or a load that depends on position does the same."
+            f"Check units and times of {u.force} and position; a spring or a load that depends on position does the "
+            "same."
         )
         return (Finding("negative-mass", what, change),)
     if driving:
         what = (
             f"Friction would drive the axis: its power is {100.0 * balance.dissipated:.3g} % of the power of the drive."
         )
-        change = "Check the sign of the force, and that force and position are logged in the same sample."
+        change = f"Check the sign of the {u.force}, and that {u.force} and position are logged in the same sample."
         return (Finding("driving-friction", what, change),)
     if balance.mass < balance.error:
-        what = f"The record does not determine the mass ({shown})."
-        return (Finding("mass-not-identified", what, "Record faster motion, or give the mass."),)
+        what = f"The record does not determine the {u.mass} ({shown})."
+        return (Finding("mass-not-identified", what, f"Record faster motion, or give the {u.mass}."),)
     if not low <= balance.mass <= high:
-        what = f"The drive force fits a mass of {shown}; machines have {low:g} to {high:g} {units.inertia}."
-        return (Finding("implausible-mass", what, "Correct the unit of the force or of the position."),)
+        what = f"The drive {u.force} fits {fits}; machines have {low:g} to {high:g} {u.kg}."
+        return (Finding("implausible-mass", what, f"Correct the unit of the {u.force} or of the position."),)
     return ()

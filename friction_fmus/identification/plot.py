@@ -10,8 +10,7 @@ import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from friction_fmus.fmi.rotary import in_rotary_words
-from friction_fmus.identification.data.record import ROTARY, Array
+from friction_fmus.identification.data.record import Array
 from harness.storage.files import atomic_path
 
 if TYPE_CHECKING:
@@ -19,13 +18,12 @@ if TYPE_CHECKING:
 
 MEASURED, PREDICTED = "#7f8c8d", "#c0392b"
 
-NAMES = {"mu": "friction coefficient", "friction": "friction force", "force": "drive force", "q": "position"}
+NAMES = {"mu": "friction coefficient", "friction": "friction {force}", "force": "drive {force}", "q": "position"}
 
 
 def name_of(result: Identification) -> str:
     """Return the name of the fitted signal, such as ``drive force``."""
-    name = NAMES.get(result.signal, result.signal)
-    return in_rotary_words(name) if result.records[0].units == ROTARY else name
+    return result.records[0].units.words.fill(NAMES.get(result.signal, result.signal))
 
 
 def draw(result: Identification, path: Path) -> Path:

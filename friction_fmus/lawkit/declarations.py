@@ -51,6 +51,16 @@ def c_string(text: str) -> str:
     return f'"{escaped}"'
 
 
+NOUNS = {"{force}": "FORCE_NOUN", "{mass}": "MASS_NOUN", "{moving_mass}": "MOVING_MASS"}
+"""Placeholders in descriptions, and their macros in block.h, which differ between the two builds."""
+
+
+def c_description(text: str) -> str:
+    """Return a description as C string literals, with macros for the nouns in `NOUNS`."""
+    parts = re.split(f"({'|'.join(map(re.escape, NOUNS))})", text)
+    return " ".join(NOUNS.get(part) or c_string(part) for part in parts if part)
+
+
 LENGTH = Unit("LENGTH")
 VELOCITY = Unit("VELOCITY")
 ACCELERATION = Unit("ACCELERATION")
@@ -231,6 +241,7 @@ _RESERVED = {
     "NO_EXCHANGE EXCHANGES REINITIALISES "
     "MEMORY KEEPS_BY skip SKIPS_BY STEPS_BY VALID_BY WARNING INF COUNTS INPUTS STATES VALUES ROWS AT SLOPE UNWRAP "
     "LENGTH VELOCITY ACCELERATION JERK FORCE MASS STIFFNESS DAMPING TIME FREQUENCY ANGLE NO_UNIT "
+    "FORCE_NOUN MASS_NOUN MOVING_MASS "
     "ROTATIONAL PASTE QUOTE ENTER REQUIRE MODE UNROLLED SET GET NAN NULL INFINITY HUGE_VAL EOF BUFSIZ RAND_MAX",
     "casadi": "null jac hess",
 }

@@ -30,6 +30,7 @@ from friction_fmus.blocks.about import REPLACES_SERVO, SHAPES_REFERENCE, About, 
 from friction_fmus.blocks.contact import Friction
 from friction_fmus.blocks.loop import InLoop, Loop
 from friction_fmus.errors import FrictionError, nearest
+from friction_fmus.blocks.axis_units import SLIDING
 from friction_fmus.lawkit.declarations import (
     ACCELERATION,
     ANGLE,
@@ -59,6 +60,7 @@ from friction_fmus.lawkit.declarations import (
     Switch,
     Unit,
     Variable,
+    c_description,
     c_string,
     check_identifier,
     check_line,
@@ -506,7 +508,7 @@ def block_source(law: Law) -> str:
             comment(f"{law.documentation}\n\n{origin}"),
             "",
             f"#define MODEL   {law.name}",
-            f"#define SUMMARY {c_string(law.summary)}",
+            f"#define SUMMARY {c_string(SLIDING.fill(law.summary))}",
             f"#define SOURCE  {c_string(law.source)}",
             "#define SAMPLED",
             "#define GUARDED",
@@ -614,4 +616,4 @@ def _row(variable: Variable) -> tuple[str, list[str], str]:
     elif kind in (Kind.STATE, Kind.STATES):
         low = _limit(variable.nominal)
     cells = [f"{cell}," if cell else "" for cell in (variable.name, count, unit, start, low, high)]
-    return kind.value, cells, c_string(variable.text)
+    return kind.value, cells, c_description(variable.text)

@@ -54,8 +54,8 @@ from friction_fmus.lawkit.parts.tracking import deflected, restarts
     ),
     use=REPLACES_SERVO,
     outputs={
-        "u": Output(FORCE, "control force, within u_min and u_max"),
-        "F_hat": Output(FORCE, "estimated friction force; u contains gain F_hat"),
+        "u": Output(FORCE, "control {force}, within u_min and u_max"),
+        "F_hat": Output(FORCE, "estimated friction {force}; u contains gain F_hat"),
         "u_sat": Output(NO_UNIT, "active limit: -1 lower, +1 upper, 0 none"),
         "theta": Output(NO_UNIT, "estimated normal force relative to the normal force of the parameters"),
     },

@@ -40,8 +40,8 @@ from friction_fmus.lawkit.parts.observers import adapted, limited
     ),
     use=REPLACES_SERVO,
     outputs={
-        "u": Output(FORCE, "control force, within u_min and u_max"),
-        "F_hat": Output(FORCE, "estimated friction force; u contains gain F_hat"),
+        "u": Output(FORCE, "control {force}, within u_min and u_max"),
+        "F_hat": Output(FORCE, "estimated friction {force}; u contains gain F_hat"),
         "u_sat": Output(NO_UNIT, "active limit: -1 lower, +1 upper, 0 none"),
         "Fc_hat": Output(FORCE, "estimated Coulomb friction"),
         "Fv_hat": Output(DAMPING, "estimated viscous coefficient"),

@@ -59,8 +59,8 @@ from friction_fmus.lawkit.parts.tracking import deflected
     ),
     use=REPLACES_SERVO,
     outputs={
-        "u": Output(FORCE, "control force, within u_min and u_max"),
-        "F_hat": Output(FORCE, "estimated friction force; u contains gain F_hat"),
+        "u": Output(FORCE, "control {force}, within u_min and u_max"),
+        "F_hat": Output(FORCE, "estimated friction {force}; u contains gain F_hat"),
         "u_sat": Output(NO_UNIT, "active limit: -1 lower, +1 upper, 0 none"),
         "theta_0": Output(NO_UNIT, "estimated factor of sigma0"),
         "theta_1": Output(NO_UNIT, "estimated factor of sigma0 sigma1"),

@@ -35,7 +35,7 @@ from friction_fmus.lawkit.parts.tracking import carried, restarts, tracked
     loop=Loop(gains={"Kp": "kv * kp + ki", "Kd": "kv", "Ki": "ki * kp", "m": "m"}, linear={}),
     use=REPLACES_SERVO,
     outputs={
-        "u": Output(FORCE, "control force, within u_min and u_max"),
+        "u": Output(FORCE, "control {force}, within u_min and u_max"),
         "u_sat": Output(NO_UNIT, "active limit: -1 lower, +1 upper, 0 none"),
     },
 )

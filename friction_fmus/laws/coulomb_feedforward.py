@@ -30,8 +30,8 @@ from friction_fmus.lawkit.parts.feedforward import feedforward
     loop=Loop(friction=Friction("Fc"), inertia="m"),
     use=Use("feedforward", models=("Coulomb", "Stribeck"), tuned={"m": "0"}),
     outputs={
-        "u": Output(FORCE, "feedforward force, within u_min and u_max"),
-        "F_hat": Output(FORCE, "estimated friction force; u contains gain F_hat"),
+        "u": Output(FORCE, "feedforward {force}, within u_min and u_max"),
+        "F_hat": Output(FORCE, "estimated friction {force}; u contains gain F_hat"),
         "u_sat": Output(NO_UNIT, "active limit: -1 lower, +1 upper, 0 none"),
     },
 )

@@ -35,15 +35,15 @@ from friction_fmus.lawkit.parts.feedforward import feedforward
         tuned={"m": "0", "DV": "either(DV, max(5 * v_noise, 1e-3 * speed, 1e-9))"},
     ),
     outputs={
-        "u": Output(FORCE, "linear and friction force, within u_min and u_max"),
-        "F_hat": Output(FORCE, "estimated friction force; u contains gain F_hat"),
+        "u": Output(FORCE, "linear and friction {force}, within u_min and u_max"),
+        "F_hat": Output(FORCE, "estimated friction {force}; u contains gain F_hat"),
         "u_sat": Output(NO_UNIT, "active limit: -1 lower, +1 upper, 0 none"),
     },
 )
 def dead_zone_feedforward(
     rd: SX = variables.RD,
     rdd: SX = variables.RDD,
-    f: SX = Input(FORCE, 0.0, "force of the linear controller", optional=True),
+    f: SX = Input(FORCE, 0.0, "{force} of the linear controller", optional=True),
     enable: SX = variables.ENABLE,
     gain: SX = variables.GAIN,
     m: SX = variables.INERTIA,

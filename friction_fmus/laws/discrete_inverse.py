@@ -45,7 +45,7 @@ def square(pair: SX) -> SX:
     loop=Loop(rules=("looks_ahead",)),
     use=Use("other", never="It inverts a linear plant without friction."),
     outputs={
-        "u": Output(FORCE, "feedforward force, within u_min and u_max"),
+        "u": Output(FORCE, "feedforward {force}, within u_min and u_max"),
         "r_now": Output(LENGTH, "reference that the plant follows: r of preview + 1 samples earlier"),
         "u_sat": Output(NO_UNIT, "active limit: -1 lower, +1 upper, 0 none"),
     },

@@ -31,7 +31,7 @@ from friction_fmus.lawkit.parts.tracking import carried
 
 @law(
     "DisturbanceObserver",
-    "Disturbance observer: inverse model of a mass and a low-pass filter of order 1 or 2",
+    "Disturbance observer: inverse model of a {mass} and a low-pass filter of order 1 or 2",
     source="Ohnishi, Shibata, Murakami, IEEE/ASME Trans. Mechatronics 1(1), 1996",
     cites=("Ohnishi1996", "Jamaludin2009"),
     Ts=1e-3,
@@ -40,8 +40,8 @@ from friction_fmus.lawkit.parts.tracking import carried
     loop=Loop(linear={}, estimates=True),
     use=Use("estimator", tuned={"m": "m", "fq": "corner", "second_order": "1"}),
     outputs={
-        "u": Output(FORCE, "compensation force gain F_hat, within u_min and u_max"),
-        "F_hat": Output(FORCE, "estimated friction force without the part compensated by f_prev"),
+        "u": Output(FORCE, "compensation {force} gain F_hat, within u_min and u_max"),
+        "F_hat": Output(FORCE, "estimated friction {force} without the part compensated by f_prev"),
         "u_sat": Output(NO_UNIT, "active limit: -1 lower, +1 upper, 0 none"),
     },
 )

@@ -26,7 +26,7 @@ from friction_fmus.lawkit.law import (
 
 @law(
     "Dither",
-    "Fast oscillation added to a force: sine, square or triangle",
+    "Fast oscillation added to a {force}: sine, square or triangle",
     source="Armstrong-Helouvry, Dupont, Canudas de Wit, Automatica 30(7), 1994",
     cites=("ArmstrongHelouvry1994",),
     Ts=1e-4,
@@ -44,7 +44,7 @@ from friction_fmus.lawkit.law import (
     },
 )
 def dither(
-    f: SX = Input(FORCE, 0.0, "force to which the dither is added before the limits", optional=True),
+    f: SX = Input(FORCE, 0.0, "{force} to which the dither is added before the limits", optional=True),
     enable: SX = Command(True, "false: u = 0 and the phase is at its start value"),
     reset: SX = Command(False, "true: the phase is reset to its start value"),
     phase: SX = State(NO_UNIT, 0.0, "phase in periods, from 0 to below 1"),

@@ -36,8 +36,8 @@ from friction_fmus.lawkit.parts.tracking import carried
     loop=Loop(gains={"Kp": "m * wc**2", "Kd": "2 * m * wc"}, linear={}, estimates=True),
     use=Use("estimator", tuned={"m": "m", "wo": "observed", "wc": "bandwidth"}, output="F_hat"),
     outputs={
-        "u": Output(FORCE, "control force, within u_min and u_max"),
-        "F_hat": Output(FORCE, "estimated friction force; u contains gain F_hat"),
+        "u": Output(FORCE, "control {force}, within u_min and u_max"),
+        "F_hat": Output(FORCE, "estimated friction {force}; u contains gain F_hat"),
         "u_sat": Output(NO_UNIT, "active limit: -1 lower, +1 upper, 0 none"),
         "v_est": Output(VELOCITY, "estimated velocity"),
     },

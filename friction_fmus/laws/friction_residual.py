@@ -36,14 +36,14 @@ def hat(distance: SX) -> SX:
     source="This library; bilinear interpolation",
     cites=("FrictionFmus2026",),
     Ts=1e-3,
-    use=Use("other", never="It corrects the force of a friction model."),
+    use=Use("other", never="It corrects the {force} of a friction model."),
     outputs={
-        "u": Output(FORCE, "force with the residual"),
+        "u": Output(FORCE, "{force} with the residual"),
         "residual": Output(FORCE, "residual, u - f"),
     },
 )
 def friction_residual(
-    f: SX = Input(FORCE, 0.0, "force of the friction model, or of a feedforward law"),
+    f: SX = Input(FORCE, 0.0, "{force} of the friction model, or of a feedforward law"),
     x: SX = Input(LENGTH, 0.0, "position, or its reference"),
     v: SX = Input(VELOCITY, 0.0, "velocity, or its reference"),
     enable: SX = Command(True, "false: u = 0 and residual = 0"),

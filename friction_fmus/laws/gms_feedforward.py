@@ -36,9 +36,9 @@ from friction_fmus.lawkit.parts.tracking import deflected
     loop=Loop(friction=Friction("Fc", "Fs", "sigma2", "vs", "delta"), inertia="m"),
     use=Use("feedforward", models=("GMS",), tuned={"m": "0"}),
     outputs={
-        "u": Output(FORCE, "feedforward force, within u_min and u_max"),
-        "F_hat": Output(FORCE, "estimated friction force; u contains gain F_hat"),
-        "F_pre": Output(FORCE, "sum of the forces Fi of the elements"),
+        "u": Output(FORCE, "feedforward {force}, within u_min and u_max"),
+        "F_hat": Output(FORCE, "estimated friction {force}; u contains gain F_hat"),
+        "F_pre": Output(FORCE, "sum of the {force}s Fi of the elements"),
         "slips": Output(NO_UNIT, "number of slipping elements"),
         "u_sat": Output(NO_UNIT, "active limit: -1 lower, +1 upper, 0 none"),
     },

@@ -25,7 +25,7 @@ from friction_fmus.lawkit.parts.tracking import deflected, restarts
 
 @law(
     "GMSObserver",
-    "Friction feedback with observed forces of generalised Maxwell slip elements",
+    "Friction feedback with observed {force}s of generalised Maxwell slip elements",
     source="Al-Bender, Lampaert, Swevers, IEEE TAC 50(11), 2005 (model); this library (observer)",
     cites=("AlBender2005", "CanudasDeWit1995"),
     Ts=1e-3,
@@ -39,8 +39,8 @@ from friction_fmus.lawkit.parts.tracking import deflected, restarts
     ),
     use=Use("model feedback", models=("GMS",)),
     outputs={
-        "u": Output(FORCE, "compensation force gain F_hat, within u_min and u_max"),
-        "F_hat": Output(FORCE, "estimated friction force; u contains gain F_hat"),
+        "u": Output(FORCE, "compensation {force} gain F_hat, within u_min and u_max"),
+        "F_hat": Output(FORCE, "estimated friction {force}; u contains gain F_hat"),
         "u_sat": Output(NO_UNIT, "active limit: -1 lower, +1 upper, 0 none"),
     },
     conditions=maxwell_slip.CONDITIONS,

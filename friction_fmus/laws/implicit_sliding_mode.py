@@ -32,8 +32,10 @@ from friction_fmus.lawkit.parts.observers import limited
     ),
     use=REPLACES_SERVO,
     outputs={
-        "u": Output(FORCE, "control force, within u_min and u_max"),
-        "F_hat": Output(FORCE, "sliding-mode force; while sliding with gain = 1, the friction in the previous sample"),
+        "u": Output(FORCE, "control {force}, within u_min and u_max"),
+        "F_hat": Output(
+            FORCE, "sliding-mode {force}; while sliding with gain = 1, the friction in the previous sample"
+        ),
         "u_sat": Output(NO_UNIT, "active limit: -1 lower, +1 upper, 0 none"),
     },
 )
@@ -45,10 +47,12 @@ def implicit_sliding_mode(
     v: SX = variables.V,
     f: SX = variables.FED_FORWARD,
     enable: SX = variables.ENABLE,
-    gain: SX = Parameter(NO_UNIT, 1.0, "fraction of the sliding-mode force", min=0.0, max=1.0),
+    gain: SX = Parameter(NO_UNIT, 1.0, "fraction of the sliding-mode {force}", min=0.0, max=1.0),
     m: SX = variables.MASS_OR_NONE,
     lam: SX = variables.LAM,
-    K: SX = Parameter(FORCE, 5.0, "bound of the sliding-mode force, above the friction not compensated by f", min=0.0),
+    K: SX = Parameter(
+        FORCE, 5.0, "bound of the sliding-mode {force}, above the friction not compensated by f", min=0.0
+    ),
     u_min: SX = variables.U_MIN,
     u_max: SX = variables.U_MAX,
     Ts: SX = SampleTime(),

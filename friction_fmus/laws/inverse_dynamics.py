@@ -36,8 +36,8 @@ from friction_fmus.lawkit.parts.feedforward import feedforward, when
     loop=Loop(friction=Friction(viscous="Fv + Fv_load"), inertia="m + m_load"),
     use=Use("feedforward", models=("Viscous", "Stribeck"), tuned={"m": "0"}),
     outputs={
-        "u": Output(FORCE, "feedforward force, within u_min and u_max"),
-        "F_hat": Output(FORCE, "viscous friction force; u contains gain F_hat"),
+        "u": Output(FORCE, "feedforward {force}, within u_min and u_max"),
+        "F_hat": Output(FORCE, "viscous friction {force}; u contains gain F_hat"),
         "r_motor": Output(LENGTH, "motor position corresponding to r"),
         "rd_motor": Output(VELOCITY, "motor velocity corresponding to r"),
         "u_sat": Output(NO_UNIT, "active limit: -1 lower, +1 upper, 0 none"),
@@ -51,8 +51,8 @@ def inverse_dynamics(
     r: SX = Input(LENGTH, 0.0, "reference position, for r_motor only", optional=True),
     enable: SX = Command(True, "false: u = 0, F_hat = 0 and r_motor = r"),
     gain: SX = variables.GAIN,
-    m: SX = Parameter(MASS, 1.0, "mass of the motor, or total mass if compliance is 0", min=0.0),
-    m_load: SX = Parameter(MASS, 0.0, "mass of the load", min=0.0),
+    m: SX = Parameter(MASS, 1.0, "{mass} of the motor, or total {mass} if compliance is 0", min=0.0),
+    m_load: SX = Parameter(MASS, 0.0, "{mass} of the load", min=0.0),
     Fv: SX = Parameter(DAMPING, 0.4, "viscous coefficient at the motor", min=0.0),
     Fv_load: SX = Parameter(DAMPING, 0.0, "viscous coefficient at the load", min=0.0),
     compliance: SX = Parameter(

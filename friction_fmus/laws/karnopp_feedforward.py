@@ -36,8 +36,8 @@ from friction_fmus.lawkit.parts.feedforward import feedforward
         tuned={"m": "0", "DV": "either(DV, max(5 * v_noise, 1e-3 * speed, 1e-9))"},
     ),
     outputs={
-        "u": Output(FORCE, "feedforward force, within u_min and u_max"),
-        "F_hat": Output(FORCE, "estimated friction force; u contains gain F_hat"),
+        "u": Output(FORCE, "feedforward {force}, within u_min and u_max"),
+        "F_hat": Output(FORCE, "estimated friction {force}; u contains gain F_hat"),
         "u_sat": Output(NO_UNIT, "active limit: -1 lower, +1 upper, 0 none"),
     },
 )
@@ -46,7 +46,7 @@ def karnopp_feedforward(
     rdd: SX = variables.RDD,
     enable: SX = variables.ENABLE,
     gain: SX = variables.GAIN,
-    m: SX = Parameter(MASS, 1.0, "mass, for the inertia feedforward and for the force at rest", min=0.0),
+    m: SX = Parameter(MASS, 1.0, "{mass}, for the inertia feedforward and for the {force} at rest", min=0.0),
     Fc: SX = variables.FC,
     Fs: SX = variables.FS,
     Fv: SX = variables.FV,

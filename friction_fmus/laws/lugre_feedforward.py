@@ -38,8 +38,8 @@ from friction_fmus.lawkit.parts.tracking import deflected
     loop=Loop(friction=Friction("Fc", "Fs", "sigma2", "vs", "delta"), inertia="m"),
     use=Use("feedforward", models=("LuGre",), tuned={"m": "0"}),
     outputs={
-        "u": Output(FORCE, "feedforward force, within u_min and u_max"),
-        "F_hat": Output(FORCE, "estimated friction force; u contains gain F_hat"),
+        "u": Output(FORCE, "feedforward {force}, within u_min and u_max"),
+        "F_hat": Output(FORCE, "estimated friction {force}; u contains gain F_hat"),
         "z_hat": Output(LENGTH, "mean bristle deflection in this sample"),
         "u_sat": Output(NO_UNIT, "active limit: -1 lower, +1 upper, 0 none"),
     },

@@ -42,8 +42,8 @@ from friction_fmus.lawkit.parts.tracking import deflected, restarts
     ),
     use=Use("model feedback", models=("LuGre",)),
     outputs={
-        "u": Output(FORCE, "compensation force gain F_hat, within u_min and u_max"),
-        "F_hat": Output(FORCE, "estimated friction force; u contains gain F_hat"),
+        "u": Output(FORCE, "compensation {force} gain F_hat, within u_min and u_max"),
+        "F_hat": Output(FORCE, "estimated friction {force}; u contains gain F_hat"),
         "u_sat": Output(NO_UNIT, "active limit: -1 lower, +1 upper, 0 none"),
     },
 )

@@ -35,8 +35,8 @@ from friction_fmus.lawkit.parts.observers import limited
     loop=Loop(gains={"Kp": "CV * KP", "Kd": "CV"}, friction=Friction("Fc", "Fs", "Fv"), linear={}),
     use=REPLACES_SERVO,
     outputs={
-        "u": Output(FORCE, "control force, within u_min and u_max"),
-        "F_hat": Output(FORCE, "estimated friction force; u contains gain F_hat"),
+        "u": Output(FORCE, "control {force}, within u_min and u_max"),
+        "F_hat": Output(FORCE, "estimated friction {force}; u contains gain F_hat"),
         "u_sat": Output(NO_UNIT, "active limit: -1 lower, +1 upper, 0 none"),
     },
 )
@@ -50,7 +50,7 @@ def modelled_output_karnopp(
     reset: SX = Command(False, "true: v_model = 0"),
     v_model: SX = State(VELOCITY, 0.0, "velocity of the modelled loop", nominal=1e-2),
     gain: SX = variables.GAIN,
-    m: SX = Parameter(MASS, 1.0, "mass of the model", min=1e-12),
+    m: SX = Parameter(MASS, 1.0, "{mass} of the model", min=1e-12),
     KP: SX = variables.KP,
     CV: SX = Parameter(DAMPING, 127.0, "gain of the velocity loop", min=0.0),
     Kv1: SX = variables.KV1,

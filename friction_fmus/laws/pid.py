@@ -49,7 +49,7 @@ from friction_fmus.lawkit.parts.tracking import carried, restarts, tracked
     ),
     use=REPLACES_SERVO,
     outputs={
-        "u": Output(FORCE, "control force, within u_min and u_max"),
+        "u": Output(FORCE, "control {force}, within u_min and u_max"),
         "u_sat": Output(NO_UNIT, "active limit: -1 lower, +1 upper, 0 none"),
     },
 )

@@ -41,8 +41,8 @@ from friction_fmus.lawkit.parts.tracking import carried
         },
     ),
     outputs={
-        "u": Output(FORCE, "compensation force gain F_hat, within u_min and u_max"),
-        "F_hat": Output(FORCE, "estimated friction force, positive for positive velocity"),
+        "u": Output(FORCE, "compensation {force} gain F_hat, within u_min and u_max"),
+        "F_hat": Output(FORCE, "estimated friction {force}, positive for positive velocity"),
         "u_sat": Output(NO_UNIT, "active limit: -1 lower, +1 upper, 0 none"),
     },
 )

@@ -27,7 +27,7 @@ from friction_fmus.lawkit.parts.feedforward import reference_shift, settles_fast
 
 @law(
     "Prefilter",
-    "Reference shaping that makes a PID controller generate a feedforward force: R = 1 + F/C",
+    "Reference shaping that makes a PID controller generate a feedforward {force}: R = 1 + F/C",
     source="Identity C R r = C r + F r",
     cites=("FrictionFmus2026",),
     Ts=1e-3,
@@ -39,7 +39,7 @@ from friction_fmus.lawkit.parts.feedforward import reference_shift, settles_fast
     outputs={
         "r_out": Output(LENGTH, "reference position for the controller"),
         "rd_out": Output(VELOCITY, "reference velocity for the controller"),
-        "u_hat": Output(FORCE, "equivalent feedforward force"),
+        "u_hat": Output(FORCE, "equivalent feedforward {force}"),
     },
     conditions={
         "Ts Ki < Kp or Ki = 0": settles_slowly,
@@ -50,12 +50,12 @@ def prefilter(
     r: SX = variables.R,
     rd: SX = variables.RD,
     rdd: SX = variables.RDD,
-    f: SX = Input(FORCE, 0.0, "feedforward force, added to the inertia force", optional=True),
+    f: SX = Input(FORCE, 0.0, "feedforward {force}, added to the inertia {force}", optional=True),
     enable: SX = Command(True, "false: r and rd pass unchanged; the states are at their start values"),
     reset: SX = variables.RESET,
     shift: SX = State(LENGTH, 0.0, "shift of r", nominal=1e-4),
     integral: SX = State(LENGTH + ".s", 0.0, "integral of the shift of r", nominal=1e-6),
-    gain: SX = Parameter(NO_UNIT, 1.0, "fraction of the force that is replaced", min=0.0, max=1.0),
+    gain: SX = Parameter(NO_UNIT, 1.0, "fraction of the {force} that is replaced", min=0.0, max=1.0),
     m: SX = variables.INERTIA,
     Kp: SX = Parameter(STIFFNESS, 12e3, "proportional gain of the controller", min=0.0),
     Kd: SX = Parameter(DAMPING, 190.0, "derivative gain of the controller", min=1e-9),

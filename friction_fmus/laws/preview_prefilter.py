@@ -45,7 +45,7 @@ SECOND = (8.0 / 5.0, -1.0 / 5.0, 8.0 / 315.0, -1.0 / 560.0)
     outputs={
         "r_out": Output(LENGTH, "reference position for the controller"),
         "rd_out": Output(VELOCITY, "reference velocity for the controller"),
-        "u_hat": Output(FORCE, "equivalent feedforward force"),
+        "u_hat": Output(FORCE, "equivalent feedforward {force}"),
         "r_now": Output(LENGTH, "r four samples earlier"),
         "rd_now": Output(VELOCITY, "velocity of r_now"),
         "rdd_now": Output(ACCELERATION, "acceleration of r_now"),
@@ -57,7 +57,7 @@ SECOND = (8.0 / 5.0, -1.0 / 5.0, 8.0 / 315.0, -1.0 / 560.0)
 )
 def preview_prefilter(
     r: SX = Input(LENGTH, 0.0, "reference position, four samples in advance"),
-    f: SX = Input(FORCE, 0.0, "feedforward force for r_now, added to the inertia force", optional=True),
+    f: SX = Input(FORCE, 0.0, "feedforward {force} for r_now, added to the inertia {force}", optional=True),
     enable: SX = Command(True, "false: r_now and rd_now pass unchanged; the shift is at its start value"),
     reset: SX = Command(False, "true: as if r had always had its present value"),
     line: SX = State(LENGTH, (0.0,) * (2 * PREVIEW), "references of the previous samples, latest first"),
@@ -65,7 +65,7 @@ def preview_prefilter(
     missed: SX = variables.MISSED,
     shift: SX = State(LENGTH, 0.0, "shift of r_now", nominal=1e-4),
     integral: SX = State(LENGTH + ".s", 0.0, "integral of the shift of r_now", nominal=1e-6),
-    gain: SX = Parameter(NO_UNIT, 1.0, "fraction of the force that is replaced", min=0.0, max=1.0),
+    gain: SX = Parameter(NO_UNIT, 1.0, "fraction of the {force} that is replaced", min=0.0, max=1.0),
     m: SX = variables.INERTIA,
     Kp: SX = Parameter(STIFFNESS, 12e3, "proportional gain of the controller", min=0.0),
     Kd: SX = Parameter(DAMPING, 190.0, "derivative gain of the controller", min=1e-9),

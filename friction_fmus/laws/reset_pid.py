@@ -38,7 +38,7 @@ from friction_fmus.lawkit.parts.tracking import carried, restarts, tracked
     loop=Loop(gains={"Kp": "Kp", "Kd": "Kd", "Ki": "Ki", "m": "m"}, linear={}, hunts=False),
     use=REPLACES_SERVO,
     outputs={
-        "u": Output(FORCE, "control force, within u_min and u_max"),
+        "u": Output(FORCE, "control {force}, within u_min and u_max"),
         "u_sat": Output(NO_UNIT, "active limit: -1 lower, +1 upper, 0 none"),
         "jumped": Output(NO_UNIT, "1 in a sample in which the integral jumps"),
     },
@@ -60,7 +60,7 @@ def reset_pid(
     Kd: SX = Parameter(DAMPING, 190.0, "derivative gain", min=1e-9),
     Ki: SX = Parameter(FORCE + "/(" + LENGTH + ".s)", 250e3, "integral gain; 0: PD", min=0.0),
     rho: SX = Parameter(NO_UNIT, 0.8, "fraction of the integral that is reversed in a jump", min=0.0, max=1.0),
-    mass: SX = Parameter(MASS, 1.0, "moving mass, for the jump", min=0.0),
+    mass: SX = Parameter(MASS, 1.0, "{moving_mass}, for the jump", min=0.0),
     m: SX = variables.starting(variables.INERTIA, 0.0),
     u_min: SX = variables.U_MIN,
     u_max: SX = variables.U_MAX,

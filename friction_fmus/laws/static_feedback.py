@@ -32,8 +32,8 @@ from friction_fmus.lawkit.parts.observers import limited
     loop=Loop(friction=Friction("Fc", "Fs", "Fv", "vs", "delta"), measured=True),
     use=Use("model feedback", models=("Stribeck",), tuned={"vt": "max(2 * max(Fs, Fc) / Kd, 5 * v_noise, 1e-9)"}),
     outputs={
-        "u": Output(FORCE, "compensation force gain F_hat, within u_min and u_max"),
-        "F_hat": Output(FORCE, "estimated friction force; u contains gain F_hat"),
+        "u": Output(FORCE, "compensation {force} gain F_hat, within u_min and u_max"),
+        "F_hat": Output(FORCE, "estimated friction {force}; u contains gain F_hat"),
         "u_sat": Output(NO_UNIT, "active limit: -1 lower, +1 upper, 0 none"),
     },
 )

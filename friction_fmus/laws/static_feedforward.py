@@ -33,8 +33,8 @@ from friction_fmus.lawkit.parts.feedforward import feedforward
     loop=Loop(friction=Friction("Fc", "Fs", "Fv", "vs", "delta"), inertia="m"),
     use=Use("feedforward", models=("Stribeck",), tuned={"m": "0"}),
     outputs={
-        "u": Output(FORCE, "feedforward force, within u_min and u_max"),
-        "F_hat": Output(FORCE, "estimated friction force; u contains gain F_hat"),
+        "u": Output(FORCE, "feedforward {force}, within u_min and u_max"),
+        "F_hat": Output(FORCE, "estimated friction {force}; u contains gain F_hat"),
         "u_sat": Output(NO_UNIT, "active limit: -1 lower, +1 upper, 0 none"),
     },
 )
@@ -49,7 +49,7 @@ def static_feedforward(
     Fv: SX = variables.FV,
     vs: SX = variables.VS,
     delta: SX = variables.DELTA,
-    offset: SX = Parameter(FORCE, 0.0, "constant force at all velocities, including rest"),
+    offset: SX = Parameter(FORCE, 0.0, "constant {force} at all velocities, including rest"),
     asymmetric: SX = Switch(False, "rd < 0 uses the parameters with the suffix _neg"),
     Fc_neg: SX = Parameter(FORCE, 1.0, "Coulomb friction for rd < 0", min=0.0),
     Fs_neg: SX = Parameter(FORCE, 1.5, "static friction for rd < 0", min=0.0),

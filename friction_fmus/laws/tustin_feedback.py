@@ -33,8 +33,8 @@ POINTS = 16
     loop=Loop(friction=Friction("Fc", "Fs", "Fv", "vs", "1"), measured=True),
     use=Use("model feedback", models=("Tustin", "Stribeck"), tuned={"v_min": "max(5 * v_noise, 1e-3 * speed, 1e-9)"}),
     outputs={
-        "u": Output(FORCE, "compensation force, within u_min and u_max"),
-        "F_hat": Output(FORCE, "estimated friction force without cogging; u contains gain F_hat"),
+        "u": Output(FORCE, "compensation {force}, within u_min and u_max"),
+        "F_hat": Output(FORCE, "estimated friction {force} without cogging; u contains gain F_hat"),
         "u_sat": Output(NO_UNIT, "active limit: -1 lower, +1 upper, 0 none"),
     },
 )
@@ -51,7 +51,7 @@ def tustin_feedback(
     pitch: SX = Parameter(LENGTH, 0.024, "period of the tables", min=1e-9),
     x0: SX = Parameter(LENGTH, 0.0, "position of the first point of the tables"),
     level: SX = Parameter(NO_UNIT, (1.0,) * POINTS, "friction at this point relative to the curve", min=0.0),
-    cogging: SX = Parameter(FORCE, (0.0,) * POINTS, "force that holds the axis against cogging at this point"),
+    cogging: SX = Parameter(FORCE, (0.0,) * POINTS, "{force} that holds the axis against cogging at this point"),
     u_min: SX = variables.U_MIN,
     u_max: SX = variables.U_MAX,
 ) -> dict[str, SX]:

@@ -31,9 +31,6 @@ POINTS: Final = 1000
 DIGITS: Final = 5
 """Number of digits of a slider's initial value."""
 
-RECORDED: Final = {"position error": "error", "drive force": "force", "drive torque": "force"}
-"""Curves of the panel, by the label of the record's plot."""
-
 
 @dataclass(frozen=True)
 class ShownRun:
@@ -82,7 +79,7 @@ def live_panel(study: StudyResult, axis: WhatIf) -> LivePanel:
         "noise": _packed(axis.noise, "<f4"),
         "runUp": axis.run_up,
         "units": {"position": unit, "force": study.units.force},
-        "forceName": "torque" if unit == "rad" else "force",
+        "forceName": study.units.words.force,
         "runs": [{"model": run.model.name, "label": _shown(run.name)} for run in axis.runs],
         "knobs": [_slider(knob) for knob in axis.knobs],
         "recorded": _recorded(study, end),
@@ -131,8 +128,9 @@ def _slider(knob: Knob) -> Mapping[str, Any]:
 def _recorded(study: StudyResult, end: float) -> Mapping[str, Mapping[str, list[float]]]:
     """Return the recorded tracking error and force over time, until an end [s]."""
     found = {}
+    names = {"position error": "error", f"drive {study.units.words.force}": "force"}
     for picture in study.record:
-        name = RECORDED.get(picture.y_label)
+        name = names.get(picture.y_label)
         if name and picture.data:
             curve = next(iter(picture.data.values()))
             count = bisect_right(curve.x, end)

@@ -13,8 +13,6 @@ from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup
 from plotly.offline import get_plotlyjs
 
-from friction_fmus.fmi.rotary import html_in_rotary_words
-from friction_fmus.identification import ROTARY
 from friction_fmus.report import numbers, views
 from friction_fmus.report.live_panel import live_panel
 from friction_fmus.report.sections import SECTIONS, Section
@@ -66,12 +64,13 @@ def report_html(study: StudyResult, panel: WhatIf | str = "") -> str:
     live = None if isinstance(panel, str) else live_panel(study, panel)
     style = (FOLDER / "page.css").read_text(encoding="utf-8") + (live.style if live else "")
     environment = _environment()
+    environment.globals["words"] = study.units.words
 
     def body(name: str, section: Section) -> Markup:
         template = environment.get_template(f"sections/{name}.html")
         return Markup(template.render(study=study, panel=live or panel, **section.values(study)))
 
-    page = environment.get_template("page.html").render(
+    return environment.get_template("page.html").render(
         study=study,
         style=style,
         style_hash=_hash(style),
@@ -84,7 +83,6 @@ def report_html(study: StudyResult, panel: WhatIf | str = "") -> str:
             {"name": name, "title": section.title, "body": body(name, section)} for name, section in SECTIONS.items()
         ],
     )
-    return html_in_rotary_words(page) if study.units == ROTARY else page
 
 
 def _environment() -> Environment:

@@ -137,11 +137,13 @@ def _tradeoffs(study: StudyResult, rows: Sequence[CompensatorResult], unit: str,
     ]  # fmt: skip
     limit = study.limits.Ms if study.limits else None
     caption = (
-        "Worst-case error against the drive force above the loop bandwidth, and against the peak of the sensitivity "
-        "function; the dotted line is its limit. The dashed line connects the compensators that no other one beats in "
-        "both. The large mark is the recommended one."
+        f"Worst-case error against the drive {study.units.words.force} above the loop bandwidth, and against the peak "
+        "of the sensitivity function; the dotted line is its limit. The dashed line connects the compensators that "
+        "no other one beats in both. The large mark is the recommended one."
     )
-    figure = tradeoffs(points, f"worst-case error, rms [{unit}]", f"force [{study.units.force}]", limit)
+    figure = tradeoffs(
+        points, f"worst-case error, rms [{unit}]", f"{study.units.words.force} [{study.units.force}]", limit
+    )
     return Plot("tradeoffs-plot", figure, caption, f"Plot. {caption} The table below has the values.", False)
 
 
@@ -263,9 +265,12 @@ def _servo(study: StudyResult) -> Mapping[str, Any]:
     check = study.servo_check
     if check.recorded is None or check.commanded is None:
         return {"plot": None}
-    titles = ("time [s]", f"drive force [{unit(study.units.force)}]")
+    titles = ("time [s]", f"drive {study.units.words.force} [{unit(study.units.force)}]")
     figure = lines({"recorded": check.recorded}, {"commanded by the servo": check.commanded}, titles, height=330)
-    caption = "Recorded drive force, and the force that the servo commands for the recorded reference and position."
+    caption = (
+        f"Recorded drive {study.units.words.force}, and the {study.units.words.force} that the servo commands "
+        "for the recorded reference and position."
+    )
     return {"plot": Plot("servo-plot", figure, caption, f"Plot. {caption}")}
 
 
@@ -301,7 +306,10 @@ def residual_plots(study: StudyResult) -> list[Plot]:
     plots = []
     for picture in study.residuals:
         titles, factors = axes(picture)
-        caption = f"Simulated minus measured drive force over {picture.x_label}, in the co-simulated servo."
+        caption = (
+            f"Simulated minus measured drive {study.units.words.force} over {picture.x_label}, in the "
+            "co-simulated servo."
+        )
         figure = panels(picture.models, titles, factors, dots=True)
         plots.append(Plot(f"residual-{picture.x_label}", figure, caption, f"Plot. {caption}", False, False))
     return plots

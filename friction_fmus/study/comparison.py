@@ -13,10 +13,11 @@ import numpy as np
 
 from friction_fmus.axis.assembly import PartPool, block
 from friction_fmus.axis.servo import GAINS, Compensator, Servo
-from friction_fmus.blocks.catalogue import catalogue
+from friction_fmus.blocks.catalogue import catalogue, summary_of
 from friction_fmus.conditions.compensation import OVERCOMPENSATION
 from friction_fmus.doctor import examine
 from friction_fmus.errors import FrictionError
+from friction_fmus.blocks.axis_units import Words
 from friction_fmus.study.compensator_records import CompensatorResult, Limits, LoopMargins, Recommendation, Rung
 from friction_fmus.study.compensators import (
     INTEGRAL,
@@ -157,7 +158,7 @@ class Comparison:
         return next((row for row in self.rows if row.name == self.recommendation.name), self.rows[0])
 
 
-def compare(bench: Bench, known: AxisKnowledge, wanted: Compensation, unit: str, run: RunSteps) -> Comparison:
+def compare(bench: Bench, known: AxisKnowledge, wanted: Compensation, run: RunSteps) -> Comparison:
     """Compare the compensators on an axis."""
     servo, motion = bench.servo, bench.trajectory.motion
     alone = margins_of(servo, bench.plant, bench.speed)
@@ -170,7 +171,7 @@ def compare(bench: Bench, known: AxisKnowledge, wanted: Compensation, unit: str,
         )
     bench = replace(bench, band=BAND * first.metrics.largest)
     limits = wanted.limits if alone is None else wanted.limits.relaxed(alone)
-    tried = cases(servo, wanted.mismatch, wanted.delays, limits.delay, known.level)
+    tried = cases(servo, wanted.mismatch, wanted.delays, limits.delay, known.level, known.words)
 
     as_measured = replace(bench, trajectory=replace(bench.trajectory, motion=False, offset=0.0))
     steps = [
@@ -186,7 +187,7 @@ def compare(bench: Bench, known: AxisKnowledge, wanted: Compensation, unit: str,
     found: dict[str, Evaluation] = {c.name: each for c, each in zip(applicable, evaluations, strict=True)}
     none = _row("none", "Servo without friction compensation", "none", "", without)
     none = extremes(none, none)
-    rows = [_candidate_row(candidate, found.get(candidate.name)) for candidate in everything]
+    rows = [_candidate_row(candidate, found.get(candidate.name), known.words) for candidate in everything]
     pairs = _pairs(rank(none, rows, wanted.weights, limits.Ms), applicable)
     steps = []
     for feedforward, estimator in pairs:
@@ -196,7 +197,7 @@ def compare(bench: Bench, known: AxisKnowledge, wanted: Compensation, unit: str,
         name = f"compensator-{feedforward.name}-{estimator.name}"
         steps.append(Step(name, evaluate, (bench, schemes, tried), Evaluation))
     for (feedforward, estimator), evaluation in zip(pairs, run(steps), strict=True):
-        row = _joined(feedforward, estimator, evaluation)
+        row = _joined(feedforward, estimator, evaluation, known.words)
         rows.append(row)
         found[row.name] = evaluation
 
@@ -210,7 +211,7 @@ def compare(bench: Bench, known: AxisKnowledge, wanted: Compensation, unit: str,
             arguments = bench, [replace(scheme, table=True)], tried
             steps.append(Step(f"compensator-{row.name}-table", evaluate, arguments, Evaluation))
         for row, evaluation in zip(best, run(steps), strict=True):
-            joined = _with_table(row, evaluation)
+            joined = _with_table(row, evaluation, known.words)
             rows.append(joined)
             found[joined.name] = evaluation
 
@@ -218,7 +219,7 @@ def compare(bench: Bench, known: AxisKnowledge, wanted: Compensation, unit: str,
     rungs = ladder(plain.metrics, motion, none, ranked)
     contradicted = _contradicted(bench, ranked, found)
     left = [row for row in ranked if row.name not in contradicted]
-    recommendation = recommend(none, left, rungs, unit, contradicted)
+    recommendation = recommend(none, left, rungs, known.words, contradicted)
     chosen = found[recommendation.name].scheme if recommendation.name in found else None
     chosen = Scheme(servo) if chosen is None else chosen
     return Comparison((none, *ranked), rungs, recommendation, chosen, limits)
@@ -302,26 +303,27 @@ def _best_of_each_kind(ranked: Sequence[CompensatorResult]) -> list[CompensatorR
     return list(best.values())
 
 
-def _with_table(row: CompensatorResult, evaluation: Evaluation) -> CompensatorResult:
+def _with_table(row: CompensatorResult, evaluation: Evaluation, u: Words) -> CompensatorResult:
     """Return the entry of a compensator to which the table over position was added."""
-    name, summary = f"{row.name} + {TABLE.name}", f"{row.summary}; {TABLE_SUMMARY[0].lower()}{TABLE_SUMMARY[1:]}"
+    table = u.fill(TABLE_SUMMARY)
+    name, summary = f"{row.name} + {TABLE.name}", f"{row.summary}; {table[0].lower()}{table[1:]}"
     return _row(name, summary, TABLE.kind, row.model, evaluation)
 
 
-def _candidate_row(candidate: Candidate, evaluation: Evaluation | None) -> CompensatorResult:
-    own = {INTEGRAL.name: INTEGRAL_SUMMARY, TABLE.name: TABLE_SUMMARY}
-    summary = own[candidate.name] if candidate.name in own else catalogue()[candidate.name].summary
+def _candidate_row(candidate: Candidate, evaluation: Evaluation | None, u: Words) -> CompensatorResult:
+    own = {INTEGRAL.name: INTEGRAL_SUMMARY, TABLE.name: u.fill(TABLE_SUMMARY)}
+    summary = own[candidate.name] if candidate.name in own else summary_of(catalogue()[candidate.name], u)
     if evaluation is None:
         return CompensatorResult(candidate.name, summary, candidate.kind, False, candidate.reason)
     return _row(candidate.name, summary, candidate.kind, candidate.model, evaluation, (candidate.name,))
 
 
-def _joined(feedforward: Candidate, estimator: Candidate, evaluation: Evaluation) -> CompensatorResult:
+def _joined(feedforward: Candidate, estimator: Candidate, evaluation: Evaluation, u: Words) -> CompensatorResult:
     blocks = catalogue()
-    second = INTEGRAL_SUMMARY if estimator == INTEGRAL else blocks[estimator.name].summary
+    second = INTEGRAL_SUMMARY if estimator == INTEGRAL else summary_of(blocks[estimator.name], u)
     return _row(
         f"{feedforward.name} + {estimator.name}",
-        f"{blocks[feedforward.name].summary}; {second[0].lower()}{second[1:]}",
+        f"{summary_of(blocks[feedforward.name], u)}; {second[0].lower()}{second[1:]}",
         f"feedforward with {estimator.kind}",
         feedforward.model,
         evaluation,

@@ -18,6 +18,7 @@ from friction_fmus.blocks.about import KINDS, Use
 from friction_fmus.blocks.arithmetic import Number, evaluate, names_in, vectors_in
 from friction_fmus.blocks.catalogue import catalogue
 from friction_fmus.errors import nearest
+from friction_fmus.blocks.axis_units import Words, words_of
 from friction_fmus.identification import Array
 from friction_fmus.study.config import ALL, ConfigError
 from harness import FmuPart, open_archive
@@ -49,6 +50,11 @@ class AxisKnowledge:
     """Whether the axis is rotary."""
     scale: float = 1.0
     """Factor of the bandwidth of estimators."""
+
+    @property
+    def words(self) -> Words:
+        """Nouns and units of the axis."""
+        return words_of(self.rotary)
 
     @property
     def Ts(self) -> float:  # noqa: N802 (the symbol of the sample time)
@@ -168,7 +174,7 @@ INTEGRAL_SUMMARY: Final = "Integral action of the servo"
 TABLE: Final = Candidate("PositionMap", "table over position", "", None)
 """Identified force over position, compensated along the reference."""
 
-TABLE_SUMMARY: Final = "Force over position, compensated along the reference"
+TABLE_SUMMARY: Final = "{Force} over position, compensated along the reference"
 
 
 def buildable(wanted: Sequence[str] | str) -> list[str]:
@@ -183,7 +189,8 @@ def candidates(wanted: Sequence[str] | str, known: AxisKnowledge) -> list[Candid
     check_names(wanted)
     uses = compensators()
     names = [*uses, INTEGRAL.name, TABLE.name] if wanted == ALL else list(wanted)
-    flat = "No force of the axis that depends on position was identified." if known.plant.position is None else ""
+    flat = f"No {known.words.force} of the axis that depends on position was identified."
+    flat = flat if known.plant.position is None else ""
     without_law = {INTEGRAL.name: INTEGRAL, TABLE.name: replace(TABLE, reason=flat)}
     return [without_law[name] if name in without_law else _choice(name, uses[name], known) for name in names]
 
@@ -218,7 +225,7 @@ def check_names(wanted: Sequence[str] | str) -> None:
 
 def _choice(name: str, row: Use, known: AxisKnowledge) -> Candidate:
     if row.never:
-        return Candidate(name, row.kind, "", None, row.never)
+        return Candidate(name, row.kind, "", None, known.words.fill(row.never))
     model = next((model for model in row.models if model in known.models), "")
     if row.models and not model:
         return Candidate(

@@ -15,6 +15,7 @@ from scipy import signal
 from friction_fmus.axis.assembly import PartPool
 from friction_fmus.axis.loop import Trace, closed_loop, numerical_error, run_loop, with_gain
 from friction_fmus.axis.servo import Compensator, Plant, Servo, Trajectory
+from friction_fmus.blocks.axis_units import SLIDING, Words
 from friction_fmus.identification import Array
 from friction_fmus.study.compensator_records import Corner, LoopMargins, Metrics, Trial
 from friction_fmus.study.records import Curve, thinned
@@ -155,12 +156,14 @@ class Case:
     """Whether the case is part of the worst case."""
 
 
-def cases(servo: Servo, mismatch: float, delays: Sequence[int], least_delay: float, level: float) -> tuple[Case, ...]:
+def cases(
+    servo: Servo, mismatch: float, delays: Sequence[int], least_delay: float, level: float, u: Words = SLIDING
+) -> tuple[Case, ...]:
     """Return the cases of a study."""
     found = []
     factors = (1.0 - mismatch, 1.0 + mismatch) if mismatch else ()
     for friction, mass in product(factors, factors):
-        found.append(Case(f"friction x {friction:.4g}, mass x {mass:.4g}", friction, mass))
+        found.append(Case(f"friction x {friction:.4g}, {u.mass} x {mass:.4g}", friction, mass))
     for delay in delays:
         samples = "1 more sample" if delay == 1 else f"{delay} more samples"
         found.append(Case(f"{samples} of delay", delay=delay, counts=delay <= least_delay))
@@ -168,7 +171,7 @@ def cases(servo: Servo, mismatch: float, delays: Sequence[int], least_delay: flo
         noise = servo.quantum or servo.noise
         found.append(Case("coarser and noisier encoder", coarser=COARSER, noise=noise))
     if level > 0.0:
-        found.append(Case(f"load of {LOAD * level:.3g} N", load=LOAD * level))
+        found.append(Case(f"load of {LOAD * level:.3g} {u.N}", load=LOAD * level))
     return tuple(found)
 
 

@@ -114,7 +114,7 @@ def export_recommended(
     out: Path, bench: Bench, scheme: Scheme, name: str, citation: str, figures: Figures | None = None
 ) -> tuple[WrittenFile, ...]:
     """Write the files needed to use the recommended compensator."""
-    folder = out / OWN
+    folder, u = out / OWN, bench.trajectory.words
     make_folder(folder)
     written: list[WrittenFile] = []
     both = {"feedforward": scheme.feedforward, "compensator": scheme.compensator}
@@ -143,14 +143,16 @@ def export_recommended(
     table = bench.plant.position
     if scheme.table and table is not None:
         fmus["table"] = table.to_fmu(folder, TABLE.name, bench.trajectory.rotary)
-        written.append(WrittenFile(_path(out, fmus["table"]), "Force over position; connected to the reference"))
+        written.append(
+            WrittenFile(_path(out, fmus["table"]), f"{u.force.capitalize()} over position; connected to the reference")
+        )
     trajectory = with_table(bench, scheme)
     with closed_loop(scheme.servo, bench.plant, trajectory, compensator, fmus, feedforward=second) as system:
         inside = compensator is None or (compensator.output == "u" and has_gain)
         whole = system if inside else with_gain(system, scheme.gain)
         whole, _ = accurate(with_tracking_error(whole))
         whole.to_ssp(folder / "axis.ssp")
-        title = "SSP archive of the whole axis: reference, compensator, servo, mass, friction"
+        title = f"SSP archive of the whole axis: reference, compensator, servo, {u.mass}, friction"
         written.append(WrittenFile(f"{OWN}/axis.ssp", title))
         written += export_composites(folder, whole)
         missing = without_code(scheme.servo, laws)
@@ -159,7 +161,7 @@ def export_recommended(
             loop = recommended_loop(whole, scheme.servo, laws, chosen, trajectory, folder / LOOP_FILE)
             written += _controller(out, loop, f"Recommended loop of {name}")
         with atomic_path(folder / "README.md") as temporary:
-            text = wiring(whole, scheme.servo, figures, missing) if recommends else NOTHING
+            text = wiring(whole, scheme.servo, figures, missing, u) if recommends else NOTHING
             temporary.write_text(text, encoding="utf-8", newline="\n")
         written.append(WrittenFile(f"{OWN}/README.md", "Connections of the compensator, as co-simulated"))
     return tuple(written)

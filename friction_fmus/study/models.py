@@ -12,8 +12,9 @@ from friction_fmus.axis.assembly import constant_force
 from friction_fmus.axis.loop import Plant, Trajectory, closed_loop, run_loop
 from friction_fmus.axis.position_map import PositionMap
 from friction_fmus.axis.servo import Servo
-from friction_fmus.blocks.catalogue import find
+from friction_fmus.blocks.catalogue import find, summary_of
 from friction_fmus.errors import FrictionError
+from friction_fmus.blocks.axis_units import AxisUnits
 from friction_fmus.identification import (
     LINEAR,
     PUBLISHED_SETTINGS,
@@ -83,7 +84,7 @@ PUBLISHED: Final = "Coulomb + viscous, as published"
 VISCOUS_BESIDE: Final = "viscous friction beside the model"
 """Meaning of the parameter Fv of a model that has none."""
 
-MEANING: Final = {"M": "moved mass", "OF": "offset of the drive"}
+MEANING: Final = {"M": "{moved_mass}", "OF": "offset of the drive"}
 
 
 @dataclass(frozen=True)
@@ -144,7 +145,7 @@ def identify_model(
     viscous: bool = True,
 ) -> IdentifiedModel:
     """Identify a friction model; if the identification fails, the result states the reason."""
-    summary = find(name).summary
+    summary = summary_of(find(name), train[0].units.words)
     try:
         # a model without state is fast to simulate and its cost may have several local minima
         starts = 3 if contact_model(name, train[0].units).static else 1
@@ -187,12 +188,12 @@ def inverse_model(train: Sequence[Record], validation: Sequence[Record], measure
         fit = identify_inverse_model(record)
     except FrictionError as error:
         return IdentifiedModel(ModelResult(INVERSE, summary, reason=str(error)))
-    rows = _inverse_parameters(fit, {})
+    rows = _inverse_parameters(fit, {}, record.units)
     Fc = fit.parameters["Fc"].value
     negative = [p for p in fit.parameters.values() if p.name != "OF" and p.value < 0.0]
     if negative:
         listed = ", ".join(f"{p.name} = {p.value:.4g} {p.unit}" for p in negative)
-        reason = f"the force fits negative parameters ({listed})."
+        reason = f"the {record.units.words.force} fits negative parameters ({listed})."
         return IdentifiedModel(ModelResult(INVERSE, summary, "inverse", rows, reason=reason, simulations=0))
     fitted = inverse_residual(fit, [record])
     assert fitted is not None
@@ -219,14 +220,18 @@ def published_model(record: Record, published: Mapping[str, float]) -> Identifie
     Residuals on data that were fitted do not compare with those of the other models on validation data.
     """
     summary = "Coulomb and viscous friction from the inverse model (IDIM-LS), fitted to the whole record as published"
-    rows = _inverse_parameters(identify_inverse_model(record, PUBLISHED_SETTINGS), published)
+    rows = _inverse_parameters(identify_inverse_model(record, PUBLISHED_SETTINGS), published, record.units)
     reason = "it repeats the published identification of the whole record, validation data included."
     return IdentifiedModel(ModelResult(PUBLISHED, summary, "inverse", rows, reason=reason, simulations=0))
 
 
-def _inverse_parameters(fit: InverseModelFit, published: Mapping[str, float]) -> tuple[IdentifiedParameter, ...]:
+def _inverse_parameters(
+    fit: InverseModelFit, published: Mapping[str, float], units: AxisUnits
+) -> tuple[IdentifiedParameter, ...]:
     return tuple(
-        IdentifiedParameter(p.name, p.value, p.standard_error, p.unit, MEANING.get(p.name, ""), published.get(p.name))
+        IdentifiedParameter(
+            p.name, p.value, p.standard_error, p.unit, units.words.fill(MEANING.get(p.name, "")), published.get(p.name)
+        )
         for p in fit.parameters.values()
     )
 
@@ -239,11 +244,12 @@ def _without_loop(found: IdentifiedModel, error: Exception) -> IdentifiedModel:
 
 def row_of(result: Identification, summary: str, published: Mapping[str, float]) -> ModelResult:
     """Return an identification as entry in the result of a study."""
-    known = contact_model(result.block, result.records[0].units).parameters
+    units = result.records[0].units
+    known = contact_model(result.block, units).parameters
 
     def parameter(name: str, estimate: Estimate) -> IdentifiedParameter:
         error = estimate.standard_error
-        meaning = MEANING.get(name) or (known[name].text if name in known else VISCOUS_BESIDE)
+        meaning = units.words.fill(MEANING.get(name, "")) or (known[name].text if name in known else VISCOUS_BESIDE)
         return IdentifiedParameter(
             name,
             estimate.value,
@@ -321,7 +327,10 @@ def _unlike(measured: Measured, fits: Sequence[Fit]) -> str:
             f"more than {100.0 * REPRODUCED:.0f} % of the tracking error of {tracking:.3g} {position.unit}."
         )
     if len(fits) > 1 and fits[1].percent > 100.0 * REPRODUCED:
-        return f"the force of the simulated servo differs from the record by {fits[1].percent:.3g} % of its rms value."
+        force = measured.trajectory.words.force
+        return (
+            f"the {force} of the simulated servo differs from the record by {fits[1].percent:.3g} % of its rms value."
+        )
     return ""
 
 
@@ -463,9 +472,9 @@ def _better(
     level = rms(np.concatenate([record.column("force") for record in unfitted])) if before is not None else 0.0
     comparisons: tuple[tuple[str, float | None, float | None, float, str], ...] = (
         ("position of the simulated servo", found.error, refined.error, 0.0, units.position),
-        ("force of the simulated servo", found.force_error, refined.force_error, 0.0, units.force),
+        (f"{units.words.force} of the simulated servo", found.force_error, refined.force_error, 0.0, units.force),
         # the prediction depends on the filter of the motion, with which the parameters before were fitted
-        ("predicted force", before, after, BIAS * level, units.force),
+        (f"predicted {units.words.force}", before, after, BIAS * level, units.force),
     )
     for what, old, new, allowed, unit in comparisons:
         if old is None or (new is not None and new <= (1.0 + EQUAL) * old + allowed):

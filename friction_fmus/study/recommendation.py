@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
+from friction_fmus.blocks.axis_units import Words
 from friction_fmus.study.compensator_records import CompensatorResult, Metrics, Recommendation, Rung
 from friction_fmus.study.compensators import INTEGRAL, TABLE
 from friction_fmus.study.ranking import WORTH
@@ -48,7 +49,7 @@ def recommend(
     none: CompensatorResult,
     ranked: Sequence[CompensatorResult],
     rungs: Sequence[Rung],
-    unit: str,
+    u: Words,
     contradicted: Mapping[str, str] | None = None,
 ) -> Recommendation:
     """Return the recommended compensator with the reasons."""
@@ -58,6 +59,7 @@ def recommend(
     first = tried[0]
     assert none.metrics is not None
     assert first.metrics is not None
+    unit = u.m
     start = _start(rungs, unit)
     if not first.improves:
         nearest = min(tried, key=lambda row: (row.worst is None, row.worst, row.name))
@@ -74,7 +76,7 @@ def recommend(
         f"{start}{first.name} reduces the tracking error from {shown(none.metrics.rms, unit)} to "
         f"{shown(first.metrics.rms, unit)} rms"
         + (f", and in the worst case from {_worst(none, unit)} to {_worst(first, unit)}" if first.corners else "")
-        + f". {_figures(none, first)}"
+        + f". {_figures(none, first, u)}"
     )
     reason += "".join(f" {objection}" for objection in _objections(contradicted or {}))
     improving = [row for row in tried if row.improves]
@@ -84,7 +86,7 @@ def recommend(
     assert second.metrics is not None
     also = (
         f"{second.name} reaches {shown(second.metrics.rms, unit)} rms and {_worst(second, unit)} in the worst case. "
-        f"{_figures(none, second)}"
+        f"{_figures(none, second, u)}"
     )
     return Recommendation(first.name, reason, first.gain, second.name, also)
 
@@ -117,16 +119,16 @@ def _objections(contradicted: Mapping[str, str]) -> list[str]:
     ]
 
 
-def _figures(none: CompensatorResult, row: CompensatorResult) -> str:
+def _figures(none: CompensatorResult, row: CompensatorResult, u: Words) -> str:
     """Return a sentence with the effort, the margins and the cost of a compensator."""
     assert none.metrics is not None
     assert row.metrics is not None
     ratio = row.metrics.effort_high / none.metrics.effort_high if none.metrics.effort_high else 1.0
     change = round(100.0 * (ratio - 1.0))
     parts = [
-        "changes the drive force above the loop bandwidth by less than 1 %"
+        f"changes the drive {u.force} above the loop bandwidth by less than 1 %"
         if abs(change) < 1
-        else f"{'raises' if change > 0 else 'lowers'} the drive force above the loop bandwidth by {abs(change)} %"
+        else f"{'raises' if change > 0 else 'lowers'} the drive {u.force} above the loop bandwidth by {abs(change)} %"
     ]
     if row.margins is not None and row.margins.Ms is not None:
         margin = f"leaves a sensitivity peak of {row.margins.Ms:.2f}"

@@ -5,18 +5,14 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from math import sqrt
-from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from friction_fmus.axis.servo import Servo
+from friction_fmus.axis.servo import GAIN_UNITS, Servo
 from friction_fmus.identification import Array, Record
 from friction_fmus.identification.fit.scores import independent_samples
 from friction_fmus.study.records import IdentifiedParameter
-
-UNITS: Final[Mapping[str, str]] = {"kp": "1/s", "kv": "N.s/m", "ki": "N/m", "Kp": "N/m", "Kd": "N.s/m", "Ki": "N/(m.s)"}
-"""Units of the gains of a linear axis."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,9 +107,7 @@ def gains_of(compared: Comparison, fit: LinearFit) -> tuple[IdentifiedParameter,
     def gain(name: str, value: float, slopes: Mapping[str, float]) -> IdentifiedParameter:
         slope = np.array([slopes.get(column, 0.0) for column in names])
         error = float(np.sqrt(max(slope @ fit.covariance @ slope, 0.0)))
-        unit = UNITS[name]
-        if compared.record.units.position == "rad":
-            unit = unit.replace("N", "N.m").replace("/m", "/rad").replace("(m.s)", "(rad.s)")
+        unit = compared.record.units.words.fill(GAIN_UNITS[name])
         return IdentifiedParameter(name, value, error, unit, "gain of the servo")
 
     a, b = fit.values["e"], fit.values["d"]

@@ -16,6 +16,7 @@ import numpy as np
 
 from friction_fmus.axis.loop import block
 from friction_fmus.axis.servo import GAINS, Servo
+from friction_fmus.blocks.axis_units import Words
 from friction_fmus.identification import ROTARY, Array, Record
 from friction_fmus.study.records import Fit, IdentifiedParameter, ServoCheck, StudyFinding, thinned
 from friction_fmus.study.regression import (
@@ -124,6 +125,7 @@ class Diagnosis:
 
 def explain(compared: Comparison, allowed: float) -> Diagnosis:
     """Return why the servo does not reproduce the recorded force."""
+    u = compared.record.units.words
     enough = max(allowed, EXPLAINED * compared.residual)
     attempts = [
         attempt(compared, allowed)
@@ -141,14 +143,14 @@ def explain(compared: Comparison, allowed: float) -> Diagnosis:
         "nor in pulses."
     )
     change = (
-        "Check the law, window and Ts of the servo; log the force that its law commands, before filters and limits, "
-        "and add a column injected if another force is added to it."
+        f"Check the law, window and Ts of the servo; log the {u.force} that its law commands, before filters and "
+        f"limits, and add a column injected if another {u.force} is added to it."
     )
     gains = _gains(compared, allowed)[0].gains
     configured = compared.servo.gains
     confirmed = all(abs(gain.value / configured[gain.name] - 1.0) < CONFIRMED for gain in gains if gain.name[1:] != "i")
     if confirmed:
-        what = "the gains agree with the record, but the force contains noise or another force."
+        what = f"the gains agree with the record, but the {u.force} contains noise or another {u.force}."
     return Diagnosis((Explanation("servo-unexplained", what, change),), gains, confirmed=confirmed)
 
 
@@ -157,6 +159,7 @@ Attempt: TypeAlias = tuple[Diagnosis, float]
 
 def _factor(compared: Comparison, allowed: float) -> Attempt:
     """Explain the difference by a constant factor: a sign, a unit, or the outer gain of the law."""
+    u = compared.record.units.words
     force, command = (values[compared.used] for values in (compared.force, compared.unlimited))
     if compared.servo.pid[2]:
         force, command = force - np.mean(force), command - np.mean(command)
@@ -167,14 +170,14 @@ def _factor(compared: Comparison, allowed: float) -> Attempt:
     scaled = ("kv", "ki") if law == "CascadePPI" else GAINS[law]
     values = " and ".join(f"{name} = {factor * gains[name]:.5g}" for name in scaled if gains[name])
     if factor < 0.0 and abs(factor + 1.0) < 0.05:
-        what = "the force is the command with the opposite sign."
-        change = "Set sign = -1 for the force in [columns], or for position and reference, whichever is inverted."
+        what = f"the {u.force} is the command with the opposite sign."
+        change = f"Set sign = -1 for the {u.force} in [columns], or for position and reference, whichever is inverted."
         return Diagnosis((Explanation("wrong-sign", what, change),)), left
     unit = _unit(abs(factor))
-    what = f"the force is {factor:.4g} times the command" + (f", which is {unit}." if unit else ".")
-    change = f"Set {values} in [servo], or correct the unit of force, position and reference."
+    what = f"the {u.force} is {factor:.4g} times the command" + (f", which is {unit}." if unit else ".")
+    change = f"Set {values} in [servo], or correct the unit of {u.force}, position and reference."
     if factor < 0.0:
-        return Diagnosis((Explanation("wrong-sign-and-unit", what, "Correct sign and unit of the force."),)), left
+        return Diagnosis((Explanation("wrong-sign-and-unit", what, f"Correct sign and unit of the {u.force}."),)), left
     name = "wrong-unit-or-gain" if unit else "wrong-gain"
     return Diagnosis((Explanation(name, what, change),), _gains(compared, allowed)[0].gains), left
 
@@ -196,12 +199,15 @@ def _unit(factor: float) -> str:
 
 def _delay(compared: Comparison, allowed: float) -> Attempt:
     """Explain the difference by a command that is recorded some samples later or earlier."""
+    u = compared.record.units.words
     trials = {n: compared.left(compared.force - shifted(compared.command, n)) for n in range(-LATEST // 2, LATEST + 1)}
     n = min(trials, key=lambda n: trials[n])
     late = "later" if n > 0 else "earlier"
     samples = "1 sample" if abs(n) == 1 else f"{abs(n)} samples"
-    what = f"the force is the command of the law {samples} {late}."
-    change = f"Log force, position and reference of the same sample, or move the column of the force by {samples}."
+    what = f"the {u.force} is the command of the law {samples} {late}."
+    change = (
+        f"Log {u.force}, position and reference of the same sample, or move the column of the {u.force} by {samples}."
+    )
     return Diagnosis((Explanation("delay", what, change),)), trials[n]
 
 
@@ -226,6 +232,7 @@ def _feedforward(compared: Comparison, allowed: float) -> Attempt:
 
 def _window(compared: Comparison, allowed: float) -> Attempt:
     """Explain the difference by another number of samples over which the servo computes the velocity."""
+    u = compared.record.units.words
     servo = compared.servo
     Kd = servo.pid[1]
     v = velocity(compared.record, servo.Ts, servo.window)
@@ -234,7 +241,7 @@ def _window(compared: Comparison, allowed: float) -> Attempt:
         command = compared.command + Kd * (v - velocity(compared.record, servo.Ts, window))
         trials[window] = compared.left(compared.force - command)
     window = min(trials, key=lambda n: trials[n])
-    what = f"the force fits a velocity computed over {window} samples instead of {servo.window}."
+    what = f"the {u.force} fits a velocity computed over {window} samples instead of {servo.window}."
     return Diagnosis((Explanation("wrong-window", what, f"Set window = {window} in [servo]."),)), trials[window]
 
 
@@ -249,7 +256,7 @@ def _gains(compared: Comparison, allowed: float) -> Attempt:
         with_integral = fitted(compared, {**regressors(compared, integral=True), **timing}, compared.force)
         fit = with_integral if with_integral.left < 0.5 * fit.left else fit
     gains = gains_of(compared, fit)
-    return Diagnosis((_of_gains(servo, gains),), gains), fit.left
+    return Diagnosis((_of_gains(compared.record.units.words, servo, gains),), gains), fit.left
 
 
 def _gains_and_feedforward(compared: Comparison, allowed: float) -> Attempt:
@@ -260,10 +267,11 @@ def _gains_and_feedforward(compared: Comparison, allowed: float) -> Attempt:
     gains = gains_of(compared, fit)
     sizes = {name: abs(fit.values[name]) * rms(column[compared.used]) for name, column in columns.items()}
     shown = {name for name, size in sizes.items() if size > allowed}
-    return Diagnosis((_of_gains(servo, gains), *_added(compared, fit, shown)), gains), fit.left
+    found = _of_gains(compared.record.units.words, servo, gains)
+    return Diagnosis((found, *_added(compared, fit, shown)), gains), fit.left
 
 
-def _of_gains(servo: Servo, gains: Sequence[IdentifiedParameter]) -> Explanation:
+def _of_gains(u: Words, servo: Servo, gains: Sequence[IdentifiedParameter]) -> Explanation:
     shown = [f"{gain.name} = {gain.value:.5g} ± {gain.standard_error:.2g}" for gain in gains]
     given = [f"{gain.name} = {servo.gains[gain.name]:.5g}" for gain in gains]
     lines = [f"{gain.name} = {gain.value:.6g}" for gain in gains]
@@ -272,15 +280,15 @@ def _of_gains(servo: Servo, gains: Sequence[IdentifiedParameter]) -> Explanation
         shown.append(f"{integral} = 0")
         given.append(f"{integral} = {servo.gains[integral]:.5g}")
         lines.append(f"{integral} = 0")
-    what = f"the force fits {', '.join(shown)} instead of {', '.join(given)}."
+    what = f"the {u.force} fits {', '.join(shown)} instead of {', '.join(given)}."
     return Explanation("wrong-gains", what, f"Set {', '.join(lines)} in [servo].")
 
 
 def _added(compared: Comparison, fit: LinearFit, shown: set[str] | None = None) -> tuple[Explanation, ...]:
     """Return a sentence for each signal of `references` that the recorded force contains."""
-    units, servo = compared.record.units, compared.servo
+    u, servo = compared.record.units.words, compared.servo
     Kd = servo.pid[1]
-    declare = "Log this force and declare its column as injected."
+    declare = f"Log this {u.force} and declare its column as injected."
     found = []
     for name in ("rd", "rdd", "sign", "constant"):
         if name not in fit.values or (shown is not None and name not in shown):
@@ -290,10 +298,10 @@ def _added(compared: Comparison, fit: LinearFit, shown: set[str] | None = None) 
             wanted = str(not servo.velocity_feedforward).lower()
             has = "has no velocity feedforward" if servo.velocity_feedforward else "has a velocity feedforward"
             change = f"Set velocity_feedforward = {wanted} in [servo]."
-            what = f"the measured servo {has} ({value:.5g} {units.viscous} times the reference velocity)."
+            what = f"the measured servo {has} ({value:.5g} {u.Ns_m} times the reference velocity)."
             found.append(Explanation("velocity-feedforward", what, change))
         elif name == "rd":
-            what = f"the force contains the reference velocity times {value:.5g} {units.viscous}."
+            what = f"the {u.force} contains the reference velocity times {value:.5g} {u.Ns_m}."
             found.append(Explanation("viscous-feedforward", what, declare))
         elif name == "rdd" and servo.velocity_feedforward and abs(value) < LATEST * Kd * servo.Ts / 2.0:
             samples = -value / (Kd * servo.Ts)
@@ -301,28 +309,29 @@ def _added(compared: Comparison, fit: LinearFit, shown: set[str] | None = None) 
             what = (
                 f"the reference velocity of its feedforward is {abs(samples):.2g} samples {late} than that of the log."
             )
-            change = "Log the reference that the servo uses, in the same sample as position and force."
+            change = f"Log the reference that the servo uses, in the same sample as position and {u.force}."
             found.append(Explanation("reference-timing", what, change))
         elif name == "rdd":
-            what = f"the force contains the reference acceleration times {value:.5g} {units.inertia}."
+            what = f"the {u.force} contains the reference acceleration times {value:.5g} {u.kg}."
             total = value + servo.inertia_feedforward
             change = (
                 f"Set inertia_feedforward = {total:.5g} in [servo]."
                 if total > 0.0
-                else "Log force, position and reference of the same sample."
+                else f"Log {u.force}, position and reference of the same sample."
             )
             found.append(Explanation("inertia-feedforward", what, change))
         elif name == "sign":
-            what = f"the force contains {value:.5g} {units.force} in the direction of the reference velocity."
+            what = f"the {u.force} contains {value:.5g} {u.N} in the direction of the reference velocity."
             found.append(Explanation("friction-feedforward", what, declare))
         else:
-            what = f"a constant force of {value:.5g} {units.force} is added to the command."
+            what = f"a constant {u.force} of {value:.5g} {u.N} is added to the command."
             found.append(Explanation("constant-force", what, declare))
     return tuple(found)
 
 
 def _injected(compared: Comparison) -> Diagnosis | None:
     """Return the diagnosis of a force that was added from outside, in pulses or periodic; None if there is none."""
+    u = compared.record.units.words
     difference = compared.force - compared.command
     if compared.servo.pid[2]:
         difference = difference - np.median(difference[compared.used])
@@ -330,11 +339,13 @@ def _injected(compared: Comparison) -> Diagnosis | None:
     if not said:
         return None
     change = (
-        "Add a column injected with this force to [columns]; until then the study uses the difference between recorded "
-        "force and command as injected force."
+        f"Add a column injected with this {u.force} to [columns]; until then the study uses the difference between "
+        f"recorded {u.force} and command as injected {u.force}."
     )
     outside = np.where(compared.used, difference, 0.0)
-    return Diagnosis((Explanation("injected-force", f"a force is added from outside, {said}.", change),), (), outside)
+    return Diagnosis(
+        (Explanation("injected-force", f"a {u.force} is added from outside, {said}.", change),), (), outside
+    )
 
 
 MATCH: Final = 0.02
@@ -391,7 +402,8 @@ class CheckedServo:
 def check_servo(record: Record, servo: Servo | None) -> CheckedServo:
     """Compare the servo with the recorded drive force."""
     missing = [name for name, values in (("reference", record.reference), ("position", record.q)) if values is None]
-    missing += ["drive force"] if record.force is None else []
+    u = record.units.words
+    missing += [f"drive {u.force}"] if record.force is None else []
     if servo is None or missing:
         lacks = "the configuration has no servo" if servo is None else f"the record has no {' and no '.join(missing)}"
         reason = f"The servo was not compared with the record, because {lacks}."
@@ -410,7 +422,7 @@ def check_servo(record: Record, servo: Servo | None) -> CheckedServo:
         return CheckedServo(result, compared.included, record.injected)
     found = explain(compared, allowed)
     stops = residual > max(TRUSTED * level, allowed) and found.injected is None and not found.confirmed
-    findings = tuple(_finding(each, result, stops) for each in found.explanations)
+    findings = tuple(_finding(u, each, result, stops) for each in found.explanations)
     result = replace(result, findings=findings, gains=found.gains)
     if found.injected is None:
         return CheckedServo(result, compared.included, record.injected)
@@ -443,10 +455,10 @@ def _resolution(record: Record, servo: Servo) -> float:
     return float(2.0 * rounding * np.hypot(Kp, np.sqrt(2.0) * Kd / (servo.window * servo.Ts)))
 
 
-def _finding(found: Explanation, result: ServoCheck, stops: bool) -> StudyFinding:
+def _finding(u: Words, found: Explanation, result: ServoCheck, stops: bool) -> StudyFinding:
     assert result.residual is not None
     what = (
-        "The servo as configured does not reproduce the recorded drive force (residual "
+        f"The servo as configured does not reproduce the recorded drive {u.force} (residual "
         f"{result.residual.percent:.3g} % of its rms value): {found.what}"
     )
     return StudyFinding(found.name, what, found.change, stops)

@@ -8,8 +8,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final
 
-from friction_fmus.axis.servo import GAINS
-from friction_fmus.identification import ROTARY, Measurement
+from friction_fmus.axis.servo import GAIN_UNITS, GAINS
+from friction_fmus.blocks.axis_units import SLIDING
+from friction_fmus.identification import Measurement
 from friction_fmus.identification.data.guessing import columns_text, quoted
 from friction_fmus.identification.data.mapping import MISSING, Column
 from friction_fmus.identification.data.reading import default_windows
@@ -21,16 +22,6 @@ from friction_fmus.study.records import WrittenFile
 from harness.storage.files import atomic_path
 
 SETTINGS_FILE: Final = "study.toml"
-
-GAIN_UNITS: Final[Mapping[str, tuple[str, str]]] = {
-    "kp": ("1/s", "1/s"),
-    "kv": ("N.s/m", "N.m.s/rad"),
-    "ki": ("N/m", "N.m/rad"),
-    "Kp": ("N/m", "N.m/rad"),
-    "Kd": ("N.s/m", "N.m.s/rad"),
-    "Ki": ("N/(m.s)", "N.m/(rad.s)"),
-}
-"""Units of the gains of a servo, on a linear and on a rotary axis."""
 
 
 @dataclass(frozen=True)
@@ -111,24 +102,23 @@ def _windows(measurement: Measurement | None) -> list[str]:
 
 def _servo(known: Known) -> list[str]:
     record = known.measurement.records[0] if known.measurement is not None else None
-    rotary = record is not None and record.units == ROTARY
-    force, length, mass = ("N.m", "rad", "kg.m2") if rotary else ("N", "m", "kg")
+    u = record.units.words if record is not None else SLIDING
     law = known.servo.get("law", '"CascadePPI"').strip('"')
-    units = {name: GAIN_UNITS[name][rotary] for name in GAINS[law]}
+    units = {name: u.fill(GAIN_UNITS[name]) for name in GAINS[law]}
     blank = f'"{MISSING}"'
     default = {name: f"{value}" for name, value in OPTIONAL_GAINS.items()}
     entries = {name: (known.servo.get(name, default.get(name, blank)), unit) for name, unit in units.items()}
     entries |= {
         "Ts": (known.servo.get("Ts", f"{record.Ts:.6g}" if record else blank), "s, sample time of the controller"),
-        "force_limit": (known.servo.get("force_limit", blank), f"{force}, largest force"),
+        "force_limit": (known.servo.get("force_limit", blank), f"{u.N}, largest {u.force}"),
         "window": (known.servo.get("window", "2"), "samples over which the velocity is computed"),
         "quantum": (
             known.servo.get("quantum", f"{record.quantum:.6g}" if record else "0.0"),
-            f"{length}, step of the encoder; 0: exact",
+            f"{u.m}, step of the encoder; 0: exact",
         ),
     }
     if record is not None and record.force is None:
-        entries["mass"] = (known.servo.get("mass", blank), f"{mass}, because the record has no drive force")
+        entries["mass"] = (known.servo.get("mass", blank), f"{u.kg}, because the record has no drive {u.force}")
     lines = ["[servo]", f'law = "{law}"  # "CascadePPI" with kp, kv, ki, or "PID" with Kp, Kd, Ki']
     lines += [f"{name} = {value}  # {unit}" for name, (value, unit) in entries.items()]
     if known.servo:

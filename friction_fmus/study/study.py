@@ -7,9 +7,9 @@ import platform
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor
-from dataclasses import dataclass, fields, is_dataclass, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, Final, TypeVar
+from typing import Any, Final
 
 import numpy as np
 
@@ -21,8 +21,8 @@ from friction_fmus.conditions import PathDynamics, SampledLaw, chain, one_mass
 from friction_fmus.conditions.condition import spectral_radius
 from friction_fmus.doctor import examine
 from friction_fmus.errors import FrictionError
-from friction_fmus.fmi.rotary import in_rotary_words
-from friction_fmus.identification import ROTARY, Array, AxisUnits, Record, decimate, filtered_motion, identifiable
+from friction_fmus.blocks.axis_units import Words
+from friction_fmus.identification import Array, AxisUnits, Record, decimate, filtered_motion, identifiable
 from friction_fmus.identification.physics import FORBIDDING, contradictions
 from friction_fmus.study.comparison import Comparison, compare
 from friction_fmus.study.compensator_records import CompensatorResult, Recommendation
@@ -57,44 +57,6 @@ from harness.storage.files import atomic_path
 
 __all__ = ["StudyError", "run_study"]
 
-TEXTS: Final = frozenset(
-    (
-        *(
-            "change",
-            "failure",
-            "meaning",
-            "next_steps",
-            "no_compensation",
-            "overview",
-            "reason",
-            "runner_up_reason",
-            "summary",
-        ),
-        *("warnings", "weak", "what", "why", "wrong", "x_label", "y_label"),
-    )
-)
-"""Attributes of results that are texts for people; names, units, paths and commands are not."""
-
-T = TypeVar("T")
-
-
-def result_in_rotary_words(result: T) -> T:
-    """Return a result with the words and units of a rotary axis in all its texts."""
-    return replace(result, **{f.name: _worded(getattr(result, f.name), f.name) for f in fields(result)})  # type: ignore[type-var, arg-type]
-
-
-def _worded(value: Any, name: str) -> Any:
-    if is_dataclass(value) and not isinstance(value, type):
-        return result_in_rotary_words(value)
-    if isinstance(value, str):
-        return in_rotary_words(value) if name in TEXTS else value
-    if isinstance(value, tuple) and not (value and isinstance(value[0], float)):
-        return tuple(_worded(item, name) for item in value)
-    if isinstance(value, Mapping):
-        return {key: _worded(item, name) for key, item in value.items()}
-    return value
-
-
 DRAWN: Final = 4
 """Number of models to plot, best first."""
 
@@ -127,10 +89,10 @@ def series(data: Sequence[Record], models: Sequence[IdentifiedModel]) -> tuple[P
     if record.v is not None:
         pictures.append(picture("velocity", units.velocity, {"measured": record.v}, {}))
     if record.force is not None:
-        pictures.append(picture("drive force", units.force, {"measured": record.force}, {}))
+        pictures.append(picture(f"drive {units.words.force}", units.force, {"measured": record.force}, {}))
         forces = {found.row.name: found.force for found in drawn if found.force is not None}
         if forces:
-            pictures.append(Picture("time", "simulated − measured force", "s", units.force, {}, forces))
+            pictures.append(Picture("time", f"simulated − measured {units.words.force}", "s", units.force, {}, forces))
     if record.friction is not None:
         over = record.normal if record.normal is not None and np.all(record.normal > 0.0) else None
         column = record.friction if over is None else record.friction / over
@@ -152,7 +114,7 @@ def residuals(record: Record, models: Sequence[IdentifiedModel]) -> tuple[Pictur
         curves = {
             model: Curve(tuple(np.interp(curve.x, t, column).tolist()), curve.y) for model, curve in forces.items()
         }
-        return Picture(name, "simulated − measured force", unit, units.force, {}, curves)
+        return Picture(name, f"simulated − measured {units.words.force}", unit, units.force, {}, curves)
 
     return over("velocity", units.velocity, motion.v), over("position", units.position, motion.q)
 
@@ -266,6 +228,7 @@ class ProgressReporter:
 def overview(config: StudyConfig, data: Data) -> dict[str, str]:
     """Return descriptions of record, servo and settings, by topic."""
     record, servo, wanted = data.longest, config.servo, config.compensation
+    u = record.units.words
     length = f"{len(record)} samples at {1e3 * record.Ts:g} ms"
     segments = f"{len(data.records)} segments; the longest has {length}"
     overview = {"record": length if len(data.records) == 1 else segments}
@@ -281,14 +244,14 @@ def overview(config: StudyConfig, data: Data) -> dict[str, str]:
     if servo is not None:
         gains = ", ".join(f"{name} {value:.5g}" for name, value in servo.gains.items())
         overview["servo"] = (
-            f"{servo.law} with {gains}; sample time {1e3 * servo.Ts:g} ms, force limit ±{servo.force_limit:.4g} "
+            f"{servo.law} with {gains}; sample time {1e3 * servo.Ts:g} ms, {u.force} limit ±{servo.force_limit:.4g} "
             f"{record.units.force}, velocity over {servo.window} samples, encoder resolution "
             + (shown(servo.quantum, record.units.position) if servo.quantum else "unlimited")
         )
         overview["compensation"] = (
             f"gains {', '.join(f'{gain:g}' for gain in wanted.gains)}, or the bandwidth, with a sensitivity peak of at "
             f"most {wanted.limits.Ms:g} and a delay margin of at least {wanted.limits.delay:g} samples; friction and "
-            f"mass {100 * wanted.mismatch:g} % off; the servo "
+            f"{u.mass} {100 * wanted.mismatch:g} % off; the servo "
             + ("has velocity and inertia feedforward" if wanted.motion_feedforward else "is as measured")
         )
     return overview
@@ -309,20 +272,21 @@ GROWTH: Final = 1.1
 
 def force_findings(records: Sequence[Record], servo: Servo | None) -> tuple[StudyFinding, ...]:
     """Return findings about a drive force that contradicts the recorded motion, or the limit of the servo."""
+    u = records[0].units.words
     forbidding = (*FORBIDDING, "mass-not-identified") if servo is not None and servo.mass is None else FORBIDDING
     found = [
         StudyFinding(each.name, each.what, each.measure, each.name in forbidding) for each in contradictions(records)
     ]
     peak = max((float(np.max(np.abs(record.force))) for record in records if record.force is not None), default=0.0)
     if servo is not None and peak > BEYOND * servo.force_limit:
-        unit = records[0].units.force
-        what = f"The recorded drive force reaches {peak:.3g} {unit}; the force limit is {servo.force_limit:.3g} {unit}."
-        change = "Correct the unit of the force in [columns] or force_limit in [servo]."
+        limit = f"the {u.force} limit is {servo.force_limit:.3g} {u.N}"
+        what = f"The recorded drive {u.force} reaches {peak:.3g} {u.N}; {limit}."
+        change = f"Correct the unit of the {u.force} in [columns] or force_limit in [servo]."
         found.append(StudyFinding("force-beyond-limit", what, change, stops=True))
     return tuple(found)
 
 
-def mass_findings(servo: Servo | None, model: IdentifiedModel, unit: str) -> tuple[StudyFinding, ...]:
+def mass_findings(servo: Servo | None, model: IdentifiedModel, u: Words) -> tuple[StudyFinding, ...]:
     """Return a finding if the loop of servo and identified mass is so unstable that no record can come from it.
 
     Friction is left out, except for its viscous part: a loop whose oscillation grows by more than `GROWTH` in every
@@ -334,10 +298,10 @@ def mass_findings(servo: Servo | None, model: IdentifiedModel, unit: str) -> tup
     if growth <= GROWTH:
         return ()
     what = (
-        f"With the identified mass of {model.mass:.3g} {unit}, the servo is unstable: an oscillation grows by a factor "
-        f"of {growth:.3g} in every sample, so the record cannot come from this axis."
+        f"With the identified {u.mass} of {model.mass:.3g} {u.kg}, the servo is unstable: an oscillation grows by a "
+        f"factor of {growth:.3g} in every sample, so the record cannot come from this axis."
     )
-    change = "Correct the unit of force or position, or the gains and Ts of the servo."
+    change = f"Correct the unit of {u.force} or position, or the gains and Ts of the servo."
     return (StudyFinding("mass-contradicts-servo", what, change, stops=True),)
 
 
@@ -352,7 +316,7 @@ def loop_growth(servo: Servo, mass: float, viscous: float) -> float:
     return spectral_radius(chain(one_mass(mass, viscous), [feedback], servo.Ts, path))
 
 
-def loop_findings(models: Sequence[IdentifiedModel], simulated: bool) -> tuple[StudyFinding, ...]:
+def loop_findings(models: Sequence[IdentifiedModel], simulated: bool, u: Words) -> tuple[StudyFinding, ...]:
     """Return a finding if the servo was simulated, but with none of the models it follows the record."""
     if not simulated or not models or models[0].row.rank is not None:
         return ()
@@ -360,8 +324,8 @@ def loop_findings(models: Sequence[IdentifiedModel], simulated: bool) -> tuple[S
     if not failed:
         return ()
     change = (
-        "Check Ts, window, quantum and force limit of the servo, and whether a force acts on the axis that the record "
-        "does not contain; such a force can be declared as column injected."
+        f"Check Ts, window, quantum and {u.force} limit of the servo, and whether a {u.force} acts on the axis that "
+        f"the record does not contain; such a {u.force} can be declared as column injected."
     )
     what = f"The simulated servo does not follow the record with any friction model. {models[0].row.name}: {failed}"
     return (StudyFinding("loop-not-reproduced", what, change, stops=True),)
@@ -397,7 +361,7 @@ def next_steps(
     return (
         *_motion(bench, units),
         *_integral(bench, scheme),
-        *_laws(scheme, row),
+        *_laws(scheme, row, units.words),
         *_sensitive(row, units),
         *_fragile(row),
         *_weak(row, models),
@@ -409,7 +373,7 @@ def _motion(bench: Bench, units: AxisUnits) -> Iterator[str]:
         return
     force = bench.plant.offset
     known = abs(force) > SMALL * bench.servo.force_limit
-    constant = f", and a constant force of {force:.3g} {units.force}" if known else ""
+    constant = f", and a constant {units.words.force} of {force:.3g} {units.force}" if known else ""
     yield (
         "Switch on the feedforward of velocity (100 %) and acceleration (inertia "
         f"{bench.plant.mass:.4g} {units.inertia}){constant}."
@@ -423,9 +387,9 @@ def _integral(bench: Bench, scheme: Scheme) -> Iterator[str]:
         yield f"Set the integral gain of the {scheme.servo.law} to {name} = {value:.4g}."
 
 
-def _laws(scheme: Scheme, row: CompensatorResult) -> Iterator[str]:
+def _laws(scheme: Scheme, row: CompensatorResult, u: Words) -> Iterator[str]:
     if scheme.table:
-        yield "Subtract the force over position at the reference, see PositionMap.fmu in the folder recommended."
+        yield f"Subtract the {u.force} over position at the reference, see PositionMap.fmu in the folder recommended."
     laws = [law for law in (scheme.feedforward, scheme.compensator) if law is not None]
     if not laws:
         return
@@ -538,7 +502,6 @@ def run_study(
         result = study.run()
         panel = study.panel
     result = replace(result, seconds=time.perf_counter() - begin)
-    result = result_in_rotary_words(result) if result.units == ROTARY else result
     from friction_fmus.report import write_report
 
     write_report(result, folder / "report.html", panel)
@@ -596,12 +559,12 @@ class _Study:
         named = {finding.name for finding in findings}
         findings += [each for each in force_findings(data.records, self.config.servo) if each.name not in named]
         models = self._models(data, checked, self._goes_on(findings))
-        findings += loop_findings(models, any(found.row.closed_loop for found in models))
+        findings += loop_findings(models, any(found.row.closed_loop for found in models), data.longest.units.words)
         if models[0].row.rank is None:
             models = ranked(without_loop(models))
         best = models[0]
         if not any(finding.stops for finding in findings):  # otherwise the mass is a consequence
-            findings += mass_findings(self.config.servo, best, data.longest.units.inertia)
+            findings += mass_findings(self.config.servo, best, data.longest.units.words)
         if best.row.rank is None:
             raise StudyError(
                 f"No friction model could be identified from {data.longest.name!r}; reason of the first one: "
@@ -707,7 +670,8 @@ class _Study:
                 f"axis, add [servo] with {entries}{where}."
             )
         if best.mass <= 0.0 and servo.mass is None:
-            return "No compensator was compared, because the moved mass is unknown. Add mass = ... to [servo]."
+            moved = data.longest.units.words.moved_mass
+            return f"No compensator was compared, because the {moved} is unknown. Add mass = ... to [servo]."
         if data.longest.reference is None and data.longest.q is None:
             return "No compensator was compared, because the record has no position. Add a column for it."
         return ""
@@ -760,7 +724,7 @@ class _Study:
             return found
 
         units = data.longest.units
-        found = compare(bench, known, self.config.compensation, units.position, run)
+        found = compare(bench, known, self.config.compensation, run)
         steps = next_steps(bench, found.chosen, found.recommended, [model.row for model in models], units)
         return replace(found, recommendation=replace(found.recommendation, next_steps=steps))
 

@@ -154,7 +154,7 @@ def _delays(servo: Servo) -> dict[str, int]:
 def knobs_of(bench: Bench, schemes: Sequence[Scheme], systems: Sequence[System]) -> tuple[Knob, ...]:
     """Return what can be changed in systems that `variable_system` returned for some schemes."""
     delays = _delays(bench.servo)
-    servo, mass, rotary = bench.servo, bench.plant.mass, bench.trajectory.rotary
+    servo, mass, u = bench.servo, bench.plant.mass, bench.trajectory.words
     frictions = [off_by(system, 1.0, 1.0) for system in systems]
     for each in frictions:
         del each["axis.m"]
@@ -168,11 +168,11 @@ def knobs_of(bench: Bench, schemes: Sequence[Scheme], systems: Sequence[System])
         return (settings,) * len(systems)
 
     return (
-        Knob("friction", "all friction forces of the axis", "", 1.0, 0.1, 4.0, tuple(frictions)),
+        Knob("friction", f"all friction {u.force}s of the axis", "", 1.0, 0.1, 4.0, tuple(frictions)),
         Knob(
-            "inertia" if rotary else "mass",
+            u.mass,
             "moved by the drive",
-            "kg.m2" if rotary else "kg",
+            u.kg,
             mass,
             0.25 * mass,
             4.0 * mass,
@@ -180,7 +180,7 @@ def knobs_of(bench: Bench, schemes: Sequence[Scheme], systems: Sequence[System])
         ),
         Knob(
             "delay",
-            f"from command to force, in samples of {1e3 * servo.Ts:g} ms",
+            f"from command to {u.force}, in samples of {1e3 * servo.Ts:g} ms",
             "samples",
             float(servo.delay),
             float(min(delays.values())),
@@ -192,7 +192,7 @@ def knobs_of(bench: Bench, schemes: Sequence[Scheme], systems: Sequence[System])
         Knob(
             "encoder step",
             "resolution of the measured position",
-            "rad" if rotary else "m",
+            u.m,
             servo.quantum,
             0.1 * step,
             1e3 * step,

@@ -11,6 +11,7 @@ from friction_fmus.axis.assembly import block
 from friction_fmus.axis.loop import RECORDED
 from friction_fmus.axis.servo import Servo
 from friction_fmus.codegen.loop_file import LOOP_FILE
+from friction_fmus.blocks.axis_units import Words
 from harness import FmuPart, System, Wire
 from harness.system.wire import parse_wire, split_name
 
@@ -56,13 +57,13 @@ class Figures:
     """Unit of the position."""
 
 
-def wiring(system: System, servo: Servo, figures: Figures | None, no_code: str) -> str:
+def wiring(system: System, servo: Servo, figures: Figures | None, no_code: str, u: Words) -> str:
     """Return the README of the folder of the recommendation."""
     assert system.experiment is not None
     every = round(servo.Ts / system.experiment.step)
     wires = [wire for wire in map(parse_wire, system.wires) if split_name(wire.target)[0] not in PLANT]
     lines = ["# Recommended compensator"]
-    for text in _paragraphs(system, servo, wires, figures, no_code):
+    for text in _paragraphs(system, servo, wires, figures, no_code, u):
         lines += ["", textwrap.fill(text, 120, break_on_hyphens=False, break_long_words=False)]
     lines += ["", "| input | value | delay [samples] |", "|---|---|--:|"]
     lines += [f"| `{wire.target}` | {_value(wire)} | {wire.delay // every} |" for wire in wires]
@@ -72,7 +73,7 @@ def wiring(system: System, servo: Servo, figures: Figures | None, no_code: str) 
 
 
 def _paragraphs(
-    system: System, servo: Servo, wires: list[Wire], figures: Figures | None, no_code: str
+    system: System, servo: Servo, wires: list[Wire], figures: Figures | None, no_code: str, u: Words
 ) -> Iterator[str]:
     """Yield the paragraphs above the table."""
     yield (
@@ -82,17 +83,17 @@ def _paragraphs(
     for wire in wires:
         part, output = split_name(wire.source)
         if part in LAWS and output != "u" and split_name(wire.target)[0] in ("servo", *SUMS):
-            yield f"Use the output `{output}` of `{part}`. Its output `u` is the force of a whole controller."
+            yield f"Use the output `{output}` of `{part}`. Its output `u` is the {u.force} of a whole controller."
     if "table" in system.parts:
         yield (
-            "`table` is the identified force over position at the reference, see `PositionMap.fmu` and the table in "
-            "its sources; subtract it. Because of the table, there is no C code of the loop."
+            f"`table` is the identified {u.force} over position at the reference, see `PositionMap.fmu` and the table "
+            "in its sources; subtract it. Because of the table, there is no C code of the loop."
         )
     sums = [f"`{name}.y`" for name in SUMS if name in system.parts]
     if sums:
         yield f"{' and '.join(sums)} = gain[1] u1 + gain[2] u2 + ..., where a gain that is not in the table is 1."
     if any(wire.source == "servo.u" for wire in wires):
-        yield "`servo.u` is the force of the drive after all limits; a delay of 1 stands for the previous sample."
+        yield f"`servo.u` is the {u.force} of the drive after all limits; a delay of 1 stands for the previous sample."
     yield (
         "Start all parts together, with the axis at rest on the reference, as in the run of the report: only then do "
         "the start values of the laws fit the motion."

@@ -21,7 +21,7 @@ from benchmarks.law_runs import LawC, compile_, rows_of, run_casadi
 from friction_fmus.__main__ import main
 from friction_fmus.axis.position_map import Grid, PositionMap
 from friction_fmus.blocks.catalogue import laws_folder
-from friction_fmus.codegen.export import export_law, make_export, readme, rotary_law
+from friction_fmus.codegen.export import export_law, make_export, readme
 from friction_fmus.codegen.layout import Export, equations_of
 from friction_fmus.codegen.loop import loop_law
 from friction_fmus.codegen.loop_file import LoopFile, LoopLaw, loop_text, read_loop
@@ -251,12 +251,13 @@ def test_a_rotary_loop_has_the_same_code_in_its_units() -> None:
         assert f"[{unit}]" in text
     assert not re.search(r"\[(N|m|m/s|m/s2|kg|N/m|N\.s/m)\]", text)
     assert "control torque" in text
+    assert "the sum of all torques" in " ".join(text.split())
     assert "around 0, 0.1, 1 and 10 rad" in page
 
 
 def rotary_export(real: Literal["float", "double"]) -> Export:
     """The example with `rotary = true`; its path is the same, so that the comments are, too."""
-    law = rotary_law(make_export(EXAMPLE).law)
+    law = loop_law(replace(read_loop(EXAMPLE), rotary=True))
     return replace(make_export(EXAMPLE, real=real), law=law, rotary=True)
 
 

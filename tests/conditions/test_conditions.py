@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 import math
 import re
 
@@ -10,6 +11,7 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.signal import cont2discrete
 
+from friction_fmus import conditions
 from friction_fmus.blocks.catalogue import laws_folder
 from friction_fmus.conditions import (
     Condition,
@@ -37,6 +39,7 @@ from friction_fmus.conditions import (
     stick_slip_free,
     turned_friction,
 )
+from friction_fmus.blocks.axis_units import TURNING
 from friction_fmus.lawkit.files import discover_laws
 
 
@@ -434,3 +437,30 @@ def test_every_condition_says_all_there_is_to_say() -> None:
         for text in (found.name, found.wrong, found.why, found.change, found.source):
             assert text
             assert not text.endswith(".")
+
+
+LINEAR_WORDS = re.compile(
+    r"\b([Ff]orces?|[Mm]ass(es)?|kg)\b(?!\.m)|\bN(\.s)?/m\b|N/\(m\.s\)|N2\.s/m2|(?<![.\w])m/s\b|(?<= \d )[Nm]\b(?!\.m)"
+)
+ARGUMENTS = {
+    "float": 2.0,
+    "float | None": 1.5,
+    "int": 3,
+    "str": "gauss-seidel",
+    "Array": np.array([0.5, 1.0]),
+    "tuple[float, ...]": (1.0, 2.0, 3.0, 4.0),
+    "DrivenPlant": conditions.one_mass(1.0, 0.0),
+    "Callable[[float], Sequence[SampledLaw]]": lambda Ts: [],
+}
+
+
+@pytest.mark.parametrize(
+    "name", [n for n in conditions.__all__ if "u: 'Words'" in str(inspect.signature(vars(conditions)[n]))]
+)
+def test_texts_of_a_rotary_axis_have_its_nouns_and_units(name: str) -> None:
+    function = vars(conditions)[name]
+    needed = [p for p in inspect.signature(function).parameters.values() if p.default is inspect.Parameter.empty]
+    linear, rotary = (function(*(ARGUMENTS[p.annotation] for p in needed), **u) for u in ({}, {"u": TURNING}))
+    texts = [" . ".join((c.wrong, c.why, c.change, c.source)) for c in (linear, rotary)]
+    assert LINEAR_WORDS.search(texts[0])
+    assert not LINEAR_WORDS.search(texts[1]), texts[1]

@@ -7,7 +7,7 @@ import pytest
 
 import harness.engine.drive
 import harness.run  # noqa: F401  # it imports every other mechanism of the engine
-from harness.engine import library
+from harness.compiling import library
 from harness.masters import masters
 
 

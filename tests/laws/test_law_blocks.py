@@ -7,6 +7,7 @@ import re
 
 import numpy as np
 import pytest
+from fmpy import read_model_description
 from shell.selection import EACH_FEATURE
 from thorough import some
 
@@ -129,6 +130,18 @@ def test_the_rotational_twin_has_its_own_units(law, workshop):
     twin = {"u": "N.m", "r": "rad", "rd": "rad/s", "Kp": "N.m/rad", "Ki": "N.m/(rad.s)", "m": "kg.m2", "kp": "1/s"}
     shared = twin.keys() & units.keys()
     assert {name: units[name] for name in shared} == {name: twin[name] for name in shared}
+
+
+@pytest.mark.parametrize("name", ["ExtendedStateObserver", "ANDFC"])
+def test_a_mass_in_kg_is_no_moment_of_inertia_although_a_bandwidth_is_in_rad_per_second(name, build_fmu, workshop):
+    law = next(law for law in LAWS if law.name == name)
+    twin = {row.name: row for row in read_variables(workshop.library(block_source(law), "-DROTATIONAL")).variables}
+    plain = {v.name: v for v in read_model_description(str(build_fmu(name))).modelVariables}
+    assert "rad/s" in {v.unit for v in plain.values()}
+    for v, unit, mass in ((plain["m"], "kg", "moving mass"), (twin["m"], "kg.m2", "moment of inertia")):
+        assert (v.unit, getattr(v, "description", None) or v.text) == (unit, mass)
+    assert plain["u"].description == "control force, within u_min and u_max"
+    assert twin["u"].text == "control torque, within u_min and u_max"
 
 
 @pytest.mark.parametrize("law", LAWS, ids=lambda law: law.name)

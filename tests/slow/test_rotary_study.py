@@ -15,7 +15,6 @@ from thorough import nightly
 from friction_fmus.axis.loop import Plant, Trajectory, closed_loop, run_loop
 from friction_fmus.axis.servo import Servo
 from friction_fmus.cli.main import main
-from friction_fmus.fmi.rotary import in_rotary_words
 from friction_fmus.identification import compare_models, identify, read_measurement
 from friction_fmus.identification.survey import IdentificationTask
 from friction_fmus.study.data import build_reference
@@ -136,24 +135,3 @@ def test_static_friction_that_the_record_does_not_determine_does_not_run_away(jo
         assert {"Fs", "vs"} <= set(found.weak)
     in_study = identify_model("LuGre", train, (), {}, None)
     assert in_study.values["Fs"] == found.parameters["Fs"].value
-
-
-@pytest.mark.parametrize(
-    ("linear", "rotary"),
-    [
-        ("raise Kd above 449.3 N.s/m", "raise Kd above 449.3 N.m.s/rad"),
-        ("lower Ki below 3 N/(m.s)", "lower Ki below 3 N.m/(rad.s)"),
-        ("= 250 N2.s/m2, with", "= 250 N2.m2.s/rad2, with"),
-        ("the stiffness, 3 N/m, is", "the stiffness, 3 N.m/rad, is"),
-        ("at 0.1 m/s, friction of 2 N; 3 µm", "at 0.1 rad/s, friction of 2 N.m; 3 µrad"),
-        ("error [mm], force [N], 2 kg", "error [mrad], torque [N.m], 2 kg.m2"),
-        ("moved mass and the mass of 2 kg", "moment of inertia and the inertia of 2 kg.m2"),
-        ("Forces and the normal force", "Torques and the normal force"),
-        ("force-saturated", "force-saturated"),
-        ("1.5 N.m of torque at 2 rad/s, 3 kg.m2", "1.5 N.m of torque at 2 rad/s, 3 kg.m2"),
-        ("in 2 min, 3 ms, 5 m.", "in 2 min, 3 ms, 5 rad."),
-    ],
-)
-def test_words_and_units_of_a_rotary_axis(linear: str, rotary: str) -> None:
-    assert in_rotary_words(linear) == rotary
-    assert in_rotary_words(rotary) == rotary

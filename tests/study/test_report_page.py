@@ -18,6 +18,7 @@ from lxml import etree
 from made_up_study import made_up_study
 from plotly.offline import get_plotlyjs
 
+from friction_fmus.identification import ROTARY
 from friction_fmus.report import report_html, write_report
 from friction_fmus.report.figures import thinned
 from friction_fmus.report.numbers import brief, multiple, number, quantity, unit, with_error
@@ -253,3 +254,17 @@ def test_thinning_keeps_the_extremes_where_they_are(count: int) -> None:
     assert np.all(np.diff(kept_x) > 0)
     assert kept_x[np.argmax(kept_y)] == x[count // 3]
     assert np.min(kept_y) == np.min(y)
+
+
+def test_a_report_of_a_rotary_axis_names_torques_in_their_units() -> None:
+    study = made_up_study()
+    linear, rotary = (
+        re.sub(r"<script.*?</script>", "", report_html(each), flags=re.DOTALL)
+        for each in (study, replace(study, units=ROTARY))
+    )
+    for before, after in (
+        ("drive force above the loop bandwidth", "drive torque above the loop bandwidth"),
+        ("total variation [N/s]", "total variation [N·m/s]"),
+        ("force above bandwidth [N]", "torque above bandwidth [N·m]"),
+    ):
+        assert (before in linear, after in linear, before in rotary, after in rotary) == (True, False, False, True)

@@ -34,7 +34,8 @@ def events(library: Library, report: Report) -> None:
         for k in range(9):
             now = library.start_time + k * h
             if not run.settled:
-                what = f"fmi2NewDiscreteStates still asks for another iteration after {MOST_ITERATIONS} at {now!r} s"
+                name = library.named("NewDiscreteStates")
+                what = f"{name} still asks for another iteration after {MOST_ITERATIONS} at {now!r} s"
                 report("event-iteration", f"{what}; clear newDiscreteStatesNeeded when nothing changes")
                 break
             if run.info.scheduled == 1 and not run.info.next > now:
@@ -43,7 +44,7 @@ def events(library: Library, report: Report) -> None:
                 break
             run.step(now, h)
         for function in sorted(run.unset):
-            report("counts", f"fmi2{function} does not set all of its results; set every one in every call")
+            report("counts", f"{library.named(function)} does not set all of its results; set every one in every call")
 
 
 @probe(only=_ONLY)
@@ -60,23 +61,25 @@ def counts(library: Library, report: Report) -> None:
             buffer = (c_double * (n + _GUARD))(*[_PATTERN] * (n + _GUARD))
             run.library.messages.clear()
             if run.status(function, buffer, n) not in (OK, WARNING):
-                what = f"fmi2{function} rejects {n} values, as in the XML{last_message(library)}"
+                what = f"{library.named(function)} rejects {n} values, as in the XML{last_message(library)}"
                 report("counts", f"{what}; declare the number that the binary has")
                 continue
             written = sum(value != _PATTERN for value in buffer)
             if written != n or _PATTERN in buffer[:n]:
-                report("counts", f"fmi2{function} sets {written} values, but {n} are declared; make them agree")
+                report(
+                    "counts", f"{library.named(function)} sets {written} values, but {n} are declared; make them agree"
+                )
                 continue
-            _judge(report, function, states, buffer[:n])
+            _judge(report, library.named, function, states, buffer[:n])
 
 
-def _judge(report: Report, function: str, states: list[str], values: list[float]) -> None:
+def _judge(report: Report, named: Callable[[str], str], function: str, states: list[str], values: list[float]) -> None:
     for k, value in enumerate(values):
         name = f"event indicator {k + 1}" if function == "GetEventIndicators" else states[k]
         if function == "GetNominalsOfContinuousStates" and not 0.0 < value < math.inf:
             report("nominal-states", f"the nominal value of {name} is {value}; give its magnitude", name)
         elif not math.isfinite(value):
-            report("value-not-finite", f"fmi2{function} returns {value} for {name}; choose valid start values")
+            report("value-not-finite", f"{named(function)} returns {value} for {name}; choose valid start values")
 
 
 @probe(only=_ONLY)
@@ -96,7 +99,8 @@ def states(library: Library, report: Report) -> None:
                 run.must("GetReal", (c_uint * 1)(row[f"{key}_reference"]), 1, buffer)
                 if abs(buffer[0] - value) > _SAME * abs(value):
                     function = "GetContinuousStates" if key == "state" else "GetDerivatives"
-                    what = f"fmi2{function} gives {value!r} for {row[key]}, but fmi2GetReal {buffer[0]!r}"
+                    names = library.named(function), library.named("GetReal")
+                    what = f"{names[0]} gives {value!r} for {row[key]}, but {names[1]} {buffer[0]!r}"
                     report("states", f"{what}; use the order of Derivatives in the XML", row[key])
 
 
@@ -157,7 +161,7 @@ def directional(library: Library, report: Report) -> None:
             column = (c_double * len(rows))()
             arguments = (unknowns, c_size_t(len(rows)), (c_uint * 1)(reference), c_size_t(1), (c_double * 1)(1.0))
             if run.status("GetDirectionalDerivative", *arguments, column) not in (OK, WARNING):
-                what = f"fmi2GetDirectionalDerivative rejects {name}{last_message(library)}"
+                what = f"{library.named('GetDirectionalDerivative')} rejects {name}{last_message(library)}"
                 report("capability", f"{what}; implement it or do not declare providesDirectionalDerivative")
                 return
             found = _differences(run, set_to, value, _DIFFERENCE * max(abs(value), size))
@@ -275,7 +279,7 @@ def allowed_in_exchange(library: Library, report: Report) -> None:
             with _in_mode(library, mode) as run:
                 library.messages.clear()
                 if run.status(name, *calls[name]) not in (OK, WARNING):
-                    what = f"fmi2{name} is rejected in {_MODES[mode]}{last_message(library)}"
+                    what = f"{library.named(name)} is rejected in {_MODES[mode]}{last_message(library)}"
                     report("call-refused", f"{what}; allow it in this state")
 
 
@@ -288,8 +292,11 @@ def forbidden_in_exchange(library: Library, report: Report) -> None:
             try:
                 with _in_mode(library, mode) as run:
                     if run.status(name, *calls[name]) in (OK, WARNING):
-                        accepted.append(f"fmi2{name} in {_MODES[mode]}")
+                        accepted.append(f"{library.named(name)} in {_MODES[mode]}")
             except RefusedError:
                 continue  # reported by other probes
     if accepted:
-        report("call-order-accepted", f"the FMU accepts {', '.join(accepted)}; return fmi2Error and log the reason")
+        report(
+            "call-order-accepted",
+            f"the FMU accepts {', '.join(accepted)}; return {library.named('Error')} and log the reason",
+        )

@@ -58,7 +58,7 @@ def main(folder: str, names: list[str]) -> None:
         os.write(report_file, json.dumps(line).encode() + b"\n")
 
     def report(rule: str, message: str, variable: str | None = None) -> None:
-        write(finding=rule, message=library.named(message), variable=variable)
+        write(finding=rule, message=message, variable=variable)
 
     write(probe="load")
     try:
@@ -74,8 +74,10 @@ def main(folder: str, names: list[str]) -> None:
             PROBES[name](library, report)
         except RefusedError as error:
             rule = "instantiate-fails" if error.function == "Instantiate" else "call-refused"
-            advice = "accept the guid of the XML" if rule != "call-refused" else "allow the call in this state"
-            report(rule, f"fmi2{error.function} returned {error.status}{error.message}; {advice}")
+            advice = (
+                f"accept the {library.token} of the XML" if rule != "call-refused" else "allow the call in this state"
+            )
+            report(rule, f"{library.named(error.function)} returned {error.status}{error.message}; {advice}")
         except MissingError:
             pass  # the first probe reports this
         except Exception as error:

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any, Final, Self
 
 OK, WARNING, DISCARD, ERROR, FATAL, PENDING = range(6)
-STATUS: Final = ("fmi2OK", "fmi2Warning", "fmi2Discard", "fmi2Error", "fmi2Fatal", "fmi2Pending")
+STATUS: Final = ("OK", "Warning", "Discard", "Error", "Fatal", "Pending")
 TRACE_SIZE: Final = 64
 
 _refs, _reals, _ints, _strings = POINTER(c_uint), POINTER(c_double), POINTER(c_int), POINTER(c_char_p)
@@ -120,7 +120,8 @@ class Library:
     """A loaded library with the data of its XML."""
 
     version = b"2.0"
-    """What the library has to answer to GetVersion."""
+    token = "guid"
+    """What the library has to answer to GetVersion, and the name of its identity."""
 
     def __init__(self, job: dict[str, Any], trace: mmap.mmap) -> None:
         """Load the library."""
@@ -150,9 +151,9 @@ class Library:
                 function = getattr(self._handle, f"fmi2{name}")
                 function.argtypes, function.restype = arguments, _RESULTS.get(name, c_int)
 
-    def named(self, message: str) -> str:
-        """Return a message with the names of the version of FMI."""
-        return message
+    def named(self, name: str) -> str:
+        """Return the name of a function or status, given without its prefix, in this version of FMI."""
+        return f"fmi2{name}"
 
     def mark(self, function: str) -> None:
         """Store the name of the function being called."""
@@ -228,7 +229,7 @@ class Instance:
         self.library.messages.clear()
         status = self.status(function, *arguments)
         if status not in (OK, WARNING):
-            name = STATUS[status] if 0 <= status < len(STATUS) else str(status)
+            name = self.library.named(STATUS[status]) if 0 <= status < len(STATUS) else str(status)
             raise RefusedError(function, name, last_message(self.library))
 
     def set_up(self) -> Self:

@@ -53,18 +53,11 @@ _EXCHANGE: Final = (
 _CO_SIMULATION: Final = ("InstantiateCoSimulation", "EnterStepMode", "GetOutputDerivatives", "DoStep")
 
 
-def renamed(text: str) -> str:
-    """Return a message with the names of FMI 3.0."""
-    text = re.sub(r"\bfmi2([A-Z]\w*)", lambda found: f"fmi3{_RENAMED.get(found[1], found[1])}", text)
-    for old, new in (("fmi2OK", "fmi3OK"), ("fmi2Error", "fmi3Error"), ("the guid", "the instantiation token")):
-        text = text.replace(old, new)
-    return text
-
-
 class Library3(Library):
     """A loaded library of FMI 3.0; see `Library`."""
 
     version = b"3.0"
+    token = "instantiation token"
 
     def __init__(self, job: dict[str, Any], trace: mmap.mmap) -> None:
         """Load the library."""
@@ -92,9 +85,9 @@ class Library3(Library):
         needed = _COMMON + (_EXCHANGE if self.exchange else _CO_SIMULATION)
         self.missing = [name for name in needed if not hasattr(self._handle, f"fmi3{name}")]
 
-    def named(self, message: str) -> str:
-        """Return a message with the names of FMI 3.0."""
-        return renamed(message)
+    def named(self, name: str) -> str:
+        """Return the name in FMI 3.0 of what is called so in FMI 2.0."""
+        return f"fmi3{_RENAMED.get(name, name)}"
 
     def _log3(self, _environment: object, status: int, category: bytes, message: bytes) -> None:
         self._log(None, b"", status, category, message)

@@ -18,7 +18,7 @@ _TOLERANCE = 1e-14
 def functions(library: Library, report: Report) -> None:
     """Check that all functions exist and that the library states its version and platform."""
     if library.missing:
-        names = ", ".join(f"fmi2{name}" for name in library.missing)
+        names = ", ".join(map(library.named, library.missing))
         report(
             "function-missing", f"the library does not export {names}; export all functions, including unsupported ones"
         )
@@ -27,7 +27,7 @@ def functions(library: Library, report: Report) -> None:
         if function not in library.missing:
             answer = library.call(function)
             if answer != expected:
-                report("version-answer", f"fmi2{function} returns {answer!r}; return {expected.decode()!r}")
+                report("version-answer", f"{library.named(function)} returns {answer!r}; return {expected.decode()!r}")
 
 
 @probe(crash="free-null")
@@ -43,7 +43,8 @@ def wrong_guid(library: Library, report: Report) -> None:
     pointer = library.instantiate(guid=other)
     if pointer:
         library.call("FreeInstance", pointer)
-        report("guid-not-checked", f"fmi2Instantiate accepts the guid {other}; compare it with the guid of the XML")
+        name, token = library.named("Instantiate"), library.token
+        report("guid-not-checked", f"{name} accepts the {token} {other}; compare it with the {token} of the XML")
 
 
 def _same(v: Variable, stated: object, read: object) -> bool:
@@ -61,9 +62,8 @@ def start_values(library: Library, report: Report) -> None:
             status, value = run.read_status(v)
             stated = v.start if v.initial == "exact" or v.causality == "input" else None
             if status not in (OK, WARNING):
-                message = (
-                    f"fmi2Get{v.type} of {v.name} fails{last_message(library)}; make every declared variable readable"
-                )
+                getter = library.named(f"Get{v.type}")
+                message = f"{getter} of {v.name} fails{last_message(library)}; make every declared variable readable"
                 report("variable-not-readable", message, v.name)
             elif stated is not None and not _same(v, stated, value):
                 message = f"{v.name} starts at {value!r}, but at {stated!r} in the XML; make them agree"
@@ -137,7 +137,7 @@ def allowed(library: Library, report: Report) -> None:
         for mode in modes:
             with _in_mode(library, mode) as run:
                 if call(run) not in (OK, WARNING):
-                    what = f"fmi2{name} is rejected in the state {_MODES[mode]}{last_message(library)}"
+                    what = f"{library.named(name)} is rejected in the state {_MODES[mode]}{last_message(library)}"
                     report("call-refused", f"{what}; allow it in this state")
 
 
@@ -165,12 +165,12 @@ def forbidden(library: Library, report: Report) -> None:
             try:
                 with _in_mode(library, mode) as run:
                     if run.status(name, *arguments) in (OK, WARNING):
-                        accepted.append(f"fmi2{name} in the state {_MODES[mode]}")
+                        accepted.append(f"{library.named(name)} in the state {_MODES[mode]}")
             except MissingError:
                 continue
     if accepted:
         shown = ", ".join(accepted)
-        report("call-order-accepted", f"the FMU accepts {shown}; return fmi2Error and log the reason")
+        report("call-order-accepted", f"the FMU accepts {shown}; return {library.named('Error')} and log the reason")
 
 
 @probe(several=True, crash="misuse-crashes")

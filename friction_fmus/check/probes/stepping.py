@@ -161,7 +161,11 @@ def reset(library: Library, report: Report) -> None:
         after = _drive(run, 1, 6)
     if found := _difference([initial, *before], [again, *after]):
         name, a, b = found
-        report("reset-incomplete", f"{name} is {a} at first and {b} after fmi2Reset; reset the complete state", name)
+        report(
+            "reset-incomplete",
+            f"{name} is {a} at first and {b} after {library.named('Reset')}; reset the complete state",
+            name,
+        )
 
 
 # ---- saved states
@@ -181,11 +185,11 @@ def state(library: Library, report: Report) -> None:
         run.must("SetFMUstate", pointer)
         if found := _difference([saved, *future], [run.snapshot(), *_drive(run, 1, 4, 4)]):
             name, a, b = found
-            message = f"{name} is {a}, but {b} after fmi2SetFMUstate; save the complete state"
+            message = f"{name} is {a}, but {b} after {library.named('SetFMUstate')}; save the complete state"
             report("state-not-restored", message, name)
         run.must("FreeFMUstate", byref(pointer))
         if pointer.value:
-            report("state-pointer", "fmi2FreeFMUstate does not change its argument; set it to NULL")
+            report("state-pointer", f"{library.named('FreeFMUstate')} does not change its argument; set it to NULL")
 
 
 @probe(several=True)
@@ -246,9 +250,8 @@ def derivatives(library: Library, report: Report) -> None:
         run.initialise().step(library.start_time, library.job["step"])
         for function, (declared, capability, arguments) in calls.items():
             if declared and (status := run.status(function, *arguments)) >= DISCARD:
-                what = (
-                    f"fmi2{function} returns status {status} although {capability} is declared{last_message(library)}"
-                )
+                refused = f"{library.named(function)} returns status {status}"
+                what = f"{refused} although {capability} is declared{last_message(library)}"
                 report("capability", f"{what}; implement it or do not declare it")
 
 

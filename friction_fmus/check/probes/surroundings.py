@@ -61,7 +61,10 @@ def memory_of_instances(library: Library, report: Report) -> None:
             run.must("Terminate")
 
     if growth := _grows(live):
-        report("memory-grows", f"every instance leaks {growth:.0f} bytes; free all memory in fmi2FreeInstance")
+        report(
+            "memory-grows",
+            f"every instance leaks {growth:.0f} bytes; free all memory in {library.named('FreeInstance')}",
+        )
 
 
 @probe()

@@ -49,9 +49,8 @@ def run(options: argparse.Namespace) -> int:
         return 0
     require("plotly")
     from friction_fmus.cli.cluster import connect
-    from friction_fmus.cli.console import RunBar, console, console_for, progress_bar
+    from friction_fmus.cli.console import RunBar, console, progress_bar
     from friction_fmus.cli.study_tables import show_study
-    from friction_fmus.identification import ROTARY
     from friction_fmus.study.settings_file import SETTINGS_FILE
     from friction_fmus.study.steps import clear_cache
     from friction_fmus.study.study import run_study
@@ -75,7 +74,7 @@ def run(options: argparse.Namespace) -> int:
             )
         except KeyboardInterrupt as error:
             raise KeyboardInterrupt("interrupted; run the same command again to resume") from error
-    show_study(console_for(result.units == ROTARY), result)
+    show_study(console, result)
     what = {
         "report.html": "Report",
         "recommended": "Recommended compensator",

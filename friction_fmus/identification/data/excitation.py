@@ -173,7 +173,7 @@ def examine_segments(records: Sequence[Record]) -> tuple[Finding, ...]:
 
 
 def _constant(record: Record) -> Iterator[Finding]:
-    names = {"q": "position", "v": "velocity", "force": "force", "friction": "friction"}
+    names = {"q": "position", "v": "velocity", "force": record.units.words.force, "friction": "friction"}
     for column, name in names.items():
         values: Array | None = getattr(record, column)
         if values is not None and np.ptp(values) == 0.0:
@@ -185,7 +185,8 @@ def _reversals(data: _ExaminedRecord) -> Iterator[Finding]:
     reversals = len(data.motion.reversals)
     length = f"{data.record.t[-1] - data.record.t[0]:.3g} s"
     if reversals == 0:
-        what = f"The motion never reverses in {length}, so Coulomb friction cannot be separated from a force offset."
+        force = data.record.units.words.force
+        what = f"The motion never reverses in {length}, so Coulomb friction cannot be separated from a {force} offset."
         yield Finding("no-reversal", what, f"Move back and forth, with {FEW_REVERSALS} reversals or more.")
     elif reversals < FEW_REVERSALS:
         what = f"The motion reverses only {reversals} time{'s' * (reversals > 1)} in {length}."
@@ -288,8 +289,8 @@ def _inertia(data: _ExaminedRecord) -> Iterator[Finding]:
     share = float(abs(found[0]) / (np.std(record.force[moving]) + np.finfo(float).tiny))
     if share < INERTIA_SHARE:
         what = (
-            f"The acceleration, {data.speed(float(scale[0]))}² rms, explains {100 * share:.2g} % of the force, so the "
-            "moved mass is not determined."
+            f"The acceleration, {data.speed(float(scale[0]))}² rms, explains {100 * share:.2g} % of the "
+            f"{record.units.words.force}, so the {record.units.words.moved_mass} is not determined."
         )
         yield Finding("no-acceleration", what, "Add fast strokes, such as sines of several Hz, or give M as fixed.")
 
@@ -305,9 +306,10 @@ def _saturation(data: _ExaminedRecord) -> Iterator[Finding]:
         elsewhere = float(np.mean(still[~at_limit])) if (~at_limit).any() else 1.0
         # a force without noise, or with coarse quantisation, is also constant elsewhere
         if share > LIMITED and elsewhere < 0.2:
+            u = data.record.units.words
             what = (
-                f"{100 * share:.2g} % of the samples are exactly the {word} force, {limit:.4g} "
-                f"{data.record.units.force}, which indicates saturation."
+                f"{100 * share:.2g} % of the samples are exactly the {word} {u.force}, {limit:.4g} {u.N}, "
+                f"which indicates saturation."
             )
-            yield Finding("force-saturated", what, "Reduce the acceleration, or log the force after saturation.")
+            yield Finding("force-saturated", what, f"Reduce the acceleration, or log the {u.force} after saturation.")
             return

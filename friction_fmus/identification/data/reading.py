@@ -13,13 +13,12 @@ import numpy as np
 from scipy.integrate import cumulative_trapezoid
 from scipy.interpolate import CubicSpline
 
+from friction_fmus.blocks.axis_units import LINEAR, SLIDING, AxisUnits, Words
 from friction_fmus.identification.data.guessing import guess_mapping
 from friction_fmus.identification.data.mapping import Column, DataMapping, combined_unit, load_mapping, read_mapping
 from friction_fmus.identification.data.record import (
     JITTER,
-    LINEAR,
     Array,
-    AxisUnits,
     Finding,
     Record,
     RecordWarning,
@@ -52,7 +51,9 @@ class SampledSegment:
     """Other columns."""
 
 
-def equally_spaced(t: Array, columns: Mapping[str, Array]) -> tuple[list[SampledSegment], list[Finding]]:
+def equally_spaced(
+    t: Array, columns: Mapping[str, Array], u: Words = SLIDING
+) -> tuple[list[SampledSegment], list[Finding]]:
     """Split a measurement at gaps, and convert each segment to equal intervals.
 
     Notes
@@ -99,8 +100,8 @@ def equally_spaced(t: Array, columns: Mapping[str, Array]) -> tuple[list[Sampled
         what = (
             f"{np.count_nonzero(off)} of {len(off)} intervals deviate by more than 1 % from the median {usual:.4g} s, "
             f"the first one at t = {first:.6g} s; positions and velocities are resampled at the median interval by a "
-            f"cubic spline, forces linearly. With the longest interval, {longest:.4g} s, the record has no information "
-            f"above {0.5 / longest:.4g} Hz."
+            f"cubic spline, {u.force}s linearly. With the longest interval, {longest:.4g} s, the record has no "
+            f"information above {0.5 / longest:.4g} Hz."
         )
         findings.append(Finding("irregular-sampling", what, "Log at equal intervals, from a real-time task."))
     return segments, findings
@@ -393,7 +394,7 @@ def read_measurement(
         findings.append(Finding("absolute-time", what, "It is counted from the first sample on."))
     quantum = _quantum(columns["q"]) if "q" in columns else 0.0
     held = "force" in known.columns and known.columns["force"].held
-    segments, about_time = equally_spaced(t, columns)
+    segments, about_time = equally_spaced(t, columns, units.words)
     findings += about_time
     if not segments:
         raise RecordError(f"{path} has no {SHORTEST} samples without a gap; log longer without interruption.")

@@ -10,6 +10,7 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from friction_fmus.blocks.axis_units import LINEAR, ROTARY, AxisUnits
 from friction_fmus.fmi.units import everyday_unit
 from friction_fmus.identification.errors import RecordError
 from harness.units import BASE_SYMBOLS, LONGEST_UNIT, BaseUnit, parse_unit
@@ -47,26 +48,6 @@ Array: TypeAlias = NDArray[np.float64]
 #: Largest relative deviation of a sampling interval from the mean.
 JITTER = 0.01
 
-
-@dataclass(frozen=True)
-class AxisUnits:
-    """Units of an axis; the defaults are for a linear axis, see `ROTARY` for a rotary one.
-
-    Attributes
-    ----------
-    position, velocity, force, inertia, viscous : str
-        Units of position, velocity, force or torque, mass or moment of inertia, and viscous coefficient.
-    """
-
-    position: str = "m"
-    velocity: str = "m/s"
-    force: str = "N"
-    inertia: str = "kg"
-    viscous: str = "N.s/m"
-
-
-LINEAR = AxisUnits()
-ROTARY = AxisUnits("rad", "rad/s", "N.m", "kg.m2", "N.m.s/rad")
 
 #: Columns of a record; all except the time are optional.
 COLUMNS = ("t", "q", "v", "reference", "force", "friction", "normal", "injected")

@@ -8,7 +8,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
-from friction_fmus.identification.data.record import AxisUnits
+from friction_fmus.blocks.axis_units import AxisUnits
 from friction_fmus.identification.fit.least_squares import Constraints, Problem, Setup, scalar_setup
 from friction_fmus.identification.fit.models import ContactModel, Traits
 from friction_fmus.identification.fit.search import Loss, SearchResult, search

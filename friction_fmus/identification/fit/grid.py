@@ -18,6 +18,7 @@ import scipy.linalg
 import scipy.optimize
 from threadpoolctl import threadpool_limits
 
+from friction_fmus.blocks.axis_units import SLIDING, Words
 from friction_fmus.fmi.package import fmu
 from friction_fmus.identification.data.record import Array, Record
 from friction_fmus.identification.errors import ExcitationError
@@ -171,7 +172,9 @@ def element_responses(segment: PreparedSegment, distance: Array, initial_force: 
     return np.column_stack(columns)
 
 
-def with_count(grid: HysteresisGrid, count: int | None, most: int = BLOCK_ELEMENTS) -> tuple[Array, Array, Array]:
+def with_count(
+    grid: HysteresisGrid, count: int | None, most: int = BLOCK_ELEMENTS, u: Words = SLIDING
+) -> tuple[Array, Array, Array]:
     """Return a given number of elements with nearly the same virgin curve as a grid.
 
     Notes
@@ -182,7 +185,9 @@ def with_count(grid: HysteresisGrid, count: int | None, most: int = BLOCK_ELEMEN
     """
     kept = grid.stiffness * grid.distance > 1e-6 * float(np.sum(grid.stiffness * grid.distance))
     if not np.any(kept):
-        raise ExcitationError("No element reproduces the measured force; record reversals with sliding between them.")
+        raise ExcitationError(
+            f"No element reproduces the measured {u.force}; record reversals with sliding between them."
+        )
     k, d, s = grid.stiffness[kept], grid.distance[kept], grid.initial_force[kept]
     W = k * d
     x = np.geomspace(0.5 * grid.distance[0], 2.0 * grid.distance[-1], 200)

@@ -18,7 +18,8 @@ from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
 from friction_fmus.axis.position_map import Grid, PositionMap
-from friction_fmus.identification.data.record import ROTARY, Array
+from friction_fmus.blocks.axis_units import ROTARY
+from friction_fmus.identification.data.record import Array
 from friction_fmus.identification.fit.block_fit import Fit, FitData
 from friction_fmus.identification.fit.scores import Score
 from friction_fmus.identification.fit.search import NEAR, Loss, search

@@ -163,7 +163,8 @@ def traits(segments: Sequence[PreparedSegment], scale: float = 1.0) -> Traits:
     top = float(np.max(np.abs(speed)))
     if top == 0.0 or not np.any(force):
         raise RecordError(
-            f"The record {segments[0].record.name!r} has no motion or no force; use a record with sliding."
+            f"The record {segments[0].record.name!r} has no motion or no "
+            f"{segments[0].record.units.words.force}; use a record with sliding."
         )
     moving = np.abs(speed) > 0.3 * top
     level = float(np.median(np.abs(force[moving])))

@@ -18,7 +18,8 @@ from friction_fmus.axis.assembly import constant_force
 from friction_fmus.axis.free_run import free_axis, run_free
 from friction_fmus.axis.loop import FINEST
 from friction_fmus.axis.servo import Plant
-from friction_fmus.identification.data.record import ROTARY, Array, Record
+from friction_fmus.blocks.axis_units import ROTARY
+from friction_fmus.identification.data.record import Array, Record
 from friction_fmus.identification.errors import FitError
 from friction_fmus.identification.fit.estimate import Estimate
 from friction_fmus.identification.fit.idim import filtered_motion
@@ -252,8 +253,8 @@ def _result(found: Identification, names: Sequence[str], fitted: ShootingResult,
     if drifts:
         span = found.records[-1].t[-1] - found.records[0].t[0]
         warnings.append(
-            f"the constant force of the drive drifts by {new[DRIFT].value * span:.2g} {units.force} over the training "
-            "data; predictions of other times continue this drift"
+            f"the constant {units.words.force} of the drive drifts by {new[DRIFT].value * span:.2g} {units.force} over "
+            "the training data; predictions of other times continue this drift"
         )
     return replace(
         result,

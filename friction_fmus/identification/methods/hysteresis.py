@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from friction_fmus.identification.data.record import AxisUnits
+from friction_fmus.blocks.axis_units import AxisUnits
 from friction_fmus.identification.errors import FitError
 from friction_fmus.identification.fit.block_fit import Fit, FitData
 from friction_fmus.identification.fit.grid import BLOCK_ELEMENTS, INITIAL_FORCES, coarse, fit_grid, with_count
@@ -93,7 +93,7 @@ def hysteresis_setup(
         distance, initial_forces, wanted = np.sort(np.outer(before, AROUND).ravel()), FINER, float(len(before))
     viscous = generalised or (model.viscous and "Fv" not in constraints.fixed)
     grid = fit_grid(segments[0], Fn0 or 1.0, distance, viscous, constraints.fixed, initial_forces)
-    k, W, s = with_count(grid, None if wanted is None else int(wanted))
+    k, W, s = with_count(grid, None if wanted is None else int(wanted), u=units.words)
     N = len(k)
     # an element with a larger break-away distance never slips
     reach = max(float(np.ptp(segment.x)) for segment in segments)

@@ -12,7 +12,7 @@ from friction_fmus.lawkit.law import FORCE, NO_UNIT, STIFFNESS, Parameter, State
 
 ELEMENTS = 10
 
-FI: Any = State(FORCE, (0.0,) * ELEMENTS, "force of the element", nominal=0.1)
+FI: Any = State(FORCE, (0.0,) * ELEMENTS, "{force} of the element", nominal=0.1)
 SLIPPING: Any = State(NO_UNIT, (0.0,) * ELEMENTS, "1 if the element slips", flag=True)
 WAY: Any = State(NO_UNIT, 0.0, "sign of the last motion")
 N: Any = Parameter(NO_UNIT, 10.0, "number of elements in use", min=1.0, max=float(ELEMENTS))

@@ -36,9 +36,9 @@ RD: Any = Input(VELOCITY, 0.0, "reference velocity")
 RDD: Any = Input(ACCELERATION, 0.0, "reference acceleration")
 X: Any = Input(LENGTH, 0.0, "measured position")
 V: Any = Input(VELOCITY, 0.0, "measured velocity")
-FED_FORWARD: Any = Input(FORCE, 0.0, "feedforward force, added before the limits", optional=True)
-U_TRACK: Any = Input(FORCE, 0.0, "force from which u continues while track is true", optional=True)
-U_PREV: Any = Input(FORCE, 0.0, "force applied since the last sample, after all limits")
+FED_FORWARD: Any = Input(FORCE, 0.0, "feedforward {force}, added before the limits", optional=True)
+U_TRACK: Any = Input(FORCE, 0.0, "{force} from which u continues while track is true", optional=True)
+U_PREV: Any = Input(FORCE, 0.0, "{force} applied since the last sample, after all limits")
 
 # ---- commands --------------------------------------------------------------------------------------------------------
 
@@ -66,16 +66,16 @@ GAIN: Any = Parameter(NO_UNIT, 1.0, "fraction of the friction that is compensate
 U_MIN: Any = Parameter(FORCE, -1000.0, "lower limit of u")
 U_MAX: Any = Parameter(FORCE, 1000.0, "upper limit of u")
 LAM: Any = Parameter("1/s", 63.0, "decay rate of the position error while s = 0", min=0.0)
-INERTIA: Any = Parameter(MASS, 1.0, "mass of the inertia feedforward; 0: none", min=0.0)
-MASS_OR_NONE: Any = Parameter(MASS, 1.0, "moving mass", min=0.0)
-POSITIVE_MASS: Any = Parameter(MASS, 1.0, "moving mass", min=1e-12)
+INERTIA: Any = Parameter(MASS, 1.0, "{mass} of the inertia feedforward; 0: none", min=0.0)
+MASS_OR_NONE: Any = Parameter(MASS, 1.0, "{moving_mass}", min=0.0)
+POSITIVE_MASS: Any = Parameter(MASS, 1.0, "{moving_mass}", min=1e-12)
 
 # ---- multi-loop scheme -----------------------------------------------------------------------------------------------
 
 KP: Any = Parameter("1/s", 63.0, "gain of the position loop", min=0.0)
 KV1: Any = Parameter(NO_UNIT, 1.0, "velocity feedforward to the velocity command", min=0.0)
-KA: Any = Parameter(MASS, 1.0, "acceleration feedforward to the force", min=0.0)
-KV2: Any = Parameter(DAMPING, 0.4, "velocity feedforward to the force", min=0.0)
+KA: Any = Parameter(MASS, 1.0, "acceleration feedforward to the {force}", min=0.0)
+KV2: Any = Parameter(DAMPING, 0.4, "velocity feedforward to the {force}", min=0.0)
 FV_OF_KARNOPP: Any = Parameter(DAMPING, 0.0, "viscous coefficient of the Karnopp model, in addition to Kv2", min=0.0)
 DV: Any = Parameter(VELOCITY, 1e-3, "half width of the velocity band treated as standstill", min=1e-12)
 
