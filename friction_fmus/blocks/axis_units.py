@@ -34,6 +34,7 @@ class Words(NamedTuple):
             text = text.replace(f"{{{name}}}", noun).replace(f"{{{name.capitalize()}}}", noun.capitalize())
         return text
 
+
 SLIDING = Words()
 TURNING = Words(
     *("torque", "inertia", "an inertia", "moments of inertia", "moment of inertia", "moment of inertia"),
@@ -61,6 +62,7 @@ class AxisUnits:
     def words(self) -> Words:
         """Nouns and units for texts."""
         return TURNING if self == ROTARY else SLIDING
+
 
 LINEAR = AxisUnits()
 ROTARY = AxisUnits("rad", "rad/s", "N.m", "kg.m2", "N.m.s/rad")

@@ -8,9 +8,9 @@ from dataclasses import replace
 from pathlib import Path
 
 from friction_fmus.axis.servo import GAIN_UNITS, GAINS
+from friction_fmus.blocks.axis_units import Words, words_of
 from friction_fmus.cli.console import console
 from friction_fmus.errors import FrictionError, nearest
-from friction_fmus.blocks.axis_units import Words, words_of
 from friction_fmus.identification import RecordError, read_measurement
 from friction_fmus.identification.data.guessing import NEEDED, Guess, guess_columns
 from friction_fmus.identification.data.mapping import EXAMPLE, MISSING, Column, DataMapping, combined_unit

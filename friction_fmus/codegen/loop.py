@@ -15,12 +15,12 @@ from typing import Any, Final, TypeAlias
 
 from casadi import SX, if_else
 
+from friction_fmus.blocks.axis_units import words_of
 from friction_fmus.blocks.catalogue import find
 from friction_fmus.codegen.composition import Composition
 from friction_fmus.codegen.laws import law_of, start_values
 from friction_fmus.codegen.loop_file import LAWS, SHARED, LoopFile
 from friction_fmus.errors import FrictionError, UnknownNameError, nearest
-from friction_fmus.blocks.axis_units import words_of
 from friction_fmus.lawkit.declarations import (
     FORCE,
     LENGTH,

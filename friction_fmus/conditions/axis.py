@@ -8,9 +8,9 @@ from functools import cache
 
 import numpy as np
 
+from friction_fmus.blocks.axis_units import SLIDING, Words
 from friction_fmus.conditions.condition import Condition, above, at_most, below
 from friction_fmus.conditions.position_loop import steepest_fall
-from friction_fmus.blocks.axis_units import SLIDING, Words
 
 
 def encoder_count(q: float, Kp: float, Kd: float, F: float, window: float, u: Words = SLIDING) -> Condition:

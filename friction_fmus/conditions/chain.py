@@ -9,8 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from friction_fmus.conditions.condition import Condition, Matrix, held, is_stable, longest_sample, spectral_radius
 from friction_fmus.blocks.axis_units import SLIDING, Words
+from friction_fmus.conditions.condition import Condition, Matrix, held, is_stable, longest_sample, spectral_radius
 
 
 @dataclass(frozen=True)

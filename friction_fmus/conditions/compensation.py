@@ -7,6 +7,7 @@ from typing import Final
 
 import numpy as np
 
+from friction_fmus.blocks.axis_units import SLIDING, Words
 from friction_fmus.conditions.condition import (
     Condition,
     Matrix,
@@ -19,7 +20,6 @@ from friction_fmus.conditions.condition import (
     longest_sample,
     spectral_radius,
 )
-from friction_fmus.blocks.axis_units import SLIDING, Words
 
 MOST_PREVIEW: Final = 1024
 """Longest preview that is recommended, in samples: the limit of DiscreteInverse."""

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 
-from friction_fmus.conditions.condition import Condition, at_most, below
 from friction_fmus.blocks.axis_units import SLIDING, Words
+from friction_fmus.conditions.condition import Condition, at_most, below
 
 _EXPLICIT = ("gauss-seidel", "jacobi")
 

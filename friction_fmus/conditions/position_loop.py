@@ -8,6 +8,7 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from friction_fmus.blocks.axis_units import SLIDING, Words
 from friction_fmus.conditions.condition import (
     FASTEST,
     Condition,
@@ -22,7 +23,6 @@ from friction_fmus.conditions.condition import (
     longest_sample,
     spectral_radius,
 )
-from friction_fmus.blocks.axis_units import SLIDING, Words
 
 Array: TypeAlias = NDArray[np.float64]
 

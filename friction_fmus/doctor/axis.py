@@ -7,9 +7,9 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from typing import TypeAlias
 
+from friction_fmus.blocks.axis_units import SLIDING, Words
 from friction_fmus.blocks.contact import Contact, Level
 from friction_fmus.conditions import Condition, DrivenPlant, PathDynamics, SampledLaw, one_mass, two_masses
-from friction_fmus.blocks.axis_units import SLIDING, Words
 
 Values: TypeAlias = Mapping[str, float]
 """Parameters and constant inputs of a part, by name, in SI units."""

@@ -19,8 +19,8 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 import harness
-from friction_fmus.errors import FrictionError
 from friction_fmus.blocks.axis_units import ROTARY
+from friction_fmus.errors import FrictionError
 from friction_fmus.identification.data.reading import Measurement
 from friction_fmus.identification.data.record import Finding
 from friction_fmus.identification.errors import IdentificationError

@@ -27,10 +27,10 @@ from typing import Any
 from casadi import SX, Function, exp, if_else, symvar, vertcat
 
 from friction_fmus.blocks.about import REPLACES_SERVO, SHAPES_REFERENCE, About, Use
+from friction_fmus.blocks.axis_units import SLIDING
 from friction_fmus.blocks.contact import Friction
 from friction_fmus.blocks.loop import InLoop, Loop
 from friction_fmus.errors import FrictionError, nearest
-from friction_fmus.blocks.axis_units import SLIDING
 from friction_fmus.lawkit.declarations import (
     ACCELERATION,
     ANGLE,

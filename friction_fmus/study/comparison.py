@@ -13,11 +13,11 @@ import numpy as np
 
 from friction_fmus.axis.assembly import PartPool, block
 from friction_fmus.axis.servo import GAINS, Compensator, Servo
+from friction_fmus.blocks.axis_units import Words
 from friction_fmus.blocks.catalogue import catalogue, summary_of
 from friction_fmus.conditions.compensation import OVERCOMPENSATION
 from friction_fmus.doctor import examine
 from friction_fmus.errors import FrictionError
-from friction_fmus.blocks.axis_units import Words
 from friction_fmus.study.compensator_records import CompensatorResult, Limits, LoopMargins, Recommendation, Rung
 from friction_fmus.study.compensators import (
     INTEGRAL,

@@ -16,9 +16,9 @@ from friction_fmus.axis.loop import Compensator, Plant, block, typed
 from friction_fmus.axis.servo import Servo
 from friction_fmus.blocks.about import KINDS, Use
 from friction_fmus.blocks.arithmetic import Number, evaluate, names_in, vectors_in
+from friction_fmus.blocks.axis_units import Words, words_of
 from friction_fmus.blocks.catalogue import catalogue
 from friction_fmus.errors import nearest
-from friction_fmus.blocks.axis_units import Words, words_of
 from friction_fmus.identification import Array
 from friction_fmus.study.config import ALL, ConfigError
 from harness import FmuPart, open_archive

@@ -12,9 +12,9 @@ from friction_fmus.axis.assembly import constant_force
 from friction_fmus.axis.loop import Plant, Trajectory, closed_loop, run_loop
 from friction_fmus.axis.position_map import PositionMap
 from friction_fmus.axis.servo import Servo
+from friction_fmus.blocks.axis_units import AxisUnits
 from friction_fmus.blocks.catalogue import find, summary_of
 from friction_fmus.errors import FrictionError
-from friction_fmus.blocks.axis_units import AxisUnits
 from friction_fmus.identification import (
     LINEAR,
     PUBLISHED_SETTINGS,

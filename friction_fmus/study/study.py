@@ -16,12 +16,12 @@ import numpy as np
 from friction_fmus.axis.assembly import viscous_beside
 from friction_fmus.axis.loop import Trajectory, block, from_rest, typed
 from friction_fmus.axis.servo import GAINS, Servo
+from friction_fmus.blocks.axis_units import Words
 from friction_fmus.blocks.catalogue import catalogue
 from friction_fmus.conditions import PathDynamics, SampledLaw, chain, one_mass
 from friction_fmus.conditions.condition import spectral_radius
 from friction_fmus.doctor import examine
 from friction_fmus.errors import FrictionError
-from friction_fmus.blocks.axis_units import Words
 from friction_fmus.identification import Array, AxisUnits, Record, decimate, filtered_motion, identifiable
 from friction_fmus.identification.physics import FORBIDDING, contradictions
 from friction_fmus.study.comparison import Comparison, compare

@@ -10,8 +10,8 @@ from typing import Final
 from friction_fmus.axis.assembly import block
 from friction_fmus.axis.loop import RECORDED
 from friction_fmus.axis.servo import Servo
-from friction_fmus.codegen.loop_file import LOOP_FILE
 from friction_fmus.blocks.axis_units import Words
+from friction_fmus.codegen.loop_file import LOOP_FILE
 from harness import FmuPart, System, Wire
 from harness.system.wire import parse_wire, split_name
 

@@ -12,6 +12,7 @@ from scipy.integrate import solve_ivp
 from scipy.signal import cont2discrete
 
 from friction_fmus import conditions
+from friction_fmus.blocks.axis_units import TURNING
 from friction_fmus.blocks.catalogue import laws_folder
 from friction_fmus.conditions import (
     Condition,
@@ -39,7 +40,6 @@ from friction_fmus.conditions import (
     stick_slip_free,
     turned_friction,
 )
-from friction_fmus.blocks.axis_units import TURNING
 from friction_fmus.lawkit.files import discover_laws
 
 

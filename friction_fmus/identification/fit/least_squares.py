@@ -10,8 +10,8 @@ from typing import Protocol
 import numpy as np
 
 from friction_fmus.blocks.arithmetic import evaluate
-from friction_fmus.errors import nearest
 from friction_fmus.blocks.axis_units import AxisUnits
+from friction_fmus.errors import nearest
 from friction_fmus.identification.data.record import Array
 from friction_fmus.identification.errors import FitError
 from friction_fmus.identification.fit.models import ContactModel, Traits
