@@ -8,12 +8,13 @@ import sys
 # more threads than processors only wait for each other; numpy reads this when it is imported
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from functools import cache
 from pathlib import Path
 
 import pytest
 from fmpy import read_model_description
+from quick import quick_builds
 from shell.selection import built
 from thorough import THOROUGH
 
@@ -29,6 +30,13 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
     if not THOROUGH:
         config.hook.pytest_deselected(items=[item for item in items if item.get_closest_marker("nightly")])
         items[:] = [item for item in items if not item.get_closest_marker("nightly")]
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_protocol(item: pytest.Item) -> Iterator[None]:
+    """Build what a test needs quickly, see quick.py."""
+    with quick_builds(item.path.relative_to(Path(__file__).parent).parts[0]):
+        return (yield)
 
 
 @cache

@@ -21,6 +21,11 @@ def some(every: Sequence[_T], chosen: Sequence[_T]) -> Sequence[_T]:
     return every if THOROUGH else chosen
 
 
+def few(examples: int) -> int:
+    """Return that many examples of a property each night, and a quarter of them otherwise, at least 12."""
+    return examples if THOROUGH else min(examples, max(12, examples // 4))
+
+
 def slowness() -> float:
     """Return how much slower this machine is just now than one on which the loop below takes 0.25 s, at least 1.
 

@@ -13,12 +13,13 @@ from check.broken import XML, contents, zipped
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from robustness.mutate import NAMES, WORDS
+from thorough import few
 
 from friction_fmus.check import Finding, check
 from harness import FmuError, open_archive
 
 SETTINGS = settings(
-    max_examples=60, deadline=None, derandomize=True, suppress_health_check=[HealthCheck.function_scoped_fixture]
+    max_examples=few(60), deadline=None, derandomize=True, suppress_health_check=[HealthCheck.function_scoped_fixture]
 )
 
 

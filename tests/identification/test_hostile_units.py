@@ -16,7 +16,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from pyarrow import parquet
-from thorough import THOROUGH, nightly
+from thorough import THOROUGH, few, nightly
 
 from friction_fmus.errors import FrictionError
 from friction_fmus.fmi.units import base_unit
@@ -103,7 +103,7 @@ def test_units_of_everyday_are_known(text: str) -> None:
     assert unit.agrees(BaseUnit(exponents, factor))
 
 
-@settings(max_examples=300, deadline=5000, derandomize=True)
+@settings(max_examples=few(300), deadline=5000, derandomize=True)
 @given(st.text(st.sampled_from("mskgN19./*^·²⁻()- °%e_Å") | st.characters(), max_size=120))
 def test_any_text_is_answered(text: str) -> None:
     unit = unit_of(text)

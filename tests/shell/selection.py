@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Literal
 
+import pytest
 from thorough import some
 
 from friction_fmus import build, catalogue
@@ -45,6 +46,8 @@ BRANCHES = {
 }
 """Three blocks of each class of branches in the code of a block; all blocks run each night."""
 EACH_BRANCH = tuple(name for names in BRANCHES.values() for name in names)
+ONE_OF_EACH = tuple(names[0] for names in BRANCHES.values())
+"""One block of each class, for tests that are long or of what all blocks share."""
 EACH_FEATURE = (
     "PID",  # limits, an integral that they stop, Booleans
     "LuGreFeedforward",  # a state that is stepped implicitly
@@ -66,6 +69,9 @@ def of_each_branch(names: Sequence[str]) -> Sequence[str]:
     """Return all of these blocks each night, and those of `EACH_BRANCH` before a landing."""
     return some(names, [name for name in names if name in EACH_BRANCH])
 
+
+one_of_each = pytest.mark.parametrize("library", some(tuple(catalogue()), ONE_OF_EACH), indirect=True)
+"""Marks tests that run on all blocks each night, and on those of `ONE_OF_EACH` before a landing."""
 
 COMPOSITES = ("stick_slip", "compensated_axis")
 """Systems of examples/ that are tested as one FMU each: a stiff loop, and a servo with sampled laws."""

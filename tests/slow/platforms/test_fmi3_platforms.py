@@ -53,8 +53,8 @@ def test_other_platforms_compute_the_same(platform: str, tmp_path: Path) -> None
     values = {}
     for place in ("linux64", platform):
         folder = tmp_path / place
-        pairs = [(built(name, folder / "2"), built(name, folder / "3", fmi=3)) for name in NAMES]
-        values[place] = drive(place, [facade(two, three, place) for two, three in pairs], folder)
+        fmus = [facade(built(name, folder / "2"), folder / "3", place) for name in NAMES]
+        values[place] = drive(place, fmus, folder)
     for name in NAMES:
         here, there = (values[place][name].view(np.float64) for place in ("linux64", platform))
         assert np.isfinite(here).all() and np.ptp(here, axis=0).any()
