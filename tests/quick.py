@@ -26,8 +26,8 @@ from harness.compiling import platforms, toolchain
 UNOPTIMISED = ("-O0", "-fno-sanitize=undefined")
 """Flags in place of ``-O2``; without flags, zig adds a sanitizer."""
 FOLDERS = {
-    *("accuracy", "composite", "conditions", "every_block", "exchange", "fmi3", "harness", "identification", "interop"),
-    *("laws", "models", "procedures", "shell", "study"),
+    *("accuracy", "check", "codegen", "composite", "conditions", "every_block", "exchange", "fmi3", "harness"),
+    *("identification", "interop", "laws", "models", "portrait", "procedures", "shell", "study"),
 }
 """Folders of tests that look neither at figures nor at compiled code."""
 

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from accuracy.known import damped, decay, driven, exact_damped, sampled
+from thorough import nightly
 
 from harness import CallablePart, Experiment, FmuPart, Noise, System, sweep
 from harness.accuracy.numbers import number_bound
@@ -64,6 +65,7 @@ def test_the_bound_of_a_number(values: list[float], bound: float) -> None:
     assert found < 4.0 * bound or math.isinf(bound)
 
 
+@nightly
 def test_a_part_that_is_sampled_in_every_second_step_leaves_room_for_one_other_run() -> None:
     with sampled(2) as system:
         assert any(isinstance(part, FmuPart) and part.every == 2 for part in system.parts.values())

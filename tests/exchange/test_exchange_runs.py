@@ -11,7 +11,7 @@ import pytest
 from exchange.cases import CASES, Case, agreement, covered, wanted
 from exchange.solver import Exchange
 from fmpy import extract
-from thorough import THOROUGH, some
+from thorough import THOROUGH, nightly, some
 
 from friction_fmus import build
 
@@ -34,6 +34,7 @@ def test_every_block_is_compared() -> None:
     assert covered() == wanted()
 
 
+@nightly
 @pytest.mark.parametrize("name", some([*CASES], ["GMS"]))
 def test_rotational_twins_agree(name: str, tmp_path: Path) -> None:
     agreement(CASES[name], lambda block, **start: build(block, tmp_path, start, domain="rotational"), 3)

@@ -265,6 +265,7 @@ def test_a_timeout_that_makes_no_sense(timeout: float, probe: Path) -> None:
         FmuPart("p", probe, isolate=True, timeout=timeout)
 
 
+@nightly
 def test_the_process_ends_with_the_harness(probe: Path, tmp_path: Path) -> None:
     """Even if the harness is killed while the FMU is in an endless loop."""
     program = (

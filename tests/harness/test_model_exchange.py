@@ -12,7 +12,7 @@ import fmpy
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
-from thorough import some
+from thorough import nightly, some
 
 from harness import (
     CallablePart,
@@ -83,6 +83,7 @@ def test_time_events_without_states(exchange: MakeFmu, step: float) -> None:
     np.testing.assert_array_equal(result["p.level"], np.maximum(np.ceil(t / 0.3 - 1e-9) - 1, 0))
 
 
+@nightly
 def test_van_der_pol(exchange: MakeFmu) -> None:
     for mu in (5.0, 100.0):
         result = alone(exchange("VANDERPOL"), stop=20.0, step=0.05, mu=mu, tolerance=1e-10)

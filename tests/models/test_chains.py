@@ -358,7 +358,7 @@ def pulled(run: Instance, force: float, rise: float, wait: float) -> float:
     return (run.get1("x") - x) / wait
 
 
-@pytest.mark.parametrize("size", some(GOLDEN, GOLDEN[:1]))
+@pytest.mark.parametrize("size", some([*GOLDEN], [*GOLDEN][:1]))
 @pytest.mark.parametrize("K", some([1.3, 2.0], [1.3]))
 def test_above_the_aubry_transition_a_golden_chain_is_pinned(
     fk: Library, depinning: Callable[[int, int, float], float], size: tuple[int, int], K: float
@@ -376,7 +376,7 @@ def test_above_the_aubry_transition_a_golden_chain_is_pinned(
                 assert run.get1("F") == pytest.approx(share * limit, rel=1e-4)
 
 
-@pytest.mark.parametrize("size", some(GOLDEN, GOLDEN[:1]))
+@pytest.mark.parametrize("size", some([*GOLDEN], [*GOLDEN][:1]))
 @pytest.mark.parametrize("K", some([0.3, 0.7, 0.9], [0.9]))
 def test_below_the_aubry_transition_a_golden_chain_slides(fk: Library, size: tuple[int, int], K: float) -> None:
     """Even under a hundredth of the force that it takes at K = 1.3, and in proportion to the force."""
