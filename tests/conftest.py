@@ -15,10 +15,10 @@ from pathlib import Path
 import pytest
 from fmpy import read_model_description
 from quick import quick_builds
-from shell.selection import built
+from shell.selection import ONE_OF_EACH, built
 from thorough import THOROUGH
 
-from friction_fmus import build, fmu
+from friction_fmus import build, catalogue, fmu
 
 # a process that compiles all modules again takes twice as long to start; tests start many
 sys.dont_write_bytecode = False
@@ -28,8 +28,15 @@ os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
     """Leave out what is for the night."""
     if not THOROUGH:
-        config.hook.pytest_deselected(items=[item for item in items if item.get_closest_marker("nightly")])
-        items[:] = [item for item in items if not item.get_closest_marker("nightly")]
+        config.hook.pytest_deselected(items=[item for item in items if is_for_the_night(item)])
+        items[:] = [item for item in items if not is_for_the_night(item)]
+
+
+def is_for_the_night(item: pytest.Item) -> bool:
+    """Whether a test, or the block that it runs on, is left out before a landing."""
+    block = getattr(item, "callspec").params.get("library") if hasattr(item, "callspec") else None  # noqa: B009
+    other = block in catalogue() and block not in ONE_OF_EACH and item.get_closest_marker("one_of_each")
+    return bool(other or item.get_closest_marker("nightly"))
 
 
 @pytest.hookimpl(wrapper=True)

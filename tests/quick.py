@@ -26,7 +26,7 @@ from harness.compiling import platforms, toolchain
 UNOPTIMISED = ("-O0", "-fno-sanitize=undefined")
 """Flags in place of ``-O2``; without flags, zig adds a sanitizer."""
 FOLDERS = {
-    *("accuracy", "check", "codegen", "composite", "conditions", "every_block", "exchange", "fmi3", "harness"),
+    *("accuracy", "check", "codegen", "conditions", "every_block", "exchange", "fmi3", "harness"),
     *("identification", "interop", "laws", "models", "portrait", "procedures", "shell", "study"),
 }
 """Folders of tests that look neither at figures nor at compiled code."""

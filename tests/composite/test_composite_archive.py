@@ -106,6 +106,7 @@ def test_direct_dependencies_are_those_of_the_loop(compose: Callable[[str], Path
     assert {"mass.F_drive", "mass.F_load"} <= part.dependencies["mass.a"]
 
 
+@nightly
 @pytest.mark.parametrize(
     ("mass", "friction"),
     some([("Mässe", "摩擦"), ("a-b", "a_b"), ("$\\foo$", "fr$\\frac{$"), ("a b", "[1]")], [("Mässe", "fr$\\frac{$")]),

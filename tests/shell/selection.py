@@ -70,8 +70,8 @@ def of_each_branch(names: Sequence[str]) -> Sequence[str]:
     return some(names, [name for name in names if name in EACH_BRANCH])
 
 
-one_of_each = pytest.mark.parametrize("library", some(tuple(catalogue()), ONE_OF_EACH), indirect=True)
-"""Marks tests that run on all blocks each night, and on those of `ONE_OF_EACH` before a landing."""
+one_of_each = pytest.mark.one_of_each
+"""Marks tests that run on all blocks each night, and on those of `ONE_OF_EACH` before a landing (`conftest.py`)."""
 
 COMPOSITES = ("stick_slip", "compensated_axis")
 """Systems of examples/ that are tested as one FMU each: a stiff loop, and a servo with sampled laws."""
