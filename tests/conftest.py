@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import os
 import sys
 
@@ -37,6 +38,12 @@ def is_for_the_night(item: pytest.Item) -> bool:
     block = getattr(item, "callspec").params.get("library") if hasattr(item, "callspec") else None  # noqa: B009
     other = block in catalogue() and block not in ONE_OF_EACH and item.get_closest_marker("one_of_each")
     return bool(other or item.get_closest_marker("nightly"))
+
+
+def pytest_collection_finish() -> None:
+    """Leave what was imported and collected out of every later search for garbage."""
+    gc.collect()
+    gc.freeze()
 
 
 @pytest.hookimpl(wrapper=True)

@@ -26,21 +26,25 @@ from harness.compiling import platforms, toolchain
 UNOPTIMISED = ("-O0", "-fno-sanitize=undefined")
 """Flags in place of ``-O2``; without flags, zig adds a sanitizer."""
 FOLDERS = {
-    *("accuracy", "check", "codegen", "conditions", "every_block", "exchange", "fmi3", "harness"),
+    *("accuracy", "check", "codegen", "composite", "conditions", "every_block", "exchange", "fmi3", "harness"),
     *("identification", "interop", "laws", "models", "portrait", "procedures", "shell", "study"),
 }
 """Folders of tests that look neither at figures nor at compiled code."""
 
 
 _PLAIN: set[int] = set()
-"""Threads that build what users get."""
+"""Threads that build what users get; 0 for all threads."""
+
+
+def _is_plain() -> bool:
+    return 0 in _PLAIN or threading.get_ident() in _PLAIN
 
 
 class _Flags(tuple[str, ...]):
     """Flags of the compiler, which depend on the thread."""
 
     def __iter__(self) -> Iterator[str]:
-        plain = threading.get_ident() in _PLAIN
+        plain = _is_plain()
         return (flag for each in super().__iter__() for flag in ((each,) if plain or each != "-O2" else UNOPTIMISED))
 
 
@@ -56,6 +60,16 @@ def _as_users_get_it(make: Callable[..., Any]) -> Callable[..., Any]:
                 _PLAIN.remove(thread)
 
     return made
+
+
+@contextmanager
+def builds_for_users() -> Iterator[None]:
+    """Build as ever in all threads: for FMUs that run long."""
+    _PLAIN.add(0)
+    try:
+        yield
+    finally:
+        _PLAIN.discard(0)
 
 
 @contextmanager
@@ -79,7 +93,7 @@ def quick_builds(folder: str) -> Iterator[None]:
         return (_as_users_get_it(compile_unit) if slow else compile_unit)(target, *rest, **named)
 
     def drawn(block: Block, description: Description, folder: Path) -> Portrait:
-        if threading.get_ident() in _PLAIN:
+        if _is_plain():
             return portray(block, description, folder)
         return Portrait(terminal_icon("square"), ())
 

@@ -17,7 +17,7 @@ BLOCKS = some(tuple(catalogue()), ONE_OF_EACH)
 """One of each class of branches, and all each night."""
 
 
-@pytest.fixture(params=(*BLOCKS, *COMPOSITES))
+@pytest.fixture(params=(*BLOCKS, *some(COMPOSITES, COMPOSITES[:1])))
 def library(request: pytest.FixtureRequest, build_fmu: Callable[..., Path]) -> Library:
     """Each of these blocks and each composite in turn."""
     return load(build_fmu(request.param))

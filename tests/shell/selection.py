@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Literal
 
 import pytest
+from quick import builds_for_users
 from thorough import some
 
 from friction_fmus import build, catalogue
@@ -86,6 +87,6 @@ def built(
         return build(name, folder, start, fmi=fmi, arrays=full, clocks=full)
     path = Path(folder) / f"{name}.fmu"
     path.parent.mkdir(parents=True, exist_ok=True)
-    with open_system(example) as system:
+    with builds_for_users(), open_system(example) as system:
         system.to_fmu(path, fmi=fmi)
     return path
