@@ -22,8 +22,8 @@ def some(every: Sequence[_T], chosen: Sequence[_T]) -> Sequence[_T]:
 
 
 def few(examples: int) -> int:
-    """Return that many examples of a property each night, and a quarter of them otherwise, at least 12."""
-    return examples if THOROUGH else min(examples, max(12, examples // 4))
+    """Return that many examples of a property each night, and a sixth of them otherwise, at least 10."""
+    return examples if THOROUGH else min(examples, max(10, examples // 6))
 
 
 def slowness() -> float:

@@ -14,6 +14,7 @@ from harness import CallablePart, Experiment, FmuPart, Noise, System, sweep
 from harness.accuracy.numbers import number_bound
 
 
+@nightly
 def test_a_swept_measure_has_the_bound_of_its_closed_form(tmp_path: Path) -> None:
     """v = exp(-Fv t) at 1 s."""
     with decay() as system:

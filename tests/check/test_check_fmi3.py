@@ -195,7 +195,7 @@ BINARIES = {
 }
 
 
-@pytest.mark.parametrize("fault", some([*BINARIES], [*BINARIES][::6]))
+@pytest.mark.parametrize("fault", some([*BINARIES], [*BINARIES][::12]))
 def test_faults_of_the_binary_are_found(fault: str, tmp_path: Path) -> None:
     name, file, old, new, rule = BINARIES[fault]
     path = changed(name, tmp_path, old, new, f"sources/{file}")

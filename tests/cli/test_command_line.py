@@ -266,9 +266,9 @@ def test_bad_run_options_leave_no_file(
 @pytest.mark.parametrize(
     "command",
     [
-        pytest.param(("build", "LuGre"), marks=nightly),
+        ("build", "LuGre"),
         pytest.param(("build", "LuGre", "--fmi", "3"), marks=nightly),
-        ("codegen", "LuGreFeedforward"),
+        pytest.param(("codegen", "LuGreFeedforward"), marks=nightly),
         pytest.param(("sweep", STICK_SLIP, "--vary", "friction.Fc=1:2:2"), marks=nightly),
     ],
 )

@@ -267,6 +267,7 @@ def test_decay_of_an_oscillator(couple: Callable[..., Loop]) -> None:
     assert pair.get("mass.x") == pytest.approx(0.05, abs=1e-7)
 
 
+@nightly
 def test_an_oscillator_turns_in_one_event_each_and_comes_to_rest(couple: Callable[..., Loop]) -> None:
     """Over friction that differs between the directions (the Lorentzian curve), with an offset."""
     forward = {"Fc": 0.8, "Fs": 1.5, "Fv": 0.6, "vs": 0.05, "delta": 1.6}

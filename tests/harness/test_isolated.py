@@ -94,6 +94,7 @@ def test_a_step_that_kills_the_process_ends_the_run(name: str, end: str, probe: 
     np.testing.assert_array_equal(error.result[f"{name}.x"], [0.0, 0.75, 1.5])
 
 
+@nightly
 @pytest.mark.parametrize(
     ("name", "said"),
     [pytest.param("loop", "", marks=nightly), ("restless", "; it last logged 'still at it [logStatusWarning]'")],

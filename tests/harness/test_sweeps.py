@@ -335,6 +335,7 @@ def test_sweep_that_is_done_does_nothing_more(tmp_path: Path) -> None:
     assert len(log_of(tmp_path)) == 6
 
 
+@nightly
 @pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="what lives is read from /proc")
 def test_killed_sweep_loses_nothing_and_leaves_no_process(tmp_path: Path) -> None:
     """kill -9 of the process that does the sweep; its workers end by themselves."""

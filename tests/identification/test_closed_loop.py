@@ -6,7 +6,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from thorough import nightly
 
 from friction_fmus import identify
 from friction_fmus.data import MeasuredAxis, load_emps
@@ -36,7 +35,6 @@ def test_the_emps_axis_with_lugre_moves_as_measured(tmp_path: Path) -> None:
     assert np.sqrt(np.mean((simulated["force"] - force) ** 2) / np.mean(force**2)) < 0.0380
 
 
-@nightly
 def test_a_fit_in_closed_loop_moves_its_parameters_towards_the_measurement() -> None:
     axis = load_emps()
     short = MeasuredAxis(axis.record.window(0.0, 4.0), axis.servo)

@@ -161,6 +161,7 @@ def test_a_late_reference_velocity(servo: Servo) -> None:
     assert "2 samples later" in check.findings[0].what
 
 
+@nightly
 def test_units_of_a_rotary_axis(servo: Servo) -> None:
     check = check_servo(replace(EMPS, units=ROTARY), with_gains(servo, kp=0.9)).result
     assert check.residual is not None

@@ -121,6 +121,7 @@ def test_a_refinement_that_makes_the_force_worse_is_discarded(folder: Path) -> N
     assert percent(simulated) > 1.3 * percent(found)
 
 
+@nightly
 def test_a_refinement_with_known_pulses_finds_the_truth(folder: Path) -> None:
     servo, found, records = measured(folder, known=True)
     refined = refine(found, servo, *records)
