@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 from shell.instance import ERROR, Instance, load
-from thorough import nightly, some
+from thorough import some
 
 from friction_fmus import fmu
 from harness import Experiment, FmuPart, System, Wire
@@ -88,7 +88,6 @@ def test_through_an_algebraic_loop(tmp_path: Path) -> None:
         assert run.directional(["a.y", "b.y"], {"a.u1": 2.0}) == pytest.approx([2.5, 1.25], rel=1e-7)
 
 
-@nightly
 def test_a_delayed_connection_passes_nothing_on(tmp_path: Path) -> None:
     """b.y = 0.5 a.y(t - delay) + b.u2, of which only u2 acts at once; the start follows the first value of a.y."""
     parts = [FmuPart("a", fmu("Sum")), FmuPart("b", fmu("Sum"))]
