@@ -2,22 +2,24 @@
 
 from __future__ import annotations
 
+import gc
 import os
 import sys
 
 # more threads than processors only wait for each other; numpy reads this when it is imported
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from functools import cache
 from pathlib import Path
 
 import pytest
 from fmpy import read_model_description
-from shell.selection import built
+from quick import quick_builds
+from shell.selection import ONE_OF_EACH, built
 from thorough import THOROUGH
 
-from friction_fmus import build, fmu
+from friction_fmus import build, catalogue, fmu
 
 # a process that compiles all modules again takes twice as long to start; tests start many
 sys.dont_write_bytecode = False
@@ -27,8 +29,33 @@ os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
     """Leave out what is for the night."""
     if not THOROUGH:
-        config.hook.pytest_deselected(items=[item for item in items if item.get_closest_marker("nightly")])
-        items[:] = [item for item in items if not item.get_closest_marker("nightly")]
+        config.hook.pytest_deselected(items=[item for item in items if is_for_the_night(item)])
+        items[:] = [item for item in items if not is_for_the_night(item)]
+
+
+def is_for_the_night(item: pytest.Item) -> bool:
+    """Whether a test, or the block that it runs on, is left out before a landing."""
+    block = getattr(item, "callspec").params.get("library") if hasattr(item, "callspec") else None  # noqa: B009
+    other = block in catalogue() and block not in ONE_OF_EACH and item.get_closest_marker("one_of_each")
+    return bool(other or item.get_closest_marker("nightly"))
+
+
+def pytest_collection_finish() -> None:
+    """Leave what was imported and collected out of every later search for garbage."""
+    gc.collect()
+    gc.freeze()
+
+
+def pytest_unconfigure() -> None:
+    """Let extension modules free at the end what they would report as leaked."""
+    gc.unfreeze()
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_protocol(item: pytest.Item) -> Iterator[None]:
+    """Build what a test needs quickly, see quick.py."""
+    with quick_builds(item.path.relative_to(Path(__file__).parent).parts[0]):
+        return (yield)
 
 
 @cache

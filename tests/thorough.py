@@ -21,6 +21,11 @@ def some(every: Sequence[_T], chosen: Sequence[_T]) -> Sequence[_T]:
     return every if THOROUGH else chosen
 
 
+def few(examples: int) -> int:
+    """Return that many examples of a property each night, and a sixth of them otherwise, at least 10."""
+    return examples if THOROUGH else min(examples, max(10, examples // 6))
+
+
 def slowness() -> float:
     """Return how much slower this machine is just now than one on which the loop below takes 0.25 s, at least 1.
 

@@ -8,11 +8,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 from accuracy.known import damped, decay, driven, exact_damped, sampled
+from thorough import nightly
 
 from harness import CallablePart, Experiment, FmuPart, Noise, System, sweep
 from harness.accuracy.numbers import number_bound
 
 
+@nightly
 def test_a_swept_measure_has_the_bound_of_its_closed_form(tmp_path: Path) -> None:
     """v = exp(-Fv t) at 1 s."""
     with decay() as system:
@@ -64,6 +66,7 @@ def test_the_bound_of_a_number(values: list[float], bound: float) -> None:
     assert found < 4.0 * bound or math.isinf(bound)
 
 
+@nightly
 def test_a_part_that_is_sampled_in_every_second_step_leaves_room_for_one_other_run() -> None:
     with sampled(2) as system:
         assert any(isinstance(part, FmuPart) and part.every == 2 for part in system.parts.values())

@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 from check.broken import XML, contents, zipped
 from check.hostile_zips import REFUSED, Spoil, packed
-from thorough import some
+from thorough import nightly, some
 
 from friction_fmus import fmu
 from friction_fmus.check import RULES, Finding, check
@@ -269,6 +269,7 @@ def test_a_newer_version_of_the_format(members: dict[str, bytes], tmp_path: Path
     assert "4.5" in one(check(path, static=True), "zip-version").message
 
 
+@nightly
 def test_a_bomb_is_not_unpacked(members: dict[str, bytes], tmp_path: Path) -> None:
     path = zipped(members, tmp_path / "a.fmu")
     zeros = bytes(1 << 24)

@@ -15,13 +15,14 @@ from friction_fmus.check import check
 from harness.units import parse_unit
 
 
-@pytest.mark.parametrize("name", some(tuple(catalogue()), SHELL_BLOCKS[1::4]))
+@pytest.mark.parametrize("name", some(tuple(catalogue()), SHELL_BLOCKS[2:6:3]))
 def test_nothing_is_found_in_a_block(build_fmu: Callable[..., Path], name: str) -> None:
     fmu = build_fmu(name)
     assert validate_fmu(str(fmu)) == []
     assert check(fmu) == []
 
 
+@nightly
 @pytest.mark.parametrize("name", some(["LuGre", "Mass", "GMS"], ["Mass"]))
 def test_nothing_is_found_in_a_rotational_twin(tmp_path: Path, name: str) -> None:
     fmu = build(name, tmp_path, domain="rotational")

@@ -13,12 +13,13 @@ from check.broken import XML, contents, zipped
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from robustness.mutate import NAMES, WORDS
+from thorough import few, nightly
 
 from friction_fmus.check import Finding, check
 from harness import FmuError, open_archive
 
 SETTINGS = settings(
-    max_examples=60, deadline=None, derandomize=True, suppress_health_check=[HealthCheck.function_scoped_fixture]
+    max_examples=few(60), deadline=None, derandomize=True, suppress_health_check=[HealthCheck.function_scoped_fixture]
 )
 
 
@@ -45,6 +46,7 @@ def survives(path: Path) -> None:
     assert list(path.parent.iterdir()) == [path]
 
 
+@nightly
 @SETTINGS
 @given(data=st.data())
 def test_any_change_of_the_bytes(small: dict[str, bytes], place: Path, data: st.DataObject) -> None:

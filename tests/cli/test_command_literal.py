@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 from rich.text import Text
+from thorough import nightly
 
 from friction_fmus.cli.console import RunBar, console, literal_console, progress_bar, styled
 from friction_fmus.cli.main import main
@@ -40,6 +41,7 @@ def test_the_path_of_a_result(name: str, tmp_path: Path, capsys: pytest.CaptureF
     assert (tmp_path / name).is_file()
 
 
+@nightly
 @pytest.mark.parametrize("folder", ["a[/b]", "[x]"])
 def test_the_paths_that_other_commands_print(folder: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     here = tmp_path / folder

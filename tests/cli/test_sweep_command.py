@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
+from thorough import nightly
 
 from friction_fmus import fmu
 from friction_fmus.__main__ import main
@@ -136,6 +137,7 @@ def test_scheduler_of_a_cluster(system: Path) -> None:
     np.testing.assert_allclose(table["final(mass.v)"], [3.0, 1.5], rtol=1e-12)
 
 
+@nightly
 def test_page_of_sweeps_tells_the_truth(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

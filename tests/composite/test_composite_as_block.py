@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 from every_block import test_block_package as package
+from every_block import test_block_steps as steps
 from every_block.test_block_derivatives import (  # noqa: F401
     test_asking_for_directional_derivatives_changes_nothing,
     test_asking_for_output_derivatives_changes_nothing,
@@ -43,7 +44,6 @@ from every_block.test_block_package import (  # noqa: F401
 )
 from every_block.test_block_steps import (  # noqa: F401
     test_an_extra_tiny_step_hardly_changes_anything,
-    test_extreme_finite_values_are_computed_or_refused_but_never_give_nan,
     test_nothing_is_printed,
     test_the_bits_do_not_depend_on_logging_or_on_who_reads,
     test_the_same_run_gives_the_same_bits,
@@ -69,13 +69,19 @@ from lxml import etree
 from shell.fixtures import instance, running, situation  # noqa: F401
 from shell.instance import Instance, Library, load, signals
 from shell.selection import COMPOSITES
-from thorough import some
+from thorough import nightly, some
 
 
 @pytest.fixture(params=some(COMPOSITES, COMPOSITES[:1]))
 def library(request: pytest.FixtureRequest, compose: Callable[[str], Path]) -> Library:
     """Each of these composite FMUs in turn."""
     return load(compose(request.param))
+
+
+@nightly
+def test_extreme_finite_values_are_computed_or_refused_but_never_give_nan(library: Library) -> None:
+    """Of a composite, its inner loops take long to refuse them."""
+    steps.test_extreme_finite_values_are_computed_or_refused_but_never_give_nan(library)
 
 
 @pytest.mark.parametrize("library", COMPOSITES[:1], indirect=True)

@@ -6,6 +6,7 @@ import itertools
 
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from thorough import few
 
 from harness.composite.diagram import arrange
 
@@ -25,7 +26,7 @@ def test_a_line_passes_beside_a_box() -> None:
     assert row != layout.places["model"][1]
 
 
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=few(200), deadline=None)
 @given(st.integers(1, 8), st.data())
 def test_no_two_boxes_and_no_line_share_a_place(count: int, data: st.DataObject) -> None:
     parts = [f"p{k}" for k in range(count)]

@@ -119,7 +119,7 @@ def broken(member: str, data: bytes) -> bytes | None:
         (without_sources, {}, ["'mass'", "no sources"]),
         (lambda m, d: None if m == "sources/Mass.c" else d, {}, ["'mass'", "Mass.c"]),
         (lambda m, d: d, {"resources__table.csv": b"1"}, ["'mass'", "resources"]),
-        (broken, {}, ["part_Mass.c does not compile"]),
+        pytest.param(broken, {}, ["part_Mass.c does not compile"], marks=nightly),
         (lambda m, d: b"" if m == "sources/Mass.c" else d, {}, ["cannot be linked", "Mass_fmi2"]),
     ],
 )

@@ -74,6 +74,7 @@ def test_points_between_grid_points_change_no_value_at_them(tmp_path: Path) -> N
         assert np.abs(found[:, 0] - between).max() < 0.05 * np.ptp(expected[:, 0])
 
 
+@nightly
 def test_an_input_that_jumps_between_grid_points_has_its_impulse(tmp_path: Path) -> None:
     """A free mass of 1 kg: 2 N from 3.7 ms to 8.2 ms of a grid of 1 ms, v = 9 mm/s, also after a state."""
     with System([FmuPart("mass", fmu("Mass"))], experiment=Experiment(stop=1.0, step=1e-3), start=free()) as system:
@@ -160,6 +161,7 @@ def test_a_rejected_value_changes_nothing(library: Library) -> None:
         assert run.call_values("SetReal", [run.reference("mass.x0")], [1.0]) == ERROR
 
 
+@nightly
 def test_a_violated_relation_of_parameters_can_be_corrected(tmp_path: Path) -> None:
     parts = [FmuPart("mass", fmu("Mass")), FmuPart("friction", fmu("LoadDependentDahl"))]
     wires = ["mass.v -> friction.v", "friction.F -> mass.F_friction"]

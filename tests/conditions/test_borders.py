@@ -42,7 +42,7 @@ def sampled_border(Kp: float, Ts: float) -> list[tuple[float, float]]:
 
 
 @pytest.mark.parametrize("Ts", some([1e-3, 3.7e-4, 1.0 / 7e3], [3.7e-4]))
-@pytest.mark.parametrize("Kp", [0.1, 3.0, 12e3, 7.7e5])
+@pytest.mark.parametrize("Kp", some([0.1, 3.0, 12e3, 7.7e5], [0.1, 12e3]))
 def test_a_sampled_loop_on_the_border_is_not_stable_whatever_the_last_bits_are(Kp: float, Ts: float) -> None:
     for border_Kp, border_Kd in sampled_border(Kp, Ts):
         verdicts = {

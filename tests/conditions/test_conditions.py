@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 from scipy.signal import cont2discrete
+from thorough import some
 
 from friction_fmus import conditions
 from friction_fmus.blocks.axis_units import TURNING
@@ -334,7 +335,7 @@ def test_learning_with_three_times_the_mass_needs_a_low_pass() -> None:
 
 
 @pytest.mark.parametrize("Ki", [0.0, 250e3])
-@pytest.mark.parametrize("f", [2.0, 30.0, 200.0])
+@pytest.mark.parametrize("f", some([2.0, 30.0, 200.0], [30.0]))
 def test_sampled_sensitivity_is_what_a_sinusoidal_force_does(f: float, Ki: float) -> None:
     """Amplitude and phase from a simulation of the loop, sample by sample, after the transients."""
     Kp, Kd, Ts, periods = 12e3, 190.0, 1e-3, 400

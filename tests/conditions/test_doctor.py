@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from scipy.signal import butter, freqz
 from stand_ins import stand_in
-from thorough import nightly
+from thorough import nightly, some
 
 from friction_fmus import build
 from friction_fmus.__main__ import main
@@ -177,6 +177,7 @@ def test_two_compensators_together_are_too_much(build_fmu: BlockFmu, loop: Calla
 OBSERVER = {"gain": 1.0, "k": 1.0, "sigma0": 1e5, "sigma1": 316.23, "sigma2": 0.4, "Fc": 1.0, "Fs": 1.5, "vs": 1e-3}
 
 
+@nightly
 def test_injection_into_a_lugre_observer(tmp_path: Path, loop: Callable[..., System]) -> None:
     fmu = stand_in("LuGreObserver", tmp_path, **OBSERVER, delta=2.0)
     wires = ["observer.u -> pid.f", "mass.v -> observer.v"]
@@ -200,7 +201,7 @@ def test_disturbance_observer_with_a_wrong_mass(tmp_path: Path, loop: Callable[.
 LEARNING = {"gain": 1.0, "rate": 0.5, "fq": 50.0, "m": 1.0, "Kp": 12e3, "Kd": 600.0, "Ki": 0.0, "N": 1000.0, "M": 16.0}
 
 
-@pytest.mark.parametrize("name", ["IterativeLearning", "RepetitiveController"])
+@pytest.mark.parametrize("name", some(["IterativeLearning", "RepetitiveController"], ["IterativeLearning"]))
 def test_learning_with_a_wrong_model(name: str, tmp_path: Path, loop: Callable[..., System]) -> None:
     fmu = stand_in(name, tmp_path, **LEARNING)
     wires = ["learn.u -> pid.f", "mass.v -> learn.v"]
@@ -428,7 +429,10 @@ def test_sample_times_of_any_size_are_judged(loop: Callable[..., System]) -> Non
 KNOWN = catalogue()
 
 
-@pytest.mark.parametrize("name", [name for name, block in known_blocks().items() if block.friction and not block.plant])
+CONTACTS = [name for name, block in known_blocks().items() if block.friction and not block.plant]
+
+
+@pytest.mark.parametrize("name", some(CONTACTS, CONTACTS[::4]))
 def test_rows_of_friction_are_what_the_blocks_do(name: str, build_fmu: BlockFmu) -> None:
     """Stiffness from two small steps at rest, level and viscous friction from fast sliding."""
     path = build_fmu(name)

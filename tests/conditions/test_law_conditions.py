@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
+from thorough import nightly
 
 from friction_fmus import build, conditions
 from friction_fmus.blocks.catalogue import catalogue, laws_folder
@@ -142,6 +143,7 @@ def test_preview_is_the_share_that_the_series_leaves() -> None:
     assert "inside the unit circle into inner" in preview(0.5, 12.0).change
 
 
+@nightly
 def test_super_twisting_follows_a_force_of_the_rate_that_its_gains_cover() -> None:
     """A ramp of the rate L on a free mass: the error stays, or grows without end."""
     law, L = KNOWN_LAWS["ImplicitSuperTwisting"], 500.0

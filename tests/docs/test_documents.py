@@ -78,6 +78,7 @@ def test_commands_of_the_check_page_work(tmp_path: Path) -> None:
     assert '"version": "2.1.0"' in (tmp_path / "check.sarif").read_text(encoding="utf-8")
 
 
+@nightly
 def test_commands_of_the_page_on_importers_work(tmp_path: Path) -> None:
     (commands,) = blocks(ROOT / "docs" / "interop.md", "commands")
     for command in commands.splitlines():

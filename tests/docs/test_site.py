@@ -12,6 +12,7 @@ from types import ModuleType
 import lief
 import pytest
 from lxml import etree
+from thorough import nightly
 
 from friction_fmus import fmu
 from friction_fmus.blocks.catalogue import catalogue
@@ -34,6 +35,7 @@ def test_notebooks_are_kept_without_outputs(path: Path) -> None:
     assert [cell["source"] for cell in cells if cell.get("outputs") or cell.get("execution_count")] == []
 
 
+@nightly
 def test_tables_of_the_pages_are_what_the_blocks_say(tables: ModuleType) -> None:
     found = tables.pages()
     assert {path.name for path in found} == {"capabilities.md", "which-compensator.md", "which-model.md"}

@@ -27,7 +27,7 @@ def test_outputs_of_sampled_blocks_stay_between_samples(library: Library, runnin
     assert running.output_derivatives(*outputs) == [0.0] * len(outputs)
 
 
-@pytest.mark.parametrize("library", SAMPLED_BLOCKS, indirect=True)
+@pytest.mark.parametrize("library", of_each_branch(SAMPLED_BLOCKS), indirect=True)
 def test_inputs_do_not_move_the_outputs_of_sampled_blocks_between_samples(library: Library, running: Instance) -> None:
     """An importer that solves a loop by these derivatives, not by those of the next sample, finds what it will read."""
     inputs, outputs = library.names("input", type="Real"), library.names("output", type="Real")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Callable
 from itertools import pairwise
 from pathlib import Path
 
@@ -10,12 +11,20 @@ import fmpy
 import html5lib
 import pytest
 from lxml import etree
-from shell.instance import Library
+from shell.instance import Library, load
+from shell.selection import ONE_OF_EACH
+from thorough import some
 
 from friction_fmus import build, catalogue
 from friction_fmus.version import VERSION
 
 HEADINGS = ("h1", "h2", "h3", "h4", "h5", "h6")
+
+
+@pytest.fixture(params=some(tuple(catalogue()), ONE_OF_EACH))
+def library(request: pytest.FixtureRequest, build_fmu: Callable[..., Path]) -> Library:
+    """One block of each class of branches, and all of them each night."""
+    return load(build_fmu(request.param))
 
 
 @pytest.fixture

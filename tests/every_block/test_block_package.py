@@ -15,7 +15,7 @@ import pytest
 from fmpy.validation import validate_fmu
 from lxml import etree
 from shell.instance import EXCHANGE_SIGNATURES, SIGNATURES, Instance, Library, RefusedError, signals
-from shell.selection import CONTINUOUS_BLOCKS, of_each_branch
+from shell.selection import CONTINUOUS_BLOCKS, of_each_branch, one_of_each
 
 from friction_fmus import catalogue
 from harness.compiling import toolchain
@@ -52,6 +52,7 @@ def xml(library: Library) -> etree._Element:
     return etree.parse(library.folder / "modelDescription.xml").getroot()
 
 
+@one_of_each
 def test_fmpy_finds_no_fault(library: Library) -> None:
     assert validate_fmu(str(library.fmu)) == []
 
@@ -221,6 +222,7 @@ def another_value(library: Library, name: str, draw: random.Random) -> float:
     return min(max(value, low), high)
 
 
+@one_of_each
 def test_every_parameter_matters(library: Library) -> None:
     """Two runs that differ in this parameter alone differ in an output."""
     draw = random.Random(1)

@@ -12,6 +12,7 @@ from shell.elsewhere import Elsewhere
 from shell.exchanging import SITUATIONS, begin, each_kind, go_on, go_to, need
 from shell.instance import CO_SIMULATION, MODEL_EXCHANGE, Instance, Library, signals
 from shell.jobs import continued
+from shell.selection import one_of_each
 
 H = 1e-3
 BETWEEN_STEPS = {CO_SIMULATION: "co-simulation", MODEL_EXCHANGE: "continuous-time mode"}
@@ -132,6 +133,7 @@ def test_instances_in_turn_are_each_as_if_alone(library: Library, kind: int) -> 
     assert together == alone
 
 
+@one_of_each
 @each_kind
 def test_threads_with_an_instance_each_are_as_if_alone(library: Library, kind: int) -> None:
     need(library, kind)

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from shell.instance import DISCARD, ERROR, OK, WARNING, Instance, Library, drive, load, signals
 from shell.selection import CONTINUOUS_BLOCKS, of_each_branch
+from thorough import some
 
 
 def real_values(library: Library, instance: Instance) -> dict[str, float]:
@@ -88,7 +89,7 @@ def test_inputs_with_slopes_may_be_cut_anyhow(library: Library) -> None:
             assert cut.get1(name) == pytest.approx(one, rel=1e-7, abs=1e-7 * nominal), name
 
 
-@pytest.mark.parametrize("size", [1.0, 1e-200])
+@pytest.mark.parametrize("size", some([1.0, 1e-200], [1e-200]))
 def test_a_reversal_inside_a_step_is_located_whatever_the_size_of_the_input(
     build_fmu: Callable[..., Path], size: float
 ) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import pytest
 from shell.exchanging import each_kind, euler, need
 from shell.instance import CO_SIMULATION, MODEL_EXCHANGE, Instance, Library, signals
+from shell.selection import one_of_each
 from shell.traps import no_traps
 
 
@@ -17,6 +18,7 @@ class Watched(Instance):
             return super().call(function, *arguments)
 
 
+@one_of_each
 @each_kind
 def test_no_call_divides_by_zero_overflows_or_is_invalid(library: Library, kind: int) -> None:
     """At rest, in motion of either direction, with held inputs and reversals, and asked for derivatives."""

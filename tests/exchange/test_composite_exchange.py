@@ -50,6 +50,7 @@ def test_a_servo_is_what_it_is_in_co_simulation(system: str, scale: dict[str, fl
         assert fast[name][after] == pytest.approx(slow[name], abs=1e-5 * size), name
 
 
+@nightly
 @pytest.mark.parametrize("interpolation", some(["linear", "previous"], ["linear"]))
 def test_a_record_has_an_event_at_each_sample(interpolation: str, tmp_path: Path) -> None:
     times, forces = np.array([0.0, 0.1, 0.25, 0.6, 1.0]), np.array([0.3, -0.2, 1.1, 0.4, -0.5])

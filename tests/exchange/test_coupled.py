@@ -169,6 +169,7 @@ def test_stick_slip_is_that_of_the_equations_in_scipy(friction: str, couple: Cal
     assert slips[1] - slips[0] == pytest.approx(expected[1] - expected[0], rel=1e-7)
 
 
+@nightly
 def test_stick_slip_with_a_drop_of_friction(couple: Callable[..., Loop]) -> None:
     """Benchmark B13, closed form: m = 1 kg, k = 2 N/m, Fs = 1.5 N, Fc = 1 N, pulled at 0.1 m/s."""
     m, k, V, drop = 1.0, 2.0, 0.1, 0.5
@@ -196,6 +197,7 @@ def changes(loop: Loop, until: float) -> list[tuple[float, float, bool]]:
 BELT = {"m": 1.0, "k": 1.0, "v_belt": 0.2, "v0": 0.2}
 
 
+@nightly
 def test_stick_slip_on_a_belt(couple: Callable[..., Loop]) -> None:
     """Benchmark B11, closed form: m = 1 kg, k = 1 N/m, Fs = 1 N, Fc = 0.6 N, belt at 0.2 m/s."""
     V, drop = 0.2, 0.4
@@ -265,6 +267,7 @@ def test_decay_of_an_oscillator(couple: Callable[..., Loop]) -> None:
     assert pair.get("mass.x") == pytest.approx(0.05, abs=1e-7)
 
 
+@nightly
 def test_an_oscillator_turns_in_one_event_each_and_comes_to_rest(couple: Callable[..., Loop]) -> None:
     """Over friction that differs between the directions (the Lorentzian curve), with an offset."""
     forward = {"Fc": 0.8, "Fs": 1.5, "Fv": 0.6, "vs": 0.05, "delta": 1.6}

@@ -12,6 +12,7 @@ from tempfile import mkdtemp
 
 import numpy as np
 import pytest
+from thorough import some
 from types3 import types3
 
 from friction_fmus import build, fmu
@@ -66,7 +67,11 @@ def values(system: System, master: str, stop: float = 0.3) -> dict[str, bytes]:
 @pytest.mark.filterwarnings("ignore")
 @pytest.mark.parametrize("master", MASTERS)
 @pytest.mark.parametrize(
-    "mixed", [(three, three, three), (plain, plain, plain), (fmu, three, fmu), (plain, fmu, three)]
+    "mixed",
+    some(
+        [(three, three, three), (plain, plain, plain), (fmu, three, fmu), (plain, fmu, three)],
+        [(three, three, three), (plain, fmu, three)],
+    ),
 )
 def test_versions_mix_bit_for_bit(master: str, mixed: Sequence[Callable[[str], Path]]) -> None:
     assert values(servo(mixed), master) == values(servo((fmu, fmu, fmu)), master)

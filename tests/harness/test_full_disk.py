@@ -67,6 +67,7 @@ sys.exit(main(sys.argv[2:]))
 """
 
 
+@nightly
 @pytest.mark.parametrize("name", some([*COMMANDS], [*COMMANDS][:1]))
 def test_what_a_command_writes_and_does_not_fit(name: str, tmp_path: Path) -> None:
     folder = tmp_path / "out"
@@ -89,6 +90,7 @@ def test_what_a_command_writes_and_does_not_fit(name: str, tmp_path: Path) -> No
     assert not list(folder.glob(".*"))
 
 
+@nightly
 @pytest.mark.skipif(os.name != "posix" or os.getuid() != 0, reason="only root may mount a small disk")
 def test_an_fmu_that_does_not_fit_into_the_temporary_folder(probe: Path, tmp_path: Path) -> None:
     small = tmp_path / "small"

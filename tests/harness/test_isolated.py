@@ -94,6 +94,7 @@ def test_a_step_that_kills_the_process_ends_the_run(name: str, end: str, probe: 
     np.testing.assert_array_equal(error.result[f"{name}.x"], [0.0, 0.75, 1.5])
 
 
+@nightly
 @pytest.mark.parametrize(
     ("name", "said"),
     [pytest.param("loop", "", marks=nightly), ("restless", "; it last logged 'still at it [logStatusWarning]'")],
@@ -265,6 +266,7 @@ def test_a_timeout_that_makes_no_sense(timeout: float, probe: Path) -> None:
         FmuPart("p", probe, isolate=True, timeout=timeout)
 
 
+@nightly
 def test_the_process_ends_with_the_harness(probe: Path, tmp_path: Path) -> None:
     """Even if the harness is killed while the FMU is in an endless loop."""
     program = (

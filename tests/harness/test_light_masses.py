@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from accuracy.known import driven
 from scipy.integrate import solve_ivp
-from thorough import some
+from thorough import nightly, some
 
 from harness import ExperimentError, FmuPart, Result, SeriesPart, System
 
@@ -45,7 +45,8 @@ def force_without_mass(times: np.ndarray) -> np.ndarray:
     return np.array([force(t, x) for t, x in zip(times, found.y[0], strict=True)])
 
 
-@pytest.mark.parametrize("master", ["newton", "adaptive"])
+@nightly
+@pytest.mark.parametrize("master", some(["newton", "adaptive"], ["newton"]))
 @pytest.mark.parametrize("mass", some([1e-6, 1e-3], [1e-6]))
 def test_a_light_mass_on_rate_and_state_friction(build_fmu: BuildFmu, mass: float, master: str) -> None:
     """It swings 22 times in a step (1e-6 kg), or 0.7 times, which no step resolves."""

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from python_engine import run_in_python
 from scipy.integrate import solve_ivp
-from thorough import some
+from thorough import nightly, some
 
 from harness import (
     CallablePart,
@@ -84,6 +84,7 @@ def test_time_events_without_states(exchange: MakeFmu, step: float) -> None:
     np.testing.assert_array_equal(result["p.level"], np.maximum(np.ceil(t / 0.3 - 1e-9) - 1, 0))
 
 
+@nightly
 def test_van_der_pol(exchange: MakeFmu) -> None:
     for mu in (5.0, 100.0):
         result = alone(exchange("VANDERPOL"), stop=20.0, step=0.05, mu=mu, tolerance=1e-10)

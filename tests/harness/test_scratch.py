@@ -11,6 +11,7 @@ import time
 from pathlib import Path
 
 import pytest
+from thorough import nightly
 
 from harness.storage import files
 from harness.storage.files import ScratchFolder
@@ -74,6 +75,7 @@ def test_the_folder_of_a_killed_process_goes_and_that_of_a_living_one_stays(temp
     assert list(temporary.iterdir()) == []
 
 
+@nightly
 def test_what_a_run_of_an_fmu_leaves(temporary: Path, probe: Path) -> None:
     """In this process, in one of its own, and in the workers of a sweep."""
     code = (

@@ -13,6 +13,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from lxml import etree
 from ssp_files import parameter_set, real
+from thorough import few
 
 from harness import (
     BaseUnit,
@@ -74,7 +75,7 @@ NOT_IN_XML = [*(chr(code) for code in range(0x20) if chr(code) not in "\t\n\r"),
 in_xml = st.characters(exclude_categories=["Cs"], exclude_characters=NOT_IN_XML)
 
 
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=few(200), deadline=None)
 @given(
     st.dictionaries(
         st.text(in_xml, min_size=1),

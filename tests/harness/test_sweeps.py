@@ -335,6 +335,7 @@ def test_sweep_that_is_done_does_nothing_more(tmp_path: Path) -> None:
     assert len(log_of(tmp_path)) == 6
 
 
+@nightly
 @pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="what lives is read from /proc")
 def test_killed_sweep_loses_nothing_and_leaves_no_process(tmp_path: Path) -> None:
     """kill -9 of the process that does the sweep; its workers end by themselves."""
@@ -440,6 +441,7 @@ def test_killed_worker_loses_no_run(tmp_path: Path) -> None:
     assert len({process for _, process in log_of(tmp_path)}) >= 5
 
 
+@nightly
 def test_script_without_a_guard_is_told_so(tmp_path: Path) -> None:
     """Every worker would begin the sweep once more, and fails in that."""
     program = (
@@ -546,6 +548,7 @@ def test_dask_cluster_and_a_worker_of_it_that_is_killed(build_fmu: BuildFmu, tmp
         np.testing.assert_allclose(result["final(mass.x)"], 1.5 / result["mass.m"], rtol=1e-12)
 
 
+@nightly
 @pytest.mark.skipif("forkserver" not in multiprocessing.get_all_start_methods(), reason="needs a fork server")
 @pytest.mark.parametrize("when", some(["before", "while the first worker starts"], ["before"]))
 def test_a_fork_server_that_is_killed(when: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

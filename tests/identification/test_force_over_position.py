@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from contacts import Array, noise
+from thorough import nightly
 
 from friction_fmus.data import load_emps
 from friction_fmus.identification import LINEAR, ROTARY, AxisUnits, Record, identify
@@ -82,6 +83,7 @@ def test_the_map_is_found_beside_the_parameters(record: Record) -> None:
     assert np.corrcoef(difference, expected)[0, 1] > 0.97
 
 
+@nightly
 def test_validation_data_do_not_choose_the_map(record: Record) -> None:
     train = record.window(0.0, 14.0)
     first, second = (
@@ -93,6 +95,7 @@ def test_validation_data_do_not_choose_the_map(record: Record) -> None:
     assert first.position.table == second.position.table
 
 
+@nightly
 def test_an_axis_without_such_forces_gets_no_map() -> None:
     plain = identify("Stiction", axis(size=0.0))
     result = identify("Stiction", axis(size=0.0), position_map=True)

@@ -33,6 +33,7 @@ def viscous_axis() -> Record:
     return Record("viscous", T, q=np.array(path) + noise(2, len(T), 2e-6), force=FORCE)
 
 
+@nightly
 def test_parameters_and_drift_of_an_axis_with_a_closed_form() -> None:
     record = viscous_axis()
     train, validation = record.window(3.0, 15.0), record.window(15.0, 23.0)

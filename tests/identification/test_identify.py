@@ -66,6 +66,7 @@ def test_lugre_is_found_within_a_fifth_of_a_percent_from_starts_three_times_off(
             assert found[name] == pytest.approx(LUGRE[name], rel=2e-3), name
 
 
+@nightly
 def test_without_start_values_the_data_give_them(lugre: Truth) -> None:
     record, force = lugre
     result = identify("LuGre", record)

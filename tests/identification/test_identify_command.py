@@ -67,6 +67,7 @@ def outcome(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, str]:
     return folder / "axis", printed
 
 
+@nightly
 def test_the_true_parameters_are_found_within_what_the_page_says(outcome: tuple[Path, str]) -> None:
     content = json.loads((outcome[0] / "identification.json").read_text(encoding="utf-8"))
     assert content["ranked_by"] == "validation error"
@@ -82,6 +83,7 @@ def test_the_true_parameters_are_found_within_what_the_page_says(outcome: tuple[
     assert set(other["weak"]) >= {"Fs"}
 
 
+@nightly
 def test_every_model_has_its_files_with_the_parameters_in_them(outcome: tuple[Path, str]) -> None:
     folder, _ = outcome
     made = {"identification.json", "parameters.toml", "comparison.png"}
@@ -100,6 +102,7 @@ def test_every_model_has_its_files_with_the_parameters_in_them(outcome: tuple[Pa
         assert picture.read_bytes().startswith(b"\x89PNG")
 
 
+@nightly
 def test_the_page_shows_what_the_command_prints(outcome: tuple[Path, str]) -> None:
     folder, printed = outcome
     (shown,) = re.findall(r"<!-- printed -->\n```\w+\n(.*?)^```$", PAGE, re.S | re.M)
@@ -118,6 +121,7 @@ def test_the_page_shows_the_mapping_of_the_example() -> None:
     assert shown == (EXAMPLES / "axis.toml").read_text(encoding="utf-8")
 
 
+@nightly
 @nightly
 def test_the_python_of_the_page_prints_what_it_says(outcome: tuple[Path, str]) -> None:
     (program,) = re.findall(r"<!-- python -->\n```\w+\n(.*?)^```$", PAGE, re.S | re.M)
@@ -146,6 +150,7 @@ def test_without_validation_models_are_ranked_by_bic(
     assert json.loads((tmp_path / "out" / "identification.json").read_text())["ranked_by"] == "BIC"
 
 
+@nightly
 def test_a_data_file_may_be_given_with_its_mapping(log: Path, tmp_path: Path) -> None:
     windows = ["--train", "0", "2", "--validation", "14", "15"]
     arguments = [str(log.parent / "axis.csv"), "--mapping", str(log), "--model", "Coulomb", *windows]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from thorough import nightly
 
 from friction_fmus import identify
 from friction_fmus.data import MeasuredAxis, ServoSettings
@@ -37,6 +38,7 @@ def record() -> Record:
     return simulated(1200)
 
 
+@nightly
 def test_the_injected_force_drives_the_axis_in_a_free_run(record: Record) -> None:
     found = identify("Coulomb", record, method="free-run", viscous=True, starts=1)
     assert found.parameters["Fc"].value == pytest.approx(FC, rel=0.03)

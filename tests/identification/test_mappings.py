@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from thorough import nightly
 
 from friction_fmus.data import load_emps, load_tribometer
 from friction_fmus.identification import ROTARY, RecordError, read_mapping, read_measurement, read_records
@@ -222,6 +223,7 @@ def test_the_mapping_of_the_emps_record_gives_the_record_of_the_package() -> Non
     assert record.quantum == pytest.approx(5e-8, rel=1e-6)
 
 
+@nightly
 def test_the_mapping_of_the_tribometer_gives_the_record_of_the_package() -> None:
     measurement = read_measurement(EXAMPLES / "tribometer.toml")
     (part,) = measurement.window(*measurement.mapping.windows["train"])

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import scipy.optimize
 import scipy.signal
-from thorough import nightly
+from thorough import nightly, some
 
 from friction_fmus import identify
 from friction_fmus.identification import Record, identify_inverse_model
@@ -60,6 +60,7 @@ def block(record: Record) -> dict[str, tuple[float, float]]:
     return {name: (found[name].value, found[name].noise_error) for name in TRUTH}
 
 
+@nightly
 def test_intervals_of_the_regression_cover_the_truth_as_often_as_they_say() -> None:
     """Of 150 records; the standard deviation of each share is 2.4 %."""
     shares = covered(30, regression)
@@ -76,7 +77,7 @@ def test_intervals_of_many_records_cover_the_truth(
     assert all(0.85 <= share <= 0.95 for share in shares.values()), shares
 
 
-@pytest.mark.parametrize("loss", ["soft_l1", "huber", "cauchy", "arctan"])
+@pytest.mark.parametrize("loss", some(["soft_l1", "huber", "cauchy", "arctan"], ["huber"]))
 def test_standard_errors_of_a_robust_loss_are_the_scatter_of_its_estimates(loss: str) -> None:
     random = np.random.default_rng(4)
     n, scale = 300, 1.1  # as in a search: 1.48 times the median of the absolute residuals

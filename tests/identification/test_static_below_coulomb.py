@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from contacts import noise, stribeck_force
+from thorough import nightly
 
 from friction_fmus.identification import LINEAR, Record, compare_models, identify
 from friction_fmus.identification.identifying import explanation
@@ -49,6 +50,7 @@ def axis(Fs: float) -> Record:
     return Record("axis", t, q=q, force=force)
 
 
+@nightly
 def test_the_warning_of_an_identification() -> None:
     (warning,) = identify("Stribeck", axis(6.0)).warnings
     assert warning.startswith("Fs = ")

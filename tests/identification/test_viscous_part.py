@@ -66,6 +66,7 @@ def test_the_models_without_viscous_friction() -> None:
     assert lacking == {"BlimanSorine", "Coulomb", "Dahl", "MaxwellSlip", "ResetIntegrator"}
 
 
+@nightly
 def test_coulomb_with_a_viscous_part_moves_like_stiction(tmp_path: Path) -> None:
     """With Fs = Fc and its own Fv, Stiction is the same axis; a mismatch of friction scales both parts."""
     t = 1e-3 * np.arange(601.0)

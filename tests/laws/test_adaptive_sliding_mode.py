@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from observer_loops import follow, rms_error, run
+from thorough import nightly
 
 from friction_fmus.blocks.catalogue import laws_folder
 from friction_fmus.lawkit.files import discover_laws
@@ -51,6 +52,7 @@ def test_at_rest_no_friction_is_compensated():
     assert LAW.evaluate({"Fc0": 3.0, "rd": 1e-12})["F_hat"] == pytest.approx(3.5, rel=1e-9)
 
 
+@nightly
 def test_the_lyapunov_function_falls_and_the_error_ends_in_the_layer():
     """A mass whose friction follows the reference velocity, with wrong first estimates, at 20 kHz."""
     Ts, m, lam, Fc, Fv, phi = 5e-5, 1.0, 63.0, 2.5, 6.0, 1e-3

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy.linalg import expm, solve_discrete_are
 from scipy.signal import cont2discrete
-from thorough import some
+from thorough import nightly, some
 
 from friction_fmus.blocks.catalogue import laws_folder
 from friction_fmus.lawkit.files import discover_laws
@@ -119,6 +119,7 @@ def test_kalman_lags_on_a_ramp_by_the_closed_form(m):
     assert lag[-1] == pytest.approx(c * (m * abs(K2 / K3) - Ts / 2.0), rel=1e-6)
 
 
+@nightly
 @pytest.mark.parametrize("x_noise", some([1e-15, 1e-9, 1e-3], [1e-9]))
 @pytest.mark.parametrize("F_step", [1e-6, 1e3])
 def test_extreme_noise_leaves_the_filter_stable(x_noise, F_step):

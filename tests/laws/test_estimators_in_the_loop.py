@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from thorough import nightly
 
 from harness import FmuPart, System, Wire
 
@@ -50,6 +51,7 @@ def tracking(build_fmu: Callable[..., Path]) -> Callable[..., float]:
     return rms
 
 
+@nightly
 @pytest.mark.parametrize("A", AMPLITUDES)
 def test_kalman_compensates_from_presliding_to_sliding(tracking, A):
     assert tracking(A, "KalmanFriction", F_step=0.3, x_noise=1e-8) < 0.05 * tracking(A)

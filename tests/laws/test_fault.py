@@ -141,7 +141,7 @@ def test_all_laws_with_limits_say_their_order() -> None:
     assert {name for name, law in LAWS.items() if {"u_min", "u_max"} <= {v.name for v in law.given}} == set(LIMITS)
 
 
-@pytest.mark.parametrize("name", [*LIMITS, *CONTROLLERS])
+@pytest.mark.parametrize("name", some([*LIMITS, *CONTROLLERS], ["PID", "LuGreFeedforward", *CONTROLLERS[:1]]))
 def test_limits_in_the_wrong_order_are_refused(name: str, build_fmu: Callable[..., Path]) -> None:
     library = load(build_fmu(name, Ts=Ts))
     with Instance(library) as run:

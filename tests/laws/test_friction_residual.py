@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from scipy.interpolate import RegularGridInterpolator
 from shell.instance import Instance, load
-from thorough import some
+from thorough import nightly, some
 
 from friction_fmus.blocks.catalogue import laws_folder
 from friction_fmus.identification import ResidualTable
@@ -39,6 +39,7 @@ def by_law(given: ResidualTable, F: np.ndarray, x: np.ndarray, v: np.ndarray, **
     return np.array([LAW.evaluate({**values, "f": a, "x": b, "v": c})["u"] for a, b, c in zip(F, x, v, strict=True)])
 
 
+@nightly
 @pytest.mark.parametrize(("R_max", "only_adds"), some([(10.0, False), (0.3, False), (10.0, True)], [(0.3, False)]))
 def test_the_sum_is_bounded_and_resists_the_motion(R_max: float, only_adds: bool) -> None:
     """u v >= min(f v, 0), with u v >= 0 for every force that resists; exactly, for random tables."""

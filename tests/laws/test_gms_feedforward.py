@@ -10,6 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from shell.instance import ERROR, OK, Instance, load
+from thorough import few
 
 TS = 1e-3
 speeds = st.lists(st.one_of(st.just(0.0), st.floats(-3e-2, 3e-2)), min_size=40, max_size=40)
@@ -22,7 +23,7 @@ def block(build_fmu: Callable[..., Path]) -> Callable[[str], Path]:
     return lambda name: load(build_fmu(name))
 
 
-@settings(max_examples=60, deadline=None, derandomize=True, database=None)
+@settings(max_examples=few(60), deadline=None, derandomize=True, database=None)
 @given(
     speeds, stiffnesses, shares, st.integers(1, 10), st.floats(0.0, 500.0), st.floats(-0.5, 3.0), st.floats(0.0, 1e4)
 )

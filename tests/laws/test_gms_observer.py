@@ -14,6 +14,7 @@ from hypothesis import strategies as st
 from observer_loops import follow, rms_error
 from scipy.optimize import nnls
 from shell.instance import Instance, load
+from thorough import few, nightly
 
 from friction_fmus.blocks.catalogue import laws_folder
 from friction_fmus.data import load_tribometer
@@ -42,7 +43,7 @@ def run(samples: Iterable[Mapping[str, Any]], **values: Any) -> list[dict[str, A
     return results
 
 
-@settings(max_examples=60, deadline=None, derandomize=True, database=None)
+@settings(max_examples=few(60), deadline=None, derandomize=True, database=None)
 @given(speeds, stiffnesses, shares, st.integers(1, 10), st.floats(0.0, 1e4))
 def test_without_injection_it_is_the_block_for_any_of_its_parameters(block, v, k, alpha, N, C):
     """The velocity is constant between samples, with reversals and rests."""
@@ -126,6 +127,7 @@ def servo(w: float) -> dict[str, float]:
     return {"Kp": 3.0 * w**2, "Kd": 3.0 * w, "Ki": w**3, "m": 1.0}
 
 
+@nightly
 @pytest.mark.parametrize(("amplitude", "left"), [(3e-5, 0.01), (5e-3, 0.025)])
 def test_the_tracking_error_and_the_error_of_the_estimate_are_small(
     build_fmu: BuildFmu, amplitude: float, left: float
@@ -170,6 +172,7 @@ def test_injection_reduces_the_error_up_to_some_gain(
 # ---- a measured record
 
 
+@nightly
 def test_on_the_tribometer_it_estimates_friction_better_than_dahl() -> None:
     """Independent fits leave 12 % of the rms friction with Dahl and 4.4 % with four Maxwell elements."""
     record, Ts = load_tribometer(), 5e-3

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from thorough import some
+from thorough import few, some
 
 from friction_fmus.blocks.catalogue import laws_folder
 from friction_fmus.lawkit.files import discover_laws
@@ -105,7 +105,7 @@ def smooth(n: int, seed: int) -> np.ndarray:
     return np.sin(math.pi * t) ** 4 * sum(random.normal() * np.sin(2 * math.pi * f * t) for f in range(1, 8))
 
 
-@settings(max_examples=40, deadline=20_000, derandomize=True, database=None)
+@settings(max_examples=few(40), deadline=20_000, derandomize=True, database=None)
 @given(
     st.one_of(st.floats(1.2, 8.0), st.floats(-8.0, -1.2)),
     st.integers(1, 32),

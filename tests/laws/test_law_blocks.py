@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from fmpy import read_model_description
 from shell.selection import EACH_FEATURE
-from thorough import some
+from thorough import few, nightly, some
 
 from friction_fmus.blocks.catalogue import laws_folder
 from friction_fmus.blocks.probe import read_variables
@@ -57,7 +57,7 @@ def check(law: Law, workshop, different_bits) -> None:
     evaluate = ctypes.CDLL(str(library)).block_evaluate
     evaluate.restype = None
     rng = np.random.default_rng(1)
-    for _ in range(200):
+    for _ in range(few(200)):
         values = np.zeros(max(reference.values()) + 1)
         arguments = []
         for variable in law.given:
@@ -123,6 +123,7 @@ def test_the_table_says_what_the_law_says(law, workshop):
             base_unit(row.unit)
 
 
+@nightly
 @pytest.mark.parametrize("law", some(LAWS[::3], SOME_LAWS[:2]), ids=lambda law: law.name)
 def test_the_rotational_twin_has_its_own_units(law, workshop):
     rows = read_variables(workshop.library(block_source(law), "-DROTATIONAL")).variables[1:]

@@ -11,7 +11,7 @@ import pytest
 from observer_loops import follow, rms_error
 from scipy.signal import bilinear, freqz, lfilter
 from shell.instance import Instance, load
-from thorough import some
+from thorough import nightly, some
 
 from friction_fmus.blocks.catalogue import laws_folder
 from friction_fmus.conditions import chain, one_mass
@@ -64,7 +64,7 @@ def product(first: tuple[list[float], list[float]], second: tuple[list[float], l
     return np.polymul(first[0], second[0]), np.polymul(first[1], second[1])
 
 
-@pytest.mark.parametrize("name", some([*LOOPS], [*LOOPS][::3]))
+@pytest.mark.parametrize("name", some([*LOOPS], [*LOOPS][::4]))
 def test_its_loops_have_the_frequency_responses_of_tustins_rule(name: str):
     """Responses to an impulse, by scipy from the product of the polynomials; and their transforms against freqz."""
     law, values = of_loop(name, Kv1=1.0, KP=0.0, Ka=0.0, Kv2=0.0, gain=0.0, u_max=1e9, u_min=-1e9)
@@ -95,6 +95,7 @@ def test_with_a_gain_and_a_mass_its_force_is_that_of_modelled_output_karnopp():
     assert [row["u"] for row in mine] == [row["u"] for row in theirs]
 
 
+@nightly
 @pytest.mark.parametrize("sample", [1e-3, 1e-4])
 def test_with_a_gain_and_a_mass_its_friction_tends_to_that_of_modelled_output_karnopp(sample: float):
     """The modelled velocities differ by less than 0.6 samples of the fastest change."""

@@ -46,6 +46,7 @@ def test_static_feedback_at_rest_and_disabled():
     assert STATIC.evaluate({"v": 1e300, "u_max": 2.0})["u"] == 2.0
 
 
+@nightly
 @pytest.mark.parametrize(("damping", "grows"), [(1.05, False), (0.95, True)])
 def test_without_friction_static_feedback_is_a_negative_damper(damping, grows):
     """Kd > gain (Fs/vt + Fv) is the limit of stability, found by simulating a free mass within vt."""
@@ -59,6 +60,7 @@ def test_without_friction_static_feedback_is_a_negative_damper(damping, grows):
     assert (math.hypot(v, 10.0 * x) > 1e-6) is grows
 
 
+@nightly
 def test_over_compensation_makes_a_limit_cycle_that_grows(build_fmu: BuildFmu):
     """Gain times model over real Coulomb friction: below 1 the axis comes to rest, above 1 it swings, ever wider."""
     plant = {"friction.Fs": 1.0, "mass.v0": 0.05}
@@ -172,6 +174,7 @@ def test_the_error_with_the_observer_is_small_and_proportional_to_the_sample_tim
     assert ratios[1] / ratios[2] == pytest.approx(2.0, rel=0.15)
 
 
+@nightly
 @pytest.mark.parametrize(("w", "positive_real"), [(110.0, True), (40.0, False)])
 def test_injection_helps_without_limit_only_if_the_loop_is_positive_real(build_fmu: BuildFmu, w, positive_real):
     assert (P95["sigma1"] * servo(w)["Kd"] >= P95["sigma0"]) is positive_real

@@ -9,6 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.signal import lfilter
+from thorough import few
 
 from friction_fmus.blocks.catalogue import laws_folder
 from friction_fmus.lawkit.files import discover_laws
@@ -33,7 +34,7 @@ def invert(r: np.ndarray, pair: tuple[float, float], **values: float) -> tuple[n
     return np.array(now), np.concatenate([[0.0], x[:-1]])
 
 
-@settings(max_examples=12, deadline=20_000, derandomize=True, database=None)
+@settings(max_examples=few(12), deadline=20_000, derandomize=True, database=None)
 @given(st.floats(1.2, 6.0), st.floats(0.0, math.pi), st.integers(2, 32))
 def test_the_error_is_that_of_the_truncated_series(size, angle, N):
     """With zeros a and a* the series has g[i+1] = Im(a^i) / (Im(a) n^i), i / a^(i+1) where they meet."""

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from thorough import nightly
 
 from friction_fmus.blocks.catalogue import laws_folder
 from friction_fmus.lawkit.files import discover_laws
@@ -142,6 +143,7 @@ def test_an_integral_reset_shortens_the_period_and_does_not_end_hunting(hunting)
     assert np.ptp(reset) > 0.9 * np.ptp(plain)
 
 
+@nightly
 def test_reversing_friction_in_the_integral_nearly_ends_hunting_unless_the_spring_back_is_hidden(hunting):
     plain = np.ptp(hunting())
     assert np.ptp(hunting(reversal=-1.0)) < 0.05 * plain

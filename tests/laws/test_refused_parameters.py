@@ -11,6 +11,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from shell.instance import ERROR, OK, Instance, load
+from thorough import few
 
 from friction_fmus.blocks.catalogue import laws_folder
 from friction_fmus.lawkit.files import discover_laws
@@ -84,7 +85,7 @@ def test_every_condition_has_a_case() -> None:
     assert told == {case[:2] for case in CASES}
 
 
-@settings(max_examples=200, deadline=None, derandomize=True, database=None)
+@settings(max_examples=few(200), deadline=None, derandomize=True, database=None)
 @given(*[st.floats(-3.0, 3.0)] * 3)
 def test_prefilter_conditions_are_those_of_its_poles(a: float, b: float, c: float) -> None:
     """The recursion of d and D as a matrix, for gains over six decades."""

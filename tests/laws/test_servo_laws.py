@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from thorough import some
+from thorough import few, some
 
 from friction_fmus.blocks.catalogue import laws_folder
 from friction_fmus.lawkit.files import discover_laws
@@ -48,7 +48,7 @@ def test_the_integral_is_the_sum_of_the_errors_before():
     assert [result["u"] for result in found] == pytest.approx(2.0 * 0.1 * sums, rel=1e-12, abs=1e-12)
 
 
-@settings(max_examples=30, deadline=20_000)
+@settings(max_examples=few(30), deadline=20_000)
 @given(st.integers(0, 10**6), st.floats(1.0, 100.0), st.floats(1.0, 500.0), st.floats(0.0, 1e4), st.floats(1e-4, 1e-2))
 def test_cascade_is_pid_with_other_gains(seed, kp, kv, ki, Ts):
     random = np.random.default_rng(seed)
@@ -129,7 +129,7 @@ def test_disabled_it_is_silent_and_comes_back_fresh(law):
 
 @pytest.mark.parametrize("law", some(LIMITED, LIMITED[::5]), ids=lambda law: law.name)
 @given(st.data())
-@settings(max_examples=50, deadline=20_000)
+@settings(max_examples=few(50), deadline=20_000)
 def test_outputs_stay_within_the_limits(law, data):
     values = {
         variable.name: data.draw(st.floats(max(-1e6, variable.min), min(1e6, variable.max)), variable.name)

@@ -110,6 +110,7 @@ def force_at_the_points(result: Result) -> np.ndarray:
     return np.array([found[numbers == i].mean() for i in range(N)])
 
 
+@nightly
 def test_tables_found_at_constant_speed_take_the_position_error_away(build_fmu: BuildFmu):
     alone = {sign: on_the_axis(build_fmu, {"gain": 0.0}, sign) for sign in (1.0, -1.0)}
     forces = {sign: force_at_the_points(result) for sign, result in alone.items()}

@@ -12,8 +12,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from shell.instance import OK, WARNING, Instance, Library, load
+from thorough import few
 
-reproducibly = settings(max_examples=100, deadline=20_000, derandomize=True, database=None)
+reproducibly = settings(max_examples=few(100), deadline=20_000, derandomize=True, database=None)
 
 
 @pytest.fixture(scope="module")

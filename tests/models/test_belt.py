@@ -12,10 +12,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.linalg import expm
 from shell.instance import OK, Instance, Library, load
+from thorough import few
 
 from harness import FmuPart, System
 
-reproducibly = settings(max_examples=100, deadline=20_000, derandomize=True, database=None)
+reproducibly = settings(max_examples=few(100), deadline=20_000, derandomize=True, database=None)
 sizes = st.floats(-2.0, 2.0)
 
 

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 from shell.instance import OK, Instance, Library, load
+from thorough import some
 
 GetLibrary = Callable[[str], Library]
 P95 = {"sigma0": 1e5, "sigma1": math.sqrt(1e5), "sigma2": 0.4, "Fc": 1.0, "Fs": 1.5, "vs": 1e-3}
@@ -236,7 +237,7 @@ def test_b11_and_b13_constant_kinetic_friction_has_the_period_of_the_closed_form
         assert [(Fs - 2.0 * gap) / k, -math.hypot(V, gap / w)] == pytest.approx([0.2, -0.4472136], abs=5e-8)
 
 
-@pytest.mark.parametrize(("DV", "tabulated"), [(1e-7, 7.611259254), (1e-3, 7.61290)])
+@pytest.mark.parametrize(("DV", "tabulated"), some([(1e-7, 7.611259254), (1e-3, 7.61290)], [(1e-3, 7.61290)]))
 def test_b13_karnopps_mass_has_the_period_of_the_closed_form_with_v_less_dv(
     block: GetLibrary, DV: float, tabulated: float
 ) -> None:

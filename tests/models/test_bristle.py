@@ -12,8 +12,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from shell.instance import DISCARD, OK, Instance, Library, load
+from thorough import few
 
-reproducibly = settings(max_examples=60, deadline=20_000, derandomize=True, database=None)
+reproducibly = settings(max_examples=few(60), deadline=20_000, derandomize=True, database=None)
 N, SIGMA0, DELTA_S, DELTA = 20, 5e3, 1.2e-5, 6e-6
 moves = st.lists(
     st.tuples(st.one_of(st.floats(-5e-2, 5e-2), st.sampled_from([0.0, 1e-9, -3e-6])), st.floats(1e-6, 0.02)),

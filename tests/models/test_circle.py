@@ -12,8 +12,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.polynomial import Polynomial
 from shell.instance import Instance, Library, load
+from thorough import few
 
-reproducibly = settings(max_examples=100, deadline=20_000, derandomize=True, database=None)
+reproducibly = settings(max_examples=few(100), deadline=20_000, derandomize=True, database=None)
 AXES = ("x", "xd", "xdd", "y", "yd", "ydd")
 BLEND = Polynomial([0.0, 0.0, 0.0, 10.0, -15.0, 6.0])
 """speed over feed against the share of the ramp, with two zero derivatives at 0 and at 1"""

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 from shell.instance import OK, Instance, load
+from thorough import nightly
 
 
 def test_a_fault_that_is_loaded_slowly_is_followed_over_years(build_fmu: Callable[..., Path]) -> None:
@@ -18,6 +19,7 @@ def test_a_fault_that_is_loaded_slowly_is_followed_over_years(build_fmu: Callabl
         assert run.get1("F") == pytest.approx(0.9, rel=1e-12)
 
 
+@nightly
 def test_a_fault_slips_many_times_in_a_long_step(build_fmu: Callable[..., Path]) -> None:
     """1000 s at the start values: the driver goes by 10, so each block has slipped by about as much."""
     with Instance(load(build_fmu("BurridgeKnopoff"))) as run:

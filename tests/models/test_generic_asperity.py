@@ -14,8 +14,9 @@ from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 from shell.instance import DISCARD, OK, Instance, Library, load
+from thorough import few, some
 
-reproducibly = settings(max_examples=60, deadline=20_000, derandomize=True, database=None)
+reproducibly = settings(max_examples=few(60), deadline=20_000, derandomize=True, database=None)
 K_N, K_T, K_H, M, HEIGHT, A, WAVELENGTH, MU0 = 2e5, 5e3, 2e3, 1e-7, 1e-6, 2.5e-7, 1e-5, 0.25
 KAPPA = 2.0 * math.pi / WAVELENGTH
 PLAIN = {"dmu": 0.0, "creep": 0.0}
@@ -313,7 +314,7 @@ def test_a_released_tip_swings_on_while_the_slider_rests_and_lands(asperities: L
     assert t < 1.0
 
 
-@pytest.mark.parametrize("k_h", [1e4 * (1.0 - 1e-9), 1e4, 3e4])
+@pytest.mark.parametrize("k_h", some([1e4 * (1.0 - 1e-9), 1e4, 3e4], [1e4]))
 def test_overdamped_tips_return_without_a_swing(asperities: Library, k_h: float) -> None:
     with Instance(asperities) as run:
         run.initialise(N=1, v=1e-3, k_h=k_h, m=1e-5, **EQUAL)

@@ -13,9 +13,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 from shell.instance import OK, WARNING, Instance, Library, load
-from thorough import THOROUGH, nightly
+from thorough import few, nightly
 
-reproducibly = settings(max_examples=100, deadline=20_000, derandomize=True, database=None)
+reproducibly = settings(max_examples=few(100), deadline=20_000, derandomize=True, database=None)
 velocity = st.one_of(st.floats(-5e-3, 5e-3), st.floats(-2e-4, 2e-4), st.sampled_from([0.0, 1e-6, -1e-6])).map(
     lambda v: round(v, 15)
 )
@@ -311,7 +311,7 @@ def nested_loops(run: Instance, reference: Reference, amplitude: float, steps: l
         way = -way
 
 
-@settings(reproducibly, max_examples=25)
+@settings(reproducibly, max_examples=few(25))
 @given(law=laws, A=st.floats(2.0, 5.0), zc=st.floats(1e-6, 1e-4), relative=st.floats(0.3, 1.0), steps=swings)
 def test_nested_loops_of_any_leuven_contact_agree_with_scipy(
     leuven: Library, law: dict[str, float], A: float, zc: float, relative: float, steps: list[tuple[float, float]]
@@ -324,7 +324,7 @@ def test_nested_loops_of_any_leuven_contact_agree_with_scipy(
         assert run.get1("depth") == len(reference.bases) - 1
 
 
-@settings(reproducibly, max_examples=25)
+@settings(reproducibly, max_examples=few(25))
 @given(
     law=laws,
     elements=st.lists(
@@ -351,7 +351,7 @@ def test_nested_loops_of_any_elements_agree_with_scipy(
         nested_loops(run, Modified(k, W, law), relative * top / sum(k), steps)
 
 
-@settings(reproducibly, max_examples=80 if THOROUGH else 25)
+@settings(reproducibly, max_examples=few(80))
 @given(steps=ramps, n=exponents, Fs=st.sampled_from([0.8, 1.5]))
 def test_linear_velocities_agree_with_scipy(
     either: Library, steps: list[tuple[float, float, float]], n: float, Fs: float
@@ -521,7 +521,7 @@ def test_too_small_elements_end_below_the_level_with_a_warning(modified: Library
         assert run.get1("z") - z_2 == pytest.approx(0.1 * (1.0 - 0.49), rel=1e-12)
 
 
-@settings(reproducibly, max_examples=50)
+@settings(reproducibly, max_examples=few(50))
 @given(steps=ramps, n=exponents)
 def test_too_small_elements_agree_with_scipy(
     modified: Library, steps: list[tuple[float, float, float]], n: float

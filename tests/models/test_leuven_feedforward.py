@@ -14,12 +14,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from shell.instance import Instance, Library, load
+from thorough import few
 
 TS = 2.0**-10
 UNIT = 2.0**-22  # [m/s] of the velocities
 NAMES = ("LeuvenFeedforward", "ModifiedLeuvenFeedforward")
 
-reproducibly = settings(max_examples=40, deadline=20_000, derandomize=True, database=None)
+reproducibly = settings(max_examples=few(40), deadline=20_000, derandomize=True, database=None)
 speeds = st.one_of(st.integers(-(2**10), 2**10), st.integers(-(2**16), 2**16), st.sampled_from([0, 1, -1]))
 velocities = st.lists(st.builds(lambda n: n * UNIT, speeds), min_size=1, max_size=30)
 stribeck = {

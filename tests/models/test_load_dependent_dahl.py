@@ -15,13 +15,14 @@ from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 from scipy.optimize import least_squares
 from shell.instance import ERROR, OK, Instance, Library, load
+from thorough import few
 
 from friction_fmus.data import load_emps, load_tribometer
 
 EPS, AVERAGE, HALF, VISCOUS = 1e-3, 0.1, 0.03, 0.4
 """Start values of eps, mu_avg, mu_dif and Fv."""
 
-reproducibly = settings(max_examples=100, deadline=20_000, derandomize=True, database=None)
+reproducibly = settings(max_examples=few(100), deadline=20_000, derandomize=True, database=None)
 speeds = st.one_of(st.floats(-0.5, 0.5), st.sampled_from([0.0, 1e-9, -1e-9, 10.0]))
 forces = st.one_of(st.floats(-50.0, 50.0), st.just(0.0))
 motion = st.lists(st.tuples(speeds, st.floats(-50.0, 50.0), forces, st.floats(1e-6, 0.02)), min_size=1, max_size=6)

@@ -12,8 +12,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.linalg import expm
 from shell.instance import DISCARD, ERROR, OK, Instance, Library, load
+from thorough import few
 
-reproducibly = settings(max_examples=150, deadline=20_000, derandomize=True, database=None)
+reproducibly = settings(max_examples=few(150), deadline=20_000, derandomize=True, database=None)
 FORCES = {"F_drive": 1.0, "F_load": 1.0, "F_friction": -1.0}
 
 

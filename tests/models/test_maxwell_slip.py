@@ -14,8 +14,9 @@ from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 from shell.instance import DISCARD, OK, Instance, Library, load
+from thorough import few
 
-reproducibly = settings(max_examples=100, deadline=20_000, derandomize=True, database=None)
+reproducibly = settings(max_examples=few(100), deadline=20_000, derandomize=True, database=None)
 velocity = st.one_of(st.floats(-5e-3, 5e-3), st.floats(-0.5, 0.5), st.sampled_from([0.0, 1e-9, -1e-9])).map(
     lambda v: round(v, 15)
 )
@@ -391,7 +392,7 @@ def test_gms_at_held_velocities_is_exact(
             assert run.get("slipping[1]", "slipping[2]", "slipping[3]") == [float(flag) for flag in flags]
 
 
-@settings(reproducibly, max_examples=80)
+@settings(reproducibly, max_examples=few(80))
 @given(
     steps=ramps,
     Fs=st.floats(0.5, 3.0),

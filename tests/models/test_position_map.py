@@ -10,6 +10,7 @@ import pytest
 from numpy.typing import NDArray
 from scipy.integrate import quad
 from scipy.interpolate import CubicHermiteSpline
+from thorough import nightly
 
 from friction_fmus.axis.loop import Plant, Trajectory, closed_loop, run_loop
 from friction_fmus.axis.position_map import Grid, PositionMap
@@ -99,6 +100,7 @@ def test_a_table_that_is_wrong_is_refused(change: dict[str, object], message: st
         replace(LINE, **change)  # type: ignore[arg-type]
 
 
+@nightly
 @pytest.mark.parametrize("friction", ["Stribeck", "LuGre"])
 def test_a_constant_table_on_an_axis_is_an_offset(friction: str, tmp_path: Path) -> None:
     """2 N forward, for a rigid and for an elastic contact; the table acts one step of 0.25 ms late."""

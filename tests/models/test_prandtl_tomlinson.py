@@ -13,9 +13,9 @@ from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 from shell.instance import DISCARD, OK, Instance, Library, load
-from thorough import some
+from thorough import few, some
 
-reproducibly = settings(max_examples=25, deadline=20_000, derandomize=True, database=None)
+reproducibly = settings(max_examples=few(25), deadline=20_000, derandomize=True, database=None)
 START = {"m": 1.0, "damping": 2.0, "k": 1.0, "E0": 0.25, "a": 1.0}
 TIP = {"m": 1e-12, "damping": 2e6, "k": 1.0, "E0": 1e-19, "a": 0.3e-9}  # of a force microscope, SI units
 B28 = {1.5: 0.02045312, 2.0: 0.06412423, 3.0: 0.18006672, 4.0: 0.31314155, 5.0: 0.45435696, 10.0: 1.20507565}
@@ -71,7 +71,7 @@ def test_held_velocities_are_solved_to_1e_9(tip: Library, h: float, velocities: 
             assert abs(run.get1("F") - p["k"] * (y[0] - y[1])) < 1e-9 * max(corrugation(p), 1e-3 * p["k"] * p["a"])
 
 
-@pytest.mark.parametrize("h", [1e-4, 0.02])
+@pytest.mark.parametrize("h", some([1e-4, 0.02], [0.02]))
 @pytest.mark.parametrize("p", [START, START | {"damping": 0.2}, START | {"damping": 40.0}, START | {"m": 0.05}])
 def test_a_long_run_of_jumps_of_velocity_and_holds(tip: Library, h: float, p: dict[str, float]) -> None:
     draw = np.random.default_rng(3)
@@ -220,7 +220,7 @@ def quasi_static(eta: float) -> tuple[float, float]:
     return X, energy(x) - energy(x_after)
 
 
-@pytest.mark.parametrize(("eta", "F"), some([*B28.items()], [*B28.items()][::3]))
+@pytest.mark.parametrize(("eta", "F"), some([*B28.items()], [*B28.items()][::4]))
 def test_b28_slow_friction_is_the_energy_of_the_jumps(tip: Library, eta: float, F: float) -> None:
     """The excess at a small v goes with v^(2/3); with m damping = 1 it is below 2 % at 1e-5."""
     X_jump, expected = quasi_static(eta)
@@ -246,7 +246,7 @@ def test_b28_the_tip_jumps_where_its_position_of_rest_ends(tip: Library) -> None
     assert X_jump < X < X_jump + 3e-3
 
 
-@pytest.mark.parametrize("eta", [0.0, 0.3, 0.7])
+@pytest.mark.parametrize("eta", some([0.0, 0.3, 0.7], [0.3]))
 def test_b28_without_multistability_slow_friction_vanishes(tip: Library, eta: float) -> None:
     """What is left is viscous: proportional to v."""
     E0 = eta / (2.0 * math.pi**2)
@@ -322,7 +322,7 @@ def test_the_thermal_force_is_white_and_has_the_stated_size(tip: Library) -> Non
     assert (R**4).mean() / variance**2 == pytest.approx(3.0, rel=0.15)
 
 
-@pytest.mark.parametrize("E0", [0.0, 0.1])
+@pytest.mark.parametrize("E0", some([0.0, 0.1], [0.1]))
 def test_a_warm_tip_has_its_share_of_energy(tip: Library, E0: float) -> None:
     """Equipartition: m w^2 = kT on average, and (virial) the restoring force times x, too."""
     kT, h, n = 0.03, 0.5, 30000

@@ -15,13 +15,14 @@ from hypothesis import strategies as st
 from scipy.integrate import quad, solve_ivp
 from scipy.optimize import brentq
 from shell.instance import OK, Instance, Library, load
+from thorough import few
 
 P95 = {"sigma0": 1e5, "sigma1": math.sqrt(1e5), "sigma2": 0.4, "Fc": 1.0, "Fs": 1.5, "vs": 1e-3, "delta": 2.0}
 MODELS = ("LuGre", "Dahl", "BlimanSorine", "ResetIntegrator", "ElastoPlastic")
 STEPS = (1e-6, 1e-5, 1e-4, 1e-3, 0.02)
 
-reproducibly = settings(max_examples=100, deadline=20_000, derandomize=True, database=None)
-few = settings(max_examples=40, deadline=20_000, derandomize=True, database=None)
+reproducibly = settings(max_examples=few(100), deadline=20_000, derandomize=True, database=None)
+few = settings(max_examples=few(40), deadline=20_000, derandomize=True, database=None)
 velocities = st.one_of(st.floats(-5e-3, 5e-3), st.floats(-0.5, 0.5), st.sampled_from([0.0, 1e-9, -1e-9, 10.0, -10.0]))
 trajectory = st.lists(st.tuples(velocities, st.floats(1e-6, 0.02)), min_size=1, max_size=8)
 exponents = st.one_of(st.sampled_from([0.0, 0.5, 1.0, 1.5, 2.0, 3.0]), st.floats(0.0, 5.0))

@@ -17,9 +17,9 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from scipy.optimize import brentq
 from shell.instance import OK, Instance, Library, load
-from thorough import THOROUGH, nightly
+from thorough import THOROUGH, few, nightly
 
-reproducibly = settings(max_examples=60, deadline=20_000, derandomize=True, database=None)
+reproducibly = settings(max_examples=few(60), deadline=20_000, derandomize=True, database=None)
 
 Curve = Callable[[np.ndarray], np.ndarray]
 
@@ -145,6 +145,7 @@ def test_lugre_is_exact_for_hard_parameters(
     assert abs(F - expected) < 1e-6 * p["Fs"] + rounding
 
 
+@nightly
 @reproducibly
 @given(
     ends=st.tuples(unit_speed, unit_speed).filter(lambda e: abs(e[1] - e[0]) > 1e-3),

@@ -13,8 +13,9 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from scipy.optimize import brentq
 from shell.instance import OK, WARNING, Instance, Library, load
+from thorough import few
 
-reproducibly = settings(max_examples=80, deadline=20_000, derandomize=True, database=None)
+reproducibly = settings(max_examples=few(80), deadline=20_000, derandomize=True, database=None)
 
 START = {"kt": 1e5, "Fc": 1.0, "Fv": 0.4, "Fs_a": 0.2, "Fs_inf": 0.5, "vs": 1e-3, "tauL": 5e-3, "gamma": 1.0}
 

@@ -18,6 +18,7 @@ from hypothesis import strategies as st
 from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import linprog
 from scipy.signal import lfilter
+from thorough import few
 
 from friction_fmus import build_record
 from friction_fmus.blocks.catalogue import source_folder
@@ -26,7 +27,7 @@ Array = NDArray[np.float64]
 Load = Callable[..., "Block"]
 
 PROPERTY = settings(
-    max_examples=60, deadline=20_000, derandomize=True, suppress_health_check=[HealthCheck.function_scoped_fixture]
+    max_examples=few(60), deadline=20_000, derandomize=True, suppress_health_check=[HealthCheck.function_scoped_fixture]
 )
 
 

@@ -13,8 +13,9 @@ from hypothesis import given, reject, settings
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 from shell.instance import OK, Instance, Library, load
+from thorough import few
 
-reproducibly = settings(max_examples=60, deadline=20_000, derandomize=True, database=None)
+reproducibly = settings(max_examples=few(60), deadline=20_000, derandomize=True, database=None)
 velocities = st.one_of(st.floats(-5e-3, 5e-3), st.floats(-1.0, 1.0), st.sampled_from([0.0, -0.0, 1e-9, -1e-9, 30.0]))
 forces = st.floats(-5.0, 5.0)
 level = st.floats(0.0, 5.0)
@@ -553,7 +554,7 @@ def test_the_load_scales_the_friction_of_the_switch_model(block: GetLibrary) -> 
     assert found[0] == pytest.approx(found[1], rel=1e-9)
 
 
-@settings(reproducibly, max_examples=20)
+@settings(reproducibly, max_examples=few(20))
 @given(x0=st.floats(-1.5, 1.5), v0=st.floats(-1.0, 1.0), delta=st.floats(0.0, 50.0))
 def test_leines_mass_is_odd_and_on_a_belt_at_rest_loses_energy(
     block: GetLibrary, x0: float, v0: float, delta: float

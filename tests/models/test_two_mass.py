@@ -13,11 +13,12 @@ from hypothesis import strategies as st
 from scipy.integrate import simpson
 from scipy.linalg import expm
 from shell.instance import DISCARD, OK, Instance, Library, load
+from thorough import few
 
 from friction_fmus import build
 from harness import CallablePart, FmuPart, Port, System
 
-reproducibly = settings(max_examples=100, deadline=20_000, derandomize=True, database=None)
+reproducibly = settings(max_examples=few(100), deadline=20_000, derandomize=True, database=None)
 STATES = ("x1", "v1", "x2", "v2")
 FORCES = ("F_drive", "F_load", "F_friction1", "F_friction2")
 SIDES = np.array([[1.0, 0.0, -1.0, 0.0], [0.0, 1.0, 0.0, -1.0]])

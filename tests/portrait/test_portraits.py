@@ -10,7 +10,7 @@ import fmpy
 import matplotlib as mpl
 import numpy as np
 import pytest
-from thorough import some
+from thorough import nightly, some
 
 from friction_fmus import catalogue
 from friction_fmus.blocks.catalogue import find
@@ -94,6 +94,7 @@ def test_a_pid_controller_jumps_and_ramps(panels: Panels) -> None:
     assert value + slope * curve.x[ramp][-1] == pytest.approx(curve.y[-1])
 
 
+@nightly
 def test_an_observer_finds_coulomb_friction(panels: Panels) -> None:
     for name in ("DisturbanceObserver", "KalmanFriction", "ExtendedStateObserver", "ImplicitSlidingMode"):
         (curve,) = panels(name)[0].curves
@@ -126,6 +127,7 @@ def test_pictures_do_not_depend_on_the_settings_of_the_user() -> None:
     assert first == second
 
 
+@nightly
 def test_threads_that_draw_side_by_side_draw_what_one_draws() -> None:
     x = np.linspace(-1.0, 1.0, 51)
     panel = Panel((Curve(x, x**3, "a"),), ("v", "m/s"), ("F", "N"), "A cube.")

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from scipy.signal import butter, filtfilt
+from thorough import nightly
 
 from friction_fmus.errors import FrictionError
 from friction_fmus.procedures import Loop, inverse_process_sensitivity, learning_step, train, zero_phase
@@ -61,6 +62,7 @@ def test_a_linear_loop_contracts_by_one_minus_rate(axis, rate):
     assert (np.diff(rms) < 0.0).all()
 
 
+@nightly
 def test_sliding_friction_is_learned(axis):
     rms = run(axis("LuGre", {"friction.Fs": 1.0} | back_and_forth(0.01), every=10), step=1e-4)
     assert rms[-1] < rms[0] / 100.0

@@ -145,6 +145,7 @@ def test_they_are_built_checked_and_documented(name: str, folder: Path, tmp_path
     assert ("<code>overcompensation</code>" in page) == (name == "SlippingFeedforward")
 
 
+@nightly
 def test_they_stand_in_lists_and_tables(
     folder: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:

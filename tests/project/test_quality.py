@@ -8,6 +8,8 @@ import sys
 from collections.abc import Iterator
 from pathlib import Path
 
+from thorough import nightly
+
 ROOT = Path(__file__).parents[2]
 
 
@@ -32,6 +34,7 @@ def test_no_test_returns_early_and_counts_as_passed() -> None:
     assert found == []
 
 
+@nightly
 def test_mypy_knows_the_lazy_names(tmp_path: Path) -> None:
     program = (
         "from friction_fmus import build, harness\n"

@@ -6,9 +6,10 @@ from pathlib import Path
 
 import pytest
 from coupling_search import Composites, References, draw, judge
-from thorough import some
+from thorough import nightly, some
 
 
+@nightly
 @pytest.mark.parametrize("seed", some([2, 8, 10, 16, 22, 24, 31, 33, 86], [2]))
 def test_no_run_is_wrong_without_a_warning(seed: int, tmp_path: Path) -> None:
     """Systems in which rest once ended at sliding friction, and two with states."""

@@ -60,6 +60,7 @@ def only(folder: Path, pattern: str) -> Path:
     return path
 
 
+@nightly
 @pytest.mark.parametrize("damage", some([*DAMAGES], ["one bit"]))
 def test_a_damaged_fmu_is_built_again(used: Path, tmp_path: Path, damage: str) -> None:
     good = (used / "out" / "Coulomb.fmu").read_bytes()
@@ -220,6 +221,7 @@ def test_the_end_of_a_library_is_where_lief_sees_it(tmp_path: Path) -> None:
     check_end_of_library(NATIVE, tmp_path)
 
 
+@nightly
 def test_versions_that_share_a_cache_keep_their_fmus(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The path that an earlier version was given still holds what that version built."""
     monkeypatch.setenv("FRICTION_FMUS_CACHE", str(tmp_path / "cache"))

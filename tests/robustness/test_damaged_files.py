@@ -11,6 +11,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from robustness.mutate import SCRAPS
+from thorough import few
 
 from friction_fmus import FrictionError, fmu
 from harness import HarnessError, System, load_result, read_samples, read_ssv, save_result
@@ -19,7 +20,7 @@ ROOT = Path(__file__).parents[2]
 TOML = (ROOT / "examples" / "stick_slip.toml").read_bytes()
 
 few = settings(
-    max_examples=120, deadline=None, derandomize=True, suppress_health_check=[HealthCheck.function_scoped_fixture]
+    max_examples=few(120), deadline=None, derandomize=True, suppress_health_check=[HealthCheck.function_scoped_fixture]
 )
 
 

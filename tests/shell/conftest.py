@@ -10,7 +10,7 @@ import pytest
 from shell.facade import facade
 from shell.fixtures import instance, lugre, running, situation  # noqa: F401
 from shell.instance import Library, load
-from shell.selection import SHELL_BLOCKS, built
+from shell.selection import SHELL_BLOCKS
 from thorough import some
 
 FULL = some(("GMS", "PID", "ModifiedLeuvenFeedforward"), ("GMS", "PID"))
@@ -35,13 +35,14 @@ def build_fmu(
     request: pytest.FixtureRequest, build_fmu: Callable[..., Path], tmp_path_factory: pytest.TempPathFactory
 ) -> Callable[..., Path]:
     """The FMU of a block in FMI 2.0, or in FMI 3.0 behind the functions of FMI 2.0."""
-    folders: dict[tuple[object, ...], Path] = {}
+    made: dict[tuple[object, ...], Path] = {}
 
     def make(name: str, **start: float) -> Path:
         key = (name, *sorted(start.items()))
-        if key not in folders:
-            folders[key] = tmp_path_factory.mktemp("facade")
-        return facade(build_fmu(name, **start), built(name, folders[key], start, fmi=3, full=request.param == "full"))
+        if key not in made:
+            folder = tmp_path_factory.mktemp("facade")
+            made[key] = facade(build_fmu(name, **start), folder, full=request.param == "full")
+        return made[key]
 
     return build_fmu if request.param == 2 else make
 

@@ -2,45 +2,54 @@
 
 from __future__ import annotations
 
+import hashlib
 import subprocess
 import tempfile
 import zipfile
+from io import BytesIO
 from pathlib import Path
 
 from lxml import etree
+from quick import UNOPTIMISED
 from shell.selection import built
 
 from harness.compiling.platforms import PLATFORMS
-from harness.compiling.toolchain import FLAGS, compiler, header_folder
+from harness.compiling.toolchain import FLAGS, cache_folder, compiler, header_folder, identity
+from harness.fmi3 import fmi_3
+from harness.storage.atomic import atomic_path
+from harness.storage.cache import cached
 
 IN_3 = ":3"
 """Suffix of a name for FMI 3.0."""
 FACADE = Path(__file__).with_suffix(".c")
 
 
-def facade(two: Path, three: Path, platform: str = "linux64") -> Path:
+def facade(two: Path, folder: Path, platform: str = "linux64", *, full: bool = False) -> Path:
     """Make an FMU with the description of FMI 2.0, whose library calls the functions of FMI 3.0.
 
     Parameters
     ----------
-    two, three : Path
-        The same block or composite in both versions. The new FMU is written beside the second one.
+    two : Path
+        The block or composite in FMI 2.0.
+    folder : Path
+        Where the new FMU is written.
     platform : str
         The platform of the library.
+    full : bool
+        Whether the FMU of FMI 3.0 has arrays and clocks.
     """
-    path = three.with_name(f"{three.stem}-facade-{platform}.fmu")
+    path = folder / f"{two.stem}-facade-{platform}.fmu"
     if path.exists():
         return path
-    with tempfile.TemporaryDirectory() as scratch, zipfile.ZipFile(two) as old, zipfile.ZipFile(three) as new:
-        folder = Path(scratch)
-        library = library_of(new, folder, platform)
-        with zipfile.ZipFile(folder / "new.fmu", "w") as made:
+    folder.mkdir(parents=True, exist_ok=True)
+    three = BytesIO(fmi_3(two.read_bytes(), (), arrays=full, clocks=full))  # without a binary
+    with zipfile.ZipFile(two) as old, zipfile.ZipFile(three) as new, atomic_path(path) as made:
+        library = library_of(new, platform)
+        with zipfile.ZipFile(made, "w") as archive:
             for name in old.namelist():
                 if not name.startswith(("binaries/", "sources/")):
-                    made.writestr(name, old.read(name))
-            suffix = PLATFORMS[platform].suffix
-            made.write(library, f"binaries/{platform}/{three.stem}{suffix}")
-        (folder / "new.fmu").replace(path)
+                    archive.writestr(name, old.read(name))
+            archive.writestr(f"binaries/{platform}/{two.stem}{PLATFORMS[platform].suffix}", library)
     return path
 
 
@@ -48,20 +57,28 @@ def in_either(name: str, folder: str | Path) -> Path:
     """The FMU of a block or composite; with the suffix ``:3`` in FMI 3.0, behind the facade."""
     plain = name.removesuffix(IN_3)
     two = built(plain, folder)
-    return two if name == plain else facade(two, built(plain, Path(folder) / "fmi3", fmi=3))
+    return two if name == plain else facade(two, Path(folder) / "fmi3")
 
 
-def library_of(archive: zipfile.ZipFile, folder: Path, platform: str) -> Path:
-    """Compile the sources of an FMU of FMI 3.0 with the facade."""
-    for name in archive.namelist():
-        if name.startswith("sources/"):
-            archive.extract(name, folder)
-    build = etree.parse(folder / "sources" / "buildDescription.xml")
+def library_of(archive: zipfile.ZipFile, platform: str) -> bytes:
+    """The sources of an FMU of FMI 3.0, compiled with the facade; from the cache if they were compiled before."""
+    sources = {name: archive.read(name) for name in archive.namelist() if name.startswith("sources/")}
+    sources[f"sources/{FACADE.name}"] = FACADE.read_bytes()
+    build = etree.fromstring(sources["sources/buildDescription.xml"])
     main, *others = (str(file.get("name")) for file in build.iter("SourceFile"))
-    (folder / "sources" / FACADE.name).write_text(FACADE.read_text(encoding="utf-8"), encoding="utf-8")
     plain = (flag for flag in FLAGS if flag not in ("-Werror", "-Wpedantic", "-O2"))
-    flags = [*plain, "-O0", "-fno-sanitize=undefined", f'-DFMI_3="{main}"']  # compiled in a fifth of the time
+    flags = [*plain, *UNOPTIMISED, f'-DFMI_3="{main}"', "-isystem", str(header_folder())]
     (target,) = PLATFORMS[platform].targets
-    command = [*compiler(target), *flags, "-isystem", str(header_folder()), FACADE.name, *others]
-    subprocess.run([*command, "-shared", "-s", "-lm", "-o", "facade.so"], cwd=folder / "sources", check=True)
-    return folder / "sources" / "facade.so"
+    command = [*compiler(target), *flags, FACADE.name, *others, "-shared", "-s", "-lm", "-o", "facade.so"]
+
+    def make() -> bytes:
+        with tempfile.TemporaryDirectory() as folder:
+            for name, text in sources.items():
+                path = Path(folder) / name
+                path.parent.mkdir(parents=True, exist_ok=True)
+                path.write_bytes(text)
+            subprocess.run(command, cwd=Path(folder) / "sources", check=True)
+            return (Path(folder) / "sources" / "facade.so").read_bytes()
+
+    digest = hashlib.sha256(repr((identity(target), command, sorted(sources.items()))).encode()).hexdigest()
+    return cached(cache_folder() / "libraries" / f"facade-{digest[:24]}.so", make)

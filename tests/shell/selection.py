@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
+from contextlib import nullcontext
 from pathlib import Path
 from typing import Literal
 
+import pytest
+from quick import builds_for_users
 from thorough import some
 
 from friction_fmus import build, catalogue
@@ -45,6 +48,8 @@ BRANCHES = {
 }
 """Three blocks of each class of branches in the code of a block; all blocks run each night."""
 EACH_BRANCH = tuple(name for names in BRANCHES.values() for name in names)
+ONE_OF_EACH = tuple(names[0] for names in BRANCHES.values())
+"""One block of each class, for tests that are long or of what all blocks share."""
 EACH_FEATURE = (
     "PID",  # limits, an integral that they stop, Booleans
     "LuGreFeedforward",  # a state that is stepped implicitly
@@ -67,6 +72,9 @@ def of_each_branch(names: Sequence[str]) -> Sequence[str]:
     return some(names, [name for name in names if name in EACH_BRANCH])
 
 
+one_of_each = pytest.mark.one_of_each
+"""Marks tests that run on all blocks each night, and on those of `ONE_OF_EACH` before a landing (`conftest.py`)."""
+
 COMPOSITES = ("stick_slip", "compensated_axis")
 """Systems of examples/ that are tested as one FMU each: a stiff loop, and a servo with sampled laws."""
 
@@ -80,6 +88,6 @@ def built(
         return build(name, folder, start, fmi=fmi, arrays=full, clocks=full)
     path = Path(folder) / f"{name}.fmu"
     path.parent.mkdir(parents=True, exist_ok=True)
-    with open_system(example) as system:
+    with builds_for_users() if name == COMPOSITES[0] else nullcontext(), open_system(example) as system:
         system.to_fmu(path, fmi=fmi)
     return path

@@ -42,7 +42,7 @@ def test_the_longest_preview_is_the_inverse_filter(tmp_path: Path) -> None:
     check_long_preview(1024, tmp_path)
 
 
-@pytest.mark.parametrize("name", some(LAWS, EACH_FEATURE))
+@pytest.mark.parametrize("name", some(LAWS, EACH_FEATURE[:3]))
 def test_c99_and_c17_without_a_warning_and_the_example_runs(name: str, tmp_path: Path) -> None:
     for real in ("double", "float"):
         export_law(name, tmp_path, real=real)
@@ -62,7 +62,7 @@ def test_c99_and_c17_without_a_warning_and_the_example_runs(name: str, tmp_path:
             assert not re.search(r"\bdouble\b|\b\d+\.\d+(e[-+]?\d+)?(?![\d.ef])", text)
 
 
-@pytest.mark.parametrize("name", some(LAWS, EACH_FEATURE[:3]))
+@pytest.mark.parametrize("name", some(LAWS, EACH_FEATURE[2:3]))
 def test_the_unit_test_passes(name: str, tmp_path: Path) -> None:
     check_passes(name, tmp_path, "-std=c17")
 

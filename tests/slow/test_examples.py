@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 import pytest
 from PIL import Image, ImageDraw
-from thorough import some
+from thorough import nightly, some
 
 ROOT = Path(__file__).parents[2]
 PAGE = ROOT / "docs" / "effects.md"
@@ -153,6 +153,7 @@ def test_every_figure_belongs_to_a_page() -> None:
     assert set(shown) >= {name for names in SCRIPTS.values() for name in names}
 
 
+@nightly
 def test_benchmark_of_the_effects_prints_and_writes_figures(page: ModuleType, tmp_path: Path) -> None:
     import figures
 

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Literal
 
 import pytest
-from thorough import some
+from thorough import nightly, some
 
 from friction_fmus.axis.position_map import Grid, PositionMap
 from friction_fmus.codegen.export import make_export, readme
@@ -29,6 +29,7 @@ LAWS = (
 )
 
 
+@nightly
 @pytest.mark.skipif(shutil.which("cppcheck") is None, reason="cppcheck is not installed")
 @pytest.mark.parametrize("real", some(["double", "float"], ["float"]))
 @pytest.mark.parametrize("name", some(LAWS, LAWS[:1]))

@@ -9,7 +9,7 @@ import sys
 from pathlib import Path
 
 import pytest
-from thorough import some
+from thorough import nightly, some
 
 ERRORS = ("Stick-slip", "Servo loop", "Stuck mass", "Two masses")
 MISSED = ("Stick-slip: error of the period at 1 ms, newton over MuJoCo RK4 (four evaluations a step)",)
@@ -47,6 +47,7 @@ def test_the_page_names_every_benchmark() -> None:
     assert set(BENCHMARKS) == {path.stem for path in (ROOT / "benchmarks").glob("*.py")} - helpers
 
 
+@nightly
 @pytest.mark.parametrize("name", some(BENCHMARKS, BENCHMARKS[:1]))
 def test_benchmark_runs_and_its_rows_stand_in_the_page(name: str, tmp_path: Path) -> None:
     """Times depend on the machine: the page says whether their targets are met. Errors do not."""

@@ -381,6 +381,7 @@ def test_the_policy_of_the_page_forbids_the_network_other_scripts_and_styles(bro
         assert all("Content Security Policy" in message for message in watched.messages)
 
 
+@nightly
 def test_the_panel_adds_less_than_a_megabyte(report: Path, tmp_path: Path) -> None:
     write_report(made_up_study(), tmp_path / "report.html")
     assert report.stat().st_size - (tmp_path / "report.html").stat().st_size < 1e6

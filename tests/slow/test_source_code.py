@@ -15,6 +15,7 @@ import numpy as np
 import pytest
 from fmpy.build import build_platform_binary
 from shell.instance import Library, load
+from shell.selection import one_of_each
 from thorough import nightly, some
 
 from friction_fmus import build, catalogue
@@ -68,6 +69,7 @@ def unpacked(fmu: Path, folder: Path) -> Path:
     return folder / "sources"
 
 
+@one_of_each
 @pytest.mark.parametrize("compiler", COMPILERS)
 def test_sources_are_c99_for_every_compiler(library: Library, compiler: str, tmp_path: Path) -> None:
     command = COMPILERS[compiler]

@@ -193,7 +193,7 @@ def test_fmi_3_is_compiled_on_demand(environment: dict[str, str], tmp_path: Path
     assert fmpy.read_model_description(str(tmp_path / "own" / "PID.fmu")).fmiVersion == "3.0"
 
 
-@pytest.mark.parametrize(("arguments", "package", "extra"), some(REFUSED, REFUSED[::4]), ids=str)
+@pytest.mark.parametrize(("arguments", "package", "extra"), some(REFUSED, REFUSED[::8]), ids=str)
 def test_a_missing_extra_is_one_sentence(
     arguments: list[str], package: str, extra: str, environment: dict[str, str], tmp_path: Path
 ) -> None:

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from thorough import nightly
 
 from friction_fmus.__main__ import main
 from friction_fmus.axis.servo import Servo
@@ -37,6 +38,7 @@ def two_models(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("friction_fmus.identification.identifiable", lambda: ("Coulomb", "Viscous"))
 
 
+@nightly
 @pytest.mark.usefixtures("two_models")
 def test_a_data_file_is_enough_and_the_settings_repeat_the_study(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch

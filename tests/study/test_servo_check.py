@@ -10,6 +10,7 @@ from math import pi
 
 import numpy as np
 import pytest
+from thorough import nightly
 
 from friction_fmus.axis.servo import Servo
 from friction_fmus.data import load_emps
@@ -116,6 +117,7 @@ def test_another_window_is_found(servo: Servo) -> None:
     assert check.findings[0].change == "Set window = 2 in [servo]."
 
 
+@nightly
 def test_feedforward_that_is_not_declared(servo: Servo) -> None:
     Kd = servo.gains["kv"]
     velocity = check_servo(replace(EMPS, force=FORCE + Kd * RD), servo).result
@@ -159,6 +161,7 @@ def test_a_late_reference_velocity(servo: Servo) -> None:
     assert "2 samples later" in check.findings[0].what
 
 
+@nightly
 def test_units_of_a_rotary_axis(servo: Servo) -> None:
     check = check_servo(replace(EMPS, units=ROTARY), with_gains(servo, kp=0.9)).result
     assert check.residual is not None

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from thorough import some
+from thorough import nightly, some
 
 from friction_fmus.axis.loop import Compensator, Plant, Trace, Trajectory, closed_loop
 from friction_fmus.data import load_emps
@@ -50,6 +50,7 @@ def run(bench: Bench, compensator: Compensator | None, tried: tuple[Case, ...] =
     return evaluate(bench, [Scheme(bench.servo, compensator=compensator)], tried)
 
 
+@nightly
 def test_an_axis_that_turns_is_the_same_axis(tmp_path: Path) -> None:
     known = AxisKnowledge(SERVO, PLANT, {"LuGre": LUGRE})
     (candidate,) = candidates(["LuGreFeedforward"], known)
@@ -211,6 +212,7 @@ def test_candidates_that_do_not_apply_say_why() -> None:
     assert found["IntegralAction"].applies
 
 
+@nightly
 def test_a_contact_without_a_servo_ends_with_its_models(tmp_path: Path) -> None:
     windows = {"windows": {"train": [60.0, 66.0], "validation": [120.0, 126.0]}}
     config = load_config("tribometer")

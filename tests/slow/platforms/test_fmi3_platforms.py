@@ -14,7 +14,7 @@ from foreign import RUNNERS, drive, missing
 from shell.facade import facade
 from shell.selection import built
 from test_platforms import SYSTEM_DLLS, parsed
-from thorough import some
+from thorough import nightly, some
 
 from friction_fmus import build
 
@@ -45,6 +45,7 @@ def test_every_platform_exports_the_functions_of_fmi_3(name: str, tmp_path: Path
         assert exported == FUNCTIONS, folder
 
 
+@nightly
 @pytest.mark.parametrize("platform", [name for name, (_, runner) in RUNNERS.items() if runner])
 def test_other_platforms_compute_the_same(platform: str, tmp_path: Path) -> None:
     """As here, but for the last digits of exp and pow; through facade.c."""
@@ -53,8 +54,8 @@ def test_other_platforms_compute_the_same(platform: str, tmp_path: Path) -> None
     values = {}
     for place in ("linux64", platform):
         folder = tmp_path / place
-        pairs = [(built(name, folder / "2"), built(name, folder / "3", fmi=3)) for name in NAMES]
-        values[place] = drive(place, [facade(two, three, place) for two, three in pairs], folder)
+        fmus = [facade(built(name, folder / "2"), folder / "3", place) for name in NAMES]
+        values[place] = drive(place, fmus, folder)
     for name in NAMES:
         here, there = (values[place][name].view(np.float64) for place in ("linux64", platform))
         assert np.isfinite(here).all() and np.ptp(here, axis=0).any()

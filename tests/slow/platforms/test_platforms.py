@@ -50,7 +50,7 @@ def exports(name: str) -> int:
 def fmus(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     """Each night every block, for every platform."""
     folder = tmp_path_factory.mktemp("all")
-    return {name: build(name, folder, platforms=["all"]) for name in some((*catalogue(),), ("LuGre", "GMS", "PID"))}
+    return {name: build(name, folder, platforms=["all"]) for name in some((*catalogue(),), ("LuGre", "PID"))}
 
 
 @pytest.fixture(scope="module")
@@ -207,6 +207,6 @@ def test_fmu_with_one_platform_has_no_other(build_fmu: Callable[..., Path], tmp_
         assert native.read(name) == foreign.read(name)
 
 
-@pytest.mark.parametrize("platform", ["win64", "darwin64", "aarch64-linux"])
+@pytest.mark.parametrize("platform", some(["win64", "darwin64", "aarch64-linux"], ["win64"]))
 def test_the_end_of_a_library_is_where_lief_sees_it(platform: str, tmp_path: Path) -> None:
     check_end_of_library(PLATFORMS[platform], tmp_path)
