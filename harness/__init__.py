@@ -45,10 +45,9 @@ if TYPE_CHECKING:
     from harness.ssp import Parameter, ParameterSet, read_ssv, write_ssv
     from harness.sweeps import grid, latin_hypercube, read_samples, read_sweep, sobol, sweep
     from harness.system.experiment import Experiment
-    from harness.system.manipulator import Bias, Delay, DropOut, Freeze, Manipulator, Noise, Override
     from harness.system.plan import Plan
     from harness.system.system import System
-    from harness.system.wire import Wire
+    from harness.system.wire import Bias, Delay, DropOut, Freeze, Manipulator, Noise, Override, Wire
     from harness.units import BaseUnit, parse_unit
 else:
     __getattr__, __dir__ = lazy_names(
@@ -59,7 +58,7 @@ else:
             "harness.engine.drive": ["Drive"],
             "harness.system.experiment": ["Experiment"],
             "harness.parts.fmu": ["FmuPart"],
-            "harness.system.manipulator": ["Bias", "Delay", "DropOut", "Freeze", "Manipulator", "Noise", "Override"],
+            "harness.system.wire": ["Bias", "Delay", "DropOut", "Freeze", "Manipulator", "Noise", "Override", "Wire"],
             "harness.parts.part": ["Calls", "Part", "Port"],
             "harness.system.plan": ["Plan"],
             "harness.result": ["Result", "select"],
@@ -70,7 +69,6 @@ else:
             "harness.system.system": ["System"],
             "harness.engine.algorithm": ["Progress", "Tap"],
             "harness.units": ["BaseUnit", "parse_unit"],
-            "harness.system.wire": ["Wire"],
         },
     )
 

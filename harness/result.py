@@ -10,7 +10,7 @@ import numpy as np
 import xarray as xr
 
 from harness.errors import UnknownNameError, nearest
-from harness.patterns import matching
+from harness.values import matching
 
 if TYPE_CHECKING:
     from harness.parts.part import Port, Values

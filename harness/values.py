@@ -2,14 +2,37 @@
 
 from __future__ import annotations
 
+import fnmatch
 import math
+import os
 import re
 import reprlib
+from collections.abc import Iterable
 from dataclasses import fields
 from numbers import Integral, Real
 from typing import Any, Final
 
 import numpy as np
+
+
+def available() -> int:
+    """Return the number of processors that this process may use, or of the machine if the system does not tell."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+_INDICES = r"(\[\d+(,\d+)*\])?"
+_QUOTED = r"'([A-Za-z0-9_!#$%&()*+,\-./:;<>=?@\[\]^{}|~ ]|\\['\"?\\abfnrtv])+'"
+_PART = rf"([A-Za-z_]\w*|{_QUOTED}){_INDICES}"
+STRUCTURED = re.compile(rf"{_PART}(\.{_PART})*|der\({_PART}(\.{_PART})*(,\d+)?\)", re.ASCII)
+"""A structured name (FMI 2.0.5, section 2.2.9)."""
+
+
+def matching(pattern: str, names: Iterable[str]) -> list[str]:
+    """Return the names that match a pattern: ``*`` is any text, ``?`` any character; brackets are literal."""
+    # fnmatch instead of ".*", as many stars in one regular expression can take exponential time
+    matches = re.compile(fnmatch.translate(pattern.replace("[", "[[]"))).match
+    return [name for name in names if matches(name)]
+
 
 MOST_TICKS: Final = 1 << 62
 """Largest number of ticks of a run, so that sums fit into 64 bits."""

@@ -10,7 +10,7 @@ from functools import cache
 
 from friction_fmus.check.description import Model, Variable, integer, line_of, real
 from friction_fmus.check.findings import Fault, rule
-from harness.patterns import STRUCTURED
+from harness.values import STRUCTURED
 
 # tables of causality and variability, and of initial (section 2.2.7)
 _VARIABILITIES = {

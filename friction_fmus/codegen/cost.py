@@ -8,20 +8,22 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Final
 
-from friction_fmus.codegen.emulation import RANDOM, Trace, trace
-from friction_fmus.codegen.layout import Export
-from friction_fmus.codegen.target import (
+from friction_fmus.codegen.emulation import (
     COMPILER,
     EMULATOR,
     FLAGS,
     M0PLUS,
     M4F,
     PACKAGES,
+    RANDOM,
     Core,
+    Trace,
     call,
     compile_law,
     missing,
+    trace,
 )
+from friction_fmus.codegen.layout import Export
 from friction_fmus.errors import FrictionError
 from harness.storage.files import ScratchFolder
 

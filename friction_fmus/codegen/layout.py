@@ -13,10 +13,10 @@ from casadi import Function
 from friction_fmus.axis.position_map import PositionMap
 from friction_fmus.blocks.axis_units import Words, words_of
 from friction_fmus.lawkit.declarations import FAULT, PARAMETERS
+from friction_fmus.lawkit.emit.branches import Weight, in_pairs, positions, rounded
 from friction_fmus.lawkit.emit.c_text import DOUBLE, Kernel, Lows, Real, kernel
 from friction_fmus.lawkit.emit.graph import CONDITIONS, LIBM, Node, graph
 from friction_fmus.lawkit.emit.names import Named, comment_lines
-from friction_fmus.lawkit.emit.pairs import Weight, in_pairs, positions, rounded
 from friction_fmus.lawkit.law import ANGLE, BOOLEANS, LENGTH, NO_UNIT, VECTORS, Kind, Law, Variable
 
 NONE: Mapping[int, str] = MappingProxyType({})

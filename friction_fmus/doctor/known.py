@@ -10,7 +10,7 @@ from friction_fmus.blocks.arithmetic import evaluate, is_known
 from friction_fmus.blocks.catalogue import catalogue
 from friction_fmus.blocks.loop import InLoop, Loop
 from friction_fmus.conditions import SampledLaw
-from friction_fmus.doctor import compensators, learning
+from friction_fmus.doctor import compensators
 from friction_fmus.doctor.axis import Gains, Law, Rule, Values
 from friction_fmus.doctor.linear import linearised, local_function
 from friction_fmus.errors import FrictionError, nearest
@@ -27,8 +27,8 @@ RULES: Final[Mapping[str, Rule]] = {
         compensators.injection_of_error,
         compensators.looks_ahead,
         compensators.pushes,
-        learning.periods_contract,
-        learning.trials_contract,
+        compensators.periods_contract,
+        compensators.trials_contract,
     )
 }
 """Rules that the file of a law or controller can name."""

@@ -1,6 +1,5 @@
 """Procedures that run a system of FMUs repeatedly: iterative learning, identification from feedback, break-away."""
 
-from friction_fmus.procedures.feedback_error import FrictionTable, identify_from_feedback
 from friction_fmus.procedures.ilc import (
     Loop,
     PositionTables,
@@ -11,7 +10,13 @@ from friction_fmus.procedures.ilc import (
     train,
     zero_phase,
 )
-from friction_fmus.procedures.static_friction import BreakAways, break_away, find_break_aways
+from friction_fmus.procedures.static_friction import (
+    BreakAways,
+    FrictionTable,
+    break_away,
+    find_break_aways,
+    identify_from_feedback,
+)
 
 __all__ = [
     "BreakAways",

@@ -40,7 +40,7 @@ from friction_fmus.identification.fit.scores import weak_parameters
 from friction_fmus.identification.fit.simulation_data import prepare
 from friction_fmus.identification.survey import within_reach
 from friction_fmus.study.records import Curve, Fit, IdentifiedParameter, ModelResult, PositionPart, thinned
-from friction_fmus.study.regression import rms
+from friction_fmus.study.servo_check import rms
 from harness import HarnessError
 
 

@@ -11,7 +11,7 @@ from friction_fmus.axis.assembly import block
 from friction_fmus.axis.loop import RECORDED
 from friction_fmus.axis.servo import Servo
 from friction_fmus.blocks.axis_units import Words
-from friction_fmus.codegen.loop_file import LOOP_FILE
+from friction_fmus.codegen.loop import LOOP_FILE
 from harness import FmuPart, System, Wire
 from harness.system.wire import parse_wire, split_name
 

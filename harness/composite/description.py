@@ -13,21 +13,20 @@ from typing import Any
 
 from lxml import etree, html
 
-from harness.composite.code import PartCode
 from harness.composite.diagram import diagram
-from harness.composite.interface import Variable, reinitialised, states
+from harness.composite.interface import PartCode, Variable, reinitialised, states
 from harness.errors import BuildError
 from harness.html import STYLE, row, table
 from harness.parts.fmu import FmuPart
 from harness.parts.log_categories import LOG_CATEGORIES
 from harness.parts.part import Part
-from harness.patterns import STRUCTURED
 from harness.storage.zip_file import open_zip, read_zip
 from harness.system.assembly import Assembly
 from harness.system.experiment import Experiment
 from harness.system.graph import instantaneous
 from harness.system.wire import Wire, split_name
 from harness.units import BASE_SYMBOLS, BaseUnit, parse_unit
+from harness.values import STRUCTURED
 
 
 def step_dependencies(system: Assembly, variables: Sequence[Variable]) -> dict[str, list[int]]:

@@ -12,7 +12,6 @@ from typing import Final
 from harness.compiling.library import sources as engine_sources
 from harness.compiling.platforms import WASM, linked, select
 from harness.compiling.toolchain import guid_of, included, source_folder
-from harness.composite.code import part_codes
 from harness.composite.description import (
     TERMINALS,
     Texts,
@@ -30,6 +29,7 @@ from harness.composite.interface import (
     composite_variables,
     exchange_fault,
     opened,
+    part_codes,
     without_sources,
 )
 from harness.composite.tables import table_file

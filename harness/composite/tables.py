@@ -9,9 +9,8 @@ from textwrap import shorten
 import numpy as np
 from numpy.typing import NDArray
 
-from harness.composite.code import PartCode
 from harness.composite.description import provides_derivatives
-from harness.composite.interface import InputsPart, OpenSystem, Variable, exchange_fault, states
+from harness.composite.interface import InputsPart, OpenSystem, PartCode, Variable, exchange_fault, states
 from harness.engine.defect import UNRESOLVED
 from harness.engine.manipulate import delay_length
 from harness.engine.native import Engine

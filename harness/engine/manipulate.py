@@ -14,8 +14,8 @@ from harness.compiling.library import bytes_of, mirrors
 from harness.engine.native import Engine
 from harness.errors import ExperimentError
 from harness.parts.part import Values
-from harness.system.manipulator import Bias, Delay, DropOut, Freeze, Manipulator, Noise, Override
 from harness.system.plan import Plan, Schedule
+from harness.system.wire import Bias, Delay, DropOut, Freeze, Manipulator, Noise, Override
 
 _POINTER, _INT, _REAL = ctypes.c_void_p, ctypes.c_int64, ctypes.c_double
 _OVERRIDE, _BIAS, _NOISE, _LOSS, _DELAY = range(5)

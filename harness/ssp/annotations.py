@@ -18,7 +18,7 @@ from harness.errors import ExperimentError, SystemFileError
 from harness.parts.fmu import FmuPart
 from harness.ssp.package import SPACES, sub
 from harness.system.experiment import Experiment
-from harness.system.manipulator import manipulator_table, read_manipulator
+from harness.system.wire import manipulator_table, read_manipulator
 
 #: Type of the annotations for each prefix of their content.
 TYPES: Final = MappingProxyType(

@@ -15,8 +15,7 @@ from harness.ssp.flatten import Network
 from harness.ssp.package import SPACES, SSM, SSV, Package, check_element, parse_document
 from harness.ssp.parameter import Parameter
 from harness.ssp.ssv import MEDIA_TYPE, ParameterSet, parse_ssv
-from harness.ssp.structure import Node, Path, Structure
-from harness.ssp.transformation import Linear, Transformation, flag, read_transformation
+from harness.ssp.structure import Linear, Node, Path, Structure, Transformation, flag, read_transformation
 from harness.units import BaseUnit
 
 

@@ -7,10 +7,9 @@ from collections.abc import Mapping
 from harness.errors import SystemFileError, UnitError
 from harness.parts.part import Part, Port
 from harness.ssp.annotations import read_wire
+from harness.ssp.package import Signal, known_unit
 from harness.ssp.parameter import Parameter
-from harness.ssp.structure import Edge, Node, Path, Structure
-from harness.ssp.transformation import Linear, Transformation
-from harness.ssp.units import Signal, known_unit
+from harness.ssp.structure import Edge, Linear, Node, Path, Structure, Transformation
 from harness.system.wire import Wire
 from harness.units import BaseUnit, needed_unit
 

@@ -7,8 +7,8 @@ from dataclasses import dataclass, field, replace
 
 from harness.errors import StartValueError, nearest
 from harness.parts.part import Port, StartValue
-from harness.ssp.transformation import Linear, Transformation
-from harness.ssp.units import converted, known_unit
+from harness.ssp.package import converted, known_unit
+from harness.ssp.structure import Linear, Transformation
 from harness.units import BaseUnit, needed_unit
 
 _LOG = logging.getLogger("harness")

@@ -15,10 +15,21 @@ from lxml import etree
 from harness.errors import SystemFileError, UnitError
 from harness.parts.flat import MOST_ELEMENTS, TYPES, element_names
 from harness.ssp.arrays import count, shown
-from harness.ssp.package import SPACES, SSV, TOOL, check_element, parse_document, set_text, sub, to_bytes
+from harness.ssp.package import (
+    SPACES,
+    SSV,
+    TOOL,
+    check_element,
+    known_unit,
+    parse_document,
+    read_units,
+    set_text,
+    sub,
+    to_bytes,
+    write_units,
+)
 from harness.ssp.parameter import Parameter
 from harness.ssp.structure import read_shape
-from harness.ssp.units import known_unit, read_units, write_units
 from harness.storage.files import LARGEST_DATA, atomic_path, read_regular
 from harness.units import BaseUnit
 

@@ -14,11 +14,21 @@ from harness.parts.flat import Array, element_names
 from harness.parts.fmu import FmuPart
 from harness.parts.part import Port, StartValue
 from harness.ssp.annotations import annotate, write_experiment, write_part, write_step
-from harness.ssp.package import SPACES, SSD, SSD_NAME, TOOL, set_text, sub, to_bytes, write_package
+from harness.ssp.package import (
+    SPACES,
+    SSD,
+    SSD_NAME,
+    TOOL,
+    known_unit,
+    set_text,
+    sub,
+    to_bytes,
+    write_package,
+    write_units,
+)
 from harness.ssp.parameter import Parameter
 from harness.ssp.ssv import ParameterSet, is_single, ssv_element
 from harness.ssp.structure import FMU_TYPE
-from harness.ssp.units import known_unit, write_units
 from harness.system.assembly import Assembly, resize_parts
 from harness.system.wire import Wire, split_name, wire_map
 from harness.units import BaseUnit, units_agree

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Final
 
 from harness.errors import ExperimentError
-from harness.system.manipulator import Manipulator
+from harness.system.wire import Manipulator
 from harness.values import MOST_TICKS, is_count, is_number, make_plain, shown
 
 LOOP_TOLERANCE: Final = 3e-8

@@ -14,11 +14,11 @@ import numpy as np
 from harness.errors import AlgebraicLoopError, ExperimentError, UnknownNameError, nearest
 from harness.parts.part import TYPE_ORDER, Part, Port
 from harness.parts.series import SeriesPart
-from harness.patterns import matching
 from harness.system.assembly import Assembly
 from harness.system.experiment import Experiment
 from harness.system.plan import Plan
 from harness.system.wire import Wire, find_part, split_name, wire_map
+from harness.values import matching
 
 Node = tuple[str, str]  # (part, output)
 Edges = Mapping[Node, Sequence[tuple[Node, Wire]]]

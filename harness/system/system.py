@@ -24,9 +24,8 @@ from harness.parts.part import Part, Port, StartValue
 from harness.result import Result
 from harness.system.assembly import resize_parts
 from harness.system.experiment import Experiment
-from harness.system.manipulator import Manipulator
 from harness.system.system_file import SystemDescription, read_system, write_system
-from harness.system.wire import Wire, check_wires, find_part, parse_wire, split_name, stated_starts
+from harness.system.wire import Manipulator, Wire, check_wires, find_part, parse_wire, split_name, stated_starts
 from harness.values import is_count, is_line, plain, shown
 
 if TYPE_CHECKING:

@@ -11,7 +11,7 @@ from accuracy.known import decay, driven, sampled
 from thorough import nightly, some
 
 from friction_fmus.__main__ import main
-from friction_fmus.cli.systems import open_system
+from friction_fmus.cli.inputs import open_system
 from harness import (
     ExperimentError,
     Noise,

@@ -16,7 +16,7 @@ import pytest
 
 from friction_fmus.__main__ import main
 from friction_fmus.blocks.catalogue import laws_folder
-from friction_fmus.codegen import CORES, export, export_law, measure, target
+from friction_fmus.codegen import CORES, emulation, export, export_law, measure
 from friction_fmus.codegen.export import make_export
 from friction_fmus.errors import FrictionError, UnknownNameError
 from friction_fmus.lawkit.files import discover_laws
@@ -46,7 +46,7 @@ def elements(
 @pytest.fixture(autouse=True)
 def without_target(monkeypatch: pytest.MonkeyPatch) -> None:
     """Nothing is measured: that is test_cost.py."""
-    monkeypatch.setattr(export, "missing", lambda: list(target.PACKAGES))
+    monkeypatch.setattr(export, "missing", lambda: list(emulation.PACKAGES))
 
 
 @pytest.fixture

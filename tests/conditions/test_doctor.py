@@ -20,9 +20,9 @@ from friction_fmus.blocks.catalogue import catalogue, laws_folder
 from friction_fmus.blocks.contact import Contact, Level
 from friction_fmus.doctor import examine
 from friction_fmus.doctor.axis import ActiveLaw, Axis, Law
+from friction_fmus.doctor.compensators import butterworth_there_and_back, windowed_sinc
 from friction_fmus.doctor.find import axes
 from friction_fmus.doctor.known import known_blocks, law_of
-from friction_fmus.doctor.learning import butterworth_there_and_back, windowed_sinc
 from friction_fmus.doctor.rules import examine_axis
 from friction_fmus.lawkit.files import discover_laws
 from harness import CallablePart, Experiment, FmuPart, System, Wire

@@ -16,11 +16,25 @@ from codegen.test_unit_test import without_fault
 from thorough import nightly, some
 
 from benchmarks.law_runs import LawC, rows_of, run_casadi
-from friction_fmus.codegen import CORES, Core, export_law, measure, target
+from friction_fmus.codegen import CORES, Core, emulation, export_law, measure
 from friction_fmus.codegen.cost import DURATIONS, cycles_of
-from friction_fmus.codegen.emulation import CALLS, RANDOM, run, samples, trace
+from friction_fmus.codegen.emulation import (
+    CALLS,
+    EMULATOR,
+    M0PLUS,
+    M4F,
+    M7,
+    RANDOM,
+    assembly,
+    call,
+    compile_law,
+    emulate,
+    link_program,
+    run,
+    samples,
+    trace,
+)
 from friction_fmus.codegen.export import ACCURACY, TRAVEL, make_export
-from friction_fmus.codegen.target import EMULATOR, M0PLUS, M4F, M7, assembly, call, compile_law, emulate, link_program
 from friction_fmus.codegen.unit_test import unit_test
 from friction_fmus.codegen.vectors import EXACT as EXACT_FUNCTIONS
 from friction_fmus.codegen.vectors import N, vectors
@@ -30,7 +44,7 @@ WARNINGS = ("-Wall", "-Wextra", "-Wconversion", "-Wpedantic", "-Wshadow", "-Werr
 UNITS = [*LAWS, str(EXAMPLE)]
 TARGETS = some([*product(CORES, ("float", "double"))], [(M0PLUS, "double"), (M4F, "float"), (M7, "double")])
 on_targets = pytest.mark.parametrize(("core", "real"), TARGETS, ids=lambda each: getattr(each, "name", each))
-pytestmark = pytest.mark.skipif(bool(target.missing()), reason=f"{' and '.join(target.missing())} not installed")
+pytestmark = pytest.mark.skipif(bool(emulation.missing()), reason=f"{' and '.join(emulation.missing())} not installed")
 
 STRAIGHT = """
 from casadi import SX
@@ -159,7 +173,7 @@ def test_the_unit_test_fails_on_the_target(tmp_path: Path) -> None:
     compile_law(make_export("PID", real="float", start={"Kp": 12001.0}), M4F, tmp_path)
     assert 0 < result_on_target(export, M4F, tmp_path) <= N
     (tmp_path / "law.c").write_text(without_fault(export), encoding="utf-8")
-    call(tmp_path, target.COMPILER, *M4F.flags, *target.FLAGS, "-c", "law.c")
+    call(tmp_path, emulation.COMPILER, *M4F.flags, *emulation.FLAGS, "-c", "law.c")
     assert result_on_target(export, M4F, tmp_path) == N + 1
 
 

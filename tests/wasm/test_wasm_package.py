@@ -17,8 +17,8 @@ from thorough import nightly, some
 from wasm.engines import ENGINES, node, run_in
 
 from friction_fmus import build, fmu
+from friction_fmus.cli.inputs import open_system
 from friction_fmus.cli.main import main
-from friction_fmus.cli.systems import open_system
 from harness.errors import BuildError, OutputError
 from harness.wasm import class_script, wasm_model
 from harness.wasm.package import imports

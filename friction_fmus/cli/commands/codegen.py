@@ -27,8 +27,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> None:
     """Write the files and print their paths."""
     from friction_fmus.cli.console import console
+    from friction_fmus.codegen.emulation import PACKAGES, missing
     from friction_fmus.codegen.export import export_law
-    from friction_fmus.codegen.target import PACKAGES, missing
 
     start = parse_assignments(options.set)
     for path in export_law(options.law, options.output, real=options.real, start=start, prefix=options.prefix):

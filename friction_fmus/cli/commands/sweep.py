@@ -63,12 +63,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Run the sweep, and print the first results and the folder."""
-    from friction_fmus.cli.cluster import connect
     from friction_fmus.cli.console import console
-    from friction_fmus.cli.parameter_sets import parameter_sets
-    from friction_fmus.cli.sweep_bar import SweepBar, sweep_progress
-    from friction_fmus.cli.sweep_table import show_sweep
-    from friction_fmus.cli.systems import open_system
+    from friction_fmus.cli.inputs import connect, open_system, parameter_sets
+    from friction_fmus.cli.sweep_table import SweepBar, show_sweep, sweep_progress
     from harness.engine.defect import WRONG
 
     samples = parameter_sets(options)

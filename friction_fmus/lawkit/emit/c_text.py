@@ -13,11 +13,10 @@ from typing import NamedTuple
 
 from casadi import Function
 
-from friction_fmus.lawkit.emit.branches import DECIDES, Block, Decision, Loop, plan
+from friction_fmus.lawkit.emit.branches import DECIDES, Block, Decision, Loop, Weight, plan, split
 from friction_fmus.lawkit.emit.chains import INDEX, Rolled, roll
 from friction_fmus.lawkit.emit.graph import COMPARE, CONDITIONS, INFIX, LIBM, LOGIC, Node, Zeros, graph
 from friction_fmus.lawkit.emit.names import DOUBLE, FLOAT, Named, Names, Real, comment_lines, place_name
-from friction_fmus.lawkit.emit.pairs import Weight, split
 
 __all__ = ["DOUBLE", "FLOAT", "Kernel", "Lows", "Real", "kernel"]
 
@@ -730,7 +729,7 @@ class Kernel:
 
 @dataclass(frozen=True)
 class Lows:
-    """Lower parts of pairs, see `friction_fmus.lawkit.emit.pairs`."""
+    """Lower parts of pairs, see `friction_fmus.lawkit.emit.branches`."""
 
     wide: Mapping[int, Weight]
     """Arguments that are pairs."""

@@ -3,14 +3,43 @@
 from __future__ import annotations
 
 import argparse
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from friction_fmus.errors import FrictionError
-from harness import grid, latin_hypercube, read_samples, sobol
+from friction_fmus.fmi.package import fmu
+from harness import System, grid, latin_hypercube, read_samples, sobol
+from harness.extras import require
 from harness.sweeps import WithUnits
 from harness.sweeps.samples import check_runs
+
+
+def open_system(path: Path, *, open_inputs: bool = False) -> System:
+    """Return the system in a .toml or .ssp file."""
+    if path.suffix.lower() == ".ssp":
+        return System.from_ssp(path)
+    return System.from_toml(path, resolve=fmu, open_inputs=open_inputs)
+
+
+PATIENCE = 10.0
+"""Time limit for the answer of a scheduler [s]."""
+
+
+def connect(address: str) -> Any:
+    """Return a client of the dask cluster at this address."""
+    require("distributed")
+    from distributed import Client
+
+    make: Any = Client
+    try:
+        return make(address, timeout=PATIENCE)
+    except (OSError, ValueError) as error:
+        raise FrictionError(
+            f"no dask scheduler answers at {address}: {error}; start `dask scheduler`, or correct the address"
+        ) from error
+
 
 _FORMS = "use NAME=A,B,... or NAME=FIRST:LAST:COUNT, or NAME=FIRST:LAST for random points; append :log for a log scale"
 
