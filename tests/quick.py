@@ -18,7 +18,6 @@ from thorough import THOROUGH
 
 from friction_fmus.blocks.catalogue import Block
 from friction_fmus.blocks.probe import Description
-from friction_fmus.fmi import contents
 from friction_fmus.fmi import package as blocks
 from friction_fmus.fmi.portrait import Portrait, portray, terminal_icon
 from harness.compiling import platforms, toolchain
@@ -103,5 +102,5 @@ def quick_builds(folder: str) -> Iterator[None]:
         patch.setattr(blocks, "native_library", _as_users_get_it(platforms.native_library))
         patch.setattr(platforms, "_kept", kept)
         patch.setattr(platforms, "_object", unit)
-        patch.setattr(contents, "portray", drawn)
+        patch.setattr(blocks, "portray", drawn)
         yield

@@ -23,7 +23,7 @@ from .compensation import (
     super_twisting_rate,
 )
 from .condition import Condition, quotes
-from .coupling import contact_step, longest_step, output_delay, sample_step
+from .position_loop import contact_step, longest_step, output_delay, sample_step
 from .learning import contraction, learning_filter, process_sensitivity, sampled_sensitivity
 from .position_loop import (
     closed_loop,
