@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import fnmatch
 import math
-import os
 import re
 import reprlib
 from collections.abc import Iterable
@@ -13,12 +12,6 @@ from numbers import Integral, Real
 from typing import Any, Final
 
 import numpy as np
-
-
-def available() -> int:
-    """Return the number of processors that this process may use, or of the machine if the system does not tell."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-
 
 _INDICES = r"(\[\d+(,\d+)*\])?"
 _QUOTED = r"'([A-Za-z0-9_!#$%&()*+,\-./:;<>=?@\[\]^{}|~ ]|\\['\"?\\abfnrtv])+'"

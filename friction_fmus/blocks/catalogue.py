@@ -12,8 +12,8 @@ from typing import Any, NamedTuple
 
 from friction_fmus.blocks.about import About, about_c_block, cited
 from friction_fmus.blocks.axis_units import SLIDING, TURNING, Words
+from friction_fmus.blocks.customise import with_long_arrays
 from friction_fmus.blocks.headings import law_paths, read_headings
-from friction_fmus.blocks.probe import with_long_arrays
 from friction_fmus.errors import FrictionError, UnknownNameError, nearest
 from harness.extras import require
 from harness.storage.files import read_source, reason

@@ -42,7 +42,7 @@ from friction_fmus.lawkit.declarations import (
 from friction_fmus.lawkit.law import Kind, Law, clip
 from friction_fmus.lawkit.parts import variables
 from friction_fmus.lawkit.parts.feedforward import filled
-from harness.storage.files import Table, read_table
+from harness.storage.toml_file import Table, read_table
 from harness.values import finite, flag, text
 
 LOOP_FILE: Final = "loop.toml"

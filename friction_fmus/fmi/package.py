@@ -24,6 +24,7 @@ from friction_fmus.blocks.catalogue import (
     source_folder,
     with_room,
 )
+from friction_fmus.blocks.customise import Start, identified, renamed, rotational, with_start_values
 from friction_fmus.blocks.probe import (
     FIXED,
     INPUT,
@@ -31,13 +32,8 @@ from friction_fmus.blocks.probe import (
     STATE,
     BlockVariables,
     Description,
-    Start,
     describe,
-    identified,
     read_variables,
-    renamed,
-    rotational,
-    with_start_values,
 )
 from friction_fmus.errors import BuildError
 from friction_fmus.fmi.documentation import index_page

@@ -37,7 +37,7 @@ from friction_fmus.study.margins import margins_of
 from friction_fmus.study.ranking import extremes, rank
 from friction_fmus.study.recommendation import ladder, recommend
 from friction_fmus.study.steps import Step
-from harness.storage.files import read_toml
+from harness.storage.toml_file import read_toml
 
 COST_TABLE: Final = Path(__file__).with_name("cycles.toml")
 

@@ -12,7 +12,7 @@ from friction_fmus.axis.servo import GAINS, Servo
 from friction_fmus.errors import FrictionError, nearest
 from friction_fmus.study.compensator_records import Limits
 from friction_fmus.study.ranking import Weights
-from harness.storage.files import Table, read_table
+from harness.storage.toml_file import Table, read_table
 from harness.values import finite, flag, texts
 
 OPTIONAL_GAINS: Final[Mapping[str, tuple[float, ...]]] = {"ki": (0.0,)}

@@ -52,8 +52,8 @@ from friction_fmus.version import VERSION
 from harness import Experiment, FmuPart, Progress, SeriesPart, System
 from harness.compiling import toolchain
 from harness.extras import require
+from harness.processors import available
 from harness.storage.files import atomic_path
-from harness.values import available
 
 __all__ = ["StudyError", "run_study"]
 

@@ -14,8 +14,8 @@ import fmpy
 
 from harness.compiling import toolchain
 from harness.errors import BuildError, nearest
+from harness.processors import available
 from harness.storage.files import ScratchFolder, cached
-from harness.values import available
 
 MAGIC = 0xCAFEBABE
 SLICE_MAGIC = 0xFEEDFACF

@@ -21,10 +21,10 @@ from types import ModuleType
 from typing import Any, Final, Protocol, TypeAlias
 
 from harness.errors import SweepError
+from harness.processors import available
 from harness.storage.files import ScratchFolder
 from harness.sweeps.samples import Sample
 from harness.sweeps.worker import Job, Outcome, close_runners, run_chunk
-from harness.values import available
 
 _LOG = logging.getLogger("harness")
 

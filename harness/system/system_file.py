@@ -14,7 +14,8 @@ from harness.errors import ExperimentError, SystemFileError
 from harness.parts.fmu import FmuPart
 from harness.parts.part import Part, StartValue
 from harness.parts.series import SeriesPart
-from harness.storage.files import Table, atomic_path, read_table
+from harness.storage.files import atomic_path
+from harness.storage.toml_file import Table, read_table
 from harness.system.assembly import Assembly
 from harness.system.experiment import Experiment
 from harness.system.wire import Wire, manipulator_table, parse_wire, read_manipulator, split_name

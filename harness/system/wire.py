@@ -11,7 +11,7 @@ from typing import Any, ClassVar, Final
 
 from harness.errors import ExperimentError, UnitError, UnknownNameError, WireError, nearest
 from harness.parts.part import TYPE_ORDER, Part, Port, StartValue
-from harness.storage.files import Table
+from harness.storage.toml_file import Table
 from harness.units import conversion, needed_unit, parse_unit, units_agree
 from harness.values import is_count, is_number, make_plain, number, shown, text
 

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from harness.errors import SystemFileError
-from harness.storage.files import Table, read_table
+from harness.storage.toml_file import Table, read_table
 from harness.values import finite, flag, text
 
 SERVO = Table({"Ts": 1e-3, "law": "PID", "enable": 1}, "[servo] in axis.toml", SystemFileError)

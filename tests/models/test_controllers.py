@@ -12,7 +12,7 @@ from shell.instance import Instance, load
 from thorough import nightly
 
 from friction_fmus import build
-from friction_fmus.blocks.probe import with_long_arrays
+from friction_fmus.blocks.customise import with_long_arrays
 from friction_fmus.errors import BuildError
 from harness import CallablePart, FmuPart, System
 

@@ -13,7 +13,7 @@ from quick import builds_for_users
 from thorough import some
 
 from friction_fmus import build, catalogue
-from friction_fmus.blocks.probe import Start
+from friction_fmus.blocks.customise import Start
 from friction_fmus.cli.inputs import open_system
 
 SHELL_BLOCKS = (

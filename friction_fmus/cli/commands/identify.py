@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 from friction_fmus.cli.arguments import parse_assignment
 from friction_fmus.errors import FrictionError
 from friction_fmus.identification.methods import method_names
-from harness.values import available
+from harness.processors import available
 
 if TYPE_CHECKING:
     from friction_fmus.identification import Identification, Measurement, Record

@@ -9,7 +9,7 @@ from typing import Any
 
 from friction_fmus.identification.data.record import QUANTITY, fits, parse_quantity, times, unit_of
 from friction_fmus.identification.errors import RecordError
-from harness.storage.files import Table, read_table
+from harness.storage.toml_file import Table, read_table
 from harness.values import flag, number, shown, text
 
 ROLES = tuple(QUANTITY)

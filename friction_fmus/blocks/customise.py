@@ -1,0 +1,132 @@
+"""The C source of a block with other start values or another name, as in a customised FMU."""
+
+from __future__ import annotations
+
+import hashlib
+import re
+from collections.abc import Mapping
+from numbers import Integral
+
+from friction_fmus.blocks.macros import table
+from friction_fmus.errors import BuildError, UnknownNameError, nearest
+
+START_ARGUMENT = {
+    "INPUT": 2,
+    "OPTIONAL": 2,
+    "COMMAND": 1,
+    "PARAMETER": 2,
+    "SWITCH": 1,
+    "FIXED": 2,
+    "COUNT": 1,
+    "PARAMETERS": 3,
+    "STATE": 2,
+    "STATES": 3,
+}
+"""Position of the start value in each row macro of block.h."""
+
+ROW = re.compile(rf"\b({'|'.join(START_ARGUMENT)})\s*\(\s*(\w+)\s*,")
+
+Start = Mapping[str, float | int | bool]
+
+
+def renamed(code: str, name: str) -> str:
+    """Return the source with another model identifier."""
+    if not re.fullmatch(r"[A-Za-z]\w*", name):
+        raise BuildError(
+            f"{name!r} is not a valid name of an FMU; use letters, digits and underscores, and begin with a letter"
+        )
+    return re.sub(r"^(#define\s+MODEL\s+)\w+", rf"\g<1>{name}", code, count=1, flags=re.M)
+
+
+def identified(sources: Mapping[str, str], name: str) -> dict[str, str]:
+    """Return the sources with a hash of all of them in the block ``NAME.c``, which becomes part of the GUID.
+
+    An importer that compiles them again gets the same GUID, and a state saved by other code is rejected.
+    """
+    text = "\0".join(part for item in sorted(sources.items()) for part in item)
+    line = f'#define IDENTITY "{hashlib.sha256(text.encode()).hexdigest()[:32]}"\n'
+    block = f"{name}.c"
+    return {**sources, block: re.sub(r"^(?=#define\s+MODEL\b)", line, sources[block], count=1, flags=re.M)}
+
+
+def rotational(code: str) -> str:
+    """Return the source of the rotational twin, with torques for forces and angles for lengths."""
+    return re.sub(r"^(#define\s+MODEL\s+\w+)$", r"#define ROTATIONAL\n\1Rotational", code, count=1, flags=re.M)
+
+
+def with_long_arrays(code: str, name: str, start: Start) -> str:
+    """Return the source with arrays that are long enough for these start values.
+
+    A row ``SIZE(N, LONGEST, 16384)`` of its macro ``SIZES`` states that the parameter N can be up to the value of the
+    macro ``LONGEST``, a number, which can be raised to 16384.
+    """
+    for _, arguments in table(code, "SIZES", ("SIZE",)):
+        parameter, limit, most = (*arguments, "", "", "")[:3]
+        definition = re.compile(rf"^(#define\s+{re.escape(limit)}\s+)(\d+)$", re.M)
+        found = definition.search(code)
+        if found is None or not most.isdecimal():
+            raise BuildError(
+                f"{name} has the malformed row SIZE({', '.join(arguments)}); write SIZE(parameter, macro, largest "
+                "size) and define the macro as a number"
+            )
+        present, value = int(found[2]), float(start.get(parameter, 0.0))
+        if present < value < float("inf"):
+            if value > int(most) or value != int(value):
+                rule = f"above {present}, give an integer up to {most}"
+                raise BuildError(f"{name} cannot have {parameter} = {value:g}: {rule}")
+            code = definition.sub(rf"\g<1>{int(value)}", code)
+    return code
+
+
+def with_start_values(code: str, start: Start) -> str:
+    """Return the source with other start values in its VARIABLES table."""
+    for variable, value in start.items():
+        if not float(value) - float(value) == 0.0:
+            raise BuildError(f"The start value {variable} = {value} is not finite; give a finite number")
+        code = _with_start_value(code, variable, value)
+    return code
+
+
+def _with_start_value(code: str, variable: str, value: float | int | bool) -> str:
+    rows = {match.group(2): match for match in ROW.finditer(code)}
+    element = re.fullmatch(r"(\w+)\[(\d+)\]", variable)
+    name = element.group(1) if element else variable
+    if name not in rows or (rows[name].group(1) in ("PARAMETERS", "STATES")) != bool(element):
+        raise UnknownNameError(f"There is no variable {variable!r} with a start value{nearest(variable, rows)}")
+    match = rows[name]
+    spans = _arguments(code, match.start(2))
+    begin, end = spans[START_ARGUMENT[match.group(1)]]
+    text = str(int(value)) if isinstance(value, Integral) else repr(float(value))
+    if element:
+        values = [part.strip() for part in code[begin:end].strip("()").split(",")]
+        number = int(element.group(2))
+        length = int(code[slice(*spans[1])])
+        if not 1 <= number <= length:
+            raise UnknownNameError(f"There is no variable {variable!r}; the elements of {name} are 1 to {length}")
+        values += ["0.0"] * (number - len(values))
+        values[number - 1] = text
+        text = f"({', '.join(values)})"
+    return code[:begin] + text + code[end:]
+
+
+def _arguments(code: str, begin: int) -> list[tuple[int, int]]:
+    """Return the trimmed spans of a macro's arguments; commas in strings and brackets do not separate."""
+    spans, depth, start, quoted = [], 0, begin, False
+    for position in range(begin, len(code)):
+        character = code[position]
+        if character == '"' and code[position - 1] != "\\":
+            quoted = not quoted
+        elif quoted:
+            continue
+        elif character == "(":
+            depth += 1
+        elif depth == 0 and character in ",)":
+            text = code[start:position]
+            left = start + len(text) - len(text.lstrip())
+            spans.append((left, left + len(text.strip())))
+            start = position + 1
+            if character == ")":
+                return spans
+        elif character == ")":
+            depth -= 1
+    raise BuildError("The VARIABLES table has a row without an end; close its bracket")
