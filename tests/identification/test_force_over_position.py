@@ -109,6 +109,7 @@ def test_a_small_force_over_position_must_help_by_a_third() -> None:
     assert HELPS > 0.6
 
 
+@nightly
 def test_an_axis_that_turns_further_than_once_gets_a_periodic_map() -> None:
     """A turn for 0.04 m, which both forces repeat; over 0.1 m they need more nodes than over a turn."""
     turns = axis(scale=2.0 * np.pi / 0.04, units=ROTARY)

@@ -250,6 +250,7 @@ def test_an_asymmetric_law_has_parameters_for_either_direction(tmp_path: Path) -
     np.testing.assert_allclose(rows[:, 0], result.predicted, atol=1e-9)
 
 
+@nightly
 def test_a_block_that_names_a_method_that_does_not_exist(tmp_path: Path, lugre: Truth) -> None:
     source = Path(friction_fmus.catalogue()["MaxwellSlip"].path)
     text = source.read_text(encoding="utf-8")

@@ -7,6 +7,7 @@ from dataclasses import MISSING, fields
 from typing import Any
 
 import pytest
+from thorough import some
 
 from friction_fmus.axis.servo import GAINS, Servo
 from friction_fmus.blocks.catalogue import find, laws_folder
@@ -91,7 +92,7 @@ def test_procedures_have_the_defaults_of_the_block() -> None:
     assert loop == {name: block[name] for name in loop}
 
 
-@pytest.mark.parametrize(("law", "block"), TWINS.items())
+@pytest.mark.parametrize(("law", "block"), some([*TWINS.items()], [*TWINS.items()][::4]))
 def test_a_law_starts_with_the_parameters_of_its_block(law: str, block: str) -> None:
     mine, theirs = starts(law), starts(block)
     shared = (mine.keys() & theirs.keys()) - OWN

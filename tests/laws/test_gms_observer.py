@@ -81,6 +81,7 @@ def test_a_wrong_start_is_forgotten_when_each_element_has_slipped(block):
     assert errors[-1] < 1e-9
 
 
+@nightly
 def test_at_rest_injection_loads_the_elements_up_to_static_friction_and_no_further():
     """Stuck, dF/dt = k_e e times the stiffnesses of what sticks; in the end the sum is Fs at w = k_e e << vs."""
     e, k_e = 1e-6, 0.5

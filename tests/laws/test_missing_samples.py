@@ -193,7 +193,11 @@ def commands(export: Export, n: int) -> dict[str, np.ndarray]:
 
 
 @pytest.mark.parametrize(
-    "name", ["PID", "DisturbanceObserver", "KalmanFriction", "AdaptiveLuGre", "GMSObserver", "PreviewPrefilter"]
+    "name",
+    some(
+        ["PID", "DisturbanceObserver", "KalmanFriction", "AdaptiveLuGre", "GMSObserver", "PreviewPrefilter"],
+        ["PID", "KalmanFriction", "GMSObserver"],
+    ),
 )
 def test_an_absurd_sample_does_no_lasting_harm_in_float(name: str, tmp_path: Path) -> None:
     """Each input in turn is 1e36 once: results stay finite, and outputs are held in that sample."""

@@ -130,6 +130,7 @@ def period(error: np.ndarray) -> float:
     return 2.0 * float(np.diff(np.flatnonzero(np.diff(np.sign(error)))).mean()) * 1e-3
 
 
+@nightly
 def test_a_dead_band_ends_hunting_if_it_is_wider_than_a_slip(hunting):
     plain = np.ptp(hunting())
     assert plain > 0.1

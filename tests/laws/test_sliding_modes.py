@@ -148,6 +148,7 @@ def test_super_twisting_follows_a_ramp_with_the_closed_form_of_its_error():
     assert constant[-1]["F_hat"] == pytest.approx(3.0, rel=1e-9)
 
 
+@nightly
 @pytest.mark.parametrize("start", some([2.0, -0.3], [2.0]))
 @pytest.mark.parametrize("L", some([10.0, 1000.0], [1000.0]))
 def test_super_twisting_reaches_zero_without_chattering(start, L):

@@ -81,6 +81,7 @@ def test_a_damaged_library_is_compiled_again(used: Path, tmp_path: Path, damage:
     assert library.read_bytes() == content
 
 
+@nightly
 @pytest.mark.parametrize("damage", some(["half", "one bit"], ["one bit"]))
 def test_a_damaged_engine_is_compiled_again(used: Path, damage: str) -> None:
     engine = only(used / "libraries", "engine-*.so")
