@@ -12,7 +12,6 @@ class Words(NamedTuple):
     force: str = "force"
     mass: str = "mass"
     a_mass: str = "a mass"
-    masses: str = "masses"
     moving_mass: str = "moving mass"
     moved_mass: str = "moved mass"
     m: str = "m"
@@ -37,7 +36,7 @@ class Words(NamedTuple):
 
 SLIDING = Words()
 TURNING = Words(
-    *("torque", "inertia", "an inertia", "moments of inertia", "moment of inertia", "moment of inertia"),
+    *("torque", "inertia", "an inertia", "moment of inertia", "moment of inertia"),
     *("rad", "rad/s", "N.m", "kg.m2", "N.m/rad", "N.m.s/rad", "N.m/(rad.s)", "N2.m2.s/rad2"),
 )
 

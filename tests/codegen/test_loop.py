@@ -24,8 +24,9 @@ from friction_fmus.blocks.catalogue import laws_folder
 from friction_fmus.codegen.export import export_law, make_export, readme
 from friction_fmus.codegen.layout import Export, equations_of
 from friction_fmus.codegen.loop import LoopFile, LoopLaw, loop_law, loop_text, read_loop
-from friction_fmus.codegen.sources import header, implementation
+from friction_fmus.codegen.sources import header, implementation, si_units
 from friction_fmus.errors import FrictionError
+from friction_fmus.blocks.axis_units import words_of
 from friction_fmus.lawkit.law import Kind, Law
 from harness.compiling import toolchain
 
@@ -252,6 +253,15 @@ def test_a_rotary_loop_has_the_same_code_in_its_units() -> None:
     assert "control torque" in text
     assert "the sum of all torques" in " ".join(text.split())
     assert "around 0, 0.1, 1 and 10 rad" in page
+
+
+def test_the_nouns_of_the_c_code_are_those_of_the_messages() -> None:
+    for rotary in (False, True):
+        found, words = si_units(rotary=rotary), words_of(rotary)
+        nouns = [found[name] for name in ("FORCE_NOUN", "MASS_NOUN", "MOVING_MASS")]
+        assert nouns == [words.force, words.mass, words.moving_mass]
+        quantities = [found[name] for name in ("LENGTH", "VELOCITY", "FORCE", "MASS", "STIFFNESS", "DAMPING")]
+        assert quantities == [words.m, words.m_s, words.N, words.kg, words.N_m, words.Ns_m]
 
 
 def rotary_export(real: Literal["float", "double"]) -> Export:

@@ -6,6 +6,7 @@ from math import log2
 
 import pytest
 
+from friction_fmus.fmi.axis_units import SLIDING
 from friction_fmus.study.compensator_records import CompensatorResult, Corner, Limits, LoopMargins, Metrics
 from friction_fmus.study.ranking import Weights, extremes, figures, rank
 from friction_fmus.study.recommendation import ladder, largest_step, recommend, shown
@@ -146,7 +147,7 @@ def test_the_ladder_names_the_step_that_reduces_the_error_most() -> None:
 def test_the_reason_has_the_numbers() -> None:
     none = without()
     rows = ranked(row("A", 10e-6, (20e-6, 15e-6)), row("B", 30e-6))
-    found = recommend(none, rows, ladder(metrics_of(1e-3), True, none, rows), "m")
+    found = recommend(none, rows, ladder(metrics_of(1e-3), True, none, rows), SLIDING)
     assert (found.name, found.gain, found.runner_up) == ("A", 1.0, "B")
     assert found.reason.startswith("As measured, the axis has a tracking error of 1 mm rms; the largest step is")
     assert found.reason.endswith(".")
@@ -157,7 +158,7 @@ def test_the_reason_has_the_numbers() -> None:
 
 def test_no_compensation_can_be_the_answer() -> None:
     none = without()
-    found = recommend(none, ranked(row("A", 99e-6, (130e-6, 90e-6))), (), "m")
+    found = recommend(none, ranked(row("A", 99e-6, (130e-6, 90e-6))), (), SLIDING)
     assert found.name == "none"
     assert found.gain is None
     assert "100 µm" in found.reason
@@ -166,16 +167,16 @@ def test_no_compensation_can_be_the_answer() -> None:
 
 def test_nothing_is_recommended_where_nothing_could_be_tried() -> None:
     none = without()
-    assert recommend(none, [], (), "m").name == ""
+    assert recommend(none, [], (), SLIDING).name == ""
 
 
 def test_a_compensator_to_which_the_doctor_objects_is_named() -> None:
     none = without()
-    found = recommend(none, ranked(row("B", 30e-6)), (), "m", {"A": "buzz: the axis buzzes"})
+    found = recommend(none, ranked(row("B", 30e-6)), (), SLIDING, {"A": "buzz: the axis buzzes"})
     assert found.name == "B"
     assert found.reason.endswith("A ranks higher, but the doctor objects to it (buzz: the axis buzzes).")
     objections = {"A": "buzz: at 1 Hz", "C": "delay: of 2 ms", "D": "buzz: at 2 Hz", "E": "buzz: at 3 Hz"}
-    found = recommend(none, ranked(row("B", 30e-6)), (), "m", objections)
+    found = recommend(none, ranked(row("B", 30e-6)), (), SLIDING, objections)
     assert "A, D and E rank higher, but the doctor objects to them (buzz: at 1 Hz). C ranks higher" in found.reason
 
 
