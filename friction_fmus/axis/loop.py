@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from friction_fmus.axis.assembly import LoopAssembly, PartPool, block, typed
 from friction_fmus.axis.servo import Compensator, Plant, Servo, Trajectory
 from harness import Experiment, ExperimentError, Result, System, Wire
-from harness.accuracy.rungs import measure_bounds
+from harness.accuracy.numbers import measure_bounds
 from harness.engine.algorithm import Recorder
 from harness.engine.defect import inaccurate
 

@@ -23,16 +23,8 @@ from harness.accuracy.estimate import (
     size_of,
     unbounded,
 )
-from harness.accuracy.rungs import (
-    BOUND,
-    floor_of,
-    has_lines,
-    order_of,
-    repeated,
-    scaled_step_tolerance,
-    scaled_tolerance,
-    step_counts,
-)
+from harness.accuracy.rungs import repeated, scaled_step_tolerance, scaled_tolerance, step_counts
+from harness.accuracy.numbers import BOUND, floor_of, has_lines, order_of
 from harness.engine.defect import are_power, inaccurate, unit_of
 from harness.errors import ExperimentError
 from harness.parts.part import Part, Values

@@ -6,7 +6,7 @@ from math import log2
 
 import pytest
 
-from friction_fmus.fmi.axis_units import SLIDING
+from friction_fmus.blocks.axis_units import SLIDING
 from friction_fmus.study.compensator_records import CompensatorResult, Corner, Limits, LoopMargins, Metrics
 from friction_fmus.study.ranking import Weights, extremes, figures, rank
 from friction_fmus.study.recommendation import ladder, largest_step, recommend, shown
