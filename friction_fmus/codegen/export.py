@@ -11,13 +11,14 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Literal
 
+from friction_fmus.blocks.block_header import si_units
 from friction_fmus.codegen.cost import Cost, measure
 from friction_fmus.codegen.emulation import RANDOM
 from friction_fmus.codegen.laws import law_of, start_values
 from friction_fmus.codegen.layout import Export
 from friction_fmus.codegen.loop import loop_law
 from friction_fmus.codegen.loop_file import read_loop
-from friction_fmus.codegen.sources import example, header, implementation, si_units
+from friction_fmus.codegen.sources import example, header, implementation
 from friction_fmus.codegen.table import arguments, table_header, table_source
 from friction_fmus.codegen.target import COMPILER, CORES, EMULATOR, FLAGS, PACKAGES, missing
 from friction_fmus.codegen.unit_test import unit_test
