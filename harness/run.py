@@ -87,7 +87,7 @@ class Session:
         with self._guard.running():
             find_feedthrough(system, experiment)
         plan = self._plan = make_plan(system, experiment, [*self._names, *tapped])
-        schedule = find_master(experiment.master)(plan, experiment)
+        schedule = find_master(experiment.master).schedule(plan, experiment)
         check_loops(system.parts, system.wires, implicit=schedule.implicit)
         open_end = bool(self._options.resume or self._options.checkpoint)
         self._initialisation = Initialisation(plan, system, experiment, self._guard, open_end=open_end)

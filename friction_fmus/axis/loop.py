@@ -17,6 +17,7 @@ from harness import Experiment, ExperimentError, Result, System, Wire
 from harness.accuracy.numbers import measure_bounds
 from harness.engine.algorithm import Recorder
 from harness.engine.defect import inaccurate
+from harness.masters import best_first
 
 __all__ = [
     "Compensator",
@@ -84,9 +85,6 @@ TOLERANCE = 1e-7
 """Relative tolerance of the solvers in the blocks. A run takes less than half of the time of one with the default of
 1e-11, and the position of EMPS changes by less than 1e-13 m."""
 
-ACCURATE = ("newton", "adaptive")
-"""Masters for runs that are reported as wrong with another one."""
-
 
 @dataclass(frozen=True, eq=False)
 class Trace:
@@ -146,7 +144,7 @@ def _of_compensator(wire: Wire) -> bool:
 def accurate(system: System) -> tuple[System, Result]:
     """Return a system of an axis, with a more accurate master if it needs one, and the result of its run."""
     result = system.run()
-    for master in ACCURATE:
+    for master in best_first(lambda master: master.implicit):
         assert system.experiment is not None
         if inaccurate(result.attrs) and master != system.experiment.master:
             experiment = replace(system.experiment, master=master)

@@ -7,24 +7,9 @@ import re
 from collections.abc import Mapping
 from numbers import Integral
 
+from friction_fmus.blocks.block_header import block_header, start_arguments
 from friction_fmus.blocks.macros import table
 from friction_fmus.errors import BuildError, UnknownNameError, nearest
-
-START_ARGUMENT = {
-    "INPUT": 2,
-    "OPTIONAL": 2,
-    "COMMAND": 1,
-    "PARAMETER": 2,
-    "SWITCH": 1,
-    "FIXED": 2,
-    "COUNT": 1,
-    "PARAMETERS": 3,
-    "STATE": 2,
-    "STATES": 3,
-}
-"""Position of the start value in each row macro of block.h."""
-
-ROW = re.compile(rf"\b({'|'.join(START_ARGUMENT)})\s*\(\s*(\w+)\s*,")
 
 Start = Mapping[str, float | int | bool]
 
@@ -88,14 +73,15 @@ def with_start_values(code: str, start: Start) -> str:
 
 
 def _with_start_value(code: str, variable: str, value: float | int | bool) -> str:
-    rows = {match.group(2): match for match in ROW.finditer(code)}
+    places = start_arguments(block_header())
+    rows = {row[2]: row for row in re.finditer(rf"\b({'|'.join(places)})\s*\(\s*(\w+)\s*,", code)}
     element = re.fullmatch(r"(\w+)\[(\d+)\]", variable)
     name = element.group(1) if element else variable
-    if name not in rows or (rows[name].group(1) in ("PARAMETERS", "STATES")) != bool(element):
+    if name not in rows or places[rows[name][1]][1] != bool(element):
         raise UnknownNameError(f"There is no variable {variable!r} with a start value{nearest(variable, rows)}")
     match = rows[name]
     spans = _arguments(code, match.start(2))
-    begin, end = spans[START_ARGUMENT[match.group(1)]]
+    begin, end = spans[places[match[1]][0]]
     text = str(int(value)) if isinstance(value, Integral) else repr(float(value))
     if element:
         values = [part.strip() for part in code[begin:end].strip("()").split(",")]

@@ -10,21 +10,29 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from itertools import groupby
 from pathlib import Path
+from typing import Any
 
-TIME, INPUT, OUTPUT, LOCAL, PARAMETER, FIXED, STATE, STATE_OUTPUT, DERIVATIVE = range(9)
-REAL, INTEGER, BOOLEAN = range(3)
+from friction_fmus.blocks.block_header import block_header, constants, row_fields
+
+_ROLES, _TYPES = constants("role", block_header()), constants("type", block_header())
+TIME, INPUT, OUTPUT, LOCAL = (_ROLES[name] for name in ("TIME", "INPUT", "OUTPUT", "LOCAL"))
+PARAMETER, FIXED, STATE = (_ROLES[name] for name in ("PARAMETER", "FIXED", "STATE"))
+STATE_OUTPUT, DERIVATIVE = (_ROLES[name] for name in ("STATE_OUTPUT", "DERIVATIVE"))
+REAL, INTEGER, BOOLEAN = (_TYPES[name] for name in ("REAL", "INTEGER", "BOOLEAN"))
+
+_C_TYPES: dict[str, Any] = {
+    "char*": ctypes.c_char_p,
+    "double": ctypes.c_double,
+    "double*": ctypes.POINTER(ctypes.c_double),
+    "uint32_t": ctypes.c_uint32,
+    "int32_t": ctypes.c_int32,
+}
 
 
 class _Row(ctypes.Structure):
     """``Row`` of block.h."""
 
-    _fields_ = (
-        *((name, ctypes.c_char_p) for name in ("name", "unit", "text")),
-        *((name, ctypes.c_double) for name in ("start", "min", "max", "nominal")),
-        ("starts", ctypes.POINTER(ctypes.c_double)),
-        *((name, ctypes.c_uint32) for name in ("index", "length", "origin")),
-        *((name, ctypes.c_int32) for name in ("role", "type")),
-    )
+    _fields_ = tuple((name, _C_TYPES[kind]) for name, kind in row_fields(block_header()))
 
 
 @dataclass(frozen=True)
@@ -117,7 +125,7 @@ def _read(handle: ctypes.CDLL) -> tuple[BlockVariables, int]:
             element = _element(name, k) if row.length else name
             start = row.starts[k] if row.starts else row.start
             limits = (row.min, row.max, row.nominal, row.role, row.type)
-            variables.append(Variable(element, unit, text, start, *limits, row.index + k, row.origin + k))
+            variables.append(Variable(element, unit, text, start, *limits, row.index + k, getattr(row, "from") + k))
     sampled, exchanges, events = traits
     block = BlockVariables(tuple(variables), guid.value.decode(), bool(sampled), bool(exchanges), events)
     return block, size.value

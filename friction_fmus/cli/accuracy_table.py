@@ -10,6 +10,7 @@ from friction_fmus.cli.console import console, styled
 from harness import Result
 from harness.accuracy.assess import MARGIN
 from harness.accuracy.numbers import OF_LOOPS
+from harness.masters import find_master
 
 _STYLES = {"right": "green", "sensitive": "yellow", "too coarse": "yellow", "not resolved": "red", "wrong": "bold red"}
 
@@ -70,7 +71,7 @@ def _conclude(result: Result) -> bool:
     if verdict == "too coarse" and step is None:
         text += f"; {_without_step(error, required, source)}"
     if step is not None:
-        other = "" if attributes["master"] in ("newton", "adaptive") else "--master newton or "
+        other = "" if find_master(attributes["master"]).implicit else "--master newton or "
         text += f"; use {other}--step {step:.6g}"
     if "suggested_factor" in attributes:
         text += f", with {attributes['suggested_factor']} times the values of every and delay"

@@ -9,7 +9,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from friction_fmus.blocks.catalogue import source_folder
+from friction_fmus.blocks.block_header import si_units
 from friction_fmus.codegen.layout import Export, is_flag, numbered
 from friction_fmus.lawkit.declarations import PARAMETERS
 from friction_fmus.lawkit.emit.c_text import DOUBLE
@@ -17,14 +17,6 @@ from friction_fmus.lawkit.emit.chains import INDEX, LEAST
 from friction_fmus.lawkit.emit.names import comment
 from friction_fmus.lawkit.law import BOOLEANS, Kind, Variable
 from friction_fmus.version import VERSION
-
-
-def si_units(*, rotary: bool = False) -> dict[str, str]:
-    """Return the unit of each quantity in the translational or in the rotational build, read from block.h."""
-    _, text = (source_folder() / "block.h").read_text(encoding="utf-8").split("#ifdef ROTATIONAL\n", 1)
-    turning, sliding = text.split("#else\n", 1)
-    found = dict(re.findall(r'^#define (\w+)\s+"([^"]*)"$', sliding, re.M))
-    return found | dict(re.findall(r'^#define (\w+)\s+"([^"]*)"$', turning if rotary else "", re.M))
 
 
 def unit_text(variable: Variable, *, rotary: bool = False) -> str:

@@ -23,20 +23,17 @@ from .compensation import (
     super_twisting_rate,
 )
 from .condition import Condition, quotes
+from .coupling import contact_step, longest_step, output_delay, sample_step
 from .learning import contraction, learning_filter, process_sensitivity, sampled_sensitivity
 from .position_loop import (
     closed_loop,
-    contact_step,
     dead_band,
     dither_frequency,
     dither_stroke,
     expected_slip,
     hunting,
-    longest_step,
-    output_delay,
     pulses,
     routh,
-    sample_step,
     sampled,
     slide,
     slide_in_loop,

@@ -6,8 +6,7 @@ import math
 
 from friction_fmus.blocks.axis_units import SLIDING, Words
 from friction_fmus.conditions.condition import Condition, at_most, below
-
-_EXPLICIT = ("gauss-seidel", "jacobi")
+from harness.masters import find_master
 
 
 def longest_step(master: str, m: float, s0: float, c: float) -> float:
@@ -24,7 +23,7 @@ def longest_step(master: str, m: float, s0: float, c: float) -> float:
     Parameters
     ----------
     master : str
-        ``gauss-seidel`` or ``jacobi`` without extrapolation; the result is infinite for other masters.
+        Name of the master, without extrapolation; the result is infinite if it is implicit.
     m, s0, c : float
         Mass [kg], stiffness [N/m] and damping [N.s/m] of the contact; for LuGre, c = sigma1 + sigma2.
 
@@ -33,9 +32,10 @@ def longest_step(master: str, m: float, s0: float, c: float) -> float:
     float
         Communication step [s].
     """
-    if master not in _EXPLICIT:
+    traits = find_master(master)
+    if traits.implicit:
         return math.inf
-    return 4.0 * m / (math.sqrt(c**2 + 4.0 * m * s0) + c) if master == "gauss-seidel" else c / (s0 + c**2 / m)
+    return c / (s0 + c**2 / m) if traits.together else 4.0 * m / (math.sqrt(c**2 + 4.0 * m * s0) + c)
 
 
 def contact_step(master: str, step: float, m: float, s0: float, c: float, u: Words = SLIDING) -> Condition:

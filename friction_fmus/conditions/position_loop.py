@@ -24,16 +24,6 @@ from friction_fmus.conditions.condition import (
     spectral_radius,
 )
 
-
-
-
-
-
-
-
-
-
-
 Array: TypeAlias = NDArray[np.float64]
 
 

@@ -18,6 +18,7 @@ from friction_fmus.doctor.axis import ActiveLaw, Axis, Finding, Shaper, SignalPa
 from friction_fmus.doctor.known import known_blocks, law_of
 from harness import Experiment, FmuPart, Part, System, Wire, open_archive
 from harness.errors import StartValueError
+from harness.masters import find_master
 from harness.system.graph import stepping_order
 from harness.system.wire import wire_map
 
@@ -310,8 +311,8 @@ def _late(system: System, experiment: Experiment) -> Iterator[Finding]:
         if not one.sampled or wire.delay or port.endswith("_prev") or (source, target) in reported:
             continue
         reported.add((source, target))
-        implicit = experiment.master in ("newton", "adaptive") and not other.sampled
-        late = experiment.master == "jacobi" or (not implicit and place[source] > place[target])
+        master = find_master(experiment.master)
+        late = master.together or (place[source] > place[target] and (other.sampled or not master.implicit))
         Ts = values_of(system, one).get("Ts", one.every * experiment.step)
         yield Finding((source, target), conditions.output_delay(experiment.step if late else 0.0, Ts, source, target))
 

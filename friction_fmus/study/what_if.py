@@ -19,6 +19,7 @@ from friction_fmus.identification import Array
 from friction_fmus.study.compensator_records import CompensatorResult, Metrics
 from friction_fmus.study.evaluation import Bench, Scheme, off_by, system_of
 from harness import FmuPart, HarnessError, System, Wire
+from harness.masters import find_master
 from harness.storage.files import ScratchFolder
 from harness.system.wire import split_name
 from harness.wasm import WasmModel
@@ -108,7 +109,7 @@ def what_if(bench: Bench, found: Sequence[tuple[CompensatorResult, Scheme]], noi
         # they are started side by side when they are compiled: none shares a part with another one
         systems = [stack.enter_context(variable_system(bench, scheme, PartPool())) for _, _, scheme in shown]
         knobs = knobs_of(bench, [scheme for _, _, scheme in shown], systems)
-        same_master = all(system.experiment and system.experiment.master == "newton" for system in systems)
+        same_master = all(s.experiment and find_master(s.experiment.master).composed for s in systems)
         with ThreadPoolExecutor(len(systems)) as threads:
             models = list(threads.map(_module, systems, [f"axis{i}" for i in range(len(systems))]))
     runs = tuple(Run(name, metrics, model) for (name, metrics, _), model in zip(shown, models, strict=True))

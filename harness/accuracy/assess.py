@@ -23,10 +23,11 @@ from harness.accuracy.estimate import (
     size_of,
     unbounded,
 )
-from harness.accuracy.rungs import repeated, scaled_step_tolerance, scaled_tolerance, step_counts
 from harness.accuracy.numbers import BOUND, floor_of, has_lines, order_of
+from harness.accuracy.rungs import repeated, scaled_step_tolerance, scaled_tolerance, step_counts
 from harness.engine.defect import are_power, inaccurate, unit_of
 from harness.errors import ExperimentError
+from harness.masters import find_master
 from harness.parts.part import Part, Values
 from harness.result import Result
 from harness.run import Options
@@ -241,7 +242,7 @@ def _conclusions(
     step = suggested_step([*found.values()], experiment, required, floor)
     if step is not None:
         attributes["suggested_step"] = step
-        if experiment.master == "adaptive":
+        if find_master(experiment.master).adapts:
             attributes["suggested_coupling_tolerance"] = scaled_tolerance(experiment, step / experiment.step)
         if divided:
             attributes["suggested_step_tolerance"] = scaled_step_tolerance(experiment, step / experiment.step)

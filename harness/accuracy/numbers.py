@@ -13,11 +13,9 @@ import numpy as np
 from harness.accuracy.estimate import IRREGULAR, converge
 from harness.accuracy.rungs import of_equal_end, others, ratios
 from harness.engine.algorithm import Recorder
+from harness.masters import find_master
 from harness.system.assembly import Assembly
 from harness.system.experiment import LOOP_TOLERANCE, Experiment
-
-LOOP_SOLVERS: Final = frozenset({"newton", "adaptive"})
-"""Masters that solve loops."""
 
 ROUNDING: Final = 1e-9
 """Relative error that rounding leaves in a long run."""
@@ -37,23 +35,19 @@ class Floor:
 
 
 def order_of(experiment: Experiment) -> float:
-    """Return the order with which the master converges at best.
-
-    The inner steps of adaptive follow from a tolerance, to which their error is not quite proportional: it counts as of
-    first order.
-    """
-    return 2.0 if experiment.master == "newton" or experiment.extrapolation else 1.0
+    """Return the order with which the master converges at best."""
+    return 2.0 if experiment.extrapolation else find_master(experiment.master).order
 
 
 def has_lines(experiment: Experiment) -> bool:
     """Return whether the master passes values as lines instead of held values."""
-    return experiment.master in LOOP_SOLVERS or experiment.extrapolation > 0
+    return find_master(experiment.master).implicit or experiment.extrapolation > 0
 
 
 def floor_of(system: Assembly, experiment: Experiment) -> Floor:
     """Return the error that loops, rounding and solvers inside the parts leave, whichever is largest."""
     found = [Floor(ROUNDING, "rounding")]
-    if experiment.master in LOOP_SOLVERS:
+    if find_master(experiment.master).implicit:
         found.append(Floor(OF_LOOPS * (experiment.loop_tolerance or LOOP_TOLERANCE), "loop_tolerance"))
     for name, part in system.parts.items():
         found.append(Floor(part.inner_tolerance(experiment.tolerance), f"tolerance of {name}"))

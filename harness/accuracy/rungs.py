@@ -10,18 +10,18 @@ from __future__ import annotations
 import logging
 import math
 import threading
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from fractions import Fraction
-from itertools import pairwise
 from typing import Final
 
 import numpy as np
 
-from harness.accuracy.estimate import IRREGULAR, Track, converge
+from harness.accuracy.estimate import Track
 from harness.engine.algorithm import Progress, Recorder
 from harness.errors import ExperimentError, HarnessError, Interrupted
+from harness.masters import find_master
 from harness.parts.part import Part, StartValue
 from harness.parts.series import SeriesPart
 from harness.result import Result
@@ -93,13 +93,14 @@ def rung(
     wires = [replace(wire, delay=int(wire.delay / ratio)) for wire in system.wires]
     ticks = int(experiment.ticks / ratio)
     step = experiment.step * float(ratio)
+    adapts = find_master(experiment.master).adapts
     other = replace(
         experiment,
         step=step,
         stop=experiment.stop if ticks * ratio == experiment.ticks else experiment.start + ticks * step,
         decimate=1 if dense and experiment.decimate == 1 else rows_apart(experiment, ratio),
         manipulators=tuple(_scaled(each, ratio) for each in experiment.manipulators),
-        coupling_tolerance=scaled_tolerance(experiment, float(ratio)) if experiment.master == "adaptive" else None,
+        coupling_tolerance=scaled_tolerance(experiment, float(ratio)) if adapts else None,
         step_tolerance=scaled_step_tolerance(experiment, float(ratio)),
         loop_tolerance=scaled_loop_tolerance(experiment, float(ratio)),
     )
@@ -241,21 +242,3 @@ def _shares(progress: Progress | None, given: Sequence[Fraction]) -> Iterator[Pr
     ends = np.cumsum(work) / work.sum()
     for end, share in zip(ends, work / work.sum(), strict=True):
         yield _Share(progress, float(end - share), float(share))
-
-
-
-
-
-
-
-
-
-
-
-
-
-
-
-
-
-

@@ -35,6 +35,7 @@ from harness.composite.interface import (
 from harness.composite.tables import table_file
 from harness.errors import BuildError, ExperimentError
 from harness.fmi3 import fmi_3
+from harness.masters import best_first, find_master
 from harness.parts.fmu import FmuPart
 from harness.run import run
 from harness.storage.files import atomic_path, stamped
@@ -46,9 +47,6 @@ from harness.system.graph import check_loops, make_plan, stepping_order
 from harness.system.initialisation import start_order
 from harness.values import is_number
 from harness.wasm import is_wasm, wasm_model, write_package
-
-MASTERS: Final = ("newton", "adaptive")
-"""Masters that a composite FMU can contain."""
 
 _HEADERS: Final = ("fmi2_modes.h", "fmi2_calls.h", "fmi2_hash.h", "fmi2_saved.h")
 
@@ -101,7 +99,7 @@ def compose(
     exchanges = exchange_fault(inner) is None
     variables = composite_variables(inner, interface, exchanges=exchanges)
     tolerance = experiment.loop_tolerance or LOOP_TOLERANCE
-    error = (experiment.coupling_tolerance or COUPLING_TOLERANCE) if experiment.master == "adaptive" else 0.0
+    error = (experiment.coupling_tolerance or COUPLING_TOLERANCE) if find_master(experiment.master).adapts else 0.0
     doubt = experiment.step_tolerance or STEP_TOLERANCE
 
     def tables(guid: str) -> str:
@@ -164,8 +162,9 @@ def _start(system: OpenSystem, experiment: Experiment) -> None:
 
 def _experiment(system: Assembly, step: float | None, master: str | None) -> Experiment:
     """Return the experiment inside the FMU: its master solves loops."""
-    if master is not None and master not in MASTERS:
-        raise BuildError(f"a composite FMU cannot contain the master {master!r}: give newton or adaptive")
+    known = best_first(lambda each: each.composed)
+    if master is not None and master not in known:
+        raise BuildError(f"a composite FMU cannot contain the master {master!r}: give {' or '.join(known)}")
     experiment = system.experiment
     if step is not None and not (is_number(step) and 0.0 < step < math.inf):
         raise ExperimentError(f"the step is {step} s: give a positive number of seconds")
@@ -176,7 +175,7 @@ def _experiment(system: Assembly, step: float | None, master: str | None) -> Exp
             f"the experiment of '{system.name}' has the manipulator {experiment.manipulators[0]}, which a composite "
             "FMU cannot contain: remove it"
         )
-    chosen = master or (experiment.master if experiment and experiment.master in MASTERS else "newton")
+    chosen = master or (experiment.master if experiment and experiment.master in known else known[0])
     if experiment is None:
         assert step is not None
         return Experiment(stop=1000.0 * step, step=step, master=chosen)

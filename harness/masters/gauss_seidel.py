@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from harness.masters import Master
 from harness.parts.fmu import FmuPart
 from harness.parts.series import SeriesPart
 from harness.system.experiment import Experiment
 from harness.system.plan import GET, SET, STEP, Plan, Schedule
 
 
-def master(plan: Plan, experiment: Experiment) -> Schedule:
+def _schedule(plan: Plan, experiment: Experiment) -> Schedule:
     """Set, step and read part by part in the order of the plan: sampled parts, then plants, then sensors.
 
     Inputs from a recorded series follow its line, as a held value would shift the record by half a step.
@@ -25,3 +26,6 @@ def master(plan: Plan, experiment: Experiment) -> Schedule:
         and plan.names[wire.input] not in changed
     )
     return Schedule(tuple((operation, part) for part in parts for operation in (SET, STEP, GET)), lines=lines)
+
+
+master = Master(_schedule)

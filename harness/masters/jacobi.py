@@ -11,13 +11,14 @@ import numpy as np
 from harness.compiling.library import bytes_of, mirrors
 from harness.engine.algorithm import Algorithm, attach_lines
 from harness.engine.native import Engine
+from harness.masters import Master
 from harness.system.experiment import Experiment
 from harness.system.plan import GET, SET, STEP, Plan, Schedule
 
 _POINTER, _INT = ctypes.c_void_p, ctypes.c_int64
 
 
-def master(plan: Plan, experiment: Experiment) -> Schedule:
+def _schedule(plan: Plan, experiment: Experiment) -> Schedule:
     """Set all parts, then step all, then read all; the order of the parts does not matter.
 
     With extrapolation, inputs from continuous parts follow polynomials, see ``jacobi.h``.
@@ -26,6 +27,9 @@ def master(plan: Plan, experiment: Experiment) -> Schedule:
         return Schedule(algorithm=partial(Extrapolated, order=experiment.extrapolation))
     parts = range(len(plan.parts))
     return Schedule(tuple((operation, part) for operation in (SET, STEP, GET) for part in parts))
+
+
+master = Master(_schedule, together=True, extrapolates=True)
 
 
 @mirrors("Extrapolation")

@@ -23,6 +23,7 @@ from harness.engine.algorithm import Algorithm, attach_lines
 from harness.engine.defect import UNRESOLVED, WRONG, contact_of
 from harness.engine.native import Engine
 from harness.errors import ExperimentError
+from harness.masters import Master
 from harness.system.experiment import LOOP_TOLERANCE, STEP_TOLERANCE, Experiment
 from harness.system.plan import MovingWire, Plan, Schedule
 
@@ -39,9 +40,12 @@ HOPELESS: Final = 30.0
 """Remaining error over the magnitude of the value at which checks end, as in step_check.h."""
 
 
-def master(plan: Plan, experiment: Experiment) -> Schedule:
+def _schedule(plan: Plan, experiment: Experiment) -> Schedule:
     """Solve every loop once per communication step, or in shorter inner steps where the step check requires it."""
     return implicit(experiment)
+
+
+master = Master(_schedule, order=2.0, implicit=True, composed=True)
 
 
 def implicit(experiment: Experiment, error: float = 0.0) -> Schedule:

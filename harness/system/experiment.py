@@ -103,8 +103,11 @@ class Experiment:
             raise ExperimentError(
                 f"the tolerance of loops is {shown(self.loop_tolerance)}: give a number from 1e-14 to 0.01"
             )
-        if self.extrapolation and self.master != "jacobi":
-            raise ExperimentError(f"the master {self.master} does not extrapolate: use jacobi or leave it out")
+        from harness.masters import best_first, find_master  # they import this module
+
+        if self.extrapolation and not find_master(self.master).extrapolates:
+            others = " or ".join(best_first(lambda master: master.extrapolates))
+            raise ExperimentError(f"the master {self.master} does not extrapolate: use {others} or leave it out")
         if self.coupling_tolerance is not None and not (
             is_number(self.coupling_tolerance) and 1e-12 <= self.coupling_tolerance <= 1e-2
         ):

@@ -393,7 +393,7 @@ def test_command_that_could_not_be_done(tmp_path: Path, capsys: pytest.CaptureFi
     assert main(["doctor", str(tmp_path / "none.toml")]) == 2
     assert main(["doctor", str(ROOT / "examples" / "stick_slip.toml"), "--step", "-1"]) == 2
     err = capsys.readouterr().err
-    assert "there is no" in err or "cannot read" in err
+    assert "there is no" in err or "cannot be read" in err
     assert "give a positive number" in err
 
 

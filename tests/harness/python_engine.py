@@ -19,7 +19,7 @@ class PythonSession(Session):
 
     def __init__(self, system: Assembly, experiment: Experiment, options: Options | None = None) -> None:
         super().__init__(system, experiment, options)
-        schedule = find_master(experiment.master)(self._plan, experiment)
+        schedule = find_master(experiment.master).schedule(self._plan, experiment)
         assert schedule.operations and not schedule.lines, "masters that only hold values run in Python"
         self._ticks = PythonTicks(self._plan, schedule, experiment)
 

@@ -2,18 +2,43 @@
 
 from __future__ import annotations
 
+import re
+from pathlib import Path
+
 import numpy as np
 import pytest
 from harness_parts import DAMPING, SIGMA0, bristle, linear, mass
 from scipy.linalg import expm
 
-from harness import CallablePart, System, UnknownNameError, masters
+from harness import CallablePart, Experiment, System, UnknownNameError, masters
+from harness.system.graph import make_plan
+from harness.system.plan import GET, SET, STEP
 
 WIRES = ["bristle.F -> mass.F", "mass.v -> bristle.v"]
 
 
 def test_masters_are_found_in_their_folder() -> None:
     assert {"jacobi", "gauss-seidel"} <= set(masters())
+
+
+@pytest.mark.parametrize("name", masters())
+def test_traits_are_those_of_the_schedule(name: str) -> None:
+    master = masters()[name]
+    with System([mass(), bristle()], WIRES) as system:
+        experiment = Experiment(stop=1.0, step=0.1, master=name)
+        schedule = master.schedule(make_plan(system, experiment, []), experiment)
+    assert schedule.implicit == master.implicit
+    together = [operation for operation, _ in schedule.operations] == [SET, SET, STEP, STEP, GET, GET]
+    assert together == master.together
+    assert (master.order > 1.0, master.composed) == (name == "newton", master.implicit)
+
+
+def test_no_file_asks_for_the_name_of_a_master() -> None:
+    root = Path(__file__).parents[2]
+    name = "|".join(masters())
+    for path in (file for folder in ("harness", "friction_fmus") for file in (root / folder).rglob("*.py")):
+        asked = re.findall(rf"""(?:==|!=|\bin)\s*\(?(?:["'](?:{name})["'])""", path.read_text(encoding="utf-8"))
+        assert not asked, path
 
 
 def test_unknown_master() -> None:

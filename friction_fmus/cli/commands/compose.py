@@ -26,7 +26,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> None:
     """Write the FMU and print its path."""
     from friction_fmus.cli.inputs import open_system
-    from harness.composite.package import MASTERS
+    from harness.masters import best_first
 
     with open_system(options.system, open_inputs=True) as system:
         system.to_fmu(
@@ -39,7 +39,8 @@ def run(options: argparse.Namespace) -> None:
             platforms=options.platform,
             fmi=options.fmi,
         )
-        replaced = system.experiment.master if system.experiment and not options.master else "newton"
+        composed = best_first(lambda master: master.composed)
+        replaced = system.experiment.master if system.experiment and not options.master else composed[0]
     print(options.output)
-    if replaced not in MASTERS:
-        print(f"the FMU contains the master newton in place of {replaced}; --master chooses", file=sys.stderr)
+    if replaced not in composed:
+        print(f"the FMU contains the master {composed[0]} in place of {replaced}; --master chooses", file=sys.stderr)
