@@ -18,6 +18,7 @@ from thorough import THOROUGH
 
 from friction_fmus.blocks.catalogue import Block
 from friction_fmus.blocks.probe import Description
+from friction_fmus.fmi import contents
 from friction_fmus.fmi import package as blocks
 from friction_fmus.fmi.portrait import Portrait, portray, terminal_icon
 from harness.compiling import platforms, toolchain
@@ -102,5 +103,5 @@ def quick_builds(folder: str) -> Iterator[None]:
         patch.setattr(blocks, "native_library", _as_users_get_it(platforms.native_library))
         patch.setattr(platforms, "_kept", kept)
         patch.setattr(platforms, "_object", unit)
-        patch.setattr(blocks, "portray", drawn)
+        patch.setattr(contents, "portray", drawn)
         yield

@@ -15,6 +15,7 @@ from zipfile import ZipFile
 import numpy as np
 from numpy.typing import ArrayLike
 
+import harness
 from friction_fmus.blocks.catalogue import (
     PACKAGE,
     Block,
@@ -26,106 +27,17 @@ from friction_fmus.blocks.catalogue import (
 )
 from friction_fmus.blocks.customise import Start, identified, renamed, rotational, with_start_values
 from friction_fmus.blocks.probe import (
-    FIXED,
-    INPUT,
-    PARAMETER,
-    STATE,
     BlockVariables,
-    Description,
-    describe,
     read_variables,
 )
 from friction_fmus.errors import BuildError
-from friction_fmus.fmi.documentation import index_page
-from friction_fmus.fmi.model_description import model_description, terminals, terminals_and_icons
-from friction_fmus.fmi.portrait import portray, terminal_icon
 from friction_fmus.version import VERSION, build_time
-from harness import drawing, html
 from harness.compiling import toolchain
-from harness.compiling.platforms import NATIVE, Platform, compiled, native_library, select
+from harness.compiling.platforms import NATIVE, Platform, native_library, select
 from harness.fmi3 import fmi_3
 from harness.storage.files import ScratchFolder, atomic_path, cached, make_folder, read_source, reason
-from harness.storage.zip_file import find_outside, zipped
+from harness.storage.zip_file import find_outside
 from harness.wasm import WasmModel, is_wasm, wasm_model, write_package
-
-
-def assemble(
-    block: Block,
-    sources: Mapping[str, str],
-    platforms: Sequence[Platform],
-    compiling: Callable[[str, int], None] | None,
-) -> bytes:
-    """Return an FMU as bytes: binaries, model description, documentation, terminals and figures."""
-    with ScratchFolder("friction-fmus-") as folder:
-        _stage(block, sources, Path(folder))
-        for number, platform in enumerate(platforms):
-            if compiling:
-                compiling(platform.folder, number)
-            _compile(platform, sources, block.name, Path(folder) / "fmu" / "binaries")
-        return _zipped(Path(folder) / "fmu")
-
-
-def _compile(platform: Platform, sources: Mapping[str, str], name: str, binaries: Path) -> Path:
-    """Compile a block for a platform; return the path of the library."""
-    library = binaries / platform.folder / f"{name}{platform.suffix}"
-    library.parent.mkdir(parents=True)
-    library.write_bytes(compiled(platform, sources, name))
-    return library
-
-
-def _stage(block: Block, sources: Mapping[str, str], folder: Path) -> None:
-    """Write the unzipped FMU without binaries to the subfolder ``fmu``."""
-    staged = folder / "fmu"
-    (staged / "sources").mkdir(parents=True)
-    for name, text in sources.items():
-        (staged / "sources" / name).write_text(text, encoding="utf-8", newline="\n")
-    native = _compile(NATIVE, sources, block.name, folder / "binaries")
-    description = describe(native, computed(block))
-    _check_start_values(block, description)
-    (staged / "modelDescription.xml").write_bytes(model_description(block, description, block.name))
-    portrait = portray(block, description, folder)
-    (staged / "model.png").write_bytes(portrait.icon.png)
-    connected = terminals(description)
-    icons = {"icon": portrait.icon, **{each.shape: terminal_icon(each.shape) for each in connected}}
-    (staged / "terminalsAndIcons").mkdir()
-    (staged / "terminalsAndIcons" / "terminalsAndIcons.xml").write_bytes(terminals_and_icons(connected))
-    for name, image in icons.items():
-        (staged / "terminalsAndIcons" / f"{name}.png").write_bytes(image.png)
-        (staged / "terminalsAndIcons" / f"{name}.svg").write_bytes(image.svg)
-    pages = staged / "documentation"
-    (pages / "licenses").mkdir(parents=True)
-    (pages / "licenses" / "license.txt").write_text(package_text("LICENSE"), encoding="utf-8")
-    for number, figure in enumerate(portrait.figures, start=1):
-        (pages / f"figure{number}.svg").write_bytes(figure.svg)
-    page = index_page(block, description, portrait.figures, connected)
-    (pages / "index.html").write_text(page, encoding="utf-8")
-
-
-def _check_start_values(block: Block, description: Description) -> None:
-    for v in description.variables:
-        if v.role in (INPUT, PARAMETER, FIXED, STATE) and not v.min <= v.start <= v.max:
-            raise BuildError(
-                f"The start value {v.name} = {v.start:g} of {block.name} lies outside "
-                f"[{v.min:g}, {v.max:g}]; choose a value inside"
-            )
-
-
-def _zipped(folder: Path) -> bytes:
-    """Return the FMU with the files of a folder."""
-    files = (path for path in folder.rglob("*") if path.is_file())
-    return zipped({path.relative_to(folder).as_posix(): path.read_bytes() for path in files}, build_time())
-
-
-def computed(block: Block) -> dict[str, tuple[str, ...]]:
-    """Return the dependencies of a law's outputs as casadi finds them; empty for other blocks."""
-    if block.kind != "law":
-        return {}
-    from friction_fmus.lawkit.files import discover_laws
-    from friction_fmus.lawkit.law import Kind
-
-    (law,) = discover_laws(block.path)
-    return {variable.name: law.dependencies(variable.name) for variable in law.select(Kind.OUTPUT)}
-
 
 SHIPPED = PACKAGE / "fmus"
 """Folder of the FMUs for all platforms in an installed package; a checkout has none."""
@@ -242,6 +154,8 @@ def _built(
     path = toolchain.cache_folder() / f"{identifier}-{_key(sources, block, chosen)}.fmu"
 
     def make() -> bytes:
+
+        from friction_fmus.fmi.contents import assemble  # its libraries are not needed for an FMU in the cache
 
         return assemble(block, sources, chosen, compiling)
 
@@ -391,7 +305,7 @@ def _key(sources: Mapping[str, str], block: Block, platforms: Sequence[Platform]
 def _generator() -> str:
     """Return a hash of what generates FMUs: this package with its changelog, and the libraries that it draws with."""
     libraries = (version(library) for library in ("fmpy", "matplotlib"))
-    shared = (Path(str(module.__file__)) for module in (drawing, html))
+    shared = (Path(str(harness.__file__)).with_name(name) for name in ("drawing.py", "html.py"))
     modules = (path.read_text(encoding="utf-8") for path in (*sorted(PACKAGE.rglob("*.py")), *shared))
     return _hash((VERSION, *libraries, package_text("CHANGELOG.md"), *modules))
 
