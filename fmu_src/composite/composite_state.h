@@ -161,10 +161,10 @@ static bool in_range(int64_t value, int64_t first, int64_t last) { return value 
 static bool plausible_guard(const StepCheck *g)
 {
     const int64_t most = INT64_C(1) << 53;
-    return in_range(g->line, 0, LINES) && in_range(g->alarm, 0, ALARM) && in_range(g->patience, 0, 2 * MOST_PATIENCE) &&
-           in_range(g->next, 0, most) && in_range(g->last, -most, most) &&
-           in_range(g->recurrences, 0, MOST_RECURRENCES) && in_range(g->calm, 0, most) &&
-           in_range(g->checks, 0, most) && is_bit(g->hopeless) && is_bit(g->jumped);
+    return in_range(g->line, 0, LINES) && in_range(g->contact, 0, LINES) && in_range(g->alarm, 0, ALARM) &&
+           in_range(g->patience, 0, 2 * MOST_PATIENCE) && in_range(g->next, 0, most) &&
+           in_range(g->last, -most, most) && in_range(g->recurrences, 0, MOST_RECURRENCES) &&
+           in_range(g->calm, 0, most) && in_range(g->checks, 0, most) && is_bit(g->hopeless) && is_bit(g->jumped);
 }
 
 /* Return whether a variable can have the value in this memory; a law may accept an input that is not finite. */

@@ -209,9 +209,9 @@ static void warn_of_errors(Instance *c, bool last)
         int64_t worst = guard->line;
         double error = guard->hopeless ? HOPELESS : 0.0;
         for (int64_t k = 0; k < LINES && last; k++)
-            if (line_groups[k] == g && m->moving[k].debt > error * m->moving[k].scale) {
+            if (line_groups[k] == g && remaining_error(&m->moving[k]) > error) {
                 worst = k;
-                error = m->moving[k].debt / m->moving[k].scale;
+                error = remaining_error(&m->moving[k]);
             }
         if (!(error > UNRESOLVED))
             continue;
