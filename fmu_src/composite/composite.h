@@ -783,10 +783,10 @@ static bool in_range(int64_t value, int64_t first, int64_t last) { return value 
 static bool plausible_guard(const StepCheck *g)
 {
     const int64_t most = INT64_C(1) << 53;
-    return in_range(g->line, 0, LINES) && in_range(g->alarm, 0, ALARM) && in_range(g->patience, 0, 2 * MOST_PATIENCE) &&
-           in_range(g->next, 0, most) && in_range(g->last, -most, most) &&
-           in_range(g->recurrences, 0, MOST_RECURRENCES) && in_range(g->calm, 0, most) &&
-           in_range(g->checks, 0, most) && is_bit(g->hopeless) && is_bit(g->jumped);
+    return in_range(g->line, 0, LINES) && in_range(g->contact, 0, LINES) && in_range(g->alarm, 0, ALARM) &&
+           in_range(g->patience, 0, 2 * MOST_PATIENCE) && in_range(g->next, 0, most) &&
+           in_range(g->last, -most, most) && in_range(g->recurrences, 0, MOST_RECURRENCES) &&
+           in_range(g->calm, 0, most) && in_range(g->checks, 0, most) && is_bit(g->hopeless) && is_bit(g->jumped);
 }
 
 /* Return whether a variable can have the value in this memory; a law may accept an input that is not finite. */
@@ -1322,9 +1322,9 @@ static void warn_of_errors(Instance *c, bool last)
         int64_t worst = guard->line;
         double error = guard->hopeless ? HOPELESS : 0.0;
         for (int64_t k = 0; k < LINES && last; k++)
-            if (line_groups[k] == g && m->moving[k].debt > error * m->moving[k].scale) {
+            if (line_groups[k] == g && remaining_error(&m->moving[k]) > error) {
                 worst = k;
-                error = m->moving[k].debt / m->moving[k].scale;
+                error = remaining_error(&m->moving[k]);
             }
         if (!(error > UNRESOLVED))
             continue;

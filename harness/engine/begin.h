@@ -19,7 +19,7 @@ EXPORT void newton_begin(const Engine *e, Newton *newton)
         m->from_rest = value == 0.0;
         m->u0 = m->q0 = m->u1 = m->q1 = value;
         m->scale = fabs(value);
-        m->debt = 0.0;
+        m->debt = m->path = m->astray = 0.0;
         m->role = m->rests = m->rigid = 0;
         m->gain = e->gains ? e->gains[input] : 1.0;
         m->offset = e->gains ? e->offsets[input] : 0.0;

@@ -10,11 +10,14 @@
 
 #include "quasi_newton.h"
 
-#define BESIDE  1e-300 /* [m/s] or [rad/s] */
-#define NO_JUMP 1e-150 /* [N] or [N.m]: a smooth output beside v = 0 differs by less from that at v = 0 */
-#define EQUAL   1e-9   /* relative difference of equal forces */
-#define STARTED 1e-6   /* the same at the start of a step */
-#define SOONEST 1e-6   /* of a step: break-away before it is at its beginning */
+#define BESIDE    1e-300 /* [m/s] or [rad/s] */
+#define NO_JUMP   1e-150 /* [N] or [N.m]: a smooth output beside v = 0 differs by less from that at v = 0 */
+#define EQUAL     1e-9   /* relative difference of equal forces */
+#define STARTED   1e-6   /* the same at the start of a step */
+#define SOONEST   1e-6   /* of a step: break-away before it is at its beginning */
+#define STOPS     0.9999 /* of a step: a contact that stops after more of it stops at its end */
+#define STOPS_NOT 0.5    /* of a step that forces cannot stop within twice its length */
+#define GAUSS     0.28867513459481287 /* distance of the points from the middle: root of 1/12 */
 enum { MOST_CORRECTIONS = 12 };
 
 static Moving *velocity_of(const Newton *newton, const Contact *c) { return &newton->moving[c->line]; }
@@ -160,8 +163,10 @@ static bool held_at_start(const Engine *e, const Newton *newton, const Contact *
     return !lines;
 }
 
-/* Find out whether a contact at rest holds. If not, *limit is the force at which it breaks away. */
-static int test(Engine *e, Newton *newton, const Contact *c, const Span *s, bool *holds, double *limit)
+/* Find out whether a contact at rest holds. If not, *limit is the force at which it breaks away. If it stops within a
+   span that may be divided, *share is the part of the span until then: mean friction, at the points of Gauss, and the
+   load decelerate it. It does not stop if these cannot; a span without this solution is then shorter. */
+static int test(Engine *e, Newton *newton, const Contact *c, const Span *s, bool *holds, double *limit, double *share)
 {
     Moving *const m = velocity_of(newton, c);
     const double force = newton->w[c->unknown], rest = e->signals[newton->unknowns[c->unknown]];
@@ -182,6 +187,10 @@ static int test(Engine *e, Newton *newton, const Contact *c, const Span *s, bool
     int status = face(e, newton, c, s, BESIDE, &up);
     if (status == SOLVED)
         status = face(e, newton, c, s, -BESIDE, &down);
+    double friction[] = {0.0, 0.0};
+    const bool stopping = newton->splits && !m->rests && m->u0 != 0.0;
+    for (int i = 0; i < 2 && stopping && status == SOLVED; i++)
+        status = face(e, newton, c, s, (i ? 0.5 + GAUSS : 0.5 - GAUSS) * m->u0, &friction[i]);
     if (status == SOLVED)
         status = face(e, newton, c, s, 0.0, &again);
     const double low = fmin(fmin(up, down), rest), high = fmax(fmax(up, down), rest),
@@ -192,9 +201,21 @@ static int test(Engine *e, Newton *newton, const Contact *c, const Span *s, bool
         m->rigid = -1;
     const bool in_jump = force >= fmin(up, down) && force <= fmax(up, down);
     /* a contact in motion stops only if less than its friction is needed for that */
-    const bool stops = m->rests || m->u0 == 0.0 || (m->u0 > 0.0 ? force <= up : force >= down);
+    const double slack = (1.0 - STOPS) * size;
+    const bool stops = m->rests || m->u0 == 0.0 || (m->u0 > 0.0 ? force <= up + slack : force >= down - slack);
     m->role = by_load ? AT_REST : IN_JUMP;
     *holds = m->rigid > 0 && stops && (by_load || in_jump);
+    if (*holds && stopping) {
+        double other = isfinite(load) ? load : rest;
+        for (int64_t k = e->lines_from[c->part]; k < e->lines_from[c->part + 1]; k++)
+            if (e->lines[k].end == load)
+                other = e->lines[k].mean;
+        const double at = (force - other) / (0.5 * (friction[0] + friction[1]) - other);
+        if (at < -SOONEST || at > 1.0 / STOPS_NOT)
+            *share = fmin(*share, STOPS_NOT);
+        else if (at > SOONEST && at < STOPS)
+            *share = fmin(*share, at);
+    }
     if (!by_load && m->rests == IN_JUMP)
         *limit = force > 0.0 ? high : low;
     return status;
@@ -232,7 +253,7 @@ static int solve_held(Engine *e, Newton *newton, const Group *g, const Span *s, 
                 }
                 continue;
             }
-            status = test(e, newton, c, s, &holds, &limit);
+            status = test(e, newton, c, s, &holds, &limit, &share);
             held = held || holds;
             changes = changes || !m->rests || m->role == IN_JUMP;
             if (status != SOLVED || holds)
@@ -248,7 +269,7 @@ static int solve_held(Engine *e, Newton *newton, const Group *g, const Span *s, 
         }
         if (status != SOLVED)
             return status;
-        if (newton->splits && share < 1.0 && share > SOONEST) {
+        if (newton->splits && share < 1.0 && share > SOONEST) { /* at a stop, or where one breaks away */
             newton->share = share;
             return BREAKS_AWAY;
         }
@@ -294,7 +315,8 @@ static int solve(Engine *e, Newton *newton, const Group *g, int64_t number, cons
     bool passes = false;
     for (const Contact *c = first; c < last; c++) {
         const Moving *const m = velocity_of(newton, c);
-        if (m->rigid >= 0 && (m->u0 * m->u1 <= 0.0 || newton->jumped || status == NOT_CONVERGED)) {
+        const bool slows = m->u0 * m->u1 <= (1.0 - STOPS) * m->u0 * m->u0;
+        if (m->rigid >= 0 && (slows || newton->jumped || status == NOT_CONVERGED)) {
             hold(e, newton, g, c);
             passes = true;
         }

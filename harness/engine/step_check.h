@@ -9,8 +9,11 @@
 
 #include "contacts.h"
 
+#define SPLIT           0.44 /* first half of a step: equal halves miss an oscillation of twice their frequency */
+#define STRAYS          0.25 /* factor of `doubt` for the distance until a contact stops */
 #define AT_START        10.0 /* factor of `doubt` in the first EARLY ticks of a value that starts at 0 */
 #define SURPRISE        0.05 /* of the magnitude, between an unknown and its linear prediction */
+#define SHOCK           0.5  /* the same, for a check without patience */
 #define LEAP            1.5  /* over the largest magnitude so far */
 #define HOPELESS        30.0 /* root of the sum of the squares of the unresolved errors, over the magnitude */
 #define MOST_UNRESOLVED 40.0 /* sum of the shares of their steps */
@@ -27,11 +30,11 @@ static bool is_scheduled(const StepCheck *guard, int64_t tick)
     return tick < CHECK_SOON ? (tick & (tick - 1)) == 0 : since % (since < CHECK_EVERY ? CHECK_SOON : CHECK_EVERY) == 0;
 }
 
-/* Return whether an unknown is far from its prediction. */
-static bool surprises(const Newton *newton, const Group *g, const Span *s)
+/* Return whether an unknown is farther from its prediction than this share of its magnitude. */
+static bool surprises(const Newton *newton, const Group *g, const Span *s, double share)
 {
     for (int64_t j = g->unknown; j < g->unknown + g->unknowns; j++)
-        if (fabs(surprise_of(newton, j, s)) > SURPRISE * newton->scale[j])
+        if (fabs(surprise_of(newton, j, s)) > share * newton->scale[j])
             return true;
     return false;
 }
@@ -65,7 +68,7 @@ static bool wants_check(const Engine *e, const Newton *newton, int64_t number, i
         return false;
     const Group *const g = &newton->groups[number];
     return guard->alarm > 0 || guard->calm > 0 || (s->from == 0.0 && is_scheduled(guard, tick)) ||
-           leaps(e, newton, g) || (tick >= guard->next && surprises(newton, g, s));
+           leaps(e, newton, g) || surprises(newton, g, s, tick >= guard->next ? SURPRISE : SHOCK);
 }
 
 /* Save (or restore, if `back`) everything that a check must not change. */
@@ -95,14 +98,14 @@ static int solve_halves(Engine *e, Newton *newton, int64_t number, const Span *s
 {
     const Group *const g = &newton->groups[number];
     const int64_t lines = e->lines_from[e->part_count];
-    const double half = 0.5 * s->h, middle = 0.5 * (s->from + s->to);
-    const Span first = {s->t, half, s->from, middle, 0.5 * s->ratio, false};
-    const Span second = {s->t + half, half, middle, s->to, 1.0, false};
+    const double half = SPLIT * s->h, middle = s->from + SPLIT * (s->to - s->from);
+    const Span first = {s->t, half, s->from, middle, SPLIT * s->ratio, false};
+    const Span second = {s->t + half, s->h - half, middle, s->to, (1.0 - SPLIT) / SPLIT, false};
     int status = solve(e, newton, g, number, &first, true);
     if (status != SOLVED)
         return status;
     for (int64_t k = 0; k < lines; k++)
-        means[k] = 0.5 * e->lines[k].mean;
+        means[k] = SPLIT * e->lines[k].mean;
     *jumped = newton->jumped;
     accept(e, newton, g, number, &first);
     swap_loop(e, newton, g); /* the state at the start of the span is still needed */
@@ -111,7 +114,7 @@ static int solve_halves(Engine *e, Newton *newton, int64_t number, const Span *s
         status = solve(e, newton, g, number, &second, false);
     swap_loop(e, newton, g);
     for (int64_t k = 0; k < lines; k++)
-        means[k] += 0.5 * e->lines[k].mean;
+        means[k] += (1.0 - SPLIT) * e->lines[k].mean;
     *jumped = *jumped || newton->jumped;
     return status;
 }
@@ -126,7 +129,7 @@ static double difference(const Engine *e, Newton *newton, int64_t number, const 
     const Group *const g = &newton->groups[number];
     StepCheck *const guard = &newton->guards[number];
     const double least = NEGLIGIBLE * strength_of(newton, g);
-    double worst = 0.0, most = -1.0;
+    double worst = 0.0, most = -1.0, farthest = 0.0;
     for (int64_t i = g->first; i < g->first + g->count; i++)
         for (int64_t k = e->lines_from[newton->order[i]]; k < e->lines_from[newton->order[i] + 1]; k++) {
             const Moving *const a = &newton->kept_lines[k], *const b = &newton->moving[k];
@@ -145,6 +148,19 @@ static double difference(const Engine *e, Newton *newton, int64_t number, const 
                 guard->apart = remains;
             }
         }
+    guard->astray = 0.0;
+    for (const Contact *c = contacts_of(newton, g); c < contacts_of(newton, g) + g->contacts; c++) {
+        const Moving *const a = &newton->kept_lines[c->line], *const b = &newton->moving[c->line];
+        const double means = fmax(fabs(whole[c->line]), fabs(halves[c->line]));
+        const double astray = s->h * fabs(whole[c->line] - halves[c->line]), path = a->path + s->h * means;
+        if (is_rest(a) || is_rest(b))
+            worst = fmax(worst, astray > 0.0 ? astray / (STRAYS * newton->doubt * path) : 0.0);
+        if (astray > farthest * path) {
+            farthest = astray / path;
+            guard->contact = c->line;
+            guard->astray = astray;
+        }
+    }
     return worst;
 }
 
@@ -171,8 +187,10 @@ static int check(Engine *e, Newton *newton, int64_t number, const Span *s, bool 
     keep(e, newton, g, number, true);
     newton->before[number] = before;
     newton->guards[number].checks++;
-    if (failed_halves)
+    if (failed_halves) {
         newton->guards[number].apart = newton->moving[newton->guards[number].line].scale;
+        newton->guards[number].astray = 0.0;
+    }
     status = evaluate(e, newton, g, s, true, &norm);
     newton->jumped = jumped;
     set_at_rest(e, newton, g);
@@ -187,7 +205,15 @@ static void owe(Newton *newton, StepCheck *guard, const Span *s)
         guard->time = s->t;
     guard->unresolved += s->to - s->from;
     m->debt = hypot(m->debt, guard->apart);
+    newton->moving[guard->contact].astray += guard->astray;
+    guard->astray = 0.0;
     guard->hopeless = m->debt > HOPELESS * fmax(m->scale, fabs(m->u1)) || guard->unresolved > MOST_UNRESOLVED;
+}
+
+/* Return the larger of the remaining errors of a line, over its magnitude or over the distance. */
+static inline double remaining_error(const Moving *m)
+{
+    return fmax(m->debt > 0.0 ? m->debt / m->scale : 0.0, m->astray > 0.0 ? m->astray / m->path : 0.0);
 }
 
 /* Evaluate a check: a finding raises the alarm; undivided steps that agree end it. */

@@ -24,7 +24,7 @@
 #define GA_F    (1.0 / (1.0 + RHO))
 #define GA_RATE (0.5 + GA_M - GA_F)
 
-enum { SOLVED = 0, NOT_CONVERGED = 101, BREAKS_AWAY, MOST_EVALUATIONS = 60, MOST_BISECTIONS = 250 };
+enum { SOLVED = 0, NOT_CONVERGED = 101, BREAKS_AWAY, MOST_EVALUATIONS = 60, MOST_BISECTIONS = 250, MOST_SPLITS = 8 };
 #ifndef MOST_HALVINGS /* fuzzing has fewer */
 #define MOST_HALVINGS 20
 #endif
@@ -52,6 +52,8 @@ static double mean_of(Moving *m, const Span *s)
         return m->u0 + (m->u1 - m->u0) * 0.5 * (s->from + s->to);
     if (s->flat || m->role >= HOLDING)
         return m->role == HOLDING && !s->flat ? 0.5 * (m->u0 + m->u1) : m->u1;
+    if (is_rest(m))
+        return 0.5 * m->u0;
     const double q0 = earlier(m, s);
     m->q1 = ((1.0 - GA_F) * m->u0 + GA_F * m->u1 - (1.0 - GA_M) * q0) / GA_M;
     return (1.0 - GA_RATE) * q0 + GA_RATE * m->q1;
@@ -130,11 +132,12 @@ static bool turns_and_grows(const Newton *newton, int64_t j, const Span *s, doub
 }
 
 /* The contacts keep their state; a step that stops or starts one is the beginning of another motion. */
-static void accept_contacts(const Engine *e, Newton *newton, const Group *g)
+static void accept_contacts(const Engine *e, Newton *newton, const Group *g, const Span *s)
 {
     for (const Contact *c = contacts_of(newton, g); c < contacts_of(newton, g) + g->contacts; c++) {
         Moving *const m = &newton->moving[c->line];
         m->rests = is_rest(m) ? m->role : FREE;
+        m->path += s->h * fabs(e->lines[c->line].mean);
         if (m->rests)
             newton->w[c->unknown] = e->signals[newton->unknowns[c->unknown]];
     }
@@ -142,7 +145,7 @@ static void accept_contacts(const Engine *e, Newton *newton, const Group *g)
 
 static void accept(const Engine *e, Newton *newton, const Group *g, int64_t number, const Span *s)
 {
-    accept_contacts(e, newton, g);
+    accept_contacts(e, newton, g, s);
     for (int64_t i = g->first; i < g->first + g->count; i++)
         for (int64_t k = e->lines_from[newton->order[i]]; k < e->lines_from[newton->order[i] + 1]; k++) {
             Moving *const m = &newton->moving[k];
@@ -243,17 +246,17 @@ static int step_loop(Engine *e, Newton *newton, int64_t number, int64_t tick, do
         double piece = fmin(varies ? *proposed : h, h - p.done);
         piece = guard->calm > 0 ? fmin(piece, guard->limit) : piece;
         int status = save_loop(e, newton, g, p.t);
-        bool split = false;
+        int splits = 0;
         for (bool again = false; status == SOLVED; again = true) {
             const Span s = next_span(newton, number, &p, piece);
             double off = 0.0;
             bool checked = false;
-            newton->splits = piece > accurate;
+            newton->splits = splits < MOST_SPLITS && piece > smallest;
             status = solve(e, newton, g, number, &s, again);
             newton->splits = false;
             if (status == BREAKS_AWAY) {
                 piece *= newton->share;
-                split = true;
+                splits++;
                 status = SOLVED;
                 continue;
             }
@@ -264,10 +267,10 @@ static int step_loop(Engine *e, Newton *newton, int64_t number, int64_t tick, do
             if (status == SOLVED && (off <= 1.0 || piece <= accurate)) {
                 accept(e, newton, g, number, &s);
                 newton->substeps++;
-                if (again && !split)
+                if (again && splits == 0)
                     confine(guard, s.h);
                 p.done = s.to >= 1.0 ? h : p.done + piece;
-                if (!split)
+                if (splits == 0)
                     *proposed = fmax(accurate, piece * (again ? 1.0 : fmin(4.0, 0.8 / sqrt(off + 1e-9))));
                 break;
             }

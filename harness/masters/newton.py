@@ -30,7 +30,7 @@ from harness.system.plan import MovingWire, Plan, Schedule
 _LOG = logging.getLogger("harness")
 _POINTER, _INT, _REAL = ctypes.c_void_p, ctypes.c_int64, ctypes.c_double
 
-FINEST: Final = 128.0
+FINEST: Final = 512.0
 """Largest number of inner steps per communication step in the master newton, where a check finds an error."""
 
 FINEST_ADAPTIVE: Final = 1024.0
@@ -60,7 +60,7 @@ class Moving(ctypes.Structure):
 
     _fields_ = (
         *((name, _INT) for name in ("inner", "unknown", "from_rest", "role")),
-        *((name, _REAL) for name in ("u0", "q0", "u1", "q1", "scale", "debt", "gain", "offset")),
+        *((name, _REAL) for name in ("u0", "q0", "u1", "q1", "scale", "debt", "gain", "offset", "path", "astray")),
         *((name, _INT) for name in ("rests", "rigid")),
     )
 
@@ -90,9 +90,9 @@ class StepCheck(ctypes.Structure):
     """``StepCheck`` of newton_data.h."""
 
     _fields_ = (
-        *((name, _INT) for name in ("line", "alarm", "patience", "next", "last", "recurrences", "calm")),
+        *((name, _INT) for name in ("line", "contact", "alarm", "patience", "next", "last", "recurrences", "calm")),
         *((name, _INT) for name in ("checks", "hopeless", "jumped")),
-        *((name, _REAL) for name in ("apart", "limit", "unresolved", "time")),
+        *((name, _REAL) for name in ("apart", "astray", "limit", "unresolved", "time")),
     )
 
 
@@ -251,7 +251,11 @@ class Loops(Algorithm):
         data, (_, moving, guards, _) = self.data, self._arrays
         checks = sum(int(guard.checks) for guard in guards)
         counts = {"evaluations": data.evaluations, "substeps": data.substeps, "rejected": data.rejected}
-        errors = [line.debt / line.scale if line.debt > 0.0 else 0.0 for line in moving[: len(self.wires)]]
+        errors = [
+            max(*(part / whole if part > 0.0 else 0.0 for part, whole in pairs))
+            for line in moving[: len(self.wires)]
+            for pairs in [((line.debt, line.scale), (line.astray, line.path))]
+        ]
         for guard in guards:
             if guard.hopeless:  # checks have ended; the magnitude may have grown with the error since
                 errors[int(guard.line)] = max(errors[int(guard.line)], HOPELESS)

@@ -16,6 +16,7 @@ typedef struct {
     double scale;        /* largest magnitude so far */
     double debt;         /* errors that the guard found and could not remove: root of the sum of their squares */
     double gain, offset; /* of the connection in this step, if there are manipulators */
+    double path, astray; /* velocity of a contact: distance so far, and how much of it no step resolved */
     int64_t rests;       /* velocity of a contact: its role at the end of the last step */
     int64_t rigid;       /* velocity of a contact: 1: the friction jumps at v = 0, -1: it does not, 0: unknown */
 } Moving;
@@ -37,6 +38,7 @@ typedef struct {
 /* State of the guard of a loop, see step_check.h. */
 typedef struct {
     int64_t line;        /* line with the largest error in the last finding */
+    int64_t contact;     /* line of the velocity with the largest error of the distance in it */
     int64_t alarm;       /* number of undivided steps still to check */
     int64_t patience;    /* ticks before the next suspicion counts, after a check without a finding */
     int64_t next;        /* first tick at which a suspicion counts again */
@@ -47,6 +49,7 @@ typedef struct {
     int64_t hopeless;    /* no step is small enough: checks have ended */
     int64_t jumped;      /* the solution of the last step lies at a jump of r */
     double apart;        /* error of that line */
+    double astray;       /* error of the distance along `contact` */
     double limit;        /* [s] longest inner step while findings recur */
     double unresolved;   /* inner steps of the smallest size that were still wrong: sum of their shares of the step */
     double time;         /* [s] of the first of these */

@@ -251,6 +251,43 @@ def test_a_slip_within_one_step(master: str) -> None:
     assert result["mass.x"].to_numpy()[-1] == pytest.approx(right, rel=0.05)
 
 
+@pytest.mark.parametrize("master", ["newton", "adaptive", "composite"])
+@pytest.mark.parametrize(("m", "v0", "ticks"), [(1.0, 0.0437, 8.74), (1e-3, 0.5, 0.1)])
+def test_a_mass_stops_between_two_steps(m: float, v0: float, ticks: float, master: str, tmp_path: Path) -> None:
+    """It slides m v0^2/(2 Fc), also if it stops within the first step."""
+    step, Fc = 5e-3, m * v0 / (5e-3 * ticks)
+    parts, wires = [FmuPart("mass", fmu("Mass")), FmuPart("friction", fmu("Stiction"))], ["mass.v -> friction.v"]
+    wires += ["friction.F -> mass.F_friction", "mass.F_ext -> friction.F_ext"]
+    start = {"mass.m": m, "mass.v0": v0, "mass.F_drive": 0.0, "friction.Fc": Fc, "friction.Fs": 1.5 * Fc}
+    with System(parts, wires, {**start, "friction.Fv": 0.0}) as system, Warnings() as warned:
+        if master != "composite":
+            result = system.run(stop=20 * step, step=step, master=master, record=["mass.x", "mass.v"])
+        else:
+            system.to_fmu(tmp_path / "One.fmu", step=step, inputs=[])
+            with System([FmuPart("mass", tmp_path / "One.fmu")]) as one:
+                result = one.run(stop=20 * step, step=step, record=["mass.mass.x", "mass.mass.v"])
+    x, v = (result[name].to_numpy() for name in result.data_vars)
+    assert x[-1] == pytest.approx(0.5 * m * v0**2 / Fc, rel=1e-4)
+    assert v[-1] == 0.0
+    assert not warned.texts
+
+
+def test_slips_faster_than_the_step() -> None:
+    """A light mass slips within six steps and stops where the closed form says, so that later slips are in time."""
+    m, k, speed, loads = 1.541e-4, 75.12, 3.545, [Phase(0.0, 0.0, 3.545), Phase(0.066, 2.0674, 3.545)]
+    drive = SeriesPart("drive", [0.0, 0.066], {"F": [0.0, 2.0674]}, {"F": "N"}, interpolation="previous", beyond="hold")
+    parts = [FmuPart("mass", fmu("Mass")), FmuPart("friction", fmu("Stiction")), drive]
+    wires = ["mass.v -> friction.v", "friction.F -> mass.F_friction", "mass.F_ext -> friction.F_ext"]
+    start = {"mass.m": m, "mass.k": k, "mass.v_support": speed, "friction.Fc": 5.75, "friction.Fs": 8.779}
+    with System(parts, [*wires, "drive.F -> mass.F_drive"], {**start, "friction.Fv": 0.0}) as system:
+        result = system.run(stop=0.16, step=1e-3, master="newton", record=["mass.x"])
+    t = result["time"].to_numpy()
+    fine = np.linspace(0.0, 0.16, 160_001)
+    right = Pulled(Contact(5.75, 8.779), m, k, phases=loads).run(fine)["x"]
+    off = Band(fine, right).outside(t, result["mass.x"].to_numpy(), 1e-4)
+    assert off.max() < 5e-3 * np.ptp(right)
+
+
 def test_the_reference_has_the_known_answers() -> None:
     """Benchmarks B10 to B13."""
     V, drop, w = 0.1, 0.5, sqrt(2.0)
