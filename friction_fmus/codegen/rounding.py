@@ -15,6 +15,7 @@ from friction_fmus.lawkit.law import Kind
 RUNS = 17
 """Number of runs; the first one is exact."""
 
+Other = Callable[["Node", np.ndarray, int], Any]
 _MARGIN = 4.0  # of a decision over the largest deviation of its sides
 _SAME = 1e-3  # relative difference of results between both sides of a decision that does not matter
 _FUNCTIONS: Mapping[str, Callable[..., Any]] = {
@@ -36,32 +37,39 @@ class Rounding:
 
     def __init__(self, export: Export) -> None:
         """Read the operations."""
-        self._nodes, self._results = graph(export.law.function)
+        self.nodes, self._results = graph(export.law.function)
         self._outputs = len(export.law.select(Kind.OUTPUT))
         labels = [variable for variable in export.law.given for _ in variable.starts]
         self._states = [i for i, variable in enumerate(labels) if variable.kind in STATES]
         self._random = np.random.default_rng(0)
+        self._functions = [
+            _FUNCTIONS.get(node.operation) or getattr(np, node.operation.lower(), None) for node in self.nodes
+        ]
         unit = 2.0**-53 if export.real is DOUBLE else 2.0**-24
         self._units = [
             (2.0**-46 if wide else 2.0 * unit if node.operation in CALLS else unit) * _is_rounded(node, export)
-            for node, wide in zip(self._nodes, export.wide_nodes, strict=True)
+            for node, wide in zip(self.nodes, export.wide_nodes, strict=True)
         ]
 
     def sample(self, given: np.ndarray) -> tuple[np.ndarray, bool]:
         """Return the results of a sample, and whether rounding makes a decision that matters."""
-        values = self._values(given, {}, self._units)
+        values = self._values(given, {}, self._units, _other)
         found = values[self._results]
-        near = [i for i, node in enumerate(self._nodes) if node.operation in _JUMPS and self._is_near(node, values)]
+        near = [i for i, node in enumerate(self.nodes) if node.operation in _JUMPS and self._is_near(node, values)]
         if not near:
             return found, False
         each = dict(zip(near, np.eye(len(near), dtype=bool), strict=True))
-        others = self._values(np.repeat(given[:, :1], len(near), axis=1), each, [0.0] * len(self._nodes))[self._results]
+        others = self.exact(np.repeat(given[:, :1], len(near), axis=1), each, _other)
         size = np.abs(others) + np.abs(found[:, :1])
         alike = (values[near] == values[near][:, :1]).all(axis=0)  # runs with the decisions of the exact one
         spread = np.max(np.abs(found - found[:, :1])[:, alike], axis=1, keepdims=True)
         matters = ~(np.abs(others - found[:, :1]) <= _SAME * size + _MARGIN * spread).all(axis=0)
         decided = {number: np.arange(RUNS) % 2 == 1 for number, counts in zip(near, matters, strict=True) if counts}
-        return (self._values(given, decided, self._units)[self._results], True) if decided else (found, False)
+        return (self._values(given, decided, self._units, _other)[self._results], True) if decided else (found, False)
+
+    def exact(self, given: np.ndarray, flipped: Mapping[int, np.ndarray], other: Other) -> np.ndarray:
+        """Return the results without rounding, with another result of the operations that are flipped."""
+        return self._values(given, flipped, [0.0] * len(self.nodes), other)[self._results]
 
     def after(self, given: np.ndarray, results: np.ndarray) -> np.ndarray:
         """Return the arguments of the next sample, with the same inputs."""
@@ -69,25 +77,26 @@ class Rounding:
         following[self._states] = results[self._outputs :]
         return following
 
-    def _values(self, given: np.ndarray, flipped: Mapping[int, np.ndarray], units: Sequence[float]) -> np.ndarray:
-        """Return the values of all operations, with the other decision where it is flipped."""
-        values = np.empty((len(self._nodes), given.shape[1]))
-        noise = self._random.uniform(-1.0, 1.0, values.shape) * np.reshape(units, (-1, 1))
-        noise[:, 0] = 0.0
+    def _values(
+        self, given: np.ndarray, flipped: Mapping[int, np.ndarray], units: Sequence[float], other: Other
+    ) -> np.ndarray:
+        """Return the values of all operations, with the other result where it is flipped."""
+        values = np.empty((len(self.nodes), given.shape[1]))
+        rows = list(values)
         with np.errstate(all="ignore"):
-            for i, node in enumerate(self._nodes):
-                if node.operation == "INPUT":
-                    values[i] = given[int(node.value)]
-                elif node.operation == "CONST":
-                    values[i] = node.value
+            for i, (row, node, function) in enumerate(zip(rows, self.nodes, self._functions, strict=True)):
+                if isinstance(function, np.ufunc):
+                    function(*[rows[argument] for argument in node.arguments], out=row)
+                elif function:
+                    row[:] = function(*[rows[argument] for argument in node.arguments])
                 else:
-                    function = _FUNCTIONS.get(node.operation) or getattr(np, node.operation.lower())
-                    values[i] = function(*(values[argument] for argument in node.arguments))
+                    row[:] = given[int(node.value)] if node.operation == "INPUT" else node.value
                 if i in flipped:
-                    values[i] = np.where(flipped[i], _other(node, values, i), values[i])
+                    np.copyto(row, other(node, values, i), where=flipped[i])
                 if units[i]:
+                    noise = units[i] * self._random.uniform(-1.0, 1.0, given.shape[1] - 1)
                     # integers such as counts have no rounding errors
-                    values[i] *= 1.0 + np.where(values[i] == np.round(values[i]), 0.0, noise[i])
+                    row[1:] *= 1.0 + np.where(row[1:] == np.round(row[1:]), 0.0, noise)
         return values
 
     def _is_near(self, node: Node, values: np.ndarray) -> bool:
