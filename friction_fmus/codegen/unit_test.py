@@ -5,10 +5,12 @@ from __future__ import annotations
 import math
 import textwrap
 from collections.abc import Sequence
+from itertools import accumulate
 
 import numpy as np
 
 from friction_fmus.codegen.layout import INPUTS, Export
+from friction_fmus.codegen.runs import LOST
 from friction_fmus.codegen.sources import number
 from friction_fmus.codegen.vectors import EXACT, N, Vectors, parts
 from friction_fmus.lawkit.emit.c_text import DOUBLE
@@ -21,14 +23,15 @@ def unit_test(export: Export, samples: Vectors) -> str:
     """Return the text of ``PREFIX_test.c``."""
     p, real = export.prefix, export.real.name
     inputs, outputs = export.law.select(*INPUTS), export.law.select(Kind.OUTPUT)
-    runs = [samples, *([samples.second] if samples.second else [])]
     given = [
-        [cell for v in inputs for cell in _cells(export, v, run.given[v.name][k])] for run in runs for k in range(N)
+        [cell for v in inputs for cell in _cells(export, v, run.given[v.name][k])]
+        for run in samples.runs
+        for k in range(len(run.expected))
     ]
     expected = [
-        [cell for i, v in enumerate(outputs) for cell in _cells(export, v, run.expected[k, i])] + ["0"]
-        for run in runs
-        for k in range(N)
+        [cell for i, v in enumerate(outputs) for cell in _cells(export, v, row[i])] + ["0"]
+        for run in samples.runs
+        for row in run.expected
     ]
     variables = [f"    {p}_{group} {group};" for group in export.groups]
     return "\n".join(
@@ -41,7 +44,7 @@ def unit_test(export: Export, samples: Vectors) -> str:
             "",
             *_table(f"{p}_inputs given", given),
             *_table(f"{p}_outputs expected", expected),
-            *([] if samples.exact else _allowed(export, np.concatenate([run.allowed for run in runs]))),
+            *([] if samples.exact else _allowed(export, np.concatenate([run.allowed for run in samples.runs]))),
             *_agrees(real),
             "/* Return whether the outputs of sample k are as expected. */",
             f"static int right(const {p}_outputs *found, int k)",
@@ -59,14 +62,10 @@ def unit_test(export: Export, samples: Vectors) -> str:
             f"    {p}_init(&parameters, &states, &inputs, &outputs);",
             f"    if ({p}_check(&parameters) != 0)",
             "        return -1;",
-            "    for (k = 0; k < SAMPLES; k++) {",
-            "        inputs = given[k];",
-            f"        {p}_step(&parameters, &states, &inputs, &outputs);",
-            "        if (outputs.fault || !right(&outputs, k))",
-            "            return k + 1;",
-            "    }",
-            *_fault(export),
-            *_second(export, samples),
+            *_loop(p, "0", "SAMPLES", 1),
+            *_fault(export, "SAMPLES"),
+            *_disabled(export),
+            *_others(export, samples),
             "    return 0;",
             "}",
             "",
@@ -94,13 +93,29 @@ def _heading(export: Export, samples: Vectors) -> str:
         *([untested(samples)] if untested(samples) else []),
         f"Samples, counted from 1:\n{motion}",
         *([f"{N + 1}: an input is NaN; the outputs are held and fault is set."] if _first_real(export) else []),
-        *(
-            [f"{N + 2} to {2 * N + 1}: the motion again with other values of {', '.join(samples.settings)}."]
-            if samples.second
-            else []
-        ),
+        *_about_others(samples),
     ]
     return "\n\n".join(_fill(text) for text in paragraphs)
+
+
+def _about_others(samples: Vectors) -> list[str]:
+    """Return the text of the runs with other parameters."""
+    begins = [k + 2 for k in _begins(samples)]
+    changed = dict.fromkeys(name for run in samples.runs for name in run.run.settings)
+    invalid = f", {LOST} invalid samples" if any(run.run.lost for run in samples.runs) else ""
+    return (
+        [
+            f"{begins[1]} to {begins[-1] - 1}: the motion scaled, with other commands{invalid} and other values of "
+            f"{', '.join(changed)}; a run starts with sample {', '.join(map(str, begins[1:-1]))}."
+        ]
+        if changed
+        else []
+    )
+
+
+def _begins(samples: Vectors) -> list[int]:
+    """Return the number of samples before each run, and of all."""
+    return list(accumulate((len(run.expected) for run in samples.runs), initial=0))
 
 
 def tolerance(export: Export, samples: Vectors) -> str:
@@ -132,8 +147,13 @@ def untested(samples: Vectors) -> str:
     if samples.repeated:
         numbers = ", ".join(map(str, samples.repeated))
         texts.append(f"Repeated inputs, as an output would not be finite: samples {numbers}.")
-    if samples.doubtful:
-        numbers = ", ".join(map(str, samples.doubtful))
+    doubtful = [
+        k + begin + (begin > 0)
+        for begin, run in zip(_begins(samples), samples.runs, strict=False)
+        for k in run.doubtful
+    ]
+    if doubtful:
+        numbers = ", ".join(map(str, doubtful))
         texts.append(f"Rounding decides, so that both results are accepted: samples {numbers}.")
     return " ".join(texts)
 
@@ -212,16 +232,27 @@ def _volatile(export: Export) -> list[str]:
     return [f"    volatile {export.real.name} zero = 0;"] if _first_real(export) else []
 
 
-def _fault(export: Export) -> list[str]:
+def _loop(prefix: str, first: str, last: str, offset: int) -> list[str]:
+    return [
+        f"    for (k = {first}; k < {last}; k++) {{",
+        "        inputs = given[k];",
+        f"        {prefix}_step(&parameters, &states, &inputs, &outputs);",
+        "        if (outputs.fault || !right(&outputs, k))",
+        f"            return k + {offset};",
+        "    }",
+    ]
+
+
+def _fault(export: Export, last: str, count: int = 1) -> list[str]:
+    """Return the statements that expect the outputs of the last sample while an input is NaN."""
     variable = _first_real(export)
     if variable is None:
         return []
     return [
         f"    inputs.{variable.name} = zero / zero;",
-        f"    {export.prefix}_step(&parameters, &states, &inputs, &outputs);",
-        "    if (!outputs.fault || !right(&outputs, SAMPLES - 1))",
-        "        return SAMPLES + 1;",
-        *_disabled(export),
+        *[f"    {export.prefix}_step(&parameters, &states, &inputs, &outputs);"] * count,
+        f"    if (!outputs.fault || !right(&outputs, {last} - 1))",
+        f"        return {last} + {2 if count > 1 else 1};",
     ]
 
 
@@ -248,27 +279,22 @@ def _plain(export: Export) -> dict[str, float | tuple[float, ...]]:
     return {v.name: export.start[v.name] if v.kind in VECTORS else export.start[v.name][0] for v in export.law.given}
 
 
-def _second(export: Export, samples: Vectors) -> list[str]:
-    """Return the statements of the run with other parameters."""
-    if not samples.second:
-        return []
-    p = export.prefix
+def _others(export: Export, samples: Vectors) -> list[str]:
+    """Return the statements of the runs with other parameters."""
+    p, begins = export.prefix, _begins(samples)
     lines = []
-    for variable in export.law.given:
-        for i, value in enumerate(samples.settings.get(variable.name, ())):
-            place = export.places(variable)[i].replace("->", ".")
-            lines.append(f"    {place} = {number(export, variable, value)};")
-            lows = export.lows(variable)
-            if lows:
-                low = value - float(np.float32(value))
-                lines.append(f"    {lows[i].replace('->', '.')} = {_literal(export, low)};")
-    return [
-        f"    {p}_init(&parameters, &states, &inputs, &outputs);",
-        *lines,
-        "    for (k = SAMPLES; k < 2 * SAMPLES; k++) {",
-        "        inputs = given[k];",
-        f"        {p}_step(&parameters, &states, &inputs, &outputs);",
-        "        if (outputs.fault || !right(&outputs, k))",
-        "            return k + 2;",
-        "    }",
-    ]
+    for first, last, run in zip(begins[1:-1], begins[2:], samples.runs[1:], strict=True):
+        lines.append(f"    {p}_init(&parameters, &states, &inputs, &outputs);")
+        for variable in export.law.given:
+            for i, value in enumerate(run.run.settings.get(variable.name, ())):
+                place = export.places(variable)[i].replace("->", ".")
+                lines.append(f"    {place} = {number(export, variable, value)};")
+                lows = export.lows(variable)
+                if lows:
+                    low = value - float(np.float32(value))
+                    lines.append(f"    {lows[i].replace('->', '.')} = {_literal(export, low)};")
+        middle = first + run.run.lost if run.run.lost < last - first else first
+        if middle > first:
+            lines += [*_loop(p, f"{first}", f"{middle}", 2), *_fault(export, f"{middle}", LOST)]
+        lines += _loop(p, f"{middle}", f"{last}", 2)
+    return lines

@@ -219,7 +219,7 @@ def test_odd_laws(inputs: str, u: str, repeated: bool, real: Literal["double", "
     export = make_export(path, real=real)
     found = vectors(export)
     assert bool(found.repeated) == (repeated and not ("exp" in u and real == "double"))
-    assert np.isfinite(found.expected).all()
+    assert all(np.isfinite(samples.expected).all() for samples in found.runs)
     write(export, tmp_path)
     assert status(tmp_path) == 0
     write(export, tmp_path, implementation(export).replace("3.0", "3.1"))
@@ -239,7 +239,7 @@ def test_the_header_says_what_is_tested() -> None:
     double, single = (make_export("PID", real=real) for real in REALS)
     text = " ".join(unit_test(double, vectors(double)).split())
     assert "Outputs must equal the expected values" in text
-    assert "No sample shows a change by 1 % of: db_ratio, v_zc." in text
+    assert "No sample shows a change by 1 % of: db_ratio." in text
     assert f"{N + 1}: an input is NaN" in text
     assert "float rounds each operation to 6e-8: 3e-05 of the output" in " ".join(
         unit_test(single, vectors(single)).split()

@@ -1,4 +1,4 @@
-"""Laws with one wrong operation: the generated unit test finds at least 95 % of them, but for named laws."""
+"""Laws with one wrong operation: the generated unit test finds at least 95 % of them."""
 
 from __future__ import annotations
 
@@ -27,21 +27,17 @@ OPERATORS = {
 }
 EQUIVALENT = (
     r"(sign_|side)",  # a product with a sign, or a quotient
-    r"(missed|slope_value)",  # a unit test has no missing samples
+    r"\* active > 0",  # `active` is -1 or 1 in this branch
+    r"states->way = way_or_0;",  # matters only for slipping elements, and none slips after a sample at rest
 )
 """Lines whose mutants are not counted, with the reason."""
-SURVIVE = {
-    **dict.fromkeys(("CoulombFeedforward", "StaticFeedforward"), 0.23),  # the same parameters in both directions
-    **dict.fromkeys(("AdaptiveLuGre", "ANDFC", "LuGreObserver"), 0.22),  # estimates near 1; limits while tracking
-    **dict.fromkeys(("LuGreFeedforward", "DahlFeedforward"), 0.11),  # limits while tracking
-    **dict.fromkeys(("GMSFeedforward", "GMSObserver"), 0.09),  # shares that add up to 1
-    "DiscreteInverse": 0.8,  # terms beyond `preview`; a pair of zeros, as the second run has zero_phase
-    "Dither": 0.36,  # only one of three shapes
-    "FrictionResidual": 0.1,  # rows of a table that the motion does not reach
-    "MultiLoopKarnopp": 0.4,  # coefficients of higher order that are 0 in both runs
-    "PredictiveFilter": 0.07,  # a missing velocity
-}
-"""Share of the mutants that pass the unit test of a law, where it is above 5 %, with the reason."""
+SHARE = 0.05
+"""Largest share of the mutants that pass the unit test of a law.
+
+Some pass because they are right. Adding 1 to a divisor that is 0, or subtracting it, makes no difference, as its
+quotient is not used (DiscreteInverse) or the dividend is 0, too (ImplicitSuperTwisting). `path != 0 || size != 0` in
+DahlFeedforward is right: a path or a size of 0 moves nothing. PreviewPrefilter only asks whether `seen` is 0.
+"""
 MOST = 150
 """Mutants of a law, drawn from all of them."""
 MAIN = """
@@ -111,4 +107,4 @@ def test_the_unit_test_finds_a_wrong_operation(name: str, tmp_path: Path) -> Non
     passed = [int(line) for line in printed.split()]
     assert passed[0] == 0, "the law itself fails"
     survivors = [drawn[k][1] for k in passed[1:]]
-    assert len(survivors) <= SURVIVE.get(name, 0.05) * (len(drawn) - 1), "\n".join(survivors)
+    assert len(survivors) <= SHARE * (len(drawn) - 1), "\n".join(survivors)
