@@ -22,7 +22,7 @@ typedef struct {
     Moving moving[LINES + 1];
     StepCheck guards[GROUPS + 1];
     double w[UNKNOWNS + 1], w_last[UNKNOWNS + 1], trend[UNKNOWNS + 1], scale[UNKNOWNS + 1];
-    double surprise[UNKNOWNS + 1], growth[UNKNOWNS + 1], held_values[HELD + 1];
+    double prediction_error[UNKNOWNS + 1], growth[UNKNOWNS + 1], held_values[HELD + 1];
     double inverse[GROUPS * MOST * MOST + 1], proposed[GROUPS + 1], before[GROUPS + 1];
 } Memory;
 
@@ -261,7 +261,7 @@ static void wire_newton(Instance *c)
         .w_last = m->w_last,
         .trend = m->trend,
         .scale = m->scale,
-        .surprise = m->surprise,
+        .prediction_error = m->prediction_error,
         .growth = m->growth,
         .r = c->r,
         .work = c->work,
@@ -269,7 +269,7 @@ static void wire_newton(Instance *c)
         .most_unknowns = MOST,
         .tolerance = LOOP_TOLERANCE,
         .error = LOOP_ERROR,
-        .doubt = DOUBT,
+        .step_tolerance = STEP_TOLERANCE,
         .finest = FINEST,
         .proposed = m->proposed,
         .before = m->before,
@@ -783,10 +783,11 @@ static bool in_range(int64_t value, int64_t first, int64_t last) { return value 
 static bool plausible_guard(const StepCheck *g)
 {
     const int64_t most = INT64_C(1) << 53;
-    return in_range(g->line, 0, LINES) && in_range(g->contact, 0, LINES) && in_range(g->alarm, 0, ALARM) &&
-           in_range(g->patience, 0, 2 * MOST_PATIENCE) && in_range(g->next, 0, most) &&
+    return in_range(g->line, 0, LINES) && in_range(g->contact, 0, LINES) && in_range(g->checks_due, 0, CONFIRMATIONS) &&
+           in_range(g->cooldown, 0, 2 * LONGEST_COOLDOWN) && in_range(g->next, 0, most) &&
            in_range(g->last, -most, most) && in_range(g->recurrences, 0, MOST_RECURRENCES) &&
-           in_range(g->calm, 0, most) && in_range(g->checks, 0, most) && is_bit(g->hopeless) && is_bit(g->jumped);
+           in_range(g->limited_ticks, 0, most) && in_range(g->checks, 0, most) && is_bit(g->abandoned) &&
+           is_bit(g->jumped);
 }
 
 /* Return whether a variable can have the value in this memory; a law may accept an input that is not finite. */
@@ -1320,7 +1321,7 @@ static void warn_of_errors(Instance *c, bool last)
     for (int64_t g = 0; g < GROUPS && !c->told; g++) {
         const StepCheck *const guard = &m->guards[g];
         int64_t worst = guard->line;
-        double error = guard->hopeless ? HOPELESS : 0.0;
+        double error = guard->abandoned ? ABANDONED : 0.0;
         for (int64_t k = 0; k < LINES && last; k++)
             if (line_groups[k] == g && remaining_error(&m->moving[k]) > error) {
                 worst = k;

@@ -100,10 +100,10 @@ def compose(
     variables = composite_variables(inner, interface, exchanges=exchanges)
     tolerance = experiment.loop_tolerance or LOOP_TOLERANCE
     error = (experiment.coupling_tolerance or COUPLING_TOLERANCE) if find_master(experiment.master).adapts else 0.0
-    doubt = experiment.step_tolerance or STEP_TOLERANCE
+    step_tolerance = experiment.step_tolerance or STEP_TOLERANCE
 
     def tables(guid: str) -> str:
-        return table_file(identifier, guid, whole, plan, start, codes, variables, error, tolerance, doubt)
+        return table_file(identifier, guid, whole, plan, start, codes, variables, error, tolerance, step_tolerance)
 
     files = {**_shell(), **{key: text for code in codes.values() for key, text in code.sources.items()}}
     if f"{identifier}.c" in files:

@@ -71,7 +71,7 @@ def table_file(
     variables: Sequence[Variable],
     error: float,
     tolerance: float,
-    doubt: float,
+    step_tolerance: float,
 ) -> str:
     """Return the text of the C file."""
     loops = Loops(Engine(plan, ()), tolerance, error)
@@ -87,7 +87,7 @@ def table_file(
         f"#define STEP_SIZE {c_number(plan.step)}",
         f"#define LOOP_TOLERANCE {c_number(tolerance)}",
         f"#define LOOP_ERROR {c_number(error)}",
-        f"#define DOUBT {c_number(doubt)}",
+        f"#define STEP_TOLERANCE {c_number(step_tolerance)}",
         f"#define UNRESOLVED {c_number(UNRESOLVED)}",
         f"#define FINEST {c_number(FINEST_ADAPTIVE if error > 0.0 else FINEST)}",
         "",

@@ -1,25 +1,34 @@
 /* Step checks of the implicit masters. A loop may converge at every step and still be wrong: a mass on a spring that
    oscillates many times within a step amplifies small errors. Some steps are therefore solved a second time, in two
    halves: at scheduled ticks, and where a value is far from its prediction. If the mean or the end value of a line
-   differs by more than `doubt` (0.02) times its magnitude, the step is divided, and the following steps are checked
-   until undivided steps agree with their halves again. A step that passes its check keeps its values bit for bit. */
+   differs by more than `step_tolerance` (0.02) times its magnitude, the step is divided, and the following steps are
+   checked until undivided steps agree with their halves again. A step that passes its check keeps its values bit for
+   bit. */
 
 #ifndef STEP_CHECK_H
 #define STEP_CHECK_H
 
 #include "contacts.h"
 
-#define SPLIT           0.44 /* first half of a step: equal halves miss an oscillation of twice their frequency */
-#define STRAYS          0.25 /* factor of `doubt` for the distance until a contact stops */
-#define AT_START        10.0 /* factor of `doubt` in the first EARLY ticks of a value that starts at 0 */
-#define SURPRISE        0.05 /* of the magnitude, between an unknown and its linear prediction */
-#define SHOCK           0.5  /* the same, for a check without patience */
-#define LEAP            1.5  /* over the largest magnitude so far */
-#define HOPELESS        30.0 /* root of the sum of the squares of the unresolved errors, over the magnitude */
-#define MOST_UNRESOLVED 40.0 /* sum of the shares of their steps */
-#define AMPLIFIED       4.0  /* ratio of error to tolerance that an amplified value counts as */
-#define NEGLIGIBLE      1e-6 /* holding force over the largest force of a contact in the loop */
-enum { CHECK_EVERY = 512, CHECK_SOON = 16, ALARM = 4, MOST_PATIENCE = 64, SOON = 16, MOST_RECURRENCES = 8, EARLY = 8 };
+#define SPLIT            0.44 /* first half of a step: equal halves miss an oscillation of twice their frequency */
+#define DISTANCE_FACTOR  0.25 /* factor of `step_tolerance` for the distance until a contact stops */
+#define AT_START         10.0 /* factor of `step_tolerance` in the first EARLY ticks of a value that starts at 0 */
+#define PREDICTION_LIMIT 0.05 /* of the magnitude, between an unknown and its linear prediction */
+#define JUMP_LIMIT       0.5  /* the same, during the cooldown */
+#define LEAP             1.5  /* over the largest magnitude so far */
+#define ABANDONED        30.0 /* root of the sum of the squares of the unresolved errors, over the magnitude */
+#define MOST_UNRESOLVED  40.0 /* sum of the shares of their steps */
+#define AMPLIFIED        4.0  /* ratio of error to tolerance that an amplified value counts as */
+#define NEGLIGIBLE       1e-6 /* holding force over the largest force of a contact in the loop */
+enum {
+    CHECK_EVERY = 512,
+    CHECK_SOON = 16,
+    CONFIRMATIONS = 4,
+    LONGEST_COOLDOWN = 64,
+    SOON = 16,
+    MOST_RECURRENCES = 8,
+    EARLY = 8
+};
 #define GROWTHS 3.0
 
 /* Return whether a check is scheduled: at the ticks 0, 1, 2, 4, 8, every 16 ticks up to 512 ticks after the start or
@@ -31,10 +40,10 @@ static bool is_scheduled(const StepCheck *guard, int64_t tick)
 }
 
 /* Return whether an unknown is farther from its prediction than this share of its magnitude. */
-static bool surprises(const Newton *newton, const Group *g, const Span *s, double share)
+static bool mispredicted(const Newton *newton, const Group *g, const Span *s, double share)
 {
     for (int64_t j = g->unknown; j < g->unknown + g->unknowns; j++)
-        if (fabs(surprise_of(newton, j, s)) > share * newton->scale[j])
+        if (fabs(prediction_error_of(newton, j, s)) > share * newton->scale[j])
             return true;
     return false;
 }
@@ -53,7 +62,7 @@ static bool leaps(const Engine *e, const Newton *newton, const Group *g)
 static bool amplifies(const Newton *newton, const Group *g, const Span *s)
 {
     for (int64_t j = g->unknown; j < g->unknown + g->unknowns; j++) {
-        const double miss = surprise_of(newton, j, s);
+        const double miss = prediction_error_of(newton, j, s);
         if (newton->growth[j] >= GROWTHS && turns_and_grows(newton, j, s, miss) && fabs(miss) > 1e-4 * newton->scale[j])
             return true;
     }
@@ -64,11 +73,11 @@ static bool amplifies(const Newton *newton, const Group *g, const Span *s)
 static bool wants_check(const Engine *e, const Newton *newton, int64_t number, int64_t tick, const Span *s)
 {
     const StepCheck *const guard = &newton->guards[number];
-    if (guard->hopeless)
+    if (guard->abandoned)
         return false;
     const Group *const g = &newton->groups[number];
-    return guard->alarm > 0 || guard->calm > 0 || (s->from == 0.0 && is_scheduled(guard, tick)) ||
-           leaps(e, newton, g) || surprises(newton, g, s, tick >= guard->next ? SURPRISE : SHOCK);
+    return guard->checks_due > 0 || guard->limited_ticks > 0 || (s->from == 0.0 && is_scheduled(guard, tick)) ||
+           leaps(e, newton, g) || mispredicted(newton, g, s, tick >= guard->next ? PREDICTION_LIMIT : JUMP_LIMIT);
 }
 
 /* Save (or restore, if `back`) everything that a check must not change. */
@@ -76,8 +85,9 @@ static void keep(const Engine *e, Newton *newton, const Group *g, int64_t number
 {
     const size_t n = (size_t)g->unknowns, square = (size_t)(newton->most_unknowns * newton->most_unknowns);
     const size_t lines = (size_t)e->lines_from[e->part_count];
-    double *const parts[] = {newton->w + g->unknown,     newton->w_last + g->unknown,   newton->trend + g->unknown,
-                             newton->scale + g->unknown, newton->surprise + g->unknown, newton->growth + g->unknown};
+    double *const parts[] = {
+        newton->w + g->unknown,     newton->w_last + g->unknown,           newton->trend + g->unknown,
+        newton->scale + g->unknown, newton->prediction_error + g->unknown, newton->growth + g->unknown};
     double *to = newton->kept;
     for (size_t i = 0; i < 6; i++, to += n)
         memcpy(back ? parts[i] : to, back ? to : parts[i], n * sizeof(double));
@@ -135,7 +145,7 @@ static double difference(const Engine *e, Newton *newton, int64_t number, const 
             const Moving *const a = &newton->kept_lines[k], *const b = &newton->moving[k];
             if (!a->inner || (jumped && a->unknown < 0) || (a->role == HOLDING && b->role == HOLDING))
                 continue;
-            const double tolerated = newton->doubt * (early && a->from_rest ? AT_START : 1.0);
+            const double tolerated = newton->step_tolerance * (early && a->from_rest ? AT_START : 1.0);
             const double in_mean = fabs(whole[k] - halves[k]), at_end = jumped ? 0.0 : fabs(a->u1 - b->u1);
             const double apart = fmax(in_mean, at_end), values = fmax(fabs(a->u1), fabs(b->u1));
             const double size = fmax(fmax(a->scale, values), a->role == CHANGING ? least : 0.0);
@@ -148,17 +158,18 @@ static double difference(const Engine *e, Newton *newton, int64_t number, const 
                 guard->apart = remains;
             }
         }
-    guard->astray = 0.0;
+    guard->distance_error = 0.0;
     for (const Contact *c = contacts_of(newton, g); c < contacts_of(newton, g) + g->contacts; c++) {
         const Moving *const a = &newton->kept_lines[c->line], *const b = &newton->moving[c->line];
         const double means = fmax(fabs(whole[c->line]), fabs(halves[c->line]));
-        const double astray = s->h * fabs(whole[c->line] - halves[c->line]), path = a->path + s->h * means;
+        const double distance_error = s->h * fabs(whole[c->line] - halves[c->line]), path = a->path + s->h * means;
         if (is_rest(a) || is_rest(b))
-            worst = fmax(worst, astray > 0.0 ? astray / (STRAYS * newton->doubt * path) : 0.0);
-        if (astray > farthest * path) {
-            farthest = astray / path;
+            worst = fmax(
+                worst, distance_error > 0.0 ? distance_error / (DISTANCE_FACTOR * newton->step_tolerance * path) : 0.0);
+        if (distance_error > farthest * path) {
+            farthest = distance_error / path;
             guard->contact = c->line;
-            guard->astray = astray;
+            guard->distance_error = distance_error;
         }
     }
     return worst;
@@ -189,7 +200,7 @@ static int check(Engine *e, Newton *newton, int64_t number, const Span *s, bool 
     newton->guards[number].checks++;
     if (failed_halves) {
         newton->guards[number].apart = newton->moving[newton->guards[number].line].scale;
-        newton->guards[number].astray = 0.0;
+        newton->guards[number].distance_error = 0.0;
     }
     status = evaluate(e, newton, g, s, true, &norm);
     newton->jumped = jumped;
@@ -198,70 +209,72 @@ static int check(Engine *e, Newton *newton, int64_t number, const Span *s, bool 
 }
 
 /* Record an error that remains in the result. Errors of separate events are independent, so their squares add up. */
-static void owe(Newton *newton, StepCheck *guard, const Span *s)
+static void accumulate_error(Newton *newton, StepCheck *guard, const Span *s)
 {
     Moving *const m = &newton->moving[guard->line];
     if (guard->unresolved == 0.0)
         guard->time = s->t;
     guard->unresolved += s->to - s->from;
-    m->debt = hypot(m->debt, guard->apart);
-    newton->moving[guard->contact].astray += guard->astray;
-    guard->astray = 0.0;
-    guard->hopeless = m->debt > HOPELESS * fmax(m->scale, fabs(m->u1)) || guard->unresolved > MOST_UNRESOLVED;
+    m->accumulated_error = hypot(m->accumulated_error, guard->apart);
+    newton->moving[guard->contact].distance_error += guard->distance_error;
+    guard->distance_error = 0.0;
+    guard->abandoned =
+        m->accumulated_error > ABANDONED * fmax(m->scale, fabs(m->u1)) || guard->unresolved > MOST_UNRESOLVED;
 }
 
 /* Return the larger of the remaining errors of a line, over its magnitude or over the distance. */
 static inline double remaining_error(const Moving *m)
 {
-    return fmax(m->debt > 0.0 ? m->debt / m->scale : 0.0, m->astray > 0.0 ? m->astray / m->path : 0.0);
+    return fmax(m->accumulated_error > 0.0 ? m->accumulated_error / m->scale : 0.0,
+                m->distance_error > 0.0 ? m->distance_error / m->path : 0.0);
 }
 
-/* Evaluate a check: a finding raises the alarm; undivided steps that agree end it. */
+/* Evaluate a check: a finding makes checks due; undivided steps that agree end them. */
 static void conclude(Newton *newton, int64_t number, int64_t tick, const Span *s, double off, bool smallest)
 {
     StepCheck *const guard = &newton->guards[number];
     if (off > 1.0) {
         if (smallest)
-            owe(newton, guard, s);
+            accumulate_error(newton, guard, s);
         if (tick > guard->last)
-            guard->recurrences = tick > guard->last + SOON + guard->calm ? 0
-                                 : guard->recurrences < MOST_RECURRENCES ? guard->recurrences + 1
-                                                                         : MOST_RECURRENCES;
+            guard->recurrences = tick > guard->last + SOON + guard->limited_ticks ? 0
+                                 : guard->recurrences < MOST_RECURRENCES          ? guard->recurrences + 1
+                                                                                  : MOST_RECURRENCES;
         if (off == AMPLIFIED && guard->recurrences < 2)
             guard->recurrences = 2;
         guard->last = tick;
-        guard->alarm = !guard->hopeless ? ALARM : 0;
-        guard->patience = 0;
+        guard->checks_due = !guard->abandoned ? CONFIRMATIONS : 0;
+        guard->cooldown = 0;
     } else if (newton->error > 0.0 || (s->from == 0.0 && s->to == 1.0) ||
-               (guard->calm > 0 && s->h > 0.99 * guard->limit)) {
-        if (guard->alarm > 0)
-            guard->alarm--;
+               (guard->limited_ticks > 0 && s->h > 0.99 * guard->limit)) {
+        if (guard->checks_due > 0)
+            guard->checks_due--;
         else
-            guard->patience = guard->patience < MOST_PATIENCE ? 2 * guard->patience + 1 : MOST_PATIENCE;
-        guard->next = tick + 1 + guard->patience;
+            guard->cooldown = guard->cooldown < LONGEST_COOLDOWN ? 2 * guard->cooldown + 1 : LONGEST_COOLDOWN;
+        guard->next = tick + 1 + guard->cooldown;
     }
 }
 
 /* If findings recur, limit the steps to the length that was right for a while. */
-static void confine(StepCheck *guard, double length)
+static void limit_steps(StepCheck *guard, double length)
 {
-    if (guard->recurrences < 2 || guard->hopeless)
+    if (guard->recurrences < 2 || guard->abandoned)
         return;
-    guard->limit = guard->calm > 0 ? fmin(guard->limit, length) : length;
-    guard->calm = (int64_t)ALARM << guard->recurrences;
+    guard->limit = guard->limited_ticks > 0 ? fmin(guard->limit, length) : length;
+    guard->limited_ticks = (int64_t)CONFIRMATIONS << guard->recurrences;
 }
 
 /* At the end of a step of length h, double a limit that has been in force long enough. */
-static void relax(StepCheck *guard, double h)
+static void release_limit(StepCheck *guard, double h)
 {
-    if (guard->hopeless)
-        guard->calm = 0;
-    if (guard->calm == 0 || --guard->calm > 0)
+    if (guard->abandoned)
+        guard->limited_ticks = 0;
+    if (guard->limited_ticks == 0 || --guard->limited_ticks > 0)
         return;
     guard->limit *= 2.0;
-    guard->alarm = ALARM;
+    guard->checks_due = CONFIRMATIONS;
     if (guard->limit < h)
-        guard->calm = (int64_t)ALARM << guard->recurrences;
+        guard->limited_ticks = (int64_t)CONFIRMATIONS << guard->recurrences;
 }
 
 #endif

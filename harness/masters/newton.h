@@ -120,7 +120,7 @@ static int evaluate(Engine *e, Newton *newton, const Group *g, const Span *s, bo
 }
 
 /* Return the difference between an unknown and its prediction from the last step. */
-static double surprise_of(const Newton *newton, int64_t j, const Span *s)
+static double prediction_error_of(const Newton *newton, int64_t j, const Span *s)
 {
     return newton->w[j] - newton->w_last[j] - newton->trend[j] * s->h;
 }
@@ -128,7 +128,8 @@ static double surprise_of(const Newton *newton, int64_t j, const Span *s)
 /* Return whether the prediction error has changed its sign and grown since the last step of the same length. */
 static bool turns_and_grows(const Newton *newton, int64_t j, const Span *s, double miss)
 {
-    return miss * newton->surprise[j] < 0.0 && fabs(miss) > fabs(newton->surprise[j]) && fabs(s->ratio - 1.0) < 1e-6;
+    return miss * newton->prediction_error[j] < 0.0 && fabs(miss) > fabs(newton->prediction_error[j]) &&
+           fabs(s->ratio - 1.0) < 1e-6;
 }
 
 /* The contacts keep their state; a step that stops or starts one is the beginning of another motion. */
@@ -156,9 +157,9 @@ static void accept(const Engine *e, Newton *newton, const Group *g, int64_t numb
             }
         }
     for (int64_t j = g->unknown; j < g->unknown + g->unknowns; j++) {
-        const double miss = surprise_of(newton, j, s);
+        const double miss = prediction_error_of(newton, j, s);
         newton->growth[j] = turns_and_grows(newton, j, s, miss) ? newton->growth[j] + 1.0 : 0.0;
-        newton->surprise[j] = miss;
+        newton->prediction_error[j] = miss;
         newton->trend[j] = (newton->w[j] - newton->w_last[j]) / s->h;
         newton->w_last[j] = newton->w[j];
         newton->scale[j] = fmax(newton->scale[j], fabs(newton->w[j]));
@@ -219,13 +220,13 @@ static Span next_span(const Newton *newton, int64_t number, const Progress *p, d
 
 /* Compute the error of a solved span over the tolerance: from the estimate of the adaptive master and, if the guard
    checks this span, from its two halves. */
-static int judge(Engine *e, Newton *newton, int64_t number, const Progress *p, const Span *s, double *off,
-                 bool *checked)
+static int estimate_error(Engine *e, Newton *newton, int64_t number, const Progress *p, const Span *s, double *off,
+                          bool *checked)
 {
     const Group *const g = &newton->groups[number];
     /* at a jump the contact sticks: v = 0 within the tolerance, and the estimate is meaningless */
     *off = newton->error > 0.0 && !newton->jumped ? error_of(e, newton, g, s) / newton->error : 0.0;
-    if (!newton->guards[number].hopeless && amplifies(newton, g, s))
+    if (!newton->guards[number].abandoned && amplifies(newton, g, s))
         *off = fmax(*off, AMPLIFIED);
     if (s->h <= p->h / newton->finest)
         *off = 0.0; /* only a check can find an error of the smallest spans */
@@ -242,9 +243,9 @@ static int step_loop(Engine *e, Newton *newton, int64_t number, int64_t tick, do
     double *const proposed = &newton->proposed[number];
     Progress p = {e->time, h, 0.0, tick};
     while (p.done < h) {
-        const bool varies = (newton->error > 0.0 || guard->alarm > 0) && *proposed > 0.0;
+        const bool varies = (newton->error > 0.0 || guard->checks_due > 0) && *proposed > 0.0;
         double piece = fmin(varies ? *proposed : h, h - p.done);
-        piece = guard->calm > 0 ? fmin(piece, guard->limit) : piece;
+        piece = guard->limited_ticks > 0 ? fmin(piece, guard->limit) : piece;
         int status = save_loop(e, newton, g, p.t);
         int splits = 0;
         for (bool again = false; status == SOLVED; again = true) {
@@ -261,14 +262,14 @@ static int step_loop(Engine *e, Newton *newton, int64_t number, int64_t tick, do
                 continue;
             }
             if (status == SOLVED)
-                status = judge(e, newton, number, &p, &s, &off, &checked);
+                status = estimate_error(e, newton, number, &p, &s, &off, &checked);
             if (status == SOLVED && (checked || off == AMPLIFIED))
                 conclude(newton, number, tick, &s, off, piece <= accurate);
             if (status == SOLVED && (off <= 1.0 || piece <= accurate)) {
                 accept(e, newton, g, number, &s);
                 newton->substeps++;
                 if (again && splits == 0)
-                    confine(guard, s.h);
+                    limit_steps(guard, s.h);
                 p.done = s.to >= 1.0 ? h : p.done + piece;
                 if (splits == 0)
                     *proposed = fmax(accurate, piece * (again ? 1.0 : fmin(4.0, 0.8 / sqrt(off + 1e-9))));
@@ -283,7 +284,7 @@ static int step_loop(Engine *e, Newton *newton, int64_t number, int64_t tick, do
         if (status != SOLVED)
             return status;
     }
-    relax(guard, h);
+    release_limit(guard, h);
     return SOLVED;
 }
 

@@ -36,7 +36,7 @@ FINEST: Final = 512.0
 FINEST_ADAPTIVE: Final = 1024.0
 """Largest number of inner steps per communication step in the master adaptive."""
 
-HOPELESS: Final = 30.0
+ABANDONED: Final = 30.0
 """Remaining error over the magnitude of the value at which checks end, as in step_check.h."""
 
 
@@ -50,8 +50,10 @@ master = Master(_schedule, order=2.0, implicit=True, composed=True)
 
 def implicit(experiment: Experiment, error: float = 0.0) -> Schedule:
     """Return the schedule of an implicit master with this coupling error; see `Loops`."""
-    tolerance, doubt = experiment.loop_tolerance or LOOP_TOLERANCE, experiment.step_tolerance or STEP_TOLERANCE
-    return Schedule(algorithm=partial(Loops, tolerance=tolerance, error=error, doubt=doubt), implicit=True)
+    tolerance, step_tolerance = experiment.loop_tolerance or LOOP_TOLERANCE, experiment.step_tolerance or STEP_TOLERANCE
+    return Schedule(
+        algorithm=partial(Loops, tolerance=tolerance, error=error, step_tolerance=step_tolerance), implicit=True
+    )
 
 
 @mirrors("Moving")
@@ -60,7 +62,21 @@ class Moving(ctypes.Structure):
 
     _fields_ = (
         *((name, _INT) for name in ("inner", "unknown", "from_rest", "role")),
-        *((name, _REAL) for name in ("u0", "q0", "u1", "q1", "scale", "debt", "gain", "offset", "path", "astray")),
+        *(
+            (name, _REAL)
+            for name in (
+                "u0",
+                "q0",
+                "u1",
+                "q1",
+                "scale",
+                "accumulated_error",
+                "gain",
+                "offset",
+                "path",
+                "distance_error",
+            )
+        ),
         *((name, _INT) for name in ("rests", "rigid")),
     )
 
@@ -90,9 +106,12 @@ class StepCheck(ctypes.Structure):
     """``StepCheck`` of newton_data.h."""
 
     _fields_ = (
-        *((name, _INT) for name in ("line", "contact", "alarm", "patience", "next", "last", "recurrences", "calm")),
-        *((name, _INT) for name in ("checks", "hopeless", "jumped")),
-        *((name, _REAL) for name in ("apart", "astray", "limit", "unresolved", "time")),
+        *(
+            (name, _INT)
+            for name in ("line", "contact", "checks_due", "cooldown", "next", "last", "recurrences", "limited_ticks")
+        ),
+        *((name, _INT) for name in ("checks", "abandoned", "jumped")),
+        *((name, _REAL) for name in ("apart", "distance_error", "limit", "unresolved", "time")),
     )
 
 
@@ -105,9 +124,12 @@ class NewtonData(ctypes.Structure):
         ("group_count", _INT),
         *((name, _POINTER) for name in ("order", "continuous", "moving", "unknowns", "held", "held_values")),
         *((name, _POINTER) for name in ("contacts", "loads")),
-        *((name, _POINTER) for name in ("w", "w_last", "trend", "scale", "surprise", "growth", "r", "work", "inverse")),
+        *(
+            (name, _POINTER)
+            for name in ("w", "w_last", "trend", "scale", "prediction_error", "growth", "r", "work", "inverse")
+        ),
         ("most_unknowns", _INT),
-        *((name, _REAL) for name in ("tolerance", "error", "doubt", "finest")),
+        *((name, _REAL) for name in ("tolerance", "error", "step_tolerance", "finest")),
         *((name, _POINTER) for name in ("proposed", "before", "guards", "kept_lines", "kept")),
         ("worst_residual", _REAL),
         *((name, _INT) for name in ("jumped", "splits")),
@@ -148,7 +170,9 @@ def _held_inputs(plan: Plan, group: Sequence[int], wires: Sequence[MovingWire]) 
 class Loops(Algorithm):
     """The data of an implicit master, attached to an engine."""
 
-    def __init__(self, engine: Engine, tolerance: float, error: float = 0.0, doubt: float = STEP_TOLERANCE) -> None:
+    def __init__(
+        self, engine: Engine, tolerance: float, error: float = 0.0, step_tolerance: float = STEP_TOLERANCE
+    ) -> None:
         """Find the loops and fill in the data."""
         plan = engine.plan
         wires = plan.moving_wires
@@ -192,7 +216,7 @@ class Loops(Algorithm):
                 self._check(engine, group)
         self.groups, self.plan = groups, plan
         self.unknowns, self.inner, self.wires = unknowns, inner, wires
-        self._engine, self._tolerance, self._error, self._doubt = engine, tolerance, error, doubt
+        self._engine, self._tolerance, self._error, self._step_tolerance = engine, tolerance, error, step_tolerance
         self.numbers = [
             numbers[wire.output]
             if wire in inner and (place[wire.source] >= place[wire.target] or wire.output in forces)
@@ -206,7 +230,7 @@ class Loops(Algorithm):
         attach_lines(engine, self.wires)
         most = max((row.unknowns for row in rows), default=0)
         n = len(self.unknowns)
-        self._memory = {name: np.zeros(n) for name in ("w", "w_last", "trend", "scale", "surprise", "growth")}
+        self._memory = {name: np.zeros(n) for name in ("w", "w_last", "trend", "scale", "prediction_error", "growth")}
         self._memory["held_values"] = np.zeros(len(self.held))
         self._memory["inverse"] = np.zeros((len(rows) * most, most))
         self._memory["proposed"], self._memory["before"] = np.zeros(len(rows)), np.zeros(len(rows))
@@ -234,7 +258,7 @@ class Loops(Algorithm):
             setattr(data, name, keep(array))
         data.r, data.work = keep(np.zeros(n)), keep(np.zeros(7 * most + 2 * most * most))
         data.most_unknowns = most
-        data.tolerance, data.error, data.doubt = self._tolerance, self._error, self._doubt
+        data.tolerance, data.error, data.step_tolerance = self._tolerance, self._error, self._step_tolerance
         data.finest = FINEST_ADAPTIVE if self._error > 0.0 else FINEST
         engine.advance_by("newton_tick", data)
         library().newton_begin(ctypes.addressof(engine.data), ctypes.addressof(data))
@@ -243,7 +267,7 @@ class Loops(Algorithm):
         """Return the values kept from step to step for a checkpoint, as views of the data."""
         values = bytes_of(self._arrays[1]).reshape(-1, ctypes.sizeof(Moving))
         guards = bytes_of(self._arrays[2]).reshape(-1, ctypes.sizeof(StepCheck))
-        places = {"moving": values[:, Moving.u0.offset :], "guards": guards[:, StepCheck.alarm.offset :]}
+        places = {"moving": values[:, Moving.u0.offset :], "guards": guards[:, StepCheck.checks_due.offset :]}
         return {**self._memory, **places}  # without the indices of unknowns and lines
 
     def report(self) -> dict[str, str | float]:
@@ -254,11 +278,11 @@ class Loops(Algorithm):
         errors = [
             max(*(part / whole if part > 0.0 else 0.0 for part, whole in pairs))
             for line in moving[: len(self.wires)]
-            for pairs in [((line.debt, line.scale), (line.astray, line.path))]
+            for pairs in [((line.accumulated_error, line.scale), (line.distance_error, line.path))]
         ]
         for guard in guards:
-            if guard.hopeless:  # checks have ended; the magnitude may have grown with the error since
-                errors[int(guard.line)] = max(errors[int(guard.line)], HOPELESS)
+            if guard.abandoned:  # checks have ended; the magnitude may have grown with the error since
+                errors[int(guard.line)] = max(errors[int(guard.line)], ABANDONED)
         worst = max(errors, default=0.0)
         if worst > UNRESOLVED:
             wire = self.wires[errors.index(worst)]

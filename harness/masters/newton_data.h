@@ -7,18 +7,18 @@
 
 /* Further data of each line. */
 typedef struct {
-    int64_t inner;       /* source and target are in the same loop */
-    int64_t unknown;     /* index of the unknown that it reads; -1: its source is stepped before */
-    int64_t from_rest;   /* the run begins with the value 0 */
-    int64_t role;        /* in the current solution; see contacts.h */
-    double u0, q0;       /* at the start */
-    double u1, q1;       /* at the end, in the current iteration */
-    double scale;        /* largest magnitude so far */
-    double debt;         /* errors that the guard found and could not remove: root of the sum of their squares */
-    double gain, offset; /* of the connection in this step, if there are manipulators */
-    double path, astray; /* velocity of a contact: distance so far, and how much of it no step resolved */
-    int64_t rests;       /* velocity of a contact: its role at the end of the last step */
-    int64_t rigid;       /* velocity of a contact: 1: the friction jumps at v = 0, -1: it does not, 0: unknown */
+    int64_t inner;            /* source and target are in the same loop */
+    int64_t unknown;          /* index of the unknown that it reads; -1: its source is stepped before */
+    int64_t from_rest;        /* the run begins with the value 0 */
+    int64_t role;             /* in the current solution; see contacts.h */
+    double u0, q0;            /* at the start */
+    double u1, q1;            /* at the end, in the current iteration */
+    double scale;             /* largest magnitude so far */
+    double accumulated_error; /* errors that the guard found and could not remove: root of the sum of their squares */
+    double gain, offset;      /* of the connection in this step, if there are manipulators */
+    double path, distance_error; /* velocity of a contact: distance so far, and how much of it no step resolved */
+    int64_t rests;               /* velocity of a contact: its role at the end of the last step */
+    int64_t rigid; /* velocity of a contact: 1: the friction jumps at v = 0, -1: it does not, 0: unknown */
 } Moving;
 
 /* A part of a loop that turns a velocity into a force. */
@@ -37,22 +37,22 @@ typedef struct {
 
 /* State of the guard of a loop, see step_check.h. */
 typedef struct {
-    int64_t line;        /* line with the largest error in the last finding */
-    int64_t contact;     /* line of the velocity with the largest error of the distance in it */
-    int64_t alarm;       /* number of undivided steps still to check */
-    int64_t patience;    /* ticks before the next suspicion counts, after a check without a finding */
-    int64_t next;        /* first tick at which a suspicion counts again */
-    int64_t last;        /* tick of the last finding */
-    int64_t recurrences; /* number of findings soon after the previous one */
-    int64_t calm;        /* ticks for which `limit` remains in force */
-    int64_t checks;      /* number of steps checked */
-    int64_t hopeless;    /* no step is small enough: checks have ended */
-    int64_t jumped;      /* the solution of the last step lies at a jump of r */
-    double apart;        /* error of that line */
-    double astray;       /* error of the distance along `contact` */
-    double limit;        /* [s] longest inner step while findings recur */
-    double unresolved;   /* inner steps of the smallest size that were still wrong: sum of their shares of the step */
-    double time;         /* [s] of the first of these */
+    int64_t line;          /* line with the largest error in the last finding */
+    int64_t contact;       /* line of the velocity with the largest error of the distance in it */
+    int64_t checks_due;    /* number of undivided steps still to check */
+    int64_t cooldown;      /* ticks before the next suspicion counts, after a check without a finding */
+    int64_t next;          /* first tick at which a suspicion counts again */
+    int64_t last;          /* tick of the last finding */
+    int64_t recurrences;   /* number of findings soon after the previous one */
+    int64_t limited_ticks; /* ticks for which `limit` remains in force */
+    int64_t checks;        /* number of steps checked */
+    int64_t abandoned;     /* no step is small enough: checks have ended */
+    int64_t jumped;        /* the solution of the last step lies at a jump of r */
+    double apart;          /* error of that line */
+    double distance_error; /* error of the distance along `contact` */
+    double limit;          /* [s] longest inner step while findings recur */
+    double unresolved;     /* inner steps of the smallest size that were still wrong: sum of their shares of the step */
+    double time;           /* [s] of the first of these */
 } StepCheck;
 
 typedef struct {
@@ -65,21 +65,21 @@ typedef struct {
     const int64_t *held; /* Real inputs of continuous parts that are not lines, such as the force of a sampled law */
     double *held_values; /* in the last step */
     const Contact *contacts;
-    const int64_t *loads;       /* inputs of contacts that are forces */
-    double *w, *w_last, *trend; /* value, value of the last step, slope over the last step */
-    double *scale;              /* largest magnitude so far */
-    double *surprise, *growth;  /* error of the last prediction; how often it changed its sign and grew */
-    double *r, *work;           /* residuals; work space of 7 n + 2 n^2 for n = most_unknowns */
-    double *inverse;            /* inverse of dr/dw, n by n, at n^2 times the index of the group */
-    int64_t most_unknowns;      /* largest number of unknowns of a group */
-    double tolerance;           /* tolerance of r over scale */
-    double error;               /* tolerated error of a step over scale; 0: fixed steps */
-    double doubt;               /* tolerated difference of a step from its halves over the magnitude */
-    double finest;              /* largest number of inner steps per step, unless convergence needs more */
-    double *proposed, *before;  /* [s] next inner step of each group; its last one, or 0 */
-    StepCheck *guards;          /* one for each group */
-    Moving *kept_lines;         /* copies during a check: lines, */
-    double *kept;               /* and w, w_last, trend, scale, inverse Jacobian, means of the lines */
+    const int64_t *loads;              /* inputs of contacts that are forces */
+    double *w, *w_last, *trend;        /* value, value of the last step, slope over the last step */
+    double *scale;                     /* largest magnitude so far */
+    double *prediction_error, *growth; /* error of the last prediction; how often it changed its sign and grew */
+    double *r, *work;                  /* residuals; work space of 7 n + 2 n^2 for n = most_unknowns */
+    double *inverse;                   /* inverse of dr/dw, n by n, at n^2 times the index of the group */
+    int64_t most_unknowns;             /* largest number of unknowns of a group */
+    double tolerance;                  /* tolerance of r over scale */
+    double error;                      /* tolerated error of a step over scale; 0: fixed steps */
+    double step_tolerance;             /* tolerated difference of a step from its halves over the magnitude */
+    double finest;                     /* largest number of inner steps per step, unless convergence needs more */
+    double *proposed, *before;         /* [s] next inner step of each group; its last one, or 0 */
+    StepCheck *guards;                 /* one for each group */
+    Moving *kept_lines;                /* copies during a check: lines, */
+    double *kept;                      /* and w, w_last, trend, scale, inverse Jacobian, means of the lines */
     double worst_residual;
     int64_t jumped; /* the last solution lies at a jump of r */
     int64_t splits; /* a step may be divided where a contact breaks away */
