@@ -114,16 +114,16 @@ static void contact(Model *m, double S)
 static void equations(Model *m) { contact(m, stribeck(m->v, m->Fc, m->Fs, m->vs, m->delta)); }
 
 /* Return the deflection that is left until the bristles slip, for model exchange. */
-static double reserve(const Model *m)
+static double margin(const Model *m)
 {
     GIVEN(m)
     const double direction = fabs(v) < 1e-7 * vs ? 0.0 : sign(v); /* noise of a solver around v = 0 is not motion */
     return fmin(z_ba, stribeck(v, Fc, Fs, vs, delta) / sigma0) - direction * z;
 }
 
-static void indicators(const Model *m, double *left) { left[0] = until_change(m->memory.elastic, reserve(m), m->z_ba); }
+static void indicators(const Model *m, double *left) { left[0] = until_change(m->memory.elastic, margin(m), m->z_ba); }
 
-static void transition(Model *m) { m->memory.elastic = reserve(m) >= 0.0 ? 1.0 : 0.0; }
+static void transition(Model *m) { m->memory.elastic = margin(m) >= 0.0 ? 1.0 : 0.0; }
 
 /* ---- Steps: exact at constant velocity and where S is constant, with error control elsewhere. */
 
@@ -223,7 +223,7 @@ static double stretching(double s, double z, const void *law)
     return speed_at(r, s) * (1.0 - plastic(z, level_at(r, s) / r->m->sigma0, r->m->z_ba));
 }
 
-static double gliding(double s, double z, const void *law)
+static double steady(double s, double z, const void *law)
 {
     (void)z;
     return speed_at((const Ramp *)law, s);
@@ -245,14 +245,14 @@ static double over_z_max(double s, double z, const void *law) { return z - z_max
 static double below_z_max(double s, double z, const void *law) { return z_max_at(s, z, law) - z; }
 
 /* Integrate the rate to `end` or to the goal. */
-static bool stretch(Ramp *r, double end, Curve *rate, Curve *goal)
+static bool integrate_ramp(Ramp *r, double end, Curve *rate, Curve *goal)
 {
     GIVEN(r->m)
     const double z_max = z_max_at(end, 0.0, r), smallest = fmin(fmin(Fs, Fc), r->S_end) / sigma0;
     /* below a hundredth, rounding dominates; the law is smooth enough for any tolerance of the experiment */
     const double coarser = fmax(quadrature_tolerance(r->m) / relaxation_tolerance(r->m), 1.0);
     const double size = coarser * fmax(smallest / r->sensitivity, 0.01 * z_max);
-    const Law law = {rate, goal,  rate != gliding && r->deflection > 0.9 * z_max_at(r->t, 0.0, r) ? z_max_at : NULL,
+    const Law law = {rate, goal,  rate != steady && r->deflection > 0.9 * z_max_at(r->t, 0.0, r) ? z_max_at : NULL,
                      r,    false, &r->budget};
     const double detail = fmax(0.25 * fabs(z_max - z_ba), 1e-6 * z_max);
     return follow(r->m, &law, &r->t, &r->deflection, end, size, detail) != FAILED;
@@ -260,7 +260,7 @@ static bool stretch(Ramp *r, double end, Curve *rate, Curve *goal)
 
 /* For z_ba > z_max and increasing z_max: z follows the motion, limited to z_max. This is exact in intervals in which
    z_max always increases faster, or always more slowly, than z can. */
-static void ride(Ramp *r, double end)
+static void follow_limit(Ramp *r, double end)
 {
     enum { PARTS = 16 };
     const double begin = r->t;
@@ -315,17 +315,17 @@ static bool piece_of(Ramp *r, double end)
     if (r->deflection >= z_max && falls)
         return slip(r);
     if (r->deflection > z_max)
-        return stretch(r, end, slipping, below_z_max);
+        return integrate_ramp(r, end, slipping, below_z_max);
     if (yields && falls)
-        return stretch(r, end, gliding, over_z_max);
+        return integrate_ramp(r, end, steady, over_z_max);
     if (yields)
-        ride(r, end);
+        follow_limit(r, end);
     else if (r->deflection < z_ba) {
         const double arrival = r->t + time_to_slide(z_ba - r->deflection, speed_at(r, r->t), r->growth);
         r->deflection = arrival < end ? z_ba : r->deflection + path_between(r, r->t, end);
         r->t = arrival < end ? arrival : end;
     } else
-        return stretch(r, end, stretching, falls ? over_z_max : NULL);
+        return integrate_ramp(r, end, stretching, falls ? over_z_max : NULL);
     return true;
 }
 

@@ -123,15 +123,15 @@ static double share(const Model *m)
 static inline double attraction_of(const Model *m, int i) { return m->Ci[i] < 0.0 ? m->C : m->Ci[i]; }
 
 /* Compute outputs and rates at the Stribeck level S. */
-static void contact(Model *m, double S, double unit)
+static void contact(Model *m, double S, double alpha_scale)
 {
     GIVEN(m)
     const bool frozen = m->run.frozen;
-    const double way = sign(v);
+    const double moving = sign(v);
     double sum = 0.0, rate = 0.0;
     for (int i = 0; i < N; i++) {
-        const double direction = frozen ? m->memory.slips[i] : way;
-        const double level = alpha[i] * unit, force = direction * Fi[i];
+        const double direction = frozen ? m->memory.slips[i] : moving;
+        const double level = alpha[i] * alpha_scale, force = direction * Fi[i];
         const bool slips = direction != 0.0 && (m->memory.slips[i] == direction || !(force < level * S));
         m->slipping[i] = slips ? 1.0 : 0.0;
         m->der_Fi[i] = slips ? direction * attraction_of(m, i) * (level - force / S) : k[i] * v;
@@ -177,13 +177,13 @@ static void transition(Model *m)
 /* ---- Steps: exact at constant velocity, by quadrature over a ramp of the velocity. */
 
 /* Step with constant v: the level is constant, so an element that reaches it stays there. */
-static void held_step(Model *m, double h, double S, double unit)
+static void held_step(Model *m, double h, double S, double alpha_scale)
 {
     GIVEN(m)
     const double direction = sign(v), x = fabs(v) * h;
     double decay = NAN, strength = NAN; /* decay of the distance to the level in the step, for this attraction */
     for (int i = 0; i < N; i++) {
-        const double level = alpha[i] * unit * S, force = direction * Fi[i];
+        const double level = alpha[i] * alpha_scale * S, force = direction * Fi[i];
         if (m->memory.slips[i] != 0.0 || force >= level) {
             m->memory.slips[i] = direction;
             if (attraction_of(m, i) != strength) { /* usually the same for all elements */
@@ -243,12 +243,12 @@ static bool slip(const Model *m, double s, double h, double strength, double *E,
     return attract(&slips, fabs(v + SLOPE(v) * s), growth, h - s, fmax(Fc, Fs), sensitivity, E, P);
 }
 
-static bool ramp_step(Model *m, double h, double direction, double unit)
+static bool ramp_step(Model *m, double h, double direction, double alpha_scale)
 {
     GIVEN(m)
     double E = NAN, P = NAN, known = NAN; /* for slip over the whole step, with the attraction `known` */
     for (int i = 0; i < N; i++) {
-        const double level = alpha[i] * unit, force = direction * Fi[i], strength = attraction_of(m, i);
+        const double level = alpha[i] * alpha_scale, force = direction * Fi[i], strength = attraction_of(m, i);
         if (m->memory.slips[i] != 0.0 || force >= level * level_at(m, 0.0)) {
             m->memory.slips[i] = direction;
             if (strength != known && !slip(m, 0.0, h, strength, &E, &P))
@@ -274,15 +274,15 @@ static bool ramp_step(Model *m, double h, double direction, double unit)
 static bool step(Model *m, double h)
 {
     GIVEN(m)
-    const double direction = sign(slide(m, h)), unit = share(m);
+    const double direction = sign(slide(m, h)), alpha_scale = share(m);
     for (int i = 0; i < 10; i++) /* from another motion */
         m->memory.slips[i] = m->memory.slips[i] == direction ? direction : 0.0;
     if (SLOPE(v) != 0.0)
-        return direction == 0.0 || ramp_step(m, h, direction, unit);
+        return direction == 0.0 || ramp_step(m, h, direction, alpha_scale);
     const double S = stribeck(v, Fc, Fs, vs, delta);
     if (direction != 0.0)
-        held_step(m, h, S, unit);
-    contact(m, S, unit);
+        held_step(m, h, S, alpha_scale);
+    contact(m, S, alpha_scale);
     m->run.outputs_done = true;
     return true;
 }

@@ -194,9 +194,9 @@ static void count(const Model *model, const Surface *surface, const Tip *tip, Su
     } else if (tip->mode == FREE) {
         sums->loose += 1.0;
     } else {
-        const int way = tip->mode == FORWARD;
-        sums->slip[way] += 1.0;
-        sums->moving[way] += 1.0 / fmax(balance(surface, tip->mode, tip->p).slope, 1e-9);
+        const int forward = tip->mode == FORWARD;
+        sums->slip[forward] += 1.0;
+        sums->moving[forward] += 1.0 / fmax(balance(surface, tip->mode, tip->p).slope, 1e-9);
         sums->capacity += normal * surface->mu0;
     }
 }
@@ -220,14 +220,14 @@ static void equations(Model *model)
     GIVEN(model)
     const Sums sums = sums_now(model);
     const double load = load_of(Fn, Fn0), c = k_h * sqrt(m / k_t);
-    const int way = v > 0.0;
+    const int forward = v > 0.0;
     model->F = load * (k_t * (N * z) + c * (sums.loose * v - sums.speed));
     model->F_N = sums.normal;
     model->F_max = sums.capacity;
     model->stuck = sums.stuck;
     model->slipping = sums.slip[0] + sums.slip[1];
     model->loose = sums.loose;
-    model->der_z = v == 0.0 ? -sums.speed / N : v - (v * sums.moving[way] + sums.speed) / N;
+    model->der_z = v == 0.0 ? -sums.speed / N : v - (v * sums.moving[forward] + sums.speed) / N;
 }
 
 /* ---- Steps: each tip from event to event. */
@@ -235,7 +235,7 @@ static void equations(Model *model)
 /* Data for the force on a stuck tip beyond the cone of friction, to the side s, after the time t. */
 typedef struct {
     const Model *model;
-    const Course *course;
+    const Interval *interval;
     double d, age, normal, slope, slack;
     int s;
 } Hold;
@@ -244,11 +244,11 @@ static Taylor overload(const void *data, double t)
 {
     const Hold *const hold = (const Hold *)data;
     GIVEN(hold->model)
-    const Course *const c = hold->course;
+    const Interval *const c = hold->interval;
     const double t_c = hold->age + t, fresh = exp(-t_c / tau), adhesion = mu0 + dmu * (1.0 - fresh);
     const double area = 1.0 + creep * log1p(t_c / t0), growth = creep / (t0 + t_c);
     const double largest = 1.0 + creep * log1p((hold->age + c->rest) / t0);
-    return (Taylor){hold->s * (k_t * (hold->d + way_in(c, t)) - hold->normal * hold->slope) -
+    return (Taylor){hold->s * (k_t * (hold->d + distance_in(c, t)) - hold->normal * hold->slope) -
                         hold->normal * adhesion * area - hold->slack,
                     hold->s * k_t * (c->v + c->a * t) - hold->normal * (adhesion * growth + dmu / tau * fresh * area),
                     k_t * fabs(c->a) +
@@ -265,14 +265,14 @@ static void let_go(const Model *model, Tip *tip)
 }
 
 /* Advance a stuck tip until the force leaves the cone, immediately or later. */
-static void stick(const Model *model, const Surface *surface, Tip *tip, Course *c, double *left)
+static void stick(const Model *model, const Surface *surface, Tip *tip, Interval *c, double *left)
 {
     const double normal = surface->k_n * fmax(reach(surface, tip->p), 0.0);
     /* rounding of a force at the limit must not cause slip */
     const double slack = 1e-13 * surface->k_n * (surface->h + surface->A) * (surface->A * surface->k + surface->mu0);
     Hold hold = {model, c, tip->d, tip->clock, normal, incline(surface, tip->p), slack, c->side};
     const double limit = normal * bond(model, tip->clock) + slack, force = surface->k_t * tip->d - normal * hold.slope;
-    const double then = force + surface->k_t * way_in(c, c->rest);
+    const double then = force + surface->k_t * distance_in(c, c->rest);
     double t = INF;
     if (fabs(force) > limit) {
         hold.s = force > 0.0 ? FORWARD : BACK;
@@ -282,7 +282,7 @@ static void stick(const Model *model, const Surface *surface, Tip *tip, Course *
 
     const bool breaks = t < c->rest;
     t = fmin(t, c->rest);
-    tip->d += way_in(c, t);
+    tip->d += distance_in(c, t);
     tip->clock += t;
     pass(c, t);
     if (!breaks)
@@ -297,7 +297,7 @@ static void stick(const Model *model, const Surface *surface, Tip *tip, Course *
 }
 
 /* Advance quasi-static slip to the side s until the slider stops driving the tip or contact is lost. */
-static void slip(const Model *model, const Surface *surface, Tip *tip, Course *c, double *left)
+static void slip(const Model *model, const Surface *surface, Tip *tip, Interval *c, double *left)
 {
     GIVEN(model)
     const int s = tip->mode;
@@ -307,17 +307,17 @@ static void slip(const Model *model, const Surface *surface, Tip *tip, Course *c
         return;
     }
     const double base = tip->p + tip->d;
-    const SlipEnd reached = slip_to(surface, s, tip->p, base + way_in(c, c->rest), true, left);
+    const SlipEnd reached = slip_to(surface, s, tip->p, base + distance_in(c, c->rest), true, left);
     const double t = reached.lost ? fmin(time_for(c, reached.base - base), c->rest) : c->rest;
     tip->p = reached.p;
-    tip->d = reached.lost ? base + way_in(c, t) - reached.p : balanced(surface, s, reached.p);
+    tip->d = reached.lost ? base + distance_in(c, t) - reached.p : balanced(surface, s, reached.p);
     pass(c, t);
     if (reached.lost)
         let_go(model, tip);
 }
 
 /* Advance a free tip: it oscillates until it may land, and longer over a gap. */
-static void swing_free(const Model *model, const Surface *surface, Tip *tip, Course *c)
+static void swing_free(const Model *model, const Surface *surface, Tip *tip, Interval *c)
 {
     GIVEN(model)
     const double base = tip->p + tip->d;
@@ -334,7 +334,7 @@ static void swing_free(const Model *model, const Surface *surface, Tip *tip, Cou
         t = lands ? to_land : c->rest;
     }
     double d_rate = c->v - tip->speed;
-    const double moved = base + way_in(c, t);
+    const double moved = base + distance_in(c, t);
     ring(&tip->d, &d_rate, k_t / m, 0.5 * k_h / k_t, c->a, t);
     tip->clock = fmax(tip->clock - t, 0.0);
     pass(c, t);
@@ -357,7 +357,7 @@ static bool step(Model *model, double h)
     for (int i = 0; i < N; i++) {
         const Surface surface = surface_of(model, i);
         Tip tip = all->started ? all->tip[i] : start_of(model, i);
-        Course c = {v, slope, h, (mean > 0.0) - (mean < 0.0)};
+        Interval c = {v, slope, h, (mean > 0.0) - (mean < 0.0)};
         if (v == 0.0 && (tip.mode == FORWARD || tip.mode == BACK))
             tip.mode = STUCK; /* the slider has stopped, at least for an instant */
         while (c.rest > 0.0) {

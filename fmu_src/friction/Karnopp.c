@@ -66,7 +66,7 @@ static bool is_band(const Model *m) { return is_direction(m->memory.side) && is_
 static double side_of(double v, double DV) { return fabs(v) < DV || v == 0.0 ? 0.0 : sign(v); }
 
 /* Return how far F_ext is below the friction that holds the mass inside the band. */
-static double reserve(const Model *m) { return load_of(m->Fn, m->Fn0) * m->Fs - fabs(m->F_ext); }
+static double margin(const Model *m) { return load_of(m->Fn, m->Fn0) * m->Fs - fabs(m->F_ext); }
 
 static void equations(Model *m)
 {
@@ -74,7 +74,7 @@ static void equations(Model *m)
     const bool frozen = m->run.frozen, rest = frozen ? m->memory.side == 0.0 : fabs(v) < DV || v == 0.0;
     const double load = load_of(Fn, Fn0);
 
-    m->stuck = !rest ? 0.0 : frozen ? m->memory.stuck : reserve(m) >= 0.0 ? 1.0 : 0.0;
+    m->stuck = !rest ? 0.0 : frozen ? m->memory.stuck : margin(m) >= 0.0 ? 1.0 : 0.0;
     m->v_reported = rest ? 0.0 : v;
     m->F = rest ? clip(F_ext, -load * Fs, load * Fs) : (frozen ? m->memory.side : sign(v)) * load * Fc + Fv * v;
 }
@@ -87,11 +87,11 @@ static void indicators(const Model *m, double *left)
     const struct band *const now = &m->memory;
     const double speed = now->side != 0.0 ? now->side * m->v : fabs(m->v);
     left[0] = until_change(now->side, speed - band(m), band(m));
-    left[1] = now->side != 0.0 ? 1.0 : until_change(now->stuck, reserve(m), load_of(m->Fn, m->Fn0));
+    left[1] = now->side != 0.0 ? 1.0 : until_change(now->stuck, margin(m), load_of(m->Fn, m->Fn0));
 }
 
 static void transition(Model *m)
 {
     m->memory.side = side_of(m->v, band(m));
-    m->memory.stuck = m->memory.side == 0.0 && reserve(m) >= 0.0 ? 1.0 : 0.0;
+    m->memory.stuck = m->memory.side == 0.0 && margin(m) >= 0.0 ? 1.0 : 0.0;
 }

@@ -94,7 +94,7 @@ static inline double hold(const Model *model, double direction)
 }
 
 /* Return how far F_ext is below that friction. */
-static double reserve(const Model *model)
+static double margin(const Model *model)
 {
     return fmin(model->F_ext + hold(model, -1.0), hold(model, 1.0) - model->F_ext);
 }
@@ -109,7 +109,7 @@ static void equations(Model *model)
     if (frozen)
         model->stuck = model->memory.stuck;
     else
-        model->stuck = inside && (fabs(F_ext) <= load * Fs || reserve(model) >= 0.0) ? 1.0 : 0.0;
+        model->stuck = inside && (fabs(F_ext) <= load * Fs || margin(model) >= 0.0) ? 1.0 : 0.0;
     model->v = inside ? 0.0 : w;
     if (!inside)
         model->F = load * Fc * side + Fv * w;
@@ -126,7 +126,7 @@ static void indicators(const Model *model, double *left)
     GIVEN(model)
     const double side = model->memory.side;
     left[0] = until_change(side, (side != 0.0 ? side * w : fabs(w)) - DV, DV);
-    left[1] = side != 0.0 ? 1.0 : until_change(model->memory.stuck, reserve(model), load_of(Fn, Fn0));
+    left[1] = side != 0.0 ? 1.0 : until_change(model->memory.stuck, margin(model), load_of(Fn, Fn0));
 }
 
 static void transition(Model *model)
@@ -139,7 +139,7 @@ static void transition(Model *model)
         model->w = now->side * edge(DV);
         now->side = 0.0;
     }
-    now->stuck = now->side == 0.0 && reserve(model) >= 0.0 ? 1.0 : 0.0;
+    now->stuck = now->side == 0.0 && margin(model) >= 0.0 ? 1.0 : 0.0;
     if (now->side == 0.0 && now->stuck == 0.0 && fabs(model->w) == edge(DV) && F_ext * w > 0.0) {
         now->side = sign(w); /* slides on from the edge */
         model->w = now->side * DV;
@@ -263,14 +263,14 @@ static bool step(Model *model, double h)
         /* inside the band: held until the force exceeds static friction and, at the edge, also sliding friction */
         double wait = INF, s = 0.0;
         for (int i = 0; i < 2; i++) {
-            const double way = i == 0 ? -1.0 : 1.0;
-            const Line beyond = sum(way, force, -Fs, load);
-            Line outside = sum(way, force, -Fc, load);
+            const double direction = i == 0 ? -1.0 : 1.0;
+            const Line beyond = sum(direction, force, -Fs, load);
+            Line outside = sum(direction, force, -Fc, load);
             outside.now -= Fv * DV;
-            const double until = spent[i] ? INF : both_positive(beyond, at == way * edge(DV) ? outside : beyond);
+            const double until = spent[i] ? INF : both_positive(beyond, at == direction * edge(DV) ? outside : beyond);
             if (until < wait) {
                 wait = until;
-                s = way;
+                s = direction;
             }
         }
         const double held = fmin(wait, rest);

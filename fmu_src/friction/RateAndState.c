@@ -89,15 +89,15 @@ typedef struct {
     double last, first; /* speed at the end and at the start */
     double span;        /* in units of Dc */
     double time;        /* duration */
-} Course;
+} Ramp;
 
 /* Return the speed where the fraction r of the path remains (s is 1 - r, accurate even for r near 1). */
-static double speed_at(const Course *c, double r, double s) { return sqrt(square(c->last) * s + square(c->first) * r); }
+static double speed_at(const Ramp *c, double r, double s) { return sqrt(square(c->last) * s + square(c->first) * r); }
 
 /* Return the integral over the path, in units of Dc, of exp(-distance to the end) ln(Dc/V), or the integral over time
    of exp(-distance to the end). Double-exponential quadrature (Takahasi, Mori 1974) is accurate to rounding for
    integrands that are smooth inside, even with the logarithm of a speed that vanishes at an end. */
-static double worn(const Course *c, double Dc, bool law)
+static double worn(const Ramp *c, double Dc, bool law)
 {
     const double width = 1.0 / 20.0;
     double sum = 0.0;
@@ -134,9 +134,9 @@ static bool step(Model *m, double h)
     }
     /* over the last worn_off Dc, the square of the speed is linear in the path */
     const double part = x > worn_off ? worn_off / x : 1.0;
-    Course c = {last, first, part * x, h};
+    Ramp c = {last, first, part * x, h};
     if (part < 1.0) {
-        c.first = speed_at(&(Course){last, first, x, h}, part, 1.0 - part);
+        c.first = speed_at(&(Ramp){last, first, x, h}, part, 1.0 - part);
         c.time = time_between(c.span * Dc, c.last, c.first);
     }
     if (!law)

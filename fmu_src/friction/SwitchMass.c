@@ -142,11 +142,11 @@ static double stick(Model *model, double h, double *s)
     double t = h;
     *s = 0.0;
     for (int i = 0; i < 2; i++) {
-        const double way = i == 0 ? -1.0 : 1.0;
-        const double until = rises(-0.5 * way * k * b, way * P_rate - level_rate, way * P - level);
+        const double direction = i == 0 ? -1.0 : 1.0;
+        const double until = rises(-0.5 * direction * k * b, direction * P_rate - level_rate, direction * P - level);
         if (until < t) {
             t = until;
-            *s = way;
+            *s = direction;
         }
     }
     model->x += path_after(v_belt, b, t);

@@ -14,21 +14,21 @@
 typedef struct {
     double v, a, rest;
     int side;
-} Course;
+} Interval;
 
-static inline double way_in(const Course *c, double t) { return path_after(c->v, c->a, t); }
+static inline double distance_in(const Interval *c, double t) { return path_after(c->v, c->a, t); }
 
-/* Return the time in which the slider moves by `way` (to its side), or INFINITY if not within the remaining time. */
-static inline double time_for(const Course *c, double way)
+/* Return the time in which the slider moves by `distance` (to its side), or INFINITY if it takes longer. */
+static inline double time_for(const Interval *c, double distance)
 {
-    if (way * c->side <= 0.0)
+    if (distance * c->side <= 0.0)
         return 0.0;
-    const double squared = squared_speed_after(way, c->v, c->a);
-    const double t = squared < 0.0 ? INFINITY : time_between(way, c->v, c->side * sqrt(squared));
+    const double squared = squared_speed_after(distance, c->v, c->a);
+    const double t = squared < 0.0 ? INFINITY : time_between(distance, c->v, c->side * sqrt(squared));
     return t < c->rest ? t : INFINITY;
 }
 
-static inline void pass(Course *c, double t)
+static inline void pass(Interval *c, double t)
 {
     c->v += c->a * t;
     c->rest -= t;

@@ -51,12 +51,12 @@ static const double nearness = 0.9; /* ratio r of the force to the level from wh
 static const double grain = 1e-14; /* relative difference below which forces count as equal */
 
 /* A part of the step in which z moves in one direction and no element changes between stick and slip: the force along v
-   is force + way stiffness zeta, where zeta is the distance that z has moved. */
+   is force + sense stiffness zeta, where zeta is the distance that z has moved. */
 struct piece {
     const Model *m;
     Motion motion;
     double S; /* the level, if v is constant */
-    double force, stiffness, way, reach;
+    double force, stiffness, sense, reach;
     double size;    /* the elastic deflection at the level */
     double slack;   /* tolerance of r around 1 */
     bool backwards; /* r < 0 */
@@ -68,7 +68,7 @@ static double piece_level(const struct piece *p, double s) { return level_along(
 
 static double piece_ratio(const struct piece *p, double s, double zeta)
 {
-    return (p->force + p->way * p->stiffness * zeta) / piece_level(p, s);
+    return (p->force + p->sense * p->stiffness * zeta) / piece_level(p, s);
 }
 
 static double piece_rate(double s, double zeta, const void *law)
@@ -77,7 +77,7 @@ static double piece_rate(double s, double zeta, const void *law)
     const double speed = fabs(velocity(&p->motion, s));
     if (p->flat)
         return speed;
-    return p->way * speed * deflecting(piece_ratio(p, s, zeta), p->m->n, p->backwards);
+    return p->sense * speed * deflecting(piece_ratio(p, s, zeta), p->m->n, p->backwards);
 }
 
 /* Return the distance at which the force is at the level, or at the opposite level. */
@@ -85,7 +85,7 @@ static double piece_place(double s, double zeta, const void *law)
 {
     const struct piece *const p = (const struct piece *)law;
     (void)zeta;
-    return p->way * ((p->backwards ? -1.0 : 1.0) * piece_level(p, s) - p->force) / p->stiffness;
+    return p->sense * ((p->backwards ? -1.0 : 1.0) * piece_level(p, s) - p->force) / p->stiffness;
 }
 
 /* Return a nonnegative length where z reverses, an element starts to slip, |r|^n ceases to be negligible, or the force
@@ -98,7 +98,7 @@ static double piece_goal(double s, double zeta, const void *law)
         return fmax(zeta - p->reach, (r - flat_until(n)) * p->size);
     if (p->motion.slope == 0.0)
         return zeta - p->reach;
-    const double turns = p->way * (r - 1.0) - p->slack, flattens = flat_until(n) - behind_flat - r;
+    const double turns = p->sense * (r - 1.0) - p->slack, flattens = flat_until(n) - behind_flat - r;
     const double comes_near = p->near || p->backwards ? -INF : r - nearness;
     return fmax(zeta - p->reach, fmax(fmax(turns, comes_near), p->backwards ? turns : flattens) * p->size);
 }
@@ -115,13 +115,13 @@ static double closed_form(const struct piece *p, double x)
         gained = q < 1.57 ? (1.0 + r * r) * tan(q) / (1.0 - r * tan(q)) : INF;
     else
         gained = (1.0 - r) * (1.0 + r) * tanh(q) / (1.0 + r * tanh(q));
-    return p->way * gained * p->S / p->stiffness;
+    return p->sense * gained * p->S / p->stiffness;
 }
 
 /* Return the path x after which zeta = reach. */
 static double closed_path(const struct piece *p)
 {
-    const double r = p->force / p->S, gained = p->way * p->stiffness * p->reach / p->S, end = r + gained;
+    const double r = p->force / p->S, gained = p->sense * p->stiffness * p->reach / p->S, end = r + gained;
     double q;
     if (p->m->n == 1.0)
         q = -log1p(gained / (r - 1.0));
@@ -140,13 +140,13 @@ static bool begin(struct piece *p, double side, double s, double end)
     const double S = piece_level(p, s), change = piece_level(p, end) - S;
     if (fabs(p->force - S) <= grain * S && fabs(change) <= grain * S)
         return false;
-    p->way = p->force < S ? 1.0 : -1.0;
+    p->sense = p->force < S ? 1.0 : -1.0;
     if (fabs(p->force - S) <= p->slack * S && change != 0.0)
-        p->way = sign(change);
+        p->sense = sign(change);
     p->stiffness = 0.0;
     p->reach = INF;
     for (int i = 0; i < N; i++) {
-        const double room = W[i] - p->way * side * Fi[i];
+        const double room = W[i] - p->sense * side * Fi[i];
         if (k[i] > 0.0 && room > grain * W[i]) {
             p->stiffness += k[i];
             p->reach = fmin(p->reach, room / k[i]);
@@ -159,15 +159,15 @@ static bool begin(struct piece *p, double side, double s, double end)
     return true;
 }
 
-static void move(Model *m, double way, double zeta, double reach)
+static void move(Model *m, double sense, double zeta, double reach)
 {
     GIVEN(m)
-    m->z = z + way * zeta;
+    m->z = z + sense * zeta;
     for (int i = 0; i < N; i++) {
-        const double room = W[i] - way * Fi[i];
+        const double room = W[i] - sense * Fi[i];
         const bool arrives =
             k[i] > 0.0 && (room <= grain * W[i] || (zeta >= reach && room <= k[i] * reach * 1.000000000001));
-        m->Fi[i] = arrives ? way * W[i] : limited(Fi[i] + way * k[i] * zeta, W[i]);
+        m->Fi[i] = arrives ? sense * W[i] : limited(Fi[i] + sense * k[i] * zeta, W[i]);
     }
 }
 
@@ -228,7 +228,7 @@ static bool follow_motion(Model *m, Motion motion)
             if (how == REACHED && zeta >= p.reach - 1e-14 * p.size)
                 zeta = p.reach;
         }
-        move(m, side * p.way, zeta, p.reach);
+        move(m, side * p.sense, zeta, p.reach);
     }
     if (slope == 0.0) {
         contact(m, S);

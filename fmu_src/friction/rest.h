@@ -27,7 +27,7 @@ static bool is_rest(const Model *m)
 /* Return the direction of motion, 0 at rest. */
 static inline double direction_of(const Model *m) { return m->run.frozen ? m->memory.direction : sign(m->v); }
 
-static double reserve(const Model *m)
+static double margin(const Model *m)
 {
     double low, high;
     range(m, &low, &high);
@@ -59,7 +59,7 @@ static void indicators(const Model *m, double *left)
 {
     const double direction = m->memory.direction;
     left[0] = direction != 0.0 ? direction * m->v : until_moving(m);
-    left[1] = direction != 0.0 ? 1.0 : until_change(m->memory.stuck, reserve(m), load_of(m->Fn, m->Fn0));
+    left[1] = direction != 0.0 ? 1.0 : until_change(m->memory.stuck, margin(m), load_of(m->Fn, m->Fn0));
 }
 
 static void transition(Model *m)
@@ -70,8 +70,8 @@ static void transition(Model *m)
         if (until_moving(m) <= 0.0 && v != 0.0)
             now->direction = fabs(v) > ARRIVAL ? sign(v) : sign(v - now->at);
     } else if (now->direction * v <= 0.0)
-        now->direction = fabs(v) > ARRIVAL || reserve(m) < 0.0 ? sign(v) : 0.0;
-    now->stuck = now->direction == 0.0 && reserve(m) >= 0.0 ? 1.0 : 0.0;
+        now->direction = fabs(v) > ARRIVAL || margin(m) < 0.0 ? sign(v) : 0.0;
+    now->stuck = now->direction == 0.0 && margin(m) >= 0.0 ? 1.0 : 0.0;
     if (now->direction == 0.0 && (v == 0.0 || until_moving(m) <= 0.0))
         now->at = v;
 }

@@ -53,12 +53,11 @@ typedef struct {
     double gone;           /* [s] */
     double speed, S;       /* at its beginning */
     double passed, gained; /* P at its beginning; y at its end if y = 0 at its beginning */
-} Course;
+} Piece;
 
 /* Extend the part by a piece of duration dt that begins at `speed`. `error` is the difference to Simpson's rule on the
    same nodes, relative to `size`. */
-static Course piece_of_ramp(const Attraction *a, const Course *after, double speed, double dt, double size,
-                            double *error)
+static Piece piece_of_ramp(const Attraction *a, const Piece *after, double speed, double dt, double size, double *error)
 {
     const double rise = after->speed - speed, S_begin = level_of(a, speed), longest = 2.0;
     double pull[NODES], rate[NODES], passed[NODES], kept[NODES], gained = 0.0;
@@ -81,8 +80,7 @@ static Course piece_of_ramp(const Attraction *a, const Course *after, double spe
     const double gained_simpson = (pull[0] * kept[0] + 4.0 * pull[2] * kept[2] + pull[4] * kept[4]) / 6.0;
 
     *error = all > longest ? INF : fabs(gained - gained_simpson) / size + fabs(all - all_simpson);
-    return (Course){after->gone + dt, speed, S_begin, after->passed + all,
-                    after->gained + exp(-after->passed) * gained};
+    return (Piece){after->gone + dt, speed, S_begin, after->passed + all, after->gained + exp(-after->passed) * gained};
 }
 
 /* Compute `kept` and `gained` of y = kept y(0) + gained after a ramp of h seconds that begins at the speed `first`. The
@@ -96,7 +94,7 @@ static bool attract(const Attraction *a, double first, double growth, double h, 
     const double allowed = fmax(a->tolerance * smallest / (sensitivity * largest), 1e-16);
     const bool smooth_at_rest = (a->delta == 1.0 || a->delta == 2.0) && a->Fs > 0.1 * a->Fc;
 
-    Course now = {0.0, last, S_last, 0.0, 0.0};
+    Piece now = {0.0, last, S_last, 0.0, 0.0};
     double dt = 0.5 * S_last / fmax(pull_of(a, last), DBL_MIN), border = 0.0, S_border = S_last;
     bool whole = false; /* no border before the start */
     *kept = 0.0;
@@ -116,7 +114,7 @@ static bool attract(const Attraction *a, double first, double growth, double h, 
         if (S_border == now.S) {
             const double speed = whole ? first : fmax(last - growth * border, 0.0);
             const double P = 0.5 * (pull_of(a, speed) + pull_of(a, now.speed)) * rest / now.S;
-            now = (Course){border, speed, now.S, now.passed + P, now.gained - weight * now.S * expm1(-P)};
+            now = (Piece){border, speed, now.S, now.passed + P, now.gained - weight * now.S * expm1(-P)};
             continue;
         }
         const bool shortest = dt <= 4.0 * DBL_EPSILON * now.gone, all = dt >= rest;
@@ -127,7 +125,7 @@ static bool attract(const Attraction *a, double first, double growth, double h, 
         const bool smooth = smooth_at_rest || 2.0 * fmin(speed, now.speed) >= fmax(speed, now.speed);
         const double limit = smooth ? fmin(0.1 * cbrt(square(allowed / weight)), 0.1) : fmin(allowed / weight, 0.1);
         double error;
-        const Course next = piece_of_ramp(a, &now, speed, taken, largest, &error);
+        const Piece next = piece_of_ramp(a, &now, speed, taken, largest, &error);
         const bool accepted = error <= fmax(limit, DBL_EPSILON) || shortest;
         if (accepted) {
             now = next;
