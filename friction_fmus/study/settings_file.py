@@ -106,7 +106,7 @@ def _servo(known: Known) -> list[str]:
     law = known.servo.get("law", '"CascadePPI"').strip('"')
     units = {name: u.fill(GAIN_UNITS[name]) for name in GAINS[law]}
     blank = f'"{MISSING}"'
-    default = {name: f"{value}" for name, value in OPTIONAL_GAINS.items()}
+    default = {name: f"{value}" for name, (value,) in OPTIONAL_GAINS.items()}
     entries = {name: (known.servo.get(name, default.get(name, blank)), unit) for name, unit in units.items()}
     entries |= {
         "Ts": (known.servo.get("Ts", f"{record.Ts:.6g}" if record else blank), "s, sample time of the controller"),

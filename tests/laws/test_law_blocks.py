@@ -11,6 +11,7 @@ from fmpy import read_model_description
 from shell.selection import EACH_FEATURE
 from thorough import few, nightly, some
 
+from friction_fmus.blocks.axis_units import SLIDING
 from friction_fmus.blocks.catalogue import laws_folder
 from friction_fmus.blocks.probe import read_variables
 from friction_fmus.fmi.units import base_unit
@@ -115,7 +116,7 @@ def test_the_table_says_what_the_law_says(law, workshop):
     assert [row.name for row in rows] == [element(*pair) for pair in variables]
     for row, (variable, i) in zip(rows, variables, strict=True):
         optional = variable.kind in (Kind.OPTIONAL, Kind.COMMAND)
-        assert row.text == ("optional: " if optional else "") + variable.text
+        assert row.text == ("optional: " if optional else "") + SLIDING.fill(variable.text)
         assert (row.unit, row.start) == (si_name(variable.unit), variable.starts[i])
         if variable.kind in (Kind.PARAMETER, Kind.VECTOR, Kind.SAMPLE_TIME):
             assert (row.min, row.max) == (variable.min, variable.max)

@@ -9,8 +9,6 @@ import zipfile
 from io import BytesIO
 from pathlib import Path
 
-from harness.storage.atomic import atomic_path
-from harness.storage.cache import cached
 from lxml import etree
 from quick import UNOPTIMISED
 from shell.selection import built
@@ -18,6 +16,7 @@ from shell.selection import built
 from harness.compiling.platforms import PLATFORMS
 from harness.compiling.toolchain import FLAGS, cache_folder, compiler, header_folder, identity
 from harness.fmi3 import fmi_3
+from harness.storage.files import atomic_path, cached
 
 IN_3 = ":3"
 """Suffix of a name for FMI 3.0."""
