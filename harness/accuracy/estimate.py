@@ -222,7 +222,8 @@ def converge(near: Values, far: Values | None, most: float, size: float, floor: 
         return Convergence(math.nan, 2.0 * REGULAR, 1.0)
     if far is None:
         return Convergence(math.nan, IRREGULAR, 1.0)
-    sizes = [(float(np.sqrt(np.mean(np.square(each)))), float(np.max(each))) for each in (near, far)]
+    with np.errstate(over="ignore"):  # a run that grows beyond all limits
+        sizes = [(float(np.sqrt(np.mean(np.square(each)))), float(np.max(each))) for each in (near, far)]
     if max(sizes[0][1], sizes[1][1]) <= floor:
         return Convergence(math.nan, REGULAR, most)
     order = min(_order(*pair) for pair in zip(*sizes, strict=True))
