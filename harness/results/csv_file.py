@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from harness.result import Result, heading, quoted, split_heading, unquoted
-from harness.results.parquet_file import from_columns, require_distinct
+from harness.results.table import from_columns, require_distinct
 from harness.storage.files import atomic_path, read_csv
 
 _TRUTHS: Final = {"true": True, "false": False}

@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 
 from harness.errors import OutputError
 from harness.result import Result
-from harness.results.parquet_file import from_columns, require_distinct
+from harness.results.table import from_columns, require_distinct
 from harness.storage.files import atomic_path
 
 _TYPES: Final = {"i": "Integer", "b": "Boolean"}

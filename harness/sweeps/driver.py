@@ -21,7 +21,7 @@ from harness.engine.algorithm import Progress
 from harness.engine.checkpoint import digest, function_identity, part_identity
 from harness.errors import SweepError, nearest
 from harness.extras import require
-from harness.sweeps.folder import Columns, Memory, Storage
+from harness.sweeps.columns import Columns, Memory, Storage
 from harness.sweeps.measures import Builtin, Measure, find_measures, label
 from harness.sweeps.pools import LOOK, Outcomes, Pool, ProcessPool, SerialPool, make_pool
 from harness.sweeps.samples import Given, Sample, checked_samples, column_types
