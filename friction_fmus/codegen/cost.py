@@ -27,6 +27,12 @@ from friction_fmus.codegen.layout import Export
 from friction_fmus.errors import FrictionError
 from harness.storage.files import ScratchFolder
 
+# Estimated cycles of a law: instructions executed under QEMU times their durations in the manual of the core.
+#
+# Arm: Cortex-M4 Processor Technical Reference Manual, revision r0p1, tables 3-1 (instructions) and 7-1 (floating
+# point); Cortex-M0+ Technical Reference Manual, revision r0p1, table 3-1. Memory has no wait states. For the Cortex-M7,
+# Arm publishes no durations.
+
 
 @dataclass(frozen=True)
 class Durations:

@@ -98,6 +98,11 @@ def assembly(export: Export, core: Core, *flags: str) -> str:
         return (folder / "law.s").read_text(encoding="utf-8")
 
 
+# A program that runs an exported law with given samples under qemu-arm, in place of the microcontroller.
+#
+# It needs no C runtime and writes its results by Linux system calls. The counted instructions belong to the law and to
+# the library functions that it calls; they are the same on every core with this instruction set.
+
 _SIZES = {"m": 1e-3, "m/s": 1e-2, "m/s2": 1.0, "rad": 1e-3, "rad/s": 1e-2}
 """Magnitude of the samples by unit, for which friction and control are neither at rest nor saturated."""
 

@@ -15,6 +15,10 @@ from casadi import SX, Function, vertcat
 from friction_fmus.errors import FrictionError, nearest
 from friction_fmus.lawkit.declarations import Kind, Variable
 
+# Names of the intermediate results of a law: the local variables of its function and of the functions that it calls.
+#
+# The function is executed once more under a trace, so that a law needs no declarations for readable C code.
+
 _CASADI = str(Path(casadi.__file__).parent)
 
 

@@ -18,6 +18,10 @@ from scipy.signal import butter, sosfilt, sosfilt_zi
 from friction_fmus.errors import FrictionError
 from harness import Part, SeriesPart, System
 
+# Friction and cogging from the forces learned by iterative learning at constant speed in both directions.
+#
+# The method is taken from a summary; its original publication could not be identified.
+
 Array = NDArray[np.float64]
 
 POINTS = 16

@@ -42,6 +42,11 @@ from harness.storage.toml_file import read_toml
 COST_TABLE: Final = Path(__file__).with_name("cycles.toml")
 
 
+# Cost of the laws on a Cortex-M4F, from a table that ``benchmarks/cycles.py`` writes.
+#
+# The table makes the ranking independent of the machine of the study and of the tools that are installed on it.
+
+
 @dataclass(frozen=True)
 class Cost:
     """Cost of one law with its default parameters."""

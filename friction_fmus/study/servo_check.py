@@ -199,6 +199,12 @@ def frequencies(compared: Comparison, difference: Array) -> str:
     return f"periodic, mainly at {frequency:.4g} Hz, with an amplitude of {amplitude:.3g} {compared.record.units.force}"
 
 
+# Reasons why a servo does not reproduce the recorded drive force, and what to change.
+#
+# Each explanation is a small model of the recorded force. The simplest one that leaves at most `EXPLAINED` of the
+# residual, and not much more than the best one, is reported. A residual that none of them explains and that lies in
+# pulses or at a few frequencies is a force that was added from outside.
+
 EXPLAINED: Final = 0.2
 """Largest part of the residual that an explanation leaves."""
 

@@ -14,6 +14,12 @@ from numpy.typing import NDArray
 
 from harness.parts.part import Values
 
+# Alignment of two runs by their events, where a difference is one of time rather than of size.
+#
+# A run that slips a millisecond later than another one differs from it by the whole slip at one time, and by next to
+# nothing otherwise. The events of a variable are its crossings of three levels, so that no knowledge of the model is
+# needed: a reversal of a velocity, a drop of a force at break-away and a flag that changes are all among them.
+
 LEVELS: Final = (0.2, 0.5, 0.8)
 """Levels, as shares of the range of the variable."""
 
@@ -180,6 +186,11 @@ def _periods(times: Values, values: Values) -> tuple[Values, Values] | None:
     parts = [y[a:b] for a, b in pairwise(cuts)]
     return np.diff(ups), np.array([0.5 * float(np.ptp(part)) for part in parts])
 
+
+# Observed order and error bound from runs with three steps (Richardson 1911).
+#
+# The bound is the grid convergence index (Roache 1994): the difference to the next coarser run over 2^p - 1, times a
+# safety factor that is larger where the order is not the expected one.
 
 REGULAR: Final = 2.5
 """Safety factor for three runs that converge as expected. Roache has 1.25, for smooth solutions."""

@@ -17,6 +17,10 @@ from harness.errors import BuildError, nearest
 from harness.processors import available
 from harness.storage.files import ScratchFolder, cached
 
+# Universal binaries of macOS: libraries for several architectures in one file.
+#
+# ``mach-o/fat.h`` defines the format: a big-endian table of the slices, followed by the slices, each aligned to a page.
+
 MAGIC = 0xCAFEBABE
 SLICE_MAGIC = 0xFEEDFACF
 """Magic number of a 64-bit Mach-O file of a little-endian machine."""

@@ -15,6 +15,10 @@ from harness.drawing import Image, plain_style, png_of, svg_of
 from harness.plot import label_of
 from harness.system.assembly import Assembly
 
+# Places of the parts of a system in a block diagram: in columns along the signals, with feedback drawn backwards.
+#
+# The steps are those of Sugiyama, Tagawa, Toda: IEEE Transactions on Systems, Man, and Cybernetics 11(2), 1981.
+
 Pair: TypeAlias = tuple[str, str]
 Point: TypeAlias = tuple[float, float]
 

@@ -160,6 +160,13 @@ else:
             os.close(handle)
 
 
+# Cached files, each stored with its hash; a file that does not match its hash is made again.
+#
+# A killed process, a full disk or a loss of power can leave a file with arbitrary content, even one that was moved into
+# place atomically. The file and its hash are both replaced as a whole. Concurrent writers are harmless: at worst, the
+# file of one and the hash of the other coexist for a moment, and a third process makes its own.
+
+
 def keep(path: Path, content: bytes) -> None:
     """Write a file and its hash; create the folder if needed."""
     path.parent.mkdir(parents=True, exist_ok=True)

@@ -11,6 +11,14 @@ from typing import NamedTuple, TypeVar
 
 from friction_fmus.lawkit.emit.graph import CALLS, COMPARE, Node
 
+# Absolute positions in single precision as pairs of floats, so that small motions far from zero keep their accuracy.
+#
+# A float has a resolution of 60 nm at 1 m, which limits the difference of two positions. Values that contain an
+# absolute position are therefore computed as the sum of two floats, ``high`` and ``low``, by exact sums and products
+# (Dekker, Numerische Mathematik 18, 1971; Knuth, The Art of Computer Programming 2, 4.2.2). The difference of two
+# positions is a single float again. `positions` finds the values that must be pairs; `split` replaces pairs by
+# operations on floats.
+
 SUMS = {"ADD": 1.0, "SUB": -1.0}
 SUMMED = "SUMMED"
 """Factor of a sum of small increments, which is not a position."""

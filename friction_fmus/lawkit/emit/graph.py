@@ -104,6 +104,11 @@ def _joined(nodes: list[Node], node: Node) -> Node:
     return node
 
 
+# Where the sign of a zero matters: casadi's sum of both sides of a decision turns -0.0 into 0.0.
+#
+# Generated code may leave -0.0 there, unless an operation such as a division can make another number of it. Results
+# therefore equal casadi's, but a zero may have the other sign.
+
 # results that are never -0.0, whatever the arguments
 _NO_MINUS_ZERO = {"INDEX", "FABS", "SQ", "EXP", "COS", "COSH", "ACOS", "HYPOT", *CONDITIONS}
 _NEVER_NEGATIVE = {"INDEX", "FABS", "SQ", "EXP", "COSH", "ACOS", "HYPOT", *CONDITIONS}
