@@ -25,8 +25,8 @@ from friction_fmus.blocks.probe import (
     BlockVariables,
     Variable,
 )
+from friction_fmus.export.block_fmu import describe_block
 from friction_fmus.fmi.model_description import CAPABILITIES, ROLE
-from friction_fmus.fmi.package import describe_block
 
 DOCS = Path(__file__).parent
 

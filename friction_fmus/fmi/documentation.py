@@ -14,10 +14,10 @@ from friction_fmus.blocks.catalogue import FEATURES, Block, catalogue, package_t
 from friction_fmus.blocks.macros import INDENT, Paragraph, paragraphs
 from friction_fmus.blocks.probe import Description, variable_groups
 from friction_fmus.conditions import quotes
+from friction_fmus.fmi.html_page import STYLE, row, table
 from friction_fmus.fmi.model_description import CAPABILITIES, Terminal
 from friction_fmus.fmi.portrait import Figure
 from friction_fmus.version import VERSION
-from harness.html import STYLE, row, table
 
 INTRODUCTION = """# Friction models
 

@@ -13,7 +13,7 @@ import numpy as np
 from friction_fmus.axis.loop import Plant, Trajectory, closed_loop, run_loop, typed
 from friction_fmus.axis.servo import Servo
 from friction_fmus.blocks.axis_units import ROTARY
-from friction_fmus.fmi.package import build_record
+from friction_fmus.export.block_fmu import build_record
 from friction_fmus.identification.data.record import Array, MeasuredAxis, Record
 from friction_fmus.identification.errors import FitError
 from friction_fmus.identification.fit.idim import filtered_motion

@@ -157,6 +157,8 @@ class StoredSystem:
         outputs: Sequence[str] | None = None,
         platforms: Sequence[str] = ("native",),
         fmi: Literal[2, 3] = 2,
+        target: str | None = None,
+        **options: Any,
     ) -> None:
         """Write the system as one FMU, which solves the loops between its parts.
 
@@ -180,13 +182,17 @@ class StoredSystem:
             ``"native"``, ``"all"`` or names such as ``"win64"``.
         fmi : {2, 3}
             Version of FMI: 2.0 or 3.0.
+        target : str or None
+            What is written, in place of an FMU of version ``fmi``; see `friction_fmus.build`.
+        **options
+            Options of the target.
 
         Raises
         ------
         BuildError, ExperimentError, UnknownNameError
             If a part has no sources or is written in Python, or an argument is invalid; nothing is written.
         """
-        from harness.composite.package import compose
+        from friction_fmus.export.composite.composite_archive import compose
 
         compose(
             self,
@@ -197,7 +203,8 @@ class StoredSystem:
             inputs=inputs,
             outputs=outputs,
             platforms=platforms,
-            fmi=fmi,
+            target=target or f"fmi{fmi}",
+            options=options,
         )
 
     @classmethod

@@ -10,10 +10,10 @@ from fmpy.fmi1 import FMICallException
 
 from friction_fmus.blocks.catalogue import Block
 from friction_fmus.blocks.probe import Description
+from friction_fmus.fmi.image import Image
 from friction_fmus.fmi.portrait.bench import Bench, Panel
 from friction_fmus.fmi.portrait.drawing import chart, icon, labelled, terminal_icon
 from friction_fmus.fmi.portrait.experiments import experiment
-from harness.drawing import Image
 
 __all__ = ["Figure", "Image", "Portrait", "portray", "terminal_icon"]
 

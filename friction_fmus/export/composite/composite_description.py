@@ -13,10 +13,10 @@ from typing import Any
 
 from lxml import etree, html
 
-from harness.composite.diagram import diagram
-from harness.composite.interface import PartCode, Variable, reinitialised, states
+from friction_fmus.export.composite.composite_interface import PartCode, Variable, reinitialised, states
+from friction_fmus.export.composite.diagram import diagram
+from friction_fmus.fmi.html_page import STYLE, row, table
 from harness.errors import BuildError
-from harness.html import STYLE, row, table
 from harness.parts.fmu import FmuPart
 from harness.parts.log_categories import LOG_CATEGORIES
 from harness.parts.part import Part
