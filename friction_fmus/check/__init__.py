@@ -146,7 +146,7 @@ def _examine_ssp(path: Path, contents: Contents, static: bool, time_limit: float
             pass
     except HarnessError as error:
         found.append(SSP.finding(str(error), SSD_NAME))
-    with ScratchFolder("friction-fmus-check-") as folder, zipfile.ZipFile(path) as archive:
+    with ScratchFolder() as folder, zipfile.ZipFile(path) as archive:
         for name in sorted(name for name in contents.names if name.endswith(".fmu")):
             fmu = Path(archive.extract(name, folder))
             found += (replace(each, file=f"{name}/{each.file}") for each in _examine(fmu, static, time_limit))

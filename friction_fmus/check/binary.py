@@ -84,7 +84,7 @@ def run_probes(
         return [
             NO_BINARY.finding(f"{binary} is missing (binaries for: {there}); run the check on one of these platforms")
         ]
-    with ScratchFolder("friction-fmus-check-") as name:
+    with ScratchFolder() as name:
         folder = Path(name).resolve()
         unpack(contents, folder / "fmu")
         job = job | {

@@ -20,7 +20,7 @@ from harness.storage.zip_file import zipped
 def assemble(block: Block, sources: Mapping[str, str]) -> bytes:
     """Return the FMU for this machine: library, model description, documentation, terminals and figures."""
     members = {f"sources/{name}": text.encode() for name, text in sources.items()}
-    with ScratchFolder("friction-fmus-") as folder:
+    with ScratchFolder() as folder:
         place = f"binaries/{NATIVE.folder}/{block.name}{NATIVE.suffix}"
         members[place] = compiled(NATIVE, sources, block.name)
         native = Path(folder) / place

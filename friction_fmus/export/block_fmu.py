@@ -191,7 +191,7 @@ def describe_block(block: Block) -> BlockVariables:
     shipped = _shipped(block.name)
     if shipped is None or find(block.name) is not block:
         return read_variables(native_library(identified(_sources(block, {}), block.name), block.name))
-    with ScratchFolder("friction-fmus-") as folder, ZipFile(shipped) as archive:
+    with ScratchFolder() as folder, ZipFile(shipped) as archive:
         member = f"binaries/{NATIVE.folder}/{block.name}{NATIVE.suffix}"
         return read_variables(Path(archive.extract(member, folder)))
 

@@ -140,7 +140,7 @@ def _object(target: str | None, unit: str, sources: Mapping[str, str], *, warns:
 @contextmanager
 def _scratch() -> Iterator[Path]:
     """Yield a folder that is removed at the end, so that no path of the cache enters a binary."""
-    with ScratchFolder("friction-fmus-") as scratch:
+    with ScratchFolder() as scratch:
         yield Path(scratch)
 
 

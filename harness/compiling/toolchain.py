@@ -130,7 +130,7 @@ def lacking() -> MissingPackageError | None:
 def _version(command: tuple[str, ...]) -> str:
     try:
         # zig leaves an empty a.o when asked for its version with -target ...-macos
-        with ScratchFolder("friction-fmus-") as scratch:
+        with ScratchFolder() as scratch:
             for lacks in (_CACHE_OF_ZIG not in os.environ, False):
                 run = subprocess.run(
                     [*command, "--version"], cwd=scratch, capture_output=True, text=True, check=not lacks

@@ -6,6 +6,8 @@ import math
 import zipfile
 from collections.abc import Mapping
 from dataclasses import dataclass
+from io import BytesIO
+from itertools import chain
 from pathlib import Path, PurePosixPath
 from types import MappingProxyType
 from typing import Any, Final
@@ -20,6 +22,8 @@ from harness.storage.zip_file import NotZipError, ZipError, find_absence, open_z
 from harness.units import BaseUnit, stated_unit
 
 _MOST_INDICATORS: Final = 1_000_000
+_TRAITS: Final = ("VendorAnnotations/Tool[@name='harness']/Part", "Annotations/Annotation[@type='harness']/Part")
+"""Where FMUs of FMI 2.0 and 3.0 declare traits."""
 
 
 @dataclass(frozen=True)
@@ -36,6 +40,8 @@ class Archive:
     """All variables by name, with value reference, causality, variability and initial."""
     flat: Flat | None = None
     """For FMI 3.0: its arrays and clocks; description and variables are in terms of FMI 2.0."""
+    traits: frozenset[str] = frozenset()
+    """What its annotation for the harness declares: "strict", "samplesInSteps"."""
 
     @property
     def platform(self) -> str:
@@ -86,14 +92,15 @@ def open_archive(path: Path, sizes: Mapping[str, int] = MappingProxyType({})) ->
         platform, has members that are unsafe to unpack (see `harness.storage.zip_file`), or has a DOCTYPE in its XML.
     """
     members, data = _read_members(path)
-    _refuse_entities(path, data)
-    description, flat = _read_description(path, sizes)
+    traits = _traits(path, data)
+    description, flat = _read_description(path, data, sizes, ticks="samplesInSteps" not in traits)
     archive = Archive(
         path=path,
         description=description,
         ports=_ports(path, description),
         variables={variable.name: variable for variable in description.modelVariables},
         flat=flat,
+        traits=traits,
     )
     _check_binary(path, archive.platform, archive.interface.modelIdentifier, members)
     return archive
@@ -124,14 +131,16 @@ def _read_xml(archive: zipfile.ZipFile, path: Path) -> bytes:
         raise FmuError(f"cannot read modelDescription.xml of {path}: {error}") from error
 
 
-def _refuse_entities(path: Path, data: bytes) -> None:
-    """Raise an FmuError for a DOCTYPE, which can define entities and which no FMU needs."""
+def _traits(path: Path, data: bytes) -> frozenset[str]:
+    """Return the declared traits; an FmuError for a DOCTYPE, which can define entities and which no FMU needs."""
     try:
         root = etree.fromstring(data, etree.XMLParser(resolve_entities=False, no_network=True))
     except (etree.XMLSyntaxError, ValueError):
-        return
+        return frozenset()
     if root.getroottree().docinfo.internalDTD is not None:
         raise FmuError(f"modelDescription.xml of {path} has a DOCTYPE, which is unsafe; do not use this file")
+    declared = (root.iterfind(place) for place in _TRAITS)
+    return frozenset(str(key) for part in chain(*declared) for key, value in part.items() if value == "true")
 
 
 def parse_value(kind: PortType, text: str) -> StartValue:
@@ -143,11 +152,13 @@ def parse_value(kind: PortType, text: str) -> StartValue:
     return text.strip() in {"true", "1"} if kind == "Boolean" else text
 
 
-def _read_description(path: Path, sizes: Mapping[str, int]) -> tuple[Any, Flat | None]:
+def _read_description(path: Path, data: bytes, sizes: Mapping[str, int], *, ticks: bool) -> tuple[Any, Flat | None]:
+    content = BytesIO()
+    with zipfile.ZipFile(content, "w") as archive:  # fmpy reads the XML of an archive only
+        archive.writestr("modelDescription.xml", data)
     try:
         # not validated: an FMU that other importers run must run here; required entries are checked where they are used
-        with path.open("rb") as file:  # not the path: fmpy leaves the file open if the XML is malformed
-            description = fmpy.read_model_description(file, validate=False)
+        description = fmpy.read_model_description(content, validate=False)
     except Exception as error:
         reason = " ".join(str(error).split()) or type(error).__name__
         raise FmuError(
@@ -155,7 +166,7 @@ def _read_description(path: Path, sizes: Mapping[str, int]) -> tuple[Any, Flat |
         ) from error
     version = str(description.fmiVersion)
     if version.startswith("3."):
-        return flatten(path, description, sizes)
+        return flatten(path, description, sizes, ticks=ticks)
     if version != "2.0":
         raise FmuError(f"{path} is an FMI {version} FMU: export it as FMI 2.0 or 3.0")
     if description.coSimulation is None and description.modelExchange is None:

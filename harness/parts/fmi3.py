@@ -240,8 +240,8 @@ _REASONS: Final[Mapping[int, str]] = MappingProxyType(
 _OF_STEPS: Final = (103, 104)
 """Those of them that are the status of a step."""
 
-_SLOPES: Final = "friction_fmus_SetInputDerivatives"
-"""Function of FMUs of this project that sets time derivatives of inputs, which FMI 3.0 does not have."""
+_SLOPES: Final = "harness_SetInputDerivatives"
+"""Function that an FMU may have for time derivatives of inputs, which FMI 3.0 does not have."""
 
 _NEEDED: Final = (
     *("InstantiateCoSimulation", "FreeInstance", "EnterInitializationMode", "ExitInitializationMode"),

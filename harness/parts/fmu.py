@@ -213,7 +213,7 @@ class FmuPart(Part):
             ports[name] for name in numeric if variables[name].causality not in ("input", "output")
         )
         self.dependencies, self.undeclared = archive.feedthrough()
-        self.strict = str(self.archive.description.generationTool or "").startswith("friction-fmus")
+        self.strict = "strict" in archive.traits
         self.saves = bool(self.archive.interface.canGetAndSetFMUstate)
         self.identity = str(self.archive.description.guid)
         self.sampled = bool(self.outputs) and all(port.held for port in self.outputs)

@@ -54,7 +54,7 @@ SPACES: Final[Mapping[str, str]] = MappingProxyType(
 DIMENSION: Final = f"{{{SSC}}}Dimension"
 
 #: Generating tool stated in written files.
-TOOL: Final = "friction-fmus"
+TOOL: Final = "harness"
 
 _ROOTS: Final = MappingProxyType({SSD: "SystemStructureDescription", SSV: "ParameterSet", SSM: "ParameterMapping"})
 _SCHEMAS: Final = MappingProxyType(
@@ -218,7 +218,7 @@ class TemporaryFolder:
 
     def __init__(self) -> None:
         """Make the folder."""
-        folder = ScratchFolder("harness-ssp-")
+        folder = ScratchFolder()
         self.path = Path(folder.name)
         weakref.finalize(self, folder.cleanup)
 

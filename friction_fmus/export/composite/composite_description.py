@@ -16,6 +16,7 @@ from lxml import etree, html
 from friction_fmus.export.composite.composite_interface import PartCode, Variable, reinitialised, states
 from friction_fmus.export.composite.diagram import diagram
 from friction_fmus.fmi.html_page import STYLE, row, table
+from friction_fmus.fmi.model_description import declare_traits
 from harness.errors import BuildError
 from harness.parts.fmu import FmuPart
 from harness.parts.log_categories import LOG_CATEGORIES
@@ -302,6 +303,7 @@ def composite_description(
     if experiment.tolerance:
         times["tolerance"] = experiment.tolerance
     etree.SubElement(root, "DefaultExperiment", {name: _number(value) for name, value in times.items()})
+    declare_traits(root)
     listed = etree.SubElement(root, "ModelVariables")
     places = {variable.name: i for i, variable in enumerate(variables, start=1)}
     jumps = {fmu.path: reinitialised(fmu) for fmu in {fmu.path: fmu for fmu in fmus if texts.exchanges}.values()}

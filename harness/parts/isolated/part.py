@@ -43,7 +43,7 @@ class Process:
         """Start the process and wait until it listens."""
         if os.name != "posix":
             raise HarnessError(f"part '{name}' cannot be isolated on {sys.platform}: leave isolate out")
-        folder = ScratchFolder("harness-")
+        folder = ScratchFolder()
         self.folder = Path(folder.name)
         ours, theirs = socket.socketpair()
         arguments = (theirs.fileno(), name, str(path.absolute()))
