@@ -56,7 +56,7 @@ def described(name: str) -> dict[str, Any]:
     """Return what the page of a block shows: the variables, the picture, and what its script tells."""
     block = catalogue()[name]
     file = fmu(name)
-    with TemporaryDirectory() as folder, opened(block, file, Path(folder)) as bench:
+    with opened(block, file) as bench:
         about = about_block(bench) | {"equations": equations(block)}
         groups = variable_groups(bench.description)
     with ZipFile(file) as archive:

@@ -20,6 +20,7 @@ from friction_fmus.blocks.catalogue import Block
 from friction_fmus.blocks.probe import Description
 from friction_fmus.export import block_contents, block_fmu
 from friction_fmus.fmi.portrait import Portrait, portray, terminal_icon
+from harness import FmuPart
 from harness.compiling import platforms, toolchain
 
 UNOPTIMISED = ("-O0", "-fno-sanitize=undefined")
@@ -98,9 +99,9 @@ def quick_builds(folder: str) -> Iterator[None]:
         slow = "wasm" in (target or "")  # without optimisation, a module needs what no browser has
         return (_as_users_get_it(compile_unit) if slow else compile_unit)(target, *rest, **named)
 
-    def drawn(block: Block, description: Description, folder: Path) -> Portrait:
+    def drawn(block: Block, description: Description, part: FmuPart) -> Portrait:
         if _is_plain():
-            return portray(block, description, folder)
+            return portray(block, description, part)
         return Portrait(terminal_icon("square"), ())
 
     with pytest.MonkeyPatch.context() as patch:

@@ -13,22 +13,26 @@ from friction_fmus.fmi.model_description import model_description, terminals, te
 from friction_fmus.fmi.portrait import portray, terminal_icon
 from friction_fmus.version import build_time
 from harness.compiling.platforms import NATIVE, compiled
+from harness.parts.fmu import FmuPart
 from harness.storage.files import ScratchFolder
 from harness.storage.zip_file import zipped
 
 
 def assemble(block: Block, sources: Mapping[str, str]) -> bytes:
     """Return the FMU for this machine: library, model description, documentation, terminals and figures."""
+    place = f"binaries/{NATIVE.folder}/{block.name}{NATIVE.suffix}"
     members = {f"sources/{name}": text.encode() for name, text in sources.items()}
+    members[place] = compiled(NATIVE, sources, block.name)
     with ScratchFolder() as folder:
-        place = f"binaries/{NATIVE.folder}/{block.name}{NATIVE.suffix}"
-        members[place] = compiled(NATIVE, sources, block.name)
-        native = Path(folder) / place
-        native.parent.mkdir(parents=True)
+        native, fmu = Path(folder) / f"{block.name}{NATIVE.suffix}", Path(folder) / f"{block.name}.fmu"
         native.write_bytes(members[place])
         description = describe(native, computed(block))
         _check_start_values(block, description)
-        portrait = portray(block, description, Path(folder))
+        members["modelDescription.xml"] = model_description(block, description, block.name)
+        fmu.write_bytes(zipped(members, build_time()))
+        part = FmuPart(block.name, fmu)
+        portrait = portray(block, description, part)
+        part.close()
     connected = terminals(description)
     icons = {"icon": portrait.icon, **{each.shape: terminal_icon(each.shape) for each in connected}}
     for name, image in icons.items():
@@ -36,7 +40,6 @@ def assemble(block: Block, sources: Mapping[str, str]) -> bytes:
     for number, figure in enumerate(portrait.figures, start=1):
         members[f"documentation/figure{number}.svg"] = figure.svg
     members |= {
-        "modelDescription.xml": model_description(block, description, block.name),
         "model.png": portrait.icon.png,
         "terminalsAndIcons/terminalsAndIcons.xml": terminals_and_icons(connected),
         "documentation/licenses/license.txt": package_text("LICENSE").encode(),

@@ -58,10 +58,7 @@ def next_run() -> None:
     ScratchFolder().cleanup()
 
 
-HERE = (
-    "from harness.storage.files import ScratchFolder\n"
-    "folder = ScratchFolder()\nopen(folder.name + '/x', 'w')\n"
-)
+HERE = "from harness.storage.files import ScratchFolder\nfolder = ScratchFolder()\nopen(folder.name + '/x', 'w')\n"
 
 
 def test_the_folder_of_a_killed_process_goes_and_that_of_a_living_one_stays(temporary: Path) -> None:
