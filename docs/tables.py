@@ -28,6 +28,7 @@ from friction_fmus.blocks.probe import (
 from friction_fmus.export.block_fmu import describe_block
 from friction_fmus.fmi.documentation import markdown
 from friction_fmus.fmi.model_description import CAPABILITIES, ROLE
+from friction_fmus.identification.data.formats import formats as data_formats
 from harness.masters import master_names
 
 DOCS = Path(__file__).parent
@@ -317,8 +318,16 @@ def masters() -> str:
     return table(("master", "a communication step", "use it for"), rows)
 
 
-_ALL = (motions, reasons, questions, situations, compensators, capabilities, exchange, kinds, roles, models, masters)
-TABLES = {f.__name__: f for f in _ALL}
+def formats() -> str:
+    """Return the formats of data files, as their modules describe them."""
+    suffixes: dict[str, list[str]] = {}
+    for suffix, module in data_formats().items():
+        suffixes.setdefault(str(inspect.getdoc(module)).replace("``", "`"), []).append(f"`{suffix}`")
+    return "\n".join(f"* {', '.join(names)}: {text}" for text, names in suffixes.items())
+
+
+_OF_BLOCKS = (motions, reasons, questions, situations, compensators, capabilities, exchange, kinds, roles, models)
+TABLES = {f.__name__: f for f in (*_OF_BLOCKS, masters, formats)}
 
 
 def filled(text: str) -> str:

@@ -111,7 +111,7 @@ def compiler(target: str | None = None) -> list[str]:
 @cache
 def _zig() -> Path:
     """Return the program of the package ziglang: `python -m ziglang` starts Python for each file."""
-    require("ziglang")
+    require("ziglang", "a compilation needs it, or a compiler in CC")
     import ziglang
 
     return Path(ziglang.__file__).parent / ("zig.exe" if os.name == "nt" else "zig")

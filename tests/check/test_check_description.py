@@ -49,8 +49,9 @@ def enumerated(root: etree._Element, items: str, start: int = 1) -> None:
 
 
 def add_tools(root: etree._Element, *names: str) -> None:
-    tools = "".join(f'<Tool name="{name}"><x/></Tool>' for name in names)
-    insert(root, "DefaultExperiment", f"<VendorAnnotations>{tools}</VendorAnnotations>")
+    annotations = root.find("VendorAnnotations")
+    assert annotations is not None
+    annotations.extend(etree.fromstring(f'<Tool name="{name}"><x/></Tool>') for name in names)
 
 
 def swap_initial(root: etree._Element) -> None:

@@ -84,7 +84,7 @@ def test_folders_import_downwards() -> None:
 
 NAMED = {
     "harness/compiling/toolchain.py": 4,  # the C files of FMUs, in a checkout and in a wheel; the folder of the cache
-    "harness/extras.py": 2,  # what to install
+    "harness/extras.py": 3,  # what to install
     "harness/ssp/annotations.py": 1,  # annotations in files that users have
     "harness/ssp/package.py": 1,  # their name space
     "harness/system/system.py": 2,  # `System.to_fmu` imports the export when called
