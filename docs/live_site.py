@@ -23,7 +23,7 @@ from friction_fmus.blocks.macros import paragraphs
 from friction_fmus.blocks.probe import variable_groups
 from friction_fmus.export.block_fmu import block_source
 from friction_fmus.export.composite.composite_archive import composite_source
-from friction_fmus.export.source_fmu import SourceFmu
+from friction_fmus.export.targets import SourceFmu
 from friction_fmus.export.targets.wasm.npm_package import wasm_model
 from friction_fmus.fmi.documentation import markdown
 from friction_fmus.harness import System

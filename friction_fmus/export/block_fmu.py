@@ -30,8 +30,7 @@ from friction_fmus.blocks.probe import (
     read_variables,
 )
 from friction_fmus.errors import BuildError
-from friction_fmus.export.source_fmu import Compiling, SourceFmu, write_fmu
-from friction_fmus.export.targets import choose_target
+from friction_fmus.export.targets import Compiling, SourceFmu, choose_target, write_fmu
 from friction_fmus.version import VERSION, build_time
 from harness.compiling import toolchain
 from harness.compiling.platforms import NATIVE, native_library, select
@@ -104,9 +103,9 @@ def build(
     """
     chosen, given = choose_target("fmu", target or f"fmi{fmi}", options, platforms)
     selected = select(tuple(platforms))
-    source = block_source(model, start, name, files, domain, compiling)
+    source = replace(block_source(model, start, name, files, domain, compiling), platforms=selected)
     path = Path(out_dir) / f"{source.identifier}{chosen.ending}"
-    chosen.write(source, path, selected, compiling, **given)
+    chosen.write(source, path, **given)
     return path
 
 
@@ -121,7 +120,7 @@ def block_source(
     """Return a block, of which targets make what they write, from the cache or a new build; see `build`."""
     twin = domain == "rotational"
     if not (start or name or files or twin) and (shipped := _shipped(model)):
-        return SourceFmu(shipped.stem, shipped.read_bytes(), ((NATIVE,), select(("all",))))
+        return SourceFmu(shipped.stem, shipped.read_bytes(), (), compiling, ((NATIVE,), select(("all",))))
     block = find(model)
     code = with_start_values(with_room(block, start or {}).code, start or {})
     code = rotational(code) if twin else code
@@ -138,7 +137,7 @@ def block_source(
         return assemble(block, sources)
 
     path = toolchain.cache_folder() / f"{identifier}-{_key(sources, block)}.fmu"
-    return SourceFmu(identifier, cached(path, make), ((NATIVE,),))
+    return SourceFmu(identifier, cached(path, make), (), compiling, ((NATIVE,),))
 
 
 def _shipped(model: str | Path) -> Path | None:

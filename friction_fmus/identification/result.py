@@ -17,7 +17,7 @@ from friction_fmus.identification.fit.position import PositionFit
 from friction_fmus.identification.fit.prediction import compare, predict
 from friction_fmus.identification.fit.scores import Score
 from friction_fmus.identification.plot import draw
-from friction_fmus.notebook import identification_html, identification_text
+from friction_fmus.listings import identification_html, identification_text
 from harness import Parameter, ParameterSet, write_ssv
 
 if TYPE_CHECKING:

@@ -13,7 +13,6 @@ from check.broken import (
     contents,
     edited,
     index_of,
-    insert,
     remove,
     twice,
     typed,
@@ -376,7 +375,7 @@ def test_fmpy_is_asked_where_nothing_else_is_wrong(
     def refuse(*_: object, **__: object) -> None:
         raise ValidationError(["something  new"])
 
-    monkeypatch.setattr("friction_fmus.check.read_model_description", refuse)
+    monkeypatch.setattr("friction_fmus.check.parse_description", refuse)
     (finding,) = check(lugre, static=True)
     assert (finding.rule, finding.message) == ("fmpy", "fmpy reports: something new")
     (other,) = check(edited(lugre, tmp_path / "a.fmu", real("Fc", start="-1")), static=True)

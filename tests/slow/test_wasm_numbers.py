@@ -25,7 +25,7 @@ from wasm.engines import CASES, ENGINES, NODE, in_node, run_in
 from wasm.test_wasm_package import LARGEST
 
 from friction_fmus import catalogue
-from friction_fmus.export.source_fmu import SourceFmu
+from friction_fmus.export.targets import SourceFmu
 from friction_fmus.export.targets.wasm.npm_package import WasmModel, class_script, imports, wasm_model
 from harness.compiling.toolchain import compiler, header_folder, source_folder
 from harness.system.experiment import LOOP_TOLERANCE

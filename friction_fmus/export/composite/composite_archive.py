@@ -30,8 +30,7 @@ from friction_fmus.export.composite.composite_interface import (
     without_sources,
 )
 from friction_fmus.export.composite.diagram import loop_icon
-from friction_fmus.export.source_fmu import SourceFmu
-from friction_fmus.export.targets import choose_target
+from friction_fmus.export.targets import SourceFmu, choose_target
 from harness.compiling.library import sources as engine_sources
 from harness.compiling.platforms import Platform, select
 from harness.compiling.toolchain import guid_of, source_folder
@@ -73,7 +72,7 @@ def compose(
     identifier = path.name.removesuffix(chosen.ending) if name is None else name
     selected = select(tuple(platforms))
     source = composite_source(system, identifier, selected, step=step, master=master, inputs=inputs, outputs=outputs)
-    chosen.write(source, path, selected, **given)
+    chosen.write(source, path, **given)
 
 
 def composite_source(
@@ -144,7 +143,7 @@ def composite_source(
     members |= {"model.png": icon.png, f"{TERMINALS}/icon.png": icon.png, f"{TERMINALS}/icon.svg": icon.svg}
     members[f"{TERMINALS}/terminalsAndIcons.xml"] = composite_terminals(inner, variables)
     quiet = {key for code in codes.values() if not code.own for key in code.wrappers}
-    return SourceFmu(identifier, zipped(members, made), quiet=quiet)
+    return SourceFmu(identifier, zipped(members, made), platforms, quiet=quiet)
 
 
 def _check_path(path: Path, system: Assembly, ending: str) -> None:

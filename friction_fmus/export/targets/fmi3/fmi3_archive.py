@@ -11,7 +11,7 @@ from typing import Final
 
 from lxml import etree
 
-from friction_fmus.export.source_fmu import Compiling, SourceFmu, libraries
+from friction_fmus.export.targets import SourceFmu
 from friction_fmus.export.targets.fmi3.fmi3_description import Traits, Variable, description_3, grouped
 from harness.compiling import toolchain
 from harness.compiling.platforms import Platform, linked
@@ -102,19 +102,12 @@ static const uint32_t state_variables[STATE_VARIABLES + 1] = {{{states}}};
 """
 
 
-def fmi_3(
-    source: SourceFmu,
-    platforms: Sequence[Platform],
-    compiling: Compiling | None = None,
-    *,
-    clocks: bool = False,
-    arrays: bool = False,
-) -> bytes:
+def fmi_3(source: SourceFmu, *, clocks: bool = False, arrays: bool = False) -> bytes:
     """Return the FMU of FMI 3.0, from the cache or compiled."""
     shell = _shell()
     digest = hashlib.sha256(source.content)
     modules = (path.read_text(encoding="utf-8") for path in sorted(Path(__file__).parent.glob("*.py")))
-    identities = (text for each in platforms for text in (each.folder, *map(toolchain.identity, each.targets)))
+    identities = (text for each in source.platforms for text in (each.folder, *map(toolchain.identity, each.targets)))
     for text in (
         f"{clocks} {arrays}",
         *modules,
@@ -123,17 +116,10 @@ def fmi_3(
     ):
         digest.update(text.encode() + b"\0")
     path = toolchain.cache_folder() / "fmi3" / f"{digest.hexdigest()[:24]}.fmu"
-    return cached(path, lambda: _assemble(source, shell, platforms, compiling, clocks, arrays))
+    return cached(path, lambda: _assemble(source, shell, clocks, arrays))
 
 
-def _assemble(
-    fmu: SourceFmu,
-    shell: Mapping[str, str],
-    platforms: Sequence[Platform],
-    compiling: Compiling | None,
-    clocks: bool,
-    arrays: bool,
-) -> bytes:
+def _assemble(fmu: SourceFmu, shell: Mapping[str, str], clocks: bool, arrays: bool) -> bytes:
     old, identifier, units = fmu.description, fmu.identifier, fmu.units
     files = {**fmu.files, **shell, **{name: _fmi_header(name) for name in _FMI_2_HEADERS}}
     main = f"fmi3_{identifier}.c"
@@ -166,12 +152,8 @@ def _assemble(
         unit: included(unit, files) | ({f"{identifier}.c": files[f"{identifier}.c"]} if unit == main else {})
         for unit in compiled
     }
-    made |= libraries(
-        identifier,
-        [_named(platform) for platform in platforms],
-        lambda platform: linked(platform, sources, identifier, fmu.quiet),
-        compiling,
-    )
+    platforms = [_named(platform) for platform in fmu.platforms]
+    made |= fmu.libraries(lambda platform: linked(platform, sources, identifier, fmu.quiet), platforms)
     return zipped(made, fmu.made)
 
 
