@@ -87,7 +87,7 @@ def leuven(r: np.ndarray, rd: np.ndarray) -> list[float]:
         base, deflection, S = Fb, z, level(v)
         if v * side < 0.0:  # a reversal between the samples, which the displacement does not show
             base, deflection = Fb + Fd(z), 0.0
-        elif stack and Fd(z) / (S - Fb) >= 1.0 - 1e-3 or side * (S - Fb) <= 0.0:
+        elif (stack and Fd(z) / (S - Fb) >= 1.0 - 1e-3) or side * (S - Fb) <= 0.0:
             base, deflection = 0.0, inverse(Fb + Fd(z))
         forces.append(Fb + Fd(z) + sigma1 * v * (1.0 - power(Fd(deflection) / (S - base))) + sigma2 * v)
     return forces
