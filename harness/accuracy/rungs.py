@@ -177,6 +177,8 @@ def repeated(system: Assembly, experiment: Experiment, options: Options) -> tupl
         raise ExperimentError(
             "the accuracy of a run that is continued or saved for continuation cannot be told: run it as a whole"
         )
+    if options.events:
+        raise ExperimentError("the accuracy of a run with two rows at events cannot be told: run it without events")
     given = ratios(system, experiment)
     shares = _shares(options.progress, (Fraction(1), *given))
     result = Session(system, experiment, replace(options, progress=next(shares, None))).run(system.start).result()

@@ -56,6 +56,12 @@ class ExchangeInstance(Instance):
         if status > 1:
             raise self.failure("fmi2DoStep", status)
 
+    def event(self, time: float) -> None:
+        """Take the event at this time, as the next step does."""
+        status = self._integrator.event(time)
+        if status > 1:
+            raise self.failure("fmi2DoStep", status, time)
+
     def reset(self) -> bool:
         """Return the instance to its initial state; it is in no mode of a run then."""
         self._integrator.data.continuous = 0
@@ -215,6 +221,7 @@ class FmuPart(Part):
         self.dependencies, self.undeclared = archive.feedthrough()
         self.strict = str(self.archive.description.generationTool or "").startswith("friction-fmus")
         self.saves = bool(self.archive.interface.canGetAndSetFMUstate)
+        self.events = archive.exchange or bool(archive.flat is not None and archive.flat.clocks)
         self.identity = str(self.archive.description.guid)
         self.sampled = bool(self.outputs) and all(port.held for port in self.outputs)
 
@@ -310,6 +317,12 @@ class FmuPart(Part):
         if state not in self._states:
             raise PartError(self.name, "fmi2SetFMUstate", "this state belongs to another run; save it again")
         self._started().restore(state)
+
+    def event(self, time: float) -> None:
+        """Take the event at this time, as the next step does."""
+        instance = self._started()
+        assert isinstance(instance, (ExchangeInstance, Instance3))
+        instance.event(time)
 
     def serialise(self) -> bytes:
         """Return the state from fmi2SerializeFMUstate."""

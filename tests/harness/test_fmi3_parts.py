@@ -199,6 +199,20 @@ def test_clocks_tick_and_events_happen_at_their_times(tmp_path: Path, step: floa
     assert found["y"] == pytest.approx(0.1)
 
 
+@pytest.mark.parametrize("master", ["gauss-seidel", "newton"])
+def test_events_show_the_values_before_and_after(tmp_path: Path, master: str) -> None:
+    """Ticks at 3 ms + k 10 ms and an event at 25 ms, each with two rows; nothing else changes."""
+    settings = {"stop": 0.03, "step": 0.001, "record": ["p.ticks", "p.events", "p.y"], "master": master}
+    with foreign(tmp_path, **{**INPUTS, "u": 1.0}) as system:
+        plain, shown = system.run(**settings), system.run(**settings, events=True)  # type: ignore[arg-type]
+    t = shown["time"].to_numpy()
+    second = np.append(False, np.diff(t) == 0.0)
+    assert all(np.array_equal(shown[name].to_numpy()[~second], plain[name]) for name in plain)
+    assert t[second] == pytest.approx([0.003, 0.013, 0.023, 0.025])
+    assert shown["p.ticks"].to_numpy()[second].tolist() == [1, 2, 3, 3]
+    assert shown["p.events"].to_numpy()[second].tolist() == [0, 0, 0, 1]
+
+
 @pytest.mark.parametrize(
     ("start", "reason"),
     [
