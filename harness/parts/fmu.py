@@ -396,6 +396,9 @@ class FmuPart(Part):
                 buffer = (ctypes.c_double * 1)(float(value))
             else:
                 buffer = (ctypes.c_int * 1)(_whole(value))
+                if port.items and value != port.start and value not in {number for _, number in port.items}:
+                    known = ", ".join(f"{number} ({item})" for item, number in port.items[:10])
+                    raise StartValueError(f"start value {value} of {self.name}.{port.name} is no item: give {known}")
         except (TypeError, ValueError, OverflowError) as error:
             raise StartValueError(
                 f"start value {shown(value)} of {self.name}.{port.name} is not of type {port.type}: give a value of "

@@ -175,6 +175,33 @@ def test_arrays_enumerations_and_booleans(tmp_path: Path) -> None:
     assert (found["gear_y"], found["any"]) == (2, 1)
 
 
+def test_an_enumeration_has_one_of_its_items(tmp_path: Path) -> None:
+    with pytest.raises(StartValueError, match=r"value 7 of p\.gear is no item: give 1 \(first\), 2 \(second\)"):
+        run(tmp_path, gear=7)
+
+
+@pytest.mark.parametrize(
+    ("items", "said"),
+    [
+        ('<Item name="first" value="1"/><Item name="second" value="2"/><Item name="third" value="3"/>', ""),
+        (
+            '<Item name="first" value="1"/><Item name="other" value="2"/>',
+            "2, which is 'second' of the output and 'other'",
+        ),
+        ('<Item name="first" value="1"/>', "2, which is 'second' of the output and no item of the input"),
+    ],
+)
+def test_a_connection_of_enumerations_with_other_items_is_reported(
+    tmp_path: Path, items: str, said: str, caplog: pytest.LogCaptureFixture
+) -> None:
+    change = ('<Item name="first" value="1"/><Item name="second" value="2"/>', items)
+    parts = [FmuPart("p", types3(tmp_path / "p.fmu")), FmuPart("q", types3(tmp_path / "q.fmu", change))]
+    start = {f"{part}.{name}": value for part in "pq" for name, value in INPUTS.items() if f"{part}.{name}" != "q.gear"}
+    with System(parts, ["p.gear_y -> q.gear"], start):  # type: ignore[arg-type]
+        pass
+    assert said in caplog.text and bool(said) == bool(caplog.text)
+
+
 def test_one_element_of_an_array_can_be_connected(tmp_path: Path) -> None:
     part = FmuPart("p", types3(tmp_path / "types.fmu"))
     free = {f"p.{name}": value for name, value in INPUTS.items() if name != "matrix[2,1]"}
