@@ -39,7 +39,6 @@ MODEL = """\
 #define SUMMARY  "Slipping spring with viscous friction"
 #define SOURCE   "A test"
 #define FEATURES "presliding, rate dependent"
-#define NEEDS    "presliding"
 
 /* clang-format off */
 #define VARIABLES                                                          \\
