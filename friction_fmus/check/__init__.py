@@ -1,8 +1,8 @@
 """Checks of an FMU: the archive, the XML, and the behaviour of the binary in a separate process.
 
 An SSP is read as the harness reads it, and each of its FMUs is checked. The checks apply to any FMU of FMI 2.0 or 3.0.
-The rules are functions in `archive`, `definitions`, `variables`, `structure`, `side_files` and `fmi3`, and probes in
-`probes`; each rule is one function.
+The rules are functions in `archive`, `definitions`, `variables`, `structure` and `fmi3_rules`, and probes in `probes`;
+each rule is one function.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from friction_fmus.check.archive import (
     read_member,
     truncated_libraries,
 )
-from friction_fmus.check.binary import examine_binary
+from friction_fmus.check.binary import examine_binary, examine_binary_3
 from friction_fmus.check.description import (
     NO_INTERFACE,
     SCHEMA,
@@ -37,8 +37,7 @@ from friction_fmus.check.description import (
     wrong_encoding,
 )
 from friction_fmus.check.findings import DESCRIPTION, RULES, Finding, Rule, apply, declare
-from friction_fmus.check.fmi3 import Model3
-from friction_fmus.check.fmi3.binary import examine_binary_3
+from friction_fmus.check.fmi3_rules import Model3
 from friction_fmus.check.structure import examine_side_files
 from friction_fmus.errors import FrictionError, UnknownNameError, nearest
 from harness.errors import HarnessError

@@ -127,7 +127,13 @@ def _shortened(text: str) -> str:
     return text if len(text) <= LONGEST else f"{text[: LONGEST // 2]} ... {text[-LONGEST // 2 :]}"
 
 
+def at(v: Any, message: str) -> Fault:
+    """Return a fault of a variable of a model description."""
+    return Fault(message, v.line, v.name)
+
+
 Function = Callable[[Any], Iterator[Fault]]
+Messages = Callable[[Any, Any], Iterator[str]]
 
 RULES: Final[dict[str, Rule]] = {}
 """All rules by name."""
@@ -148,6 +154,21 @@ def rule(
 
     def add(function: Function) -> Function:
         _functions.append((declare(id, severity, section, summary, kind), function))
+        return function
+
+    return add
+
+
+def for_each(
+    id: str, severity: Severity, section: str, summary: str, kind: Kind = "description"
+) -> Callable[[Messages], Messages]:
+    """Add a rule with a function that maps a model description and each of its variables to messages."""
+
+    def add(function: Messages) -> Messages:
+        @rule(id, severity, section, summary, kind)
+        def faults(model: Any) -> Iterator[Fault]:
+            return (at(v, message) for v in model.variables for message in function(model, v))
+
         return function
 
     return add

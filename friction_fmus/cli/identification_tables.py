@@ -17,7 +17,7 @@ from friction_fmus.identification import (
     Record,
 )
 from friction_fmus.identification.fit.position import PositionFit
-from friction_fmus.identification.plot import name_of
+from friction_fmus.identification.result import name_of
 from friction_fmus.identification.survey import ModelComparison
 
 

@@ -6,10 +6,8 @@ from rich.console import Console
 from rich.table import Table
 
 from friction_fmus.cli.console import styled
-from friction_fmus.study.compensator_records import CompensatorResult
 from friction_fmus.study.recommendation import shown
-from friction_fmus.study.records import Fit, ModelResult
-from friction_fmus.study.result import StudyResult
+from friction_fmus.study.result import CompensatorResult, Fit, ModelResult, StudyResult
 
 
 def show_study(console: Console, result: StudyResult) -> None:

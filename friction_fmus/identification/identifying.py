@@ -10,9 +10,9 @@ from pathlib import Path
 import numpy as np
 
 from friction_fmus.blocks.axis_units import AxisUnits
-from friction_fmus.identification.closed_loop import identify_closed_loop, validated
+from friction_fmus.errors import FitError
+from friction_fmus.identification.closed_loop import identify_closed_loop
 from friction_fmus.identification.data.record import Array, MeasuredAxis, Record
-from friction_fmus.identification.errors import FitError
 from friction_fmus.identification.fit.block_fit import Fit, FitData, driven
 from friction_fmus.identification.fit.estimate import Estimate
 from friction_fmus.identification.fit.idim import InverseModelSettings
@@ -187,8 +187,8 @@ def identify(
             viscous=viscous,
         )
         closed = identify_closed_loop(model, data, open_loop, constraints)
-        checked = None if validation is None else validated(closed, validation)
-        return closed.timed(time.perf_counter() - begin, checked)
+        checked = None if validation is None else _validated(closed, validation)
+        return replace(closed, seconds=time.perf_counter() - begin, validation=checked)
     records = (data,) if isinstance(data, Record) else tuple(data)
     if method == FREE_RUN:
         driven_by_force = identify(
@@ -205,7 +205,7 @@ def identify(
         )
         result = identify_free_run(driven_by_force)
         checked = None if validation is None else _validated(result, validation)
-        return result.timed(time.perf_counter() - begin, checked)
+        return replace(result, seconds=time.perf_counter() - begin, validation=checked)
     if not records:
         raise FitError("There are no records; pass at least one.")
     contact = contact_model(model, records[0].units)
@@ -226,7 +226,7 @@ def identify(
             position = replace(position, train_without=result.train, validation_without=checked)
             result = replace(_result(model, contact, name, fit, signal, unit, records, settings), position=position)
             checked = None if validation is None else _validated(result, validation)
-    return result.timed(time.perf_counter() - begin, checked)
+    return replace(result, seconds=time.perf_counter() - begin, validation=checked)
 
 
 def _reference_load(constraints: Constraints, segments: Sequence[PreparedSegment]) -> float | None:

@@ -12,9 +12,8 @@ from typing import Any, Final
 
 import numpy as np
 
-from friction_fmus.errors import FrictionError
+from friction_fmus.errors import FitError, FrictionError
 from friction_fmus.identification.data.record import Record
-from friction_fmus.identification.errors import FitError
 from friction_fmus.identification.fit.models import contact_model
 from friction_fmus.identification.identifying import identify
 from friction_fmus.identification.result import Identification

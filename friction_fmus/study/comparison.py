@@ -18,7 +18,6 @@ from friction_fmus.blocks.catalogue import catalogue, summary_of
 from friction_fmus.conditions.compensation import OVERCOMPENSATION
 from friction_fmus.doctor import examine
 from friction_fmus.errors import FrictionError
-from friction_fmus.study.compensator_records import CompensatorResult, Limits, LoopMargins, Recommendation, Rung
 from friction_fmus.study.compensators import (
     INTEGRAL,
     INTEGRAL_SUMMARY,
@@ -34,8 +33,8 @@ from friction_fmus.study.compensators import (
 from friction_fmus.study.config import Compensation
 from friction_fmus.study.evaluation import BAND, Bench, Case, Evaluation, Scheme, cases, evaluate, system_of
 from friction_fmus.study.margins import margins_of
-from friction_fmus.study.ranking import extremes, rank
-from friction_fmus.study.recommendation import ladder, recommend
+from friction_fmus.study.recommendation import extremes, ladder, rank, recommend
+from friction_fmus.study.result import CompensatorResult, Limits, LoopMargins, Recommendation, Rung
 from friction_fmus.study.steps import Step
 from harness.storage.toml_file import read_toml
 

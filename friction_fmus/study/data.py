@@ -11,8 +11,8 @@ from typing import Final, Literal
 
 import numpy as np
 
-from friction_fmus.axis.loop import Plant, Trajectory, closed_loop, run_loop
-from friction_fmus.axis.servo import Servo
+from friction_fmus.axis.loop import closed_loop, run_loop
+from friction_fmus.axis.servo import Plant, Servo, Trajectory
 from friction_fmus.data import EMPS_PUBLISHED, load_emps
 from friction_fmus.fmi.package import build_record
 from friction_fmus.identification import (
@@ -194,6 +194,3 @@ def _windows(
     if not train:
         raise ConfigError(f"{origin}, [windows], has no train; add train = [start, end].")
     return train, cut("validation")
-
-
-__all__ = ["Data", "build_reference", "demo", "load_data", "measured_servo"]

@@ -17,8 +17,8 @@ from friction_fmus.axis.loop import Trace, closed_loop, numerical_error, run_loo
 from friction_fmus.axis.servo import Compensator, Plant, Servo, Trajectory
 from friction_fmus.blocks.axis_units import SLIDING, Words
 from friction_fmus.identification import Array
-from friction_fmus.study.compensator_records import Corner, LoopMargins, Metrics, Trial
-from friction_fmus.study.records import Curve, thinned
+from friction_fmus.identification.fit.scores import rms
+from friction_fmus.study.result import Corner, Curve, LoopMargins, Metrics, Trial, thinned
 from harness import HarnessError, System
 
 HIGH: Final = 5.0
@@ -122,11 +122,6 @@ def at_rest(r: Array, Ts: float) -> Array:
         if (end - begin) * Ts >= REST:
             resting[begin + round(0.5 * REST / Ts) : end] = True
     return resting
-
-
-def rms(values: Array) -> float:
-    """Return the root mean square."""
-    return float(np.sqrt(np.mean(np.square(values))))
 
 
 COARSER: Final = 4.0

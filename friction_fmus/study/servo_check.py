@@ -15,12 +15,12 @@ from typing import Final, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from friction_fmus.axis.loop import block
+from friction_fmus.axis.assembly import block
 from friction_fmus.axis.servo import GAIN_UNITS, GAINS, Servo
 from friction_fmus.blocks.axis_units import Words
 from friction_fmus.identification import ROTARY, Array, Record
-from friction_fmus.identification.fit.scores import independent_samples
-from friction_fmus.study.records import Fit, IdentifiedParameter, ServoCheck, StudyFinding, thinned
+from friction_fmus.identification.fit.scores import independent_samples, rms
+from friction_fmus.study.result import Fit, IdentifiedParameter, ServoCheck, StudyFinding, thinned
 from harness import Experiment, FmuPart, SeriesPart, System
 
 
@@ -147,11 +147,6 @@ def shifted(values: Array, samples: int) -> Array:
     """Return values that appear some samples later; the ends hold."""
     places = np.clip(np.arange(len(values)) - samples, 0, len(values) - 1)
     return values[places]
-
-
-def rms(values: Array) -> float:
-    """Return the root mean square."""
-    return float(np.sqrt(np.mean(np.square(values))))
 
 
 BETWEEN: Final = 0.5

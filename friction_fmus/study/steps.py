@@ -164,8 +164,8 @@ def _quietly(function: Callable[..., Any], arguments: Sequence[Any]) -> Any:
 
 def _ready() -> None:
     """Import what the steps need; without its objects, the garbage collector takes a twentieth of the time less."""
-    for module in ("study.comparison", "study.models", "study.refinement"):
-        import_module(f"friction_fmus.{module}")
+    for module in ("comparison", "models"):
+        import_module(f"friction_fmus.study.{module}")
     gc.freeze()
 
 

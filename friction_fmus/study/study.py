@@ -13,9 +13,9 @@ from typing import Any, Final
 
 import numpy as np
 
-from friction_fmus.axis.assembly import viscous_beside
-from friction_fmus.axis.loop import Trajectory, block, from_rest, typed
-from friction_fmus.axis.servo import GAINS, Servo
+from friction_fmus.axis.assembly import block, typed, viscous_beside
+from friction_fmus.axis.loop import from_rest
+from friction_fmus.axis.servo import GAINS, Servo, Trajectory
 from friction_fmus.blocks.axis_units import Words
 from friction_fmus.blocks.catalogue import catalogue
 from friction_fmus.conditions import PathDynamics, SampledLaw, chain, one_mass
@@ -25,12 +25,11 @@ from friction_fmus.errors import FrictionError
 from friction_fmus.identification import Array, AxisUnits, Record, decimate, filtered_motion, identifiable
 from friction_fmus.identification.physics import FORBIDDING, contradictions
 from friction_fmus.study.comparison import Comparison, compare
-from friction_fmus.study.compensator_records import CompensatorResult, Recommendation
 from friction_fmus.study.compensators import AxisKnowledge, check_names, period_of
 from friction_fmus.study.config import ALL, ConfigError, StudyConfig, load_config
 from friction_fmus.study.data import Data, build_reference, load_data, measured_servo
 from friction_fmus.study.evaluation import Bench, Scheme
-from friction_fmus.study.export import OWN, export_models, export_recommended
+from friction_fmus.study.export import OWN, Figures, export_models, export_recommended
 from friction_fmus.study.models import (
     INVERSE,
     IdentifiedModel,
@@ -41,21 +40,28 @@ from friction_fmus.study.models import (
     refine,
 )
 from friction_fmus.study.recommendation import shown
-from friction_fmus.study.records import ConditionResult, Curve, ModelResult, Picture, StudyFinding, WrittenFile, thinned
-from friction_fmus.study.result import StudyResult
+from friction_fmus.study.result import (
+    CompensatorResult,
+    ConditionResult,
+    Curve,
+    ModelResult,
+    Picture,
+    Recommendation,
+    StudyFinding,
+    StudyResult,
+    WrittenFile,
+    thinned,
+)
 from friction_fmus.study.servo_check import CheckedServo, check_servo
 from friction_fmus.study.settings_file import SETTINGS_FILE, settings_of
 from friction_fmus.study.steps import CACHE, Step, StepCache, run_steps, workers
 from friction_fmus.study.what_if import WhatIf, panel_of
-from friction_fmus.study.wiring import Figures
 from friction_fmus.version import VERSION
 from harness import Experiment, FmuPart, Progress, SeriesPart, System
 from harness.compiling import toolchain
 from harness.extras import require
 from harness.processors import available
 from harness.storage.files import atomic_path
-
-__all__ = ["StudyError", "run_study"]
 
 DRAWN: Final = 4
 """Number of models to plot, best first."""

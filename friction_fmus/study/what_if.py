@@ -16,8 +16,8 @@ from friction_fmus.axis.assembly import PartPool, block
 from friction_fmus.axis.loop import RECORDED
 from friction_fmus.axis.servo import GAINS, Servo
 from friction_fmus.identification import Array
-from friction_fmus.study.compensator_records import CompensatorResult, Metrics
 from friction_fmus.study.evaluation import Bench, Scheme, off_by, system_of
+from friction_fmus.study.result import CompensatorResult, Metrics
 from harness import FmuPart, HarnessError, System, Wire
 from harness.masters import find_master
 from harness.storage.files import ScratchFolder
@@ -211,14 +211,3 @@ def _module(system: System, name: str) -> WasmModel:
         system.to_fmu(folder, name=name, inputs=sorted(sources), outputs=list(RECORDED), platforms=["wasm32"])
         description = json.loads((folder / f"{name}.json").read_text(encoding="utf-8"))
         return WasmModel((folder / f"{name}.wasm").read_bytes(), description)
-
-
-__all__ = [
-    "Knob",
-    "Run",
-    "WhatIf",
-    "knobs_of",
-    "panel_of",
-    "variable_system",
-    "what_if",
-]

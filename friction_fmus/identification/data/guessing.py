@@ -11,10 +11,10 @@ from typing import Final
 
 import numpy as np
 
+from friction_fmus.errors import RecordError
 from friction_fmus.identification.data.mapping import ROLES, Column, DataMapping
 from friction_fmus.identification.data.record import Array, axis_units, factor, fits, unit_of, wanted_unit
 from friction_fmus.identification.data.tables import Table
-from friction_fmus.identification.errors import RecordError
 
 NAMES = {
     "time": (

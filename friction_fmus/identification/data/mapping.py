@@ -7,8 +7,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from friction_fmus.errors import RecordError
 from friction_fmus.identification.data.record import QUANTITY, fits, parse_quantity, times, unit_of
-from friction_fmus.identification.errors import RecordError
 from harness.storage.toml_file import Table, read_table
 from harness.values import flag, number, shown, text
 

@@ -14,6 +14,7 @@ from scipy.integrate import cumulative_trapezoid
 from scipy.interpolate import CubicSpline
 
 from friction_fmus.blocks.axis_units import LINEAR, SLIDING, AxisUnits, Words
+from friction_fmus.errors import RecordError
 from friction_fmus.identification.data.guessing import guess_mapping
 from friction_fmus.identification.data.mapping import Column, DataMapping, combined_unit, load_mapping, read_mapping
 from friction_fmus.identification.data.record import (
@@ -29,7 +30,6 @@ from friction_fmus.identification.data.record import (
 )
 from friction_fmus.identification.data.table_files import read_table
 from friction_fmus.identification.data.tables import Table
-from friction_fmus.identification.errors import RecordError
 
 #: Ratio of an interval to the median above which it is a gap, across which nothing is interpolated.
 GAP = 5.0

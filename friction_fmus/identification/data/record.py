@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from friction_fmus.blocks.axis_units import LINEAR, ROTARY, AxisUnits
+from friction_fmus.errors import RecordError
 from friction_fmus.fmi.units import everyday_unit
-from friction_fmus.identification.errors import RecordError
 from harness.units import BASE_SYMBOLS, LONGEST_UNIT, BaseUnit, parse_unit
 
 

@@ -19,9 +19,9 @@ import scipy.optimize
 from threadpoolctl import threadpool_limits
 
 from friction_fmus.blocks.axis_units import SLIDING, Words
+from friction_fmus.errors import ExcitationError
 from friction_fmus.fmi.package import fmu
 from friction_fmus.identification.data.record import Array, Record
-from friction_fmus.identification.errors import ExcitationError
 from friction_fmus.identification.fit.block_fit import driven
 from friction_fmus.identification.fit.models import contact_model
 from friction_fmus.identification.fit.simulation_data import PreparedSegment, prepare, signal_of

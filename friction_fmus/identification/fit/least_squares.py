@@ -11,9 +11,8 @@ import numpy as np
 
 from friction_fmus.blocks.arithmetic import evaluate
 from friction_fmus.blocks.axis_units import AxisUnits
-from friction_fmus.errors import nearest
+from friction_fmus.errors import FitError, nearest
 from friction_fmus.identification.data.record import Array
-from friction_fmus.identification.errors import FitError
 from friction_fmus.identification.fit.models import ContactModel, Traits
 from friction_fmus.identification.fit.simulation_data import PreparedSegment, inertia_guess
 from harness import Drive, PartError, StartValueError

@@ -21,7 +21,7 @@ from friction_fmus.axis.position_map import Grid, PositionMap
 from friction_fmus.blocks.axis_units import ROTARY
 from friction_fmus.identification.data.record import Array
 from friction_fmus.identification.fit.block_fit import Fit, FitData
-from friction_fmus.identification.fit.scores import Score
+from friction_fmus.identification.fit.scores import Score, rms
 from friction_fmus.identification.fit.search import NEAR, Loss, search
 from friction_fmus.identification.fit.simulation_data import PreparedSegment
 
@@ -239,4 +239,4 @@ def _crossed(J: Array, columns: Array, residual: Array, block: NDArray[np.int64]
         r - a @ scipy.linalg.solve(total[0] - n, total[1] - g, assume_a="pos")
         for (a, r), (n, g) in zip(parts, normal, strict=True)
     ]
-    return float(np.sqrt(np.mean(np.square(np.concatenate(errors)))))
+    return rms(np.concatenate(errors))

@@ -12,9 +12,9 @@ import scipy.optimize
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
+from friction_fmus.errors import FitError
 from friction_fmus.identification.data.record import Array
-from friction_fmus.identification.errors import FitError
-from friction_fmus.identification.fit.coloured import coloured_covariance, correlation_length
+from friction_fmus.identification.fit.estimate import coloured_covariance, correlation_length
 from friction_fmus.identification.fit.least_squares import Problem
 
 #: Number of random candidates for each additional start point.

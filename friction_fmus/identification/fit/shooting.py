@@ -13,8 +13,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from friction_fmus.errors import FitError
 from friction_fmus.identification.data.record import Array
-from friction_fmus.identification.errors import FitError
 
 #: Largest number of iterations, and fractions of a step to try.
 ITERATIONS, SIZES = 60, (1.0, 0.5, 0.2)

@@ -15,16 +15,15 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from friction_fmus.axis.assembly import constant_force
-from friction_fmus.axis.free_run import free_axis, run_free
-from friction_fmus.axis.loop import FINEST
+from friction_fmus.axis.loop import FINEST, free_axis, run_free
 from friction_fmus.axis.servo import Plant
 from friction_fmus.blocks.axis_units import ROTARY
+from friction_fmus.errors import FitError
 from friction_fmus.identification.data.record import Array, Record
-from friction_fmus.identification.errors import FitError
 from friction_fmus.identification.fit.estimate import Estimate
 from friction_fmus.identification.fit.idim import filtered_motion
 from friction_fmus.identification.fit.models import contact_model, state_sizes
-from friction_fmus.identification.fit.scores import criteria, independent_samples, score, weak_parameters
+from friction_fmus.identification.fit.scores import criteria, independent_samples, rms, score, weak_parameters
 from friction_fmus.identification.fit.shooting import Arc, Prior, ShootingResult, shoot
 from harness import HarnessError, System
 from harness.parts.part import StartValue
@@ -245,7 +244,7 @@ def _result(found: Identification, names: Sequence[str], fitted: ShootingResult,
     values, error = result.values(), {name: e.standard_error for name, e in parameters.items()}
     unseen = [name for name in plain if not np.isfinite(error[name])]
     warnings = [] if fitted.converged else ["the search reached its iteration limit; fit a shorter record"]
-    if float(np.sqrt(np.mean(np.square(finer - simulated)))) > INACCURATE * train.rms:
+    if rms(finer - simulated) > INACCURATE * train.rms:
         warnings.append(
             f"the simulation is inaccurate: with half the step of {FINEST:g} s, its error is "
             f"{score(measured, finer).rms:.3g} instead of {train.rms:.3g} {units.position}"

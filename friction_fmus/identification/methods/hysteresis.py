@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from friction_fmus.blocks.axis_units import AxisUnits
-from friction_fmus.identification.errors import FitError
+from friction_fmus.errors import FitError
 from friction_fmus.identification.fit.block_fit import Fit, FitData
 from friction_fmus.identification.fit.grid import BLOCK_ELEMENTS, INITIAL_FORCES, coarse, fit_grid, with_count
 from friction_fmus.identification.fit.least_squares import (
