@@ -20,17 +20,10 @@ from harness.engine.defect import inaccurate
 from harness.masters import best_first
 from harness.parts.part import StartValue
 
-FITTED: Final = 12
-"""Number of samples at the start from which velocity and acceleration are estimated."""
-
-SLOW: Final = 1e-3
-"""Initial velocity over the largest one up to which a reference begins at rest."""
-
-REST: Final = 10
-"""Number of samples at rest before the run-up."""
-
-SHORTEST: Final = 20
-"""Smallest number of samples of a run-up."""
+FITTED: Final = 12  # number of samples at the start from which velocity and acceleration are estimated
+SLOW: Final = 1e-3  # initial velocity over the largest one up to which a reference begins at rest
+REST: Final = 10  # number of samples at rest before the run-up
+SHORTEST: Final = 20  # smallest number of samples of a run-up
 
 
 def from_rest(r: NDArray[np.float64], Ts: float) -> NDArray[np.float64]:
@@ -59,11 +52,8 @@ def from_rest(r: NDArray[np.float64], Ts: float) -> NDArray[np.float64]:
     return np.concatenate([np.full(REST, run_up[0]), run_up, r])
 
 
-RECORDED = ("axis.x", "servo.u")
-"""Variables recorded at every sample of the servo."""
-
-FINEST = 0.5e-3
-"""Longest communication step between mass and friction [s]."""
+RECORDED = ("axis.x", "servo.u")  # variables recorded at every sample of the servo
+FINEST = 0.5e-3  # longest communication step between mass and friction [s]
 
 SOFT = 0.1
 """Largest step times angular frequency of the mass on its bristles for which an explicit coupling is accurate."""
@@ -168,8 +158,7 @@ def _trace(position: NDArray[np.float64], force: NDArray[np.float64]) -> Trace:
 
 Array = NDArray[np.float64]
 
-FREE_TOLERANCE = 1e-6
-"""Residual of the loop of mass and friction over the size of the values."""
+FREE_TOLERANCE = 1e-6  # residual of the loop of mass and friction over the size of the values
 
 
 def free_axis(

@@ -46,13 +46,11 @@ from harness.storage.files import ScratchFolder
 
 __all__ = ["RULES", "Finding", "Rule", "check"]
 
-_MODULES = (definitions, variables, structure)
-"""Modules that register the rules of the XML."""
+_MODULES = (definitions, variables, structure)  # modules that register the rules of the XML
 
 _DANGEROUS = ("zip-", "path-outside", "path-backslash", "path-symlink", "path-duplicate", "path-clash", "path-long")
 
-_ONLY_FMI_2 = ("source-headers", "source-undeclared")
-"""Rules of the archive that do not hold in FMI 3.0."""
+_ONLY_FMI_2 = ("source-headers", "source-undeclared")  # rules of the archive that do not hold in FMI 3.0
 
 SCHEMA_3 = declare("fmi3-schema", "error", "2.4", "modelDescription.xml violates the schema of FMI 3.0.", "fmi3")
 SSP = declare("ssp", "error", "5", "The harness cannot read the system that an SSP describes.", "ssp")

@@ -21,8 +21,7 @@ _INITIAL: Final = {
 }
 """Default of `initial` by causality; for outputs and locals it depends on the variability (section 2.2.7)."""
 
-SECTIONS: Final = ("Outputs", "Derivatives", "InitialUnknowns")
-"""Sections of ModelStructure."""
+SECTIONS: Final = ("Outputs", "Derivatives", "InitialUnknowns")  # sections of ModelStructure
 
 MALFORMED = declare("xml-malformed", "error", "2.2", "modelDescription.xml cannot be read.", "description")
 ENTITIES = declare(

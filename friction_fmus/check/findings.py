@@ -24,8 +24,7 @@ Kind = Literal["archive", "description", "binary", "fmi3", "ssp"]
 
 DESCRIPTION: Final = "modelDescription.xml"
 
-LONGEST: Final = 2000
-"""Largest length of a text in a finding [characters]."""
+LONGEST: Final = 2000  # largest length of a text in a finding [characters]
 
 
 @dataclass(frozen=True)
@@ -135,8 +134,7 @@ def at(v: Any, message: str) -> Fault:
 Function = Callable[[Any], Iterator[Fault]]
 Messages = Callable[[Any, Any], Iterator[str]]
 
-RULES: Final[dict[str, Rule]] = {}
-"""All rules by name."""
+RULES: Final[dict[str, Rule]] = {}  # all rules by name
 
 _functions: Final[list[tuple[Rule, Function]]] = []
 

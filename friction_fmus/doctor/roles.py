@@ -23,8 +23,7 @@ from friction_fmus.lawkit.law import Kind, Law
 NUDGE = 1e-15
 """Position error about which a law is linearised [m]; not 0, where the root in super-twisting has no derivative."""
 
-SETTLED = 500
-"""Samples after which the gains of a filter, or a law in steady motion, count as settled."""
+SETTLED = 500  # samples after which the gains of a filter, or a law in steady motion, count as settled
 
 
 @cache

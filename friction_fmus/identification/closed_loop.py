@@ -31,11 +31,8 @@ if TYPE_CHECKING:
 #: Communication step between mass and friction in the fit [s]; the servo is stepped at the sample time of the record.
 FIT_STEP = 2.5e-4
 
-#: Relative step of a parameter for finite differences: its effect must exceed the encoder resolution.
-STEP = 0.04
-
-#: Position error that counts as one, over the encoder resolution.
-QUANTA = 20.0
+STEP = 0.04  # relative step of a parameter for finite differences: its effect must exceed the encoder resolution
+QUANTA = 20.0  # position error that counts as one, over the encoder resolution
 
 #: Time over which errors of the servo model count as correlated [s]; they are systematic and last for many samples.
 CORRELATED = 0.2

@@ -32,8 +32,7 @@ from harness.compiling import toolchain
 
 _LOG = logging.getLogger("friction_fmus")
 
-#: Colours that also differ in lightness (after M. Okabe, K. Ito, 2008).
-COLOURS = ("#0072B2", "#D55E00", "#009E73")
+COLOURS = ("#0072B2", "#D55E00", "#009E73")  # colours that also differ in lightness (after M. Okabe, K. Ito, 2008)
 DASHES = ("solid", "dashed", "dotted")
 
 

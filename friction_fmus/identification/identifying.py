@@ -63,11 +63,8 @@ def misfit_variance(found: SearchResult, parts: Sequence[Array], lengths: Sequen
     return bias
 
 
-#: Static over Coulomb friction below which it needs an explanation.
-BELOW = 0.98
-
-#: Fewest points near rest that can explain it.
-FEWEST = 5
+BELOW = 0.98  # static over Coulomb friction below which it needs an explanation
+FEWEST = 5  # fewest points near rest that can explain it
 
 
 def explanation(parameters: Mapping[str, float], v: Array, friction: Array, units: AxisUnits) -> str:

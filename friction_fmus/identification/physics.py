@@ -26,20 +26,14 @@ MASSES: Final[Mapping[str, tuple[float, float]]] = {"m": (1e-6, 1e7), "rad": (1e
 FORBIDDING: Final = ("wrong-sign", "negative-mass", "driving-friction", "implausible-mass", "missing-force")
 """Findings after which identified parameters cannot be used."""
 
-OUTSIDE: Final = 8.0
-"""Residual over its robust standard deviation above which another force acts."""
-
-MISSING: Final = 0.15
-"""Residual over the rms force above which another force acts."""
+OUTSIDE: Final = 8.0  # residual over its robust standard deviation above which another force acts
+MISSING: Final = 0.15  # residual over the rms force above which another force acts
 
 BESIDE: Final = 5
 """Number of decimated samples on either side of a reversal that are left out, and half of those at an end."""
 
-ITERATIONS: Final = 15
-"""Iterations of the robust fit."""
-
-SIGNIFICANT: Final = 3.0
-"""Number of standard errors by which a negative mass must differ from zero."""
+ITERATIONS: Final = 15  # iterations of the robust fit
+SIGNIFICANT: Final = 3.0  # number of standard errors by which a negative mass must differ from zero
 
 DRIVING: Final = 0.02
 """Power of friction that drives the axis, over the mean power of the force, above which the sign is wrong."""

@@ -15,17 +15,13 @@ from friction_fmus.identification.fit.scores import rms
 from friction_fmus.identification.result import Identification, known_force, simulated
 from friction_fmus.lawkit.residual_grid import POSITIONS, SPEEDS
 
-BLOCK = "FrictionResidual"
-"""Law that adds the residual to the force of a model."""
-
-BLOCKS = 6
-"""Number of blocks of the cross-validation."""
+BLOCK = "FrictionResidual"  # law that adds the residual to the force of a model
+BLOCKS = 6  # number of blocks of the cross-validation
 
 RIDGES = tuple(float(ridge) for ridge in np.geomspace(1e-4, 1e2, 7))
 """Ridge parameters to try, over the mean square of the columns."""
 
-HELPS = 0.98
-"""Largest cross-validation error, relative to that without a residual, at which a residual is used."""
+HELPS = 0.98  # largest cross-validation error, relative to that without a residual, at which a residual is used
 
 
 @dataclass(frozen=True)

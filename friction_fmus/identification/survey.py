@@ -44,11 +44,8 @@ def within_reach(
 
 ProgressCallback = Callable[[int, int], None]
 
-TIE = 3
-"""Number of digits in which the validation errors of models must differ to determine their order."""
-
-DRIVE_PARAMETERS = ("M", "OF")
-"""Parameters of a drive that may be fixed in addition to those of a block."""
+TIE = 3  # number of digits in which the validation errors of models must differ to determine their order
+DRIVE_PARAMETERS = ("M", "OF")  # parameters of a drive that may be fixed in addition to those of a block
 
 
 @dataclass(frozen=True)

@@ -38,8 +38,7 @@ class Kind(Enum):
 VECTORS = (Kind.VECTOR, Kind.STATES)
 """Kinds with a tuple of numbers as value, written as ``k[0]``, ``k[1]``, ... in expressions."""
 
-BOOLEANS = (Kind.COMMAND, Kind.SWITCH)
-"""Kinds with a Boolean value, 1 or 0 in expressions."""
+BOOLEANS = (Kind.COMMAND, Kind.SWITCH)  # kinds with a Boolean value, 1 or 0 in expressions
 
 
 @dataclass(frozen=True)

@@ -69,8 +69,7 @@ def _table() -> dict[str, Cost]:
 SCALES: Final = tuple(float(2.0**power) for power in np.arange(4.0, -4.1, -0.5))
 """Bandwidths over the rule of `AxisKnowledge` among which the largest within the limits is sought, largest first."""
 
-SHARES: Final = (1.0, 0.7, 0.5, 0.35, 0.25, 0.125)
-"""Bandwidths that are tried, over the largest one within the limits."""
+SHARES: Final = (1.0, 0.7, 0.5, 0.35, 0.25, 0.125)  # bandwidths that are tried, over the largest one within the limits
 
 
 def trials(
@@ -126,8 +125,7 @@ def with_integral(servo: Servo, rate: float) -> Servo:
     return replace(servo, gains={**servo.gains, third: rate * over})
 
 
-JOINED: Final = 3
-"""Number of the best feedforwards, and of the best estimators, that are combined with each other."""
+JOINED: Final = 3  # number of the best feedforwards, and of the best estimators, that are combined with each other
 
 ESTIMATORS: Final = ("estimator", "integral action")
 """Kinds of compensators that are combined with a feedforward: they compensate what it leaves."""

@@ -166,8 +166,7 @@ class Candidate:
         return known.observed / (2.0 * pi) if "observed" in self._bandwidths else known.corner
 
 
-INTEGRAL: Final = Candidate("IntegralAction", "integral action", "", None)
-"""Integral action of the servo."""
+INTEGRAL: Final = Candidate("IntegralAction", "integral action", "", None)  # integral action of the servo
 
 INTEGRAL_SUMMARY: Final = "Integral action of the servo"
 

@@ -17,19 +17,13 @@ from harness.values import finite, flag, texts
 OPTIONAL_GAINS: Final[Mapping[str, tuple[float, ...]]] = {"ki": (0.0,)}
 """Default values of optional gains, equal to the start values of the law."""
 
-RECORDS: Final = ("emps", "tribometer", "demo")
-"""Records included in the package, and names of the studies of them."""
+RECORDS: Final = ("emps", "tribometer", "demo")  # records included in the package, and names of the studies of them
 
 ALL: Final = "all"
 
-PERIODS: Final = (1e-6, 0.1)
-"""Shortest and longest sample time of a servo [s]."""
-
-LONGEST_WINDOW: Final = 64
-"""Largest window of the velocity estimate in samples: the limit of the block Differentiator."""
-
-LONGEST_DELAY: Final = 100
-"""Longest delay of the drive in samples."""
+PERIODS: Final = (1e-6, 0.1)  # shortest and longest sample time of a servo [s]
+LONGEST_WINDOW: Final = 64  # largest window of the velocity estimate in samples: the limit of the block Differentiator
+LONGEST_DELAY: Final = 100  # longest delay of the drive in samples
 
 _TABLES = ("data", "columns", "windows", "servo", "identify", "compensation")
 

@@ -39,8 +39,7 @@ LUGRE: Final[Mapping[str, float]] = {
 }
 """Friction parameters of the demo: Canudas de Wit, Olsson, Astrom, Lischinsky 1995."""
 
-PERIOD: Final = 2.0
-"""Period of the reference of the demo [s]."""
+PERIOD: Final = 2.0  # period of the reference of the demo [s]
 
 
 @dataclass(frozen=True, eq=False)

@@ -27,8 +27,7 @@ from harness.storage.files import atomic_path, make_folder
 from harness.system.wire import parse_wire, split_name
 
 REFERENCE: Final = "reference.r"
-ERROR: Final = "tracking_error"
-"""Part with the reference minus the position."""
+ERROR: Final = "tracking_error"  # part with the reference minus the position
 
 
 def with_tracking_error(system: System) -> System:
@@ -54,8 +53,7 @@ NOTHING: Final = (
 )
 """README if nothing is recommended."""
 
-ADDED: Final = ("compensator", "feedforward")
-"""Parts that are added to the servo."""
+ADDED: Final = ("compensator", "feedforward")  # parts that are added to the servo
 
 
 @dataclass(frozen=True)
@@ -141,8 +139,7 @@ def _constants(system: System) -> Iterator[tuple[str, float]]:
                 yield target, float(value)
 
 
-MACHINE: Final = ("axis", "friction", "position")
-"""Parts of the machine."""
+MACHINE: Final = ("axis", "friction", "position")  # parts of the machine
 
 
 def export_composites(folder: Path, whole: System) -> tuple[WrittenFile, ...]:
@@ -223,8 +220,7 @@ def recommended_loop(
     )
 
 
-OWN: Final = "recommended"
-"""Folder of the files of the recommendation."""
+OWN: Final = "recommended"  # folder of the files of the recommendation
 
 
 def export_recommended(

@@ -65,8 +65,7 @@ def inverse_residual(fit: InverseModelFit, records: Sequence[Record]) -> Fit | N
     return Fit(error, 100.0 * error / size, "force", records[0].units.force) if size > 0.0 else None
 
 
-ALIKE: Final = 0.05
-"""Relative difference below which errors count as equal; the number of parameters then decides."""
+ALIKE: Final = 0.05  # relative difference below which errors count as equal; the number of parameters then decides
 
 REPRODUCED: Final = 0.5
 """Largest error of a simulated servo that reproduces the record, over the recorded tracking error or rms force."""
@@ -74,14 +73,12 @@ REPRODUCED: Final = 0.5
 QUANTA: Final = 10.0
 """Smallest tracking error for this comparison, in steps of the encoder: rounding is not reproduced."""
 
-INVERSE: Final = "Coulomb + viscous"
-"""Name of the inverse model in the results."""
+INVERSE: Final = "Coulomb + viscous"  # name of the inverse model in the results
 
 PUBLISHED: Final = "Coulomb + viscous, as published"
 """Name of the inverse model with the data and settings of a publication."""
 
-VISCOUS_BESIDE: Final = "viscous friction beside the model"
-"""Meaning of the parameter Fv of a model that has none."""
+VISCOUS_BESIDE: Final = "viscous friction beside the model"  # meaning of the parameter Fv of a model that has none
 
 MEANING: Final = {"M": "{moved_mass}", "OF": "offset of the drive"}
 
@@ -360,8 +357,7 @@ def _error(found: IdentifiedModel) -> float:
     return float(f"{found.error:.6g}")
 
 
-EQUAL: Final = 1e-3
-"""Relative increase of an error of the simulated servo that is within the accuracy of the search."""
+EQUAL: Final = 1e-3  # relative increase of an error of the simulated servo that is within the accuracy of the search
 
 BIAS: Final = 5e-3
 """Increase of the error of the predicted force, over the rms force, that the filter of the motion can cause."""

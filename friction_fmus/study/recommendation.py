@@ -20,17 +20,13 @@ from friction_fmus.blocks.axis_units import Words
 from friction_fmus.study.compensators import INTEGRAL, TABLE
 from friction_fmus.study.result import CompensatorResult, Metrics, Recommendation, Rung, Weights
 
-WORTH: Final = 0.05
-"""Smallest relative reduction of the error that counts as an improvement."""
+WORTH: Final = 0.05  # smallest relative reduction of the error that counts as an improvement
 
 NEGLIGIBLE: Final = 0.02
 """Ratio to the total force of the servo alone below which drive force above the bandwidth counts as equal."""
 
-CHEAP: Final = 100.0
-"""Cycles below which costs count as equal."""
-
-UNKNOWN: Final = 10_000.0
-"""Cycles of a compensator without C code."""
+CHEAP: Final = 100.0  # cycles below which costs count as equal
+UNKNOWN: Final = 10_000.0  # cycles of a compensator without C code
 
 
 def rank(

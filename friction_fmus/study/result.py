@@ -190,8 +190,7 @@ class WrittenFile:
     what: str
 
 
-POINTS: Final = 1500
-"""Approximate number of points of a stored curve over time."""
+POINTS: Final = 1500  # approximate number of points of a stored curve over time
 
 
 def thinned(x: Array, y: Array, points: int = POINTS) -> Curve:

@@ -29,8 +29,7 @@ from friction_fmus.study.result import plain
 from friction_fmus.version import VERSION
 from harness.storage.files import keep, kept, make_folder
 
-CACHE: Final = ".study"
-"""Subfolder of the results with the cached steps."""
+CACHE: Final = ".study"  # subfolder of the results with the cached steps
 
 rebuild: Final = Converter(detailed_validation=False).structure
 """``rebuild(content, kind)`` makes a dataclass from what `asdict` and JSON made of one."""

@@ -63,14 +63,9 @@ from harness.extras import require
 from harness.processors import available
 from harness.storage.files import atomic_path
 
-DRAWN: Final = 4
-"""Number of models to plot, best first."""
-
-CLOUD: Final = 2000
-"""Approximate number of points of a scatter plot."""
-
-LOOP: Final = 3.0
-"""Longest section of the record plotted as a loop [s]."""
+DRAWN: Final = 4  # number of models to plot, best first
+CLOUD: Final = 2000  # approximate number of points of a scatter plot
+LOOP: Final = 3.0  # longest section of the record plotted as a loop [s]
 
 
 def series(data: Sequence[Record], models: Sequence[IdentifiedModel]) -> tuple[Picture, ...]:
@@ -269,11 +264,8 @@ def identifier(name: str) -> str:
     return letters if letters and letters[0].isalpha() else f"Axis{letters}"
 
 
-BEYOND: Final = 1.2
-"""Recorded force over the force limit above which one of them has a wrong unit."""
-
-GROWTH: Final = 1.1
-"""Growth of an oscillation per sample above which the loop is too unstable to have been recorded."""
+BEYOND: Final = 1.2  # recorded force over the force limit above which one of them has a wrong unit
+GROWTH: Final = 1.1  # growth of an oscillation per sample above which the loop is too unstable to have been recorded
 
 
 def force_findings(records: Sequence[Record], servo: Servo | None) -> tuple[StudyFinding, ...]:
@@ -353,11 +345,8 @@ def not_trusted(findings: Sequence[StudyFinding]) -> str:
     return f"No compensator was compared, because the result cannot be trusted ({names}). Correct this first."
 
 
-SENSITIVE = 1.5
-"""Factor by which the error rises in a case that is worth a measurement."""
-
-SMALL = 1e-3
-"""Constant force over the force limit up to which it is not worth a setting."""
+SENSITIVE = 1.5  # factor by which the error rises in a case that is worth a measurement
+SMALL = 1e-3  # constant force over the force limit up to which it is not worth a setting
 
 
 def next_steps(
@@ -434,14 +423,9 @@ def _weak(row: CompensatorResult, models: Sequence[ModelResult]) -> Iterator[str
         yield f"The record determines {names} of {row.model} poorly ({weak[0].name}: {weak[0].weak})."
 
 
-CLOSE: Final = 1.5
-"""Models whose error is at most this factor times the smallest are also fitted to the closed loop."""
-
-SEED: Final = 1
-"""Seed of the measurement noise, which is the same for all compensators."""
-
-LEAST_SAMPLES: Final = 100
-"""Smallest number of samples of the servo over which a closed loop is simulated."""
+CLOSE: Final = 1.5  # models whose error is at most this factor times the smallest are also fitted to the closed loop
+SEED: Final = 1  # seed of the measurement noise, which is the same for all compensators
+LEAST_SAMPLES: Final = 100  # smallest number of samples of the servo over which a closed loop is simulated
 
 
 class StudyError(FrictionError):

@@ -24,17 +24,10 @@ from harness.storage.files import ScratchFolder
 from harness.system.wire import split_name
 from harness.wasm import WasmModel
 
-SOURCES: Final = ("reference", "noise")
-"""Parts whose outputs are inputs of the modules."""
-
-LONGEST: Final = 40_000
-"""Largest number of samples that the report contains; of a longer record, it has the beginning."""
-
-DELAYS: Final = 8
-"""Number of delays of the drive from which a reader can choose, in steps of a sample."""
-
-TERMS: Final = 4
-"""Number of inputs of a sum."""
+SOURCES: Final = ("reference", "noise")  # parts whose outputs are inputs of the modules
+LONGEST: Final = 40_000  # largest number of samples that the report contains; of a longer record, it has the beginning
+DELAYS: Final = 8  # number of delays of the drive from which a reader can choose, in steps of a sample
+TERMS: Final = 4  # number of inputs of a sum
 
 Settings = Mapping[str, float]
 

@@ -13,8 +13,7 @@ from .library import OK, WARNING, Library, RefusedError, Variable, last_message
 
 _ONLY: Final = "model exchange"
 _GUARD: Final = 4
-_PATTERN: Final = -6.02214076e23
-"""What the results of a call hold before it, with further values behind them."""
+_PATTERN: Final = -6.02214076e23  # what the results of a call hold before it, with further values behind them
 
 _SAME: Final = 1e-14
 _DIFFERENCE: Final = 1e-6

@@ -10,8 +10,7 @@ from ctypes import byref, c_void_p
 from .host import Report, probe
 from .library import OK, WARNING, Instance, Library, MissingError, Variable, last_message
 
-_TOLERANCE = 1e-14
-"""Relative tolerance: a few units in the last place, as caused by XML numbers with 15 to 17 digits."""
+_TOLERANCE = 1e-14  # relative tolerance: a few units in the last place, as caused by XML numbers with 15 to 17 digits
 
 
 @probe()

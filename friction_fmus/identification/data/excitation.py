@@ -66,23 +66,15 @@ def _smoothed(q: Array, Ts: float) -> Array:
 #: Upper limit of the presliding distance of machines [m], [rad at a radius of about 0.1 m].
 PRESLIDING = {"m": 1e-4, "rad": 1e-3}
 
-#: Strokes up to this multiple of `PRESLIDING` count as containing presliding.
-REACH = 20.0
-
-#: Number of reversals below which hysteresis cannot be separated from offset and drift.
-FEW_REVERSALS = 4
+REACH = 20.0  # strokes up to this multiple of `PRESLIDING` count as containing presliding
+FEW_REVERSALS = 4  # number of reversals below which hysteresis cannot be separated from offset and drift
 
 #: Fraction of moving samples within 10 % of one speed above which the record counts as having a single speed.
 ONE_SPEED = 0.7
 
-#: Upper limit of low speeds, as a fraction of the top speed.
-LOW_SPEED = 0.1
-
-#: Fraction of the force below which inertia is negligible.
-INERTIA_SHARE = 0.02
-
-#: Number of samples within `PRESLIDING` after a reversal that resolve the transition.
-SAMPLES = 5
+LOW_SPEED = 0.1  # upper limit of low speeds, as a fraction of the top speed
+INERTIA_SHARE = 0.02  # fraction of the force below which inertia is negligible
+SAMPLES = 5  # number of samples within `PRESLIDING` after a reversal that resolve the transition
 
 #: Fraction of samples at exactly the largest or smallest force above which the force counts as saturated.
 LIMITED = 0.002

@@ -72,8 +72,7 @@ FALLBACKS = {
 }
 """Names that are used if the file has no other column for the role."""
 
-LONGEST = 200
-"""Largest length of a heading in which a unit is searched [characters]."""
+LONGEST = 200  # largest length of a heading in which a unit is searched [characters]
 
 _UNMEASURED = re.compile(
     "ref|set|soll|demand|target|ziel|command|cmd|des|err|fehler|abweichung|diff|dev|lag|schlepp|follow|lim|max|min"

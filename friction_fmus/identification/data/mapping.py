@@ -18,8 +18,7 @@ WINDOWS = ("train", "validation")
 STUDY_TABLES = ("servo", "identify", "compensation")
 """Tables of the settings of a study, which `load_mapping` ignores, so that one file serves both."""
 
-MISSING = "?"
-"""Mark of a missing entry in a file that was written for completion."""
+MISSING = "?"  # mark of a missing entry in a file that was written for completion
 
 
 @dataclass(frozen=True)

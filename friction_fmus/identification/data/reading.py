@@ -31,14 +31,9 @@ from friction_fmus.identification.data.record import (
 from friction_fmus.identification.data.table_files import read_table
 from friction_fmus.identification.data.tables import Table
 
-#: Ratio of an interval to the median above which it is a gap, across which nothing is interpolated.
-GAP = 5.0
-
-#: Smallest number of samples of a segment.
-SHORTEST = 50
-
-#: Columns that are smooth because of inertia; the others are interpolated linearly.
-SMOOTH = ("q", "v", "reference")
+GAP = 5.0  # ratio of an interval to the median above which it is a gap, across which nothing is interpolated
+SHORTEST = 50  # smallest number of samples of a segment
+SMOOTH = ("q", "v", "reference")  # columns that are smooth because of inertia; the others are interpolated linearly
 
 
 @dataclass(frozen=True, eq=False)
@@ -138,8 +133,7 @@ def _interpolated(name: str, t: Array, values: Array, at: Array) -> Array:
     return np.asarray(np.interp(at, t, values), dtype=np.float64)
 
 
-TRAIN: Final = 0.6
-"""Fraction of a record that is fitted; the rest is validation data."""
+TRAIN: Final = 0.6  # fraction of a record that is fitted; the rest is validation data
 
 
 def default_windows(records: Sequence[Record]) -> dict[str, tuple[float, float]]:
@@ -158,8 +152,7 @@ def default_windows(records: Sequence[Record]) -> dict[str, tuple[float, float]]
 #: Largest plausible travel and speed of a machine, by unit of the position.
 LARGEST_PLAUSIBLE = {"m": (100.0, 100.0), "rad": (1e6, 1e5)}
 
-#: Ratio of two columns above which one of their units counts as wrong.
-FACTOR = 3.0
+FACTOR = 3.0  # ratio of two columns above which one of their units counts as wrong
 
 
 def plausible(records: Sequence[Record], columns: Mapping[str, Column]) -> Iterator[Finding]:
@@ -253,8 +246,7 @@ def _without_line(values: Array, t: Array) -> Array:
     return np.asarray(values - np.polynomial.Polynomial.fit(t, values, 1)(t), dtype=np.float64)
 
 
-#: Column of a record for each role in a mapping.
-FIELD = {
+FIELD = {  # column of a record for each role in a mapping
     "time": "t",
     "position": "q",
     "velocity": "v",
@@ -268,8 +260,7 @@ FIELD = {
 #: Largest value of a measurement in SI units, and one over the smallest, so that computations do not overflow.
 LARGEST = 1e50
 
-EPOCH = 1e8
-"""Start of a time that is counted from the first sample on, because it is a date [s]."""
+EPOCH = 1e8  # start of a time that is counted from the first sample on, because it is a date [s]
 
 
 @dataclass(frozen=True, eq=False)

@@ -45,8 +45,7 @@ class Finding:
 
 Array: TypeAlias = NDArray[np.float64]
 
-#: Largest relative deviation of a sampling interval from the mean.
-JITTER = 0.01
+JITTER = 0.01  # largest relative deviation of a sampling interval from the mean
 
 
 #: Columns of a record; all except the time are optional.
@@ -251,8 +250,7 @@ QUANTITY = {
 }
 """Physical quantity of each role of a column."""
 
-_LONGEST = 2 * LONGEST_UNIT
-"""Largest number of characters of a number with a unit."""
+_LONGEST = 2 * LONGEST_UNIT  # largest number of characters of a number with a unit
 
 DRIVE_UNITS = {
     **dict.fromkeys(("1/min", "min-1", "min^-1"), "rpm"),

@@ -26,8 +26,7 @@ from harness.errors import MissingPackageError
 from harness.extras import require
 from harness.storage.files import LARGEST_DATA
 
-MISSING: Final = ("", "nan", "NaN", "NAN", "NA", "null", "-nan", "#N/A")
-"""Cells without a value."""
+MISSING: Final = ("", "nan", "NaN", "NAN", "NA", "null", "-nan", "#N/A")  # cells without a value
 
 _NUMBER = re.compile(r"[-+]?(\d+([.,]\d*)?|[.,]\d+)([eEdD][-+]?\d+)?|[-+]?(nan|inf(inity)?)", re.IGNORECASE)
 _WORDS = dict.fromkeys(MISSING, math.nan) | {"true": 1.0, "True": 1.0, "false": 0.0, "False": 0.0}
@@ -62,14 +61,9 @@ def decimal_comma(path: Path) -> Finding:
     return Finding("decimal-comma", what, "Check a value of each column, or use decimal points.")
 
 
-KEY = "Name"
-"""First cell of the row with the names of the channels; it is repeated above each column of times."""
-
-TICKS = 1e4
-"""Ticks of a time stamp of Windows in a millisecond."""
-
-LONGEST_HEAD = 200
-"""Largest number of lines above the numbers; comments of symbols can have several lines."""
+KEY = "Name"  # first cell of the row with the names of the channels; it is repeated above each column of times
+TICKS = 1e4  # ticks of a time stamp of Windows in a millisecond
+LONGEST_HEAD = 200  # largest number of lines above the numbers; comments of symbols can have several lines
 
 _NO_UNIT = ("", "(None)", "None")
 
@@ -331,11 +325,8 @@ def _moments(cells: Sequence[str]) -> Array | None:
 JOINT: Final = ("position", "velocity", "effort")
 """Arrays of ``sensor_msgs/JointState`` with one element for each name."""
 
-DEEPEST: Final = 8
-"""Largest depth of nested fields."""
-
-LONGEST: Final = 64
-"""Largest number of elements of an array whose elements become columns."""
+DEEPEST: Final = 8  # largest depth of nested fields
+LONGEST: Final = 64  # largest number of elements of an array whose elements become columns
 
 
 def read_mcap(path: Path) -> Table:
@@ -459,8 +450,7 @@ def _read_parquet(path: Path) -> Table:
     return from_arrow(path, pq.read_table(path))
 
 
-UNPACKED: Final = 2**30
-"""Largest size of the numbers in a file [bytes]."""
+UNPACKED: Final = 2**30  # largest size of the numbers in a file [bytes]
 
 
 def _limit(path: Path, size: int) -> None:
@@ -472,8 +462,7 @@ def _limit(path: Path, size: int) -> None:
         )
 
 
-HDF5: Final = b"\x89HDF\r\n\x1a\n"
-"""Signature of HDF5, at offset 512 of a MATLAB 7.3 file or at its start."""
+HDF5: Final = b"\x89HDF\r\n\x1a\n"  # signature of HDF5, at offset 512 of a MATLAB 7.3 file or at its start
 
 
 def _read_mat(path: Path) -> Table:
@@ -511,8 +500,7 @@ def _unpacked(path: Path) -> int:
     return total
 
 
-COMPRESSED: Final = 15
-"""Type of a compressed variable in a MATLAB file of version 5."""
+COMPRESSED: Final = 15  # type of a compressed variable in a MATLAB file of version 5
 
 
 def _trajectory(path: Path) -> Table:

@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 
 from friction_fmus.identification.data.record import Array, Finding
 
-#: Largest integer below which all integers are exact as floating-point numbers.
-EXACT = 2**53
+EXACT = 2**53  # largest integer below which all integers are exact as floating-point numbers
 
 
 @dataclass(frozen=True, eq=False)

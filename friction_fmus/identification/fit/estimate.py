@@ -12,20 +12,14 @@ import scipy.stats
 
 from friction_fmus.identification.data.record import Array
 
-#: Probability (p value) below which residuals count as correlated.
-WHITE = 0.01
-
-#: Fewest residuals that are tested for correlation.
-TESTABLE = 200
-
-#: Highest order of the autoregressive model, and smallest number of residuals for each order.
-HIGHEST, EACH = 10, 10
+WHITE = 0.01  # probability (p value) below which residuals count as correlated
+TESTABLE = 200  # fewest residuals that are tested for correlation
+HIGHEST, EACH = 10, 10  # highest order of the autoregressive model, and smallest number of residuals for each order
 
 #: Corrections of the autocovariances, and the number of residuals above which none is needed.
 CORRECTIONS, MANY = 4, 2000
 
-#: Largest partial correlation: a model beyond is a drift.
-STATIONARY = 0.98
+STATIONARY = 0.98  # largest partial correlation: a model beyond is a drift
 
 
 def autocovariance(values: Array) -> Array:

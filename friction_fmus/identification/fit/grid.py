@@ -26,11 +26,8 @@ from friction_fmus.identification.fit.block_fit import driven
 from friction_fmus.identification.fit.models import contact_model
 from friction_fmus.identification.fit.simulation_data import PreparedSegment, prepare, signal_of
 
-#: Number of elements of the block `MaxwellSlip`.
-BLOCK_ELEMENTS = 10
-
-#: Initial forces of an element over its limit.
-INITIAL_FORCES = (-1.0, 0.0, 1.0)
+BLOCK_ELEMENTS = 10  # number of elements of the block `MaxwellSlip`
+INITIAL_FORCES = (-1.0, 0.0, 1.0)  # initial forces of an element over its limit
 
 
 @dataclass(frozen=True, eq=False)

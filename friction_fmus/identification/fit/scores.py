@@ -13,11 +13,8 @@ from friction_fmus.identification.fit.estimate import autocovariance
 from friction_fmus.identification.fit.least_squares import advice
 from friction_fmus.identification.fit.models import ContactModel
 
-#: Relative standard error above which a parameter counts as poorly identifiable.
-WEAK = 0.25
-
-#: Correlation of two estimates above which they count as poorly identifiable.
-TOGETHER = 0.98
+WEAK = 0.25  # relative standard error above which a parameter counts as poorly identifiable
+TOGETHER = 0.98  # correlation of two estimates above which they count as poorly identifiable
 
 
 @dataclass(frozen=True)

@@ -31,38 +31,29 @@ from harness.parts.part import StartValue
 if TYPE_CHECKING:
     from friction_fmus.identification.result import Identification
 
-FREE_RUN: Final = "free-run"
-"""Name of the method."""
-
-DRIFT: Final = "OF_rate"
-"""Parameter of the drift: change of the constant force OF per second."""
+FREE_RUN: Final = "free-run"  # name of the method
+DRIFT: Final = "OF_rate"  # parameter of the drift: change of the constant force OF per second
 
 START: Final = 20
 """Samples from which the first state is measured; they do not count in scores, as in the EMPS benchmark."""
 
-ARC: Final = 2.0
-"""Length of an arc [s]."""
+ARC: Final = 2.0  # length of an arc [s]
 
 TRUST: Final = 3.0
 """Standard deviation of a parameter before the fit, over its standard error in the fit that is continued."""
 
-REACH: Final = 0.1
-"""Largest standard deviation of a parameter before the fit, over its value."""
+REACH: Final = 0.1  # largest standard deviation of a parameter before the fit, over its value
 
 DRIFTING: Final = 0.05
 """Standard deviation of the drift over the whole record before the fit, over the rms of the drive force."""
 
-CLEAR: Final = 2.0
-"""Drift, over its standard error, above which it is used."""
-
-CORRELATED: Final = 0.2
-"""Time over which errors of the position count as one independent error [s]."""
+CLEAR: Final = 2.0  # Drift, over its standard error, above which it is used
+CORRELATED: Final = 0.2  # time over which errors of the position count as one independent error [s]
 
 INACCURATE: Final = 0.1
 """Change of the position with half the step, over the error of the position, above which a warning says so."""
 
-STEPS: Final = 1e-4, 1e-3
-"""Steps of position and velocity for finite differences, over travel and largest speed."""
+STEPS: Final = 1e-4, 1e-3  # steps of position and velocity for finite differences, over travel and largest speed
 
 
 def identify_free_run(found: Identification) -> Identification:
