@@ -6,26 +6,23 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cache, cached_property
-from typing import Final
+from typing import ClassVar, Final
 
 from lxml import etree
 
-from friction_fmus.check.description import integer, line_of, name_of, real
+from friction_fmus.check.description import Described, Description, integer, line_of, name_of, real
 from friction_fmus.check.findings import Fault, at, for_each, rule
 
 FLOATS: Final = ("Float64", "Float32")
 INTEGERS: Final = ("Int8", "UInt8", "Int16", "UInt16", "Int32", "UInt32", "Int64", "UInt64")
 TYPES: Final = (*FLOATS, *INTEGERS, "Boolean", "String", "Binary", "Enumeration", "Clock")
 PARAMETERS: Final = ("parameter", "structuralParameter", "calculatedParameter")
-KINDS: Final = ("ModelExchange", "CoSimulation", "ScheduledExecution")
 
 
 @dataclass(frozen=True)
-class Variable3:
+class Variable3(Described):
     """A variable, with the defaults of the standard and of its declared type."""
 
-    element: etree._Element
-    """Its element, such as Float64."""
     declared: etree._Element | None
     """The type that it names, if there is one of its kind."""
 
@@ -35,24 +32,9 @@ class Variable3:
         return name_of(self.element)
 
     @property
-    def name(self) -> str:
-        """The name."""
-        return self.element.get("name", "")
-
-    @property
-    def line(self) -> int:
-        """Line in the XML."""
-        return line_of(self.element)
-
-    @property
     def reference(self) -> int | None:
         """Value reference; None if it is not a number."""
         return integer(self.element.get("valueReference"))
-
-    @property
-    def causality(self) -> str:
-        """Causality, with its default."""
-        return self.element.get("causality", "local")
 
     @property
     def variability(self) -> str:
@@ -96,11 +78,10 @@ class Variable3:
 
 
 @dataclass
-class Model3:
+class Model3(Description):
     """The content of modelDescription.xml."""
 
-    root: etree._Element
-    """The element fmiModelDescription."""
+    kinds: ClassVar[tuple[str, ...]] = ("ModelExchange", "CoSimulation", "ScheduledExecution")
 
     @cached_property
     def variables(self) -> list[Variable3]:
@@ -113,21 +94,6 @@ class Model3:
     def by_reference(self) -> dict[int, Variable3]:
         """Variables by value reference."""
         return {v.reference: v for v in self.variables if v.reference is not None}
-
-    @cached_property
-    def interfaces(self) -> list[etree._Element]:
-        """The elements ModelExchange, CoSimulation and ScheduledExecution, as far as they exist."""
-        found = (self.root.find(kind) for kind in KINDS)
-        return [element for element in found if element is not None]
-
-    @property
-    def identifier(self) -> str:
-        """Model identifier of the first interface."""
-        return self.interfaces[0].get("modelIdentifier", "") if self.interfaces else ""
-
-    def flag(self, name: str) -> bool:
-        """Return whether an interface has a capability flag."""
-        return any(element.get(name) in ("true", "1") for element in self.interfaces)
 
     def structure(self, section: str) -> list[etree._Element]:
         """Return the entries of ModelStructure of a kind, such as Output."""

@@ -363,8 +363,6 @@ class Margins:
 def loop_margins(plant: DrivenPlant, laws: Sequence[SampledLaw], Ts: float, window: int = 0, delay: int = 0) -> Margins:
     """Return the margins of a sampled loop with respect to the force of the drive.
 
-    Notes
-    -----
     With the transfer functions K of all laws from (x, v, u_prev) to the force and P of the held plant, the loop is
 
         L(z) = -(Kx Px + Kv Pv) / (1 - Ku/z) z^-delay

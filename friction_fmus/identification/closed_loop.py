@@ -108,8 +108,6 @@ def identify_closed_loop(
 ) -> Identification:
     """Fit mass, offset and friction so that the co-simulated servo follows the measured motion.
 
-    Notes
-    -----
     Only positions are compared: the force follows from the position through the known controller and would count the
     same error twice. The search is `fit_output_error`. For `GMS`, only the sliding law is fitted; the elements remain
     those of `open_loop`.

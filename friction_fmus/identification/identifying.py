@@ -6,6 +6,7 @@ import time
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -34,8 +35,6 @@ ALLOWANCE = 3.0
 def misfit_variance(found: SearchResult, parts: Sequence[Array], lengths: Sequence[int], G: Array) -> Array:
     """Return the variances by which a misfit widens those of reported values, shape (values,).
 
-    Notes
-    -----
     A force that is measured a little later than the motion, and a velocity or an acceleration from filtered
     differences, change the signal in proportion to the first and second time derivatives of its parts. With these
     columns N beside the Jacobian J, the estimates would move by
@@ -166,41 +165,21 @@ def identify(
     """
     begin = time.perf_counter()
     constraints = Constraints(dict(fixed or {}), dict(bounds or {}), dict(start or {}))
-
+    given: dict[str, Any] = {"fixed": fixed, "bounds": bounds, "start": start, "loss": loss, "starts": starts}
+    given |= {"settings": settings, "viscous": viscous}
     if isinstance(data, MeasuredAxis):
         if method not in ("auto", "closed-loop"):
             raise FitError(
                 f"The method {method!r} is not applicable to a MeasuredAxis; use 'closed-loop', or pass its record."
             )
-        open_loop = identify(
-            model,
-            replace(data.record, held=True),
-            fixed=fixed,
-            bounds=bounds,
-            start=start,
-            loss=loss,
-            starts=starts,
-            settings=settings,
-            viscous=viscous,
-        )
+        open_loop = identify(model, replace(data.record, held=True), **given)
         closed = identify_closed_loop(model, data, open_loop, constraints)
         checked = None if validation is None else _validated(closed, validation)
         return replace(closed, seconds=time.perf_counter() - begin, validation=checked)
     records = (data,) if isinstance(data, Record) else tuple(data)
     if method == FREE_RUN:
-        driven_by_force = identify(
-            model,
-            [replace(record, held=True) for record in records],
-            fixed=fixed,
-            bounds=bounds,
-            start=start,
-            loss=loss,
-            starts=starts,
-            settings=settings,
-            position_map=position_map,
-            viscous=viscous,
-        )
-        result = identify_free_run(driven_by_force)
+        held = [replace(record, held=True) for record in records]
+        result = identify_free_run(identify(model, held, position_map=position_map, **given))
         checked = None if validation is None else _validated(result, validation)
         return replace(result, seconds=time.perf_counter() - begin, validation=checked)
     if not records:
@@ -213,10 +192,10 @@ def identify(
     segments = [prepare(record, contact, signal, settings) for record in records]
     Fn0 = _reference_load(constraints, segments)
     with driven(contact.path) as drive:
-        given = FitData(contact, drive, segments, traits(segments, Fn0 or 1.0), constraints, records[0].units, Fn0)
-        fit = chosen.fit(given, loss, starts)
+        fitted = FitData(contact, drive, segments, traits(segments, Fn0 or 1.0), constraints, records[0].units, Fn0)
+        fit = chosen.fit(fitted, loss, starts)
         result = _result(model, contact, name, fit, signal, unit, records, settings)
-        with_table = fit_with_table(fit, given, loss) if position_map and signal == "force" else None
+        with_table = fit_with_table(fit, fitted, loss) if position_map and signal == "force" else None
         checked = None if validation is None else _validated(result, validation)
         if with_table is not None:
             fit, position = with_table

@@ -34,8 +34,6 @@ class MotionFeatures:
 def motion_features(record: Record) -> MotionFeatures:
     """Return the features of the motion in a record.
 
-    Notes
-    -----
     A reversal point is a peak with a prominence of at least 10 standard deviations of the noise (from fourth
     differences), 3 encoder counts and a millionth of the travel. A velocity that was not measured is the central
     difference of the position behind a second-order zero-phase low-pass filter.

@@ -12,8 +12,8 @@ from typing import Final
 import numpy as np
 
 from friction_fmus.errors import RecordError
-from friction_fmus.identification.data.mapping import ROLES, Column, DataMapping
-from friction_fmus.identification.data.record import Array, axis_units, factor, fits, unit_of, wanted_unit
+from friction_fmus.identification.data.mapping import Column, DataMapping
+from friction_fmus.identification.data.record import ROLES, Array, axis_units, factor, fits, unit_of, wanted_unit
 from friction_fmus.identification.data.tables import Table
 
 NAMES = {
@@ -213,7 +213,7 @@ def columns_text(table: Table, known: Mapping[str, Column], suggestions: Mapping
             entries[role] = suggestions.get(role, Column("?", "?"))
     used = {column.column for column in entries.values()}
     free = [name for name in (*table.columns, *table.texts) if name not in used]
-    order = sorted(entries, key=ROLES.index)
+    order = sorted(entries, key=list(ROLES).index)
     return "\n".join(
         [
             "[columns]",

@@ -19,6 +19,7 @@ from friction_fmus.identification.data.guessing import guess_mapping
 from friction_fmus.identification.data.mapping import Column, DataMapping, combined_unit, load_mapping, read_mapping
 from friction_fmus.identification.data.record import (
     JITTER,
+    ROLES,
     Array,
     Finding,
     Record,
@@ -51,8 +52,6 @@ def equally_spaced(
 ) -> tuple[list[SampledSegment], list[Finding]]:
     """Split a measurement at gaps, and convert each segment to equal intervals.
 
-    Notes
-    -----
     A segment whose intervals deviate by more than 1 % from their mean gets a new time grid. If the times are equally
     spaced except for rounding, samples are not interpolated. Otherwise they are resampled at the median interval by a
     cubic spline (position, velocity, reference) or linearly (forces, which may jump). The result contains no
@@ -246,17 +245,6 @@ def _without_line(values: Array, t: Array) -> Array:
     return np.asarray(values - np.polynomial.Polynomial.fit(t, values, 1)(t), dtype=np.float64)
 
 
-FIELD = {  # column of a record for each role in a mapping
-    "time": "t",
-    "position": "q",
-    "velocity": "v",
-    "reference": "reference",
-    "force": "force",
-    "friction": "friction",
-    "normal": "normal",
-    "injected": "injected",
-}
-
 #: Largest value of a measurement in SI units, and one over the smallest, so that computations do not overflow.
 LARGEST = 1e50
 
@@ -447,7 +435,7 @@ def _converted(
                 f"position in {units.position}; use a unit such as {wanted_unit(role, units)}, or correct the position."
             )
         findings += [note for name, note in table.notes.items() if name == column.column]
-        columns[FIELD[role]] = column.sign * gain * scale * table.columns[column.column]
+        columns[ROLES[role].field] = column.sign * gain * scale * table.columns[column.column]
     period = known.columns["time"].period
     if period:
         seconds, unit = parse_quantity(period, "The period")

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import math
 import re
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import TypeAlias
+from typing import Final, NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -238,17 +239,24 @@ class Record:
         return replace(self, **{name: values[inside] for name, values in columns.items() if values is not None})
 
 
-QUANTITY = {
-    "time": "time",
-    "position": "position",
-    "velocity": "velocity",
-    "reference": "position",
-    "force": "force",
-    "friction": "force",
-    "normal": "normal",
-    "injected": "force",
+class Role(NamedTuple):
+    """What a column of a data file can be: physical quantity, column of a record, example of a unit."""
+
+    quantity: str
+    field: str
+    example: str
+
+
+ROLES: Final[Mapping[str, Role]] = {
+    "time": Role("time", "t", "s"),
+    "position": Role("position", "q", "mm"),
+    "velocity": Role("velocity", "v", "mm/s"),
+    "reference": Role("position", "reference", "mm"),
+    "force": Role("force", "force", "N"),
+    "friction": Role("force", "friction", "N"),
+    "normal": Role("normal", "normal", "N"),
+    "injected": Role("force", "injected", "N"),
 }
-"""Physical quantity of each role of a column."""
 
 _LONGEST = 2 * LONGEST_UNIT  # largest number of characters of a number with a unit
 
@@ -327,7 +335,7 @@ def wanted_unit(role: str, units: AxisUnits) -> str:
         "velocity": units.velocity,
         "force": units.force,
         "normal": LINEAR.force,
-    }[QUANTITY[role]]
+    }[ROLES[role].quantity]
 
 
 def fits(role: str, unit: BaseUnit) -> bool:
@@ -337,7 +345,7 @@ def fits(role: str, unit: BaseUnit) -> bool:
 
 def axis_units(role: str, unit: BaseUnit) -> AxisUnits | None:
     """Return the axis units implied by the unit of a position, velocity or reference; None for other roles."""
-    if QUANTITY[role] not in ("position", "velocity"):
+    if ROLES[role].quantity not in ("position", "velocity"):
         return None
     return LINEAR if unit.exponents == _exponents(wanted_unit(role, LINEAR)) else ROTARY
 

@@ -32,8 +32,6 @@ def autocovariance(values: Array) -> Array:
 def correlation_length(residual: Array) -> int:
     """Return the lag in samples up to which residuals are correlated; 0 for white noise.
 
-    Notes
-    -----
     Whiteness is tested with G. Ljung, G. Box, "On a measure of lack of fit in time series models", Biometrika 65, 1978,
     over 20 lags at the level `WHITE`; fewer than `TESTABLE` residuals do not count as white. For correlated residuals,
     the result is twice the first lag with a correlation within 2/sqrt(n) of zero.
@@ -86,8 +84,6 @@ def score_covariance(J: Array, r: Array, lengths: Sequence[int], correlation: in
 def coloured_covariance(back: Array, U: Array, residual: Array, lengths: Sequence[int], lag: int) -> Array:
     """Return the covariance of estimates from the scores U' r.
 
-    Notes
-    -----
     The estimate from an autoregressive model is enlarged where that of Newey and West is larger, as for residuals whose
     variance changes along the record.
     """
@@ -159,8 +155,6 @@ RANK_TOLERANCE = 1e-6
 def dependent_columns(singular: Array, right: Array, names: Sequence[str]) -> list[str]:
     """Return the names of linearly dependent columns; empty if all columns are independent.
 
-    Notes
-    -----
     With two dependences, the singular vectors are an arbitrary basis of the null space, determined by rounding. The
     test therefore uses the length of the projection of each unit vector onto the null space, which does not depend on
     the basis.

@@ -174,8 +174,6 @@ def with_count(
 ) -> tuple[Array, Array, Array]:
     """Return a given number of elements with nearly the same virgin curve as a grid.
 
-    Notes
-    -----
     As long as there are too many elements, the two neighbours whose combination changes the curve least are combined:
     their stiffnesses and slip forces add up. If there are too few, the element with the largest slip force is split
     into two whose break-away distances differ by a factor of 2.

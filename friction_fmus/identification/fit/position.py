@@ -105,8 +105,6 @@ class Regressor:
 def fit_with_table(fit: Fit, data: FitData, loss: Loss) -> tuple[Fit, PositionFit] | None:
     """Fit a table together with the parameters of a friction model; None if the table does not help.
 
-    Notes
-    -----
     The number of nodes is the one with the smallest error in a cross-validation over blocks of the training data
     (`NODES`, `BLOCKS`, `ALIKE`), in which the effect of the parameters is linearised and friction may be any function
     of the speed (`SPEEDS`). A table helps if it reduces this error by a third (`HELPS`). Parameters that the record

@@ -60,8 +60,6 @@ def score(measured: Array, predicted: Array) -> Score:
 def independent_samples(signals: Sequence[Array]) -> float:
     """Return the number of independent samples in signals: their number over the correlation time.
 
-    Notes
-    -----
     The correlation time is 1 + 2 (rho_1 + ... + rho_k) up to the first correlation that is not positive. It is computed
     from the measurement, not from residuals, so that it is the same for all models of a record.
     """

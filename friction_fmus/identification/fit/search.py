@@ -194,8 +194,6 @@ def _one(
 def covariance(found: SearchResult, lengths: Sequence[int]) -> tuple[Array, bool]:
     """Return the covariance of the coordinates, and whether it is the robust estimate.
 
-    Notes
-    -----
     The covariance is s^2 (J'J)^-1 for white residuals and the loss "linear"; otherwise B^-1 S B^-1. For a robust loss
     rho (P. Huber, "Robust estimation of a location parameter", Annals of Mathematical Statistics 35, 1964), the scores
     are rho'(z) r J and B = J' (rho' + 2 z rho'') J with z = (r/scale)^2, in which single terms may be negative. For S,

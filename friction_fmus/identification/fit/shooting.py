@@ -93,8 +93,6 @@ def shoot(
 ) -> ShootingResult:
     """Fit parameters and the states at the beginning of each arc to measured positions.
 
-    Notes
-    -----
     Gauss-Newton iterations minimise N r'r / (n s^2) plus the squared distances from the prior in standard deviations,
     for n samples of the error r, N of them independent, and its rms value s in the iteration before.
     """
