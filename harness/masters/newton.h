@@ -231,7 +231,7 @@ static int estimate_error(Engine *e, Newton *newton, int64_t number, const Progr
     if (s->h <= p->h / newton->finest)
         *off = 0.0; /* only a check can find an error of the smallest spans */
     *checked = *off <= 1.0 && wants_check(e, newton, number, p->tick, s);
-    return *checked ? check(e, newton, number, s, p->tick < EARLY, off) : SOLVED;
+    return *checked ? check(e, newton, number, s, p->tick, off) : SOLVED;
 }
 
 /* Advance a loop over one step, in as many spans as needed. */
@@ -341,7 +341,7 @@ EXPORT bool newton_tick(Engine *e, int64_t tick)
         if (!advance_group(e, newton, number, tick)) /* sampled parts */
             return false;
     for (int64_t i = number; i < newton->group_count && moves(e, newton, &newton->groups[i]); i++)
-        if (jumps(e, newton, &newton->groups[i])) {
+        if ((newton->guards[i].jump = largest_jump(e, newton, &newton->groups[i])) != 0.0) {
             const int status = restart(e, newton, i, e->time);
             if (status == NOT_CONVERGED)
                 return failed(e, i, NOT_CONVERGED, status, e->time);
