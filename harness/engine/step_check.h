@@ -16,12 +16,12 @@
 #define SLIGHT           1e-3 /* of the magnitude: deviation that does not matter */
 #define SPLIT            0.44 /* first half of a step: equal halves miss an oscillation of twice their frequency */
 #define DISTANCE_FACTOR  0.25 /* factor of `step_tolerance` for the distance until a contact stops */
-#define AT_START         10.0 /* factor of `step_tolerance` in the first EARLY ticks of a value that starts at 0 */
 #define PREDICTION_LIMIT 0.05 /* of the magnitude, between an unknown and its linear prediction */
 #define JUMP_LIMIT       0.5  /* the same, during the cooldown */
 #define LEAP             1.5  /* over the largest magnitude so far */
 #define ABANDONED        30.0 /* root of the sum of the squares of the unresolved errors, over the magnitude */
 #define MOST_UNRESOLVED  40.0 /* sum of the shares of their steps */
+#define TURNED           5.0  /* ratio that a velocity counts as which may have passed 0 twice within a piece */
 #define AMPLIFIED        4.0  /* ratio of error to tolerance that an amplified value counts as */
 #define NEGLIGIBLE       1e-6 /* holding force over the largest force of a contact in the loop */
 enum {
@@ -31,7 +31,6 @@ enum {
     LONGEST_COOLDOWN = 64,
     SOON = 16,
     MOST_RECURRENCES = 8,
-    EARLY = 8,
     RUNGS = 8
 };
 #define GROWTHS 3.0
@@ -74,9 +73,27 @@ static bool amplifies(const Newton *newton, const Group *g, const Span *s)
     return false;
 }
 
-/* Return whether the span begins with a jump of an input that is to be checked, or the run begins with it. */
-static bool begins_anew(const StepCheck *guard, int64_t tick, const Span *s)
+/* Return whether the velocity of a contact was about to pass 0, but has the same sign at the end of the span. */
+static bool turns_within(const Newton *newton, const Group *g, const Span *s)
 {
+    for (const Contact *c = contacts_of(newton, g); c < contacts_of(newton, g) + g->contacts; c++) {
+        const Moving *const m = &newton->moving[c->line];
+        const double slope = (m->u0 - earlier(m, s)) / (GA_M - GA_F); /* times the length of the span */
+        if (m->rigid >= 0 && m->u0 * m->u1 > 0.0 && m->u0 * (m->u0 + slope) < 0.0)
+            return true;
+    }
+    return false;
+}
+
+/* Return whether another motion begins with the solved span: with the run, with a jump of an input, or because a
+   contact breaks away. */
+static bool begins_anew(const Newton *newton, int64_t number, int64_t tick, const Span *s)
+{
+    const Group *const g = &newton->groups[number];
+    const StepCheck *const guard = &newton->guards[number];
+    for (const Contact *c = contacts_of(newton, g); c < contacts_of(newton, g) + g->contacts; c++)
+        if (velocity_of(newton, c)->rests && !is_rest(velocity_of(newton, c)))
+            return true;
     const double least = guard->resolves && tick < guard->next ? JUMP_LIMIT : NOTABLE;
     return s->from == 0.0 && (tick == 0 || guard->jump > least);
 }
@@ -89,7 +106,7 @@ static bool wants_check(const Engine *e, const Newton *newton, int64_t number, i
         return false;
     const Group *const g = &newton->groups[number];
     return guard->checks_due > 0 || guard->limited_ticks > 0 || (s->from == 0.0 && is_scheduled(guard, tick)) ||
-           begins_anew(guard, tick, s) || leaps(e, newton, g) || mispredicted(newton, g, s, tick >= guard->next ? PREDICTION_LIMIT : JUMP_LIMIT);
+           turns_within(newton, g, s) || leaps(e, newton, g) || mispredicted(newton, g, s, tick >= guard->next ? PREDICTION_LIMIT : JUMP_LIMIT);
 }
 
 /* Save (or restore, if `back`) everything that a check must not change. */
@@ -117,12 +134,12 @@ static void swap_loop(Engine *e, const Newton *newton, const Group *g)
 
 /* Return the part of a span that is over after piece i of n. After a jump each piece is `RUNG` times as long as those
    before it together, as the motion that follows may be over within any part of the span. */
-static double part_after(int i, int n, bool restarted)
+static double part_after(int i, int n, bool growing)
 {
-    return i + 1 == n ? 1.0 : restarted ? pow(RUNG, (double)(i + 1 - n)) : SPLIT;
+    return i + 1 == n ? 1.0 : growing ? pow(RUNG, (double)(i + 1 - n)) : SPLIT;
 }
 
-/* Return the number of pieces of a span that begins with the step: the first piece has the same length for all. */
+/* Return the number of pieces of a part of a step: the first piece has the same length for all. */
 static int pieces_of(double part)
 {
     int n = RUNGS;
@@ -133,18 +150,18 @@ static int pieces_of(double part)
 
 /* Solve the span again, in n pieces; means[k] becomes the mean of line k over all, and the
    next numbers the values at the end of the last piece but one. */
-static int solve_pieces(Engine *e, Newton *newton, int64_t number, const Span *s, int n, bool restarted, double *means,
-                        bool *jumped)
+static int solve_pieces(Engine *e, Newton *newton, int64_t number, const Span *s, int n, bool growing, double *means,
+                        bool *jumped, bool *turns)
 {
     const Group *const g = &newton->groups[number];
     const int64_t lines = e->lines_from[e->part_count];
     double done = 0.0, before = 1.0; /* part of the span; length of the last piece over that of the span before */
     int status = SOLVED;
-    *jumped = false;
+    *jumped = *turns = false;
     for (int64_t k = 0; k < lines; k++)
         means[k] = 0.0;
     for (int i = 0; i < n && status == SOLVED; i++) {
-        const double end = part_after(i, n, restarted), share = end - done;
+        const double end = part_after(i, n, growing), share = end - done;
         const Span piece = {s->t + done * s->h,
                             i + 1 == n ? s->h - done * s->h : share * s->h,
                             s->from + done * (s->to - s->from),
@@ -162,6 +179,7 @@ static int solve_pieces(Engine *e, Newton *newton, int64_t number, const Span *s
             means[lines + k] = i == n - 2 ? newton->moving[k].u1 : means[lines + k];
         }
         *jumped = *jumped || newton->jumped;
+        *turns = *turns || (growing && status == SOLVED && turns_within(newton, g, &piece));
         if (status == SOLVED && i + 1 < n)
             accept(e, newton, g, number, &piece);
         if ((status != SOLVED || i + 1 == n) && i > 0)
@@ -177,7 +195,7 @@ static int solve_pieces(Engine *e, Newton *newton, int64_t number, const Span *s
    error that would remain: the mean counts over the whole step, of which the span is a part. An instantaneous event,
    such as a mass that stops, is never resolved, but does not matter in a span that is short enough. */
 static double difference(const Engine *e, Newton *newton, int64_t number, const Span *s, const double *whole,
-                         const double *halves, bool jumped, bool early)
+                         const double *halves, bool jumped)
 {
     const Group *const g = &newton->groups[number];
     StepCheck *const guard = &newton->guards[number];
@@ -188,12 +206,11 @@ static double difference(const Engine *e, Newton *newton, int64_t number, const 
             const Moving *const a = &newton->kept_lines[k], *const b = &newton->moving[k];
             if (!a->inner || (jumped && a->unknown < 0) || (a->role == HOLDING && b->role == HOLDING))
                 continue;
-            const double tolerated = newton->step_tolerance * (early && a->from_rest ? AT_START : 1.0);
             const double in_mean = fabs(whole[k] - halves[k]), at_end = jumped ? 0.0 : fabs(a->u1 - b->u1);
             const double apart = fmax(in_mean, at_end), values = fmax(fabs(a->u1), fabs(b->u1));
             const double size = fmax(fmax(a->scale, values), a->role == CHANGING ? least : 0.0);
             const double remains = fmax((s->to - s->from) * in_mean, at_end);
-            const double off = apart == 0.0 ? 0.0 : apart / (tolerated * size);
+            const double off = apart == 0.0 ? 0.0 : apart / (newton->step_tolerance * size);
             worst = off <= worst ? worst : isnan(off) ? INFINITY : off;
             if (!(remains <= most * size)) {
                 most = remains == 0.0 ? 0.0 : remains / size;
@@ -233,27 +250,27 @@ static bool resolves(const Engine *e, const Newton *newton, const Group *g, cons
 }
 
 /* Compare a solved span with its halves and raise *off to the difference. The span stays solved. */
-static int check(Engine *e, Newton *newton, int64_t number, const Span *s, int64_t tick, double *off)
+static int check(Engine *e, Newton *newton, int64_t number, const Span *s, bool anew, double *off)
 {
     const Group *const g = &newton->groups[number];
     const int64_t lines = e->lines_from[e->part_count], most = newton->most_unknowns;
     double *const whole = newton->kept + 6 * most + most * most, *const halves = whole + lines, norm = 0.0;
     const double before = newton->before[number];
     const bool jumped = newton->jumped;
-    const bool anew = begins_anew(&newton->guards[number], tick, s);
-    const int pieces = anew ? pieces_of(s->to) : 2;
-    bool halves_jumped = false;
+    const bool finer = anew || turns_within(newton, g, s);
+    const int pieces = finer ? pieces_of(s->to - s->from) : 2;
+    bool halves_jumped = false, turns = false;
 
     for (int64_t k = 0; k < lines; k++)
         whole[k] = e->lines[k].mean;
     keep(e, newton, g, number, false);
-    int status = solve_pieces(e, newton, number, s, pieces, anew, halves, &halves_jumped);
+    int status = solve_pieces(e, newton, number, s, pieces, finer, halves, &halves_jumped, &turns);
     const bool failed_halves = status == NOT_CONVERGED || status == 2;
     if (status != SOLVED && !failed_halves)
         return status;
     const double found =
-        failed_halves ? INFINITY : difference(e, newton, number, s, whole, halves, jumped || halves_jumped, tick < EARLY);
-    *off = fmax(*off, found);
+        failed_halves ? INFINITY : difference(e, newton, number, s, whole, halves, jumped || halves_jumped);
+    *off = fmax(*off, turns ? fmax(found, TURNED) : found);
     if (anew)
         newton->guards[number].resolves = !failed_halves && resolves(e, newton, g, halves + lines);
     keep(e, newton, g, number, true);
