@@ -259,6 +259,7 @@ static int step_loop(Engine *e, Newton *newton, int64_t number, int64_t tick, do
         const bool varies = (newton->error > 0.0 || guard->checks_due > 0) && *proposed > 0.0;
         double piece = fmin(varies ? *proposed : h, h - p.done);
         piece = guard->limited_ticks > 0 ? fmin(piece, guard->limit) : piece;
+        piece = p.since >= 0.0 && p.done > p.since ? fmin(piece, RUNG * (p.done - p.since)) : piece;
         int status = save_loop(e, newton, g, p.t);
         int splits = 0;
         for (bool again = false; status == SOLVED; again = true) {
@@ -282,8 +283,8 @@ static int step_loop(Engine *e, Newton *newton, int64_t number, int64_t tick, do
             if (status == SOLVED && (off <= 1.0 || piece <= accurate)) {
                 accept(e, newton, g, number, &s);
                 newton->substeps++;
-                if (again && splits == 0)
-                    limit_steps(guard, s.h);
+                if (again && splits == 0) /* the motion after a jump is soon slower */
+                    limit_steps(guard, p.since < 0.0 ? s.h : fmax(s.h, h / (RUNG * RUNG)));
                 p.done = s.to >= 1.0 ? h : p.done + piece;
                 if (splits == 0)
                     *proposed = fmax(accurate, piece * (again ? 1.0 : fmin(4.0, 0.8 / sqrt(off + 1e-9))));
