@@ -242,7 +242,8 @@ static int estimate_error(Engine *e, Newton *newton, int64_t number, Progress *p
         p->since = p->done;
     if (s->h <= shortest(newton, p))
         *off = 0.0; /* only a check can find an error of the smallest spans */
-    *checked = *off <= 1.0 && (stops || anew || wants_check(e, newton, number, p->tick, s)) &&
+    const bool soon = p->since >= 0.0 && !newton->guards[number].resolves;
+    *checked = *off <= 1.0 && (stops || anew || soon || wants_check(e, newton, number, p->tick, s)) &&
                !newton->guards[number].abandoned;
     return *checked ? check(e, newton, number, s, anew, off) : SOLVED;
 }
