@@ -220,12 +220,11 @@ static double difference(const Engine *e, Newton *newton, int64_t number, const 
         }
     guard->distance_error = 0.0;
     for (const Contact *c = contacts_of(newton, g); c < contacts_of(newton, g) + g->contacts; c++) {
-        const Moving *const a = &newton->kept_lines[c->line], *const b = &newton->moving[c->line];
+        const Moving *const a = &newton->kept_lines[c->line];
         const double means = fmax(fabs(whole[c->line]), fabs(halves[c->line]));
         const double distance_error = s->h * fabs(whole[c->line] - halves[c->line]), path = a->path + s->h * means;
-        if (is_rest(a) || is_rest(b))
-            worst = fmax(
-                worst, distance_error > 0.0 ? distance_error / (DISTANCE_FACTOR * newton->step_tolerance * path) : 0.0);
+        if (distance_error > 0.0)
+            worst = fmax(worst, distance_error / (DISTANCE_FACTOR * newton->step_tolerance * path));
         if (distance_error > farthest * path) {
             farthest = distance_error / path;
             guard->contact = c->line;
