@@ -159,7 +159,7 @@ class StudyFinding:
     """Description with numbers, in one sentence."""
     change: str
     """Proposed change, in one sentence."""
-    stops: bool
+    stops: bool = False
     """Whether the result must not be used: nothing is ranked that depends on the finding, and no FMU is written."""
 
 
