@@ -13,7 +13,7 @@ from types import TracebackType
 
 import numpy as np
 
-from friction_fmus.axis.servo import Compensator, Plant, Servo, Trajectory
+from friction_fmus.axis.servo import AxisPlant, Compensator, Servo, Trajectory
 from friction_fmus.fmi.package import fmu
 from harness import FmuPart, Part, SeriesPart, Wire
 from harness.parts.part import StartValue
@@ -196,7 +196,7 @@ class LoopAssembly:
         self.wires += [f"{source} -> {name}.{port}" for port, source in known.items() if port in taken]
         return part
 
-    def add_plant(self, plant: Plant) -> None:
+    def add_plant(self, plant: AxisPlant) -> None:
         """Add mass, friction, and the force over position."""
         trajectory = self.trajectory
         own = {"m": plant.mass, "x0": trajectory.x0, "v0": trajectory.v0}
@@ -219,13 +219,13 @@ class LoopAssembly:
             self.wires.append(Wire("position.F_position", "axis.F_load", delay=1))
 
 
-def viscous_beside(friction: Part, plant: Plant) -> float:
+def viscous_beside(friction: Part, plant: AxisPlant) -> float:
     """Return the coefficient of the viscous friction beside a friction block [N.s/m]; 0 if the block has its own."""
     own = any(port.name == "Fv" for port in friction.parameters)
     return 0.0 if own else float(plant.values.get("Fv", 0.0))
 
 
-def constant_force(plant: Plant, force: float) -> dict[str, StartValue]:
+def constant_force(plant: AxisPlant, force: float) -> dict[str, StartValue]:
     """Return the start value that applies a constant force to the axis."""
     return {"axis.F_load" if plant.position is None else "position.F0": force}
 

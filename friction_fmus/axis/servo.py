@@ -15,7 +15,7 @@ from friction_fmus.blocks.axis_units import Words, words_of
 
 
 @dataclass(frozen=True)
-class Plant:
+class AxisPlant:
     """Identified mass and friction of an axis."""
 
     friction: str

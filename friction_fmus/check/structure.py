@@ -11,9 +11,9 @@ from lxml import etree
 from friction_fmus.check.archive import Contents, read_member
 from friction_fmus.check.description import (
     SECTIONS,
+    ListedUnknown,
     Model,
-    Unknown,
-    Variable,
+    Variable2,
     integer,
     line_of,
     name_of,
@@ -90,7 +90,7 @@ def _build(contents: Contents, _model: Model | Model3, root: etree._Element) -> 
             yield _BUILD.finding(message, BUILD, line=line_of(element))
 
 
-def _entries(model: Model) -> Iterator[tuple[str, Unknown]]:
+def _entries(model: Model) -> Iterator[tuple[str, ListedUnknown]]:
     for section in SECTIONS:
         for unknown in model.unknowns[section]:
             yield section, unknown
@@ -102,7 +102,7 @@ def _line(model: Model, section: str) -> int:
     return line_of(found[0])
 
 
-def _named(variables: list[Variable]) -> str:
+def _named(variables: list[Variable2]) -> str:
     shown = ", ".join(v.name for v in variables[:5])
     return shown + (f" and {len(variables) - 5} more" if len(variables) > 5 else "")
 
@@ -217,7 +217,7 @@ def _dependency_order(model: Model) -> Iterator[Fault]:
             )
 
 
-def _known(model: Model, section: str, v: Variable) -> bool:
+def _known(model: Model, section: str, v: Variable2) -> bool:
     """Return whether a variable is allowed as a dependency."""
     if v.causality in ("input", "independent"):
         return True

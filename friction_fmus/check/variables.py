@@ -8,7 +8,7 @@ from collections import defaultdict
 from collections.abc import Iterator
 from functools import cache
 
-from friction_fmus.check.description import Model, Variable, integer, line_of, real
+from friction_fmus.check.description import Model, Variable2, integer, line_of, real
 from friction_fmus.check.findings import Fault, at, for_each, rule
 from harness.values import STRUCTURED
 
@@ -23,7 +23,7 @@ _VARIABILITIES = {
 }
 
 
-def _initials(v: Variable) -> set[str | None]:
+def _initials(v: Variable2) -> set[str | None]:
     if v.causality in ("input", "independent"):
         return {None}
     if v.causality == "parameter" or v.variability == "constant":
@@ -35,7 +35,7 @@ def _initials(v: Variable) -> set[str | None]:
 
 @rule("duplicate-variable", "error", "2.2.7", "Two variables have the same name.")
 def _duplicate(model: Model) -> Iterator[Fault]:
-    seen: dict[str, Variable] = {}
+    seen: dict[str, Variable2] = {}
     for v in model.variables:
         if v.name in seen:
             yield at(v, f"{v.name!r} is already defined in line {seen[v.name].line}; rename one")
@@ -53,7 +53,7 @@ def _name(model: Model) -> Iterator[Fault]:
 
 
 @for_each("variability", "error", "2.2.7", "Causality and variability, or type and variability, are incompatible.")
-def _variability(_model: Model, v: Variable) -> Iterator[str]:
+def _variability(_model: Model, v: Variable2) -> Iterator[str]:
     allowed = _VARIABILITIES.get(v.causality, {v.variability})
     if v.variability not in allowed:
         one = " or ".join(sorted(allowed))
@@ -64,21 +64,21 @@ def _variability(_model: Model, v: Variable) -> Iterator[str]:
 
 
 @for_each("initial", "error", "2.2.7", "The value of initial is incompatible with causality and variability.")
-def _initial(_model: Model, v: Variable) -> Iterator[str]:
+def _initial(_model: Model, v: Variable2) -> Iterator[str]:
     if v.variability in _VARIABILITIES.get(v.causality, ()) and v.initial not in _initials(v):
         allowed = " or ".join(sorted(value or "nothing" for value in _initials(v)))
         yield f"{v.name} ({v.causality}, {v.variability}) has initial={v.initial!r}; write {allowed}"
 
 
 @for_each("start-missing", "error", "2.2.7", "A variable that needs a start value has none.")
-def _start_missing(_model: Model, v: Variable) -> Iterator[str]:
+def _start_missing(_model: Model, v: Variable2) -> Iterator[str]:
     needs = v.causality == "input" or (v.initial in ("exact", "approx") and v.causality != "independent")
     if needs and v.start is None and v.typed is not None:
         yield f"{v.name} has no start value; give the start value of the binary"
 
 
 @for_each("start-forbidden", "error", "2.2.7", "A calculated or independent variable has a start value.")
-def _start_forbidden(_model: Model, v: Variable) -> Iterator[str]:
+def _start_forbidden(_model: Model, v: Variable2) -> Iterator[str]:
     if v.start is not None and (v.initial == "calculated" or v.causality == "independent"):
         yield f"{v.name} is computed but has start={v.start!r}; remove it or set initial='exact'"
 
@@ -106,7 +106,7 @@ def _start_outside(model: Model) -> Iterator[Fault]:
 
 
 @for_each("number-not-finite", "error", "2.2.7", "A start, min, max or nominal is NaN or infinite.")
-def _not_finite(_model: Model, v: Variable) -> Iterator[str]:
+def _not_finite(_model: Model, v: Variable2) -> Iterator[str]:
     for element in (v.typed,) if v.typed is not None and v.type == "Real" else ():
         for attribute in ("start", "min", "max", "nominal"):
             value = real(element.get(attribute))
@@ -128,7 +128,7 @@ def _reversed(model: Model) -> Iterator[Fault]:
 
 
 @for_each("nominal", "error", "2.2.7", "A nominal value is not positive.")
-def _nominal(_model: Model, v: Variable) -> Iterator[str]:
+def _nominal(_model: Model, v: Variable2) -> Iterator[str]:
     value = real(v.get("nominal"))
     if value is not None and value <= 0.0:
         yield f"{v.name} has nominal {v.get('nominal')}; give the typical magnitude of its values"
@@ -172,13 +172,13 @@ def _independent(model: Model) -> Iterator[Fault]:
 
 
 @for_each("time-name", "note", "2.2.7", "The independent variable is not called time or does not have the unit s.")
-def _time(_model: Model, v: Variable) -> Iterator[str]:
+def _time(_model: Model, v: Variable2) -> Iterator[str]:
     if v.causality == "independent" and (v.name != "time" or v.get("unit") not in (None, "s")):
         yield f"the independent variable is {v.name!r} in {v.get('unit')!r}; call it time, in s"
 
 
 @for_each("derivative-of", "error", "2.2.7", "The attribute derivative does not name another continuous Real variable.")
-def _derivative(model: Model, v: Variable) -> Iterator[str]:
+def _derivative(model: Model, v: Variable2) -> Iterator[str]:
     text = v.get("derivative") if v.type == "Real" else None
     state = model.variable(integer(text) or 0)
     if text is not None and (state is None or state is v or state.type != "Real"):
@@ -188,7 +188,7 @@ def _derivative(model: Model, v: Variable) -> Iterator[str]:
 @for_each(
     "multiple-set", "error", "2.2.7", "canHandleMultipleSetPerTimeInstant is set for a variable that is not an input."
 )
-def _multiple_set(_model: Model, v: Variable) -> Iterator[str]:
+def _multiple_set(_model: Model, v: Variable2) -> Iterator[str]:
     if v.element.get("canHandleMultipleSetPerTimeInstant") is not None and v.causality != "input":
         yield f"{v.name} is {v.causality}; remove canHandleMultipleSetPerTimeInstant, which is for inputs only"
 

@@ -13,7 +13,7 @@ from typing import Final, TypeAlias
 import numpy as np
 
 from friction_fmus.axis.assembly import block, typed
-from friction_fmus.axis.servo import Compensator, Plant, Servo
+from friction_fmus.axis.servo import AxisPlant, Compensator, Servo
 from friction_fmus.blocks.about import KINDS, Use
 from friction_fmus.blocks.arithmetic import Number, evaluate, names_in, vectors_in
 from friction_fmus.blocks.axis_units import Words, words_of
@@ -38,7 +38,7 @@ class AxisKnowledge:
 
     servo: Servo
     """Feedback and sensors."""
-    plant: Plant
+    plant: AxisPlant
     """Mass and best friction model."""
     models: Mapping[str, Values]
     """Parameters of every identified friction model, by name of the block."""

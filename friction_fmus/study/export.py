@@ -19,7 +19,7 @@ from friction_fmus.codegen.loop import LAWS, LOOP_FILE, SHARED, LoopFile, LoopLa
 from friction_fmus.fmi.package import build
 from friction_fmus.lawkit.law import Kind
 from friction_fmus.study.compensators import TABLE
-from friction_fmus.study.evaluation import Bench, Scheme, with_table
+from friction_fmus.study.evaluation import AxisBench, Scheme, with_table
 from friction_fmus.study.models import IdentifiedModel
 from friction_fmus.study.result import WrittenFile
 from harness import FmuPart, Parameter, ParameterSet, System, Wire, open_archive, write_ssv
@@ -224,7 +224,7 @@ OWN: Final = "recommended"  # folder of the files of the recommendation
 
 
 def export_recommended(
-    out: Path, bench: Bench, scheme: Scheme, name: str, citation: str, figures: Figures | None = None
+    out: Path, bench: AxisBench, scheme: Scheme, name: str, citation: str, figures: Figures | None = None
 ) -> tuple[WrittenFile, ...]:
     """Write the files needed to use the recommended compensator."""
     folder, u = out / OWN, bench.trajectory.words

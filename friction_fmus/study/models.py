@@ -11,7 +11,7 @@ import numpy as np
 from friction_fmus.axis.assembly import constant_force
 from friction_fmus.axis.loop import closed_loop, run_loop
 from friction_fmus.axis.position_map import PositionMap
-from friction_fmus.axis.servo import Plant, Servo, Trajectory
+from friction_fmus.axis.servo import AxisPlant, Servo, Trajectory
 from friction_fmus.blocks.axis_units import AxisUnits
 from friction_fmus.blocks.catalogue import find, summary_of
 from friction_fmus.errors import FrictionError
@@ -39,7 +39,7 @@ from friction_fmus.identification.fit.position import PositionFit
 from friction_fmus.identification.fit.scores import rms, weak_parameters
 from friction_fmus.identification.fit.simulation_data import prepare
 from friction_fmus.identification.survey import within_reach
-from friction_fmus.study.result import Curve, Fit, IdentifiedParameter, ModelResult, PositionPart, thinned
+from friction_fmus.study.result import Fit, IdentifiedParameter, ModelResult, PositionPart, StudyCurve, thinned
 from harness import HarnessError
 
 
@@ -100,18 +100,18 @@ class IdentifiedModel:
     """Error by which the models are ranked; None if it is infinite or the model failed."""
     force_error: float | None = None
     """Rms force error of the simulated servo over the same samples; None if it was not simulated."""
-    predicted: Curve | None = None
+    predicted: StudyCurve | None = None
     """Fitted signal over time as simulated by the model."""
-    position: Curve | None = None
-    force: Curve | None = None
+    position: StudyCurve | None = None
+    force: StudyCurve | None = None
     """Simulated minus measured position and force of the servo over time."""
     position_map: PositionMap | None = None
     """Cogging and position-dependent friction."""
 
     @property
-    def plant(self) -> Plant:
+    def plant(self) -> AxisPlant:
         """Axis with this friction."""
-        return Plant(self.block, self.values, self.mass, self.offset, self.position_map)
+        return AxisPlant(self.block, self.values, self.mass, self.offset, self.position_map)
 
 
 @dataclass(frozen=True, eq=False)

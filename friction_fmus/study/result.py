@@ -111,7 +111,7 @@ class ModelResult:
 
 
 @dataclass(frozen=True)
-class Curve:
+class StudyCurve:
     """Points of a line or scatter plot; x and y have the same length."""
 
     x: Numbers
@@ -128,9 +128,9 @@ class Picture:
     x_unit: str
     y_unit: str
     """Units of the axes."""
-    data: Mapping[str, Curve]
+    data: Mapping[str, StudyCurve]
     """Decimated measurements, by name."""
-    models: Mapping[str, Curve]
+    models: Mapping[str, StudyCurve]
     """Decimated curves of the models, by name of the block."""
 
 
@@ -175,8 +175,8 @@ class ServoCheck:
     """Reasons for a larger residual."""
     gains: tuple[IdentifiedParameter, ...] = ()
     """Gains estimated from the record; empty if those of the configuration reproduce it."""
-    recorded: Curve | None = None
-    commanded: Curve | None = None
+    recorded: StudyCurve | None = None
+    commanded: StudyCurve | None = None
     """Force over time: as recorded, and as the servo commands it."""
     reason: str = ""
     """Reason why the servo was not compared; empty if it was."""
@@ -193,17 +193,17 @@ class WrittenFile:
 POINTS: Final = 1500  # approximate number of points of a stored curve over time
 
 
-def thinned(x: Array, y: Array, points: int = POINTS) -> Curve:
+def thinned(x: Array, y: Array, points: int = POINTS) -> StudyCurve:
     """Return a decimated curve with the minimum and maximum of each interval, so that peaks are kept."""
     width = -(-2 * len(y) // points)
     if width <= 2:
-        return Curve(tuple(x.tolist()), tuple(y.tolist()))
+        return StudyCurve(tuple(x.tolist()), tuple(y.tolist()))
     kept: list[int] = [0]
     for begin in range(0, len(y), width):
         interval = y[begin : begin + width]
         kept += sorted({begin + int(np.argmin(interval)), begin + int(np.argmax(interval))})
     places = np.unique([*kept, len(y) - 1])
-    return Curve(tuple(x[places].tolist()), tuple(y[places].tolist()))
+    return StudyCurve(tuple(x[places].tolist()), tuple(y[places].tolist()))
 
 
 @dataclass(frozen=True)
@@ -342,7 +342,7 @@ class CompensatorResult:
     """Rank, 1 is best; None if the compensator does not apply."""
     improves: bool = False
     """Whether it reduces the tracking error, also in every corner that counts."""
-    error: Curve | None = None
+    error: StudyCurve | None = None
     """Reference minus position over time of the best trial [s, units.position]; decimated with all extremes kept."""
 
 

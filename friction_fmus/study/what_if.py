@@ -16,7 +16,7 @@ from friction_fmus.axis.assembly import PartPool, block
 from friction_fmus.axis.loop import RECORDED
 from friction_fmus.axis.servo import GAINS, Servo
 from friction_fmus.identification import Array
-from friction_fmus.study.evaluation import Bench, Scheme, off_by, system_of
+from friction_fmus.study.evaluation import AxisBench, Scheme, off_by, system_of
 from friction_fmus.study.result import CompensatorResult, Metrics
 from harness import FmuPart, HarnessError, System, Wire
 from harness.masters import find_master
@@ -55,7 +55,7 @@ class Knob:
 
 
 @dataclass(frozen=True)
-class Run:
+class PanelRun:
     """Run of the axis."""
 
     name: str
@@ -70,7 +70,7 @@ class Run:
 class WhatIf:
     """The axis in the browser."""
 
-    runs: tuple[Run, ...]
+    runs: tuple[PanelRun, ...]
     """The recommended compensator, if there is one, and the servo alone."""
     knobs: tuple[Knob, ...]
     """Properties that can be changed."""
@@ -87,7 +87,7 @@ class WhatIf:
     """Whether the study solves friction and motion together, as the modules do."""
 
 
-def panel_of(bench: Bench, found: Sequence[tuple[CompensatorResult, Scheme]], noise: Array) -> WhatIf | str:
+def panel_of(bench: AxisBench, found: Sequence[tuple[CompensatorResult, Scheme]], noise: Array) -> WhatIf | str:
     """Return the axis for the browser, see `what_if`, or a sentence that says why it cannot be compiled."""
     try:
         return what_if(bench, found, noise)
@@ -95,7 +95,7 @@ def panel_of(bench: Bench, found: Sequence[tuple[CompensatorResult, Scheme]], no
         return f"There are no sliders here, because the axis cannot be compiled for the browser: {error}"
 
 
-def what_if(bench: Bench, found: Sequence[tuple[CompensatorResult, Scheme]], noise: Array) -> WhatIf:
+def what_if(bench: AxisBench, found: Sequence[tuple[CompensatorResult, Scheme]], noise: Array) -> WhatIf:
     """Compile the axis for the browser."""
     shown = [(row.name, row.metrics, scheme) for row, scheme in found if row.metrics is not None]
     with ExitStack() as stack:
@@ -105,13 +105,13 @@ def what_if(bench: Bench, found: Sequence[tuple[CompensatorResult, Scheme]], noi
         same_master = all(s.experiment and find_master(s.experiment.master).composed for s in systems)
         with ThreadPoolExecutor(len(systems)) as threads:
             models = list(threads.map(_module, systems, [f"axis{i}" for i in range(len(systems))]))
-    runs = tuple(Run(name, metrics, model) for (name, metrics, _), model in zip(shown, models, strict=True))
+    runs = tuple(PanelRun(name, metrics, model) for (name, metrics, _), model in zip(shown, models, strict=True))
     kept = slice(LONGEST)
     heard = noise[kept] if "noise" in systems[0].parts else np.zeros(0)
     return WhatIf(runs, knobs, bench.servo.Ts, bench.r[kept], heard, bench.run_up, len(bench.r) <= LONGEST, same_master)
 
 
-def variable_system(bench: Bench, scheme: Scheme, pool: PartPool) -> System:
+def variable_system(bench: AxisBench, scheme: Scheme, pool: PartPool) -> System:
     """Return the axis with a scheme as a system in which delay and encoder step are parameters, too.
 
     Sums of `DELAYS` delayed commands, of which one has the gain 1, are in place of the delay of the connection: it is
@@ -145,7 +145,7 @@ def _delays(servo: Servo) -> dict[str, int]:
     return {f"delayed{1 + i // TERMS}.gain[{1 + i % TERMS}]": first + i for i in range(DELAYS)}
 
 
-def knobs_of(bench: Bench, schemes: Sequence[Scheme], systems: Sequence[System]) -> tuple[Knob, ...]:
+def knobs_of(bench: AxisBench, schemes: Sequence[Scheme], systems: Sequence[System]) -> tuple[Knob, ...]:
     """Return what can be changed in systems that `variable_system` returned for some schemes."""
     delays = _delays(bench.servo)
     servo, mass, u = bench.servo, bench.plant.mass, bench.trajectory.words

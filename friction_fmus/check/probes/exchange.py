@@ -7,7 +7,7 @@ import math
 from ctypes import byref, c_double, c_int
 from typing import Final, Self
 
-from .library import ERROR, Instance, Library, RefusedError
+from .library import ERROR, RawInstance, RawLibrary, RefusedError
 
 MOST_ITERATIONS: Final = 100  # largest number of calls of fmi2NewDiscreteStates for one event
 UNSET: Final = -7  # what the results of a call hold before it
@@ -26,12 +26,12 @@ class EventInfo(ctypes.Structure):
     )
 
 
-def start(library: Library, name: str = "checked") -> Instance:
+def start(library: RawLibrary, name: str = "checked") -> RawInstance:
     """Return a new instance of the interface that is checked."""
-    return ExchangeInstance(library, name) if library.exchange else Instance(library, name)
+    return RawExchange(library, name) if library.exchange else RawInstance(library, name)
 
 
-class ExchangeInstance(Instance):
+class RawExchange(RawInstance):
     """One instance for model exchange; between steps it is in event mode.
 
     Attributes
@@ -44,7 +44,7 @@ class ExchangeInstance(Instance):
         Functions that did not set all of their flags.
     """
 
-    def __init__(self, library: Library, name: str = "checked") -> None:
+    def __init__(self, library: RawLibrary, name: str = "checked") -> None:
         """Instantiate."""
         super().__init__(library, name)
         self.info, self.settled = EventInfo(), True

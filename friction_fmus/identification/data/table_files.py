@@ -21,7 +21,7 @@ import numpy as np
 from friction_fmus.errors import RecordError
 from friction_fmus.identification.data.guessing import meaning_of
 from friction_fmus.identification.data.record import Array, Finding, unit_of
-from friction_fmus.identification.data.tables import EXACT, Group, Table, from_arrow, on_one_clock
+from friction_fmus.identification.data.tables import EXACT, ChannelGroup, DataTable, from_arrow, on_one_clock
 from harness.errors import MissingPackageError
 from harness.extras import require
 from harness.storage.files import LARGEST_DATA
@@ -80,7 +80,7 @@ def is_scope_export(lines: Sequence[tuple[int, str]], separator: str) -> bool:
     return abs(width - wanted) <= 1  # older versions end lines with a separator
 
 
-def read_scope_export(path: Path, lines: Sequence[tuple[int, str]], separator: str) -> Table:
+def read_scope_export(path: Path, lines: Sequence[tuple[int, str]], separator: str) -> DataTable:
     """Read a text export of TwinCAT Scope (`is_scope_export`)."""
     names_row = _names_row(lines, separator)
     first = _first_number(lines, separator, names_row + 1)
@@ -96,7 +96,7 @@ def read_scope_export(path: Path, lines: Sequence[tuple[int, str]], separator: s
         rows.append((number, (cells + [""] * len(names))[: len(names)]))
     comma = separator != "," and any("," in cell and numeric(cell) for _, row in rows for cell in row)
     starts = [i for i, name in enumerate(names) if name == KEY]
-    groups: list[Group] = []
+    groups: list[ChannelGroup] = []
     known: dict[str, str] = {}
     for start, end in zip(starts, [*starts[1:], len(names)], strict=True):
         there = [i for i, (_, row) in enumerate(rows) if row[start]]
@@ -113,9 +113,9 @@ def read_scope_export(path: Path, lines: Sequence[tuple[int, str]], separator: s
                 known[name] = unit
         same = next((group for group in groups if np.array_equal(group.t, t)), None)
         if same is not None:
-            groups[groups.index(same)] = Group(t, {**same.signals, **signals})
+            groups[groups.index(same)] = ChannelGroup(t, {**same.signals, **signals})
         else:
-            groups.append(Group(t, signals))
+            groups.append(ChannelGroup(t, signals))
     if not any(group.signals for group in groups):
         raise RecordError(f"{path} is an export of TwinCAT Scope without channels; export the chart again.")
     table = on_one_clock(path, groups, "time", "ms")
@@ -156,7 +156,7 @@ _HEADING = re.compile(r"(?P<name>.*?)\s*[\[(](?P<unit>[^\[\]()]*(\([^()]*\))?[^\
 _SEPARATORS = (";", "\t", ",", "|")
 
 
-def read_text(path: Path) -> Table:
+def read_text(path: Path) -> DataTable:
     """Read a text table: columns separated by ; tab , | or spaces, after comments and a heading."""
     full = [(n, line) for n, line in enumerate(_decoded(path).splitlines(), start=1) if line.strip()]
     numbered = [(n, line) for n, line in full if not line.lstrip().startswith(_COMMENTS)]
@@ -295,7 +295,7 @@ def _is_units(row: list[str]) -> bool:
     return any(units) and all(unit in ("", "-") or unit_of(unit) is not None for unit in units)
 
 
-def _parsed(path: Path, names: list[str], rows: list[tuple[int, list[str]]], comma: bool) -> Table:
+def _parsed(path: Path, names: list[str], rows: list[tuple[int, list[str]]], comma: bool) -> DataTable:
     columns, units, texts = {}, {}, {}
     for name, cells in zip(names, zip(*(row for _, row in rows), strict=True), strict=True):
         if (values := as_numbers(cells, comma)) is not None:
@@ -305,7 +305,7 @@ def _parsed(path: Path, names: list[str], rows: list[tuple[int, list[str]]], com
         else:
             number, cell = next((rows[i][0], cell) for i, cell in enumerate(cells) if as_numbers([cell], comma) is None)
             texts[name] = f"{cell!r} in line {number}"
-    return Table(path, columns, units, texts, np.array([number for number, _ in rows]))
+    return DataTable(path, columns, units, texts, np.array([number for number, _ in rows]))
 
 
 def _moments(cells: Sequence[str]) -> Array | None:
@@ -329,7 +329,7 @@ DEEPEST: Final = 8  # largest depth of nested fields
 LONGEST: Final = 64  # largest number of elements of an array whose elements become columns
 
 
-def read_mcap(path: Path) -> Table:
+def read_mcap(path: Path) -> DataTable:
     """Read an MCAP file.
 
     Each number in a message becomes a column named after topic, joint and field, such as
@@ -376,13 +376,13 @@ def read_mcap(path: Path) -> Table:
     return replace(table, texts=texts)
 
 
-def _group(messages: list[tuple[int, dict[str, float]]], begin: int) -> Group:
+def _group(messages: list[tuple[int, dict[str, float]]], begin: int) -> ChannelGroup:
     """Return the signals of a topic at increasing times; of messages with equal times the first one counts."""
     at = dict(reversed(messages))
     stamps = sorted(at)
     names = dict.fromkeys(name for _, values in messages for name in values)
     signals = {name: np.array([at[stamp].get(name, np.nan) for stamp in stamps]) for name in names}
-    return Group(np.array([(stamp - begin) * 1e-9 for stamp in stamps]), signals)
+    return ChannelGroup(np.array([(stamp - begin) * 1e-9 for stamp in stamps]), signals)
 
 
 def _numbers(content: Any, name: str, depth: int) -> Iterator[tuple[str, float]]:
@@ -421,9 +421,9 @@ def _stamp(content: Any) -> int:
     return int(seconds) * 1_000_000_000 + int(rest)
 
 
-def read_table(path: Path) -> Table:
+def read_table(path: Path) -> DataTable:
     """Read a data file; the suffix determines the format."""
-    readers: dict[str, Callable[[Path], Table]] = dict.fromkeys((".csv", ".tsv", ".txt", ".dat", ".asc"), read_text)
+    readers: dict[str, Callable[[Path], DataTable]] = dict.fromkeys((".csv", ".tsv", ".txt", ".dat", ".asc"), read_text)
     readers |= {".mcap": read_mcap, ".parquet": _read_parquet, ".pq": _read_parquet, ".mat": _read_mat}
     suffix = path.suffix.lower()
     if suffix in (".gz", ".xz") and readers.get(Path(path.stem).suffix.lower()) is read_text:
@@ -441,7 +441,7 @@ def read_table(path: Path) -> Table:
         raise RecordError(f"{path} cannot be read as a {suffix} file ({reason}); export it again.") from error
 
 
-def _read_parquet(path: Path) -> Table:
+def _read_parquet(path: Path) -> DataTable:
     require("pyarrow")
     import pyarrow.parquet as pq
 
@@ -465,19 +465,19 @@ def _limit(path: Path, size: int) -> None:
 HDF5: Final = b"\x89HDF\r\n\x1a\n"  # signature of HDF5, at offset 512 of a MATLAB 7.3 file or at its start
 
 
-def _read_mat(path: Path) -> Table:
+def _read_mat(path: Path) -> DataTable:
     """Read a .mat file: MATLAB up to 7.2 with scipy, MATLAB 7.3 with h5py, Dymola with the harness."""
     with path.open("rb") as file:
         header = file.read(520)
     if HDF5 in (header[:8], header[512:]):
-        return Table(path, _same_length(path, _hdf5(path)))
+        return DataTable(path, _same_length(path, _hdf5(path)))
     _limit(path, _unpacked(path))
     import scipy.io
 
     content = scipy.io.loadmat(path, squeeze_me=True, struct_as_record=False)
     if "Aclass" in content:
         return _trajectory(path)
-    return Table(path, _same_length(path, (item for key, value in content.items() for item in _flat(key, value))))
+    return DataTable(path, _same_length(path, (item for key, value in content.items() for item in _flat(key, value))))
 
 
 def _unpacked(path: Path) -> int:
@@ -503,12 +503,12 @@ def _unpacked(path: Path) -> int:
 COMPRESSED: Final = 15  # type of a compressed variable in a MATLAB file of version 5
 
 
-def _trajectory(path: Path) -> Table:
+def _trajectory(path: Path) -> DataTable:
     from harness import load_result
 
     result = load_result(path)
     columns = {name: result[name].to_numpy().astype(np.float64) for name in ("time", *map(str, result.data_vars))}
-    return Table(path, columns, {name: result[name].attrs.get("units", "") for name in columns})
+    return DataTable(path, columns, {name: result[name].attrs.get("units", "") for name in columns})
 
 
 def _flat(name: str, value: Any) -> Iterator[tuple[str, Array]]:
@@ -551,7 +551,7 @@ def _hdf5(path: Path) -> Iterator[tuple[str, Array]]:
             if at in seen:
                 continue
             seen.add(at)
-            if isinstance(value, h5py.Group):
+            if isinstance(value, h5py.ChannelGroup):
                 yield from walk(value, f"{prefix}{key}.")
             elif isinstance(value, h5py.Dataset) and value.dtype.kind in "biuf" and "MATLAB_empty" not in value.attrs:
                 if value.is_virtual or value.external:

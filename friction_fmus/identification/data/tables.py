@@ -16,7 +16,7 @@ EXACT = 2**53  # largest integer below which all integers are exact as floating-
 
 
 @dataclass(frozen=True, eq=False)
-class Table:
+class DataTable:
     """Columns of a data file."""
 
     file: Path
@@ -39,7 +39,7 @@ class Table:
         return f"line {self.lines[row]}" if self.lines is not None else f"row {row + 1}"
 
 
-def from_arrow(path: Path, table: Any, lines: NDArray[np.int64] | None = None) -> Table:
+def from_arrow(path: Path, table: Any, lines: NDArray[np.int64] | None = None) -> DataTable:
     """Return the columns of a pyarrow table; time stamps become seconds since the first one."""
     import pyarrow as pa
     import pyarrow.compute as pc
@@ -65,7 +65,7 @@ def from_arrow(path: Path, table: Any, lines: NDArray[np.int64] | None = None) -
             cell = next((str(value) for value in values.to_pylist() if value is not None and not _number(value)), "")
             row = next((i for i, value in enumerate(values.to_pylist()) if value is not None and str(value) == cell), 0)
             texts[name] = f"{cell!r} in {f'line {lines[row]}' if lines is not None else f'row {row + 1}'}"
-    return Table(path, columns, units, texts, lines)
+    return DataTable(path, columns, units, texts, lines)
 
 
 def _number(value: Any) -> bool:
@@ -90,7 +90,7 @@ def _floats(values: Any) -> Array:
 
 
 @dataclass(frozen=True, eq=False)
-class Group:
+class ChannelGroup:
     """Signals sampled at the same times."""
 
     t: Array
@@ -99,7 +99,7 @@ class Group:
     """Values by heading."""
 
 
-def on_one_clock(path: Path, groups: Sequence[Group], time: str, unit: str) -> Table:
+def on_one_clock(path: Path, groups: Sequence[ChannelGroup], time: str, unit: str) -> DataTable:
     """Return the signals of all groups at the times of the group with the most signals.
 
     The signals of other groups are interpolated linearly, and missing outside of their times. Each of them has a note,
@@ -116,4 +116,4 @@ def on_one_clock(path: Path, groups: Sequence[Group], time: str, unit: str) -> T
                 columns[name] = np.interp(base.t, group.t, values, left=np.nan, right=np.nan)
                 what = f"{name!r} was sampled at other times than most signals of {path.name}, and is interpolated."
                 notes[name] = Finding("other-clock", what, "Log all signals of the axis with one sample time.")
-    return Table(path, columns, {time: unit}, notes=notes)
+    return DataTable(path, columns, {time: unit}, notes=notes)

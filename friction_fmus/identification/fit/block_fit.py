@@ -10,7 +10,7 @@ from pathlib import Path
 
 from friction_fmus.blocks.axis_units import AxisUnits
 from friction_fmus.identification.fit.least_squares import Constraints, Problem, Setup, scalar_setup
-from friction_fmus.identification.fit.models import ContactModel, Traits
+from friction_fmus.identification.fit.models import ContactModel, DataTraits
 from friction_fmus.identification.fit.search import Loss, SearchResult, search
 from friction_fmus.identification.fit.simulation_data import PreparedSegment
 from harness import Drive, FmuPart
@@ -26,7 +26,7 @@ class FitData:
     """Loaded block."""
     segments: Sequence[PreparedSegment]
     """Prepared records."""
-    traits: Traits
+    traits: DataTraits
     """Rough properties of the friction, for start values."""
     constraints: Constraints
     """Fixed values, bounds and start values given by the user."""
@@ -42,7 +42,7 @@ class FitData:
 
 
 @dataclass(frozen=True, eq=False)
-class Fit:
+class BlockFit:
     """Result of a method of identification."""
 
     setup: Setup
@@ -53,12 +53,12 @@ class Fit:
     """Solution of the problem."""
 
 
-def fit_scalars(data: FitData, loss: Loss, starts: int | None) -> Fit:
+def fit_scalars(data: FitData, loss: Loss, starts: int | None) -> BlockFit:
     """Fit a block with scalar parameters."""
     setup = scalar_setup(data.model, data.segments, data.traits, data.constraints, data.units, data.Fn0)
     problem = data.problem(setup)
     known = all(c.name in data.constraints.start or c.name == "OF" for c in problem.shared)
-    return Fit(setup, problem, search(problem, loss, starts or (1 if known else 3)))
+    return BlockFit(setup, problem, search(problem, loss, starts or (1 if known else 3)))
 
 
 _IDLE: dict[Path, Drive] = {}

@@ -13,7 +13,7 @@ from friction_fmus.blocks.arithmetic import evaluate
 from friction_fmus.blocks.axis_units import AxisUnits
 from friction_fmus.errors import FitError, nearest
 from friction_fmus.identification.data.record import Array
-from friction_fmus.identification.fit.models import ContactModel, Traits
+from friction_fmus.identification.fit.models import ContactModel, DataTraits
 from friction_fmus.identification.fit.simulation_data import PreparedSegment, inertia_guess
 from harness import Drive, PartError, StartValueError
 
@@ -257,7 +257,7 @@ def constants_of(model: ContactModel, constraints: Constraints, Fn0: float | Non
 def scalar_setup(
     model: ContactModel,
     segments: Sequence[PreparedSegment],
-    traits: Traits,
+    traits: DataTraits,
     constraints: Constraints,
     units: AxisUnits,
     Fn0: float | None,
@@ -289,7 +289,7 @@ def scalar_setup(
     return Setup(tuple(coordinates), dict, states, constants, unit)
 
 
-def coordinate(model: ContactModel, name: str, traits: Traits, constraints: Constraints) -> Coordinate:
+def coordinate(model: ContactModel, name: str, traits: DataTraits, constraints: Constraints) -> Coordinate:
     """Return the coordinate of a parameter; it is logarithmic if the range of the parameter excludes zero."""
     parameter = model.parameters[name]
     lower, upper = constraints.bounds.get(name, (parameter.lower, parameter.upper))
@@ -303,7 +303,7 @@ def coordinate(model: ContactModel, name: str, traits: Traits, constraints: Cons
 
 
 def surroundings(
-    segments: Sequence[PreparedSegment], traits: Traits, constraints: Constraints, viscous: bool
+    segments: Sequence[PreparedSegment], traits: DataTraits, constraints: Constraints, viscous: bool
 ) -> list[Coordinate]:
     """Return the coordinates of the mass of a drive, of the force offset, and of a viscous friction beside the block.
 
@@ -333,7 +333,7 @@ def surroundings(
     return found
 
 
-def _initial_guess(segment: PreparedSegment, traits: Traits, Fn0: float | None) -> float:
+def _initial_guess(segment: PreparedSegment, traits: DataTraits, Fn0: float | None) -> float:
     """Return the first measured force over the force in sliding."""
     force = float(np.median(segment.measured[:3])) * (Fn0 or 1.0)
     return min(max(force / traits.level, -1.0), 1.0)

@@ -23,7 +23,7 @@ from harness import FmuPart, open_archive
 
 
 @dataclass(frozen=True)
-class Traits:
+class DataTraits:
     """Rough properties of the friction, estimated from the data."""
 
     level: float
@@ -48,7 +48,7 @@ class Traits:
 
 
 @dataclass(frozen=True)
-class Parameter:
+class ModelParameter:
     """Parameter of a block, read from its FMU."""
 
     name: str
@@ -77,7 +77,7 @@ class ContactModel:
     """Name of the block."""
     path: Path
     """FMU of the block."""
-    parameters: Mapping[str, Parameter]
+    parameters: Mapping[str, ModelParameter]
     """All parameters, by name."""
     states: Mapping[str, str]
     """Units of the states, by name."""
@@ -188,7 +188,7 @@ def _read(model: str | Path, units: AxisUnits) -> ContactModel:
         v = variables[port.name]
         if v.causality != "parameter":
             continue
-        parameters[port.name] = Parameter(
+        parameters[port.name] = ModelParameter(
             port.name,
             v.unit or "1",
             float(v.start if v.type != "Boolean" else v.start in ("true", "1", True)),

@@ -11,7 +11,7 @@ import numpy as np
 from friction_fmus.errors import RecordError
 from friction_fmus.identification.data.record import Array, Record
 from friction_fmus.identification.fit.idim import InverseModelSettings, default_settings, derivative, filtered_motion
-from friction_fmus.identification.fit.models import ContactModel, Traits
+from friction_fmus.identification.fit.models import ContactModel, DataTraits
 from harness import Drive
 from harness.parts.part import StartValue
 
@@ -146,7 +146,7 @@ def prepare(
     return replace(segment, measured=measured, t=t)
 
 
-def traits(segments: Sequence[PreparedSegment], scale: float = 1.0) -> Traits:
+def traits(segments: Sequence[PreparedSegment], scale: float = 1.0) -> DataTraits:
     """Return rough properties of the friction, for start values of parameters."""
     v, x, y = [], [], []
     for segment in segments:
@@ -176,7 +176,7 @@ def traits(segments: Sequence[PreparedSegment], scale: float = 1.0) -> Traits:
         slope = float(np.polyfit(fast, np.abs(force[moving]), 1)[0])
         viscous = min(max(0.0, slope), 0.5 * level / top)
     stiffness, damping = _presliding(v, x, y, level)
-    return Traits(
+    return DataTraits(
         level=level - viscous * float(np.median(fast)),
         peak=float(np.quantile(np.abs(force), 0.98)),
         viscous=viscous if viscous > 0.0 else 0.01 * level / top,

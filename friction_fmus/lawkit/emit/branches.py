@@ -409,7 +409,7 @@ class Decision:
 
 
 @dataclass(frozen=True)
-class Loop:
+class CountedLoop:
     """A loop over the elements of vectors."""
 
     lanes: int
@@ -418,7 +418,7 @@ class Loop:
     """Operations on one element, and sums over the elements."""
 
 
-Block = tuple["int | Decision | Loop", ...]
+Block = tuple["int | Decision | CountedLoop", ...]
 """Nodes, decisions and loops in the order of computation."""
 
 
@@ -574,7 +574,7 @@ class _Scheduler:
         if not any(lanes.values()) or len(_outside_loops(self._nodes, path)) < len(path):
             return tuple(map(item, ordered))
         return tuple(
-            Loop(lanes[step[0]], tuple(map(item, step))) if lanes[step[0]] else item(step[0])
+            CountedLoop(lanes[step[0]], tuple(map(item, step))) if lanes[step[0]] else item(step[0])
             for step in in_loops(ordered, waits, lanes, {key for key in ordered if self._is_sum(key[0])})
         )
 

@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 from casadi import Function
 
-from friction_fmus.lawkit.emit.branches import DECIDES, Block, Decision, Loop, Weight, plan, split
+from friction_fmus.lawkit.emit.branches import DECIDES, Block, CountedLoop, Decision, Weight, plan, split
 from friction_fmus.lawkit.emit.chains import INDEX, Rolled, roll
 from friction_fmus.lawkit.emit.graph import COMPARE, CONDITIONS, INFIX, LIBM, LOGIC, Node, Zeros, graph
 from friction_fmus.lawkit.emit.names import DOUBLE, FLOAT, Named, Names, Real, comment_lines, place_name
@@ -162,11 +162,11 @@ class Store(NamedTuple):
         return len(self.places) if self.side is None else 1
 
 
-def numbers(item: int | Decision | Loop) -> Iterator[int]:
+def numbers(item: int | Decision | CountedLoop) -> Iterator[int]:
     """Yield the nodes of an item."""
     if isinstance(item, int):
         yield item
-    elif isinstance(item, Loop):
+    elif isinstance(item, CountedLoop):
         for inner in item.items:
             yield from numbers(inner)
     else:
@@ -176,7 +176,7 @@ def numbers(item: int | Decision | Loop) -> Iterator[int]:
                 yield from numbers(part)
 
 
-def computed(item: int | Decision | Loop) -> tuple[int, ...]:
+def computed(item: int | Decision | CountedLoop) -> tuple[int, ...]:
     """Return the nodes with the values of an item that is not a loop."""
     return item.selects if isinstance(item, Decision) else (item,) if isinstance(item, int) else ()
 
@@ -209,7 +209,7 @@ def count_users(nodes: Sequence[Node], block: Block, users: dict[int, list[tuple
         return 2 if nodes[user].lanes and not nodes[argument].lanes else 1  # once for each element
 
     for item in block:
-        if isinstance(item, Loop):
+        if isinstance(item, CountedLoop):
             count_users(nodes, item.items, users)
         elif isinstance(item, Decision):
             add(item.condition, IF, item.selects[0])
@@ -483,7 +483,7 @@ class Writer(Values):
             stores += [Store(n, left.pop(n), None) for n in [*left] if self._nodes[n].lanes]
         for place, item in enumerate(block):
             stores = self._stored_early(item, block[place + 1 :], stores)
-            if isinstance(item, Loop):
+            if isinstance(item, CountedLoop):
                 inside = stores if item is block[-1] else []
                 self._loop(item.lanes, item.items, [store for store in inside if self._lanes(store) == item.lanes])
                 stores = [store for store in stores if store not in inside or self._lanes(store) != item.lanes]
@@ -502,9 +502,9 @@ class Writer(Values):
         lines, self._lines = self._lines, outer
         return lines
 
-    def _stored_early(self, item: int | Decision | Loop, later: Block, stores: Sequence[Store]) -> list[Store]:
+    def _stored_early(self, item: int | Decision | CountedLoop, later: Block, stores: Sequence[Store]) -> list[Store]:
         """Choose the place of a result for elements that are used later, unless its old value is also used later."""
-        inner = item.items if isinstance(item, Loop) else (item,)
+        inner = item.items if isinstance(item, CountedLoop) else (item,)
         left = []
         for store in stores if later else ():
             values = store.values(self._nodes)

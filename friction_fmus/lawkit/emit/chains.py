@@ -307,11 +307,11 @@ def roll(nodes: Sequence[Node], results: Sequence[int], reads: Sequence[str], wr
         search = Search(nodes, results, reads, writes, refused)
         conflicts = search.conflicts() - refused
         if not conflicts:
-            return _Writer(search).rolled()
+            return _ChainWriter(search).rolled()
         refused |= conflicts
 
 
-class _Writer:
+class _ChainWriter:
     """Writer of the graph with vectors."""
 
     def __init__(self, search: Search) -> None:
