@@ -64,12 +64,9 @@ class LoopAssembly:
     servo: Servo
     trajectory: Trajectory
     """Feedback and sensors; reference, initial state and disturbances."""
-    every: int
-    """Number of communication steps between mass and friction in a sample of the servo."""
-    fmus: Mapping[str, Path]
-    """FMUs to use instead of those of the library, by name of the part."""
-    pool: PartPool
-    """Parts of other loops to use again."""
+    every: int  # number of communication steps between mass and friction in a sample of the servo
+    fmus: Mapping[str, Path]  # FMUs to use instead of those of the library, by name of the part
+    pool: PartPool  # parts of other loops to use again
     parts: list[Part] = field(default_factory=list)
     wires: list[str | Wire] = field(default_factory=list)
     start: dict[str, StartValue] = field(default_factory=dict)

@@ -55,18 +55,12 @@ DAMAGED = declare("zip-damaged", "error", "2.3", "A member of the archive cannot
 class Contents:
     """The members of an FMU."""
 
-    path: Path
-    """The FMU."""
-    members: tuple[zipfile.ZipInfo, ...]
-    """The members in the order of the archive."""
-    size: int
-    """Size of the file [bytes]."""
-    identifier: str = ""
-    """Model identifier for co-simulation; empty if unknown."""
-    source_files: tuple[str, ...] | None = None
-    """Source files declared in the XML; None if unknown."""
-    version: int = 2
-    """Version of FMI."""
+    path: Path  # the FMU
+    members: tuple[zipfile.ZipInfo, ...]  # the members in the order of the archive
+    size: int  # size of the file [bytes]
+    identifier: str = ""  # model identifier for co-simulation; empty if unknown
+    source_files: tuple[str, ...] | None = None  # source files declared in the XML; None if unknown
+    version: int = 2  # version of FMI
     names: frozenset[str] = field(init=False)
 
     def __post_init__(self) -> None:

@@ -39,22 +39,18 @@ NO_INTERFACE = declare(
 class ListedUnknown:
     """An entry of ModelStructure."""
 
-    line: int
-    """Line in the XML."""
-    index: int
-    """Index of the variable, from 1."""
+    line: int  # line in the XML
+    index: int  # index of the variable, from 1
     dependencies: tuple[int, ...] | None
     """Indices of the dependencies. None if the attribute is missing, which means a dependence on all knowns."""
-    kinds: tuple[str, ...] | None
-    """The attribute dependenciesKind."""
+    kinds: tuple[str, ...] | None  # the attribute dependenciesKind
 
 
 @dataclass(frozen=True)
 class DescribedVariable:
     """What variables of both versions of FMI have."""
 
-    element: etree._Element
-    """ScalarVariable, or in FMI 3.0 such as Float64."""
+    element: etree._Element  # ScalarVariable, or in FMI 3.0 such as Float64
 
     @property
     def name(self) -> str:
@@ -76,12 +72,9 @@ class DescribedVariable:
 class Variable2(DescribedVariable):
     """A ScalarVariable with the defaults of the standard and of its declared type."""
 
-    typed: etree._Element | None
-    """Real, Integer, Boolean, String or Enumeration."""
-    declared: etree._Element | None
-    """The corresponding element of its SimpleType."""
-    index: int
-    """Index from 1, as in ModelStructure."""
+    typed: etree._Element | None  # Real, Integer, Boolean, String or Enumeration
+    declared: etree._Element | None  # the corresponding element of its SimpleType
+    index: int  # index from 1, as in ModelStructure
 
     @property
     def type(self) -> str:

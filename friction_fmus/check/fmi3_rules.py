@@ -23,8 +23,7 @@ PARAMETERS: Final = ("parameter", "structuralParameter", "calculatedParameter")
 class Variable3(DescribedVariable):
     """A variable, with the defaults of the standard and of its declared type."""
 
-    declared: etree._Element | None
-    """The type that it names, if there is one of its kind."""
+    declared: etree._Element | None  # the type that it names, if there is one of its kind
 
     @property
     def type(self) -> str:

@@ -42,18 +42,12 @@ CORRELATED = 0.2
 class AxisSimulator:
     """Simulator of a servo with a friction block: returns the signals at the samples of the record for parameters."""
 
-    servo: Servo
-    """Feedback and sensors."""
-    trajectory: Trajectory
-    """Reference and initial state."""
-    contact: ContactModel
-    """Friction block."""
-    direction: float
-    """Sign of the initial velocity, at which the contact slides; 0 at rest."""
-    step: float
-    """Longest communication step between mass and friction [s]."""
-    fixed: tuple[tuple[str, float], ...] = ()
-    """Fixed parameters."""
+    servo: Servo  # feedback and sensors
+    trajectory: Trajectory  # reference and initial state
+    contact: ContactModel  # friction block
+    direction: float  # sign of the initial velocity, at which the contact slides; 0 at rest
+    step: float  # longest communication step between mass and friction [s]
+    fixed: tuple[tuple[str, float], ...] = ()  # fixed parameters
 
     def __call__(self, parameters: Mapping[str, float]) -> dict[str, Array]:
         """Simulate the axis with these parameters and return "q" [m] and "force" [N], shape (samples,)."""

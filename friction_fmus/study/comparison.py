@@ -50,10 +50,8 @@ COST_TABLE: Final = Path(__file__).with_name("cycles.toml")
 class LawCost:
     """Cost of one law with its default parameters."""
 
-    cycles: float
-    """Estimated cycles of one sample."""
-    flash: float
-    """Size of the code with the library functions that it calls [bytes]."""
+    cycles: float  # estimated cycles of one sample
+    flash: float  # size of the code with the library functions that it calls [bytes]
 
 
 def cost_of(law: str) -> LawCost | None:
@@ -145,14 +143,10 @@ class Comparison:
 
     rows: tuple[CompensatorResult, ...]
     """Servo without compensation first, then the compensators by rank, then those that do not apply."""
-    ladder: tuple[Rung, ...]
-    """Rungs from the axis as measured to the best compensation."""
-    recommendation: Recommendation
-    """Recommended compensator."""
-    chosen: Scheme
-    """What is added to the axis according to the recommendation."""
-    limits: Limits
-    """Limits on the margins."""
+    ladder: tuple[Rung, ...]  # rungs from the axis as measured to the best compensation
+    recommendation: Recommendation  # recommended compensator
+    chosen: Scheme  # what is added to the axis according to the recommendation
+    limits: Limits  # limits on the margins
 
     @property
     def recommended(self) -> CompensatorResult:

@@ -46,17 +46,13 @@ PERIOD: Final = 2.0  # period of the reference of the demo [s]
 class Data:
     """Measured data of a study."""
 
-    records: tuple[Record, ...]
-    """Segments between gaps."""
+    records: tuple[Record, ...]  # segments between gaps
     train: tuple[Record, ...]
     validation: tuple[Record, ...]
     """Data for the fit and for validation."""
-    published: Mapping[str, Mapping[str, float]]
-    """Known parameter values, by name of the model."""
-    findings: tuple[str, ...] = ()
-    """Problems found in the data."""
-    measurement: Measurement | None = None
-    """The data file; None for a record of the package."""
+    published: Mapping[str, Mapping[str, float]]  # known parameter values, by name of the model
+    findings: tuple[str, ...] = ()  # problems found in the data
+    measurement: Measurement | None = None  # the data file; None for a record of the package
 
     @property
     def longest(self) -> Record:

@@ -37,18 +37,12 @@ BAND: Final = 0.1
 class AxisBench:
     """Test bench on which compensators are compared."""
 
-    servo: Servo
-    """Feedback and sensors."""
-    plant: AxisPlant
-    """Identified mass and friction."""
-    trajectory: Trajectory
-    """Reference FMU and initial state."""
-    r: Array
-    """Reference [m]."""
-    run_up: int = 0
-    """Number of samples before the first one of the record, in which the axis starts from rest."""
-    band: float = 0.0
-    """Error below which the axis has settled after a reversal [m]; 0 if it is not known yet."""
+    servo: Servo  # feedback and sensors
+    plant: AxisPlant  # identified mass and friction
+    trajectory: Trajectory  # reference FMU and initial state
+    r: Array  # reference [m]
+    run_up: int = 0  # number of samples before the first one of the record, in which the axis starts from rest
+    band: float = 0.0  # error below which the axis has settled after a reversal [m]; 0 if it is not known yet
 
     @property
     def bandwidth(self) -> float:
@@ -131,20 +125,16 @@ LOAD: Final = 0.5  # load force over the largest friction force near rest
 class Case:
     """Difference of the axis from the identified one."""
 
-    name: str
-    """Description."""
+    name: str  # description
     friction: float = 1.0
     mass: float = 1.0
     """Factors of all friction forces and of the mass."""
-    delay: int = 0
-    """Further samples by which the force lags the command."""
+    delay: int = 0  # further samples by which the force lags the command
     coarser: float = 1.0
     noise: float = 0.0
     """Factor of the encoder resolution, and standard deviation of additional noise of the measured position [m]."""
-    load: float = 0.0
-    """Constant force on the axis [N]."""
-    counts: bool = True
-    """Whether the case is part of the worst case."""
+    load: float = 0.0  # constant force on the axis [N]
+    counts: bool = True  # whether the case is part of the worst case
 
 
 def cases(
@@ -187,39 +177,27 @@ ALIKE: Final = 0.1
 class Scheme:
     """What is added to the axis in one trial."""
 
-    servo: Servo
-    """Feedback and sensors; integral action is part of it."""
-    gain: float = 1.0
-    """Gain of the compensator."""
-    bandwidth: float | None = None
-    """Bandwidth of an estimator, or corner frequency of integral action [Hz]."""
+    servo: Servo  # feedback and sensors; integral action is part of it
+    gain: float = 1.0  # gain of the compensator
+    bandwidth: float | None = None  # bandwidth of an estimator, or corner frequency of integral action [Hz]
     compensator: Compensator | None = None
     feedforward: Compensator | None = None
     """Compensator, and the friction feedforward beside it."""
-    margins: LoopMargins | None = None
-    """Margins of the loop; None if the compensator cannot be linearised."""
-    table: bool = False
-    """Whether the identified force over position is compensated along the reference."""
+    margins: LoopMargins | None = None  # margins of the loop; None if the compensator cannot be linearised
+    table: bool = False  # whether the identified force over position is compensated along the reference
 
 
 @dataclass(frozen=True)
 class Evaluation:
     """Results of one compensator."""
 
-    scheme: Scheme | None
-    """Best trial with a gain up to 1; None if all failed."""
-    metrics: Metrics | None
-    """Its metrics."""
-    trials: tuple[Trial, ...]
-    """All trials."""
-    corners: tuple[Corner, ...]
-    """Runs of the best trial on axes that differ."""
-    error: StudyCurve | None
-    """Reference minus position over time of the best trial."""
-    reason: str = ""
-    """Reason why there is no best trial."""
-    schemes: tuple[Scheme, ...] = ()
-    """The schemes of the trials."""
+    scheme: Scheme | None  # best trial with a gain up to 1; None if all failed
+    metrics: Metrics | None  # its metrics
+    trials: tuple[Trial, ...]  # all trials
+    corners: tuple[Corner, ...]  # runs of the best trial on axes that differ
+    error: StudyCurve | None  # reference minus position over time of the best trial
+    reason: str = ""  # reason why there is no best trial
+    schemes: tuple[Scheme, ...] = ()  # the schemes of the trials
 
 
 def evaluate(bench: AxisBench, schemes: Sequence[Scheme], cases: Sequence[Case]) -> Evaluation:

@@ -60,10 +60,8 @@ ADDED: Final = ("compensator", "feedforward")  # parts that are added to the ser
 class Figures:
     """Figures of the report that the files reproduce."""
 
-    rms: float
-    """Tracking error [m or rad]."""
-    unit: str
-    """Unit of the position."""
+    rms: float  # tracking error [m or rad]
+    unit: str  # unit of the position
 
 
 def wiring(system: System, servo: Servo, figures: Figures | None, no_code: str, u: Words) -> str:

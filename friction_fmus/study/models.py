@@ -87,26 +87,20 @@ MEANING: Final = {"M": "{moved_mass}", "OF": "offset of the drive"}
 class IdentifiedModel:
     """Identified friction model."""
 
-    row: ModelResult
-    """Entry in the result of the study."""
-    block: str = ""
-    """Friction block."""
-    values: Mapping[str, float] = field(default_factory=dict)
-    """Parameters of the block."""
+    row: ModelResult  # entry in the result of the study
+    block: str = ""  # friction block
+    values: Mapping[str, float] = field(default_factory=dict)  # parameters of the block
     mass: float = 0.0
     offset: float = 0.0
     """Mass [kg] and constant force [N] of the axis; 0 if the record has no drive force."""
-    error: float | None = None
-    """Error by which the models are ranked; None if it is infinite or the model failed."""
+    error: float | None = None  # error by which the models are ranked; None if it is infinite or the model failed
     force_error: float | None = None
     """Rms force error of the simulated servo over the same samples; None if it was not simulated."""
-    predicted: StudyCurve | None = None
-    """Fitted signal over time as simulated by the model."""
+    predicted: StudyCurve | None = None  # fitted signal over time as simulated by the model
     position: StudyCurve | None = None
     force: StudyCurve | None = None
     """Simulated minus measured position and force of the servo over time."""
-    position_map: PositionMap | None = None
-    """Cogging and position-dependent friction."""
+    position_map: PositionMap | None = None  # cogging and position-dependent friction
 
     @property
     def plant(self) -> AxisPlant:
@@ -118,10 +112,8 @@ class IdentifiedModel:
 class Measured:
     """Measured servo."""
 
-    servo: Servo
-    """Feedback and sensors."""
-    trajectory: Trajectory
-    """Reference and initial state of the whole record."""
+    servo: Servo  # feedback and sensors
+    trajectory: Trajectory  # reference and initial state of the whole record
     q: Array
     force: Array | None
     r: Array

@@ -32,14 +32,10 @@ class ComparedForce:
     command: Array
     unlimited: Array
     """Recorded force, command within the force limit, and command without this limit."""
-    used: NDArray[np.bool_]
-    """Samples that are compared."""
-    servo: Servo
-    """Servo as configured."""
-    record: Record
-    """Record with reference and position."""
-    included: bool = False
-    """Whether a declared injected force was subtracted from the recorded force."""
+    used: NDArray[np.bool_]  # samples that are compared
+    servo: Servo  # servo as configured
+    record: Record  # record with reference and position
+    included: bool = False  # whether a declared injected force was subtracted from the recorded force
 
     @property
     def level(self) -> float:
@@ -220,14 +216,10 @@ FACTORS: Final[Mapping[str, float]] = {
 class Diagnosis:
     """Explanations of a residual."""
 
-    explanations: tuple[StudyFinding, ...]
-    """Explanations that hold together."""
-    gains: tuple[IdentifiedParameter, ...] = ()
-    """Gains that the record shows; empty if they are not estimated."""
-    injected: Array | None = None
-    """Force added from outside."""
-    confirmed: bool = False
-    """Whether the record shows the configured gains, although it contains another force."""
+    explanations: tuple[StudyFinding, ...]  # explanations that hold together
+    gains: tuple[IdentifiedParameter, ...] = ()  # gains that the record shows; empty if they are not estimated
+    injected: Array | None = None  # force added from outside
+    confirmed: bool = False  # whether the record shows the configured gains, although it contains another force
 
 
 def explain(compared: ComparedForce, allowed: float) -> Diagnosis:
@@ -494,10 +486,8 @@ def commanded(servo: Servo, r: Array, q: Array, rotary: bool = False) -> Array:
 class CheckedServo:
     """Result of the comparison, and the force that was added to that of the servo."""
 
-    result: ServoCheck
-    """Residual and findings."""
-    included: bool = False
-    """Whether the recorded force contains the injected force."""
+    result: ServoCheck  # residual and findings
+    included: bool = False  # whether the recorded force contains the injected force
     injected: Array | None = None
     """Force added to that of the servo from outside, as declared or as found; None without one."""
 

@@ -31,10 +31,8 @@ class Known:
     columns: Mapping[str, Column]
     suggestions: Mapping[str, Column] = field(default_factory=dict)
     """Columns by role, and those of which an entry is missing."""
-    servo: Mapping[str, str] = field(default_factory=dict)
-    """Entries of ``[servo]`` as TOML; empty if it is unknown."""
-    measurement: Measurement | None = None
-    """The record; None if entries of its columns are missing."""
+    servo: Mapping[str, str] = field(default_factory=dict)  # entries of ``[servo]`` as TOML; empty if it is unknown
+    measurement: Measurement | None = None  # the record; None if entries of its columns are missing
 
 
 def write_settings(folder: Path, table: DataTable, known: Known) -> Path:

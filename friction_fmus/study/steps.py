@@ -39,15 +39,12 @@ rebuild: Final = Converter(detailed_validation=False).structure
 class Step:
     """Step of a study: call of a module-level function that returns a dataclass."""
 
-    name: str
-    """Name, part of the file name."""
-    function: Callable[..., Any]
-    """Function that returns a dataclass."""
+    name: str  # name, part of the file name
+    function: Callable[..., Any]  # function that returns a dataclass
     arguments: tuple[Any, ...]
     """Arguments: numbers, strings, arrays, paths, and mappings, sequences and dataclasses of them. For a path, the
     content of the file enters the key."""
-    kind: type
-    """Type of the result."""
+    kind: type  # type of the result
 
     @property
     def key(self) -> str:

@@ -39,17 +39,13 @@ class Knob:
     name: str
     text: str
     """Name, and what is changed."""
-    unit: str
-    """Unit; empty for a factor or a number of samples."""
-    start: float
-    """Value of the study."""
+    unit: str  # unit; empty for a factor or a number of samples
+    start: float  # value of the study
     least: float
     most: float
     """Range of the slider."""
-    settings: tuple[Settings, ...]
-    """For each run, the parameters and what each is divided by the value of the knob."""
-    zero: bool = False
-    """Whether the value may also be zero."""
+    settings: tuple[Settings, ...]  # for each run, the parameters and what each is divided by the value of the knob
+    zero: bool = False  # whether the value may also be zero
     taps: tuple[str, ...] = ()
     """Parameters of which one is 1 and all others are 0, from the one for the value `least` on, in steps of 1."""
 
@@ -58,10 +54,8 @@ class Knob:
 class PanelRun:
     """Run of the axis."""
 
-    name: str
-    """Compensator, "none" for the servo alone."""
-    metrics: Metrics
-    """Metrics of the study."""
+    name: str  # compensator, "none" for the servo alone
+    metrics: Metrics  # metrics of the study
     model: WasmModel
     """Servo, compensator and axis; the inputs are the reference and, if the measured position is noisy, the noise."""
 
@@ -70,21 +64,15 @@ class PanelRun:
 class WhatIf:
     """The axis in the browser."""
 
-    runs: tuple[PanelRun, ...]
-    """The recommended compensator, if there is one, and the servo alone."""
-    knobs: tuple[Knob, ...]
-    """Properties that can be changed."""
-    Ts: float
-    """Sample time [s]."""
+    runs: tuple[PanelRun, ...]  # the recommended compensator, if there is one, and the servo alone
+    knobs: tuple[Knob, ...]  # properties that can be changed
+    Ts: float  # sample time [s]
     r: Array
     noise: Array = field(default_factory=lambda: np.zeros(0))
     """Reference, and noise of the measured position of standard deviation 1; empty without noise."""
-    run_up: int = 0
-    """Number of samples before the first one of the record."""
-    whole: bool = True
-    """Whether the reference is that of the study, not only its first `LONGEST` samples."""
-    same_master: bool = True
-    """Whether the study solves friction and motion together, as the modules do."""
+    run_up: int = 0  # number of samples before the first one of the record
+    whole: bool = True  # whether the reference is that of the study, not only its first `LONGEST` samples
+    same_master: bool = True  # whether the study solves friction and motion together, as the modules do
 
 
 def panel_of(bench: AxisBench, found: Sequence[tuple[CompensatorResult, Scheme]], noise: Array) -> WhatIf | str:

@@ -92,12 +92,9 @@ _BEFORE_UNIT = re.compile(r"\s+in\s+|\s*/\s*|_|,\s*|\s+")
 class Meaning:
     """Role that a heading may have."""
 
-    role: str
-    """Role of the column."""
-    unit: str
-    """Unit in the heading, also from ``F/N``, ``x in mm`` and ``position_mm``; empty if there is none."""
-    fallback: bool = False
-    """Whether other columns for the role take precedence."""
+    role: str  # role of the column
+    unit: str  # unit in the heading, also from ``F/N``, ``x in mm`` and ``position_mm``; empty if there is none
+    fallback: bool = False  # whether other columns for the role take precedence
 
 
 def meaning_of(heading: str, unit: str) -> Meaning | None:
@@ -156,12 +153,9 @@ NEEDED: Final = (("time",), ("position", "velocity"), ("force", "friction"))
 class Guess:
     """What the headings of a file say."""
 
-    columns: dict[str, Column]
-    """Columns with a unit that fits, by role."""
-    suggestions: dict[str, Column]
-    """Recognised columns that lack a unit or a gain, or are one of several, by role."""
-    problems: dict[str, list[str]]
-    """What is missing or ambiguous, by role."""
+    columns: dict[str, Column]  # columns with a unit that fits, by role
+    suggestions: dict[str, Column]  # recognised columns that lack a unit or a gain, or are one of several, by role
+    problems: dict[str, list[str]]  # what is missing or ambiguous, by role
 
 
 def guess_columns(table: DataTable) -> Guess:

@@ -41,10 +41,8 @@ SMOOTH = ("q", "v", "reference")  # columns that are smooth because of inertia; 
 class SampledSegment:
     """Equally spaced segment of a measurement without gaps."""
 
-    t: Array
-    """Time [s]."""
-    columns: Mapping[str, Array]
-    """Other columns."""
+    t: Array  # time [s]
+    columns: Mapping[str, Array]  # other columns
 
 
 def equally_spaced(

@@ -19,20 +19,14 @@ EXACT = 2**53  # largest integer below which all integers are exact as floating-
 class DataTable:
     """Columns of a data file."""
 
-    file: Path
-    """Path of the file."""
-    columns: Mapping[str, Array]
-    """Numeric columns by heading, with NaN for empty cells."""
-    units: Mapping[str, str] = field(default_factory=dict)
-    """Units by heading, if the file states them."""
+    file: Path  # path of the file
+    columns: Mapping[str, Array]  # numeric columns by heading, with NaN for empty cells
+    units: Mapping[str, str] = field(default_factory=dict)  # units by heading, if the file states them
     texts: Mapping[str, str] = field(default_factory=dict)
     """First non-numeric cell of each other column and its location, by heading."""
-    lines: NDArray[np.int64] | None = None
-    """Line number of each row in the file."""
-    findings: tuple[Finding, ...] = ()
-    """Problems found in the file."""
-    notes: Mapping[str, Finding] = field(default_factory=dict)
-    """Problems that concern one column only, by heading."""
+    lines: NDArray[np.int64] | None = None  # line number of each row in the file
+    findings: tuple[Finding, ...] = ()  # problems found in the file
+    notes: Mapping[str, Finding] = field(default_factory=dict)  # problems that concern one column only, by heading
 
     def place(self, row: int) -> str:
         """Return the location of a row in the file, for messages."""
@@ -93,10 +87,8 @@ def _floats(values: Any) -> Array:
 class ChannelGroup:
     """Signals sampled at the same times."""
 
-    t: Array
-    """Times; they increase."""
-    signals: Mapping[str, Array]
-    """Values by heading."""
+    t: Array  # times; they increase
+    signals: Mapping[str, Array]  # values by heading
 
 
 def on_one_clock(path: Path, groups: Sequence[ChannelGroup], time: str, unit: str) -> DataTable:

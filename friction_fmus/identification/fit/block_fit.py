@@ -20,20 +20,13 @@ from harness import Drive, FmuPart
 class FitData:
     """Friction block, and the records to which it is fitted."""
 
-    model: ContactModel
-    """Friction block."""
-    drive: Drive
-    """Loaded block."""
-    segments: Sequence[PreparedSegment]
-    """Prepared records."""
-    traits: DataTraits
-    """Rough properties of the friction, for start values."""
-    constraints: Constraints
-    """Fixed values, bounds and start values given by the user."""
-    units: AxisUnits
-    """Units of the axis."""
-    Fn0: float | None
-    """Normal force at which the parameters are valid [N]; None if it was not measured."""
+    model: ContactModel  # friction block
+    drive: Drive  # loaded block
+    segments: Sequence[PreparedSegment]  # prepared records
+    traits: DataTraits  # rough properties of the friction, for start values
+    constraints: Constraints  # fixed values, bounds and start values given by the user
+    units: AxisUnits  # units of the axis
+    Fn0: float | None  # normal force at which the parameters are valid [N]; None if it was not measured
 
     def problem(self, setup: Setup) -> Problem:
         """Return the least-squares problem of a setup."""
@@ -45,12 +38,9 @@ class FitData:
 class BlockFit:
     """Result of a method of identification."""
 
-    setup: Setup
-    """Coordinates of the search, and their conversion to parameters."""
-    problem: Problem
-    """Least-squares problem."""
-    found: SearchResult
-    """Solution of the problem."""
+    setup: Setup  # coordinates of the search, and their conversion to parameters
+    problem: Problem  # least-squares problem
+    found: SearchResult  # solution of the problem
 
 
 def fit_scalars(data: FitData, loss: Loss, starts: int | None) -> BlockFit:

@@ -29,18 +29,14 @@ TOLERANCE = 1e-7
 class Coordinate:
     """Unknown of the search, scaled to a magnitude of 1."""
 
-    name: str
-    """Name of the value."""
-    scale: float
-    """Magnitude of the value; the coordinate is x = log(value / scale) or x = value / scale."""
+    name: str  # name of the value
+    scale: float  # magnitude of the value; the coordinate is x = log(value / scale) or x = value / scale
     start: float
     lower: float = -math.inf
     upper: float = math.inf
     """Start value and bounds of the value."""
-    log: bool = False
-    """Whether the coordinate is logarithmic, as for values that must not be zero."""
-    segment: int | None = None
-    """Index of the record whose initial state it is; None if all records share it."""
+    log: bool = False  # whether the coordinate is logarithmic, as for values that must not be zero
+    segment: int | None = None  # index of the record whose initial state it is; None if all records share it
 
     def value(self, x: float) -> float:
         """Return the value at the coordinate x."""
@@ -72,25 +68,18 @@ States = Callable[[Mapping[str, float], Mapping[str, float]], dict[str, float]]
 class Problem:
     """Residuals of a block over several records."""
 
-    drive: Drive
-    """Loaded block."""
-    segments: Sequence[PreparedSegment]
-    """Prepared records."""
-    coordinates: Sequence[Coordinate]
-    """Coordinates shared by all records first, then the others."""
+    drive: Drive  # loaded block
+    segments: Sequence[PreparedSegment]  # prepared records
+    coordinates: Sequence[Coordinate]  # coordinates shared by all records first, then the others
     assemble: Assemble
     states: States
     """Functions that return parameters and initial states of the block."""
-    constants: Mapping[str, float | int | bool]
-    """Other start values."""
-    simulations: int = field(default=0)
-    """Number of simulations so far."""
-    regressor: Regressor | None = None
-    """Linear unknowns, which are eliminated from the residual (variable projection)."""
+    constants: Mapping[str, float | int | bool]  # other start values
+    simulations: int = field(default=0)  # number of simulations so far
+    regressor: Regressor | None = None  # linear unknowns, which are eliminated from the residual (variable projection)
     anchor: Array | None = None
     """Point to which weak springs tie the coordinates, so that those which the record does not determine stay there."""
-    viscous: bool = False
-    """Whether the value Fv is the coefficient of a viscous friction beside the block."""
+    viscous: bool = False  # whether the value Fv is the coefficient of a viscous friction beside the block
 
     def __post_init__(self) -> None:
         """Compute the magnitude of the signal."""
@@ -205,15 +194,12 @@ class Constraints:
 class Setup:
     """Coordinates of a search, and their conversion to start values of the block."""
 
-    coordinates: tuple[Coordinate, ...]
-    """Coordinates shared by all records first, then the others."""
+    coordinates: tuple[Coordinate, ...]  # coordinates shared by all records first, then the others
     assemble: Assemble
     states: States
     """Functions that return parameters and initial states, see `Problem`."""
-    constants: Mapping[str, float | int | bool]
-    """Other start values of the block."""
-    units: Mapping[str, str]
-    """Units of the values returned by `assemble` and `states`."""
+    constants: Mapping[str, float | int | bool]  # other start values of the block
+    units: Mapping[str, str]  # units of the values returned by `assemble` and `states`
 
 
 def check_constraints(model: ContactModel, signal: str, constraints: Constraints) -> None:

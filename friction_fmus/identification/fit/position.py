@@ -50,8 +50,7 @@ REGULAR = 1e-6  # weight of the parameters in the regression with their linearis
 class PositionFit:
     """Force over position that was identified together with a friction model."""
 
-    table: PositionMap
-    """Cogging and position-dependent friction."""
+    table: PositionMap  # cogging and position-dependent friction
     crossed: float
     crossed_without: float
     """Rms error of the cross-validation over blocks of the training data, with and without the table, in the unit of
@@ -70,12 +69,9 @@ class TableRegressor:
     table is flat where the record has few samples.
     """
 
-    grid: Grid
-    """Nodes."""
-    v_sign: float
-    """Velocity over which the sign is smoothed [m/s]."""
-    columns: Array
-    """Drive force for a unit of each coefficient, at the rows of the residual."""
+    grid: Grid  # nodes
+    v_sign: float  # velocity over which the sign is smoothed [m/s]
+    columns: Array  # drive force for a unit of each coefficient, at the rows of the residual
 
     def __post_init__(self) -> None:
         """Factorise the normal equations."""

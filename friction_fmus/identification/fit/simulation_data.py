@@ -22,26 +22,16 @@ Between: TypeAlias = Literal["held", "linear", "halves"]
 class PreparedSegment:
     """Record prepared for a fit."""
 
-    record: Record
-    """Original record."""
-    inputs: Mapping[str, Array]
-    """Inputs of the block: v, and Fn if the normal force was measured."""
-    between: Between
-    """Interpolation of the inputs between samples: the later value, linear, or the nearer value."""
-    x: Array
-    """Position of the motion, from 0."""
-    a: Array | None
-    """Acceleration, if the signal is a drive force."""
-    per: Array | None
-    """Normal force, if the signal is the friction coefficient [N]."""
-    measured: Array
-    """Signal to reproduce, decimated by `rows`."""
-    t: Array
-    """Time of the signal [s]."""
-    filter: InverseModelSettings | None
-    """Filter of both sides of the equation; None for none."""
-    stride: int = 1
-    """Distance between the samples used, in samples of the record."""
+    record: Record  # original record
+    inputs: Mapping[str, Array]  # inputs of the block: v, and Fn if the normal force was measured
+    between: Between  # interpolation of the inputs between samples: the later value, linear, or the nearer value
+    x: Array  # position of the motion, from 0
+    a: Array | None  # acceleration, if the signal is a drive force
+    per: Array | None  # normal force, if the signal is the friction coefficient [N]
+    measured: Array  # signal to reproduce, decimated by `rows`
+    t: Array  # time of the signal [s]
+    filter: InverseModelSettings | None  # filter of both sides of the equation; None for none
+    stride: int = 1  # distance between the samples used, in samples of the record
 
     @property
     def step(self) -> float:

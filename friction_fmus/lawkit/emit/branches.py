@@ -400,22 +400,17 @@ _CALL = 10  # cost of a call of the C library in operations
 class Decision:
     """An ``if`` with the selects of its condition."""
 
-    condition: int
-    """The tested node."""
-    selects: tuple[int, ...]
-    """Nodes that take one of two values depending on the condition."""
-    sides: tuple[Block, Block]
-    """Operations computed only for the first, and only for the second value."""
+    condition: int  # the tested node
+    selects: tuple[int, ...]  # nodes that take one of two values depending on the condition
+    sides: tuple[Block, Block]  # operations computed only for the first, and only for the second value
 
 
 @dataclass(frozen=True)
 class CountedLoop:
     """A loop over the elements of vectors."""
 
-    lanes: int
-    """Number of elements."""
-    items: tuple[int | Decision, ...]
-    """Operations on one element, and sums over the elements."""
+    lanes: int  # number of elements
+    items: tuple[int | Decision, ...]  # operations on one element, and sums over the elements
 
 
 Block = tuple["int | Decision | CountedLoop", ...]

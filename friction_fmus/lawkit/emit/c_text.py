@@ -24,12 +24,9 @@ __all__ = ["DOUBLE", "FLOAT", "Kernel", "Lows", "Real", "kernel"]
 class Text(NamedTuple):
     """A C expression."""
 
-    text: str
-    """The expression."""
-    rank: int
-    """Precedence of its outermost operator; `PRIMARY` for names, numbers and calls."""
-    reads: frozenset[int]
-    """Indices of the arguments of the function that it reads."""
+    text: str  # the expression
+    rank: int  # precedence of its outermost operator; `PRIMARY` for names, numbers and calls
+    reads: frozenset[int]  # indices of the arguments of the function that it reads
 
 
 PRIMARY = 9
@@ -143,12 +140,9 @@ RESULT, SIDE, IF = -1, -2, -3  # users of a value that are not nodes
 class Store(NamedTuple):
     """Assignment to elements of vectors."""
 
-    node: int
-    """A vector, or a select of vectors."""
-    places: Sequence[str]
-    """Places of an element."""
-    side: int | None
-    """Side of the select that is assigned; None for the value of the node."""
+    node: int  # a vector, or a select of vectors
+    places: Sequence[str]  # places of an element
+    side: int | None  # side of the select that is assigned; None for the value of the node
 
     def values(self, nodes: Sequence[Node]) -> tuple[int, ...]:
         """Return the node that is assigned; none for a zero."""
@@ -723,16 +717,14 @@ class Kernel:
     lines: tuple[str, ...]
     """Declarations and statements, which end with the assignments of all results. Truth values have the type ``bool``.
     """
-    functions: frozenset[str]
-    """Called functions of <math.h>."""
+    functions: frozenset[str]  # called functions of <math.h>
 
 
 @dataclass(frozen=True)
 class Lows:
     """Lower parts of pairs, see `friction_fmus.lawkit.emit.branches`."""
 
-    wide: Mapping[int, Weight]
-    """Arguments that are pairs."""
+    wide: Mapping[int, Weight]  # arguments that are pairs
     reads: Mapping[int, str]
     writes: Mapping[int, str]
     """C expressions of the lower parts, by index of the argument and of the result."""

@@ -286,18 +286,13 @@ def _indexed(vector: str, begin: int) -> str:
 class Rolled:
     """A graph with operations on vectors."""
 
-    nodes: list[Node]
-    """All operations, arguments before their users."""
-    reads: list[str]
-    """C expression of each argument: the given ones, then those of vectors, with the index `INDEX`."""
-    members: dict[int, Chain] = field(default_factory=dict)
-    """Given arguments by the index of each vector in `reads`."""
-    targets: dict[int, list[str]] = field(default_factory=dict)
-    """Places to which each result is assigned."""
+    nodes: list[Node]  # all operations, arguments before their users
+    reads: list[str]  # C expression of each argument: the given ones, then those of vectors, with the index `INDEX`
+    members: dict[int, Chain] = field(default_factory=dict)  # given arguments by the index of each vector in `reads`
+    targets: dict[int, list[str]] = field(default_factory=dict)  # places to which each result is assigned
     place: dict[int, int] = field(default_factory=dict)
     """New index of each given node that still exists, of an element its vector."""
-    single: dict[int, int] = field(default_factory=dict)
-    """New index of each given element that is also used singly."""
+    single: dict[int, int] = field(default_factory=dict)  # new index of each given element that is also used singly
 
 
 def roll(nodes: Sequence[Node], results: Sequence[int], reads: Sequence[str], writes: Sequence[str]) -> Rolled:
