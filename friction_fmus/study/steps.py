@@ -55,19 +55,13 @@ class Step:
 
 
 class StepCache:
-    """Cache of the results of steps, as JSON files.
-
-    Attributes
-    ----------
-    reused : int
-        Number of results read from the cache.
-    """
+    """Cache of the results of steps, as JSON files."""
 
     def __init__(self, folder: Path) -> None:
         """Create the folder."""
         self.folder = folder
         make_folder(folder)
-        self.reused = 0
+        self.reused = 0  # number of results read from the cache
 
     def get(self, step: Step) -> Any:
         """Return the cached result of a step; None if there is none."""

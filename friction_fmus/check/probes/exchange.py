@@ -32,23 +32,13 @@ def start(library: RawLibrary, name: str = "checked") -> RawInstance:
 
 
 class RawExchange(RawInstance):
-    """One instance for model exchange; between steps it is in event mode.
-
-    Attributes
-    ----------
-    info : EventInfo
-        Results of the last event iteration.
-    settled : bool
-        Whether the last event iteration came to its end.
-    unset : set of str
-        Functions that did not set all of their flags.
-    """
+    """One instance for model exchange; between steps it is in event mode."""
 
     def __init__(self, library: RawLibrary, name: str = "checked") -> None:
         """Instantiate."""
         super().__init__(library, name)
-        self.info, self.settled = EventInfo(), True
-        self.unset: set[str] = set()
+        self.info, self.settled = EventInfo(), True  # of the last event iteration, and whether it came to its end
+        self.unset: set[str] = set()  # functions that did not set all of their flags
 
     def settle(self) -> None:
         """Iterate in event mode until the discrete states have settled."""
