@@ -137,12 +137,8 @@ def identify_model(
     try:
         # a model without state is fast to simulate and its cost may have several local minima
         starts = 3 if contact_model(name, train[0].units).static else 1
-        options = {
-            "validation": list(validation) or None,
-            "starts": starts,
-            "position_map": position_map,
-            "viscous": viscous,
-        }
+        options = {"validation": list(validation) or None, "starts": starts}
+        options |= {"position_map": position_map, "viscous": viscous}
         result = within_reach(identify, name, list(train), **options)
     except (FrictionError, HarnessError, ArithmeticError, np.linalg.LinAlgError) as error:
         return IdentifiedModel(ModelResult(name, summary, reason=str(error)))
@@ -156,12 +152,7 @@ def identify_model(
         predicted=thinned(result.t, result.predicted),
         position_map=None if result.position is None else result.position.table,
     )
-    if measured is None or found.mass <= 0.0:
-        return found
-    try:
-        return in_closed_loop(found, measured)
-    except (FrictionError, HarnessError) as error:
-        return _without_loop(found, error)
+    return _simulated(found, measured)
 
 
 def inverse_model(train: Sequence[Record], validation: Sequence[Record], measured: Measured | None) -> IdentifiedModel:
@@ -194,12 +185,7 @@ def inverse_model(train: Sequence[Record], validation: Sequence[Record], measure
         fit.parameters["OF"].value,
         (validated or fitted).rms,
     )
-    if measured is None:
-        return found
-    try:
-        return in_closed_loop(found, measured)
-    except (FrictionError, HarnessError) as error:
-        return _without_loop(found, error)
+    return _simulated(found, measured)
 
 
 def published_model(record: Record, published: Mapping[str, float]) -> IdentifiedModel:
@@ -224,10 +210,15 @@ def _inverse_parameters(
     )
 
 
-def _without_loop(found: IdentifiedModel, error: Exception) -> IdentifiedModel:
-    """Return a model with which the servo could not be co-simulated, with the reason."""
-    reason = f"the servo could not be co-simulated with this model: {error}"
-    return replace(found, row=replace(found.row, reason=reason), error=None)
+def _simulated(found: IdentifiedModel, measured: Measured | None) -> IdentifiedModel:
+    """Return a model co-simulated with the servo, or with the reason why that is not possible."""
+    if measured is None or found.mass <= 0.0:
+        return found
+    try:
+        return in_closed_loop(found, measured)
+    except (FrictionError, HarnessError) as error:
+        reason = f"the servo could not be co-simulated with this model: {error}"
+        return replace(found, row=replace(found.row, reason=reason), error=None)
 
 
 def row_of(result: Identification, summary: str, published: Mapping[str, float]) -> ModelResult:

@@ -169,17 +169,22 @@ class WrittenFile:
 POINTS: Final = 1500  # approximate number of points of a stored curve over time
 
 
+def curve(x: Array, y: Array) -> StudyCurve:
+    """Return a curve through points."""
+    return StudyCurve(tuple(x.tolist()), tuple(y.tolist()))
+
+
 def thinned(x: Array, y: Array, points: int = POINTS) -> StudyCurve:
     """Return a decimated curve with the minimum and maximum of each interval, so that peaks are kept."""
     width = -(-2 * len(y) // points)
     if width <= 2:
-        return StudyCurve(tuple(x.tolist()), tuple(y.tolist()))
+        return curve(x, y)
     kept: list[int] = [0]
     for begin in range(0, len(y), width):
         interval = y[begin : begin + width]
         kept += sorted({begin + int(np.argmin(interval)), begin + int(np.argmax(interval))})
     places = np.unique([*kept, len(y) - 1])
-    return StudyCurve(tuple(x[places].tolist()), tuple(y[places].tolist()))
+    return curve(x[places], y[places])
 
 
 @dataclass(frozen=True)

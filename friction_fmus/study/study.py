@@ -50,6 +50,7 @@ from friction_fmus.study.result import (
     StudyFinding,
     StudyResult,
     WrittenFile,
+    curve,
     thinned,
 )
 from friction_fmus.study.servo_check import CheckedServo, check_servo
@@ -113,7 +114,7 @@ def residuals(record: Record, models: Sequence[IdentifiedModel]) -> tuple[Pictur
 
     def over(name: str, unit: str, column: Array) -> Picture:
         curves = {
-            model: StudyCurve(tuple(np.interp(curve.x, t, column).tolist()), curve.y) for model, curve in forces.items()
+            model: StudyCurve(tuple(np.interp(line.x, t, column).tolist()), line.y) for model, line in forces.items()
         }
         return Picture(name, f"simulated − measured {units.words.force}", unit, units.force, {}, curves)
 
@@ -146,8 +147,8 @@ def over_velocity(record: Record, models: Sequence[IdentifiedModel]) -> Picture 
     curves = {}
     for found in best[:DRAWN]:
         F = drive(found, record.units, 5.0 * np.arange(800.0) / 800.0, at, _load(record))
-        curves[found.row.name] = StudyCurve(tuple(at[1:].tolist()), tuple(F[1:].tolist()))
-    points = StudyCurve(tuple(smooth[few].tolist()), tuple(level[few].tolist()))
+        curves[found.row.name] = curve(at[1:], F[1:])
+    points = curve(smooth[few], level[few])
     units = record.units
     return Picture("velocity", "friction", units.velocity, units.force, {"record": points}, curves)
 
@@ -174,8 +175,8 @@ def over_position(record: Record, models: Sequence[IdentifiedModel]) -> Picture 
     loops = {}
     for found in best[:DRAWN]:
         F = drive(found, record.units, t, v[driven], _load(record))[lead:]
-        loops[found.row.name] = StudyCurve(tuple(q[section][::few].tolist()), tuple(F[::few].tolist()))
-    points = StudyCurve(tuple(q[section][::few].tolist()), tuple(friction[section][::few].tolist()))
+        loops[found.row.name] = curve(q[section][::few], F[::few])
+    points = curve(q[section][::few], friction[section][::few])
     units = record.units
     return Picture("position", "friction", units.position, units.force, {"record": points}, loops)
 
