@@ -551,7 +551,7 @@ def _hdf5(path: Path) -> Iterator[tuple[str, Array]]:
             if at in seen:
                 continue
             seen.add(at)
-            if isinstance(value, h5py.ChannelGroup):
+            if isinstance(value, h5py.Group):
                 yield from walk(value, f"{prefix}{key}.")
             elif isinstance(value, h5py.Dataset) and value.dtype.kind in "biuf" and "MATLAB_empty" not in value.attrs:
                 if value.is_virtual or value.external:
