@@ -272,20 +272,46 @@ _NUMBER = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(.*)")
 
 @dataclass(frozen=True)
 class ServoSettings:
-    """Settings of the servo during a measurement: u = sat(kv (kp (r - x) - v))."""
+    """Settings of the servo during a measurement: u = sat(kv (kp (r - x) - v)).
 
-    kp: float  # position gain [1/s]
-    kv: float  # velocity gain, including the drive gain [N.s/m]
-    force_limit: float  # largest force in either direction [N]
-    Ts: float  # sample time [s]
-    window: int  # number of samples over which the velocity is computed: (x[k] - x[k - window]) / (window Ts)
-    quantum: float  # resolution of the position measurement [m]
-    drive_gain: float  # force per controller output [N/V]
+    Attributes
+    ----------
+    kp : float
+        Position gain [1/s].
+    kv : float
+        Velocity gain, including the drive gain [N.s/m].
+    force_limit : float
+        Largest force in either direction [N].
+    Ts : float
+        Sample time [s].
+    window : int
+        Number of samples over which the velocity is computed: (x[k] - x[k - window]) / (window Ts).
+    quantum : float
+        Resolution of the position measurement [m].
+    drive_gain : float
+        Force per controller output [N/V].
+    """
+
+    kp: float
+    kv: float
+    force_limit: float
+    Ts: float
+    window: int
+    quantum: float
+    drive_gain: float
 
 
 @dataclass(frozen=True, eq=False)
 class MeasuredAxis:
-    """Record of an axis and the servo that drove it."""
+    """Record of an axis and the servo that drove it.
+
+    Attributes
+    ----------
+    record : Record
+        Measured signals.
+    servo : ServoSettings
+        Servo during the measurement.
+    """
 
     record: Record
     servo: ServoSettings
