@@ -16,7 +16,7 @@ from typing import Any, Final
 import fmpy
 from lxml import etree
 
-from friction_fmus.check.archive import Contents, unpack
+from friction_fmus.check.archive import Contents
 from friction_fmus.check.description import Model, Variable2, integer, real
 from friction_fmus.check.findings import RULES, Finding, Severity, declare
 from friction_fmus.check.fmi3_rules import FLOATS, INTEGERS, Model3, Variable3
@@ -26,6 +26,7 @@ from friction_fmus.check.probes.library import TRACE_SIZE
 from friction_fmus.errors import FrictionError
 from harness.compiling.platforms import NATIVE
 from harness.storage.files import ScratchFolder
+from harness.storage.zip_file import unpack_zip
 
 _MODULES: Final = (lifecycle, stepping, events, arrays, surroundings)
 """Modules that register the probes, in this order."""
@@ -152,9 +153,9 @@ def run_probes(
         return [
             NO_BINARY.finding(f"{binary} is missing (binaries for: {there}); run the check on one of these platforms")
         ]
-    with ScratchFolder("friction-fmus-check-") as name:
+    with ScratchFolder() as name:
         folder = Path(name).resolve()
-        unpack(contents, folder / "fmu")
+        unpack_zip(contents.archive, folder / "fmu")  # no rule has found a dangerous member
         job = job | {
             "folder": str(folder),
             "binary": str(folder / "fmu" / binary),

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from friction_fmus.errors import FitError
-from friction_fmus.fmi.package import build
+from friction_fmus.export.block_fmu import build
 from friction_fmus.identification.data.record import Array, Record
 from friction_fmus.identification.fit.scores import rms
 from friction_fmus.identification.result import Identification, known_force, simulated

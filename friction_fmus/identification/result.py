@@ -13,7 +13,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from friction_fmus.blocks.axis_units import ROTARY
-from friction_fmus.fmi.package import build
+from friction_fmus.export.block_fmu import build
 from friction_fmus.identification.closed_loop import axis_response
 from friction_fmus.identification.data.record import Array, Record
 from friction_fmus.identification.fit.block_fit import driven
@@ -26,7 +26,7 @@ from friction_fmus.identification.fit.scores import Score
 from friction_fmus.identification.fit.search import search
 from friction_fmus.identification.fit.simulation_data import PreparedSegment, prepare
 from friction_fmus.identification.methods.free_run import FREE_RUN, START, free_response
-from friction_fmus.notebook import identification_html, identification_text
+from friction_fmus.listings import identification_html, identification_text
 from harness import Parameter, ParameterSet, write_ssv
 from harness.storage.files import atomic_path
 

@@ -17,6 +17,7 @@ from math import inf, log2
 from typing import Final
 
 from friction_fmus.blocks.axis_units import Words
+from friction_fmus.listings import shown
 from friction_fmus.study.compensators import INTEGRAL, TABLE
 from friction_fmus.study.result import CompensatorResult, Metrics, Recommendation, Rung, Weights
 
@@ -221,11 +222,3 @@ def _figures(none: CompensatorResult, row: CompensatorResult, u: Words) -> str:
 
 def _worst(row: CompensatorResult, unit: str) -> str:
     return "failure" if row.worst is None else shown(row.worst, unit)
-
-
-def shown(value: float, unit: str) -> str:
-    """Return a length or an angle with a suitable unit prefix."""
-    for factor, prefix in ((1.0, ""), (1e3, "m"), (1e6, "µ")):
-        if abs(value) * factor >= 1.0:
-            return f"{value * factor:.3g} {prefix}{unit}"
-    return f"{value * 1e9:.3g} n{unit}"

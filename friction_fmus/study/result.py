@@ -16,7 +16,7 @@ from typing import Any, Final, TypeAlias
 import numpy as np
 
 from friction_fmus.identification import Array, AxisUnits
-from friction_fmus.notebook import study_html, study_text
+from friction_fmus.listings import study_html, study_text
 
 Numbers: TypeAlias = tuple[float, ...]
 

@@ -12,8 +12,7 @@ from thorough import nightly
 
 from friction_fmus import BuildError, build
 from friction_fmus.errors import RecordError
-from friction_fmus.identification.data import table_files
-from friction_fmus.identification.data.table_files import read_table
+from friction_fmus.identification.data.formats import read_table, text
 
 FILES: dict[str, list[str]] = {
     "run {}.toml -o out.csv": ["toml"],
@@ -76,7 +75,7 @@ def test_large_files_and_texts_that_are_none(folder: Path) -> None:
 
 
 def test_a_text_that_unpacks_to_too_much(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(table_files, "LARGEST_DATA", 1 << 20)
+    monkeypatch.setattr(text, "LARGEST_DATA", 1 << 20)
     with gzip.open(tmp_path / "large.txt.gz", "wb") as file:
         file.write(bytes((1 << 20) + 1))
     with pytest.raises(RecordError, match=r"large\.txt\.gz has more than 1048576 bytes of text"):

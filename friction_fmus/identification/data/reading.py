@@ -15,6 +15,7 @@ from scipy.interpolate import CubicSpline
 
 from friction_fmus.blocks.axis_units import LINEAR, SLIDING, AxisUnits, Words
 from friction_fmus.errors import RecordError
+from friction_fmus.identification.data.formats import read_table
 from friction_fmus.identification.data.guessing import guess_mapping
 from friction_fmus.identification.data.mapping import Column, DataMapping, combined_unit, load_mapping, read_mapping
 from friction_fmus.identification.data.record import (
@@ -29,7 +30,6 @@ from friction_fmus.identification.data.record import (
     parse_quantity,
     wanted_unit,
 )
-from friction_fmus.identification.data.table_files import read_table
 from friction_fmus.identification.data.tables import DataTable
 
 GAP = 5.0  # ratio of an interval to the median above which it is a gap, across which nothing is interpolated
@@ -304,7 +304,7 @@ def read_records(
     Parameters
     ----------
     path : path-like
-        Data file (.csv, .tsv, .txt, .dat, .parquet, .mcap, .mat), or mapping (.toml) that names one.
+        Data file in one of the `formats`, or mapping (.toml) that names one.
     mapping : path-like, mapping or DataMapping, optional
         Mapping of the columns: a TOML file, its tables, or the result of `read_mapping`. Without a mapping, the
         headings must identify the signals and contain units.

@@ -1,32 +1,29 @@
-"""Reading data files of all supported formats as tables."""
+"""Text with any separator, decimal commas, text above the table, a line of units, dates; exports of TwinCAT Scope."""
 
 from __future__ import annotations
 
 import gzip
-import json
 import lzma
 import math
-import numbers
 import re
-import struct
-import zlib
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import IO, Any, Final
+from typing import IO, Final
 
 import numpy as np
 
 from friction_fmus.errors import RecordError
 from friction_fmus.identification.data.guessing import meaning_of
 from friction_fmus.identification.data.record import Array, Finding, unit_of
-from friction_fmus.identification.data.tables import EXACT, ChannelGroup, DataTable, from_arrow, on_one_clock
-from harness.errors import MissingPackageError
-from harness.extras import require
+from friction_fmus.identification.data.tables import ChannelGroup, DataTable, on_one_clock
 from harness.storage.files import LARGEST_DATA
 
-MISSING: Final = ("", "nan", "NaN", "NAN", "NA", "null", "-nan", "#N/A")  # cells without a value
+SUFFIXES: Final = tuple(f".{kind}{zip}" for kind in ("csv", "tsv", "txt", "dat", "asc") for zip in ("", ".gz", ".xz"))
+
+MISSING: Final = ("", "nan", "NaN", "NAN", "NA", "null", "-nan", "#N/A")
+"""Cells without a value."""
 
 _NUMBER = re.compile(r"[-+]?(\d+([.,]\d*)?|[.,]\d+)([eEdD][-+]?\d+)?|[-+]?(nan|inf(inity)?)", re.IGNORECASE)
 _WORDS = dict.fromkeys(MISSING, math.nan) | {"true": 1.0, "True": 1.0, "false": 0.0, "False": 0.0}
@@ -43,7 +40,7 @@ def numeric(cell: str) -> bool:
     return _NUMBER.fullmatch(cell) is not None
 
 
-def as_numbers(cells: Sequence[str], comma: bool) -> Array | None:
+def numbers(cells: Sequence[str], comma: bool) -> Array | None:
     """Return cells as numbers, nan where one is missing; None if one of them is a text."""
     if any("_" in cell or (comma and "." in cell) for cell in cells):  # Python takes 1_000 for a number
         return None
@@ -61,9 +58,14 @@ def decimal_comma(path: Path) -> Finding:
     return Finding("decimal-comma", what, "Check a value of each column, or use decimal points.")
 
 
-KEY = "Name"  # first cell of the row with the names of the channels; it is repeated above each column of times
-TICKS = 1e4  # ticks of a time stamp of Windows in a millisecond
-LONGEST_HEAD = 200  # largest number of lines above the numbers; comments of symbols can have several lines
+KEY = "Name"
+"""First cell of the row with the names of the channels; it is repeated above each column of times."""
+
+TICKS = 1e4
+"""Ticks of a time stamp of Windows in a millisecond."""
+
+LONGEST_HEAD = 200
+"""Largest number of lines above the numbers; comments of symbols can have several lines."""
 
 _NO_UNIT = ("", "(None)", "None")
 
@@ -144,9 +146,9 @@ def _times(path: Path, rows: Sequence[tuple[int, list[str]]], column: int, comma
 
 
 def _column(path: Path, name: str, lines: Sequence[int], cells: Sequence[str], comma: bool) -> Array:
-    values = as_numbers(cells, comma)
+    values = numbers(cells, comma)
     if values is None:
-        number, cell = next((n, c) for n, c in zip(lines, cells, strict=True) if as_numbers([c], comma) is None)
+        number, cell = next((n, c) for n, c in zip(lines, cells, strict=True) if numbers([c], comma) is None)
         raise RecordError(f"{path} has the text {cell!r} in line {number}, channel {name!r}; correct the file.")
     return values
 
@@ -156,7 +158,7 @@ _HEADING = re.compile(r"(?P<name>.*?)\s*[\[(](?P<unit>[^\[\]()]*(\([^()]*\))?[^\
 _SEPARATORS = (";", "\t", ",", "|")
 
 
-def read_text(path: Path) -> DataTable:
+def read(path: Path) -> DataTable:
     """Read a text table: columns separated by ; tab , | or spaces, after comments and a heading."""
     full = [(n, line) for n, line in enumerate(_decoded(path).splitlines(), start=1) if line.strip()]
     numbered = [(n, line) for n, line in full if not line.lstrip().startswith(_COMMENTS)]
@@ -298,12 +300,12 @@ def _is_units(row: list[str]) -> bool:
 def _parsed(path: Path, names: list[str], rows: list[tuple[int, list[str]]], comma: bool) -> DataTable:
     columns, units, texts = {}, {}, {}
     for name, cells in zip(names, zip(*(row for _, row in rows), strict=True), strict=True):
-        if (values := as_numbers(cells, comma)) is not None:
+        if (values := numbers(cells, comma)) is not None:
             columns[name] = values
         elif (moments := _moments(cells)) is not None:
             columns[name], units[name] = moments, "s"
         else:
-            number, cell = next((rows[i][0], cell) for i, cell in enumerate(cells) if as_numbers([cell], comma) is None)
+            number, cell = next((rows[i][0], cell) for i, cell in enumerate(cells) if numbers([cell], comma) is None)
             texts[name] = f"{cell!r} in line {number}"
     return DataTable(path, columns, units, texts, np.array([number for number, _ in rows]))
 
@@ -320,255 +322,3 @@ def _moments(cells: Sequence[str]) -> Array | None:
         return None
     counts = found.as_unit("ns")
     return np.asarray((counts - counts[0]) / pd.Timedelta(1, "ns"), dtype=np.float64) * 1e-9
-
-
-JOINT: Final = ("position", "velocity", "effort")
-"""Arrays of ``sensor_msgs/JointState`` with one element for each name."""
-
-DEEPEST: Final = 8  # largest depth of nested fields
-LONGEST: Final = 64  # largest number of elements of an array whose elements become columns
-
-
-def read_mcap(path: Path) -> DataTable:
-    """Read an MCAP file.
-
-    Each number in a message becomes a column named after topic, joint and field, such as
-    ``/joint_states/axis1/position``. The time is that of the header of the message if it has one, otherwise the time of
-    the log, in s since the first message of the file.
-    """
-    require("mcap")
-    from mcap.reader import make_reader
-    from mcap_ros2.decoder import DecoderFactory
-
-    factory = DecoderFactory()
-    decoders: dict[int, Callable[[bytes], Any] | None] = {}
-    rows: dict[str, list[tuple[int, dict[str, float]]]] = {}
-    ignored: dict[str, str] = {}
-    damaged: dict[str, str] = {}
-    with path.open("rb") as file:
-        for schema, channel, message in make_reader(file).iter_messages():
-            if channel.id not in decoders:
-                coded_as_json = channel.message_encoding == "json"
-                decoders[channel.id] = (
-                    json.loads if coded_as_json else factory.decoder_for(channel.message_encoding, schema)
-                )
-            decode = decoders[channel.id]
-            if decode is None:
-                ignored[channel.topic] = channel.message_encoding
-                continue
-            try:
-                content = decode(message.data)
-                values = dict(_numbers(content, channel.topic, DEEPEST))
-            except Exception as error:  # a damaged message may raise any exception in the decoders
-                damaged[channel.topic] = f"a damaged message ({' '.join(str(error).split()) or type(error).__name__})"
-                continue
-            if values:
-                rows.setdefault(channel.topic, []).append((_stamp(content) or message.log_time, values))
-    texts = {name: why for topic, why in damaged.items() for _, values in rows.pop(topic, ()) for name in values}
-    if not rows and damaged:
-        topic, why = next(iter(damaged.items()))
-        raise RecordError(f"{path} has {why} in the topic {topic}; record it again.")
-    if not rows:
-        encodings = f" (encodings: {', '.join(sorted(set(ignored.values())))})" if ignored else ""
-        raise RecordError(f"{path} has no topic with numbers that can be decoded{encodings}; record ROS 2 or JSON.")
-    begin = min(stamp for messages in rows.values() for stamp, _ in messages)
-    table = on_one_clock(path, [_group(messages, begin) for messages in rows.values()], "time", "s")
-    return replace(table, texts=texts)
-
-
-def _group(messages: list[tuple[int, dict[str, float]]], begin: int) -> ChannelGroup:
-    """Return the signals of a topic at increasing times; of messages with equal times the first one counts."""
-    at = dict(reversed(messages))
-    stamps = sorted(at)
-    names = dict.fromkeys(name for _, values in messages for name in values)
-    signals = {name: np.array([at[stamp].get(name, np.nan) for stamp in stamps]) for name in names}
-    return ChannelGroup(np.array([(stamp - begin) * 1e-9 for stamp in stamps]), signals)
-
-
-def _numbers(content: Any, name: str, depth: int) -> Iterator[tuple[str, float]]:
-    """Yield the numbers of a message by name; texts, headers and long arrays are left out, large integers missing."""
-    if isinstance(content, numbers.Real):
-        yield name, math.nan if isinstance(content, int) and abs(content) > EXACT else float(content)
-    elif (fields := _fields(content)) is not None and depth:
-        joints = fields.get("name")
-        named = isinstance(joints, (list, tuple)) and all(isinstance(joint, str) for joint in joints)
-        for field, value in fields.items():
-            if field == "header":
-                continue
-            if named and field in JOINT and joints and len(value) == len(joints):
-                yield from ((f"{name}/{joint}/{field}", float(each)) for joint, each in zip(joints, value, strict=True))
-            else:
-                yield from _numbers(value, f"{name}/{field}", depth - 1)
-    elif isinstance(content, (list, tuple, np.ndarray)) and len(content) <= LONGEST and depth:
-        for index, each in enumerate(content):
-            yield from _numbers(each, f"{name}[{index}]", depth - 1)
-
-
-def _fields(content: Any) -> Mapping[str, Any] | None:
-    """Return the fields of a message by name; None if it is not a message."""
-    if isinstance(content, Mapping):
-        return content
-    slots = getattr(content, "__slots__", None)
-    return {name: getattr(content, name) for name in slots} if slots else None
-
-
-def _stamp(content: Any) -> int:
-    """Return the time in the header of a message [ns]; 0 if it has none."""
-    header = (_fields(content) or {}).get("header")
-    stamp = (_fields(header) or {}).get("stamp") if header is not None else None
-    parts = _fields(stamp) or {} if stamp is not None else {}
-    seconds, rest = parts.get("sec", 0), parts.get("nanosec", 0)
-    return int(seconds) * 1_000_000_000 + int(rest)
-
-
-def read_table(path: Path) -> DataTable:
-    """Read a data file; the suffix determines the format."""
-    readers: dict[str, Callable[[Path], DataTable]] = dict.fromkeys((".csv", ".tsv", ".txt", ".dat", ".asc"), read_text)
-    readers |= {".mcap": read_mcap, ".parquet": _read_parquet, ".pq": _read_parquet, ".mat": _read_mat}
-    suffix = path.suffix.lower()
-    if suffix in (".gz", ".xz") and readers.get(Path(path.stem).suffix.lower()) is read_text:
-        readers[suffix] = read_text
-    if suffix not in readers:
-        raise RecordError(f"The format of {path} is unknown; use a file that ends in {', '.join(readers)} or .toml.")
-    if not path.is_file():
-        raise RecordError(f"There is no data file {path}; correct the path.")
-    try:
-        return readers[suffix](path)
-    except (MissingPackageError, RecordError):
-        raise
-    except Exception as error:  # a damaged file may raise any exception in the libraries
-        reason = " ".join(str(error).split()) or type(error).__name__
-        raise RecordError(f"{path} cannot be read as a {suffix} file ({reason}); export it again.") from error
-
-
-def _read_parquet(path: Path) -> DataTable:
-    require("pyarrow")
-    import pyarrow.parquet as pq
-
-    with pq.ParquetFile(path) as file:
-        _limit(path, 8 * file.metadata.num_rows * file.metadata.num_columns)
-    return from_arrow(path, pq.read_table(path))
-
-
-UNPACKED: Final = 2**30  # largest size of the numbers in a file [bytes]
-
-
-def _limit(path: Path, size: int) -> None:
-    """Raise RecordError for contents that would fill the memory."""
-    if size > UNPACKED:
-        raise RecordError(
-            f"{path} unpacks to more than {UNPACKED // 2**20} MiB; save only the columns that are needed, or fewer "
-            "samples."
-        )
-
-
-HDF5: Final = b"\x89HDF\r\n\x1a\n"  # signature of HDF5, at offset 512 of a MATLAB 7.3 file or at its start
-
-
-def _read_mat(path: Path) -> DataTable:
-    """Read a .mat file: MATLAB up to 7.2 with scipy, MATLAB 7.3 with h5py, Dymola with the harness."""
-    with path.open("rb") as file:
-        header = file.read(520)
-    if HDF5 in (header[:8], header[512:]):
-        return DataTable(path, _same_length(path, _hdf5(path)))
-    _limit(path, _unpacked(path))
-    import scipy.io
-
-    content = scipy.io.loadmat(path, squeeze_me=True, struct_as_record=False)
-    if "Aclass" in content:
-        return _trajectory(path)
-    return DataTable(path, _same_length(path, (item for key, value in content.items() for item in _flat(key, value))))
-
-
-def _unpacked(path: Path) -> int:
-    """Return the size of the variables of a MATLAB file, counted up to the limit; 0 before version 5."""
-    total = 0
-    with path.open("rb") as file:
-        header = file.read(128)
-        order = {b"IM": "<", b"MI": ">"}.get(header[126:128])
-        while order and total <= UNPACKED and len(tag := file.read(8)) == 8:
-            kind, size = struct.unpack(f"{order}II", tag)
-            if kind != COMPRESSED:
-                total += size
-                file.seek(size, 1)
-                continue
-            unpacker = zlib.decompressobj()
-            rest = file.read(size)
-            while rest and total <= UNPACKED:
-                total += len(unpacker.decompress(rest, 2**20))
-                rest = unpacker.unconsumed_tail
-    return total
-
-
-COMPRESSED: Final = 15  # type of a compressed variable in a MATLAB file of version 5
-
-
-def _trajectory(path: Path) -> DataTable:
-    from harness import load_result
-
-    result = load_result(path)
-    columns = {name: result[name].to_numpy().astype(np.float64) for name in ("time", *map(str, result.data_vars))}
-    return DataTable(path, columns, {name: result[name].attrs.get("units", "") for name in columns})
-
-
-def _flat(name: str, value: Any) -> Iterator[tuple[str, Array]]:
-    """Yield the vectors of a variable: itself, columns of a matrix ``a(:,1)``, or members of a structure ``a.b``."""
-    if name.startswith("__"):
-        return
-    if hasattr(value, "_fieldnames"):
-        for member in value._fieldnames:
-            yield from _flat(f"{name}.{member}", getattr(value, member))
-        return
-    array = np.asarray(value)
-    if array.dtype.kind not in "biuf":
-        return
-    if array.ndim == 1:
-        yield name, array.astype(np.float64)
-    elif array.ndim == 2:
-        if 1 in array.shape:
-            yield name, array.ravel().astype(np.float64)
-            return
-        for column in range(array.shape[1]):
-            yield f"{name}(:,{column + 1})", array[:, column].astype(np.float64)
-
-
-def _hdf5(path: Path) -> Iterator[tuple[str, Array]]:
-    """Yield the vectors of an HDF5 file, each object once and nothing from other files."""
-    import h5py
-
-    seen: set[int] = set()
-    total = 0
-
-    def walk(group: Any, prefix: str) -> Iterator[tuple[str, Array]]:
-        nonlocal total
-        for key in group:
-            if key.startswith("#"):
-                continue
-            if not isinstance(group.get(key, getlink=True), h5py.HardLink):
-                raise RecordError(f"{path}: {prefix}{key} is a link; save the data themselves.")
-            value = group[key]
-            at = h5py.h5o.get_info(value.id).addr
-            if at in seen:
-                continue
-            seen.add(at)
-            if isinstance(value, h5py.Group):
-                yield from walk(value, f"{prefix}{key}.")
-            elif isinstance(value, h5py.Dataset) and value.dtype.kind in "biuf" and "MATLAB_empty" not in value.attrs:
-                if value.is_virtual or value.external:
-                    raise RecordError(f"{path}: {prefix}{key} is stored in another file; save the data themselves.")
-                total += 8 * (value.size or 0)
-                _limit(path, total)
-                yield from _flat(prefix + key, np.asarray(value[()]).T)  # MATLAB stores columns first
-
-    with h5py.File(path, "r") as file:
-        yield from walk(file, "")
-
-
-def _same_length(path: Path, vectors: Iterator[tuple[str, Array]]) -> dict[str, Array]:
-    """Return the vectors with the most frequent length; others, such as scalars and settings, are ignored."""
-    found = {name: values for name, values in vectors if values.size >= 3}
-    if not found:
-        raise RecordError(f"{path} has no numeric vectors; save time, position and force as vectors or matrices.")
-    sizes = [values.size for values in found.values()]
-    length = max(set(sizes), key=lambda size: (sizes.count(size), size))
-    return {name: values for name, values in found.items() if values.size == length}
