@@ -13,7 +13,7 @@ from types import TracebackType
 
 import numpy as np
 
-from friction_fmus.axis.servo import Compensator, Plant, Servo, Trajectory
+from friction_fmus.axis.servo import AxisPlant, Compensator, Servo, Trajectory
 from friction_fmus.export.block_fmu import fmu
 from harness import FmuPart, Part, SeriesPart, Wire
 from harness.parts.part import StartValue
@@ -64,12 +64,9 @@ class LoopAssembly:
     servo: Servo
     trajectory: Trajectory
     """Feedback and sensors; reference, initial state and disturbances."""
-    every: int
-    """Number of communication steps between mass and friction in a sample of the servo."""
-    fmus: Mapping[str, Path]
-    """FMUs to use instead of those of the library, by name of the part."""
-    pool: PartPool
-    """Parts of other loops to use again."""
+    every: int  # number of communication steps between mass and friction in a sample of the servo
+    fmus: Mapping[str, Path]  # FMUs to use instead of those of the library, by name of the part
+    pool: PartPool  # parts of other loops to use again
     parts: list[Part] = field(default_factory=list)
     wires: list[str | Wire] = field(default_factory=list)
     start: dict[str, StartValue] = field(default_factory=dict)
@@ -196,7 +193,7 @@ class LoopAssembly:
         self.wires += [f"{source} -> {name}.{port}" for port, source in known.items() if port in taken]
         return part
 
-    def add_plant(self, plant: Plant) -> None:
+    def add_plant(self, plant: AxisPlant) -> None:
         """Add mass, friction, and the force over position."""
         trajectory = self.trajectory
         own = {"m": plant.mass, "x0": trajectory.x0, "v0": trajectory.v0}
@@ -219,13 +216,13 @@ class LoopAssembly:
             self.wires.append(Wire("position.F_position", "axis.F_load", delay=1))
 
 
-def viscous_beside(friction: Part, plant: Plant) -> float:
+def viscous_beside(friction: Part, plant: AxisPlant) -> float:
     """Return the coefficient of the viscous friction beside a friction block [N.s/m]; 0 if the block has its own."""
     own = any(port.name == "Fv" for port in friction.parameters)
     return 0.0 if own else float(plant.values.get("Fv", 0.0))
 
 
-def constant_force(plant: Plant, force: float) -> dict[str, StartValue]:
+def constant_force(plant: AxisPlant, force: float) -> dict[str, StartValue]:
     """Return the start value that applies a constant force to the axis."""
     return {"axis.F_load" if plant.position is None else "position.F0": force}
 

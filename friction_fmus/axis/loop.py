@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from friction_fmus.axis.assembly import LoopAssembly, PartPool, block, constant_force, typed, viscous_beside
-from friction_fmus.axis.servo import Compensator, Plant, Servo, Trajectory
+from friction_fmus.axis.servo import AxisPlant, Compensator, Servo, Trajectory
 from harness import Experiment, ExperimentError, FmuPart, Part, Result, SeriesPart, System, Wire
 from harness.accuracy.numbers import measure_bounds
 from harness.engine.algorithm import Recorder
@@ -64,14 +64,14 @@ TOLERANCE = 1e-7
 
 
 @dataclass(frozen=True, eq=False)
-class Trace:
+class LoopTrace:
     """Position q [m] and drive force [N] of a run, shape (samples,); the force is commanded at the time of q."""
 
     q: NDArray[np.float64]
     force: NDArray[np.float64]
 
 
-def master_of(plant: Plant, step: float) -> str:
+def master_of(plant: AxisPlant, step: float) -> str:
     """Return the master: gauss-seidel for soft bristles, otherwise newton, which solves mass and friction jointly."""
     soft = 0.0 < step * (plant.stiffness / plant.mass) ** 0.5 <= SOFT
     return "gauss-seidel" if soft else "newton"
@@ -79,7 +79,7 @@ def master_of(plant: Plant, step: float) -> str:
 
 def closed_loop(
     servo: Servo,
-    plant: Plant,
+    plant: AxisPlant,
     trajectory: Trajectory,
     compensator: Compensator | None = None,
     fmus: Mapping[str, Path] | None = None,
@@ -132,13 +132,13 @@ def accurate(system: System) -> tuple[System, Result]:
     return system, result
 
 
-def run_loop(system: System) -> Trace:
+def run_loop(system: System) -> LoopTrace:
     """Run the system of an axis and return position and force."""
     _, result = accurate(system)
     return _trace(*(result[name].to_numpy() for name in RECORDED))
 
 
-def numerical_error(system: System, measure: Callable[[Trace], float]) -> float:
+def numerical_error(system: System, measure: Callable[[LoopTrace], float]) -> float:
     """Return the error bound of a number that summarises the run of an axis, from runs with other steps."""
     system, result = accurate(system)
     assert system.experiment is not None
@@ -151,9 +151,9 @@ def numerical_error(system: System, measure: Callable[[Trace], float]) -> float:
     return bound
 
 
-def _trace(position: NDArray[np.float64], force: NDArray[np.float64]) -> Trace:
+def _trace(position: NDArray[np.float64], force: NDArray[np.float64]) -> LoopTrace:
     """Return the trace of a result, whose rows have the force of the sampling period that ends there."""
-    return Trace(q=position[:-1], force=force[1:])
+    return LoopTrace(q=position[:-1], force=force[1:])
 
 
 Array = NDArray[np.float64]
@@ -162,7 +162,7 @@ FREE_TOLERANCE = 1e-6  # residual of the loop of mass and friction over the size
 
 
 def free_axis(
-    plant: Plant,
+    plant: AxisPlant,
     t: Array,
     force: Array,
     trend: Array,

@@ -26,10 +26,8 @@ class Grid:
     begin: float
     spacing: float
     """Position of the first node and distance of the nodes [m]."""
-    nodes: int
-    """Number of nodes."""
-    periodic: bool = False
-    """Whether the first node follows the last one."""
+    nodes: int  # number of nodes
+    periodic: bool = False  # whether the first node follows the last one
 
     def weights(self, x: Array) -> Array:
         """Return the weights of the nodes at positions x, shape (n, nodes): the interpolation of `PositionMap`."""
@@ -57,14 +55,11 @@ class Grid:
 class PositionMap:
     """Cogging and position-dependent friction of an axis at equally spaced nodes."""
 
-    grid: Grid
-    """Nodes over position."""
-    cogging: tuple[float, ...]
-    """Conservative force on the axis at each node, positive forward [N]."""
+    grid: Grid  # nodes over position
+    cogging: tuple[float, ...]  # conservative force on the axis at each node, positive forward [N]
     friction: tuple[float, ...]
     """Friction at each node in addition to that of the friction model, opposing the motion [N]."""
-    v_sign: float
-    """Velocity over which the sign of the velocity is smoothed [m/s]."""
+    v_sign: float  # velocity over which the sign of the velocity is smoothed [m/s]
 
     def __post_init__(self) -> None:
         """Validate the table."""

@@ -15,20 +15,16 @@ from friction_fmus.blocks.axis_units import Words, words_of
 
 
 @dataclass(frozen=True)
-class Plant:
+class AxisPlant:
     """Identified mass and friction of an axis."""
 
-    friction: str
-    """Friction block."""
+    friction: str  # friction block
     values: Mapping[str, float]
     """Parameters of the friction block; if it has no parameter Fv, this is the coefficient of a viscous friction beside
     it [N.s/m]."""
-    mass: float
-    """Moved mass [kg]."""
-    offset: float = 0.0
-    """Constant force that the drive needs in addition to friction [N]."""
-    position: PositionMap | None = None
-    """Force that depends on position."""
+    mass: float  # moved mass [kg]
+    offset: float = 0.0  # constant force that the drive needs in addition to friction [N]
+    position: PositionMap | None = None  # force that depends on position
 
     @property
     def stiffness(self) -> float:
@@ -50,28 +46,21 @@ class Compensator:
 class Trajectory:
     """Reference that the axis follows, its initial state, and disturbances."""
 
-    reference: Path
-    """FMU that outputs the reference."""
-    samples: int
-    """Length in samples of the servo."""
+    reference: Path  # FMU that outputs the reference
+    samples: int  # length in samples of the servo
     x0: float
     v0: float
     """Initial position and velocity of the axis [m, m/s]."""
-    motion: bool = False
-    """Whether the servo receives the reference velocity and acceleration."""
-    offset: float = 0.0
-    """Constant force added to the output of the servo [N]."""
-    rotary: bool = False
-    """Whether the axis is rotary."""
-    load: float = 0.0
-    """Constant force on the axis that the servo does not know [N]."""
+    motion: bool = False  # whether the servo receives the reference velocity and acceleration
+    offset: float = 0.0  # constant force added to the output of the servo [N]
+    rotary: bool = False  # whether the axis is rotary
+    load: float = 0.0  # constant force on the axis that the servo does not know [N]
     noise: Path | None = None
     """FMU whose output r is noise of standard deviation 1 at the samples of the servo; needed if the position of the
     servo is noisy."""
     injected: NDArray[np.float64] | None = field(default=None, compare=False)
     """Force added to the output of the servo from outside, for a loop without compensator [N]."""
-    table: PositionMap | None = None
-    """Force over position that is compensated along the reference."""
+    table: PositionMap | None = None  # force over position that is compensated along the reference
 
     @property
     def words(self) -> Words:

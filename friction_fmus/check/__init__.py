@@ -1,8 +1,8 @@
 """Checks of an FMU: the archive, the XML, and the behaviour of the binary in a separate process.
 
 An SSP is read as the harness reads it, and each of its FMUs is checked. The checks apply to any FMU of FMI 2.0 or 3.0.
-The rules are functions in `archive`, `definitions`, `variables`, `structure` and `fmi3_rules`, and probes in `probes`;
-each rule is one function.
+The rules are functions in `archive`, `fmi2_rules` and `fmi3_rules`, and probes in `probes`; each rule is one
+function.
 """
 
 from __future__ import annotations
@@ -14,7 +14,6 @@ from pathlib import Path
 from fmpy.model_description import ValidationError
 from lxml import etree
 
-from friction_fmus.check import definitions, structure, variables
 from friction_fmus.check.archive import (
     DAMAGED,
     Contents,
@@ -35,8 +34,8 @@ from friction_fmus.check.description import (
     wrong_encoding,
 )
 from friction_fmus.check.findings import DESCRIPTION, RULES, Finding, Rule, apply, declare
+from friction_fmus.check.fmi2_rules import examine_side_files
 from friction_fmus.check.fmi3_rules import Model3
-from friction_fmus.check.structure import examine_side_files
 from friction_fmus.errors import FrictionError, UnknownNameError, nearest
 from harness.errors import HarnessError
 from harness.parts.archive import parse_description
@@ -45,7 +44,6 @@ from harness.storage.files import ScratchFolder
 
 __all__ = ["RULES", "Finding", "Rule", "check"]
 
-_MODULES = (definitions, variables, structure)  # modules that register the rules of the XML
 
 _DANGEROUS = ("zip-", "path-outside", "path-backslash", "path-symlink", "path-duplicate", "path-clash", "path-long")
 
@@ -167,10 +165,7 @@ def _examine_3(contents: Contents, data: bytes, root: etree._Element, static: bo
         findings += examine_side_files(contents, model)
         if not _errors(findings):
             findings += _fmpy(data)
-        truncated = list(truncated_libraries(contents))
-        findings += truncated
-        if not (static or truncated or _errors(findings)) and contents.below("binaries"):
-            findings += examine_binary_3(contents, model, time_limit)
+        findings += _libraries(contents, model, static or _errors(findings), time_limit)
     return [replace(finding, standard="FMI 3.0.2") for finding in findings]
 
 
@@ -183,10 +178,12 @@ def _unless_told(found: list[Finding], also: Finding) -> list[Finding]:
     return found if any(finding.file == also.file for finding in found) else [*found, also]
 
 
-def _libraries(contents: Contents, model: Model, static: bool, time_limit: float) -> list[Finding]:
+def _libraries(contents: Contents, model: Model | Model3, static: bool, time_limit: float) -> list[Finding]:
     truncated = list(truncated_libraries(contents))
     if static or truncated or not contents.below("binaries"):
         return truncated
+    if isinstance(model, Model3):
+        return examine_binary_3(contents, model, time_limit)
     return examine_binary(contents, model, time_limit)
 
 
@@ -211,7 +208,7 @@ def _refusals(model: Model) -> Iterator[Finding]:
 def _fmpy(data: bytes) -> list[Finding]:
     """Return the findings of fmpy, which runs only if there are no other findings, to avoid duplicates.
 
-    It does not check the names of variables, for which its parser needs milliseconds each; `variables` checks them.
+    It does not check the names of variables, for which its parser needs milliseconds each; `fmi2_rules` checks them.
     """
     try:
         parse_description(data, validate=True, validate_model_structure=True)

@@ -5,12 +5,12 @@ from __future__ import annotations
 import stat
 import zipfile
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path, PurePosixPath
 
-from friction_fmus.check.findings import DESCRIPTION, Fault, Finding, apply, declare, rule
+from friction_fmus.check.findings import DESCRIPTION, Fault, Finding, Severity, apply, declare, rule
 from harness.compiling.shared_library import LONGEST_TABLE, missing_of
 from harness.storage.zip_file import (
     LONGEST,
@@ -55,14 +55,10 @@ DAMAGED = declare("zip-damaged", "error", "2.3", "A member of the archive cannot
 class Contents:
     """The members of an FMU."""
 
-    archive: zipfile.ZipFile
-    """The FMU, which is open during the check."""
-    identifier: str = ""
-    """Model identifier for co-simulation; empty if unknown."""
-    source_files: tuple[str, ...] | None = None
-    """Source files declared in the XML; None if unknown."""
-    version: int = 2
-    """Version of FMI."""
+    archive: zipfile.ZipFile  # the FMU, which is open during the check
+    identifier: str = ""  # model identifier for co-simulation; empty if unknown
+    source_files: tuple[str, ...] | None = None  # source files declared in the XML; None if unknown
+    version: int = 2  # version of FMI
 
     @property
     def members(self) -> list[zipfile.ZipInfo]:
@@ -117,42 +113,41 @@ def _damaged(contents: Contents) -> Iterator[Finding]:
             yield DAMAGED.finding(message, member.filename)
 
 
+def of_member(
+    id: str, severity: Severity, summary: str
+) -> Callable[[Callable[[zipfile.ZipInfo], str]], Callable[[zipfile.ZipInfo], str]]:
+    """Add a rule with a function that returns what is wrong with a member of the archive; empty if nothing is."""
+
+    def add(function: Callable[[zipfile.ZipInfo], str]) -> Callable[[zipfile.ZipInfo], str]:
+        @rule(id, severity, "2.3", summary, "archive")
+        def faults(contents: Contents) -> Iterator[Fault]:
+            return (Fault(text, file=member.filename) for member in contents.members if (text := function(member)))
+
+        return function
+
+    return add
+
+
 # ---- paths
 
 
-@rule(
-    "path-outside",
-    "error",
-    "2.3",
-    "The path of a member points outside the folder to which the FMU is unpacked.",
-    "archive",
-)
-def _outside(contents: Contents) -> Iterator[Fault]:
-    for member in contents.members:
-        if "\\" not in member.orig_filename and find_outside([member.orig_filename]) is not None:
-            yield Fault(
-                f"the member {member.orig_filename!r} points outside the archive; do not use this file",
-                file=member.filename,
-            )
+@of_member("path-outside", "error", "The path of a member points outside the folder to which the FMU is unpacked.")
+def _outside(member: zipfile.ZipInfo) -> str:
+    outside = "\\" not in member.orig_filename and find_outside([member.orig_filename]) is not None
+    return f"the member {member.orig_filename!r} points outside the archive; do not use this file" if outside else ""
 
 
-@rule("path-backslash", "error", "2.3", "A path contains backslashes instead of slashes.", "archive")
-def _backslash(contents: Contents) -> Iterator[Fault]:
-    for member in contents.members:
-        if "\\" in member.orig_filename:
-            yield Fault(
-                f"the path {member.orig_filename!r} contains backslashes; zip the FMU with '/'", file=member.filename
-            )
+@of_member("path-backslash", "error", "A path contains backslashes instead of slashes.")
+def _backslash(member: zipfile.ZipInfo) -> str:
+    path = member.orig_filename
+    return f"the path {path!r} contains backslashes; zip the FMU with '/'" if "\\" in path else ""
 
 
-@rule("path-dot", "warning", "2.3", "A path starts with './' or contains an empty or '.' part.", "archive")
-def _dot(contents: Contents) -> Iterator[Fault]:
-    for member in contents.members:
-        parts = member.filename.removesuffix("/").removeprefix("/").split("/")
-        if "" in parts or "." in parts:
-            yield Fault(
-                f"the path {member.filename!r} is not in its shortest form; zip the FMU again", file=member.filename
-            )
+@of_member("path-dot", "warning", "A path starts with './' or contains an empty or '.' part.")
+def _dot(member: zipfile.ZipInfo) -> str:
+    parts = member.filename.removesuffix("/").removeprefix("/").split("/")
+    long = "" in parts or "." in parts
+    return f"the path {member.filename!r} is not in its shortest form; zip the FMU again" if long else ""
 
 
 @rule("path-duplicate", "error", "2.3", "Two members have the same path, or paths that differ only in case.", "archive")
@@ -163,15 +158,11 @@ def _duplicate(contents: Contents) -> Iterator[Fault]:
             yield Fault(f"{count} members are called {name!r} (ignoring case); keep one", file=name)
 
 
-@rule("path-symlink", "error", "2.3", "A member is a symbolic link or another special file.", "archive")
-def _symlink(contents: Contents) -> Iterator[Fault]:
-    for member in contents.members:
-        if is_special(member):
-            kind = stat.filemode(member.external_attr >> 16)[0]
-            yield Fault(
-                f"{member.filename!r} is not a regular file but a {kind!r}; replace it by the file itself",
-                file=member.filename,
-            )
+@of_member("path-symlink", "error", "A member is a symbolic link or another special file.")
+def _symlink(member: zipfile.ZipInfo) -> str:
+    kind = stat.filemode(member.external_attr >> 16)[0]
+    text = f"{member.filename!r} is not a regular file but a {kind!r}; replace it by the file itself"
+    return text if is_special(member) else ""
 
 
 @rule("path-clash", "error", "2.3", "A path is both a file and a folder, ignoring case.", "archive")
@@ -180,40 +171,33 @@ def _clash(contents: Contents) -> Iterator[Fault]:
         yield Fault(f"{name!r} is both a file and a folder (ignoring case); rename one", file=name)
 
 
-@rule("path-long", "error", "2.3", "A path is longer than file systems allow.", "archive")
-def _long(contents: Contents) -> Iterator[Fault]:
-    for member in contents.members:
-        if is_too_long(member.filename):
-            part, whole = LONGEST
-            where = f"a path that begins with {member.filename[:60]!r} is too long"
-            yield Fault(f"{where}; shorten each name to {part} bytes, the path to {whole}", file=member.filename)
+@of_member("path-long", "error", "A path is longer than file systems allow.")
+def _long(member: zipfile.ZipInfo) -> str:
+    part, whole = LONGEST
+    where = f"a path that begins with {member.filename[:60]!r} is too long"
+    text = f"{where}; shorten each name to {part} bytes, the path to {whole}"
+    return text if is_too_long(member.filename) else ""
 
 
 # ---- compression
 
 
-@rule("zip-encrypted", "error", "2.3", "A member is encrypted.", "archive")
-def _encrypted(contents: Contents) -> Iterator[Fault]:
-    for member in contents.members:
-        if member.flag_bits & 1:
-            yield Fault(f"{member.filename!r} is encrypted; zip it without a password", file=member.filename)
+@of_member("zip-encrypted", "error", "A member is encrypted.")
+def _encrypted(member: zipfile.ZipInfo) -> str:
+    return f"{member.filename!r} is encrypted; zip it without a password" if member.flag_bits & 1 else ""
 
 
-@rule("zip-method", "error", "2.3", "A member is compressed by a method other than deflate.", "archive")
-def _method(contents: Contents) -> Iterator[Fault]:
-    for member in contents.members:
-        if member.compress_type not in _DEFLATE:
-            yield Fault(
-                f"{member.filename!r} is compressed by {method(member)}; use deflate or store", file=member.filename
-            )
+@of_member("zip-method", "error", "A member is compressed by a method other than deflate.")
+def _method(member: zipfile.ZipInfo) -> str:
+    text = f"{member.filename!r} is compressed by {method(member)}; use deflate or store"
+    return text if member.compress_type not in _DEFLATE else ""
 
 
-@rule("zip-version", "warning", "2.3", "A member requires a zip version above 2.0.", "archive")
-def _version(contents: Contents) -> Iterator[Fault]:
-    for member in contents.members:
-        if member.extract_version > 20 and member.compress_type in _DEFLATE:
-            needed = member.extract_version / 10
-            yield Fault(f"{member.filename!r} requires zip version {needed}; use at most 2.0", file=member.filename)
+@of_member("zip-version", "warning", "A member requires a zip version above 2.0.")
+def _version(member: zipfile.ZipInfo) -> str:
+    above = member.extract_version > 20 and member.compress_type in _DEFLATE
+    text = f"{member.filename!r} requires zip version {member.extract_version / 10}; use at most 2.0"
+    return text if above else ""
 
 
 @rule("zip-bomb", "error", "2.3", "The archive unpacks to far more than its size suggests.", "archive")

@@ -17,7 +17,7 @@ import fmpy
 from lxml import etree
 
 from friction_fmus.check.archive import Contents
-from friction_fmus.check.description import Model, Variable, integer, real
+from friction_fmus.check.description import Model, Variable2, integer, real
 from friction_fmus.check.findings import RULES, Finding, Severity, declare
 from friction_fmus.check.fmi3_rules import FLOATS, INTEGERS, Model3, Variable3
 from friction_fmus.check.probes import arrays, events, lifecycle, stepping, surroundings
@@ -238,7 +238,7 @@ def _dependencies(model: Model, section: str) -> dict[str, list[str]]:
     return found
 
 
-def _row(v: Variable) -> dict[str, Any] | None:
+def _row(v: Variable2) -> dict[str, Any] | None:
     reference = integer(v.reference)
     if reference is None or not 0 <= reference < 1 << 32 or not v.type:
         return None
@@ -246,7 +246,7 @@ def _row(v: Variable) -> dict[str, Any] | None:
     return _scalar(v, reference, kind, v.initial, _start(kind, v.start))
 
 
-def _scalar(v: Variable | Variable3, reference: int, kind: str, initial: str | None, start: Any) -> dict[str, Any]:
+def _scalar(v: Variable2 | Variable3, reference: int, kind: str, initial: str | None, start: Any) -> dict[str, Any]:
     low, high, nominal = real(v.get("min")), real(v.get("max")), real(v.get("nominal"))
     return {
         "name": v.name,

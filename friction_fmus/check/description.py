@@ -36,25 +36,21 @@ NO_INTERFACE = declare(
 
 
 @dataclass(frozen=True)
-class Unknown:
+class ListedUnknown:
     """An entry of ModelStructure."""
 
-    line: int
-    """Line in the XML."""
-    index: int
-    """Index of the variable, from 1."""
+    line: int  # line in the XML
+    index: int  # index of the variable, from 1
     dependencies: tuple[int, ...] | None
     """Indices of the dependencies. None if the attribute is missing, which means a dependence on all knowns."""
-    kinds: tuple[str, ...] | None
-    """The attribute dependenciesKind."""
+    kinds: tuple[str, ...] | None  # the attribute dependenciesKind
 
 
 @dataclass(frozen=True)
-class Described:
+class DescribedVariable:
     """What variables of both versions of FMI have."""
 
-    element: etree._Element
-    """ScalarVariable, or in FMI 3.0 such as Float64."""
+    element: etree._Element  # ScalarVariable, or in FMI 3.0 such as Float64
 
     @property
     def name(self) -> str:
@@ -73,15 +69,12 @@ class Described:
 
 
 @dataclass(frozen=True)
-class Variable(Described):
+class Variable2(DescribedVariable):
     """A ScalarVariable with the defaults of the standard and of its declared type."""
 
-    typed: etree._Element | None
-    """Real, Integer, Boolean, String or Enumeration."""
-    declared: etree._Element | None
-    """The corresponding element of its SimpleType."""
-    index: int
-    """Index from 1, as in ModelStructure."""
+    typed: etree._Element | None  # Real, Integer, Boolean, String or Enumeration
+    declared: etree._Element | None  # the corresponding element of its SimpleType
+    index: int  # index from 1, as in ModelStructure
 
     @property
     def type(self) -> str:
@@ -129,7 +122,7 @@ class Variable(Described):
 
 
 @dataclass
-class Description:
+class DescribedModel:
     """What modelDescription.xml has in both versions of FMI."""
 
     kinds: ClassVar[tuple[str, ...]] = ("CoSimulation", "ModelExchange")
@@ -153,10 +146,10 @@ class Description:
 
 
 @dataclass
-class Model(Description):
+class Model(DescribedModel):
     """The content of modelDescription.xml."""
 
-    variables: list[Variable] = field(init=False)
+    variables: list[Variable2] = field(init=False)
 
     def __post_init__(self) -> None:
         """Collect the variables."""
@@ -165,7 +158,7 @@ class Model(Description):
         for index, element in enumerate(self.all("ModelVariables/ScalarVariable"), start=1):
             typed = child_of(element)
             declared = None if typed is None else types.get(typed.get("declaredType", ""))
-            self.variables.append(Variable(element, typed, declared, index))
+            self.variables.append(Variable2(element, typed, declared, index))
 
     def all(self, path: str) -> list[etree._Element]:
         """Return elements by their path."""
@@ -178,11 +171,11 @@ class Model(Description):
         return tuple(dict.fromkeys(file.get("name", "") for file in files))
 
     @cached_property
-    def unknowns(self) -> dict[str, list[Unknown]]:
+    def unknowns(self) -> dict[str, list[ListedUnknown]]:
         """Entries of ModelStructure by section: Outputs, Derivatives, InitialUnknowns."""
         return {section: [_unknown(e) for e in self.all(f"ModelStructure/{section}/Unknown")] for section in SECTIONS}
 
-    def variable(self, index: int) -> Variable | None:
+    def variable(self, index: int) -> Variable2 | None:
         """Return a variable by its index from 1."""
         return self.variables[index - 1] if 1 <= index <= len(self.variables) else None
 
@@ -193,9 +186,9 @@ class Model(Description):
         return {index for index in map(integer, derivatives) if index is not None}
 
 
-def _unknown(element: etree._Element) -> Unknown:
+def _unknown(element: etree._Element) -> ListedUnknown:
     kinds = element.get("dependenciesKind")
-    return Unknown(
+    return ListedUnknown(
         line_of(element),
         integer(element.get("index")) or 0,
         _indices(element.get("dependencies")),

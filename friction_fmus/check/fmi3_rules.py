@@ -10,7 +10,7 @@ from typing import ClassVar, Final
 
 from lxml import etree
 
-from friction_fmus.check.description import Described, Description, integer, line_of, name_of, real
+from friction_fmus.check.description import DescribedModel, DescribedVariable, integer, line_of, name_of, real
 from friction_fmus.check.findings import Fault, at, for_each, rule
 
 FLOATS: Final = ("Float64", "Float32")
@@ -20,11 +20,10 @@ PARAMETERS: Final = ("parameter", "structuralParameter", "calculatedParameter")
 
 
 @dataclass(frozen=True)
-class Variable3(Described):
+class Variable3(DescribedVariable):
     """A variable, with the defaults of the standard and of its declared type."""
 
-    declared: etree._Element | None
-    """The type that it names, if there is one of its kind."""
+    declared: etree._Element | None  # the type that it names, if there is one of its kind
 
     @property
     def type(self) -> str:
@@ -78,7 +77,7 @@ class Variable3(Described):
 
 
 @dataclass
-class Model3(Description):
+class Model3(DescribedModel):
     """The content of modelDescription.xml."""
 
     kinds: ClassVar[tuple[str, ...]] = ("ModelExchange", "CoSimulation", "ScheduledExecution")

@@ -16,7 +16,7 @@ from friction_fmus.identification.data.formats import read_table
 from friction_fmus.identification.data.guessing import NEEDED, Guess, guess_columns
 from friction_fmus.identification.data.mapping import MISSING, Column, DataMapping, combined_unit
 from friction_fmus.identification.data.record import ROLES, fits, parse_quantity, unit_of
-from friction_fmus.identification.data.tables import Table
+from friction_fmus.identification.data.tables import DataTable
 from friction_fmus.study.settings_file import SETTINGS_FILE, Known, write_settings
 from harness.storage.files import make_folder
 
@@ -66,7 +66,7 @@ def write_configuration(data: Path, folder: Path) -> None:
     console.print(f"Next: friction-fmus study {path} -o out", soft_wrap=True)
 
 
-def _ask_columns(table: Table, guess: Guess) -> None:
+def _ask_columns(table: DataTable, guess: Guess) -> None:
     """Ask for the columns that the headings do not determine, and complete the guess."""
     console.print(f"Columns of {table.file.name}: {', '.join(table.columns)}", soft_wrap=True)
     for role, column in guess.columns.items():
@@ -80,7 +80,7 @@ def _ask_columns(table: Table, guess: Guess) -> None:
             _ask_column(table, guess, role, optional=True)
 
 
-def _ask_column(table: Table, guess: Guess, role: str, optional: bool) -> None:
+def _ask_column(table: DataTable, guess: Guess, role: str, optional: bool) -> None:
     suggested = guess.suggestions.get(role, Column(""))
     known = (*table.columns, *(("none",) if optional else ()))
 
@@ -136,7 +136,7 @@ def _ask_servo(u: Words) -> dict[str, str]:
     return servo
 
 
-def _is_rotary(table: Table, columns: dict[str, Column]) -> bool:
+def _is_rotary(table: DataTable, columns: dict[str, Column]) -> bool:
     column = columns.get("position", columns.get("velocity"))
     if column is None:
         return False

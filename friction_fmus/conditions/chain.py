@@ -352,10 +352,8 @@ class Margins:
     stable: bool
     """Whether the loop is stable; otherwise the margins are those of an unstable loop, and `sensitivity` is infinite.
     """
-    sensitivity: float
-    """Peak of the sensitivity function Ms = max |1/(1 + L)|."""
-    phase: float
-    """Phase margin [rad]; infinite if the gain is nowhere 1."""
+    sensitivity: float  # peak of the sensitivity function Ms = max |1/(1 + L)|
+    phase: float  # phase margin [rad]; infinite if the gain is nowhere 1
     delay: float
     """Delay margin [samples]: further delay at which the loop becomes unstable; infinite if the gain is nowhere 1."""
 

@@ -23,32 +23,25 @@ class Gains:
     Kd: float
     Ki: float = 0.0
     """Gains [N/m, N.s/m, N/(m.s)]."""
-    db: float = 0.0
-    """Error up to which the integral is held [m]."""
-    m: float = 0.0
-    """Mass of the inertia feedforward [kg]."""
-    reversal: float = 1.0
-    """Factor of the integral at a reversal."""
-    turned: float = 0.0
-    """Coulomb friction in the integral that changes its sign at a reversal [N]."""
+    db: float = 0.0  # error up to which the integral is held [m]
+    m: float = 0.0  # mass of the inertia feedforward [kg]
+    reversal: float = 1.0  # factor of the integral at a reversal
+    turned: float = 0.0  # coulomb friction in the integral that changes its sign at a reversal [N]
 
 
 @dataclass(frozen=True)
 class LawProperties:
     """Properties of a law that the conditions need, as functions of its parameter values."""
 
-    gains: Callable[[Values], Gains] | None = None
-    """Position loop, from the values; None if the law does not close one."""
+    gains: Callable[[Values], Gains] | None = None  # position loop, from the values; None if the law does not close one
     levels: Callable[[Values], tuple[Level, Level]] | None = None
     """Compensated friction, forward and backward, from the values."""
-    inertia: Callable[[Values], float] | None = None
-    """Mass of the inertia feedforward [kg], from the values."""
+    inertia: Callable[[Values], float] | None = None  # mass of the inertia feedforward [kg], from the values
     linear: Callable[[Values, float], SampledLaw] | None = None
     """Linear sampled law, from the values and the sample time; None if it has no part in the loop."""
     amplifies: Callable[[Values], float] | None = None
     """Gain from the input f to the output for small movements, from the values; None for a gain of 1."""
-    rules: tuple[Rule, ...] = ()
-    """Conditions specific to this law."""
+    rules: tuple[Rule, ...] = ()  # conditions specific to this law
     measured: bool = False
     at_rest: bool = False
     estimates: bool = False
@@ -67,16 +60,11 @@ class SignalPath:
     low: float = -math.inf
     high: float = math.inf
     """Limits of the force on the plant [N]."""
-    amplified: float = 1.0
-    """Gain of the force of the law for small movements."""
-    window: int = 0
-    """Number of samples over which the velocity is computed from positions; 0 if it is measured."""
-    smoothing: float = 0.0
-    """Time constant of a low-pass filter behind that difference [s]."""
-    quantum: float = 0.0
-    """Resolution of the measured position [m]."""
-    sensor: str = ""
-    """Name of the sensor part; empty if the plant's outputs are used directly."""
+    amplified: float = 1.0  # gain of the force of the law for small movements
+    window: int = 0  # number of samples over which the velocity is computed from positions; 0 if it is measured
+    smoothing: float = 0.0  # time constant of a low-pass filter behind that difference [s]
+    quantum: float = 0.0  # resolution of the measured position [m]
+    sensor: str = ""  # name of the sensor part; empty if the plant's outputs are used directly
     at_load: tuple[bool, bool] = (False, False)
     """Whether position and velocity are measured at the load of a flexible drive."""
 
@@ -90,19 +78,14 @@ class SignalPath:
 class ActiveLaw:
     """Law that acts on an axis."""
 
-    part: str
-    """Name of the part."""
-    law: LawProperties
-    """Properties of the law."""
-    values: Values
-    """Parameter values of the law."""
-    to_force: float = 1.0
-    """Product of the gains of the connections from its u to the force on the plant."""
+    part: str  # name of the part
+    law: LawProperties  # properties of the law
+    values: Values  # parameter values of the law
+    to_force: float = 1.0  # product of the gains of the connections from its u to the force on the plant
     of_position: float = 1.0
     of_velocity: float = 1.0
     """Gains of the connections from the plant to its x and v."""
-    path: SignalPath = SignalPath()
-    """Actuator, limits and sensors between the law and the plant."""
+    path: SignalPath = SignalPath()  # actuator, limits and sensors between the law and the plant
 
     @property
     def gains(self) -> Gains | None:
@@ -135,32 +118,21 @@ class Shaper:
 class Axis:
     """One mass with its friction and the laws that drive it."""
 
-    plant: str
-    """Name of the part."""
+    plant: str  # name of the part
     m: float
     damping: float = 0.0
     stiffness: float = 0.0
     """Mass [kg], damper [N.s/m] and spring [N/m] to ground."""
-    friction: str | None = None
-    """Name of the part with the friction; None if no known part acts as friction."""
-    contact: Contact | None = None
-    """Friction of the axis."""
-    laws: tuple[ActiveLaw, ...] = ()
-    """Laws that drive the axis, in the order from the plant to the reference."""
-    flexible: tuple[float, float, float, float] | None = None
-    """m1, m2, k, d of motor and load; None for a single mass."""
-    at_load: bool = False
-    """Whether the friction acts on the load."""
-    cogging: tuple[str, float] | None = None
-    """Part and largest slope [N/m] of a position-dependent force."""
-    belt: float | None = None
-    """Speed of the belt under the mass [m/s]."""
-    support: float | None = None
-    """Speed of the other end of spring and damper [m/s]."""
-    shapers: tuple[Shaper, ...] = ()
-    """Prefilters of the references."""
-    words: Words = SLIDING
-    """Nouns and units of the plant: forces and positions, or torques and angles."""
+    friction: str | None = None  # name of the part with the friction; None if no known part acts as friction
+    contact: Contact | None = None  # friction of the axis
+    laws: tuple[ActiveLaw, ...] = ()  # laws that drive the axis, in the order from the plant to the reference
+    flexible: tuple[float, float, float, float] | None = None  # m1, m2, k, d of motor and load; None for a single mass
+    at_load: bool = False  # whether the friction acts on the load
+    cogging: tuple[str, float] | None = None  # part and largest slope [N/m] of a position-dependent force
+    belt: float | None = None  # speed of the belt under the mass [m/s]
+    support: float | None = None  # speed of the other end of spring and damper [m/s]
+    shapers: tuple[Shaper, ...] = ()  # prefilters of the references
+    words: Words = SLIDING  # nouns and units of the plant: forces and positions, or torques and angles
 
     def driven(self, damping: float, stiffness: float, measured: tuple[bool, bool] = (False, False)) -> DrivenPlant:
         """Return the linear plant with damping and stiffness of the contact in addition to those to ground."""

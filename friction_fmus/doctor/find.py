@@ -45,8 +45,8 @@ def axes(system: System) -> list[Axis]:
     models = {name: model_of(part) or "" for name, part in system.parts.items()}
     parts = {name: KnownPart(model, known.get(model, InLoop())) for name, model in models.items()}
     drivers = {wire.ends[1]: wire for wire in system.wires}
-    masses = [(name, part.block.plant) for name, part in parts.items() if part.block.plant is not None]
-    return [_axis(system, parts, drivers, name, plant) for name, plant in masses]
+    among = Searched(system, parts, drivers)
+    return [_axis(among, name, part.block.plant) for name, part in parts.items() if part.block.plant is not None]
 
 
 def unknown_parts(system: System) -> list[str]:
@@ -122,9 +122,6 @@ def gain_of(system: System, wire: Wire) -> float:
     return wire_map(wire, *ends)[0]
 
 
-Drivers = Mapping[tuple[str, str], Wire]
-
-
 class KnownPart(NamedTuple):
     """Block of a part and its role in a loop; both empty if the block is not known."""
 
@@ -132,13 +129,22 @@ class KnownPart(NamedTuple):
     block: InLoop
 
 
-Parts = Mapping[str, KnownPart]
+class Searched(NamedTuple):
+    """A system, what is known of its parts, and the wire at each input."""
+
+    system: System
+    parts: Mapping[str, KnownPart]
+    drivers: Mapping[tuple[str, str], Wire]
+
+    def values(self, part: str) -> Values:
+        """Return the start values of a part, see `values_of`."""
+        return values_of(self.system, self.system.parts[part])
 
 
-def _axis(system: System, parts: Parts, drivers: Drivers, name: str, plant: Plant) -> Axis:
-    p = values_of(system, system.parts[name])
-    friction, contact, at_load = _contact(system, parts, drivers, name, plant)
-    laws = tuple(_laws(system, parts, drivers, name, plant))
+def _axis(among: Searched, name: str, plant: Plant) -> Axis:
+    p = among.values(name)
+    friction, contact, at_load = _contact(among, name, plant)
+    laws = tuple(_laws(among, name, plant))
     damping, stiffness = (p.get(key, 0.0) for key in (plant.damping, plant.stiffness))
     return Axis(
         name,
@@ -150,11 +156,11 @@ def _axis(system: System, parts: Parts, drivers: Drivers, name: str, plant: Plan
         laws,
         flexible=_flexible(plant, p),
         at_load=at_load,
-        cogging=_cogging(system, parts, drivers, name, plant),
+        cogging=_cogging(among, name, plant),
         belt=p.get(plant.belt),
         support=p.get(plant.support),
-        shapers=tuple(_shapers(system, parts, drivers, laws)),
-        words=words_of(any(port.unit in ("rad", "rad/s") for port in system.parts[name].outputs)),
+        shapers=tuple(_shapers(among, laws)),
+        words=words_of(any(port.unit in ("rad", "rad/s") for port in among.system.parts[name].outputs)),
     )
 
 
@@ -166,67 +172,67 @@ def _flexible(plant: Plant, p: Values) -> tuple[float, float, float, float] | No
     return m1, m2, k, d
 
 
-def _contact(
-    system: System, parts: Parts, drivers: Drivers, name: str, plant: Plant
-) -> tuple[str | None, Contact | None, bool]:
+def _contact(among: Searched, name: str, plant: Plant) -> tuple[str | None, Contact | None, bool]:
     """Return the friction on a mass at the initial normal force, and whether it acts on the load."""
-    wired = [(drivers[name, port], port) for port in plant.friction if (name, port) in drivers]
+    wired = [(among.drivers[name, port], port) for port in plant.friction if (name, port) in among.drivers]
     for part, port in [(wire.ends[0][0], port) for wire, port in wired] or [(name, "")]:
-        friction = parts[part].block.friction
+        friction = among.parts[part].block.friction
         if friction is not None:
-            p = values_of(system, system.parts[part])
+            p = among.values(part)
             load = p["Fn"] / p["Fn0"] if "Fn" in p and p.get("Fn0") else 1.0
             return part, friction.contact(p).loaded(max(load, 0.0)), port.endswith("2")
     return None, None, False
 
 
-def _cogging(system: System, parts: Parts, drivers: Drivers, name: str, plant: Plant) -> tuple[str, float] | None:
+def _cogging(among: Searched, name: str, plant: Plant) -> tuple[str, float] | None:
     """Return a part whose force on the mass depends on position, and the largest slope of this force."""
     for port in plant.forces:
-        wire = drivers.get((name, port))
+        wire = among.drivers.get((name, port))
         part = wire.ends[0][0] if wire else ""
-        cogging = parts[part].block.cogging if wire else None
+        cogging = among.parts[part].block.cogging if wire else None
         if wire is not None and cogging is not None and cogging.pitch:
-            p = values_of(system, system.parts[part])
+            p = among.values(part)
             harmonics = [
                 [value for name, value in p.items() if name.startswith(f"{key}[")]
                 for key in (cogging.amplitude, cogging.phase)
             ]
-            return part, gain_of(system, wire) * cogging_slope(p[cogging.pitch], *harmonics)
+            return part, gain_of(among.system, wire) * cogging_slope(p[cogging.pitch], *harmonics)
     return None
 
 
-def _shapers(system: System, parts: Parts, drivers: Drivers, laws: Iterable[ActiveLaw]) -> Iterator[Shaper]:
+def _shapers(among: Searched, laws: Iterable[ActiveLaw]) -> Iterator[Shaper]:
     """Yield the prefilters connected to the reference inputs of laws."""
     seen: set[str] = set()
     for used in laws:
-        wires = [drivers[used.part, port] for port in ("r", "rd") if (used.part, port) in drivers]
+        wires = [among.drivers[used.part, port] for port in ("r", "rd") if (used.part, port) in among.drivers]
         for part in [wire.ends[0][0] for wire in wires]:
-            model, block = parts[part]
+            model, block = among.parts[part]
             if part not in seen and block.law is not None and block.law.shapes and used.law.gains is not None:
                 seen.add(part)
-                yield Shaper(part, model, values_of(system, system.parts[part]))
+                yield Shaper(part, model, among.values(part))
 
 
-def _laws(system: System, parts: Parts, drivers: Drivers, plant: str, names: Plant) -> Iterator[ActiveLaw]:
+def _laws(among: Searched, plant: str, names: Plant) -> Iterator[ActiveLaw]:
     """Yield the laws upstream of the force inputs of a plant.
 
     The search continues through the input f of a law and through all inputs of other parts.
     """
-    waiting = [(drivers[plant, port], 1.0, SignalPath()) for port in names.forces if (plant, port) in drivers]
+    waiting = [
+        (among.drivers[plant, port], 1.0, SignalPath()) for port in names.forces if (plant, port) in among.drivers
+    ]
     seen: set[str] = set()
     while waiting:
         wire, beyond, path = waiting.pop(0)
         part = wire.ends[0][0]
-        to_force = beyond * gain_of(system, wire)
-        model, block = parts[part]
+        to_force = beyond * gain_of(among.system, wire)
+        model, block = among.parts[part]
         if part in seen or block.plant or block.friction or block.cogging:
             continue
         seen.add(part)
-        law, values = law_of(model), values_of(system, system.parts[part])
+        law, values = law_of(model), among.values(part)
         if law is not None:
             path = _limited(path, to_force, values.get("u_min", -math.inf), values.get("u_max", math.inf))
-            x, v, measured = _measured(system, parts, drivers, plant, part, path)
+            x, v, measured = _measured(among, plant, part, path)
             yield ActiveLaw(part, law, values, to_force, x, v, measured)
             if law.amplifies is not None:
                 path = replace(path, amplified=path.amplified * law.amplifies(values))
@@ -234,8 +240,8 @@ def _laws(system: System, parts: Parts, drivers: Drivers, plant: str, names: Pla
             low, high, lag, delay = (float(evaluate(text, values)) for text in astuple(block.drive))
             path = _limited(path, to_force, low, high)
             path = replace(path, tau=path.tau + lag, delay=path.delay + delay)
-        inputs = [port.name for port in system.parts[part].inputs if law is None or port.name == "f"]
-        waiting += [(drivers[part, port], to_force, path) for port in inputs if (part, port) in drivers]
+        inputs = [port.name for port in among.system.parts[part].inputs if law is None or port.name == "f"]
+        waiting += [(among.drivers[part, port], to_force, path) for port in inputs if (part, port) in among.drivers]
 
 
 def _limited(path: SignalPath, to_force: float, low: float, high: float) -> SignalPath:
@@ -244,40 +250,36 @@ def _limited(path: SignalPath, to_force: float, low: float, high: float) -> Sign
     return replace(path, low=max(path.low, ends[0]), high=min(path.high, ends[1]))
 
 
-def _measured(
-    system: System, parts: Parts, drivers: Drivers, plant: str, part: str, path: SignalPath
-) -> tuple[float, float, SignalPath]:
+def _measured(among: Searched, plant: str, part: str, path: SignalPath) -> tuple[float, float, SignalPath]:
     """Return the gains of the measured position and velocity of a law, and the path with the sensors in between."""
-    x, _, x_port = _traced(system, parts, drivers, plant, (part, "x"), path)
-    v, path, v_port = _traced(system, parts, drivers, plant, (part, "v"), path)
+    x, _, x_port = _traced(among, plant, (part, "x"), path)
+    v, path, v_port = _traced(among, plant, (part, "v"), path)
     if not path.sensor:
-        path = _traced(system, parts, drivers, plant, (part, "x"), path)[1]
+        path = _traced(among, plant, (part, "x"), path)[1]
     return x, v, replace(path, at_load=(x_port.endswith("2"), v_port.endswith("2")))
 
 
-def _traced(
-    system: System, parts: Parts, drivers: Drivers, plant: str, port: tuple[str, str], path: SignalPath
-) -> tuple[float, SignalPath, str]:
+def _traced(among: Searched, plant: str, port: tuple[str, str], path: SignalPath) -> tuple[float, SignalPath, str]:
     """Return the gain from the plant to an input, the path with the sensors in between, and the plant's output.
 
     A sensor of an unknown block counts as exact.
     """
-    gain, wire = 1.0, drivers.get(port)
+    gain, wire = 1.0, among.drivers.get(port)
     while wire is not None:
         (source, output), _ = wire.ends
-        gain *= gain_of(system, wire)
+        gain *= gain_of(among.system, wire)
         if source == plant:
             return gain, path, output
-        sensor = parts[source].block.sensor
+        sensor = among.parts[source].block.sensor
         if sensor is None:
             return 1.0, path, ""
-        p = values_of(system, system.parts[source])
+        p = among.values(source)
         quantum = float(evaluate(sensor.quantum, p)) if sensor.quantum else 0.0
         path = replace(path, sensor=path.sensor or source, quantum=max(path.quantum, quantum))
         if output == sensor.velocity and not path.window:
             window, smoothing = evaluate(sensor.window, p), evaluate(sensor.smoothing, p)
             path = replace(path, window=int(window), smoothing=float(smoothing))
-        wire = drivers.get((source, "x"))
+        wire = among.drivers.get((source, "x"))
     return 1.0, path, ""
 
 

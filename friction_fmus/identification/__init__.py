@@ -42,20 +42,10 @@ else:
     __getattr__, __dir__ = lazy_names(
         __name__,
         {
-            "friction_fmus.errors": [
-                "ExcitationError",
-                "FitError",
-                "IdentificationError",
-                "RecordError",
-            ],
+            "friction_fmus.errors": ["ExcitationError", "FitError", "IdentificationError", "RecordError"],
             "friction_fmus.identification.fit.estimate": ["Estimate"],
             "friction_fmus.identification.data.excitation": ["examine", "examine_segments"],
-            "friction_fmus.identification.data.record": [
-                "Finding",
-                "RecordWarning",
-                "Array",
-                "Record",
-            ],
+            "friction_fmus.identification.data.record": ["Finding", "RecordWarning", "Array", "Record"],
             "friction_fmus.blocks.axis_units": ["LINEAR", "ROTARY", "AxisUnits"],
             "friction_fmus.identification.fit.grid": ["HysteresisGrid", "identify_hysteresis"],
             "friction_fmus.identification.identifying": ["identify"],

@@ -12,7 +12,7 @@ import numpy as np
 
 from friction_fmus.axis.assembly import typed
 from friction_fmus.axis.loop import closed_loop, run_loop
-from friction_fmus.axis.servo import Plant, Servo, Trajectory
+from friction_fmus.axis.servo import AxisPlant, Servo, Trajectory
 from friction_fmus.blocks.axis_units import ROTARY
 from friction_fmus.errors import FitError
 from friction_fmus.export.block_fmu import build_record
@@ -42,25 +42,19 @@ CORRELATED = 0.2
 class AxisSimulator:
     """Simulator of a servo with a friction block: returns the signals at the samples of the record for parameters."""
 
-    servo: Servo
-    """Feedback and sensors."""
-    trajectory: Trajectory
-    """Reference and initial state."""
-    contact: ContactModel
-    """Friction block."""
-    direction: float
-    """Sign of the initial velocity, at which the contact slides; 0 at rest."""
-    step: float
-    """Longest communication step between mass and friction [s]."""
-    fixed: tuple[tuple[str, float], ...] = ()
-    """Fixed parameters."""
+    servo: Servo  # feedback and sensors
+    trajectory: Trajectory  # reference and initial state
+    contact: ContactModel  # friction block
+    direction: float  # sign of the initial velocity, at which the contact slides; 0 at rest
+    step: float  # longest communication step between mass and friction [s]
+    fixed: tuple[tuple[str, float], ...] = ()  # fixed parameters
 
     def __call__(self, parameters: Mapping[str, float]) -> dict[str, Array]:
         """Simulate the axis with these parameters and return "q" [m] and "force" [N], shape (samples,)."""
         values = {**dict(self.fixed), **parameters}
         start: dict[str, float | int | bool | str] = {"axis.m": values["M"], "axis.F_load": -values.get("OF", 0.0)}
         own = {name: value for name, value in values.items() if name in self.contact.parameters}
-        system = self._loaded(Plant(self.contact.name, own, values["M"]))
+        system = self._loaded(AxisPlant(self.contact.name, own, values["M"]))
         start |= {f"friction.{name}": value for name, value in typed(system.parts["friction"], own).items()}
         if "Fv" not in self.contact.parameters:
             start["axis.d"] = values.get("Fv", 0.0)
@@ -68,7 +62,7 @@ class AxisSimulator:
         trace = run_loop(system.with_start(start))
         return {"q": trace.q, "force": trace.force}
 
-    def _loaded(self, plant: Plant) -> System:
+    def _loaded(self, plant: AxisPlant) -> System:
         key = self.trajectory.reference, self.contact.name
         if key not in _SYSTEMS:
             _SYSTEMS.clear()

@@ -14,7 +14,7 @@ from friction_fmus.blocks.axis_units import AxisUnits
 from friction_fmus.errors import FitError
 from friction_fmus.identification.closed_loop import identify_closed_loop
 from friction_fmus.identification.data.record import Array, MeasuredAxis, Record
-from friction_fmus.identification.fit.block_fit import Fit, FitData, driven
+from friction_fmus.identification.fit.block_fit import BlockFit, FitData, driven
 from friction_fmus.identification.fit.estimate import Estimate
 from friction_fmus.identification.fit.idim import InverseModelSettings
 from friction_fmus.identification.fit.least_squares import Constraints, Problem, Setup, check_constraints
@@ -237,7 +237,7 @@ def _result(
     model: str | Path,
     contact: ContactModel,
     method: str,
-    fit: Fit,
+    fit: BlockFit,
     signal: str,
     unit: str,
     records: Sequence[Record],

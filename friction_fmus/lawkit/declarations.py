@@ -222,12 +222,9 @@ LIMITS: Mapping[str, Relation] = MappingProxyType({"u_min <= u_max": lambda u_mi
 class Conditions:
     """Relations between the parameters of a law without which the law is singular."""
 
-    texts: tuple[str, ...]
-    """Each relation as shown to the user, such as ``u_min <= u_max``."""
-    parameters: tuple[Variable, ...]
-    """All parameters of the law."""
-    function: Function
-    """Maps the scalars of the parameters to one truth value per relation."""
+    texts: tuple[str, ...]  # each relation as shown to the user, such as ``u_min <= u_max``
+    parameters: tuple[Variable, ...]  # all parameters of the law
+    function: Function  # maps the scalars of the parameters to one truth value per relation
 
     def violated(self, values: Mapping[str, float | tuple[float, ...]]) -> tuple[str, ...]:
         """Return the violated relations."""

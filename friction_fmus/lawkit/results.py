@@ -26,14 +26,10 @@ _CASADI = str(Path(casadi.__file__).parent)
 class Label:
     """A name of an intermediate result."""
 
-    name: str
-    """Python identifier."""
-    value: SX
-    """The scalar expression."""
-    depth: int
-    """0 for variables of the law's own function, 1 for functions that it calls, and so on."""
-    assigned: bool
-    """False for arguments and returned values of called functions, and for elements of lists."""
+    name: str  # python identifier
+    value: SX  # the scalar expression
+    depth: int  # 0 for variables of the law's own function, 1 for functions that it calls, and so on
+    assigned: bool  # false for arguments and returned values of called functions, and for elements of lists
 
 
 def labelled(equations: Callable[..., Any], symbols: dict[str, SX]) -> tuple[Any, list[Label]]:

@@ -12,10 +12,10 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.optimize import least_squares
 from scipy.signal import butter, sosfilt, sosfilt_zi
 
 from friction_fmus.errors import FrictionError
+from friction_fmus.procedures.static_friction import fitted_curve
 from harness import Part, SeriesPart, System
 
 # Friction and cogging from the forces learned by iterative learning at constant speed in both directions.
@@ -65,15 +65,7 @@ class PositionTables:
             raise FrictionError(
                 f"tustin: the curve has four parameters, but there are only {self.speeds.size} speeds; use four or more"
             )
-        v, level = self.speeds, self.friction.mean(axis=1)
-
-        def misfit(p: Array) -> Array:
-            return np.asarray(p[0] + (p[1] - p[0]) * np.exp(-v / np.exp(p[3])) + p[2] * v - level)
-
-        guesses = [[level.min(), level.max(), 0.0, np.log(vs)] for vs in np.geomspace(v.min(), v.max(), 8)]
-        fits = [least_squares(misfit, guess, x_scale="jac", xtol=1e-14, ftol=1e-14, gtol=1e-14) for guess in guesses]
-        Fc, Fs, Fv, log_vs = min(fits, key=lambda fit: fit.cost).x
-        return {"Fc": float(Fc), "Fs": float(Fs), "Fv": float(Fv), "vs": float(np.exp(log_vs))}
+        return fitted_curve(self.speeds, self.friction.mean(axis=1), 1.0)
 
     def start_values(self, pitch: float) -> dict[str, float]:
         """Return start values of TustinFeedback: the curve, and level and cogging at its 16 points.

@@ -19,6 +19,18 @@ from harness import System
 Array = NDArray[np.float64]
 
 
+def fitted_curve(v: Array, level: Array, exponent: float) -> dict[str, float]:
+    """Return Fc, Fs, vs and Fv of the Stribeck curve through levels of friction at speeds above 0."""
+
+    def misfit(p: Array) -> Array:
+        return np.asarray(p[0] + (p[1] - p[0]) * np.exp(-((v / np.exp(p[3])) ** exponent)) + p[2] * v - level)
+
+    guesses = [[level.min(), level.max(), 0.0, np.log(vs)] for vs in np.geomspace(v.min(), v.max(), 8)]
+    fits = [least_squares(misfit, guess, x_scale="jac", xtol=1e-14, ftol=1e-14, gtol=1e-14) for guess in guesses]
+    Fc, Fs, Fv, log_vs = min(fits, key=lambda fit: fit.cost).x
+    return {"Fc": float(Fc), "Fs": float(Fs), "vs": float(np.exp(log_vs)), "Fv": float(Fv)}
+
+
 @dataclass(frozen=True)
 class FrictionTable:
     """Friction over speed, identified from the feedback force.
@@ -67,14 +79,7 @@ class FrictionTable:
                 f"{np.unique(v).size} of {self.speeds.size} speeds; measure at four or more, or increase the damping "
                 "of the controller"
             )
-
-        def misfit(p: Array) -> Array:
-            return np.asarray(p[0] + (p[1] - p[0]) * np.exp(-((v / np.exp(p[3])) ** 2)) + p[2] * v - level)
-
-        guesses = [[level.min(), level.max(), 0.0, np.log(vs)] for vs in np.geomspace(v.min(), v.max(), 8)]
-        fits = [least_squares(misfit, guess, x_scale="jac", xtol=1e-14, ftol=1e-14, gtol=1e-14) for guess in guesses]
-        Fc, Fs, Fv, log_vs = min(fits, key=lambda fit: fit.cost).x
-        return {"Fc": float(Fc), "Fs": float(Fs), "vs": float(np.exp(log_vs)), "Fv": float(Fv)}
+        return fitted_curve(v, level, 2.0)
 
 
 def identify_from_feedback(

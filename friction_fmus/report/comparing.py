@@ -12,7 +12,7 @@ from plotly.subplots import make_subplots
 from friction_fmus.identification import Array
 from friction_fmus.report.figures import FAINT, INK, STYLES, escaped, finished, thinned
 from friction_fmus.report.numbers import number
-from friction_fmus.study.result import Curve
+from friction_fmus.study.result import StudyCurve
 
 
 @dataclass(frozen=True)
@@ -73,7 +73,7 @@ def ladder_bars(rungs: Sequence[tuple[str, bool]], errors: Array, title: str) ->
 
 
 def panels(
-    curves: Mapping[str, Curve], titles: tuple[str, str], factors: tuple[float, float], dots: bool = False
+    curves: Mapping[str, StudyCurve], titles: tuple[str, str], factors: tuple[float, float], dots: bool = False
 ) -> go.Figure:
     """Draw one curve in each of several panels, one above the other, with the same axes."""
     count = len(curves)

@@ -12,7 +12,7 @@ import numpy as np
 import plotly.graph_objects as go
 
 from friction_fmus.identification import Array
-from friction_fmus.study.result import Curve
+from friction_fmus.study.result import StudyCurve
 
 from .numbers import number
 
@@ -82,7 +82,7 @@ class Bar:
     """"best", "second" or ""."""
 
 
-def thinned(curve: Curve, factors: tuple[float, float] = (1.0, 1.0), points: int = POINTS) -> tuple[Array, Array]:
+def thinned(curve: StudyCurve, factors: tuple[float, float] = (1.0, 1.0), points: int = POINTS) -> tuple[Array, Array]:
     """Return x and y of a curve, decimated to the minimum and maximum of y in each interval."""
     x = factors[0] * np.asarray(curve.x, dtype=float)
     y = factors[1] * np.asarray(curve.y, dtype=float)
@@ -94,8 +94,8 @@ def thinned(curve: Curve, factors: tuple[float, float] = (1.0, 1.0), points: int
 
 
 def lines(
-    data: Mapping[str, Curve],
-    models: Mapping[str, Curve],
+    data: Mapping[str, StudyCurve],
+    models: Mapping[str, StudyCurve],
     titles: tuple[str, str],
     factors: tuple[float, float] = (1.0, 1.0),
     cloud: bool = False,
@@ -173,7 +173,7 @@ def bars(rows: Sequence[Bar], title: str) -> go.Figure:
 
 
 def sweep(
-    curves: Mapping[str, Curve], titles: tuple[str, str], factor: float = 1.0, seen: Iterable[str] = ()
+    curves: Mapping[str, StudyCurve], titles: tuple[str, str], factor: float = 1.0, seen: Iterable[str] = ()
 ) -> go.Figure:
     """Draw the tracking error over the tuned parameter with a marker for each run; `seen` as in `lines`."""
     figure = go.Figure()

@@ -15,7 +15,7 @@ from friction_fmus.report.numbers import multiple, number, quantity, unit
 from friction_fmus.report.views import NO_COMPENSATION, NONE, axes, label, reversal
 from friction_fmus.study.models import ALIKE
 from friction_fmus.study.recommendation import figures
-from friction_fmus.study.result import CompensatorResult, Curve, Fit, ModelResult, Picture, StudyResult, Trial
+from friction_fmus.study.result import CompensatorResult, Fit, ModelResult, Picture, StudyCurve, StudyResult, Trial
 
 #: Number of compensators whose errors are shown, in addition to the servo without compensation.
 FIRST = 4
@@ -98,13 +98,13 @@ def compensator_plots(study: StudyResult) -> dict[str, Plot]:
     return plots
 
 
-def _tuning(row: CompensatorResult, value: Callable[[Trial], float | None]) -> Curve:
+def _tuning(row: CompensatorResult, value: Callable[[Trial], float | None]) -> StudyCurve:
     """Return the error over the tuned parameter; empty if it is another one."""
     tuned = [(at, trial.metrics.rms) for trial in row.trials if trial.metrics and (at := value(trial)) is not None]
-    return Curve(tuple(at for at, _ in sorted(tuned)), tuple(rms for _, rms in sorted(tuned)))
+    return StudyCurve(tuple(at for at, _ in sorted(tuned)), tuple(rms for _, rms in sorted(tuned)))
 
 
-def _drawn(curves: Mapping[str, Curve]) -> dict[str, Curve]:
+def _drawn(curves: Mapping[str, StudyCurve]) -> dict[str, StudyCurve]:
     """Return the first curves, one for each line style."""
     return dict(list(curves.items())[: len(STYLES)])
 

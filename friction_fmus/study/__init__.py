@@ -14,13 +14,7 @@ else:
         __name__,
         {
             "friction_fmus.axis.servo": ["Servo"],
-            "friction_fmus.study.config": [
-                "Compensation",
-                "ConfigError",
-                "StudyConfig",
-                "load_config",
-                "parse_config",
-            ],
+            "friction_fmus.study.config": ["Compensation", "ConfigError", "StudyConfig", "load_config", "parse_config"],
             "friction_fmus.study.result": ["StudyResult"],
             "friction_fmus.study.study": ["StudyError", "run_study"],
         },

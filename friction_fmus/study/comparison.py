@@ -31,7 +31,7 @@ from friction_fmus.study.compensators import (
     within_range,
 )
 from friction_fmus.study.config import Compensation
-from friction_fmus.study.evaluation import BAND, Bench, Case, Evaluation, Scheme, cases, evaluate, system_of
+from friction_fmus.study.evaluation import BAND, AxisBench, Case, Evaluation, Scheme, cases, evaluate, system_of
 from friction_fmus.study.margins import margins_of
 from friction_fmus.study.recommendation import extremes, ladder, rank, recommend
 from friction_fmus.study.result import CompensatorResult, Limits, LoopMargins, Recommendation, Rung
@@ -47,23 +47,21 @@ COST_TABLE: Final = Path(__file__).with_name("cycles.toml")
 
 
 @dataclass(frozen=True)
-class Cost:
+class LawCost:
     """Cost of one law with its default parameters."""
 
-    cycles: float
-    """Estimated cycles of one sample."""
-    flash: float
-    """Size of the code with the library functions that it calls [bytes]."""
+    cycles: float  # estimated cycles of one sample
+    flash: float  # size of the code with the library functions that it calls [bytes]
 
 
-def cost_of(law: str) -> Cost | None:
+def cost_of(law: str) -> LawCost | None:
     """Return the cost of a law; None if the table does not contain it, as for controllers written in C."""
-    return Cost(0.0, 0.0) if law == INTEGRAL.name else _table().get(law)
+    return LawCost(0.0, 0.0) if law == INTEGRAL.name else _table().get(law)
 
 
 @cache
-def _table() -> dict[str, Cost]:
-    return {name: Cost(float(row["cycles"]), float(row["flash"])) for name, row in read_toml(COST_TABLE).items()}
+def _table() -> dict[str, LawCost]:
+    return {name: LawCost(float(row["cycles"]), float(row["flash"])) for name, row in read_toml(COST_TABLE).items()}
 
 
 SCALES: Final = tuple(float(2.0**power) for power in np.arange(4.0, -4.1, -0.5))
@@ -145,14 +143,10 @@ class Comparison:
 
     rows: tuple[CompensatorResult, ...]
     """Servo without compensation first, then the compensators by rank, then those that do not apply."""
-    ladder: tuple[Rung, ...]
-    """Rungs from the axis as measured to the best compensation."""
-    recommendation: Recommendation
-    """Recommended compensator."""
-    chosen: Scheme
-    """What is added to the axis according to the recommendation."""
-    limits: Limits
-    """Limits on the margins."""
+    ladder: tuple[Rung, ...]  # rungs from the axis as measured to the best compensation
+    recommendation: Recommendation  # recommended compensator
+    chosen: Scheme  # what is added to the axis according to the recommendation
+    limits: Limits  # limits on the margins
 
     @property
     def recommended(self) -> CompensatorResult:
@@ -160,7 +154,7 @@ class Comparison:
         return next((row for row in self.rows if row.name == self.recommendation.name), self.rows[0])
 
 
-def compare(bench: Bench, known: AxisKnowledge, wanted: Compensation, run: RunSteps) -> Comparison:
+def compare(bench: AxisBench, known: AxisKnowledge, wanted: Compensation, run: RunSteps) -> Comparison:
     """Compare the compensators on an axis."""
     servo, motion = bench.servo, bench.trajectory.motion
     alone = margins_of(servo, bench.plant, bench.speed)
@@ -227,7 +221,9 @@ def compare(bench: Bench, known: AxisKnowledge, wanted: Compensation, run: RunSt
     return Comparison((none, *ranked), rungs, recommendation, chosen, limits)
 
 
-def _contradicted(bench: Bench, ranked: Sequence[CompensatorResult], found: Mapping[str, Evaluation]) -> dict[str, str]:
+def _contradicted(
+    bench: AxisBench, ranked: Sequence[CompensatorResult], found: Mapping[str, Evaluation]
+) -> dict[str, str]:
     """Return the compensators above the first one to which the doctor does not object, with the objections."""
     before = _violated(bench, Scheme(bench.servo)).keys()
     objections: dict[str, str] = {}
@@ -242,7 +238,7 @@ def _contradicted(bench: Bench, ranked: Sequence[CompensatorResult], found: Mapp
     return {}
 
 
-def _violated(bench: Bench, scheme: Scheme) -> dict[str, str]:
+def _violated(bench: AxisBench, scheme: Scheme) -> dict[str, str]:
     """Return the conditions that an axis violates, by name; over-compensation above `CLEAR` only."""
     with PartPool() as pool:
         findings = examine(system_of(bench, scheme, pool))
@@ -265,7 +261,7 @@ def built(name: str, rotary: bool) -> Built:
 
 def tuned(
     candidate: Candidate,
-    bench: Bench,
+    bench: AxisBench,
     known: AxisKnowledge,
     limits: Limits,
     gains: Sequence[float],

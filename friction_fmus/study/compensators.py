@@ -13,7 +13,7 @@ from typing import Final, TypeAlias
 import numpy as np
 
 from friction_fmus.axis.assembly import block, typed
-from friction_fmus.axis.servo import Compensator, Plant, Servo
+from friction_fmus.axis.servo import AxisPlant, Compensator, Servo
 from friction_fmus.blocks.about import KINDS, Use
 from friction_fmus.blocks.arithmetic import Number, evaluate, names_in, vectors_in
 from friction_fmus.blocks.axis_units import Words, words_of
@@ -36,20 +36,13 @@ NAMES: Final = (
 class AxisKnowledge:
     """Properties of an identified axis that determine the parameters of compensators."""
 
-    servo: Servo
-    """Feedback and sensors."""
-    plant: Plant
-    """Mass and best friction model."""
-    models: Mapping[str, Values]
-    """Parameters of every identified friction model, by name of the block."""
-    period: int = 0
-    """Period of the reference in samples; 0 if it is not periodic."""
-    speed: float = 0.0
-    """Largest reference velocity [m/s]."""
-    rotary: bool = False
-    """Whether the axis is rotary."""
-    scale: float = 1.0
-    """Factor of the bandwidth of estimators."""
+    servo: Servo  # feedback and sensors
+    plant: AxisPlant  # mass and best friction model
+    models: Mapping[str, Values]  # parameters of every identified friction model, by name of the block
+    period: int = 0  # period of the reference in samples; 0 if it is not periodic
+    speed: float = 0.0  # largest reference velocity [m/s]
+    rotary: bool = False  # whether the axis is rotary
+    scale: float = 1.0  # factor of the bandwidth of estimators
 
     @property
     def words(self) -> Words:
@@ -139,8 +132,7 @@ class Candidate:
     """Law, its kind, and the friction model that provides its parameters."""
     compensator: Compensator | None
     """Block with its parameters; None if the law does not apply, and for integral action of the servo."""
-    reason: str = ""
-    """Reason why the law does not apply; empty if it does."""
+    reason: str = ""  # reason why the law does not apply; empty if it does
 
     @property
     def applies(self) -> bool:

@@ -12,7 +12,7 @@ from typing import Final, Literal
 import numpy as np
 
 from friction_fmus.axis.loop import closed_loop, run_loop
-from friction_fmus.axis.servo import Plant, Servo, Trajectory
+from friction_fmus.axis.servo import AxisPlant, Servo, Trajectory
 from friction_fmus.data import EMPS_PUBLISHED, load_emps
 from friction_fmus.export.block_fmu import build_record
 from friction_fmus.identification import (
@@ -46,17 +46,13 @@ PERIOD: Final = 2.0  # period of the reference of the demo [s]
 class Data:
     """Measured data of a study."""
 
-    records: tuple[Record, ...]
-    """Segments between gaps."""
+    records: tuple[Record, ...]  # segments between gaps
     train: tuple[Record, ...]
     validation: tuple[Record, ...]
     """Data for the fit and for validation."""
-    published: Mapping[str, Mapping[str, float]]
-    """Known parameter values, by name of the model."""
-    findings: tuple[str, ...] = ()
-    """Problems found in the data."""
-    measurement: Measurement | None = None
-    """The data file; None for a record of the package."""
+    published: Mapping[str, Mapping[str, float]]  # known parameter values, by name of the model
+    findings: tuple[str, ...] = ()  # problems found in the data
+    measurement: Measurement | None = None  # the data file; None for a record of the package
 
     @property
     def longest(self) -> Record:
@@ -107,7 +103,7 @@ def demo(servo: Servo, scratch: Path) -> Record:
     r = 4e-3 * (1.0 - np.cos(w * t)) + 0.5e-3 * (1.0 - np.cos(5.0 * w * t))
     reference = build_reference(t, r, scratch, "DemoReference")
     trajectory = Trajectory(reference, len(t), 0.0, 0.0)
-    with closed_loop(servo, Plant("LuGre", LUGRE, 1.0), trajectory) as system:
+    with closed_loop(servo, AxisPlant("LuGre", LUGRE, 1.0), trajectory) as system:
         trace = run_loop(system)
     q = servo.quantum * np.round(trace.q / servo.quantum) if servo.quantum else trace.q
     # the force of a sample acts from the sampling instant on

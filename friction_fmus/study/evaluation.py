@@ -13,12 +13,12 @@ import numpy as np
 from scipy import signal
 
 from friction_fmus.axis.assembly import PartPool
-from friction_fmus.axis.loop import Trace, closed_loop, numerical_error, run_loop, with_gain
-from friction_fmus.axis.servo import Compensator, Plant, Servo, Trajectory
+from friction_fmus.axis.loop import LoopTrace, closed_loop, numerical_error, run_loop, with_gain
+from friction_fmus.axis.servo import AxisPlant, Compensator, Servo, Trajectory
 from friction_fmus.blocks.axis_units import SLIDING, Words
 from friction_fmus.identification import Array
 from friction_fmus.identification.fit.scores import rms
-from friction_fmus.study.result import Corner, Curve, LoopMargins, Metrics, Trial, thinned
+from friction_fmus.study.result import Corner, LoopMargins, Metrics, StudyCurve, Trial, thinned
 from harness import HarnessError, System
 
 HIGH: Final = 5.0  # lower limit of high-frequency effort over the natural frequency of the position loop
@@ -34,21 +34,15 @@ BAND: Final = 0.1
 
 
 @dataclass(frozen=True, eq=False)
-class Bench:
+class AxisBench:
     """Test bench on which compensators are compared."""
 
-    servo: Servo
-    """Feedback and sensors."""
-    plant: Plant
-    """Identified mass and friction."""
-    trajectory: Trajectory
-    """Reference FMU and initial state."""
-    r: Array
-    """Reference [m]."""
-    run_up: int = 0
-    """Number of samples before the first one of the record, in which the axis starts from rest."""
-    band: float = 0.0
-    """Error below which the axis has settled after a reversal [m]; 0 if it is not known yet."""
+    servo: Servo  # feedback and sensors
+    plant: AxisPlant  # identified mass and friction
+    trajectory: Trajectory  # reference FMU and initial state
+    r: Array  # reference [m]
+    run_up: int = 0  # number of samples before the first one of the record, in which the axis starts from rest
+    band: float = 0.0  # error below which the axis has settled after a reversal [m]; 0 if it is not known yet
 
     @property
     def bandwidth(self) -> float:
@@ -63,7 +57,7 @@ class Bench:
         return float(np.median(moving)) if len(moving) else 0.0
 
 
-def judge(trace: Trace, bench: Bench) -> tuple[Metrics | None, Array | None, str]:
+def judge(trace: LoopTrace, bench: AxisBench) -> tuple[Metrics | None, Array | None, str]:
     """Return metrics and error of a run and, if it failed, the reason."""
     error = bench.r - trace.q
     if not (np.isfinite(error).all() and np.max(np.abs(error)) <= max(float(np.ptp(bench.r)), 1e-12)):
@@ -82,7 +76,7 @@ def judge(trace: Trace, bench: Bench) -> tuple[Metrics | None, Array | None, str
     return metrics, error, ""
 
 
-def high_frequency(force: Array, bench: Bench) -> Array:
+def high_frequency(force: Array, bench: AxisBench) -> Array:
     """Return the part of a force above `HIGH` times the natural frequency of the position loop, with zero phase.
 
     The frequency is at least one period over the whole signal, and at most half of the Nyquist frequency.
@@ -101,7 +95,7 @@ def reversals(r: Array) -> list[tuple[int, int]]:
     return list(zip(turns.tolist(), [*turns[1:].tolist(), len(r)], strict=False))
 
 
-def settling(error: Array, bench: Bench) -> float | None:
+def settling(error: Array, bench: AxisBench) -> float | None:
     """Return the median time after a reversal until the error stays within the band [s]; None without reversals."""
     times = []
     longest = round(WINDOW / (bench.bandwidth * bench.servo.Ts))
@@ -131,20 +125,16 @@ LOAD: Final = 0.5  # load force over the largest friction force near rest
 class Case:
     """Difference of the axis from the identified one."""
 
-    name: str
-    """Description."""
+    name: str  # description
     friction: float = 1.0
     mass: float = 1.0
     """Factors of all friction forces and of the mass."""
-    delay: int = 0
-    """Further samples by which the force lags the command."""
+    delay: int = 0  # further samples by which the force lags the command
     coarser: float = 1.0
     noise: float = 0.0
     """Factor of the encoder resolution, and standard deviation of additional noise of the measured position [m]."""
-    load: float = 0.0
-    """Constant force on the axis [N]."""
-    counts: bool = True
-    """Whether the case is part of the worst case."""
+    load: float = 0.0  # constant force on the axis [N]
+    counts: bool = True  # whether the case is part of the worst case
 
 
 def cases(
@@ -187,48 +177,36 @@ ALIKE: Final = 0.1
 class Scheme:
     """What is added to the axis in one trial."""
 
-    servo: Servo
-    """Feedback and sensors; integral action is part of it."""
-    gain: float = 1.0
-    """Gain of the compensator."""
-    bandwidth: float | None = None
-    """Bandwidth of an estimator, or corner frequency of integral action [Hz]."""
+    servo: Servo  # feedback and sensors; integral action is part of it
+    gain: float = 1.0  # gain of the compensator
+    bandwidth: float | None = None  # bandwidth of an estimator, or corner frequency of integral action [Hz]
     compensator: Compensator | None = None
     feedforward: Compensator | None = None
     """Compensator, and the friction feedforward beside it."""
-    margins: LoopMargins | None = None
-    """Margins of the loop; None if the compensator cannot be linearised."""
-    table: bool = False
-    """Whether the identified force over position is compensated along the reference."""
+    margins: LoopMargins | None = None  # margins of the loop; None if the compensator cannot be linearised
+    table: bool = False  # whether the identified force over position is compensated along the reference
 
 
 @dataclass(frozen=True)
 class Evaluation:
     """Results of one compensator."""
 
-    scheme: Scheme | None
-    """Best trial with a gain up to 1; None if all failed."""
-    metrics: Metrics | None
-    """Its metrics."""
-    trials: tuple[Trial, ...]
-    """All trials."""
-    corners: tuple[Corner, ...]
-    """Runs of the best trial on axes that differ."""
-    error: Curve | None
-    """Reference minus position over time of the best trial."""
-    reason: str = ""
-    """Reason why there is no best trial."""
-    schemes: tuple[Scheme, ...] = ()
-    """The schemes of the trials."""
+    scheme: Scheme | None  # best trial with a gain up to 1; None if all failed
+    metrics: Metrics | None  # its metrics
+    trials: tuple[Trial, ...]  # all trials
+    corners: tuple[Corner, ...]  # runs of the best trial on axes that differ
+    error: StudyCurve | None  # reference minus position over time of the best trial
+    reason: str = ""  # reason why there is no best trial
+    schemes: tuple[Scheme, ...] = ()  # the schemes of the trials
 
 
-def evaluate(bench: Bench, schemes: Sequence[Scheme], cases: Sequence[Case]) -> Evaluation:
+def evaluate(bench: AxisBench, schemes: Sequence[Scheme], cases: Sequence[Case]) -> Evaluation:
     """Co-simulate the axis with each scheme, and with the best one on axes that differ from the identified one."""
     with PartPool() as pool:
         return _evaluated(bench, schemes, cases, pool)
 
 
-def _evaluated(bench: Bench, schemes: Sequence[Scheme], cases: Sequence[Case], pool: PartPool) -> Evaluation:
+def _evaluated(bench: AxisBench, schemes: Sequence[Scheme], cases: Sequence[Case], pool: PartPool) -> Evaluation:
     trials, possible = [], []
     for scheme in schemes:
         metrics, error, failure = _judged(system_of(bench, scheme, pool), bench)
@@ -252,7 +230,7 @@ def _best(trials: Sequence[tuple[Scheme, Metrics, Array]]) -> tuple[Scheme, Metr
     return min(alike, key=lambda trial: (-(trial[0].bandwidth or 0.0), trial[1].rms))
 
 
-def system_of(bench: Bench, scheme: Scheme, pool: PartPool) -> System:
+def system_of(bench: AxisBench, scheme: Scheme, pool: PartPool) -> System:
     """Return the axis with a scheme as a system; the caller closes the pool."""
     servo, plant, trajectory = scheme.servo, bench.plant, with_table(bench, scheme)
     if scheme.compensator is None:
@@ -261,12 +239,12 @@ def system_of(bench: Bench, scheme: Scheme, pool: PartPool) -> System:
     return with_gain(system, scheme.gain)
 
 
-def with_table(bench: Bench, scheme: Scheme) -> Trajectory:
+def with_table(bench: AxisBench, scheme: Scheme) -> Trajectory:
     """Return the trajectory of the axis, with the table over position if the scheme has one."""
     return replace(bench.trajectory, table=bench.plant.position) if scheme.table else bench.trajectory
 
 
-def _corner(bench: Bench, scheme: Scheme, case: Case, pool: PartPool) -> Corner:
+def _corner(bench: AxisBench, scheme: Scheme, case: Case, pool: PartPool) -> Corner:
     servo, trajectory = changed(scheme.servo, bench.trajectory, case)
     system = system_of(replace(bench, trajectory=trajectory), replace(scheme, servo=servo), pool)
     metrics, _, failure = _judged(system.with_start(off_by(system, case.friction, case.mass)), bench)
@@ -285,7 +263,7 @@ def off_by(system: System, friction: float, mass: float) -> dict[str, float]:
     return {**scaled, "axis.m": mass * float(system.start["axis.m"])}
 
 
-def _judged(system: System, bench: Bench) -> tuple[Metrics | None, Array | None, str]:
+def _judged(system: System, bench: AxisBench) -> tuple[Metrics | None, Array | None, str]:
     """Run a system and return metrics, error and, if it failed, the reason."""
     try:
         trace = run_loop(system)
@@ -294,7 +272,7 @@ def _judged(system: System, bench: Bench) -> tuple[Metrics | None, Array | None,
     return judge(trace, bench)
 
 
-def _rms_bound(system: System, bench: Bench) -> float | None:
+def _rms_bound(system: System, bench: AxisBench) -> float | None:
     """Return the bound of the numerical error of the tracking error; None if the run cannot be repeated."""
     try:
         bound = numerical_error(system, lambda trace: rms(bench.r[: len(trace.q)] - trace.q))

@@ -19,7 +19,7 @@ from friction_fmus.codegen.loop import LAWS, LOOP_FILE, SHARED, LoopFile, LoopLa
 from friction_fmus.export.block_fmu import build
 from friction_fmus.lawkit.law import Kind
 from friction_fmus.study.compensators import TABLE
-from friction_fmus.study.evaluation import Bench, Scheme, with_table
+from friction_fmus.study.evaluation import AxisBench, Scheme, with_table
 from friction_fmus.study.models import IdentifiedModel
 from friction_fmus.study.result import WrittenFile
 from harness import FmuPart, Parameter, ParameterSet, System, Wire, open_archive, write_ssv
@@ -60,10 +60,8 @@ ADDED: Final = ("compensator", "feedforward")  # parts that are added to the ser
 class Figures:
     """Figures of the report that the files reproduce."""
 
-    rms: float
-    """Tracking error [m or rad]."""
-    unit: str
-    """Unit of the position."""
+    rms: float  # tracking error [m or rad]
+    unit: str  # unit of the position
 
 
 def wiring(system: System, servo: Servo, figures: Figures | None, no_code: str, u: Words) -> str:
@@ -224,7 +222,7 @@ OWN: Final = "recommended"  # folder of the files of the recommendation
 
 
 def export_recommended(
-    out: Path, bench: Bench, scheme: Scheme, name: str, citation: str, figures: Figures | None = None
+    out: Path, bench: AxisBench, scheme: Scheme, name: str, citation: str, figures: Figures | None = None
 ) -> tuple[WrittenFile, ...]:
     """Write the files needed to use the recommended compensator."""
     folder, u = out / OWN, bench.trajectory.words

@@ -9,7 +9,7 @@ from typing import Final
 import numpy as np
 
 from friction_fmus.axis.assembly import block
-from friction_fmus.axis.servo import Compensator, Plant, Servo
+from friction_fmus.axis.servo import AxisPlant, Compensator, Servo
 from friction_fmus.blocks.catalogue import find
 from friction_fmus.conditions import DrivenPlant, SampledLaw, on_bristles, one_mass
 from friction_fmus.conditions.chain import Margins, loop_margins
@@ -29,7 +29,12 @@ At rest it only changes with the position, which is an eigenvalue of exactly 1; 
 
 
 def margins_of(
-    servo: Servo, plant: Plant, speed: float, compensator: Compensator | None = None, kind: str = "", gain: float = 1.0
+    servo: Servo,
+    plant: AxisPlant,
+    speed: float,
+    compensator: Compensator | None = None,
+    kind: str = "",
+    gain: float = 1.0,
 ) -> LoopMargins | None:
     """Return the margins of the servo with a compensator; None if the compensator cannot be linearised."""
     found = []
@@ -41,7 +46,7 @@ def margins_of(
     return _worst(found)
 
 
-def operating_points(plant: Plant, speed: float) -> list[tuple[float, DrivenPlant]]:
+def operating_points(plant: AxisPlant, speed: float) -> list[tuple[float, DrivenPlant]]:
     """Return the plant linearised in sliding at a speed and, if its contact is elastic, at rest, with the speeds."""
     friction = find(plant.friction).about.in_loop.friction
     m = plant.mass

@@ -11,7 +11,7 @@ import numpy as np
 from friction_fmus.axis.assembly import constant_force
 from friction_fmus.axis.loop import closed_loop, run_loop
 from friction_fmus.axis.position_map import PositionMap
-from friction_fmus.axis.servo import Plant, Servo, Trajectory
+from friction_fmus.axis.servo import AxisPlant, Servo, Trajectory
 from friction_fmus.blocks.axis_units import AxisUnits
 from friction_fmus.blocks.catalogue import find, summary_of
 from friction_fmus.errors import FrictionError
@@ -39,7 +39,7 @@ from friction_fmus.identification.fit.position import PositionFit
 from friction_fmus.identification.fit.scores import rms, weak_parameters
 from friction_fmus.identification.fit.simulation_data import prepare
 from friction_fmus.identification.survey import within_reach
-from friction_fmus.study.result import Curve, Fit, IdentifiedParameter, ModelResult, PositionPart, thinned
+from friction_fmus.study.result import Fit, IdentifiedParameter, ModelResult, PositionPart, StudyCurve, thinned
 from harness import HarnessError
 
 
@@ -87,41 +87,33 @@ MEANING: Final = {"M": "{moved_mass}", "OF": "offset of the drive"}
 class IdentifiedModel:
     """Identified friction model."""
 
-    row: ModelResult
-    """Entry in the result of the study."""
-    block: str = ""
-    """Friction block."""
-    values: Mapping[str, float] = field(default_factory=dict)
-    """Parameters of the block."""
+    row: ModelResult  # entry in the result of the study
+    block: str = ""  # friction block
+    values: Mapping[str, float] = field(default_factory=dict)  # parameters of the block
     mass: float = 0.0
     offset: float = 0.0
     """Mass [kg] and constant force [N] of the axis; 0 if the record has no drive force."""
-    error: float | None = None
-    """Error by which the models are ranked; None if it is infinite or the model failed."""
+    error: float | None = None  # error by which the models are ranked; None if it is infinite or the model failed
     force_error: float | None = None
     """Rms force error of the simulated servo over the same samples; None if it was not simulated."""
-    predicted: Curve | None = None
-    """Fitted signal over time as simulated by the model."""
-    position: Curve | None = None
-    force: Curve | None = None
+    predicted: StudyCurve | None = None  # fitted signal over time as simulated by the model
+    position: StudyCurve | None = None
+    force: StudyCurve | None = None
     """Simulated minus measured position and force of the servo over time."""
-    position_map: PositionMap | None = None
-    """Cogging and position-dependent friction."""
+    position_map: PositionMap | None = None  # cogging and position-dependent friction
 
     @property
-    def plant(self) -> Plant:
+    def plant(self) -> AxisPlant:
         """Axis with this friction."""
-        return Plant(self.block, self.values, self.mass, self.offset, self.position_map)
+        return AxisPlant(self.block, self.values, self.mass, self.offset, self.position_map)
 
 
 @dataclass(frozen=True, eq=False)
 class Measured:
     """Measured servo."""
 
-    servo: Servo
-    """Feedback and sensors."""
-    trajectory: Trajectory
-    """Reference and initial state of the whole record."""
+    servo: Servo  # feedback and sensors
+    trajectory: Trajectory  # reference and initial state of the whole record
     q: Array
     force: Array | None
     r: Array
@@ -145,12 +137,8 @@ def identify_model(
     try:
         # a model without state is fast to simulate and its cost may have several local minima
         starts = 3 if contact_model(name, train[0].units).static else 1
-        options = {
-            "validation": list(validation) or None,
-            "starts": starts,
-            "position_map": position_map,
-            "viscous": viscous,
-        }
+        options = {"validation": list(validation) or None, "starts": starts}
+        options |= {"position_map": position_map, "viscous": viscous}
         result = within_reach(identify, name, list(train), **options)
     except (FrictionError, HarnessError, ArithmeticError, np.linalg.LinAlgError) as error:
         return IdentifiedModel(ModelResult(name, summary, reason=str(error)))
@@ -164,12 +152,7 @@ def identify_model(
         predicted=thinned(result.t, result.predicted),
         position_map=None if result.position is None else result.position.table,
     )
-    if measured is None or found.mass <= 0.0:
-        return found
-    try:
-        return in_closed_loop(found, measured)
-    except (FrictionError, HarnessError) as error:
-        return _without_loop(found, error)
+    return _simulated(found, measured)
 
 
 def inverse_model(train: Sequence[Record], validation: Sequence[Record], measured: Measured | None) -> IdentifiedModel:
@@ -202,12 +185,7 @@ def inverse_model(train: Sequence[Record], validation: Sequence[Record], measure
         fit.parameters["OF"].value,
         (validated or fitted).rms,
     )
-    if measured is None:
-        return found
-    try:
-        return in_closed_loop(found, measured)
-    except (FrictionError, HarnessError) as error:
-        return _without_loop(found, error)
+    return _simulated(found, measured)
 
 
 def published_model(record: Record, published: Mapping[str, float]) -> IdentifiedModel:
@@ -232,10 +210,15 @@ def _inverse_parameters(
     )
 
 
-def _without_loop(found: IdentifiedModel, error: Exception) -> IdentifiedModel:
-    """Return a model with which the servo could not be co-simulated, with the reason."""
-    reason = f"the servo could not be co-simulated with this model: {error}"
-    return replace(found, row=replace(found.row, reason=reason), error=None)
+def _simulated(found: IdentifiedModel, measured: Measured | None) -> IdentifiedModel:
+    """Return a model co-simulated with the servo, or with the reason why that is not possible."""
+    if measured is None or found.mass <= 0.0:
+        return found
+    try:
+        return in_closed_loop(found, measured)
+    except (FrictionError, HarnessError) as error:
+        reason = f"the servo could not be co-simulated with this model: {error}"
+        return replace(found, row=replace(found.row, reason=reason), error=None)
 
 
 def row_of(result: Identification, summary: str, published: Mapping[str, float]) -> ModelResult:

@@ -25,18 +25,12 @@ Numbers: TypeAlias = tuple[float, ...]
 class IdentifiedParameter:
     """Identified parameter."""
 
-    name: str
-    """Name in the block; M is the moved mass and OF the force offset of the drive."""
-    value: float
-    """Estimate, in `unit`."""
-    standard_error: float | None
-    """Standard error, in `unit`; None if the parameter was fixed."""
-    unit: str
-    """Unit; "1" for a dimensionless parameter."""
-    meaning: str
-    """Description."""
-    published: float | None = None
-    """Value in the literature, or the true value for a simulated record, in `unit`."""
+    name: str  # name in the block; M is the moved mass and OF the force offset of the drive
+    value: float  # estimate, in `unit`
+    standard_error: float | None  # standard error, in `unit`; None if the parameter was fixed
+    unit: str  # unit; "1" for a dimensionless parameter
+    meaning: str  # description
+    published: float | None = None  # value in the literature, or the true value for a simulated record, in `unit`
     weak: str = ""
     """Reason why the parameter is poorly identifiable, and what to measure; empty if it is well determined."""
     noise_error: float | None = None
@@ -53,10 +47,8 @@ class IdentifiedParameter:
 class Fit:
     """Residual of a simulated signal."""
 
-    rms: float
-    """Root mean square of simulated minus measured, in `unit`."""
-    percent: float
-    """Residual in percent of the root mean square of the measured signal."""
+    rms: float  # root mean square of simulated minus measured, in `unit`
+    percent: float  # residual in percent of the root mean square of the measured signal
     signal: str
     unit: str
     """Name and unit of the signal."""
@@ -84,10 +76,8 @@ class ModelResult:
     name: str
     summary: str
     """Name of the block and its description."""
-    method: str = ""
-    """Identification method; empty if the model was not identified."""
-    parameters: tuple[IdentifiedParameter, ...] = ()
-    """Identified parameters."""
+    method: str = ""  # identification method; empty if the model was not identified
+    parameters: tuple[IdentifiedParameter, ...] = ()  # identified parameters
     train: Fit | None = None
     validation: Fit | None = None
     """Residuals on the training and the validation data."""
@@ -96,22 +86,16 @@ class ModelResult:
     aic: float | None = None
     bic: float | None = None
     """Information criteria; lower is better."""
-    rank: int | None = None
-    """Rank by validation, 1 is best; None if the model was not identified."""
-    warnings: tuple[str, ...] = ()
-    """Warnings of the identification."""
-    reason: str = ""
-    """Reason why the model was not identified; empty if it was."""
-    seconds: float = 0.0
-    """Elapsed time of the identification [s]."""
-    simulations: int = 0
-    """Number of simulations of the model."""
-    position: PositionPart | None = None
-    """Force over position; None if it does not improve the prediction."""
+    rank: int | None = None  # rank by validation, 1 is best; None if the model was not identified
+    warnings: tuple[str, ...] = ()  # warnings of the identification
+    reason: str = ""  # reason why the model was not identified; empty if it was
+    seconds: float = 0.0  # elapsed time of the identification [s]
+    simulations: int = 0  # number of simulations of the model
+    position: PositionPart | None = None  # force over position; None if it does not improve the prediction
 
 
 @dataclass(frozen=True)
-class Curve:
+class StudyCurve:
     """Points of a line or scatter plot; x and y have the same length."""
 
     x: Numbers
@@ -128,10 +112,8 @@ class Picture:
     x_unit: str
     y_unit: str
     """Units of the axes."""
-    data: Mapping[str, Curve]
-    """Decimated measurements, by name."""
-    models: Mapping[str, Curve]
-    """Decimated curves of the models, by name of the block."""
+    data: Mapping[str, StudyCurve]  # decimated measurements, by name
+    models: Mapping[str, StudyCurve]  # decimated curves of the models, by name of the block
 
 
 @dataclass(frozen=True)
@@ -153,13 +135,10 @@ class ConditionResult:
 class StudyFinding:
     """Finding that limits how far the result of a study can be trusted."""
 
-    name: str
-    """Stable name, such as ``wrong-gains``."""
-    what: str
-    """Description with numbers, in one sentence."""
-    change: str
-    """Proposed change, in one sentence."""
-    stops: bool
+    name: str  # stable name, such as ``wrong-gains``
+    what: str  # description with numbers, in one sentence
+    change: str  # proposed change, in one sentence
+    stops: bool = False
     """Whether the result must not be used: nothing is ranked that depends on the finding, and no FMU is written."""
 
 
@@ -169,17 +148,14 @@ class ServoCheck:
 
     residual: Fit | None = None
     """Recorded force minus command of the servo for the recorded reference and position; None if not compared."""
-    allowed: float = 0.0
-    """Residual up to which the servo reproduces the record, in percent of the rms force."""
-    findings: tuple[StudyFinding, ...] = ()
-    """Reasons for a larger residual."""
+    allowed: float = 0.0  # residual up to which the servo reproduces the record, in percent of the rms force
+    findings: tuple[StudyFinding, ...] = ()  # reasons for a larger residual
     gains: tuple[IdentifiedParameter, ...] = ()
     """Gains estimated from the record; empty if those of the configuration reproduce it."""
-    recorded: Curve | None = None
-    commanded: Curve | None = None
+    recorded: StudyCurve | None = None
+    commanded: StudyCurve | None = None
     """Force over time: as recorded, and as the servo commands it."""
-    reason: str = ""
-    """Reason why the servo was not compared; empty if it was."""
+    reason: str = ""  # reason why the servo was not compared; empty if it was
 
 
 @dataclass(frozen=True)
@@ -193,17 +169,22 @@ class WrittenFile:
 POINTS: Final = 1500  # approximate number of points of a stored curve over time
 
 
-def thinned(x: Array, y: Array, points: int = POINTS) -> Curve:
+def curve(x: Array, y: Array) -> StudyCurve:
+    """Return a curve through points."""
+    return StudyCurve(tuple(x.tolist()), tuple(y.tolist()))
+
+
+def thinned(x: Array, y: Array, points: int = POINTS) -> StudyCurve:
     """Return a decimated curve with the minimum and maximum of each interval, so that peaks are kept."""
     width = -(-2 * len(y) // points)
     if width <= 2:
-        return Curve(tuple(x.tolist()), tuple(y.tolist()))
+        return curve(x, y)
     kept: list[int] = [0]
     for begin in range(0, len(y), width):
         interval = y[begin : begin + width]
         kept += sorted({begin + int(np.argmin(interval)), begin + int(np.argmax(interval))})
     places = np.unique([*kept, len(y) - 1])
-    return Curve(tuple(x[places].tolist()), tuple(y[places].tolist()))
+    return curve(x[places], y[places])
 
 
 @dataclass(frozen=True)
@@ -213,12 +194,9 @@ class Metrics:
     rms: float
     largest: float
     """Root mean square and maximum of the tracking error, reference minus position, in `units.position`."""
-    effort: float
-    """Root mean square of the drive force, in `units.force`."""
-    effort_high: float
-    """Root mean square of the drive force above the bandwidth of the loop, in `units.force`."""
-    variation: float
-    """Total variation of the drive force over the duration, in `units.force` per second."""
+    effort: float  # root mean square of the drive force, in `units.force`
+    effort_high: float  # root mean square of the drive force above the bandwidth of the loop, in `units.force`
+    variation: float  # total variation of the drive force over the duration, in `units.force` per second
     settling: float | None = None
     """Median time after a reversal until the error stays within the band of the study [s]; None without reversals."""
     chatter: float | None = None
@@ -232,22 +210,17 @@ class Metrics:
 class LoopMargins:
     """Smallest margins of a loop over its operating points: sliding and, if the contact is elastic, rest."""
 
-    Ms: float | None
-    """Peak of the sensitivity function; None if the loop is unstable."""
-    phase: float | None
-    """Phase margin [deg]; None if the loop gain is nowhere 1."""
-    delay: float | None
-    """Delay margin [samples]; None if the loop gain is nowhere 1."""
+    Ms: float | None  # peak of the sensitivity function; None if the loop is unstable
+    phase: float | None  # phase margin [deg]; None if the loop gain is nowhere 1
+    delay: float | None  # delay margin [samples]; None if the loop gain is nowhere 1
 
 
 @dataclass(frozen=True)
 class Limits:
     """Limits on the margins of every loop that is compared."""
 
-    Ms: float = 2.0
-    """Largest peak of the sensitivity function."""
-    delay: float = 1.5
-    """Smallest delay margin [samples]."""
+    Ms: float = 2.0  # largest peak of the sensitivity function
+    delay: float = 1.5  # smallest delay margin [samples]
 
     def relaxed(self, alone: LoopMargins) -> Limits:
         """Return the limits that the servo alone keeps: a compensator must not make worse what already exceeds them."""
@@ -272,28 +245,21 @@ class Limits:
 class Trial:
     """Run with one value of the tuned parameter."""
 
-    gain: float
-    """Gain of the compensation."""
+    gain: float  # gain of the compensation
     bandwidth: float | None
     """Bandwidth of an estimator, or corner frequency of integral action [Hz]; None if the compensator has none."""
-    margins: LoopMargins | None
-    """Margins of the loop; None if the compensator cannot be linearised."""
-    metrics: Metrics | None
-    """Metrics; None if the run failed."""
-    failure: str = ""
-    """Reason why the run failed."""
+    margins: LoopMargins | None  # margins of the loop; None if the compensator cannot be linearised
+    metrics: Metrics | None  # metrics; None if the run failed
+    failure: str = ""  # reason why the run failed
 
 
 @dataclass(frozen=True)
 class Corner:
     """Run on an axis that differs from the identified one."""
 
-    name: str
-    """Description of the difference."""
-    metrics: Metrics | None
-    """Metrics; None if the run failed."""
-    failure: str = ""
-    """Reason why the run failed."""
+    name: str  # description of the difference
+    metrics: Metrics | None  # metrics; None if the run failed
+    failure: str = ""  # reason why the run failed
     counts: bool = True
     """Whether the run is part of the worst case; an extra delay beyond the demanded delay margin is not."""
 
@@ -310,26 +276,17 @@ class CompensatorResult:
     """"none", "integral action", "feedforward", "model feedback", "estimator", "feedforward with estimator",
     "feedforward with integral action", "table over position" (alone or with others), "dither", "learning", or
     "controller"."""
-    applies: bool
-    """Whether the compensator was co-simulated."""
-    reason: str = ""
-    """Reason why it does not apply or why all runs failed; otherwise empty."""
-    model: str = ""
-    """Friction model whose identified parameters the law uses; empty if it uses none."""
+    applies: bool  # whether the compensator was co-simulated
+    reason: str = ""  # reason why it does not apply or why all runs failed; otherwise empty
+    model: str = ""  # friction model whose identified parameters the law uses; empty if it uses none
     parameters: Mapping[str, float] = field(default_factory=dict)
     """Parameters that were set; the others have their start values."""
-    gain: float | None = None
-    """Best gain up to 1."""
-    bandwidth: float | None = None
-    """Best bandwidth [Hz], as in `Trial`."""
-    metrics: Metrics | None = None
-    """Metrics of the best trial."""
-    margins: LoopMargins | None = None
-    """Margins of the best trial."""
-    trials: tuple[Trial, ...] = ()
-    """Runs over the tuned parameter."""
-    corners: tuple[Corner, ...] = ()
-    """Runs of the best trial on other axes."""
+    gain: float | None = None  # best gain up to 1
+    bandwidth: float | None = None  # best bandwidth [Hz], as in `Trial`
+    metrics: Metrics | None = None  # metrics of the best trial
+    margins: LoopMargins | None = None  # margins of the best trial
+    trials: tuple[Trial, ...] = ()  # runs over the tuned parameter
+    corners: tuple[Corner, ...] = ()  # runs of the best trial on other axes
     worst: float | None = None
     best: float | None = None
     """Largest and smallest `rms` of `metrics` and of the corners that count."""
@@ -338,11 +295,9 @@ class CompensatorResult:
     """Estimated cycles of one sample and size of the C code on a Cortex-M4F [bytes]; None without C code."""
     score: float | None = None
     """Weighted sum of logarithms by which the compensators are ranked, see `friction_fmus.study.recommendation`."""
-    rank: int | None = None
-    """Rank, 1 is best; None if the compensator does not apply."""
-    improves: bool = False
-    """Whether it reduces the tracking error, also in every corner that counts."""
-    error: Curve | None = None
+    rank: int | None = None  # rank, 1 is best; None if the compensator does not apply
+    improves: bool = False  # whether it reduces the tracking error, also in every corner that counts
+    error: StudyCurve | None = None
     """Reference minus position over time of the best trial [s, units.position]; decimated with all extremes kept."""
 
 
@@ -350,30 +305,21 @@ class CompensatorResult:
 class Rung:
     """Rung of the ladder from the axis as measured to the best compensation."""
 
-    title: str
-    """What the servo has on this rung."""
-    name: str
-    """Compensator of this rung, "none" for the servo alone; empty for the axis as measured."""
-    metrics: Metrics
-    """Metrics."""
+    title: str  # what the servo has on this rung
+    name: str  # compensator of this rung, "none" for the servo alone; empty for the axis as measured
+    metrics: Metrics  # metrics
 
 
 @dataclass(frozen=True)
 class Recommendation:
     """Recommendation of a study."""
 
-    name: str
-    """Recommended compensator; "none" if no compensator improves the axis; empty if none was simulated."""
-    reason: str
-    """Reasons in a few sentences."""
-    gain: float | None = None
-    """Gain of the recommended compensator."""
-    runner_up: str = ""
-    """Second-best compensator; empty if no other one improves the axis."""
-    runner_up_reason: str = ""
-    """Metrics of the second-best compensator in one sentence."""
-    next_steps: tuple[str, ...] = ()
-    """What to set in the drive, and what to measure, one sentence each."""
+    name: str  # recommended compensator; "none" if no compensator improves the axis; empty if none was simulated
+    reason: str  # reasons in a few sentences
+    gain: float | None = None  # gain of the recommended compensator
+    runner_up: str = ""  # second-best compensator; empty if no other one improves the axis
+    runner_up_reason: str = ""  # metrics of the second-best compensator in one sentence
+    next_steps: tuple[str, ...] = ()  # what to set in the drive, and what to measure, one sentence each
 
 
 @dataclass(frozen=True)

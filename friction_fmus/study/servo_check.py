@@ -1,4 +1,4 @@
-"""Comparison of the servo as configured with the recorded drive force, before anything is simulated or ranked.
+"""ComparedForce of the servo as configured with the recorded drive force, before anything is simulated or ranked.
 
 The law of the servo is a function of reference and position, both of which are in the record. Its force for them is
 computed with the FMUs of the servo, in open loop, and compared with the recorded force. No property of the axis enters,
@@ -25,21 +25,17 @@ from harness import Experiment, FmuPart, SeriesPart, System
 
 
 @dataclass(frozen=True, eq=False)
-class Comparison:
+class ComparedForce:
     """Recorded force and the force that the servo commands."""
 
     force: Array
     command: Array
     unlimited: Array
     """Recorded force, command within the force limit, and command without this limit."""
-    used: NDArray[np.bool_]
-    """Samples that are compared."""
-    servo: Servo
-    """Servo as configured."""
-    record: Record
-    """Record with reference and position."""
-    included: bool = False
-    """Whether a declared injected force was subtracted from the recorded force."""
+    used: NDArray[np.bool_]  # samples that are compared
+    servo: Servo  # servo as configured
+    record: Record  # record with reference and position
+    included: bool = False  # whether a declared injected force was subtracted from the recorded force
 
     @property
     def level(self) -> float:
@@ -66,7 +62,7 @@ class LinearFit:
     left: float
 
 
-def fitted(compared: Comparison, columns: Mapping[str, Array], target: Array) -> LinearFit:
+def fitted(compared: ComparedForce, columns: Mapping[str, Array], target: Array) -> LinearFit:
     """Fit a target of shape (n,) by columns over the compared samples.
 
     The covariance is that of least squares with as many samples as the residual has independent ones.
@@ -84,7 +80,7 @@ def fitted(compared: Comparison, columns: Mapping[str, Array], target: Array) ->
     return LinearFit(dict(zip(columns, solution.tolist(), strict=True)), covariance, rms(rest))
 
 
-def regressors(compared: Comparison, integral: bool) -> dict[str, Array]:
+def regressors(compared: ComparedForce, integral: bool) -> dict[str, Array]:
     """Return the signals that the gains of the law multiply: errors of position and velocity, and their integrals."""
     servo, record = compared.servo, compared.record
     assert record.reference is not None
@@ -109,7 +105,7 @@ def references(record: Record, Ts: float) -> dict[str, Array]:
     return {"rd": rd, "rdd": np.gradient(rd, Ts), "sign": np.sign(rd), "constant": np.ones_like(rd)}
 
 
-def gains_of(compared: Comparison, fit: LinearFit) -> tuple[IdentifiedParameter, ...]:
+def gains_of(compared: ComparedForce, fit: LinearFit) -> tuple[IdentifiedParameter, ...]:
     """Return the gains of the law, with standard errors, from the coefficients of `regressors`."""
     servo, names = compared.servo, list(fit.values)
 
@@ -153,7 +149,7 @@ BETWEEN: Final = 0.5  # fraction of the samples that the servo must reproduce if
 LINES: Final = 0.6  # fraction of the power of a periodic force in its strongest frequencies
 
 
-def pulses(compared: Comparison, difference: Array) -> str:
+def pulses(compared: ComparedForce, difference: Array) -> str:
     """Return the description of pulses between which the servo reproduces the force; empty if there are none."""
     size = np.where(compared.used, np.abs(difference), 0.0)
     peak = float(np.max(size))
@@ -171,7 +167,7 @@ def pulses(compared: Comparison, difference: Array) -> str:
     )
 
 
-def frequencies(compared: Comparison, difference: Array) -> str:
+def frequencies(compared: ComparedForce, difference: Array) -> str:
     """Return the description of a periodic force; empty if its frequency is one of the reference, or it is not one."""
     power, reference = (
         np.abs(np.fft.rfft((values - np.mean(values)) * np.hanning(len(values)))) ** 2
@@ -216,30 +212,17 @@ FACTORS: Final[Mapping[str, float]] = {
 """Factors between units that are often confused, besides powers of ten."""
 
 
-@dataclass(frozen=True)
-class Explanation:
-    """Explanation of a residual: name, sentence and change, as in `StudyFinding`."""
-
-    name: str
-    what: str
-    change: str
-
-
 @dataclass(frozen=True, eq=False)
 class Diagnosis:
     """Explanations of a residual."""
 
-    explanations: tuple[Explanation, ...]
-    """Explanations that hold together."""
-    gains: tuple[IdentifiedParameter, ...] = ()
-    """Gains that the record shows; empty if they are not estimated."""
-    injected: Array | None = None
-    """Force added from outside."""
-    confirmed: bool = False
-    """Whether the record shows the configured gains, although it contains another force."""
+    explanations: tuple[StudyFinding, ...]  # explanations that hold together
+    gains: tuple[IdentifiedParameter, ...] = ()  # gains that the record shows; empty if they are not estimated
+    injected: Array | None = None  # force added from outside
+    confirmed: bool = False  # whether the record shows the configured gains, although it contains another force
 
 
-def explain(compared: Comparison, allowed: float) -> Diagnosis:
+def explain(compared: ComparedForce, allowed: float) -> Diagnosis:
     """Return why the servo does not reproduce the recorded force."""
     u = compared.record.units.words
     enough = max(allowed, EXPLAINED * compared.residual)
@@ -267,13 +250,13 @@ def explain(compared: Comparison, allowed: float) -> Diagnosis:
     confirmed = all(abs(gain.value / configured[gain.name] - 1.0) < CONFIRMED for gain in gains if gain.name[1:] != "i")
     if confirmed:
         what = f"the gains agree with the record, but the {u.force} contains noise or another {u.force}."
-    return Diagnosis((Explanation("servo-unexplained", what, change),), gains, confirmed=confirmed)
+    return Diagnosis((StudyFinding("servo-unexplained", what, change),), gains, confirmed=confirmed)
 
 
 Attempt: TypeAlias = tuple[Diagnosis, float]
 
 
-def _factor(compared: Comparison, allowed: float) -> Attempt:
+def _factor(compared: ComparedForce, allowed: float) -> Attempt:
     """Explain the difference by a constant factor: a sign, a unit, or the outer gain of the law."""
     u = compared.record.units.words
     force, command = (values[compared.used] for values in (compared.force, compared.unlimited))
@@ -288,14 +271,14 @@ def _factor(compared: Comparison, allowed: float) -> Attempt:
     if factor < 0.0 and abs(factor + 1.0) < 0.05:
         what = f"the {u.force} is the command with the opposite sign."
         change = f"Set sign = -1 for the {u.force} in [columns], or for position and reference, whichever is inverted."
-        return Diagnosis((Explanation("wrong-sign", what, change),)), left
+        return Diagnosis((StudyFinding("wrong-sign", what, change),)), left
     unit = _unit(abs(factor))
     what = f"the {u.force} is {factor:.4g} times the command" + (f", which is {unit}." if unit else ".")
     change = f"Set {values} in [servo], or correct the unit of {u.force}, position and reference."
     if factor < 0.0:
-        return Diagnosis((Explanation("wrong-sign-and-unit", what, f"Correct sign and unit of the {u.force}."),)), left
+        return Diagnosis((StudyFinding("wrong-sign-and-unit", what, f"Correct sign and unit of the {u.force}."),)), left
     name = "wrong-unit-or-gain" if unit else "wrong-gain"
-    return Diagnosis((Explanation(name, what, change),), _gains(compared, allowed)[0].gains), left
+    return Diagnosis((StudyFinding(name, what, change),), _gains(compared, allowed)[0].gains), left
 
 
 def _unit(factor: float) -> str:
@@ -313,7 +296,7 @@ def _unit(factor: float) -> str:
     return ""
 
 
-def _delay(compared: Comparison, allowed: float) -> Attempt:
+def _delay(compared: ComparedForce, allowed: float) -> Attempt:
     """Explain the difference by a command that is recorded some samples later or earlier."""
     u = compared.record.units.words
     trials = {n: compared.left(compared.force - shifted(compared.command, n)) for n in range(-LATEST // 2, LATEST + 1)}
@@ -324,10 +307,10 @@ def _delay(compared: Comparison, allowed: float) -> Attempt:
     change = (
         f"Log {u.force}, position and reference of the same sample, or move the column of the {u.force} by {samples}."
     )
-    return Diagnosis((Explanation("delay", what, change),)), trials[n]
+    return Diagnosis((StudyFinding("delay", what, change),)), trials[n]
 
 
-def _feedforward(compared: Comparison, allowed: float) -> Attempt:
+def _feedforward(compared: ComparedForce, allowed: float) -> Attempt:
     """Explain the difference by a feedforward of the reference that the configuration does not contain."""
     difference = compared.force - compared.command
     columns = references(compared.record, compared.servo.Ts)
@@ -346,7 +329,7 @@ def _feedforward(compared: Comparison, allowed: float) -> Attempt:
     return Diagnosis(_added(compared, fit)), fit.left
 
 
-def _window(compared: Comparison, allowed: float) -> Attempt:
+def _window(compared: ComparedForce, allowed: float) -> Attempt:
     """Explain the difference by another number of samples over which the servo computes the velocity."""
     u = compared.record.units.words
     servo = compared.servo
@@ -358,10 +341,10 @@ def _window(compared: Comparison, allowed: float) -> Attempt:
         trials[window] = compared.left(compared.force - command)
     window = min(trials, key=lambda n: trials[n])
     what = f"the {u.force} fits a velocity computed over {window} samples instead of {servo.window}."
-    return Diagnosis((Explanation("wrong-window", what, f"Set window = {window} in [servo]."),)), trials[window]
+    return Diagnosis((StudyFinding("wrong-window", what, f"Set window = {window} in [servo]."),)), trials[window]
 
 
-def _gains(compared: Comparison, allowed: float) -> Attempt:
+def _gains(compared: ComparedForce, allowed: float) -> Attempt:
     """Explain the difference by other gains of the law: without an integral, and with one if that explains more."""
     servo = compared.servo
     timing: dict[str, Array] = {}
@@ -375,7 +358,7 @@ def _gains(compared: Comparison, allowed: float) -> Attempt:
     return Diagnosis((_of_gains(compared.record.units.words, servo, gains),), gains), fit.left
 
 
-def _gains_and_feedforward(compared: Comparison, allowed: float) -> Attempt:
+def _gains_and_feedforward(compared: ComparedForce, allowed: float) -> Attempt:
     """Explain the difference by other gains and a feedforward together."""
     servo = compared.servo
     columns = {**regressors(compared, integral=bool(servo.pid[2])), **references(compared.record, servo.Ts)}
@@ -387,7 +370,7 @@ def _gains_and_feedforward(compared: Comparison, allowed: float) -> Attempt:
     return Diagnosis((found, *_added(compared, fit, shown)), gains), fit.left
 
 
-def _of_gains(u: Words, servo: Servo, gains: Sequence[IdentifiedParameter]) -> Explanation:
+def _of_gains(u: Words, servo: Servo, gains: Sequence[IdentifiedParameter]) -> StudyFinding:
     shown = [f"{gain.name} = {gain.value:.5g} ± {gain.standard_error:.2g}" for gain in gains]
     given = [f"{gain.name} = {servo.gains[gain.name]:.5g}" for gain in gains]
     lines = [f"{gain.name} = {gain.value:.6g}" for gain in gains]
@@ -397,10 +380,10 @@ def _of_gains(u: Words, servo: Servo, gains: Sequence[IdentifiedParameter]) -> E
         given.append(f"{integral} = {servo.gains[integral]:.5g}")
         lines.append(f"{integral} = 0")
     what = f"the {u.force} fits {', '.join(shown)} instead of {', '.join(given)}."
-    return Explanation("wrong-gains", what, f"Set {', '.join(lines)} in [servo].")
+    return StudyFinding("wrong-gains", what, f"Set {', '.join(lines)} in [servo].")
 
 
-def _added(compared: Comparison, fit: LinearFit, shown: set[str] | None = None) -> tuple[Explanation, ...]:
+def _added(compared: ComparedForce, fit: LinearFit, shown: set[str] | None = None) -> tuple[StudyFinding, ...]:
     """Return a sentence for each signal of `references` that the recorded force contains."""
     u, servo = compared.record.units.words, compared.servo
     Kd = servo.pid[1]
@@ -415,10 +398,10 @@ def _added(compared: Comparison, fit: LinearFit, shown: set[str] | None = None) 
             has = "has no velocity feedforward" if servo.velocity_feedforward else "has a velocity feedforward"
             change = f"Set velocity_feedforward = {wanted} in [servo]."
             what = f"the measured servo {has} ({value:.5g} {u.Ns_m} times the reference velocity)."
-            found.append(Explanation("velocity-feedforward", what, change))
+            found.append(StudyFinding("velocity-feedforward", what, change))
         elif name == "rd":
             what = f"the {u.force} contains the reference velocity times {value:.5g} {u.Ns_m}."
-            found.append(Explanation("viscous-feedforward", what, declare))
+            found.append(StudyFinding("viscous-feedforward", what, declare))
         elif name == "rdd" and servo.velocity_feedforward and abs(value) < LATEST * Kd * servo.Ts / 2.0:
             samples = -value / (Kd * servo.Ts)
             late = "later" if samples > 0.0 else "earlier"
@@ -426,7 +409,7 @@ def _added(compared: Comparison, fit: LinearFit, shown: set[str] | None = None) 
                 f"the reference velocity of its feedforward is {abs(samples):.2g} samples {late} than that of the log."
             )
             change = f"Log the reference that the servo uses, in the same sample as position and {u.force}."
-            found.append(Explanation("reference-timing", what, change))
+            found.append(StudyFinding("reference-timing", what, change))
         elif name == "rdd":
             what = f"the {u.force} contains the reference acceleration times {value:.5g} {u.kg}."
             total = value + servo.inertia_feedforward
@@ -435,17 +418,17 @@ def _added(compared: Comparison, fit: LinearFit, shown: set[str] | None = None) 
                 if total > 0.0
                 else f"Log {u.force}, position and reference of the same sample."
             )
-            found.append(Explanation("inertia-feedforward", what, change))
+            found.append(StudyFinding("inertia-feedforward", what, change))
         elif name == "sign":
             what = f"the {u.force} contains {value:.5g} {u.N} in the direction of the reference velocity."
-            found.append(Explanation("friction-feedforward", what, declare))
+            found.append(StudyFinding("friction-feedforward", what, declare))
         else:
             what = f"a constant {u.force} of {value:.5g} {u.N} is added to the command."
-            found.append(Explanation("constant-force", what, declare))
+            found.append(StudyFinding("constant-force", what, declare))
     return tuple(found)
 
 
-def _injected(compared: Comparison) -> Diagnosis | None:
+def _injected(compared: ComparedForce) -> Diagnosis | None:
     """Return the diagnosis of a force that was added from outside, in pulses or periodic; None if there is none."""
     u = compared.record.units.words
     difference = compared.force - compared.command
@@ -460,7 +443,7 @@ def _injected(compared: Comparison) -> Diagnosis | None:
     )
     outside = np.where(compared.used, difference, 0.0)
     return Diagnosis(
-        (Explanation("injected-force", f"a {u.force} is added from outside, {said}.", change),), (), outside
+        (StudyFinding("injected-force", f"a {u.force} is added from outside, {said}.", change),), (), outside
     )
 
 
@@ -503,10 +486,8 @@ def commanded(servo: Servo, r: Array, q: Array, rotary: bool = False) -> Array:
 class CheckedServo:
     """Result of the comparison, and the force that was added to that of the servo."""
 
-    result: ServoCheck
-    """Residual and findings."""
-    included: bool = False
-    """Whether the recorded force contains the injected force."""
+    result: ServoCheck  # residual and findings
+    included: bool = False  # whether the recorded force contains the injected force
     injected: Array | None = None
     """Force added to that of the servo from outside, as declared or as found; None without one."""
 
@@ -534,14 +515,18 @@ def check_servo(record: Record, servo: Servo | None) -> CheckedServo:
         return CheckedServo(result, compared.included, record.injected)
     found = explain(compared, allowed)
     stops = residual > max(TRUSTED * level, allowed) and found.injected is None and not found.confirmed
-    findings = tuple(_finding(u, each, result, stops) for each in found.explanations)
+    begin = (
+        f"The servo as configured does not reproduce the recorded drive {u.force} (residual "
+        f"{_percent(residual, level):.3g} % of its rms value): "
+    )
+    findings = tuple(replace(each, what=begin + each.what, stops=stops) for each in found.explanations)
     result = replace(result, findings=findings, gains=found.gains)
     if found.injected is None:
         return CheckedServo(result, compared.included, record.injected)
     return CheckedServo(result, True, found.injected)
 
 
-def _compared(record: Record, servo: Servo) -> Comparison:
+def _compared(record: Record, servo: Servo) -> ComparedForce:
     """Return force and command; a declared injected force is taken out of the force if the force contains it."""
     assert record.q is not None
     assert record.reference is not None
@@ -553,7 +538,7 @@ def _compared(record: Record, servo: Servo) -> Comparison:
     used[: servo.window + SETTLING] = False
     if np.count_nonzero(used) < 50:  # a unit is so wrong that all samples exceed the limit
         used[servo.window + SETTLING :] = True
-    whole = Comparison(record.force, command, free, used, servo, record)
+    whole = ComparedForce(record.force, command, free, used, servo, record)
     if record.injected is None:
         return whole
     without = replace(whole, force=record.force - record.injected, included=True)
@@ -565,15 +550,6 @@ def _resolution(record: Record, servo: Servo) -> float:
     rounding = max(record.quantum, servo.quantum) / np.sqrt(12.0)
     Kp, Kd, _ = servo.pid
     return float(2.0 * rounding * np.hypot(Kp, np.sqrt(2.0) * Kd / (servo.window * servo.Ts)))
-
-
-def _finding(u: Words, found: Explanation, result: ServoCheck, stops: bool) -> StudyFinding:
-    assert result.residual is not None
-    what = (
-        f"The servo as configured does not reproduce the recorded drive {u.force} (residual "
-        f"{result.residual.percent:.3g} % of its rms value): {found.what}"
-    )
-    return StudyFinding(found.name, what, found.change, stops)
 
 
 def _percent(value: float, level: float) -> float:

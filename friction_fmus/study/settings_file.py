@@ -15,7 +15,7 @@ from friction_fmus.identification.data.formats import read_table
 from friction_fmus.identification.data.guessing import columns_text, quoted
 from friction_fmus.identification.data.mapping import MISSING, Column
 from friction_fmus.identification.data.reading import default_windows
-from friction_fmus.identification.data.tables import Table
+from friction_fmus.identification.data.tables import DataTable
 from friction_fmus.study.config import OPTIONAL_GAINS, StudyConfig
 from friction_fmus.study.data import Data
 from friction_fmus.study.result import WrittenFile
@@ -31,13 +31,11 @@ class Known:
     columns: Mapping[str, Column]
     suggestions: Mapping[str, Column] = field(default_factory=dict)
     """Columns by role, and those of which an entry is missing."""
-    servo: Mapping[str, str] = field(default_factory=dict)
-    """Entries of ``[servo]`` as TOML; empty if it is unknown."""
-    measurement: Measurement | None = None
-    """The record; None if entries of its columns are missing."""
+    servo: Mapping[str, str] = field(default_factory=dict)  # entries of ``[servo]`` as TOML; empty if it is unknown
+    measurement: Measurement | None = None  # the record; None if entries of its columns are missing
 
 
-def write_settings(folder: Path, table: Table, known: Known) -> Path:
+def write_settings(folder: Path, table: DataTable, known: Known) -> Path:
     """Write the settings of a study, complete as far as they are known, with comments on the rest."""
     path = folder / SETTINGS_FILE
     with atomic_path(path) as temporary:
@@ -55,7 +53,7 @@ def settings_of(config: StudyConfig, data: Data, out: Path) -> tuple[WrittenFile
     return (WrittenFile(SETTINGS_FILE, "Settings of the study, to add the controller of the axis"),)
 
 
-def settings_text(table: Table, known: Known, file: str) -> str:
+def settings_text(table: DataTable, known: Known, file: str) -> str:
     """Return the settings of a study as TOML; see `write_settings`."""
     name = table.file.name.partition(".")[0]
     return "\n".join(

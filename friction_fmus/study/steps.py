@@ -39,15 +39,12 @@ rebuild: Final = Converter(detailed_validation=False).structure
 class Step:
     """Step of a study: call of a module-level function that returns a dataclass."""
 
-    name: str
-    """Name, part of the file name."""
-    function: Callable[..., Any]
-    """Function that returns a dataclass."""
+    name: str  # name, part of the file name
+    function: Callable[..., Any]  # function that returns a dataclass
     arguments: tuple[Any, ...]
     """Arguments: numbers, strings, arrays, paths, and mappings, sequences and dataclasses of them. For a path, the
     content of the file enters the key."""
-    kind: type
-    """Type of the result."""
+    kind: type  # type of the result
 
     @property
     def key(self) -> str:
@@ -58,19 +55,13 @@ class Step:
 
 
 class StepCache:
-    """Cache of the results of steps, as JSON files.
-
-    Attributes
-    ----------
-    reused : int
-        Number of results read from the cache.
-    """
+    """Cache of the results of steps, as JSON files."""
 
     def __init__(self, folder: Path) -> None:
         """Create the folder."""
         self.folder = folder
         make_folder(folder)
-        self.reused = 0
+        self.reused = 0  # number of results read from the cache
 
     def get(self, step: Step) -> Any:
         """Return the cached result of a step; None if there is none."""

@@ -29,7 +29,7 @@ from friction_fmus.study.comparison import Comparison, compare
 from friction_fmus.study.compensators import AxisKnowledge, check_names, period_of
 from friction_fmus.study.config import ALL, ConfigError, StudyConfig, load_config
 from friction_fmus.study.data import Data, build_reference, load_data, measured_servo
-from friction_fmus.study.evaluation import Bench, Scheme
+from friction_fmus.study.evaluation import AxisBench, Scheme
 from friction_fmus.study.export import OWN, Figures, export_models, export_recommended
 from friction_fmus.study.models import (
     INVERSE,
@@ -43,13 +43,14 @@ from friction_fmus.study.models import (
 from friction_fmus.study.result import (
     CompensatorResult,
     ConditionResult,
-    Curve,
     ModelResult,
     Picture,
     Recommendation,
+    StudyCurve,
     StudyFinding,
     StudyResult,
     WrittenFile,
+    curve,
     thinned,
 )
 from friction_fmus.study.servo_check import CheckedServo, check_servo
@@ -74,7 +75,7 @@ def series(data: Sequence[Record], models: Sequence[IdentifiedModel]) -> tuple[P
     units = record.units
     drawn = [found for found in models[:DRAWN] if found.row.rank]
 
-    def picture(name: str, unit: str, columns: Mapping[str, Array | None], lines: Mapping[str, Curve]) -> Picture:
+    def picture(name: str, unit: str, columns: Mapping[str, Array | None], lines: Mapping[str, StudyCurve]) -> Picture:
         shown = {key: thinned(record.t, column) for key, column in columns.items() if column is not None}
         return Picture("time", name, "s", unit, shown, lines)
 
@@ -113,7 +114,7 @@ def residuals(record: Record, models: Sequence[IdentifiedModel]) -> tuple[Pictur
 
     def over(name: str, unit: str, column: Array) -> Picture:
         curves = {
-            model: Curve(tuple(np.interp(curve.x, t, column).tolist()), curve.y) for model, curve in forces.items()
+            model: StudyCurve(tuple(np.interp(line.x, t, column).tolist()), line.y) for model, line in forces.items()
         }
         return Picture(name, f"simulated − measured {units.words.force}", unit, units.force, {}, curves)
 
@@ -146,8 +147,8 @@ def over_velocity(record: Record, models: Sequence[IdentifiedModel]) -> Picture 
     curves = {}
     for found in best[:DRAWN]:
         F = drive(found, record.units, 5.0 * np.arange(800.0) / 800.0, at, _load(record))
-        curves[found.row.name] = Curve(tuple(at[1:].tolist()), tuple(F[1:].tolist()))
-    points = Curve(tuple(smooth[few].tolist()), tuple(level[few].tolist()))
+        curves[found.row.name] = curve(at[1:], F[1:])
+    points = curve(smooth[few], level[few])
     units = record.units
     return Picture("velocity", "friction", units.velocity, units.force, {"record": points}, curves)
 
@@ -174,8 +175,8 @@ def over_position(record: Record, models: Sequence[IdentifiedModel]) -> Picture 
     loops = {}
     for found in best[:DRAWN]:
         F = drive(found, record.units, t, v[driven], _load(record))[lead:]
-        loops[found.row.name] = Curve(tuple(q[section][::few].tolist()), tuple(F[::few].tolist()))
-    points = Curve(tuple(q[section][::few].tolist()), tuple(friction[section][::few].tolist()))
+        loops[found.row.name] = curve(q[section][::few], F[::few])
+    points = curve(q[section][::few], friction[section][::few])
     units = record.units
     return Picture("position", "friction", units.position, units.force, {"record": points}, loops)
 
@@ -350,7 +351,7 @@ SMALL = 1e-3  # constant force over the force limit up to which it is not worth 
 
 
 def next_steps(
-    bench: Bench, scheme: Scheme, row: CompensatorResult, models: Sequence[ModelResult], units: AxisUnits
+    bench: AxisBench, scheme: Scheme, row: CompensatorResult, models: Sequence[ModelResult], units: AxisUnits
 ) -> tuple[str, ...]:
     """Return what to set in the drive and what to measure, one or two sentences each."""
     return (
@@ -363,7 +364,7 @@ def next_steps(
     )
 
 
-def _motion(bench: Bench, units: AxisUnits) -> Iterator[str]:
+def _motion(bench: AxisBench, units: AxisUnits) -> Iterator[str]:
     if not bench.trajectory.motion:
         return
     force = bench.plant.offset
@@ -375,7 +376,7 @@ def _motion(bench: Bench, units: AxisUnits) -> Iterator[str]:
     )
 
 
-def _integral(bench: Bench, scheme: Scheme) -> Iterator[str]:
+def _integral(bench: AxisBench, scheme: Scheme) -> Iterator[str]:
     name = GAINS[bench.servo.law][-1]
     value = scheme.servo.gains[name]
     if value != bench.servo.gains[name]:
@@ -666,7 +667,7 @@ class _Study:
             return "No compensator was compared, because the record has no position. Add a column for it."
         return ""
 
-    def _bench(self, data: Data, best: IdentifiedModel) -> Bench:
+    def _bench(self, data: Data, best: IdentifiedModel) -> AxisBench:
         """Return the identified axis with its reference; the simulation starts on the reference."""
         servo, record, wanted = self.config.servo, data.longest, self.config.compensation
         assert servo is not None
@@ -692,9 +693,9 @@ class _Study:
             rotary=data.rotary,
             noise=noise,
         )
-        return Bench(servo, plant, trajectory, r, len(r) - len(recorded))
+        return AxisBench(servo, plant, trajectory, r, len(r) - len(recorded))
 
-    def _comparison(self, data: Data, models: Sequence[IdentifiedModel], bench: Bench) -> Comparison:
+    def _comparison(self, data: Data, models: Sequence[IdentifiedModel], bench: AxisBench) -> Comparison:
         """Compare the compensators."""
         known = AxisKnowledge(
             bench.servo,
@@ -718,7 +719,7 @@ class _Study:
         steps = next_steps(bench, found.chosen, found.recommended, [model.row for model in models], units)
         return replace(found, recommendation=replace(found.recommendation, next_steps=steps))
 
-    def _panel(self, bench: Bench, comparison: Comparison) -> WhatIf | str:
+    def _panel(self, bench: AxisBench, comparison: Comparison) -> WhatIf | str:
         """Return the axis for the what-if panel of the report, or why there is none."""
         runs = [(comparison.rows[0], Scheme(bench.servo))]
         if comparison.recommended is not comparison.rows[0]:

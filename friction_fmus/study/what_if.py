@@ -16,7 +16,7 @@ from friction_fmus.axis.servo import GAINS, Servo
 from friction_fmus.export.composite.composite_archive import composite_source
 from friction_fmus.export.targets.wasm.npm_package import WasmModel, wasm_model
 from friction_fmus.identification import Array
-from friction_fmus.study.evaluation import Bench, Scheme, off_by, system_of
+from friction_fmus.study.evaluation import AxisBench, Scheme, off_by, system_of
 from friction_fmus.study.result import CompensatorResult, Metrics
 from harness import FmuPart, HarnessError, System, Wire
 from harness.compiling.platforms import WASM
@@ -38,29 +38,23 @@ class Knob:
     name: str
     text: str
     """Name, and what is changed."""
-    unit: str
-    """Unit; empty for a factor or a number of samples."""
-    start: float
-    """Value of the study."""
+    unit: str  # unit; empty for a factor or a number of samples
+    start: float  # value of the study
     least: float
     most: float
     """Range of the slider."""
-    settings: tuple[Settings, ...]
-    """For each run, the parameters and what each is divided by the value of the knob."""
-    zero: bool = False
-    """Whether the value may also be zero."""
+    settings: tuple[Settings, ...]  # for each run, the parameters and what each is divided by the value of the knob
+    zero: bool = False  # whether the value may also be zero
     taps: tuple[str, ...] = ()
     """Parameters of which one is 1 and all others are 0, from the one for the value `least` on, in steps of 1."""
 
 
 @dataclass(frozen=True)
-class Run:
+class PanelRun:
     """Run of the axis."""
 
-    name: str
-    """Compensator, "none" for the servo alone."""
-    metrics: Metrics
-    """Metrics of the study."""
+    name: str  # compensator, "none" for the servo alone
+    metrics: Metrics  # metrics of the study
     model: WasmModel
     """Servo, compensator and axis; the inputs are the reference and, if the measured position is noisy, the noise."""
 
@@ -69,24 +63,18 @@ class Run:
 class WhatIf:
     """The axis in the browser."""
 
-    runs: tuple[Run, ...]
-    """The recommended compensator, if there is one, and the servo alone."""
-    knobs: tuple[Knob, ...]
-    """Properties that can be changed."""
-    Ts: float
-    """Sample time [s]."""
+    runs: tuple[PanelRun, ...]  # the recommended compensator, if there is one, and the servo alone
+    knobs: tuple[Knob, ...]  # properties that can be changed
+    Ts: float  # sample time [s]
     r: Array
     noise: Array = field(default_factory=lambda: np.zeros(0))
     """Reference, and noise of the measured position of standard deviation 1; empty without noise."""
-    run_up: int = 0
-    """Number of samples before the first one of the record."""
-    whole: bool = True
-    """Whether the reference is that of the study, not only its first `LONGEST` samples."""
-    same_master: bool = True
-    """Whether the study solves friction and motion together, as the modules do."""
+    run_up: int = 0  # number of samples before the first one of the record
+    whole: bool = True  # whether the reference is that of the study, not only its first `LONGEST` samples
+    same_master: bool = True  # whether the study solves friction and motion together, as the modules do
 
 
-def panel_of(bench: Bench, found: Sequence[tuple[CompensatorResult, Scheme]], noise: Array) -> WhatIf | str:
+def panel_of(bench: AxisBench, found: Sequence[tuple[CompensatorResult, Scheme]], noise: Array) -> WhatIf | str:
     """Return the axis for the browser, see `what_if`, or a sentence that says why it cannot be compiled."""
     try:
         return what_if(bench, found, noise)
@@ -94,7 +82,7 @@ def panel_of(bench: Bench, found: Sequence[tuple[CompensatorResult, Scheme]], no
         return f"There are no sliders here, because the axis cannot be compiled for the browser: {error}"
 
 
-def what_if(bench: Bench, found: Sequence[tuple[CompensatorResult, Scheme]], noise: Array) -> WhatIf:
+def what_if(bench: AxisBench, found: Sequence[tuple[CompensatorResult, Scheme]], noise: Array) -> WhatIf:
     """Compile the axis for the browser."""
     shown = [(row.name, row.metrics, scheme) for row, scheme in found if row.metrics is not None]
     with ExitStack() as stack:
@@ -104,13 +92,13 @@ def what_if(bench: Bench, found: Sequence[tuple[CompensatorResult, Scheme]], noi
         same_master = all(s.experiment and find_master(s.experiment.master).composed for s in systems)
         with ThreadPoolExecutor(len(systems)) as threads:
             models = list(threads.map(_module, systems, [f"axis{i}" for i in range(len(systems))]))
-    runs = tuple(Run(name, metrics, model) for (name, metrics, _), model in zip(shown, models, strict=True))
+    runs = tuple(PanelRun(name, metrics, model) for (name, metrics, _), model in zip(shown, models, strict=True))
     kept = slice(LONGEST)
     heard = noise[kept] if "noise" in systems[0].parts else np.zeros(0)
     return WhatIf(runs, knobs, bench.servo.Ts, bench.r[kept], heard, bench.run_up, len(bench.r) <= LONGEST, same_master)
 
 
-def variable_system(bench: Bench, scheme: Scheme, pool: PartPool) -> System:
+def variable_system(bench: AxisBench, scheme: Scheme, pool: PartPool) -> System:
     """Return the axis with a scheme as a system in which delay and encoder step are parameters, too.
 
     Sums of `DELAYS` delayed commands, of which one has the gain 1, are in place of the delay of the connection: it is
@@ -144,7 +132,7 @@ def _delays(servo: Servo) -> dict[str, int]:
     return {f"delayed{1 + i // TERMS}.gain[{1 + i % TERMS}]": first + i for i in range(DELAYS)}
 
 
-def knobs_of(bench: Bench, schemes: Sequence[Scheme], systems: Sequence[System]) -> tuple[Knob, ...]:
+def knobs_of(bench: AxisBench, schemes: Sequence[Scheme], systems: Sequence[System]) -> tuple[Knob, ...]:
     """Return what can be changed in systems that `variable_system` returned for some schemes."""
     delays = _delays(bench.servo)
     servo, mass, u = bench.servo, bench.plant.mass, bench.trajectory.words
@@ -200,14 +188,3 @@ def _module(system: System, name: str) -> WasmModel:
     sources = {wire.source for wire in system.wires if split_name(wire.source)[0] in SOURCES}
     inputs, outputs = sorted(sources), list(RECORDED)
     return wasm_model(composite_source(system, name, (WASM,), inputs=inputs, outputs=outputs))
-
-
-__all__ = [
-    "Knob",
-    "Run",
-    "WhatIf",
-    "knobs_of",
-    "panel_of",
-    "variable_system",
-    "what_if",
-]

@@ -12,7 +12,7 @@ from contacts import dahl_force, noise
 from thorough import nightly
 
 from friction_fmus.axis.loop import closed_loop, run_loop
-from friction_fmus.axis.servo import Plant, Servo, Trajectory
+from friction_fmus.axis.servo import AxisPlant, Servo, Trajectory
 from friction_fmus.cli.main import main
 from friction_fmus.identification import LINEAR, FitError, Record, identifiable, identify
 from friction_fmus.identification.fit.models import contact_model
@@ -74,7 +74,7 @@ def test_coulomb_with_a_viscous_part_moves_like_stiction(tmp_path: Path) -> None
     servo = Servo("PID", {"Kp": 12e3, "Kd": 190.0, "Ki": 0.0}, 1e-3, 20.0)
     paths = []
     for friction, values in (("Coulomb", {"Fc": 1.0, "Fv": 9.0}), ("Stiction", {"Fc": 1.0, "Fs": 1.0, "Fv": 9.0})):
-        with closed_loop(servo, Plant(friction, values, 1.0), Trajectory(reference, len(t), 0.0, 0.0)) as system:
+        with closed_loop(servo, AxisPlant(friction, values, 1.0), Trajectory(reference, len(t), 0.0, 0.0)) as system:
             paths.append(run_loop(system).q)
             if friction == "Coulomb":
                 assert off_by(system, 1.1, 1.0) == pytest.approx({"friction.Fc": 1.1, "axis.d": 9.9, "axis.m": 1.0})

@@ -14,7 +14,7 @@ from thorough import nightly
 
 from friction_fmus.axis.loop import closed_loop, run_loop
 from friction_fmus.axis.position_map import Grid, PositionMap
-from friction_fmus.axis.servo import Plant, Servo, Trajectory
+from friction_fmus.axis.servo import AxisPlant, Servo, Trajectory
 from friction_fmus.errors import BuildError
 from friction_fmus.study.data import build_reference
 from harness import Drive, FmuPart
@@ -112,8 +112,8 @@ def test_a_constant_table_on_an_axis_is_an_offset(friction: str, tmp_path: Path)
     constant = PositionMap(Grid(-0.01, 0.01, 4), (2.0,) * 4, (0.0,) * 4, 1e-3)
     paths = []
     for plant in (
-        Plant(friction, {"Fc": 1.0, "Fs": 1.5}, 1.0, -2.0),
-        Plant(friction, {"Fc": 1.0, "Fs": 1.5}, 1.0, 0.0, constant),
+        AxisPlant(friction, {"Fc": 1.0, "Fs": 1.5}, 1.0, -2.0),
+        AxisPlant(friction, {"Fc": 1.0, "Fs": 1.5}, 1.0, 0.0, constant),
     ):
         with closed_loop(servo, plant, trajectory) as system:
             paths.append(run_loop(system).q)

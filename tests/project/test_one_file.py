@@ -230,8 +230,8 @@ def test_they_stand_in_lists_and_tables(
     tables = import_module("tables")
     sys.modules.pop("tables")
     assert "## SlippingSpring" in tables.models()
-    (presliding,) = (row for row in tables.MOTIONS if row.name == "presliding")
-    assert "SlippingSpring" in tables.suited_models(presliding)
+    assert tables.choices("presliding") == ["Dahl", "SlippingSpring"]
+    assert tables.choices("curve ahead")[-1] == "SlippingFeedforward"
     assert "**SlippingFeedforward**" in tables.compensators()
 
 

@@ -15,7 +15,7 @@ from thorough import nightly
 
 from friction_fmus import identify
 from friction_fmus.axis.loop import closed_loop, run_loop
-from friction_fmus.axis.servo import Plant, Servo, Trajectory
+from friction_fmus.axis.servo import AxisPlant, Servo, Trajectory
 from friction_fmus.identification import Record
 from friction_fmus.study.data import build_reference
 
@@ -51,7 +51,7 @@ def axis(seed: int, folder: Path) -> tuple[Record, dict[str, float]]:
     w_r = 2.0 * np.pi * frequency
     r = size * (1.0 - np.cos(w_r * T)) + 0.15 * size * (1.0 - np.cos(3.7 * w_r * T))
     reference = build_reference(T, r, folder, f"Reference{seed}")
-    with closed_loop(servo, Plant("Stribeck", friction, M), Trajectory(reference, len(T), 0.0, 0.0)) as loop:
+    with closed_loop(servo, AxisPlant("Stribeck", friction, M), Trajectory(reference, len(T), 0.0, 0.0)) as loop:
         trace = run_loop(loop)
     q = servo.quantum * np.round(trace.q / servo.quantum)
     force = trace.force + 0.002 * np.std(trace.force) * random.standard_normal(len(T))

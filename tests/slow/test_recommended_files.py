@@ -20,22 +20,22 @@ from thorough import nightly, some
 
 from friction_fmus.__main__ import main
 from friction_fmus.axis.assembly import block
-from friction_fmus.axis.loop import Trace, run_loop
+from friction_fmus.axis.loop import LoopTrace, run_loop
 from friction_fmus.axis.position_map import Grid, PositionMap
-from friction_fmus.axis.servo import Compensator, Plant, Trajectory
+from friction_fmus.axis.servo import AxisPlant, Compensator, Trajectory
 from friction_fmus.identification import LINEAR, identifiable
 from friction_fmus.identification.fit.models import contact_model
 from friction_fmus.study import Servo
 from friction_fmus.study.compensators import AxisKnowledge, candidates, compensators
 from friction_fmus.study.data import LUGRE, build_reference
-from friction_fmus.study.evaluation import Bench, Scheme, evaluate, judge
+from friction_fmus.study.evaluation import AxisBench, Scheme, evaluate, judge
 from friction_fmus.study.export import Figures, export_recommended
 from harness import CallablePart, Experiment, FmuPart, Part, Port, System, Wire
 
 TS = 1e-3
 SERVO = Servo("PID", {"Kp": 12e3, "Kd": 190.0, "Ki": 0.0}, TS, 20.0, quantum=1e-7)
 CONTACT = {**LUGRE, "sigma0": 4e4}  # soft enough for the explicit master, which repeats a run to the last bits
-PLANT = Plant("LuGre", CONTACT, 1.0, 0.2)
+PLANT = AxisPlant("LuGre", CONTACT, 1.0, 0.2)
 T = TS * np.arange(1001.0)
 R = 4e-3 * (1.0 - np.cos(4.0 * np.pi * T))
 KINDS = {  # with gains at which the gain matters
@@ -56,7 +56,7 @@ FEEDFORWARD = Compensator("StaticFeedforward", "u", {"Fc": 1.0, "m": 0.0})
 @dataclass(frozen=True)
 class Recommended:
     folder: Path
-    bench: Bench
+    bench: AxisBench
     scheme: Scheme
     rms: float
 
@@ -68,7 +68,7 @@ def start_values(name: str) -> dict[str, float]:
 def recommended(name: str, out: Path) -> Recommended:
     """Export a compensator as a study does that recommends it."""
     reference = build_reference(T, R, out, "Reference")
-    bench = Bench(SERVO, PLANT, Trajectory(reference, len(T), 0.0, 0.0, motion=True, offset=0.2), R)
+    bench = AxisBench(SERVO, PLANT, Trajectory(reference, len(T), 0.0, 0.0, motion=True, offset=0.2), R)
     names = name.split(" + ")
     wanted = {model for law in names for model in compensators()[law].models} & set(identifiable())
     models = {model: start_values(model) for model in wanted}
@@ -92,7 +92,7 @@ def tolerance(files: Recommended, explicit: float) -> float:
     return 1e-5 if files.scheme.compensator.model == "Dither" else explicit
 
 
-def rms_of(trace: Trace, files: Recommended) -> float:
+def rms_of(trace: LoopTrace, files: Recommended) -> float:
     metrics, _, failure = judge(trace, files.bench)
     assert metrics is not None, failure
     return metrics.rms
@@ -120,7 +120,7 @@ def test_the_archive_repeats_the_run(files: Recommended, tmp_path: Path) -> None
     assert table["tracking_error.y"] == pytest.approx(error, abs=1e-15)
     np.testing.assert_allclose(table["reference.r"][:-1], R, atol=1e-12)
     assert np.max(np.abs(error[-3:])) < 2.0 * np.max(np.abs(error[-30:-3]))
-    trace = Trace(table["axis.x"][:-1], table["servo.u"][1:])
+    trace = LoopTrace(table["axis.x"][:-1], table["servo.u"][1:])
     assert rms_of(trace, files) == pytest.approx(files.rms, rel=tolerance(files, 1e-6))
 
 
@@ -146,9 +146,9 @@ def test_one_fmu_moves_as_the_archive(files: Recommended) -> None:
 @nightly
 def test_the_archive_records_the_error_with_a_rigid_contact(tmp_path: Path) -> None:
     """It needs the implicit master, under which other parts are stepped after the contact."""
-    plant = Plant("Coulomb", {"Fc": 1.0}, 1.0, 0.2)
+    plant = AxisPlant("Coulomb", {"Fc": 1.0}, 1.0, 0.2)
     reference = build_reference(T, R, tmp_path, "Reference")
-    bench = Bench(SERVO, plant, Trajectory(reference, len(T), 0.0, 0.0, motion=True, offset=0.2), R)
+    bench = AxisBench(SERVO, plant, Trajectory(reference, len(T), 0.0, 0.0, motion=True, offset=0.2), R)
     export_recommended(tmp_path, bench, Scheme(SERVO), "test", "", None)
     with System.from_ssp(tmp_path / "recommended" / "axis.ssp") as system:
         assert system.experiment is not None
@@ -217,7 +217,7 @@ def test_a_table_over_position_is_an_input_of_the_code(tmp_path: Path) -> None:
     ripple = tuple(0.5 * np.sin(2.0 * np.pi * np.linspace(0.0, 4.0, nodes)))
     table = PositionMap(Grid(-2e-3, 12e-3 / (nodes - 1), nodes), ripple, (0.1,) * nodes, 1e-3)
     reference = build_reference(T, R, tmp_path, "Reference")
-    bench = Bench(SERVO, replace(PLANT, position=table), Trajectory(reference, len(T), 0.0, 0.0, motion=True), R)
+    bench = AxisBench(SERVO, replace(PLANT, position=table), Trajectory(reference, len(T), 0.0, 0.0, motion=True), R)
     both = {"compensator": Compensator("DisturbanceObserver", "u", {"m": 1.0}), "feedforward": FEEDFORWARD}
     export_recommended(tmp_path, bench, Scheme(SERVO, 0.8, table=True, **both), "test", "", None)
     folder = tmp_path / "recommended"
@@ -249,7 +249,7 @@ def test_a_controller_in_c_has_no_code(tmp_path: Path) -> None:
 def test_integral_action_is_recommended_with_code(tmp_path: Path) -> None:
     """The servo without a law beside it; its integral is part of the unit."""
     reference = build_reference(T, R, tmp_path, "Reference")
-    bench = Bench(SERVO, PLANT, Trajectory(reference, len(T), 0.0, 0.0, motion=True, offset=0.2), R)
+    bench = AxisBench(SERVO, PLANT, Trajectory(reference, len(T), 0.0, 0.0, motion=True, offset=0.2), R)
     servo = replace(SERVO, gains={**SERVO.gains, "Ki": 1e5})
     found = evaluate(bench, [Scheme(servo)], ())
     assert found.metrics is not None
@@ -265,7 +265,7 @@ def test_integral_action_is_recommended_with_code(tmp_path: Path) -> None:
 @nightly
 def test_nothing_recommended_has_no_code(tmp_path: Path) -> None:
     reference = build_reference(T, R, tmp_path, "Reference")
-    bench = Bench(SERVO, PLANT, Trajectory(reference, len(T), 0.0, 0.0, motion=True, offset=0.2), R)
+    bench = AxisBench(SERVO, PLANT, Trajectory(reference, len(T), 0.0, 0.0, motion=True, offset=0.2), R)
     export_recommended(tmp_path, bench, Scheme(SERVO), "test", "", None)
     assert {path.name for path in (tmp_path / "recommended").iterdir()} == {
         *("README.md", "axis.ssp", "axis.fmu", "servo_axis.fmu")

@@ -13,7 +13,7 @@ import pytest
 from thorough import nightly
 
 from friction_fmus.axis.loop import closed_loop, run_loop
-from friction_fmus.axis.servo import Plant, Servo, Trajectory
+from friction_fmus.axis.servo import AxisPlant, Servo, Trajectory
 from friction_fmus.cli.main import main
 from friction_fmus.identification import compare_models, identify, read_measurement
 from friction_fmus.identification.survey import IdentificationTask
@@ -65,7 +65,7 @@ def joint(tmp_path_factory: pytest.TempPathFactory) -> Path:
     r = 0.5 * (1.0 - np.cos(np.pi * t)) + 0.05 * (1.0 - np.cos(5.0 * np.pi * t))
     reference = build_reference(t, r, folder, "JointReference", rotary=True)
     with closed_loop(
-        SERVO, Plant("LuGre", LUGRE, INERTIA), Trajectory(reference, len(t), 0.0, 0.0, rotary=True)
+        SERVO, AxisPlant("LuGre", LUGRE, INERTIA), Trajectory(reference, len(t), 0.0, 0.0, rotary=True)
     ) as loop:
         trace = run_loop(loop)
     q = SERVO.quantum * np.round(trace.q / SERVO.quantum)

@@ -11,7 +11,6 @@ from friction_fmus.study.result import (
     CompensatorResult,
     ConditionResult,
     Corner,
-    Curve,
     Fit,
     IdentifiedParameter,
     Limits,
@@ -22,6 +21,7 @@ from friction_fmus.study.result import (
     Recommendation,
     Rung,
     ServoCheck,
+    StudyCurve,
     StudyFinding,
     StudyResult,
     Trial,
@@ -34,8 +34,8 @@ REFERENCE = 0.1 * np.sin(0.2 * np.pi * T)
 LAWS = ("LuGreFeedforward", "StaticFeedforward", "GMSFeedforward", "DisturbanceObserver", "Dither")
 
 
-def curve(x: np.ndarray, y: np.ndarray) -> Curve:
-    return Curve(tuple(map(float, x)), tuple(map(float, y)))
+def curve(x: np.ndarray, y: np.ndarray) -> StudyCurve:
+    return StudyCurve(tuple(map(float, x)), tuple(map(float, y)))
 
 
 def noise(seed: int, like: np.ndarray, size: float) -> np.ndarray:

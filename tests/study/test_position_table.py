@@ -11,11 +11,11 @@ from thorough import nightly, some
 
 from friction_fmus.axis.loop import closed_loop, run_loop
 from friction_fmus.axis.position_map import Grid, PositionMap
-from friction_fmus.axis.servo import Compensator, Plant, Servo, Trajectory
+from friction_fmus.axis.servo import AxisPlant, Compensator, Servo, Trajectory
 from friction_fmus.identification import Array
 from friction_fmus.study.compensators import TABLE, AxisKnowledge, candidates
 from friction_fmus.study.data import build_reference
-from friction_fmus.study.evaluation import Bench, Scheme, evaluate
+from friction_fmus.study.evaluation import AxisBench, Scheme, evaluate
 from friction_fmus.study.export import export_recommended
 from harness import System
 
@@ -23,7 +23,7 @@ T = 1e-3 * np.arange(1001.0)
 R = 4e-3 * (1.0 - np.cos(2.0 * np.pi * T))
 SERVO = Servo("PID", {"Kp": 12e3, "Kd": 190.0, "Ki": 0.0}, 1e-3, 20.0)
 OBSERVER = Compensator("DisturbanceObserver", "F_hat", {"m": 1.0, "fc": 20.0})
-FLAT = Plant("Stribeck", {"Fc": 1.0, "Fs": 1.5}, 1.0)
+FLAT = AxisPlant("Stribeck", {"Fc": 1.0, "Fs": 1.5}, 1.0)
 NODES = 65
 RIPPLE = tuple(2.0 * np.sin(2.0 * np.pi * np.linspace(0.0, 4.0, NODES)))  # 2 N, four periods over 12 mm
 COGGING = replace(FLAT, position=PositionMap(Grid(-2e-3, 12e-3 / (NODES - 1), NODES), RIPPLE, (0.0,) * NODES, 1e-3))
@@ -34,7 +34,7 @@ def reference(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return build_reference(T, R, tmp_path_factory.mktemp("reference"), "Reference")
 
 
-def path(reference: Path, plant: Plant, table: PositionMap | None, compensator: Compensator | None) -> Array:
+def path(reference: Path, plant: AxisPlant, table: PositionMap | None, compensator: Compensator | None) -> Array:
     trajectory = Trajectory(reference, len(T), 0.0, 0.0, motion=True, table=table)
     with closed_loop(SERVO, plant, trajectory, compensator) as system:
         return run_loop(system).q
@@ -74,7 +74,7 @@ def test_the_candidate_needs_an_identified_table() -> None:
 
 @nightly
 def test_the_exported_table_repeats_the_run(reference: Path, tmp_path: Path) -> None:
-    bench = Bench(SERVO, COGGING, Trajectory(reference, len(T), 0.0, 0.0, motion=True), R)
+    bench = AxisBench(SERVO, COGGING, Trajectory(reference, len(T), 0.0, 0.0, motion=True), R)
     scheme = Scheme(SERVO, compensator=OBSERVER, table=True)
     found = evaluate(bench, [scheme], ())
     assert found.metrics is not None

@@ -23,7 +23,7 @@ from friction_fmus.identification import ROTARY
 from friction_fmus.report import report_html, write_report
 from friction_fmus.report.figures import thinned
 from friction_fmus.report.numbers import brief, multiple, number, quantity, unit, with_error
-from friction_fmus.study.result import Curve, Recommendation, StudyResult
+from friction_fmus.study.result import Recommendation, StudyCurve, StudyResult
 from harness.errors import OutputError
 
 HOSTILE = '<script>alert("x")</script><b>&amp;'
@@ -191,7 +191,7 @@ def test_a_curve_that_leaves_the_record_does_not_flatten_it() -> None:
     study = made_up_study()
     assert study.hysteresis is not None
     loop = study.hysteresis.models["LuGre"]
-    jump = Curve(loop.x, (-3000.0, *loop.y[1:]))
+    jump = StudyCurve(loop.x, (-3000.0, *loop.y[1:]))
     page = parsed(report_html(replace(study, hysteresis=replace(study.hysteresis, models={"LuGre": jump}))))
     (data,) = page.xpath("//script[@id='hysteresis-plot-data']/text()")
     low, high = json.loads(data)["layout"]["yaxis"]["range"]
@@ -251,7 +251,7 @@ def test_thinning_keeps_the_extremes_where_they_are(count: int) -> None:
     x = np.linspace(0.0, 1.0, count)
     y = np.random.default_rng(1).standard_normal(count)
     y[count // 3] = 50.0
-    kept_x, kept_y = thinned(Curve(tuple(x), tuple(y)), points=200)
+    kept_x, kept_y = thinned(StudyCurve(tuple(x), tuple(y)), points=200)
     assert len(kept_x) <= max(200, min(count, 200))
     assert np.all(np.diff(kept_x) > 0)
     assert kept_x[np.argmax(kept_y)] == x[count // 3]

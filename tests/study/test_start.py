@@ -9,7 +9,7 @@ import pytest
 from thorough import some
 
 from friction_fmus.axis.loop import REST, closed_loop, from_rest, run_loop
-from friction_fmus.axis.servo import Plant, Trajectory
+from friction_fmus.axis.servo import AxisPlant, Trajectory
 from friction_fmus.data import load_emps
 from friction_fmus.study import load_config
 from friction_fmus.study.compensators import AxisKnowledge, candidates
@@ -63,7 +63,7 @@ def test_the_start_disturbs_no_more_than_the_motion(name: str, tmp_path: Path) -
     servo = load_config("emps").servo
     assert servo is not None
     values = {"Fc": 20.39, "Fs": 20.39, "Fv": 203.5, "vs": 1e-3, "delta": 2.0}  # published, without Stribeck effect
-    plant = Plant("Stribeck", values, 95.1089, -3.1648)
+    plant = AxisPlant("Stribeck", values, 95.1089, -3.1648)
     recorded = load_emps().record.column("reference")[:2001]
     known = AxisKnowledge(servo, plant, {"Stribeck": values}, speed=0.13)
     compensator = None if name == "none" else candidates([name], known)[0].compensator

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 from thorough import nightly, some
 
-from friction_fmus.axis.loop import Trace, closed_loop
-from friction_fmus.axis.servo import Compensator, Plant, Trajectory
+from friction_fmus.axis.loop import LoopTrace, closed_loop
+from friction_fmus.axis.servo import AxisPlant, Compensator, Trajectory
 from friction_fmus.data import load_emps
 from friction_fmus.identification import LINEAR, identifiable
 from friction_fmus.identification.fit.models import contact_model
@@ -20,7 +20,7 @@ from friction_fmus.study.comparison import trials, with_integral
 from friction_fmus.study.compensators import AxisKnowledge, candidates, compensators, period_of
 from friction_fmus.study.data import LUGRE, build_reference
 from friction_fmus.study.evaluation import (
-    Bench,
+    AxisBench,
     Case,
     Evaluation,
     Scheme,
@@ -36,17 +36,17 @@ from friction_fmus.study.evaluation import (
 from friction_fmus.study.result import Limits, thinned
 
 SERVO = Servo("PID", {"Kp": 12e3, "Kd": 190.0, "Ki": 0.0}, 1e-3, 20.0)
-PLANT = Plant("LuGre", LUGRE, 1.0, 0.2)
+PLANT = AxisPlant("LuGre", LUGRE, 1.0, 0.2)
 T = 1e-3 * np.arange(1001.0)
 R = 4e-3 * (1.0 - np.cos(2.0 * pi * T))
 
 
-def bench(folder: Path, rotary: bool = False) -> Bench:
+def bench(folder: Path, rotary: bool = False) -> AxisBench:
     reference = build_reference(T, R, folder, "Reference", rotary)
-    return Bench(SERVO, PLANT, Trajectory(reference, len(T), 0.0, 0.0, motion=True, offset=0.2, rotary=rotary), R)
+    return AxisBench(SERVO, PLANT, Trajectory(reference, len(T), 0.0, 0.0, motion=True, offset=0.2, rotary=rotary), R)
 
 
-def run(bench: Bench, compensator: Compensator | None, tried: tuple[Case, ...] = ()) -> Evaluation:
+def run(bench: AxisBench, compensator: Compensator | None, tried: tuple[Case, ...] = ()) -> Evaluation:
     return evaluate(bench, [Scheme(bench.servo, compensator=compensator)], tried)
 
 
@@ -82,7 +82,7 @@ def test_a_delay_beyond_the_margin_that_is_demanded_does_not_count() -> None:
 
 def test_a_load_that_the_servo_does_not_know_displaces_the_axis(tmp_path: Path) -> None:
     """At rest, a PD servo with the gain Kp gives way by F/Kp; without friction here."""
-    still = replace(bench(tmp_path), plant=Plant("Viscous", {"Fv": 50.0}, 1.0))
+    still = replace(bench(tmp_path), plant=AxisPlant("Viscous", {"Fv": 50.0}, 1.0))
     still = replace(still, trajectory=replace(still.trajectory, offset=0.0))
     (corner,) = run(still, None, (Case("load", load=1.2),)).corners
     assert corner.metrics is not None
@@ -123,7 +123,7 @@ def test_mismatch_scales_forces_and_mass_alone(tmp_path: Path) -> None:
 def test_metrics_of_a_sine(tmp_path: Path) -> None:
     given = bench(tmp_path)
     sine = np.sin(2.0 * pi * 10.0 * T)
-    metrics, error, failure = judge(Trace(R - 1e-5 * sine, 3.0 * sine), given)
+    metrics, error, failure = judge(LoopTrace(R - 1e-5 * sine, 3.0 * sine), given)
     assert metrics is not None
     assert error is not None
     assert failure == ""
@@ -152,7 +152,7 @@ def test_rest_of_the_reference() -> None:
 
 
 def test_a_loop_that_runs_away_has_no_metrics(tmp_path: Path) -> None:
-    metrics, _, failure = judge(Trace(R + 1.0, 0.0 * R), bench(tmp_path))
+    metrics, _, failure = judge(LoopTrace(R + 1.0, 0.0 * R), bench(tmp_path))
     assert metrics is None
     assert "unstable" in failure
 
@@ -254,7 +254,7 @@ def test_modified_leuven_feedforward_has_the_force_of_gms(tmp_path: Path) -> Non
     """Far above the Stribeck velocity both are the same Maxwell slip elements: on an axis with that friction the law
     reduces the error as much as GMSFeedforward does, with the level of sliding taken for constant."""
     values = start_values("GMS") | {"Fs": 1.0, "Fc": 1.0}
-    plant = Plant("GMS", values, 1.0, 0.2)
+    plant = AxisPlant("GMS", values, 1.0, 0.2)
     known = AxisKnowledge(SERVO, plant, {"GMS": values})
     given = replace(bench(tmp_path), plant=plant)
     errors = []

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from friction_fmus.study.steps import Step, StepCache, rebuild, run_steps
+from friction_fmus.study.steps import Step, StepCache, _ready, rebuild, run_steps
 
 
 @dataclass(frozen=True)
@@ -96,3 +96,10 @@ def test_the_key_depends_on_every_argument(tmp_path: Path) -> None:
     assert replace(base, arguments=(1.0, np.arange(3.0), {"Fc": 1.0}, Inner((1.0,)), file)).key == base.key
     file.write_bytes(b"two")
     assert base.key != keys[0]
+
+
+def test_a_worker_imports_what_the_steps_need(monkeypatch: pytest.MonkeyPatch) -> None:
+    frozen: list[bool] = []
+    monkeypatch.setattr("gc.freeze", lambda: frozen.append(True))
+    _ready()
+    assert frozen == [True]

@@ -7,14 +7,14 @@ from ctypes import byref, c_bool, c_double, c_int, c_size_t, c_uint, c_void_p
 from typing import Any
 
 from .host import Report, probe
-from .library import OK, WARNING, Instance, Library, last_message
-from .library3 import BUFFERS, UPDATE, Library3
+from .library import OK, WARNING, RawInstance, RawLibrary, last_message
+from .library3 import BUFFERS, UPDATE, RawLibrary3
 
 _MOST_UPDATES = 100
 _GOOD = (OK, WARNING)
 
 
-def _get(library: Library3, pointer: int | None, row: dict[str, Any]) -> tuple[int, list[Any]]:
+def _get(library: RawLibrary3, pointer: int | None, row: dict[str, Any]) -> tuple[int, list[Any]]:
     buffer = (BUFFERS[row["type"]] * row["count"])()
     kind = "Int64" if row["type"] == "Enumeration" else row["type"]
     reference, n = (c_uint * 1)(row["reference"]), c_size_t(row["count"])
@@ -22,7 +22,7 @@ def _get(library: Library3, pointer: int | None, row: dict[str, Any]) -> tuple[i
     return int(status), list(buffer)
 
 
-def _set(library: Library3, pointer: int | None, row: dict[str, Any], values: list[Any]) -> int:
+def _set(library: RawLibrary3, pointer: int | None, row: dict[str, Any], values: list[Any]) -> int:
     buffer = (BUFFERS[row["type"]] * row["count"])(*values)
     kind = "Int64" if row["type"] == "Enumeration" else row["type"]
     reference, n = (c_uint * 1)(row["reference"]), c_size_t(row["count"])
@@ -30,10 +30,10 @@ def _set(library: Library3, pointer: int | None, row: dict[str, Any], values: li
 
 
 @probe(only="FMI 3.0")
-def arrays(library: Library, report: Report) -> None:
+def arrays(library: RawLibrary, report: Report) -> None:
     """Check that variables of all types and arrays are readable, start as stated, and accept their start values."""
-    assert isinstance(library, Library3)
-    with Instance(library) as run:
+    assert isinstance(library, RawLibrary3)
+    with RawInstance(library) as run:
         run.begin()
         for row in library.job["arrays"]:
             name, kind = row["name"], row["type"]
@@ -52,13 +52,13 @@ def arrays(library: Library, report: Report) -> None:
 
 
 @probe(only="FMI 3.0")
-def configuration(library: Library, report: Report) -> None:
+def configuration(library: RawLibrary, report: Report) -> None:
     """Check that structural parameters are set in configuration mode, and only there."""
-    assert isinstance(library, Library3)
+    assert isinstance(library, RawLibrary3)
     rows = library.job["structural"]
     if not rows:
         return
-    with Instance(library) as run:
+    with RawInstance(library) as run:
         run.must("EnterConfigurationMode")
         for row in rows:
             if _set(library, run.pointer, row, row["starts"]) not in _GOOD:
@@ -76,14 +76,14 @@ def configuration(library: Library, report: Report) -> None:
 
 
 @probe(only="FMI 3.0")
-def adjoint(library: Library, report: Report) -> None:
+def adjoint(library: RawLibrary, report: Report) -> None:
     """Check adjoint derivatives against directional ones."""
-    assert isinstance(library, Library3)
+    assert isinstance(library, RawLibrary3)
     if not library.job["adjoint"]:
         return
     rows = [v for v in library.variables if v.type == "Real" and v.variability == "continuous"]
     inputs = [v for v in rows if v.causality == "input"][:8]
-    with Instance(library) as run:
+    with RawInstance(library) as run:
         run.initialise()
         for output in [v for v in rows if v.causality == "output"][:8]:
             n, one, found = len(inputs), (c_double * 1)(1.0), (c_double * len(inputs))()
@@ -105,9 +105,9 @@ def adjoint(library: Library, report: Report) -> None:
 
 
 @probe(several=True, only="FMI 3.0 co-simulation")
-def event_mode(library: Library, report: Report) -> None:
+def event_mode(library: RawLibrary, report: Report) -> None:
     """Check event mode: clocks tick at their intervals, discrete states settle, steps go on."""
-    assert isinstance(library, Library3)
+    assert isinstance(library, RawLibrary3)
     if not library.job["event_mode"]:
         return
     pointer = library.new(b"checked", library.guid.encode(), events=True, returns=bool(library.job["returns"]))
@@ -123,7 +123,7 @@ def event_mode(library: Library, report: Report) -> None:
         library.call("FreeInstance", pointer)
 
 
-def _events(library: Library3, report: Report, pointer: int) -> None:
+def _events(library: RawLibrary3, report: Report, pointer: int) -> None:
     def tried(function: str, *arguments: object) -> bool:
         library.messages.clear()
         if library.raw(function, c_void_p(pointer), *arguments) in _GOOD:
@@ -162,7 +162,7 @@ def _events(library: Library3, report: Report, pointer: int) -> None:
             return
 
 
-def _ticked(library: Library3, pointer: int, k: int, tried: Any, report: Report) -> bool:
+def _ticked(library: RawLibrary3, pointer: int, k: int, tried: Any, report: Report) -> bool:
     """Tick the periodic clocks at the start, and iterate until the discrete states settle."""
     if k == 0:
         for clock in library.job["clocks"]:
@@ -179,9 +179,9 @@ def _ticked(library: Library3, pointer: int, k: int, tried: Any, report: Report)
 
 
 @probe(several=True, only="FMI 3.0 co-simulation")
-def intermediate_update(library: Library, report: Report) -> None:
+def intermediate_update(library: RawLibrary, report: Report) -> None:
     """Check that updates come in order, within their step, and do not end it without permission."""
-    assert isinstance(library, Library3)
+    assert isinstance(library, RawLibrary3)
     if not library.job["intermediate"]:
         return
     times: list[float] = []

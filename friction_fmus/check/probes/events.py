@@ -7,9 +7,9 @@ from collections.abc import Callable, Iterator
 from ctypes import byref, c_double, c_int, c_size_t, c_uint
 from typing import Any, Final
 
-from .exchange import MOST_ITERATIONS, EventInfo, ExchangeInstance
+from .exchange import MOST_ITERATIONS, EventInfo, RawExchange
 from .host import Report, probe
-from .library import OK, WARNING, Instance, Library, RefusedError, Variable, last_message
+from .library import OK, WARNING, ProbedVariable, RawInstance, RawLibrary, RefusedError, last_message
 from .lifecycle import report_accepted, report_refused
 
 _ONLY: Final = "model exchange"
@@ -21,15 +21,15 @@ _DIFFERENCE: Final = 1e-6
 _AGREES: Final = 1e-3
 
 
-def _moved(library: Library, run: ExchangeInstance, x: list[float], share: float) -> list[float]:
+def _moved(library: RawLibrary, run: RawExchange, x: list[float], share: float) -> list[float]:
     return [value + share * nominal for value, nominal in zip(x, run.nominals(), strict=True)]
 
 
 @probe(only=_ONLY)
-def events(library: Library, report: Report) -> None:
+def events(library: RawLibrary, report: Report) -> None:
     """Check that event iterations end, that time events lie ahead, and that all flags are set."""
     h = library.job["step"]
-    with ExchangeInstance(library) as run:
+    with RawExchange(library) as run:
         run.initialise().settle()
         for k in range(9):
             now = library.start_time + k * h
@@ -48,11 +48,11 @@ def events(library: Library, report: Report) -> None:
 
 
 @probe(only=_ONLY)
-def counts(library: Library, report: Report) -> None:
+def counts(library: RawLibrary, report: Report) -> None:
     """Check that functions set as many values as the XML declares, which are finite, and positive if nominal."""
     states = [row["state"] or row["derivative"] for row in library.job["states"]]
     sizes = dict.fromkeys(("GetContinuousStates", "GetDerivatives", "GetNominalsOfContinuousStates"), len(states))
-    with ExchangeInstance(library) as run:
+    with RawExchange(library) as run:
         run.initialise().settle()
         run.must("EnterContinuousTimeMode")
         for function, n in {**sizes, "GetEventIndicators": library.job["indicators"]}.items():
@@ -83,9 +83,9 @@ def _judge(report: Report, named: Callable[[str], str], function: str, states: l
 
 
 @probe(only=_ONLY)
-def states(library: Library, report: Report) -> None:
+def states(library: RawLibrary, report: Report) -> None:
     """Check that states keep the values set, and that states and derivatives are the variables of the XML."""
-    with ExchangeInstance(library) as run:
+    with RawExchange(library) as run:
         x = _moved(library, run.continuous(), run.states(), 1e-3)
         run.go_to(library.start_time, x)
         for row, value, kept in zip(library.job["states"], x, run.states(), strict=True):
@@ -105,9 +105,9 @@ def states(library: Library, report: Report) -> None:
 
 
 @probe(only=_ONLY)
-def history(library: Library, report: Report) -> None:
+def history(library: RawLibrary, report: Report) -> None:
     """Check that values depend on time, states and inputs alone, as a solver tries points that it rejects."""
-    with ExchangeInstance(library) as run:
+    with RawExchange(library) as run:
         run.continuous()
         t, x = library.start_time, run.states()
 
@@ -130,20 +130,20 @@ def history(library: Library, report: Report) -> None:
 # ---- derivatives
 
 
-def _inputs(library: Library) -> Iterator[Variable]:
+def _inputs(library: RawLibrary) -> Iterator[ProbedVariable]:
     for v in library.variables:
         if v.type == "Real" and v.causality == "input" and v.variability == "continuous":
             yield v
 
 
 @probe(only=_ONLY)
-def directional(library: Library, report: Report) -> None:
+def directional(library: RawLibrary, report: Report) -> None:
     """Check directional derivatives of the state derivatives against differences, where these are smooth."""
     rows = [row for row in library.job["states"] if row["state"] and row["derivative"]]
     if not library.flag("providesDirectionalDerivative") or not rows or len(rows) < len(library.job["states"]):
         return
     unknowns = (c_uint * len(rows))(*(row["derivative_reference"] for row in rows))
-    with ExchangeInstance(library) as run:
+    with RawExchange(library) as run:
         run.initialise()
         for k in range(3):
             run.step(library.start_time + k * library.job["step"], library.job["step"])
@@ -171,11 +171,11 @@ def directional(library: Library, report: Report) -> None:
                     report("directional", f"{what}, but differences give {difference[0]:.6g}; correct it", name)
 
 
-def _state_setter(run: ExchangeInstance, t: float, x: list[float], k: int) -> Callable[[float], None]:
+def _state_setter(run: RawExchange, t: float, x: list[float], k: int) -> Callable[[float], None]:
     return lambda value: run.go_to(t, [*x[:k], value, *x[k + 1 :]])
 
 
-def _input_setter(run: ExchangeInstance, v: Variable) -> Callable[[float], None]:
+def _input_setter(run: RawExchange, v: ProbedVariable) -> Callable[[float], None]:
     def set_to(value: float) -> None:
         run.write_status(v, value)
 
@@ -183,7 +183,7 @@ def _input_setter(run: ExchangeInstance, v: Variable) -> Callable[[float], None]
 
 
 def _differences(
-    run: ExchangeInstance, set_to: Callable[[float], None], value: float, step: float
+    run: RawExchange, set_to: Callable[[float], None], value: float, step: float
 ) -> list[tuple[float, float] | None]:
     """Return difference quotients with their error from rounding; None beside a kink."""
     rates = []
@@ -211,8 +211,8 @@ _MODES = {
 }
 
 
-def _in_mode(library: Library, mode: str) -> ExchangeInstance:
-    run = ExchangeInstance(library)
+def _in_mode(library: RawLibrary, mode: str) -> RawExchange:
+    run = RawExchange(library)
     if mode == "I":
         return run
     run.begin()
@@ -227,7 +227,7 @@ def _in_mode(library: Library, mode: str) -> ExchangeInstance:
     return run
 
 
-def _calls(library: Library) -> dict[str, tuple[object, ...]]:
+def _calls(library: RawLibrary) -> dict[str, tuple[object, ...]]:
     """Return the functions for model exchange with arguments."""
     n, m = len(library.job["states"]), library.job["indicators"]
     x, z = (c_double * max(n, 1))(), (c_double * max(m, 1))()
@@ -270,12 +270,12 @@ _FORBIDDEN: Final = {
 }
 
 
-def _calling(name: str, arguments: tuple[object, ...]) -> Callable[[Instance], int]:
+def _calling(name: str, arguments: tuple[object, ...]) -> Callable[[RawInstance], int]:
     return lambda run: run.status(name, *arguments)
 
 
 @probe(several=True, only=_ONLY)
-def allowed_in_exchange(library: Library, report: Report) -> None:
+def allowed_in_exchange(library: RawLibrary, report: Report) -> None:
     """Check that calls are accepted in each mode in which the standard allows them."""
     calls = _calls(library)
     given = {name: (modes, _calling(name, calls[name])) for name, modes in _ALLOWED.items()}
@@ -283,7 +283,7 @@ def allowed_in_exchange(library: Library, report: Report) -> None:
 
 
 @probe(several=True, crash="misuse-crashes", only=_ONLY)
-def forbidden_in_exchange(library: Library, report: Report) -> None:
+def forbidden_in_exchange(library: RawLibrary, report: Report) -> None:
     """Check that calls are rejected in each mode in which the standard forbids them."""
     calls = _calls(library)
     given = {name: (modes, calls[name]) for name, modes in _FORBIDDEN.items()}

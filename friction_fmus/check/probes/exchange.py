@@ -7,7 +7,7 @@ import math
 from ctypes import byref, c_double, c_int
 from typing import Final, Self
 
-from .library import ERROR, Instance, Library, RefusedError
+from .library import ERROR, RawInstance, RawLibrary, RefusedError
 
 MOST_ITERATIONS: Final = 100  # largest number of calls of fmi2NewDiscreteStates for one event
 UNSET: Final = -7  # what the results of a call hold before it
@@ -26,29 +26,19 @@ class EventInfo(ctypes.Structure):
     )
 
 
-def start(library: Library, name: str = "checked") -> Instance:
+def start(library: RawLibrary, name: str = "checked") -> RawInstance:
     """Return a new instance of the interface that is checked."""
-    return ExchangeInstance(library, name) if library.exchange else Instance(library, name)
+    return RawExchange(library, name) if library.exchange else RawInstance(library, name)
 
 
-class ExchangeInstance(Instance):
-    """One instance for model exchange; between steps it is in event mode.
+class RawExchange(RawInstance):
+    """One instance for model exchange; between steps it is in event mode."""
 
-    Attributes
-    ----------
-    info : EventInfo
-        Results of the last event iteration.
-    settled : bool
-        Whether the last event iteration came to its end.
-    unset : set of str
-        Functions that did not set all of their flags.
-    """
-
-    def __init__(self, library: Library, name: str = "checked") -> None:
+    def __init__(self, library: RawLibrary, name: str = "checked") -> None:
         """Instantiate."""
         super().__init__(library, name)
-        self.info, self.settled = EventInfo(), True
-        self.unset: set[str] = set()
+        self.info, self.settled = EventInfo(), True  # of the last event iteration, and whether it came to its end
+        self.unset: set[str] = set()  # functions that did not set all of their flags
 
     def settle(self) -> None:
         """Iterate in event mode until the discrete states have settled."""

@@ -10,13 +10,13 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, Final
 
-from .library import Library, MissingError, RefusedError
-from .library3 import Library3
+from .library import MissingError, RawLibrary, RefusedError
+from .library3 import RawLibrary3
 
 Report = Callable[..., None]
 """``report(rule, message, variable=None)``"""
 
-Probe = Callable[[Library, Report], None]
+Probe = Callable[[RawLibrary, Report], None]
 
 PROBES: Final[dict[str, Probe]] = {}
 SEVERAL: Final[set[str]] = set()  # probes that use more than one instance in a process
@@ -59,7 +59,7 @@ def main(folder: str, names: list[str]) -> None:
 
     write(probe="load")
     try:
-        library = (Library3 if job.get("version") == 3 else Library)(job, trace)
+        library = (RawLibrary3 if job.get("version") == 3 else RawLibrary)(job, trace)
     except OSError as error:
         message = f"the library cannot be loaded ({error}); build it for this platform"
         write(finding="binary-not-loadable", message=message, variable=None)

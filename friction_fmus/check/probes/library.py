@@ -99,7 +99,7 @@ class RefusedError(Exception):
         self.function, self.status, self.message = function, status, message
 
 
-class Variable:
+class ProbedVariable:
     """Data of a ScalarVariable for the probes."""
 
     def __init__(self, row: dict[str, Any]) -> None:
@@ -116,7 +116,7 @@ class Variable:
         self.nominal: float = row["nominal"]
 
 
-class Library:
+class RawLibrary:
     """A loaded library with the data of its XML."""
 
     version = b"2.0"
@@ -128,7 +128,7 @@ class Library:
         self.job, self._trace = job, trace
         self.guid: str = job["guid"]
         self.start_time: float = job["start_time"]
-        self.variables = [Variable(row) for row in job["variables"]]
+        self.variables = [ProbedVariable(row) for row in job["variables"]]
         self.by_type = _by_type(self.variables)
         self.messages: list[tuple[int, str, str]] = []
         self.categories: set[str] = set()
@@ -196,10 +196,10 @@ class Library:
         return pointer
 
 
-class Instance:
+class RawInstance:
     """One instance; all calls except calls of `status` must succeed."""
 
-    def __init__(self, library: Library, name: str = "checked") -> None:
+    def __init__(self, library: RawLibrary, name: str = "checked") -> None:
         """Instantiate."""
         self.library = library
         self.pointer = library.instantiate(name=name)
@@ -257,13 +257,13 @@ class Instance:
 
     # ---- values
 
-    def read_status(self, v: Variable) -> tuple[int, Any]:
+    def read_status(self, v: ProbedVariable) -> tuple[int, Any]:
         """Return status and value of one variable."""
         buffer = (_BUFFERS[v.type] * 1)()
         status = self.status(f"Get{v.type}", (c_uint * 1)(v.reference), 1, buffer)
         return status, (buffer[0] or b"").decode(errors="replace") if v.type == "String" else buffer[0]
 
-    def write_status(self, v: Variable, value: Any) -> int:
+    def write_status(self, v: ProbedVariable, value: Any) -> int:
         """Set one variable and return the status."""
         buffer = (_BUFFERS[v.type] * 1)(value.encode() if v.type == "String" else value)
         return self.status(f"Set{v.type}", (c_uint * 1)(v.reference), 1, buffer)
@@ -315,7 +315,7 @@ class Instance:
         self.must("FreeFMUstate", byref(state))
 
 
-def _by_type(variables: Sequence[Variable]) -> dict[str, tuple[list[str], Any]]:
+def _by_type(variables: Sequence[ProbedVariable]) -> dict[str, tuple[list[str], Any]]:
     """Return names and value references of the variables of each type."""
     types = dict.fromkeys(v.type for v in variables)
     groups = {type: [v for v in variables if v.type == type] for type in types}
@@ -329,11 +329,11 @@ def _plain(type: str, buffer: Any) -> list[Any]:
     return ["NaN" if value != value else value for value in buffer]
 
 
-def last_message(library: Library) -> str:
+def last_message(library: RawLibrary) -> str:
     """Return the last log message of the FMU, as the end of a sentence."""
     return f"; it logged {library.messages[-1][2]!r}" if library.messages else ""
 
 
-def references(variables: Sequence[Variable]) -> Any:
+def references(variables: Sequence[ProbedVariable]) -> Any:
     """Return the value references of variables for a call."""
     return (c_uint * len(variables))(*(v.reference for v in variables))

@@ -8,13 +8,13 @@ from collections.abc import Callable
 from ctypes import byref, c_void_p
 
 from .host import Report, probe
-from .library import OK, WARNING, Instance, Library, MissingError, Variable, last_message
+from .library import OK, WARNING, MissingError, ProbedVariable, RawInstance, RawLibrary, last_message
 
 _TOLERANCE = 1e-14  # relative tolerance: a few units in the last place, as caused by XML numbers with 15 to 17 digits
 
 
 @probe()
-def functions(library: Library, report: Report) -> None:
+def functions(library: RawLibrary, report: Report) -> None:
     """Check that all functions exist and that the library states its version and platform."""
     if library.missing:
         names = ", ".join(map(library.named, library.missing))
@@ -30,13 +30,13 @@ def functions(library: Library, report: Report) -> None:
 
 
 @probe(crash="free-null")
-def free_nothing(library: Library, report: Report) -> None:
+def free_nothing(library: RawLibrary, report: Report) -> None:
     """Check that fmi2FreeInstance(NULL) does nothing."""
     library.call("FreeInstance", None)
 
 
 @probe(several=True, crash="guid-not-checked")
-def wrong_guid(library: Library, report: Report) -> None:
+def wrong_guid(library: RawLibrary, report: Report) -> None:
     """Check that another guid gives no instance."""
     other = "{00000000-1111-2222-3333-444444444444}"
     pointer = library.instantiate(guid=other)
@@ -46,16 +46,16 @@ def wrong_guid(library: Library, report: Report) -> None:
         report("guid-not-checked", f"{name} accepts the {token} {other}; compare it with the {token} of the XML")
 
 
-def _same(v: Variable, stated: object, read: object) -> bool:
+def _same(v: ProbedVariable, stated: object, read: object) -> bool:
     if v.type == "Real" and isinstance(stated, float) and isinstance(read, float):
         return abs(stated - read) <= _TOLERANCE * abs(stated)
     return stated == (bool(read) if v.type == "Boolean" else read)
 
 
 @probe()
-def start_values(library: Library, report: Report) -> None:
+def start_values(library: RawLibrary, report: Report) -> None:
     """Check that start values agree with the XML, variables are readable, and settable ones accept their values."""
-    with Instance(library) as run:
+    with RawInstance(library) as run:
         run.begin()
         for v in library.variables:
             status, value = run.read_status(v)
@@ -76,7 +76,7 @@ def start_values(library: Library, report: Report) -> None:
         _check_outputs(library, report, run)
 
 
-def _check_outputs(library: Library, report: Report, run: Instance) -> None:
+def _check_outputs(library: RawLibrary, report: Report, run: RawInstance) -> None:
     for v in library.variables:
         if v.causality == "output" and v.type == "Real" and not math.isfinite(run.read_status(v)[1]):
             message = f"{v.name} is not finite after initialisation; choose valid start values"
@@ -92,16 +92,16 @@ _MODES = {
     "T": "the state terminated",
 }
 
-InMode = Callable[[Library, str], Instance]
+InMode = Callable[[RawLibrary, str], RawInstance]
 """Returns an instance in a mode, given by its letter."""
 
 
 def report_refused(
-    library: Library,
+    library: RawLibrary,
     report: Report,
     in_mode: InMode,
     modes: dict[str, str],
-    calls: dict[str, tuple[str, Callable[[Instance], int]]],
+    calls: dict[str, tuple[str, Callable[[RawInstance], int]]],
 ) -> None:
     """Report calls that are rejected in one of the modes in which the standard allows them."""
     for name, (allowed_in, call) in calls.items():
@@ -114,7 +114,7 @@ def report_refused(
 
 
 def report_accepted(
-    library: Library,
+    library: RawLibrary,
     report: Report,
     in_mode: InMode,
     modes: dict[str, str],
@@ -136,8 +136,8 @@ def report_accepted(
         report("call-order-accepted", f"the FMU accepts {shown}; return {library.named('Error')} and log the reason")
 
 
-def _in_mode(library: Library, mode: str) -> Instance:
-    run = Instance(library)
+def _in_mode(library: RawLibrary, mode: str) -> RawInstance:
+    run = RawInstance(library)
     if mode == "I":
         return run
     run.begin()
@@ -150,27 +150,27 @@ def _in_mode(library: Library, mode: str) -> Instance:
     return run
 
 
-def _real(library: Library, *causalities: str) -> Variable | None:
+def _real(library: RawLibrary, *causalities: str) -> ProbedVariable | None:
     found = (v for v in library.variables if v.type == "Real" and v.causality in causalities and v.start is not None)
     return next(found, None)
 
 
-def _get(run: Instance, v: Variable | None) -> int:
+def _get(run: RawInstance, v: ProbedVariable | None) -> int:
     return OK if v is None else run.read_status(v)[0]
 
 
-def _set(run: Instance, v: Variable | None) -> int:
+def _set(run: RawInstance, v: ProbedVariable | None) -> int:
     return OK if v is None else run.write_status(v, v.start)
 
 
-def _any_real(library: Library) -> Variable | None:
+def _any_real(library: RawLibrary) -> ProbedVariable | None:
     return next((v for v in library.variables if v.type == "Real"), None)
 
 
 @probe(several=True, only="co-simulation")
-def allowed(library: Library, report: Report) -> None:
+def allowed(library: RawLibrary, report: Report) -> None:
     """Check that calls are accepted in each state in which the standard allows them."""
-    calls: dict[str, tuple[str, Callable[[Instance], int]]] = {
+    calls: dict[str, tuple[str, Callable[[RawInstance], int]]] = {
         "SetDebugLogging": ("INCT", lambda run: run.status("SetDebugLogging", 1, 0, None)),
         "SetReal of an input": ("NC", lambda run: _set(run, _real(library, "input"))),
         "SetReal of a parameter": ("IN", lambda run: _set(run, _real(library, "parameter"))),
@@ -183,7 +183,7 @@ def allowed(library: Library, report: Report) -> None:
     report_refused(library, report, _in_mode, _MODES, calls)
 
 
-def _state(run: Instance) -> int:
+def _state(run: RawInstance) -> int:
     state = c_void_p()
     status = run.status("GetFMUstate", byref(state))
     run.status("FreeFMUstate", byref(state))
@@ -191,7 +191,7 @@ def _state(run: Instance) -> int:
 
 
 @probe(several=True, crash="misuse-crashes", only="co-simulation")
-def forbidden(library: Library, report: Report) -> None:
+def forbidden(library: RawLibrary, report: Report) -> None:
     """Check that calls are rejected in each state in which the standard forbids them."""
     step = library.job["step"]
     calls: dict[str, tuple[str, tuple[object, ...]]] = {
@@ -205,7 +205,7 @@ def forbidden(library: Library, report: Report) -> None:
 
 
 @probe(several=True, crash="misuse-crashes")
-def without_logger(library: Library, report: Report) -> None:
+def without_logger(library: RawLibrary, report: Report) -> None:
     """Check that a rejected fmi2Instantiate works with callbacks without a logger."""
     callbacks = (c_void_p * 5)(None, *library.memory)  # an FMU may need the other functions
     pointer = library.call("Instantiate", b"checked", library.kind, b"{wrong}", b"", ctypes.addressof(callbacks), 0, 1)

@@ -10,7 +10,17 @@ from typing import Any
 
 from .exchange import start
 from .host import Report, probe
-from .library import DISCARD, OK, WARNING, Instance, Library, RefusedError, Variable, last_message, references
+from .library import (
+    DISCARD,
+    OK,
+    WARNING,
+    ProbedVariable,
+    RawInstance,
+    RawLibrary,
+    RefusedError,
+    last_message,
+    references,
+)
 
 _ODD = (1.0 / 3.0, 1.0 / 0.06, 1.0, 0.1)
 """Steps that are not binary fractions, as multiples of the preferred step of the XML."""
@@ -18,7 +28,7 @@ _ODD = (1.0 / 3.0, 1.0 / 0.06, 1.0, 0.1)
 Trajectory = list[dict[str, Any]]
 
 
-def _steps(library: Library, count: int) -> Iterator[tuple[float, float]]:
+def _steps(library: RawLibrary, count: int) -> Iterator[tuple[float, float]]:
     """Yield times and lengths of steps that the FMU must accept, on the grid of a master that counts steps."""
     t, h = library.start_time, library.job["step"]
     for k in range(count):
@@ -27,7 +37,7 @@ def _steps(library: Library, count: int) -> Iterator[tuple[float, float]]:
         t += step
 
 
-def _drive(run: Instance, seed: int, count: int, first: int = 0) -> Trajectory:
+def _drive(run: RawInstance, seed: int, count: int, first: int = 0) -> Trajectory:
     """Perform steps with varying inputs and return all variables after each; a rejected step ends the sequence."""
     states = []
     for k, (t, h) in enumerate(_steps(run.library, first + count)):
@@ -41,7 +51,7 @@ def _drive(run: Instance, seed: int, count: int, first: int = 0) -> Trajectory:
     return states
 
 
-def _move(run: Instance, v: Variable, direction: float) -> None:
+def _move(run: RawInstance, v: ProbedVariable, direction: float) -> None:
     """Set a Real variable near its start value, within its limits."""
     start = v.start if isinstance(v.start, float) else 0.0
     run.write_status(v, min(max(start + 0.1 * v.nominal * direction, v.low), v.high))
@@ -57,7 +67,7 @@ def _difference(a: Trajectory, b: Trajectory) -> tuple[str, Any, Any] | None:
 
 
 @probe(only="co-simulation")
-def steps(library: Library, report: Report) -> None:
+def steps(library: RawLibrary, report: Report) -> None:
     """Check that allowed steps are performed and end at their end time."""
     told: set[str] = set()
     clock = next((v for v in library.variables if v.causality == "independent" and v.type == "Real"), None)
@@ -80,7 +90,7 @@ def steps(library: Library, report: Report) -> None:
                 report("value-not-finite", f"{v.name} is not finite after some steps; correct the start values", v.name)
 
 
-def _judge_time(library: Library, time: float, end: float) -> str | None:
+def _judge_time(library: RawLibrary, time: float, end: float) -> str | None:
     """Return the rule that a time after a step violates, if any."""
     if time == end:
         return None
@@ -92,7 +102,7 @@ def _judge_time(library: Library, time: float, end: float) -> str | None:
 
 
 @probe(only="co-simulation")
-def rounded_steps(library: Library, report: Report) -> None:
+def rounded_steps(library: RawLibrary, report: Report) -> None:
     """Check steps whose times are rounded differently, as from a master that counts steps."""
     h, first = library.job["step"], library.start_time
     with start(library) as run:
@@ -111,7 +121,7 @@ def rounded_steps(library: Library, report: Report) -> None:
 
 
 @probe(several=True)
-def instances(library: Library, report: Report) -> None:
+def instances(library: RawLibrary, report: Report) -> None:
     """Check that runs are reproducible and that another instance in between has no effect."""
     trajectories = []
     for _ in range(2):
@@ -147,7 +157,7 @@ def instances(library: Library, report: Report) -> None:
 
 
 @probe()
-def reset(library: Library, report: Report) -> None:
+def reset(library: RawLibrary, report: Report) -> None:
     """Check that a reset restores the initial state."""
     with start(library) as run:
         run.begin()
@@ -172,7 +182,7 @@ def reset(library: Library, report: Report) -> None:
 
 
 @probe()
-def state(library: Library, report: Report) -> None:
+def state(library: RawLibrary, report: Report) -> None:
     """Check that a saved state restores every variable and all future values."""
     if not library.flag("canGetAndSetFMUstate"):
         return
@@ -193,7 +203,7 @@ def state(library: Library, report: Report) -> None:
 
 
 @probe(several=True)
-def serialization(library: Library, report: Report) -> None:
+def serialization(library: RawLibrary, report: Report) -> None:
     """Check that the bytes of a state restore it in another instance."""
     if not (library.flag("canGetAndSetFMUstate") and library.flag("canSerializeFMUstate")):
         return
@@ -217,14 +227,14 @@ def serialization(library: Library, report: Report) -> None:
 # ---- derivatives
 
 
-def _continuous(library: Library, causality: str) -> list[Variable]:
+def _continuous(library: RawLibrary, causality: str) -> list[ProbedVariable]:
     return [
         v for v in library.variables if v.type == "Real" and v.causality == causality and v.variability == "continuous"
     ]
 
 
 @probe(only="co-simulation")
-def derivatives(library: Library, report: Report) -> None:
+def derivatives(library: RawLibrary, report: Report) -> None:
     """Check the functions of declared capabilities for derivatives."""
     inputs, outputs = _continuous(library, "input")[:1], _continuous(library, "output")[:1]
     one, result = (c_double * 1)(1.0), (c_double * 1)()
@@ -260,7 +270,7 @@ _LONGEST = 3.0  # duration after which no further input is moved [s]
 
 
 @probe()
-def dependencies(library: Library, report: Report) -> None:
+def dependencies(library: RawLibrary, report: Report) -> None:
     """Check that no output or derivative follows an input that its dependencies omit: masters miss its loop."""
     stated, told = library.job["dependencies"], set[tuple[str, str]]()
     with start(library) as run:
@@ -272,7 +282,11 @@ def dependencies(library: Library, report: Report) -> None:
 
 
 def _follow(
-    library: Library, report: Report, run: Instance, stated: dict[str, dict[str, list[str]]], told: set[tuple[str, str]]
+    library: RawLibrary,
+    report: Report,
+    run: RawInstance,
+    stated: dict[str, dict[str, list[str]]],
+    told: set[tuple[str, str]],
 ) -> None:
     """Move each Real input and compare what changes with the dependencies in these sections."""
     before, begun = run.snapshot(), perf_counter()

@@ -11,7 +11,7 @@ from time import perf_counter
 
 from .exchange import start
 from .host import Report, probe
-from .library import OK, WARNING, Library, settings_now
+from .library import OK, WARNING, RawLibrary, settings_now
 
 _BLOCK = 0.4  # duration of a block of repetitions [s]
 _MOST = 2000
@@ -50,7 +50,7 @@ def _grows(action: Callable[[], object]) -> float | None:
 
 
 @probe(several=True)
-def memory_of_instances(library: Library, report: Report) -> None:
+def memory_of_instances(library: RawLibrary, report: Report) -> None:
     """Check that freed instances leave no memory allocated."""
 
     def live() -> None:
@@ -66,7 +66,7 @@ def memory_of_instances(library: Library, report: Report) -> None:
 
 
 @probe()
-def memory_of_steps(library: Library, report: Report) -> None:
+def memory_of_steps(library: RawLibrary, report: Report) -> None:
     """Check that a long run needs no more memory than a short one."""
     with start(library) as run:
         run.initialise()
@@ -82,7 +82,7 @@ def memory_of_steps(library: Library, report: Report) -> None:
 
 
 @probe()
-def settings(library: Library, report: Report) -> None:
+def settings(library: RawLibrary, report: Report) -> None:
     """Check that all previous calls have left the settings of the process unchanged."""
     after = settings_now()
     changed = [name for name, value in library.settings.items() if after[name] != value]
@@ -91,7 +91,7 @@ def settings(library: Library, report: Report) -> None:
 
 
 @probe()
-def messages(library: Library, report: Report) -> None:
+def messages(library: RawLibrary, report: Report) -> None:
     """Check that messages use the logger and declared categories; the last probe, after all messages."""
     declared = library.job["categories"]
     for name in sorted(library.categories - {""}):

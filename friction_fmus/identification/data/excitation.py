@@ -23,12 +23,9 @@ class MotionFeatures:
     q: Array
     v: Array
     """Smoothed position and velocity."""
-    noise: float
-    """Standard deviation of the noise of the position, or of the integral of the velocity."""
-    reversals: Array
-    """Indices of the reversal points."""
-    strokes: Array
-    """Distances between consecutive reversal points."""
+    noise: float  # standard deviation of the noise of the position, or of the integral of the velocity
+    reversals: Array  # indices of the reversal points
+    strokes: Array  # distances between consecutive reversal points
 
 
 def motion_features(record: Record) -> MotionFeatures:

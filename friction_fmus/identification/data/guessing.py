@@ -14,7 +14,7 @@ import numpy as np
 from friction_fmus.errors import RecordError
 from friction_fmus.identification.data.mapping import Column, DataMapping
 from friction_fmus.identification.data.record import ROLES, Array, axis_units, factor, fits, unit_of, wanted_unit
-from friction_fmus.identification.data.tables import Table
+from friction_fmus.identification.data.tables import DataTable
 
 NAMES = {
     "time": (
@@ -92,12 +92,9 @@ _BEFORE_UNIT = re.compile(r"\s+in\s+|\s*/\s*|_|,\s*|\s+")
 class Meaning:
     """Role that a heading may have."""
 
-    role: str
-    """Role of the column."""
-    unit: str
-    """Unit in the heading, also from ``F/N``, ``x in mm`` and ``position_mm``; empty if there is none."""
-    fallback: bool = False
-    """Whether other columns for the role take precedence."""
+    role: str  # role of the column
+    unit: str  # unit in the heading, also from ``F/N``, ``x in mm`` and ``position_mm``; empty if there is none
+    fallback: bool = False  # whether other columns for the role take precedence
 
 
 def meaning_of(heading: str, unit: str) -> Meaning | None:
@@ -156,15 +153,12 @@ NEEDED: Final = (("time",), ("position", "velocity"), ("force", "friction"))
 class Guess:
     """What the headings of a file say."""
 
-    columns: dict[str, Column]
-    """Columns with a unit that fits, by role."""
-    suggestions: dict[str, Column]
-    """Recognised columns that lack a unit or a gain, or are one of several, by role."""
-    problems: dict[str, list[str]]
-    """What is missing or ambiguous, by role."""
+    columns: dict[str, Column]  # columns with a unit that fits, by role
+    suggestions: dict[str, Column]  # recognised columns that lack a unit or a gain, or are one of several, by role
+    problems: dict[str, list[str]]  # what is missing or ambiguous, by role
 
 
-def guess_columns(table: Table) -> Guess:
+def guess_columns(table: DataTable) -> Guess:
     """Return the roles of the columns of a table, as far as the headings determine them."""
     guess = Guess({}, {}, {})
     for role, columns in _columns_by_role(table).items():
@@ -191,7 +185,7 @@ def guess_columns(table: Table) -> Guess:
     return guess
 
 
-def guess_mapping(table: Table, path: Path) -> DataMapping:
+def guess_mapping(table: DataTable, path: Path) -> DataMapping:
     """Return the mapping implied by headings with units."""
     guess = guess_columns(table)
     if guess.problems:
@@ -205,7 +199,7 @@ def guess_mapping(table: Table, path: Path) -> DataMapping:
     return DataMapping(path, columns=guess.columns)
 
 
-def columns_text(table: Table, known: Mapping[str, Column], suggestions: Mapping[str, Column]) -> str:
+def columns_text(table: DataTable, known: Mapping[str, Column], suggestions: Mapping[str, Column]) -> str:
     """Return the table ``[columns]`` of a mapping as TOML, with ? for unknown entries."""
     entries = dict(known)
     for role in ("time", "position", "force"):
@@ -240,7 +234,7 @@ def _entry(role: str, column: Column) -> str:
     return f"{role} = {{ {', '.join(keys)} }}"
 
 
-def _columns_by_role(table: Table) -> dict[str, list[Column]]:
+def _columns_by_role(table: DataTable) -> dict[str, list[Column]]:
     """Return the columns that could have each role; a fallback only if there is no other column."""
     found: dict[str, list[tuple[bool, Column]]] = {}
     for heading in (*table.columns, *table.texts):

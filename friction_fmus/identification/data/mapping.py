@@ -24,18 +24,12 @@ MISSING = "?"  # mark of a missing entry in a file that was written for completi
 class Column:
     """Column of a data file."""
 
-    column: str
-    """Heading; empty if the file has no column for the time."""
-    unit: str = ""
-    """Unit of the numbers; empty for the unit in the heading."""
-    gain: str = ""
-    """Factor with unit, such as ``35.15 N/V`` for the force of a command in V; empty for none."""
-    sign: int = 1
-    """1, or -1 to invert the sign."""
-    period: str = ""
-    """Sample time, such as ``1 ms``, if the file has no column for the time."""
-    held: bool = False
-    """Whether the force is a command that the drive holds until the next sample."""
+    column: str  # heading; empty if the file has no column for the time
+    unit: str = ""  # unit of the numbers; empty for the unit in the heading
+    gain: str = ""  # factor with unit, such as ``35.15 N/V`` for the force of a command in V; empty for none
+    sign: int = 1  # 1, or -1 to invert the sign
+    period: str = ""  # sample time, such as ``1 ms``, if the file has no column for the time
+    held: bool = False  # whether the force is a command that the drive holds until the next sample
 
 
 @dataclass(frozen=True)

@@ -30,7 +30,7 @@ from friction_fmus.identification.data.record import (
     parse_quantity,
     wanted_unit,
 )
-from friction_fmus.identification.data.tables import Table
+from friction_fmus.identification.data.tables import DataTable
 
 GAP = 5.0  # ratio of an interval to the median above which it is a gap, across which nothing is interpolated
 SHORTEST = 50  # smallest number of samples of a segment
@@ -41,10 +41,8 @@ SMOOTH = ("q", "v", "reference")  # columns that are smooth because of inertia; 
 class SampledSegment:
     """Equally spaced segment of a measurement without gaps."""
 
-    t: Array
-    """Time [s]."""
-    columns: Mapping[str, Array]
-    """Other columns."""
+    t: Array  # time [s]
+    columns: Mapping[str, Array]  # other columns
 
 
 def equally_spaced(
@@ -408,7 +406,7 @@ def _located(
 
 
 def _converted(
-    table: Table, known: DataMapping, path: Path, findings: list[Finding]
+    table: DataTable, known: DataMapping, path: Path, findings: list[Finding]
 ) -> tuple[dict[str, Array], AxisUnits]:
     """Return the columns converted to the units of the record, with all rows of the file."""
     units: AxisUnits | None = None
@@ -444,7 +442,7 @@ def _converted(
 
 
 def _complete(
-    table: Table, columns: dict[str, Array], findings: list[Finding], path: Path
+    table: DataTable, columns: dict[str, Array], findings: list[Finding], path: Path
 ) -> tuple[Array, dict[str, Array]]:
     """Return the rows without missing values."""
     good = np.all([np.isfinite(values) for values in columns.values()], axis=0)
@@ -473,7 +471,7 @@ def _complete(
     return kept.pop("t"), kept
 
 
-def _check_time(table: Table, t: Array, rows: Array, column: Column, path: Path) -> None:
+def _check_time(table: DataTable, t: Array, rows: Array, column: Column, path: Path) -> None:
     if len(t) < SHORTEST:
         raise RecordError(f"{path} has {len(t)} samples; an identification needs at least {SHORTEST}.")
     wrong = np.flatnonzero(np.diff(t) <= 0.0)

@@ -30,30 +30,24 @@ def limit_size(path: Path, size: int) -> None:
 
 
 @dataclass(frozen=True, eq=False)
-class Table:
+class DataTable:
     """Columns of a data file."""
 
-    file: Path
-    """Path of the file."""
-    columns: Mapping[str, Array]
-    """Numeric columns by heading, with NaN for empty cells."""
-    units: Mapping[str, str] = field(default_factory=dict)
-    """Units by heading, if the file states them."""
+    file: Path  # path of the file
+    columns: Mapping[str, Array]  # numeric columns by heading, with NaN for empty cells
+    units: Mapping[str, str] = field(default_factory=dict)  # units by heading, if the file states them
     texts: Mapping[str, str] = field(default_factory=dict)
     """First non-numeric cell of each other column and its location, by heading."""
-    lines: NDArray[np.int64] | None = None
-    """Line number of each row in the file."""
-    findings: tuple[Finding, ...] = ()
-    """Problems found in the file."""
-    notes: Mapping[str, Finding] = field(default_factory=dict)
-    """Problems that concern one column only, by heading."""
+    lines: NDArray[np.int64] | None = None  # line number of each row in the file
+    findings: tuple[Finding, ...] = ()  # problems found in the file
+    notes: Mapping[str, Finding] = field(default_factory=dict)  # problems that concern one column only, by heading
 
     def place(self, row: int) -> str:
         """Return the location of a row in the file, for messages."""
         return f"line {self.lines[row]}" if self.lines is not None else f"row {row + 1}"
 
 
-def from_arrow(path: Path, table: Any, lines: NDArray[np.int64] | None = None) -> Table:
+def from_arrow(path: Path, table: Any, lines: NDArray[np.int64] | None = None) -> DataTable:
     """Return the columns of a pyarrow table; time stamps become seconds since the first one."""
     import pyarrow as pa
     import pyarrow.compute as pc
@@ -79,7 +73,7 @@ def from_arrow(path: Path, table: Any, lines: NDArray[np.int64] | None = None) -
             cell = next((str(value) for value in values.to_pylist() if value is not None and not _number(value)), "")
             row = next((i for i, value in enumerate(values.to_pylist()) if value is not None and str(value) == cell), 0)
             texts[name] = f"{cell!r} in {f'line {lines[row]}' if lines is not None else f'row {row + 1}'}"
-    return Table(path, columns, units, texts, lines)
+    return DataTable(path, columns, units, texts, lines)
 
 
 def _number(value: Any) -> bool:
@@ -104,16 +98,14 @@ def _floats(values: Any) -> Array:
 
 
 @dataclass(frozen=True, eq=False)
-class Group:
+class ChannelGroup:
     """Signals sampled at the same times."""
 
-    t: Array
-    """Times; they increase."""
-    signals: Mapping[str, Array]
-    """Values by heading."""
+    t: Array  # times; they increase
+    signals: Mapping[str, Array]  # values by heading
 
 
-def on_one_clock(path: Path, groups: Sequence[Group], time: str, unit: str) -> Table:
+def on_one_clock(path: Path, groups: Sequence[ChannelGroup], time: str, unit: str) -> DataTable:
     """Return the signals of all groups at the times of the group with the most signals.
 
     The signals of other groups are interpolated linearly, and missing outside of their times. Each of them has a note,
@@ -130,4 +122,4 @@ def on_one_clock(path: Path, groups: Sequence[Group], time: str, unit: str) -> T
                 columns[name] = np.interp(base.t, group.t, values, left=np.nan, right=np.nan)
                 what = f"{name!r} was sampled at other times than most signals of {path.name}, and is interpolated."
                 notes[name] = Finding("other-clock", what, "Log all signals of the axis with one sample time.")
-    return Table(path, columns, {time: unit}, notes=notes)
+    return DataTable(path, columns, {time: unit}, notes=notes)

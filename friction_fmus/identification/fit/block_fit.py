@@ -10,7 +10,7 @@ from pathlib import Path
 
 from friction_fmus.blocks.axis_units import AxisUnits
 from friction_fmus.identification.fit.least_squares import Constraints, Problem, Setup, scalar_setup
-from friction_fmus.identification.fit.models import ContactModel, Traits
+from friction_fmus.identification.fit.models import ContactModel, DataTraits
 from friction_fmus.identification.fit.search import Loss, SearchResult, search
 from friction_fmus.identification.fit.simulation_data import PreparedSegment
 from harness import Drive, FmuPart
@@ -20,20 +20,13 @@ from harness import Drive, FmuPart
 class FitData:
     """Friction block, and the records to which it is fitted."""
 
-    model: ContactModel
-    """Friction block."""
-    drive: Drive
-    """Loaded block."""
-    segments: Sequence[PreparedSegment]
-    """Prepared records."""
-    traits: Traits
-    """Rough properties of the friction, for start values."""
-    constraints: Constraints
-    """Fixed values, bounds and start values given by the user."""
-    units: AxisUnits
-    """Units of the axis."""
-    Fn0: float | None
-    """Normal force at which the parameters are valid [N]; None if it was not measured."""
+    model: ContactModel  # friction block
+    drive: Drive  # loaded block
+    segments: Sequence[PreparedSegment]  # prepared records
+    traits: DataTraits  # rough properties of the friction, for start values
+    constraints: Constraints  # fixed values, bounds and start values given by the user
+    units: AxisUnits  # units of the axis
+    Fn0: float | None  # normal force at which the parameters are valid [N]; None if it was not measured
 
     def problem(self, setup: Setup) -> Problem:
         """Return the least-squares problem of a setup."""
@@ -42,23 +35,20 @@ class FitData:
 
 
 @dataclass(frozen=True, eq=False)
-class Fit:
+class BlockFit:
     """Result of a method of identification."""
 
-    setup: Setup
-    """Coordinates of the search, and their conversion to parameters."""
-    problem: Problem
-    """Least-squares problem."""
-    found: SearchResult
-    """Solution of the problem."""
+    setup: Setup  # coordinates of the search, and their conversion to parameters
+    problem: Problem  # least-squares problem
+    found: SearchResult  # solution of the problem
 
 
-def fit_scalars(data: FitData, loss: Loss, starts: int | None) -> Fit:
+def fit_scalars(data: FitData, loss: Loss, starts: int | None) -> BlockFit:
     """Fit a block with scalar parameters."""
     setup = scalar_setup(data.model, data.segments, data.traits, data.constraints, data.units, data.Fn0)
     problem = data.problem(setup)
     known = all(c.name in data.constraints.start or c.name == "OF" for c in problem.shared)
-    return Fit(setup, problem, search(problem, loss, starts or (1 if known else 3)))
+    return BlockFit(setup, problem, search(problem, loss, starts or (1 if known else 3)))
 
 
 _IDLE: dict[Path, Drive] = {}

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -193,3 +193,13 @@ class Estimate:
     def relative_error(self) -> float:
         """Standard error divided by the magnitude of the value."""
         return self.standard_error / abs(self.value) if self.value else float("inf")
+
+
+class Estimated:
+    """What has estimated parameters."""
+
+    parameters: Mapping[str, Estimate]
+
+    def values(self) -> dict[str, float]:
+        """Return the parameter values without standard errors, in the units of the estimates."""
+        return {name: estimate.value for name, estimate in self.parameters.items()}

@@ -22,6 +22,7 @@ from friction_fmus.errors import ExcitationError, FitError, RecordError
 from friction_fmus.identification.data.record import Array, Record
 from friction_fmus.identification.fit.estimate import (
     Estimate,
+    Estimated,
     coloured_covariance,
     correlation_length,
     dependent_columns,
@@ -147,7 +148,7 @@ class Motion:
 
 
 @dataclass(frozen=True, eq=False)
-class InverseModelFit:
+class InverseModelFit(Estimated):
     """Result of a least squares fit of the inverse model.
 
     Attributes
@@ -167,16 +168,6 @@ class InverseModelFit:
     condition: float
     v: Array
     friction: Array
-
-    def values(self) -> dict[str, float]:
-        """Return the parameter values without standard errors.
-
-        Returns
-        -------
-        dict of str to float
-            Values in the units of the estimates.
-        """
-        return {name: estimate.value for name, estimate in self.parameters.items()}
 
 
 def filtered_motion(record: Record, settings: InverseModelSettings | None = None) -> Motion:

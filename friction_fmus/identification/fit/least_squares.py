@@ -13,7 +13,7 @@ from friction_fmus.blocks.arithmetic import evaluate
 from friction_fmus.blocks.axis_units import AxisUnits
 from friction_fmus.errors import FitError, nearest
 from friction_fmus.identification.data.record import Array
-from friction_fmus.identification.fit.models import ContactModel, Traits
+from friction_fmus.identification.fit.models import ContactModel, DataTraits
 from friction_fmus.identification.fit.simulation_data import PreparedSegment, inertia_guess
 from harness import Drive, PartError, StartValueError
 
@@ -29,18 +29,14 @@ TOLERANCE = 1e-7
 class Coordinate:
     """Unknown of the search, scaled to a magnitude of 1."""
 
-    name: str
-    """Name of the value."""
-    scale: float
-    """Magnitude of the value; the coordinate is x = log(value / scale) or x = value / scale."""
+    name: str  # name of the value
+    scale: float  # magnitude of the value; the coordinate is x = log(value / scale) or x = value / scale
     start: float
     lower: float = -math.inf
     upper: float = math.inf
     """Start value and bounds of the value."""
-    log: bool = False
-    """Whether the coordinate is logarithmic, as for values that must not be zero."""
-    segment: int | None = None
-    """Index of the record whose initial state it is; None if all records share it."""
+    log: bool = False  # whether the coordinate is logarithmic, as for values that must not be zero
+    segment: int | None = None  # index of the record whose initial state it is; None if all records share it
 
     def value(self, x: float) -> float:
         """Return the value at the coordinate x."""
@@ -72,25 +68,18 @@ States = Callable[[Mapping[str, float], Mapping[str, float]], dict[str, float]]
 class Problem:
     """Residuals of a block over several records."""
 
-    drive: Drive
-    """Loaded block."""
-    segments: Sequence[PreparedSegment]
-    """Prepared records."""
-    coordinates: Sequence[Coordinate]
-    """Coordinates shared by all records first, then the others."""
+    drive: Drive  # loaded block
+    segments: Sequence[PreparedSegment]  # prepared records
+    coordinates: Sequence[Coordinate]  # coordinates shared by all records first, then the others
     assemble: Assemble
     states: States
     """Functions that return parameters and initial states of the block."""
-    constants: Mapping[str, float | int | bool]
-    """Other start values."""
-    simulations: int = field(default=0)
-    """Number of simulations so far."""
-    regressor: Regressor | None = None
-    """Linear unknowns, which are eliminated from the residual (variable projection)."""
+    constants: Mapping[str, float | int | bool]  # other start values
+    simulations: int = field(default=0)  # number of simulations so far
+    regressor: Regressor | None = None  # linear unknowns, which are eliminated from the residual (variable projection)
     anchor: Array | None = None
     """Point to which weak springs tie the coordinates, so that those which the record does not determine stay there."""
-    viscous: bool = False
-    """Whether the value Fv is the coefficient of a viscous friction beside the block."""
+    viscous: bool = False  # whether the value Fv is the coefficient of a viscous friction beside the block
 
     def __post_init__(self) -> None:
         """Compute the magnitude of the signal."""
@@ -205,15 +194,12 @@ class Constraints:
 class Setup:
     """Coordinates of a search, and their conversion to start values of the block."""
 
-    coordinates: tuple[Coordinate, ...]
-    """Coordinates shared by all records first, then the others."""
+    coordinates: tuple[Coordinate, ...]  # coordinates shared by all records first, then the others
     assemble: Assemble
     states: States
     """Functions that return parameters and initial states, see `Problem`."""
-    constants: Mapping[str, float | int | bool]
-    """Other start values of the block."""
-    units: Mapping[str, str]
-    """Units of the values returned by `assemble` and `states`."""
+    constants: Mapping[str, float | int | bool]  # other start values of the block
+    units: Mapping[str, str]  # units of the values returned by `assemble` and `states`
 
 
 def check_constraints(model: ContactModel, signal: str, constraints: Constraints) -> None:
@@ -257,7 +243,7 @@ def constants_of(model: ContactModel, constraints: Constraints, Fn0: float | Non
 def scalar_setup(
     model: ContactModel,
     segments: Sequence[PreparedSegment],
-    traits: Traits,
+    traits: DataTraits,
     constraints: Constraints,
     units: AxisUnits,
     Fn0: float | None,
@@ -289,7 +275,7 @@ def scalar_setup(
     return Setup(tuple(coordinates), dict, states, constants, unit)
 
 
-def coordinate(model: ContactModel, name: str, traits: Traits, constraints: Constraints) -> Coordinate:
+def coordinate(model: ContactModel, name: str, traits: DataTraits, constraints: Constraints) -> Coordinate:
     """Return the coordinate of a parameter; it is logarithmic if the range of the parameter excludes zero."""
     parameter = model.parameters[name]
     lower, upper = constraints.bounds.get(name, (parameter.lower, parameter.upper))
@@ -303,7 +289,7 @@ def coordinate(model: ContactModel, name: str, traits: Traits, constraints: Cons
 
 
 def surroundings(
-    segments: Sequence[PreparedSegment], traits: Traits, constraints: Constraints, viscous: bool
+    segments: Sequence[PreparedSegment], traits: DataTraits, constraints: Constraints, viscous: bool
 ) -> list[Coordinate]:
     """Return the coordinates of the mass of a drive, of the force offset, and of a viscous friction beside the block.
 
@@ -333,7 +319,7 @@ def surroundings(
     return found
 
 
-def _initial_guess(segment: PreparedSegment, traits: Traits, Fn0: float | None) -> float:
+def _initial_guess(segment: PreparedSegment, traits: DataTraits, Fn0: float | None) -> float:
     """Return the first measured force over the force in sliding."""
     force = float(np.median(segment.measured[:3])) * (Fn0 or 1.0)
     return min(max(force / traits.level, -1.0), 1.0)

@@ -23,19 +23,17 @@ from harness import FmuPart, open_archive
 
 
 @dataclass(frozen=True)
-class Traits:
+class DataTraits:
     """Rough properties of the friction, estimated from the data."""
 
     level: float
     peak: float
     """Typical and largest force in sliding [force]."""
-    viscous: float
-    """Increase of the force with speed [force / velocity]."""
+    viscous: float  # increase of the force with speed [force / velocity]
     stiffness: float
     damping: float
     """Stiffness and damping of the contact in small motions [force / position], [force / velocity]."""
-    speed: float
-    """Largest speed [velocity]."""
+    speed: float  # largest speed [velocity]
 
     @property
     def distance(self) -> float:
@@ -48,7 +46,7 @@ class Traits:
 
 
 @dataclass(frozen=True)
-class Parameter:
+class ModelParameter:
     """Parameter of a block, read from its FMU."""
 
     name: str
@@ -73,24 +71,15 @@ class Parameter:
 class ContactModel:
     """Friction block with the properties needed for its identification."""
 
-    name: str
-    """Name of the block."""
-    path: Path
-    """FMU of the block."""
-    parameters: Mapping[str, Parameter]
-    """All parameters, by name."""
-    states: Mapping[str, str]
-    """Units of the states, by name."""
-    loaded: bool
-    """Whether the block has the normal force as input."""
-    rate_dependent: bool
-    """Whether the force depends on the velocity, not only on the path."""
-    identified_by: Identified
-    """Identification of the block, as stated in its file."""
-    lacks_viscous: bool = False
-    """Whether the block has no viscous friction."""
-    viscous: bool = False
-    """Whether a viscous friction with the coefficient Fv acts beside the block."""
+    name: str  # name of the block
+    path: Path  # FMU of the block
+    parameters: Mapping[str, ModelParameter]  # all parameters, by name
+    states: Mapping[str, str]  # units of the states, by name
+    loaded: bool  # whether the block has the normal force as input
+    rate_dependent: bool  # whether the force depends on the velocity, not only on the path
+    identified_by: Identified  # identification of the block, as stated in its file
+    lacks_viscous: bool = False  # whether the block has no viscous friction
+    viscous: bool = False  # whether a viscous friction with the coefficient Fv acts beside the block
 
     @property
     def static(self) -> bool:
@@ -188,7 +177,7 @@ def _read(model: str | Path, units: AxisUnits) -> ContactModel:
         v = variables[port.name]
         if v.causality != "parameter":
             continue
-        parameters[port.name] = Parameter(
+        parameters[port.name] = ModelParameter(
             port.name,
             v.unit or "1",
             float(v.start if v.type != "Boolean" else v.start in ("true", "1", True)),

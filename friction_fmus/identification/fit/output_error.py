@@ -16,7 +16,7 @@ import scipy.optimize
 
 from friction_fmus.errors import ExcitationError, FitError
 from friction_fmus.identification.data.record import Array
-from friction_fmus.identification.fit.estimate import Estimate, dependent_columns, score_covariance
+from friction_fmus.identification.fit.estimate import Estimate, Estimated, dependent_columns, score_covariance
 
 S = TypeVar("S")
 T = TypeVar("T")
@@ -80,7 +80,7 @@ class Target:
 
 
 @dataclass(frozen=True, eq=False)
-class OutputErrorFit:
+class OutputErrorFit(Estimated):
     """Result of an output-error fit.
 
     Attributes
@@ -105,16 +105,6 @@ class OutputErrorFit:
     simulations: int
     converged: bool
     correlation: Array
-
-    def values(self) -> dict[str, float]:
-        """Return the parameter values without standard errors.
-
-        Returns
-        -------
-        dict of str to float
-            Values in the units of the estimates.
-        """
-        return {name: estimate.value for name, estimate in self.parameters.items()}
 
 
 def fit_output_error(

@@ -20,7 +20,7 @@ from threadpoolctl import threadpool_limits
 from friction_fmus.axis.position_map import Grid, PositionMap
 from friction_fmus.blocks.axis_units import ROTARY
 from friction_fmus.identification.data.record import Array
-from friction_fmus.identification.fit.block_fit import Fit, FitData
+from friction_fmus.identification.fit.block_fit import BlockFit, FitData
 from friction_fmus.identification.fit.scores import Score, rms
 from friction_fmus.identification.fit.search import NEAR, Loss, search
 from friction_fmus.identification.fit.simulation_data import PreparedSegment
@@ -50,8 +50,7 @@ REGULAR = 1e-6  # weight of the parameters in the regression with their linearis
 class PositionFit:
     """Force over position that was identified together with a friction model."""
 
-    table: PositionMap
-    """Cogging and position-dependent friction."""
+    table: PositionMap  # cogging and position-dependent friction
     crossed: float
     crossed_without: float
     """Rms error of the cross-validation over blocks of the training data, with and without the table, in the unit of
@@ -62,7 +61,7 @@ class PositionFit:
 
 
 @dataclass(frozen=True, eq=False)
-class Regressor:
+class TableRegressor:
     """Linear regression of the residual of a model on the values of a table.
 
     The values at the nodes add up to zero for cogging and for friction, because their means belong to the offset and to
@@ -70,12 +69,9 @@ class Regressor:
     table is flat where the record has few samples.
     """
 
-    grid: Grid
-    """Nodes."""
-    v_sign: float
-    """Velocity over which the sign is smoothed [m/s]."""
-    columns: Array
-    """Drive force for a unit of each coefficient, at the rows of the residual."""
+    grid: Grid  # nodes
+    v_sign: float  # velocity over which the sign is smoothed [m/s]
+    columns: Array  # drive force for a unit of each coefficient, at the rows of the residual
 
     def __post_init__(self) -> None:
         """Factorise the normal equations."""
@@ -102,7 +98,7 @@ class Regressor:
         )
 
 
-def fit_with_table(fit: Fit, data: FitData, loss: Loss) -> tuple[Fit, PositionFit] | None:
+def fit_with_table(fit: BlockFit, data: FitData, loss: Loss) -> tuple[BlockFit, PositionFit] | None:
     """Fit a table together with the parameters of a friction model; None if the table does not help.
 
     The number of nodes is the one with the smallest error in a cross-validation over blocks of the training data
@@ -128,7 +124,7 @@ def fit_with_table(fit: Fit, data: FitData, loss: Loss) -> tuple[Fit, PositionFi
     coefficients = regressor.coefficients(errors)
     of_samples = replace(found, residual=errors + regressor.columns @ coefficients, J=found.J[: problem.count])
     table = regressor.table(coefficients * problem.size)
-    return Fit(setup, problem, of_samples), PositionFit(table, crossed, without)
+    return BlockFit(setup, problem, of_samples), PositionFit(table, crossed, without)
 
 
 def force_on_axis(table: PositionMap | None, segment: PreparedSegment) -> Array:
@@ -138,7 +134,7 @@ def force_on_axis(table: PositionMap | None, segment: PreparedSegment) -> Array:
     return table.force(segment.record.column("q"), segment.inputs["v"])
 
 
-def _choose(fit: Fit, segments: Sequence[PreparedSegment]) -> tuple[Regressor, float, float] | None:
+def _choose(fit: BlockFit, segments: Sequence[PreparedSegment]) -> tuple[TableRegressor, float, float] | None:
     """Return the regression with the best number of nodes, and the cross-validation error with and without it."""
     size = fit.problem.size
     over_speed = np.concatenate([segment.rows(_over_speed(segment)) for segment in segments])
@@ -148,7 +144,7 @@ def _choose(fit: Fit, segments: Sequence[PreparedSegment]) -> tuple[Regressor, f
     J = J / np.where(scale > 0.0, scale, 1.0)
     block = np.arange(len(J)) * BLOCKS // len(J)
     without = _crossed(J, np.zeros((len(J), 0)), residual, block)
-    tried: list[tuple[float, Regressor]] = []
+    tried: list[tuple[float, TableRegressor]] = []
     for nodes in NODES:
         if nodes * ROWS_PER_NODE > len(J):
             break
@@ -161,7 +157,7 @@ def _choose(fit: Fit, segments: Sequence[PreparedSegment]) -> tuple[Regressor, f
     return regressor, error * size, without * size
 
 
-def _regressor(segments: Sequence[PreparedSegment], nodes: int) -> Regressor:
+def _regressor(segments: Sequence[PreparedSegment], nodes: int) -> TableRegressor:
     """Return the regression on a table over the whole travel, or over a turn of an axis that turns further."""
     q = np.concatenate([segment.record.column("q") for segment in segments])
     v_sign = SIGN * max(float(np.max(np.abs(segment.inputs["v"]))) for segment in segments)
@@ -171,7 +167,7 @@ def _regressor(segments: Sequence[PreparedSegment], nodes: int) -> Regressor:
     small = sum(len(segment.measured) for segment in segments) * nodes <= KEPT
     rows = _rows if small else _rows.__wrapped__
     columns = np.concatenate([rows(_Path(segment), grid, v_sign) for segment in segments])
-    return Regressor(grid, v_sign, columns)
+    return TableRegressor(grid, v_sign, columns)
 
 
 class _Path:

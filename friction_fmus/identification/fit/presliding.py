@@ -20,13 +20,13 @@ import scipy.signal
 
 from friction_fmus.errors import ExcitationError, FitError, RecordError
 from friction_fmus.identification.data.record import Array, Record
-from friction_fmus.identification.fit.estimate import Estimate
+from friction_fmus.identification.fit.estimate import Estimate, Estimated
 
 COHERENT = 0.9  # lower limit of the coherence; at frequencies below it, noise or sliding dominates the linear response
 
 
 @dataclass(frozen=True, eq=False)
-class PreslidingFit:
+class PreslidingFit(Estimated):
     """Stiffness and damping of a contact at rest.
 
     Attributes
@@ -49,16 +49,6 @@ class PreslidingFit:
     stiffness: np.ndarray[tuple[int], np.dtype[np.complex128]]
     coherence: Array
     stroke: float
-
-    def values(self) -> dict[str, float]:
-        """Return the parameter values without standard errors.
-
-        Returns
-        -------
-        dict of str to float
-            Values in the units of the estimates.
-        """
-        return {name: estimate.value for name, estimate in self.parameters.items()}
 
 
 def identify_presliding(

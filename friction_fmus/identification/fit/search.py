@@ -46,18 +46,12 @@ Loss = Literal["linear", "soft_l1", "huber", "cauchy", "arctan"]
 class SearchResult:
     """Result of a search."""
 
-    x: Array
-    """Coordinates."""
-    residual: Array
-    """Residual over the magnitude of the signal."""
-    J: Array
-    """Jacobian of the residual at x."""
-    converged: bool
-    """Whether the search converged before the iteration limit."""
-    loss: str
-    """Minimised loss."""
-    scale: float
-    """Residual above which a robust loss differs from the square."""
+    x: Array  # coordinates
+    residual: Array  # residual over the magnitude of the signal
+    J: Array  # jacobian of the residual at x
+    converged: bool  # whether the search converged before the iteration limit
+    loss: str  # minimised loss
+    scale: float  # residual above which a robust loss differs from the square
 
     @property
     def cost(self) -> float:

@@ -30,13 +30,11 @@ FREE = 100.0
 class Arc:
     """Piece of a record."""
 
-    record: int
-    """Index of the record."""
+    record: int  # index of the record
     begin: int
     end: int
     """First sample, and first sample of the next arc or last sample of the record."""
-    measured: Array
-    """Measured position."""
+    measured: Array  # measured position
 
 
 #: Function of parameters, arc and its initial state (position, velocity) that returns position and velocity at its
@@ -60,14 +58,10 @@ class Prior:
 class ShootingResult:
     """Result of multiple shooting."""
 
-    x: Array
-    """Parameters."""
-    states: Array
-    """Position and velocity at the beginning of each arc."""
-    covariance: Array
-    """Covariance of the parameters, from errors and prior."""
-    converged: bool
-    """Whether the search converged before the iteration limit, and the arcs continue each other."""
+    x: Array  # parameters
+    states: Array  # position and velocity at the beginning of each arc
+    covariance: Array  # covariance of the parameters, from errors and prior
+    converged: bool  # whether the search converged before the iteration limit, and the arcs continue each other
 
 
 @dataclass(frozen=True, eq=False)

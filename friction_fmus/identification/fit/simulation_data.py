@@ -11,7 +11,7 @@ import numpy as np
 from friction_fmus.errors import RecordError
 from friction_fmus.identification.data.record import Array, Record
 from friction_fmus.identification.fit.idim import InverseModelSettings, default_settings, derivative, filtered_motion
-from friction_fmus.identification.fit.models import ContactModel, Traits
+from friction_fmus.identification.fit.models import ContactModel, DataTraits
 from harness import Drive
 from harness.parts.part import StartValue
 
@@ -22,26 +22,16 @@ Between: TypeAlias = Literal["held", "linear", "halves"]
 class PreparedSegment:
     """Record prepared for a fit."""
 
-    record: Record
-    """Original record."""
-    inputs: Mapping[str, Array]
-    """Inputs of the block: v, and Fn if the normal force was measured."""
-    between: Between
-    """Interpolation of the inputs between samples: the later value, linear, or the nearer value."""
-    x: Array
-    """Position of the motion, from 0."""
-    a: Array | None
-    """Acceleration, if the signal is a drive force."""
-    per: Array | None
-    """Normal force, if the signal is the friction coefficient [N]."""
-    measured: Array
-    """Signal to reproduce, decimated by `rows`."""
-    t: Array
-    """Time of the signal [s]."""
-    filter: InverseModelSettings | None
-    """Filter of both sides of the equation; None for none."""
-    stride: int = 1
-    """Distance between the samples used, in samples of the record."""
+    record: Record  # original record
+    inputs: Mapping[str, Array]  # inputs of the block: v, and Fn if the normal force was measured
+    between: Between  # interpolation of the inputs between samples: the later value, linear, or the nearer value
+    x: Array  # position of the motion, from 0
+    a: Array | None  # acceleration, if the signal is a drive force
+    per: Array | None  # normal force, if the signal is the friction coefficient [N]
+    measured: Array  # signal to reproduce, decimated by `rows`
+    t: Array  # time of the signal [s]
+    filter: InverseModelSettings | None  # filter of both sides of the equation; None for none
+    stride: int = 1  # distance between the samples used, in samples of the record
 
     @property
     def step(self) -> float:
@@ -146,7 +136,7 @@ def prepare(
     return replace(segment, measured=measured, t=t)
 
 
-def traits(segments: Sequence[PreparedSegment], scale: float = 1.0) -> Traits:
+def traits(segments: Sequence[PreparedSegment], scale: float = 1.0) -> DataTraits:
     """Return rough properties of the friction, for start values of parameters."""
     v, x, y = [], [], []
     for segment in segments:
@@ -176,7 +166,7 @@ def traits(segments: Sequence[PreparedSegment], scale: float = 1.0) -> Traits:
         slope = float(np.polyfit(fast, np.abs(force[moving]), 1)[0])
         viscous = min(max(0.0, slope), 0.5 * level / top)
     stiffness, damping = _presliding(v, x, y, level)
-    return Traits(
+    return DataTraits(
         level=level - viscous * float(np.median(fast)),
         peak=float(np.quantile(np.abs(force), 0.98)),
         viscous=viscous if viscous > 0.0 else 0.01 * level / top,

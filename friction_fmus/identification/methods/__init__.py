@@ -1,8 +1,8 @@
 """Methods of identification from records; each module is a method with the module's name.
 
-A module has the function ``fit(data, loss, starts)``, which returns a `Fit`; `free_run` continues another method and
-has ``identify_free_run(found)`` instead. The default method of a friction block depends on whether it has states; its
-file may state another one (``IDENTIFIED METHOD(name)``).
+A module has the function ``fit(data, loss, starts)``, which returns a `BlockFit`; `free_run` continues another method
+and has ``identify_free_run(found)`` instead. The default method of a friction block depends on whether it has states;
+its file may state another one (``IDENTIFIED METHOD(name)``).
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Protocol, cast
 from friction_fmus.errors import FitError, nearest
 
 if TYPE_CHECKING:
-    from friction_fmus.identification.fit.block_fit import Fit, FitData
+    from friction_fmus.identification.fit.block_fit import BlockFit, FitData
     from friction_fmus.identification.fit.models import ContactModel
     from friction_fmus.identification.fit.search import Loss
 
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 class Method(Protocol):
     """Interface of a module of this package."""
 
-    def fit(self, data: FitData, loss: Loss, starts: int | None) -> Fit:
+    def fit(self, data: FitData, loss: Loss, starts: int | None) -> BlockFit:
         """Identify the parameters of a friction block."""
 
 

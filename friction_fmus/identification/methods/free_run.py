@@ -16,7 +16,7 @@ import numpy as np
 
 from friction_fmus.axis.assembly import constant_force
 from friction_fmus.axis.loop import FINEST, free_axis, run_free
-from friction_fmus.axis.servo import Plant
+from friction_fmus.axis.servo import AxisPlant
 from friction_fmus.blocks.axis_units import ROTARY
 from friction_fmus.errors import FitError
 from friction_fmus.identification.data.record import Array, Record
@@ -108,7 +108,7 @@ def _free(result: Identification, record: Record, longest: float = FINEST) -> Sy
     values = result.values()
     own = {name: value for name, value in values.items() if name in contact.parameters}
     table = None if result.position is None else result.position.table
-    plant = Plant(contact.name, own, values["M"], values.get("OF", 0.0), table)
+    plant = AxisPlant(contact.name, own, values["M"], values.get("OF", 0.0), table)
     middle = 0.5 * (result.records[0].t[0] + result.records[-1].t[-1])
     rotary = record.units == ROTARY
     force, trend = record.with_total_force().column("force"), record.t - middle
@@ -119,7 +119,7 @@ def _start(result: Identification, values: Mapping[str, float], state: Array) ->
     """Return the start values of the free axis for parameters and a first state, in which the contact slides."""
     contact = contact_model(result.block, result.records[0].units)
     table = None if result.position is None else result.position.table
-    plant = Plant(contact.name, {}, values["M"], 0.0, table)
+    plant = AxisPlant(contact.name, {}, values["M"], 0.0, table)
     start: dict[str, StartValue] = {"axis.m": values["M"], "axis.x0": float(state[0]), "axis.v0": float(state[1])}
     start |= {**constant_force(plant, -values.get("OF", 0.0)), "force.gain[2]": -values.get(DRIFT, 0.0)}
     for name, value in values.items():

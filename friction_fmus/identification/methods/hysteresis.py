@@ -9,7 +9,7 @@ import numpy as np
 
 from friction_fmus.blocks.axis_units import AxisUnits
 from friction_fmus.errors import FitError
-from friction_fmus.identification.fit.block_fit import Fit, FitData
+from friction_fmus.identification.fit.block_fit import BlockFit, FitData
 from friction_fmus.identification.fit.grid import BLOCK_ELEMENTS, INITIAL_FORCES, coarse, fit_grid, with_count
 from friction_fmus.identification.fit.least_squares import (
     Constraints,
@@ -19,7 +19,7 @@ from friction_fmus.identification.fit.least_squares import (
     coordinate,
     surroundings,
 )
-from friction_fmus.identification.fit.models import ContactModel, Traits
+from friction_fmus.identification.fit.models import ContactModel, DataTraits
 from friction_fmus.identification.fit.search import Loss, search
 from friction_fmus.identification.fit.simulation_data import PreparedSegment
 
@@ -39,7 +39,7 @@ REFINEMENTS, WORTHWHILE = 3, 0.01
 ROUGH = 1e-2  # relative change of the cost at which a search from a grid ends that a finer grid improves further
 
 
-def fit(data: FitData, loss: Loss, starts: int | None) -> Fit:
+def fit(data: FitData, loss: Loss, starts: int | None) -> BlockFit:
     """Fit elements on a coarse grid of break-away distances, then on finer grids around the distances found."""
     common = data.model, data.segments, data.traits, data.constraints, data.units, data.Fn0
     setup = hysteresis_setup(*common)
@@ -55,13 +55,13 @@ def fit(data: FitData, loss: Loss, starts: int | None) -> Fit:
             setup, problem, found = finer, again, better
         if not improved:
             break
-    return Fit(setup, problem, search(problem, loss, 1, begin=found.x))
+    return BlockFit(setup, problem, search(problem, loss, 1, begin=found.x))
 
 
 def hysteresis_setup(
     model: ContactModel,
     segments: Sequence[PreparedSegment],
-    traits: Traits,
+    traits: DataTraits,
     constraints: Constraints,
     units: AxisUnits,
     Fn0: float | None,

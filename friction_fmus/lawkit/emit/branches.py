@@ -400,25 +400,20 @@ _CALL = 10  # cost of a call of the C library in operations
 class Decision:
     """An ``if`` with the selects of its condition."""
 
-    condition: int
-    """The tested node."""
-    selects: tuple[int, ...]
-    """Nodes that take one of two values depending on the condition."""
-    sides: tuple[Block, Block]
-    """Operations computed only for the first, and only for the second value."""
+    condition: int  # the tested node
+    selects: tuple[int, ...]  # nodes that take one of two values depending on the condition
+    sides: tuple[Block, Block]  # operations computed only for the first, and only for the second value
 
 
 @dataclass(frozen=True)
-class Loop:
+class CountedLoop:
     """A loop over the elements of vectors."""
 
-    lanes: int
-    """Number of elements."""
-    items: tuple[int | Decision, ...]
-    """Operations on one element, and sums over the elements."""
+    lanes: int  # number of elements
+    items: tuple[int | Decision, ...]  # operations on one element, and sums over the elements
 
 
-Block = tuple["int | Decision | Loop", ...]
+Block = tuple["int | Decision | CountedLoop", ...]
 """Nodes, decisions and loops in the order of computation."""
 
 
@@ -574,7 +569,7 @@ class _Scheduler:
         if not any(lanes.values()) or len(_outside_loops(self._nodes, path)) < len(path):
             return tuple(map(item, ordered))
         return tuple(
-            Loop(lanes[step[0]], tuple(map(item, step))) if lanes[step[0]] else item(step[0])
+            CountedLoop(lanes[step[0]], tuple(map(item, step))) if lanes[step[0]] else item(step[0])
             for step in in_loops(ordered, waits, lanes, {key for key in ordered if self._is_sum(key[0])})
         )
 

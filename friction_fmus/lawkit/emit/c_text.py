@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 from casadi import Function
 
-from friction_fmus.lawkit.emit.branches import DECIDES, Block, Decision, Loop, Weight, plan, split
+from friction_fmus.lawkit.emit.branches import DECIDES, Block, CountedLoop, Decision, Weight, plan, split
 from friction_fmus.lawkit.emit.chains import INDEX, Rolled, roll
 from friction_fmus.lawkit.emit.graph import COMPARE, CONDITIONS, INFIX, LIBM, LOGIC, Node, Zeros, graph
 from friction_fmus.lawkit.emit.names import DOUBLE, FLOAT, Named, Names, Real, comment_lines, place_name
@@ -24,12 +24,9 @@ __all__ = ["DOUBLE", "FLOAT", "Kernel", "Lows", "Real", "kernel"]
 class Text(NamedTuple):
     """A C expression."""
 
-    text: str
-    """The expression."""
-    rank: int
-    """Precedence of its outermost operator; `PRIMARY` for names, numbers and calls."""
-    reads: frozenset[int]
-    """Indices of the arguments of the function that it reads."""
+    text: str  # the expression
+    rank: int  # precedence of its outermost operator; `PRIMARY` for names, numbers and calls
+    reads: frozenset[int]  # indices of the arguments of the function that it reads
 
 
 PRIMARY = 9
@@ -143,12 +140,9 @@ RESULT, SIDE, IF = -1, -2, -3  # users of a value that are not nodes
 class Store(NamedTuple):
     """Assignment to elements of vectors."""
 
-    node: int
-    """A vector, or a select of vectors."""
-    places: Sequence[str]
-    """Places of an element."""
-    side: int | None
-    """Side of the select that is assigned; None for the value of the node."""
+    node: int  # a vector, or a select of vectors
+    places: Sequence[str]  # places of an element
+    side: int | None  # side of the select that is assigned; None for the value of the node
 
     def values(self, nodes: Sequence[Node]) -> tuple[int, ...]:
         """Return the node that is assigned; none for a zero."""
@@ -162,11 +156,11 @@ class Store(NamedTuple):
         return len(self.places) if self.side is None else 1
 
 
-def numbers(item: int | Decision | Loop) -> Iterator[int]:
+def numbers(item: int | Decision | CountedLoop) -> Iterator[int]:
     """Yield the nodes of an item."""
     if isinstance(item, int):
         yield item
-    elif isinstance(item, Loop):
+    elif isinstance(item, CountedLoop):
         for inner in item.items:
             yield from numbers(inner)
     else:
@@ -176,7 +170,7 @@ def numbers(item: int | Decision | Loop) -> Iterator[int]:
                 yield from numbers(part)
 
 
-def computed(item: int | Decision | Loop) -> tuple[int, ...]:
+def computed(item: int | Decision | CountedLoop) -> tuple[int, ...]:
     """Return the nodes with the values of an item that is not a loop."""
     return item.selects if isinstance(item, Decision) else (item,) if isinstance(item, int) else ()
 
@@ -209,7 +203,7 @@ def count_users(nodes: Sequence[Node], block: Block, users: dict[int, list[tuple
         return 2 if nodes[user].lanes and not nodes[argument].lanes else 1  # once for each element
 
     for item in block:
-        if isinstance(item, Loop):
+        if isinstance(item, CountedLoop):
             count_users(nodes, item.items, users)
         elif isinstance(item, Decision):
             add(item.condition, IF, item.selects[0])
@@ -483,7 +477,7 @@ class Writer(Values):
             stores += [Store(n, left.pop(n), None) for n in [*left] if self._nodes[n].lanes]
         for place, item in enumerate(block):
             stores = self._stored_early(item, block[place + 1 :], stores)
-            if isinstance(item, Loop):
+            if isinstance(item, CountedLoop):
                 inside = stores if item is block[-1] else []
                 self._loop(item.lanes, item.items, [store for store in inside if self._lanes(store) == item.lanes])
                 stores = [store for store in stores if store not in inside or self._lanes(store) != item.lanes]
@@ -502,9 +496,9 @@ class Writer(Values):
         lines, self._lines = self._lines, outer
         return lines
 
-    def _stored_early(self, item: int | Decision | Loop, later: Block, stores: Sequence[Store]) -> list[Store]:
+    def _stored_early(self, item: int | Decision | CountedLoop, later: Block, stores: Sequence[Store]) -> list[Store]:
         """Choose the place of a result for elements that are used later, unless its old value is also used later."""
-        inner = item.items if isinstance(item, Loop) else (item,)
+        inner = item.items if isinstance(item, CountedLoop) else (item,)
         left = []
         for store in stores if later else ():
             values = store.values(self._nodes)
@@ -723,16 +717,14 @@ class Kernel:
     lines: tuple[str, ...]
     """Declarations and statements, which end with the assignments of all results. Truth values have the type ``bool``.
     """
-    functions: frozenset[str]
-    """Called functions of <math.h>."""
+    functions: frozenset[str]  # called functions of <math.h>
 
 
 @dataclass(frozen=True)
 class Lows:
     """Lower parts of pairs, see `friction_fmus.lawkit.emit.branches`."""
 
-    wide: Mapping[int, Weight]
-    """Arguments that are pairs."""
+    wide: Mapping[int, Weight]  # arguments that are pairs
     reads: Mapping[int, str]
     writes: Mapping[int, str]
     """C expressions of the lower parts, by index of the argument and of the result."""

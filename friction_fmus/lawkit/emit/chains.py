@@ -22,19 +22,7 @@ Chain = tuple[int, ...]
 
 
 class Search:
-    """Search for chains of corresponding nodes.
-
-    Attributes
-    ----------
-    needed : set of int
-        Nodes on which the results depend.
-    operations : set of tuple of int
-        Chains that are computed in loops.
-    sums : dict of int to tuple
-        Sums of chains by their last addition: the chain, the node to which its elements are added, all additions.
-    partial : dict of int to tuple of int
-        Chains by the additions of their sums.
-    """
+    """Search for chains of corresponding nodes."""
 
     def __init__(
         self,
@@ -47,7 +35,7 @@ class Search:
         """Find all chains and the sums of their elements."""
         self.nodes, self.results, self.reads, self.writes = nodes, results, reads, writes
         self._refused = frozenset(refused)
-        self.needed = needed_for(nodes, results)
+        self.needed = needed_for(nodes, results)  # nodes on which the results depend
         self._by_key = {(node.operation, node.arguments): number for number, node in enumerate(nodes)}
         self._sizes = self._count_operations()
         self._users: dict[int, list[int]] = {}
@@ -58,8 +46,10 @@ class Search:
         self._chain_of: dict[int, tuple[Chain, int]] = {}  # node -> its chain, and its place there
         for chain in self._chains():
             self._chain_of.update((number, (chain, lane)) for lane, number in enumerate(chain))
+        # sums by their last addition: the chain, the node to which its elements are added, all additions
         self.sums: dict[int, tuple[Chain, int | None, Chain]] = {}
-        self.partial: dict[int, Chain] = {}
+        self.partial: dict[int, Chain] = {}  # chains by the additions of their sums
+        # chains that are computed in loops
         self.operations = {chain for chain, _ in self._chain_of.values() if not self.is_leaf(chain[0])}
         arguments = {chain for chain, _ in self._chain_of.values() if nodes[chain[0]].operation == "INPUT"}
         for chain in sorted(self.operations | arguments):
@@ -286,18 +276,13 @@ def _indexed(vector: str, begin: int) -> str:
 class Rolled:
     """A graph with operations on vectors."""
 
-    nodes: list[Node]
-    """All operations, arguments before their users."""
-    reads: list[str]
-    """C expression of each argument: the given ones, then those of vectors, with the index `INDEX`."""
-    members: dict[int, Chain] = field(default_factory=dict)
-    """Given arguments by the index of each vector in `reads`."""
-    targets: dict[int, list[str]] = field(default_factory=dict)
-    """Places to which each result is assigned."""
+    nodes: list[Node]  # all operations, arguments before their users
+    reads: list[str]  # C expression of each argument: the given ones, then those of vectors, with the index `INDEX`
+    members: dict[int, Chain] = field(default_factory=dict)  # given arguments by the index of each vector in `reads`
+    targets: dict[int, list[str]] = field(default_factory=dict)  # places to which each result is assigned
     place: dict[int, int] = field(default_factory=dict)
     """New index of each given node that still exists, of an element its vector."""
-    single: dict[int, int] = field(default_factory=dict)
-    """New index of each given element that is also used singly."""
+    single: dict[int, int] = field(default_factory=dict)  # new index of each given element that is also used singly
 
 
 def roll(nodes: Sequence[Node], results: Sequence[int], reads: Sequence[str], writes: Sequence[str]) -> Rolled:
@@ -307,11 +292,11 @@ def roll(nodes: Sequence[Node], results: Sequence[int], reads: Sequence[str], wr
         search = Search(nodes, results, reads, writes, refused)
         conflicts = search.conflicts() - refused
         if not conflicts:
-            return _Writer(search).rolled()
+            return _ChainWriter(search).rolled()
         refused |= conflicts
 
 
-class _Writer:
+class _ChainWriter:
     """Writer of the graph with vectors."""
 
     def __init__(self, search: Search) -> None:

@@ -33,16 +33,11 @@ OPERATIONS = {*INFIX, *CONDITIONS, *LIBM, *FORMULAS, "IF_ELSE_ZERO"}
 class Node:
     """An operation."""
 
-    operation: str
-    """Its name."""
-    arguments: tuple[int, ...] = ()
-    """Indices of its arguments."""
-    value: float = 0.0
-    """The value of a constant, the index of an input, the first value of the index of a loop."""
-    lanes: int = 0
-    """Number of elements of a vector; 0 for a scalar."""
-    brief: bool = False
-    """Whether its expression is repeated at each use."""
+    operation: str  # its name
+    arguments: tuple[int, ...] = ()  # indices of its arguments
+    value: float = 0.0  # the value of a constant, the index of an input, the first value of the index of a loop
+    lanes: int = 0  # number of elements of a vector; 0 for a scalar
+    brief: bool = False  # whether its expression is repeated at each use
 
     @property
     def is_leaf(self) -> bool:

@@ -19,14 +19,10 @@ from friction_fmus.lawkit.emit.graph import COMPARE, LIBM, Node
 class Real:
     """A floating-point type of C."""
 
-    name: str
-    """C keyword."""
-    suffix: str
-    """Suffix of literals and of the functions in <math.h>."""
-    infinity: str
-    """Expression for infinity."""
-    largest: float
-    """Largest finite number."""
+    name: str  # C keyword
+    suffix: str  # suffix of literals and of the functions in <math.h>
+    infinity: str  # expression for infinity
+    largest: float  # largest finite number
     smallest: float
     """Smallest magnitude of a constant other than zero: a guard against division by zero must not become zero."""
     bound: float = 0.0
@@ -95,12 +91,9 @@ _KINDS = {
 class Named(NamedTuple):
     """A name that the source of a function gives to a node."""
 
-    name: str
-    """The name, which several nodes may have."""
-    node: int
-    """Index of the node."""
-    depth: int
-    """0 for names in the law itself, more for names in functions that it calls."""
+    name: str  # the name, which several nodes may have
+    node: int  # index of the node
+    depth: int  # 0 for names in the law itself, more for names in functions that it calls
     assigned: bool
     """Whether it is the name of a variable. Its node always becomes a constant; other names are used if a node needs
     one."""

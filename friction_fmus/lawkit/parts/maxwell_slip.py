@@ -33,10 +33,8 @@ CONDITIONS = {
 class Element:
     """An element in a sample with the displacement dx; forces are positive in the direction of dx."""
 
-    level: SX
-    """Force at which it slips [force]."""
-    moved: SX
-    """Its force after the displacement [force]."""
+    level: SX  # force at which it slips [force]
+    moved: SX  # its force after the displacement [force]
     slipped: SX
     slips: SX
     """Whether it slips during the displacement, and 1 or 0 after it; 0 for an element that is not in use."""

@@ -1,4 +1,4 @@
-"""Formats of data files, one file each, with the ``SUFFIXES`` of their names and ``read``, which returns a `Table`."""
+"""Formats of data files, one file each: ``SUFFIXES`` of their names, and ``read``, which returns a `DataTable`."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from pathlib import Path
 from types import ModuleType
 
 from friction_fmus.errors import RecordError
-from friction_fmus.identification.data.tables import Table
+from friction_fmus.identification.data.tables import DataTable
 from harness.errors import MissingPackageError
 
 
@@ -18,7 +18,7 @@ def formats() -> dict[str, ModuleType]:
     return {suffix: module for module in modules for suffix in module.SUFFIXES}
 
 
-def read_table(path: Path) -> Table:
+def read_table(path: Path) -> DataTable:
     """Read a data file; the suffix determines the format."""
     known, name = formats(), path.name.lower()
     suffix = max((each for each in known if name.endswith(each)), key=len, default=None)
@@ -28,7 +28,7 @@ def read_table(path: Path) -> Table:
     if not path.is_file():
         raise RecordError(f"There is no data file {path}; correct the path.")
     try:
-        table: Table = known[suffix].read(path)
+        table: DataTable = known[suffix].read(path)
     except (MissingPackageError, RecordError):
         raise
     except Exception as error:  # a damaged file may raise any exception in the libraries

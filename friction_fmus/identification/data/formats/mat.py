@@ -13,7 +13,7 @@ import numpy as np
 from friction_fmus.errors import RecordError
 from friction_fmus.identification.data import tables
 from friction_fmus.identification.data.record import Array
-from friction_fmus.identification.data.tables import Table, limit_size
+from friction_fmus.identification.data.tables import DataTable, limit_size
 
 SUFFIXES: Final = (".mat",)
 
@@ -22,19 +22,19 @@ HDF5: Final = b"\x89HDF\r\n\x1a\n"
 """Signature of HDF5, at offset 512 of a MATLAB 7.3 file or at its start."""
 
 
-def read(path: Path) -> Table:
+def read(path: Path) -> DataTable:
     """Read a .mat file: MATLAB up to 7.2 with scipy, MATLAB 7.3 with h5py, Dymola with the harness."""
     with path.open("rb") as file:
         header = file.read(520)
     if HDF5 in (header[:8], header[512:]):
-        return Table(path, _same_length(path, _hdf5(path)))
+        return DataTable(path, _same_length(path, _hdf5(path)))
     limit_size(path, _unpacked(path))
     import scipy.io
 
     content = scipy.io.loadmat(path, squeeze_me=True, struct_as_record=False)
     if "Aclass" in content:
         return _trajectory(path)
-    return Table(path, _same_length(path, (item for key, value in content.items() for item in _flat(key, value))))
+    return DataTable(path, _same_length(path, (item for key, value in content.items() for item in _flat(key, value))))
 
 
 def _unpacked(path: Path) -> int:
@@ -61,12 +61,12 @@ COMPRESSED: Final = 15
 """Type of a compressed variable in a MATLAB file of version 5."""
 
 
-def _trajectory(path: Path) -> Table:
+def _trajectory(path: Path) -> DataTable:
     from harness import load_result
 
     result = load_result(path)
     columns = {name: result[name].to_numpy().astype(np.float64) for name in ("time", *map(str, result.data_vars))}
-    return Table(path, columns, {name: result[name].attrs.get("units", "") for name in columns})
+    return DataTable(path, columns, {name: result[name].attrs.get("units", "") for name in columns})
 
 
 def _flat(name: str, value: Any) -> Iterator[tuple[str, Array]]:

@@ -13,7 +13,7 @@ from typing import Any, Final
 import numpy as np
 
 from friction_fmus.errors import RecordError
-from friction_fmus.identification.data.tables import EXACT, Group, Table, on_one_clock
+from friction_fmus.identification.data.tables import EXACT, ChannelGroup, DataTable, on_one_clock
 from harness.extras import require
 
 SUFFIXES: Final = (".mcap",)
@@ -28,7 +28,7 @@ LONGEST: Final = 64
 """Largest number of elements of an array whose elements become columns."""
 
 
-def read(path: Path) -> Table:
+def read(path: Path) -> DataTable:
     """Read an MCAP file.
 
     Each number in a message becomes a column named after topic, joint and field, such as
@@ -75,13 +75,13 @@ def read(path: Path) -> Table:
     return replace(table, texts=texts)
 
 
-def _group(messages: list[tuple[int, dict[str, float]]], begin: int) -> Group:
+def _group(messages: list[tuple[int, dict[str, float]]], begin: int) -> ChannelGroup:
     """Return the signals of a topic at increasing times; of messages with equal times the first one counts."""
     at = dict(reversed(messages))
     stamps = sorted(at)
     names = dict.fromkeys(name for _, values in messages for name in values)
     signals = {name: np.array([at[stamp].get(name, np.nan) for stamp in stamps]) for name in names}
-    return Group(np.array([(stamp - begin) * 1e-9 for stamp in stamps]), signals)
+    return ChannelGroup(np.array([(stamp - begin) * 1e-9 for stamp in stamps]), signals)
 
 
 def _numbers(content: Any, name: str, depth: int) -> Iterator[tuple[str, float]]:

@@ -5,13 +5,13 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Final
 
-from friction_fmus.identification.data.tables import Table, from_arrow, limit_size
+from friction_fmus.identification.data.tables import DataTable, from_arrow, limit_size
 from harness.extras import require
 
 SUFFIXES: Final = (".parquet", ".pq")
 
 
-def read(path: Path) -> Table:
+def read(path: Path) -> DataTable:
     """Read a file without unpacking one of gigabytes."""
     require("pyarrow")
     import pyarrow.parquet as pq

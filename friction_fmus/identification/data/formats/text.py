@@ -17,7 +17,7 @@ import numpy as np
 from friction_fmus.errors import RecordError
 from friction_fmus.identification.data.guessing import meaning_of
 from friction_fmus.identification.data.record import Array, Finding, unit_of
-from friction_fmus.identification.data.tables import Group, Table, on_one_clock
+from friction_fmus.identification.data.tables import ChannelGroup, DataTable, on_one_clock
 from harness.storage.files import LARGEST_DATA
 
 SUFFIXES: Final = tuple(f".{kind}{zip}" for kind in ("csv", "tsv", "txt", "dat", "asc") for zip in ("", ".gz", ".xz"))
@@ -82,7 +82,7 @@ def is_scope_export(lines: Sequence[tuple[int, str]], separator: str) -> bool:
     return abs(width - wanted) <= 1  # older versions end lines with a separator
 
 
-def read_scope_export(path: Path, lines: Sequence[tuple[int, str]], separator: str) -> Table:
+def read_scope_export(path: Path, lines: Sequence[tuple[int, str]], separator: str) -> DataTable:
     """Read a text export of TwinCAT Scope (`is_scope_export`)."""
     names_row = _names_row(lines, separator)
     first = _first_number(lines, separator, names_row + 1)
@@ -98,7 +98,7 @@ def read_scope_export(path: Path, lines: Sequence[tuple[int, str]], separator: s
         rows.append((number, (cells + [""] * len(names))[: len(names)]))
     comma = separator != "," and any("," in cell and numeric(cell) for _, row in rows for cell in row)
     starts = [i for i, name in enumerate(names) if name == KEY]
-    groups: list[Group] = []
+    groups: list[ChannelGroup] = []
     known: dict[str, str] = {}
     for start, end in zip(starts, [*starts[1:], len(names)], strict=True):
         there = [i for i, (_, row) in enumerate(rows) if row[start]]
@@ -115,9 +115,9 @@ def read_scope_export(path: Path, lines: Sequence[tuple[int, str]], separator: s
                 known[name] = unit
         same = next((group for group in groups if np.array_equal(group.t, t)), None)
         if same is not None:
-            groups[groups.index(same)] = Group(t, {**same.signals, **signals})
+            groups[groups.index(same)] = ChannelGroup(t, {**same.signals, **signals})
         else:
-            groups.append(Group(t, signals))
+            groups.append(ChannelGroup(t, signals))
     if not any(group.signals for group in groups):
         raise RecordError(f"{path} is an export of TwinCAT Scope without channels; export the chart again.")
     table = on_one_clock(path, groups, "time", "ms")
@@ -158,7 +158,7 @@ _HEADING = re.compile(r"(?P<name>.*?)\s*[\[(](?P<unit>[^\[\]()]*(\([^()]*\))?[^\
 _SEPARATORS = (";", "\t", ",", "|")
 
 
-def read(path: Path) -> Table:
+def read(path: Path) -> DataTable:
     """Read a text table: columns separated by ; tab , | or spaces, after comments and a heading."""
     full = [(n, line) for n, line in enumerate(_decoded(path).splitlines(), start=1) if line.strip()]
     numbered = [(n, line) for n, line in full if not line.lstrip().startswith(_COMMENTS)]
@@ -297,7 +297,7 @@ def _is_units(row: list[str]) -> bool:
     return any(units) and all(unit in ("", "-") or unit_of(unit) is not None for unit in units)
 
 
-def _parsed(path: Path, names: list[str], rows: list[tuple[int, list[str]]], comma: bool) -> Table:
+def _parsed(path: Path, names: list[str], rows: list[tuple[int, list[str]]], comma: bool) -> DataTable:
     columns, units, texts = {}, {}, {}
     for name, cells in zip(names, zip(*(row for _, row in rows), strict=True), strict=True):
         if (values := numbers(cells, comma)) is not None:
@@ -307,7 +307,7 @@ def _parsed(path: Path, names: list[str], rows: list[tuple[int, list[str]]], com
         else:
             number, cell = next((rows[i][0], cell) for i, cell in enumerate(cells) if numbers([cell], comma) is None)
             texts[name] = f"{cell!r} in line {number}"
-    return Table(path, columns, units, texts, np.array([number for number, _ in rows]))
+    return DataTable(path, columns, units, texts, np.array([number for number, _ in rows]))
 
 
 def _moments(cells: Sequence[str]) -> Array | None:
