@@ -7,13 +7,9 @@ import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from functools import cache
-from importlib.metadata import version
 from pathlib import Path
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 from zipfile import ZipFile
-
-import numpy as np
-from numpy.typing import ArrayLike
 
 import harness
 from friction_fmus.blocks.catalogue import (
@@ -34,10 +30,13 @@ from friction_fmus.errors import BuildError
 from friction_fmus.version import VERSION, build_time
 from harness.compiling import toolchain
 from harness.compiling.platforms import NATIVE, Platform, native_library, select
-from harness.fmi3 import fmi_3
 from harness.storage.files import ScratchFolder, atomic_path, cached, make_folder, read_source, reason
 from harness.storage.zip_file import find_outside
-from harness.wasm import WasmModel, is_wasm, wasm_model, write_package
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+
+    from harness.wasm import WasmModel
 
 SHIPPED = PACKAGE / "fmus"
 """Folder of the FMUs for all platforms in an installed package; a checkout has none."""
@@ -100,6 +99,8 @@ def build(
     UnknownNameError, BuildError
         If the model is unknown; if it cannot be built.
     """
+    from harness.wasm import is_wasm, write_package
+
     if (clocks or arrays) and fmi == 2:
         raise BuildError(
             "FMI 2.0 has neither clocks nor arrays: build the FMU with --fmi 3, or leave these options out"
@@ -110,6 +111,8 @@ def build(
     if fmi == 2:
         file, content = _built(model, start, name, files, domain, platforms, compiling)
     else:
+        from harness.fmi3 import fmi_3
+
         targets = select(tuple(platforms))
         file, content = _built(model, start, name, files, domain, ("native",))
         content = fmi_3(content, targets, compiling, clocks=clocks, arrays=arrays)
@@ -125,6 +128,8 @@ def wasm_block(
     domain: Literal["translational", "rotational"] = "translational",
 ) -> WasmModel:
     """Return a block as a WebAssembly module with the description of its variables; see `build`."""
+    from harness.wasm import wasm_model
+
     _, content = _built(model, start, name, files, domain, ("native",))
     return wasm_model(content)
 
@@ -165,7 +170,7 @@ def _built(
 def _shipped(model: str | Path) -> Path | None:
     """Return the FMU in the installed package, if the model is one of its blocks."""
     path = SHIPPED / f"{model}.fmu"
-    return path if str(model) in listing() and path.is_file() else None
+    return path if path.is_file() and str(model) in listing() else None
 
 
 def fmu(
@@ -247,6 +252,8 @@ def build_record(
     BuildError
         If lengths differ, values are not finite or times do not increase.
     """
+    import numpy as np
+
     columns = [np.asarray(column, dtype=float) for column in (times, r, rd, rdd)]
     if len({column.shape for column in columns}) != 1 or columns[0].ndim != 1 or columns[0].size < 2:
         raise BuildError("A record needs times, r, rd and rdd as vectors of the same length, at least 2")
@@ -304,6 +311,8 @@ def _key(sources: Mapping[str, str], block: Block, platforms: Sequence[Platform]
 @cache
 def _generator() -> str:
     """Return a hash of what generates FMUs: this package with its changelog, and the libraries that it draws with."""
+    from importlib.metadata import version
+
     libraries = (version(library) for library in ("fmpy", "matplotlib"))
     shared = (Path(str(harness.__file__)).with_name(name) for name in ("drawing.py", "html.py"))
     modules = (path.read_text(encoding="utf-8") for path in (*sorted(PACKAGE.rglob("*.py")), *shared))
