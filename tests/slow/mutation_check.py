@@ -7,7 +7,7 @@ by others. All tests run once without a mutant, which tells the FMUs and librari
 processor time; ``--measured`` keeps that in a file and uses it if it exists. For each mutant run first the files that
 open what it is compiled into, beginning with short ones for it and with those that found others in the same C file;
 only if they pass, all others run. With ``--seconds``, only the former run, as many as take that processor time. A
-mutant is found too if the tests take ten times as long with it. The survivors that are not in `EQUIVALENT` are printed;
+mutant is found too if the tests take five times as long with it. Survivors that are not in `EQUIVALENT` are printed;
 the status is 1 if fewer than 95 % are found.
 
 FMUs are compiled without optimisation and drawn without figures, see ``quick.py``, and kept for all mutants.
@@ -202,7 +202,7 @@ class Finder:
         if not files:
             return False
         expected = sum(self.files[file].seconds for file in files)
-        status = self.run(lambda: pytest_run(files), 10.0 * expected + 60.0)
+        status = self.run(lambda: pytest_run(files), 5.0 * expected + 30.0)
         failed = re.findall(r"^(?:FAILED|ERROR) ([\w/.]+)", self.log.read_text(errors="replace"), re.M)
         self.failed = failed[0] if failed else f"ended with status {status}"
         return status not in (0, 5)  # 5: all tests are for the night
