@@ -58,7 +58,13 @@ PYTEST += ("-W", "ignore::pytest.PytestAssertRewriteWarning")
 IMPORTED = (
     *("casadi", "fmpy", "hypothesis", "lxml.etree", "matplotlib.pyplot", "pandas", "plotly.graph_objects", "pytest"),
     *("scipy.integrate", "scipy.optimize", "scipy.signal", "scipy.stats", "xarray"),
-    *("quick", "shell.fixtures", "shell.selection", "friction_fmus.fmi.contents", "friction_fmus.identification"),
+    *(
+        "quick",
+        "shell.fixtures",
+        "shell.selection",
+        "friction_fmus.export.block_contents",
+        "friction_fmus.identification",
+    ),
     *("friction_fmus.study", "harness.engine.native", "harness.ssp", "harness.system.system"),
 )
 """What the tests import, once for all mutants, which change no Python."""
@@ -277,7 +283,7 @@ def keep_laws() -> None:
 def write_libraries(path: Path) -> int:
     """Write the names of the blocks that each C file is compiled into; not in a process that keeps the catalogue."""
     from friction_fmus import catalogue
-    from friction_fmus.fmi.package import _sources
+    from friction_fmus.export.block_fmu import _sources
 
     blocks = defaultdict(list)
     for block in catalogue().values():
@@ -294,7 +300,7 @@ def compiled(file: str, blocks: list[str]) -> int:
     from friction_fmus import BuildError, build, find
     from friction_fmus.blocks.customise import identified
     from friction_fmus.cli.inputs import open_system
-    from friction_fmus.fmi.package import _sources
+    from friction_fmus.export.block_fmu import _sources
     from harness.compiling.library import library
     from harness.compiling.platforms import native_library
 
