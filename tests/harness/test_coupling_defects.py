@@ -8,8 +8,8 @@ import pytest
 
 from harness import CallablePart, Port, System
 
-STEPS = 400
-MEAN, SWING, SPEED = 3.0, 1.0, 0.7
+STEPS = 4000
+MEAN, SWING, SPEED = 3.0, 2.0, 0.7
 
 
 def force(t: float, _u: object, _x: object) -> float:
@@ -36,3 +36,4 @@ def test_a_force_that_alternates_has_the_defects_of_its_sums() -> None:
     assert found["lasting_defect"] == pytest.approx(math.sqrt((2 * SWING) ** 2 * (STEPS - 1) / STEPS / mean_square))
     assert found["alternating_defect"] == pytest.approx(2 * SWING * (STEPS - 1) / STEPS / MEAN)
     assert found["energy_defect"] == pytest.approx(SWING * SPEED / (MEAN * SPEED))
+    assert found["feeding"] == 0.0  # over 2000 steps, it is as often too much as too little

