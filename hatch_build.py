@@ -28,14 +28,13 @@ def build_fmus(names: list[str], folder: Path) -> None:
 class BinariesHook(BuildHookInterface):  # type: ignore[type-arg]
     """Adds ``friction_fmus/fmus`` and ``harness/engine/binaries``.
 
-    An editable install compiles on first use instead, and so depends on what that needs; it gets everything, so that
-    every command works in a checkout.
+    An editable install compiles on first use instead, and so depends on what that needs; it gets what a study needs.
     """
 
     def initialize(self, version: str, build_data: dict[str, Any]) -> None:
         """Compile before the files are collected."""
         if version == "editable":
-            build_data["dependencies"] += self.metadata.core.optional_dependencies["all"]
+            build_data["dependencies"] += self.metadata.core.optional_dependencies["study"]
             return
         from friction_fmus.blocks.catalogue import OWN_BLOCKS, catalogue
         from harness.compiling.library import sources

@@ -2,11 +2,13 @@
 
 The FMUs of the blocks in FMI 2.0, as users get them, are compiled as ever; this is for FMUs with other start values or
 of other files, rotational ones, those of FMI 3.0 and composites. The flags are part of every key
-of the cache, so that no other build finds what is made here. Each night all FMUs are those of users.
+of the cache, so that no other build finds what is made here. Each night all FMUs are those of users; with
+``QUICK_BUILDS=1`` (`slow/mutation_check.py`), those of the blocks are built quickly too.
 """
 
 from __future__ import annotations
 
+import os
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -49,6 +51,10 @@ class _Flags(tuple[str, ...]):
 
 
 def _as_users_get_it(make: Callable[..., Any]) -> Callable[..., Any]:
+    return make if os.environ.get("QUICK_BUILDS") else _optimised(make)
+
+
+def _optimised(make: Callable[..., Any]) -> Callable[..., Any]:
     def made(*given: Any, **named: Any) -> Any:
         thread = threading.get_ident()
         outer = thread in _PLAIN
@@ -97,7 +103,7 @@ def quick_builds(folder: str) -> Iterator[None]:
 
     def unit(target: str | None, *rest: Any, **named: Any) -> Any:
         slow = "wasm" in (target or "")  # without optimisation, a module needs what no browser has
-        return (_as_users_get_it(compile_unit) if slow else compile_unit)(target, *rest, **named)
+        return (_optimised(compile_unit) if slow else compile_unit)(target, *rest, **named)
 
     def drawn(block: Block, description: Description, part: FmuPart) -> Portrait:
         if _is_plain():

@@ -201,17 +201,21 @@ class _Probe:
         points = self.MOST_POINTS if self._size < self.LARGE else self.FEW_POINTS
         for point in range(points):
             values = (ctypes.c_double * self._size)(*self._point(plain=point == 0))
-            base = self._run(values, initial, unknowns)
+            base = dict(zip(unknowns, self._run(values, initial, unknowns), strict=True))
             for known in knowns:
                 poisons = [self._moved(known, values[known.reference])]
+                left = [reference for reference in unknowns if known.reference not in found[reference]]
+                if not left:
+                    continue
+                before = [base[reference] for reference in left]
                 if known.type == REAL:
                     # a huge value reaches limits that are otherwise out of reach; 0 is the "no" of a flag
                     places = (-self.FAR, 0.0, self.FAR)
                     poisons += [math.nan, *(min(max(place, known.min), known.max) for place in places)]
                 for poison in poisons:
-                    after = self._run(values, initial, unknowns, (known.reference, poison))
-                    if after != base:
-                        for reference, one, two in zip(unknowns, base, after, strict=True):
+                    after = self._run(values, initial, left, (known.reference, poison))
+                    if after != before:
+                        for reference, one, two in zip(left, before, after, strict=True):
                             if not _same(one, two):
                                 found[reference].add(known.reference)
         states = {v.reference for v in self._variables if v.role == STATE_OUTPUT}

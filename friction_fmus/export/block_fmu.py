@@ -7,13 +7,9 @@ import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from functools import cache
-from importlib.metadata import version
 from pathlib import Path
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 from zipfile import ZipFile
-
-import numpy as np
-from numpy.typing import ArrayLike
 
 from friction_fmus.blocks.catalogue import (
     PACKAGE,
@@ -36,6 +32,9 @@ from harness.compiling import toolchain
 from harness.compiling.platforms import NATIVE, native_library, select
 from harness.storage.files import ScratchFolder, cached, read_source, reason
 from harness.storage.zip_file import find_outside
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
 
 SHIPPED = PACKAGE / "fmus"
 """Folder of the FMUs for all platforms in an installed package; a checkout has none."""
@@ -143,7 +142,7 @@ def block_source(
 def _shipped(model: str | Path) -> Path | None:
     """Return the FMU in the installed package, if the model is one of its blocks."""
     path = SHIPPED / f"{model}.fmu"
-    return path if str(model) in listing() and path.is_file() else None
+    return path if path.is_file() and str(model) in listing() else None
 
 
 def fmu(
@@ -228,6 +227,8 @@ def build_record(
     BuildError
         If lengths differ, values are not finite or times do not increase.
     """
+    import numpy as np
+
     columns = [np.asarray(column, dtype=float) for column in (times, r, rd, rdd)]
     if len({column.shape for column in columns}) != 1 or columns[0].ndim != 1 or columns[0].size < 2:
         raise BuildError("A record needs times, r, rd and rdd as vectors of the same length, at least 2")
@@ -284,6 +285,8 @@ def _key(sources: Mapping[str, str], block: Block) -> str:
 @cache
 def _generator() -> str:
     """Return a hash of what generates FMUs: this package with its changelog, and the libraries that it draws with."""
+    from importlib.metadata import version
+
     libraries = (version(library) for library in ("fmpy", "matplotlib"))
     modules = (path.read_text(encoding="utf-8") for path in sorted(PACKAGE.rglob("*.py")))
     return _hash((VERSION, *libraries, package_text("CHANGELOG.md"), *modules))

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import hashlib
 import struct
+import sys
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Final, NamedTuple
-
-import fmpy
 
 from harness.compiling import toolchain
 from harness.errors import BuildError, nearest
@@ -55,7 +54,8 @@ class Platform(NamedTuple):
     ``CC`` if that is set."""
 
 
-NATIVE: Final = Platform(fmpy.platform, fmpy.sharedLibraryExtension, (None,))
+_SYSTEM, _SUFFIX = {"win32": ("win", ".dll"), "darwin": ("darwin", ".dylib")}.get(sys.platform, ("linux", ".so"))
+NATIVE: Final = Platform(f"{_SYSTEM}{64 if sys.maxsize > 1 << 32 else 32}", _SUFFIX, (None,))
 """The platform of this machine."""
 
 _CROSS = (

@@ -11,6 +11,7 @@ import subprocess
 import sys
 from collections.abc import Mapping, Sequence
 from functools import cache
+from importlib.util import find_spec
 from pathlib import Path
 
 from harness.errors import BuildError, MissingPackageError
@@ -92,9 +93,9 @@ def cache_folder() -> Path:
 
 def header_folder() -> Path:
     """Return the folder of the FMI headers, which fmpy contains."""
-    import fmpy
-
-    return Path(fmpy.__file__).parent / "c-code"
+    found = find_spec("fmpy")
+    assert found is not None and found.origin is not None
+    return Path(found.origin).parent / "c-code"
 
 
 def compiler(target: str | None = None) -> list[str]:

@@ -125,7 +125,10 @@ class NewtonData(ctypes.Structure):
     _fields_ = (
         ("groups", _POINTER),
         ("group_count", _INT),
-        *((name, _POINTER) for name in ("order", "continuous", "moving", "unknowns", "held", "held_values", "held_sizes")),
+        *(
+            (name, _POINTER)
+            for name in ("order", "continuous", "moving", "unknowns", "held", "held_values", "held_sizes")
+        ),
         *((name, _POINTER) for name in ("contacts", "loads")),
         *(
             (name, _POINTER)

@@ -72,6 +72,7 @@ def test_page_of_capabilities_says_what_the_fmu_declares(name: str, tables: Modu
     assert "all 34 of co-simulation and the 10 of model exchange are exported" in page
 
 
+@nightly
 def test_models_to_begin_with_show_what_the_motion_asks_for(tables: ModuleType) -> None:
     for row, suited in [(row, tables.suited_models(row)) for row in tables.MOTIONS] + [
         (row, tables.answering_models(row)) for row in tables.QUESTIONS
@@ -80,6 +81,7 @@ def test_models_to_begin_with_show_what_the_motion_asks_for(tables: ModuleType) 
         assert set(tables.choices(row)) <= set(suited), row.name
 
 
+@nightly
 def test_compensators_named_get_by_with_the_signals_at_hand(tables: ModuleType) -> None:
     for situation in tables.SITUATIONS:
         assert tables.begin(situation)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -12,9 +13,11 @@ from scipy.integrate import quad
 from scipy.interpolate import CubicHermiteSpline
 from thorough import nightly
 
+from friction_fmus import fmu
 from friction_fmus.axis.loop import closed_loop, run_loop
 from friction_fmus.axis.position_map import Grid, PositionMap
 from friction_fmus.axis.servo import AxisPlant, Servo, Trajectory
+from friction_fmus.blocks.catalogue import source_folder
 from friction_fmus.errors import BuildError
 from friction_fmus.study.data import build_reference
 from harness import Drive, FmuPart
@@ -47,6 +50,18 @@ def test_both_parts_are_cubic_splines_over_position() -> None:
     expected = spline(COGGING)(x) - spline(FRICTION)(x) * np.tanh(v / 2e-3)
     np.testing.assert_allclose(forces(LINE, x, v), expected, atol=1e-13)
     np.testing.assert_allclose(LINE.force(x, v), expected, atol=1e-13)
+
+
+def test_the_default_map_is_the_ripple_that_its_header_names() -> None:
+    text = (source_folder() / "plants" / "map.h").read_text(encoding="utf-8")
+    cogging, friction = np.array(re.findall(r"^ *{([-\d.]+), ([-\d.]+)},$", text, re.M), dtype=float).T
+    turns = np.arange(25) * 0.003 / 0.072
+    np.testing.assert_allclose(cogging, np.sin(2.0 * np.pi * 3.0 * turns), atol=6e-7)
+    np.testing.assert_allclose(friction, 0.4 * np.cos(2.0 * np.pi * turns), atol=6e-7)
+    drive = Drive(FmuPart("map", fmu("PositionMap")))
+    found = drive.run({"x": np.array([0.003, 0.0]), "v": np.array([-1.0, 0.0])}, ["F_position"], 1e-3)[1, 0]
+    drive.close()
+    assert found == pytest.approx(np.sqrt(0.5) + 0.4 * np.cos(np.pi / 12.0), abs=1e-5)
 
 
 def test_outside_of_the_table_its_ends_hold() -> None:

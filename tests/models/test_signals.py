@@ -518,6 +518,17 @@ def test_the_default_record_is_a_motion() -> None:
     np.testing.assert_allclose(np.diff(r), np.diff(t) * (rd[1:] + rd[:-1]) / 2.0, atol=1e-12)
 
 
+def test_the_default_record_is_a_triangle_with_rounded_corners() -> None:
+    """At 20 mm/s, with 0.4 m/s2 at the corners, where a row has the mean of both sides."""
+    t, r, rd, rdd = default_series().T
+    corners, speeds = (0.0, 0.05, 0.45, 0.55, 0.95, 1.0), (0.0, 0.02, 0.02, -0.02, -0.02, 0.0)
+    np.testing.assert_array_equal(t, np.arange(21) / 20.0)
+    np.testing.assert_allclose(rd, np.interp(t, corners, speeds), atol=1e-15)
+    np.testing.assert_allclose(r, np.append(0.0, np.cumsum(np.diff(t) * (rd[1:] + rd[:-1]) / 2.0)), atol=1e-15)
+    slopes = np.repeat((0.4, 0.0, -0.4, 0.0, 0.4), (1, 8, 2, 8, 1))
+    np.testing.assert_allclose(rdd, np.r_[0.4, (slopes[1:] + slopes[:-1]) / 2.0, 0.4], atol=1e-15)
+
+
 def test_a_record_is_exact_at_its_samples(load: Load) -> None:
     for t, *row in default_series():
         for time in (t, np.nextafter(t, -1.0), np.nextafter(t, 2.0), t * (1.0 + 4e-16)):

@@ -460,6 +460,25 @@ def leine_oracle(
 P_SWITCH = {"m": 0.8, "k": 1.5, "Fs": 1.0, "delta": 3.0, "eta": 1e-3, "ratio": 0.2}
 
 
+@pytest.mark.parametrize("h", [1.2, 0.3])
+def test_leines_mass_breaks_away_where_a_falling_load_no_longer_holds_it(block: GetLibrary, h: float) -> None:
+    """Fs Fn / Fn0 = F_load at t = 0.6 s; then its acceleration grows linearly."""
+    Fs, m, rate, t = 3.0, 0.5, -0.5, 0.0
+    held = 0.6
+    start = {"m": m, "k": 1e-12, "Fs": Fs, "ratio": 1.0, "Fn0": 2.0, "eta": 1e-12, "x0": 0.0, "v0": 0.0}
+    with Instance(block("SwitchMass")) as run:
+        run.initialise(**start)
+        while t < 1.2 - 1e-9:
+            Fn = 1.6 + rate * t
+            run.set({"v_belt": 0.0, "F_load": Fs / 2.0 * (1.6 + rate * held), "Fn": Fn})
+            assert run.input_derivatives({"Fn": rate}) == OK
+            run.step(t, h)
+            t += h
+            moved = max(t - held, 0.0)
+            push = -Fs * rate / 2.0 / m
+            assert run.get("x", "v") == pytest.approx([push * moved**3 / 6.0, push * moved**2 / 2.0], abs=2e-6)
+
+
 @pytest.mark.parametrize("seed", range(25))
 def test_leines_mass_moves_as_scipy_integrates_it(block: GetLibrary, seed: int) -> None:
     """Jumps of the belt and ramps of the load, drawn so that no event is a tie; in one step and in many."""

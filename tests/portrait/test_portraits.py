@@ -52,6 +52,7 @@ def test_friction_of_steady_sliding_is_the_stribeck_curve(panels: Panels, name: 
     assert v.min() == -v.max() == -8e-3
 
 
+@nightly
 def test_the_loop_of_dahl_friction_is_made_of_exponentials(panels: Panels) -> None:
     """F = -+ Fc + c exp(-+ sigma x / Fc) for n = 1, from each end of the motion."""
     Fc, sigma = 2.0, 5e4
@@ -67,7 +68,15 @@ def test_the_loop_of_dahl_friction_is_made_of_exponentials(panels: Panels) -> No
     assert inner.detail and not outer.detail
 
 
-@pytest.mark.parametrize(("name", "closes"), [("MaxwellSlip", True), ("GMS", True), ("LuGre", False), ("Dahl", False)])
+@pytest.mark.parametrize(
+    ("name", "closes"),
+    [
+        ("MaxwellSlip", True),
+        pytest.param("GMS", True, marks=nightly),
+        pytest.param("LuGre", False, marks=nightly),
+        ("Dahl", False),
+    ],
+)
 def test_inner_loops_close_if_the_model_remembers(panels: Panels, name: str, closes: bool) -> None:
     """Nonlocal memory: behind an inner loop the outer one goes on as if nothing had been."""
     _, inner = panels(name)[1].curves
@@ -77,6 +86,7 @@ def test_inner_loops_close_if_the_model_remembers(panels: Panels, name: str, clo
     assert abs(after - before) < 2e-2 if closes else abs(after - before) > 0.05
 
 
+@nightly
 def test_static_friction_has_no_loop(panels: Panels) -> None:
     for name in ("Coulomb", "Viscous", "Tustin", "Karnopp", "Stribeck", "Stiction"):
         assert len(panels(name)) == 1
@@ -87,6 +97,7 @@ def test_coulomb_friction_is_a_step(panels: Panels) -> None:
     assert np.array_equal(curve.y, 3.0 * np.sign(curve.x))
 
 
+@nightly
 def test_a_pid_controller_jumps_and_ramps(panels: Panels) -> None:
     (curve,) = panels("PID", Kp=1e3, Ki=2e4)[0].curves
     ramp = curve.y > 0.0
@@ -105,6 +116,7 @@ def test_an_observer_finds_coulomb_friction(panels: Panels) -> None:
             assert np.median(curve.y[fast]) == pytest.approx(side * 1.0, abs=0.1), name
 
 
+@nightly
 def test_signals_and_sensors(panels: Panels) -> None:
     (path,) = panels("Circle", radius=0.02)[0].curves
     assert np.hypot(path.x, path.y) == pytest.approx(0.02)

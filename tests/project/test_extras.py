@@ -45,12 +45,12 @@ def test_the_study_gets_all_that_it_needs(declared: dict[str, set[str]]) -> None
     assert declared["study"] >= declared["build"] | {"plotly"}
 
 
-def test_an_editable_install_gets_all(declared: dict[str, set[str]], tmp_path: Path) -> None:
+def test_an_editable_install_gets_what_a_study_needs(declared: dict[str, set[str]], tmp_path: Path) -> None:
     """It compiles its FMUs, and the main command of README studies an axis in a checkout."""
     hook = WheelBuilder(str(ROOT)).get_build_hooks(str(tmp_path))["custom"]
     data: dict[str, list[str]] = {"dependencies": []}
     hook.initialize("editable", data)
-    assert {Requirement(text).name for text in data["dependencies"]} == declared["all"]
+    assert {Requirement(text).name for text in data["dependencies"]} == declared["study"]
 
 
 @pytest.fixture

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
-from ctypes import c_int, c_uint
+from ctypes import c_double, c_int, c_uint
 from pathlib import Path
 
 from shell.exchanging import SITUATIONS, begin, go_on, go_to
 from shell.instance import Instance, load, signals
 
-POINTERS = {"none": None, "one": (c_uint * 1)(1), "two": (c_uint * 1)(2), "flag": (c_int * 1)(0)}
-"""Arguments by name, as pointers cannot be sent to a process."""
+POINTERS = {
+    **{"none": None, "one": (c_uint * 1)(1), "input": (c_uint * 1)(5), "output": (c_uint * 1)(7)},
+    **{"flag": (c_int * 1)(0), "order": (c_int * 1)(1), "number": (c_double * 1)(1.0)},
+}
+"""Arguments by name, references of Dahl among them, as pointers cannot be sent to a process."""
 
 
 def continued(fmu: Path, trace: Path, data: bytes, t: float, h: float, situation: str) -> bytes:

@@ -266,9 +266,12 @@ NULL_CALLS = {
     "SerializedFMUstateSize": ("none, none",),
     "SerializeFMUstate": ("none, none, 100",),
     "DeSerializeFMUstate": ("none, 100, none",),
-    "GetDirectionalDerivative": ("none, 1, none, 1, none, none", "one, 1, one, 1, none, none"),
-    "SetRealInputDerivatives": ("none, 1, none, none", "one, 1, none, none"),
-    "GetRealOutputDerivatives": ("none, 1, none, none", "two, 1, none, none"),
+    "GetDirectionalDerivative": (
+        *("none, 1, none, 1, none, none", "none, 1, input, 1, number, number", "output, 1, none, 1, number, number"),
+        *("output, 1, input, 1, none, number", "output, 1, input, 1, number, none"),
+    ),
+    "SetRealInputDerivatives": ("none, 1, order, number", "input, 1, none, number", "input, 1, order, none"),
+    "GetRealOutputDerivatives": ("none, 1, order, number", "output, 1, none, number", "output, 1, order, none"),
     "GetRealStatus": (f"{LAST_SUCCESSFUL_TIME}, none",),
     "GetBooleanStatus": (f"{TERMINATED}, none",),
 }

@@ -1,25 +1,40 @@
-"""Whether README's test command finds mistakes in C: mutants of ``fmu_src`` and ``harness/engine``, each run in a copy.
+"""Whether README's test command finds mistakes in C: mutants of ``fmu_src`` and of ``harness/engine`` and ``masters``.
 
-    python tests/slow/mutation_check.py [COUNT] [--first N] [--seed SEED]
+    python tests/slow/mutation_check.py [COUNT] [--first N] [--seed SEED] [--measured FILE] [--seconds S]
 
 A mutant has one sign, comparison or constant changed, or one statement dropped. Those that do not compile are replaced
-by others. The tests that are most likely to fail run first, and the run ends at the first failure. The survivors are
-printed; the status is 1 if fewer than 95 % are found.
+by others. All tests run once without a mutant, which tells the FMUs and libraries that each test file opens and its
+processor time; ``--measured`` keeps that in a file and uses it if it exists. For each mutant run first the files that
+open what it is compiled into, beginning with short ones for it and with those that found others in the same C file;
+only if they pass, all others run. With ``--seconds``, only the former run, as many as take that processor time. A
+mutant is found too if the tests take five times as long with it. Survivors that are not in `EQUIVALENT` are printed;
+the status is 1 if fewer than 95 % are found.
+
+FMUs are compiled without optimisation and drawn without figures, see ``quick.py``, and kept for all mutants.
 """
 
 from __future__ import annotations
 
 import argparse
+import importlib
+import json
+import math
 import os
 import re
+import resource
 import shutil
+import signal
 import subprocess
 import sys
 import tempfile
-from collections.abc import Iterator
-from dataclasses import dataclass
+import time
+from collections import defaultdict
+from collections.abc import Callable, Iterator
+from contextlib import suppress
+from dataclasses import dataclass, field
 from pathlib import Path
 from random import Random
+from typing import Any
 
 ROOT = Path(__file__).parents[2]
 OTHERS = {
@@ -27,31 +42,45 @@ OTHERS = {
     **{" < ": " <= ", " <= ": " < ", " > ": " >= ", " >= ": " > ", " == ": " != ", " != ": " == "},
     **{" && ": " || ", " || ": " && "},
 }
-RELEVANT = {  # folders of tests, by the longest prefix
-    "fmu_src/": ("shell", "every_block", "exchange"),
-    "fmu_src/composite/": ("composite", "exchange"),
-    "fmu_src/controllers/": ("models", "laws", "every_block"),
-    "fmu_src/fmi3/": ("fmi3", "shell"),
-    "fmu_src/friction/": ("models", "every_block", "exchange"),
-    "fmu_src/numerics/": ("models", "shell", "exchange"),
-    "fmu_src/plants/": ("models", "every_block"),
-    "fmu_src/signals/": ("models", "every_block"),
-    "fmu_src/wasm/": ("wasm",),
-    "harness/": ("harness", "accuracy", "composite"),
+EQUIVALENT = {
+    "fmu_src/friction/GenericAsperity.c: if (A > 0.0 && !(N * fabs(mean) * h <= 2.0 * MOST_TRIES * wavelength))  ->  "
+    "if (A > 0.0 && !(N * fabs(mean) * h <= (1.05 * 2.0) * MOST_TRIES * wavelength))": "how much work is refused",
+    "fmu_src/friction/KarnoppMass.c: phi3 = 1.0;  ->  phi3 = (1.05 * 1.0);": "the first term of a series, below 1e-16",
+    "fmu_src/friction/motion.h: const bool stops = v * slope < 0.0 && fabs(v + slope * h) <= 4.0 * DBL_EPSILON * "
+    "fabs(v);  ->  const bool stops = v / slope < 0.0 && fabs(v + slope * h) <= 4.0 * DBL_EPSILON * fabs(v);": (
+        "the sign is the same, and without a slope the second condition fails"
+    ),
+    "fmu_src/numerics/roots.h: b->f_high *= b->moved < 0 ? 0.5 : 1.0;  ->  "
+    "b->f_high *= b->moved < 0 ? 0.5 : (1.05 * 1.0);": "a weight of the next try, not of the bracket",
+    "fmu_src/signals/Record.c: for (size_t i = guess; i < guess + 4 && i < LAST; i++) {  ->  "
+    "for (size_t i = guess; i <= guess + 4 && i < LAST; i++) {": "what this search misses, another finds",
 }
-COMPILE = """
-import sys
-from pathlib import Path
-from friction_fmus import catalogue, fmu
-from friction_fmus.export.block_fmu import _sources
-from harness import CallablePart, System
-file = Path(sys.argv[1]).name
-for block in catalogue().values():
-    if file in (*_sources(block, {}), block.path.name):
-        fmu(block.name)
-        break
-System([CallablePart("a", lambda t, u, x: t, outputs=["y"])]).run(stop=1.0, step=0.5)
-"""
+"""Mutants that no test can find, as they are printed but without the number of the line, and why."""
+FOLDERS = {  # tests of what no single block is compiled with, by the beginning of the path
+    "fmu_src/block.h": ("shell/",),
+    "fmu_src/composite/": ("composite/",),
+    "fmu_src/fmi2": ("shell/", "exchange/"),
+    "fmu_src/fmi3/": ("fmi3/", "shell/", "exchange/", "check/"),
+    "fmu_src/solver.h": ("shell/",),
+    "fmu_src/wasm/": ("wasm/",),
+    "harness/": ("harness/", "accuracy/"),
+}
+PYTEST = ("-q", "-p", "no:cacheprovider", "--no-header", "--tb=line", "-rfE")
+PYTEST += ("-W", "ignore::pytest.PytestAssertRewriteWarning")
+IMPORTED = (
+    *("casadi", "fmpy", "hypothesis", "lxml.etree", "matplotlib.pyplot", "pandas", "plotly.graph_objects", "pytest"),
+    *("scipy.integrate", "scipy.optimize", "scipy.signal", "scipy.stats", "xarray"),
+    *(
+        "quick",
+        "shell.fixtures",
+        "shell.selection",
+        "friction_fmus.export.block_contents",
+        "friction_fmus.identification",
+    ),
+    *("friction_fmus.study", "harness.engine.native", "harness.ssp", "harness.system.system"),
+)
+"""What the tests import, once for all mutants, which change no Python."""
+NOT_COMPILED = 77
 
 
 @dataclass(frozen=True)
@@ -62,7 +91,16 @@ class Mutant:
     new: str
 
     def __str__(self) -> str:
-        return f"{self.file}:{self.line}: {self.old.strip()}  ->  {self.new.strip() or 'dropped'}"
+        return f"{self.file}:{self.line}: {self.change}"
+
+    @property
+    def change(self) -> str:
+        return f"{self.old.strip()}  ->  {self.new.strip() or 'dropped'}"
+
+    @property
+    def reason(self) -> str | None:
+        """Why no test can find it."""
+        return EQUIVALENT.get(f"{self.file}: {self.change}")
 
 
 def changes(line: str) -> Iterator[str]:
@@ -80,7 +118,8 @@ def changes(line: str) -> Iterator[str]:
 
 def mutants() -> list[Mutant]:
     """All of them; comments and directives are left alone."""
-    listed = subprocess.run(["git", "ls-files", "fmu_src", "harness/engine"], cwd=ROOT, capture_output=True, text=True)
+    folders = ("fmu_src", "harness/engine", "harness/masters")
+    listed = subprocess.run(["git", "ls-files", *folders], cwd=ROOT, capture_output=True, text=True)
     found = []
     for file in listed.stdout.split():
         if Path(file).suffix in (".c", ".h"):
@@ -92,53 +131,234 @@ def mutants() -> list[Mutant]:
     return found
 
 
-def killed(mutant: Mutant, folder: Path, environment: dict[str, str]) -> bool | None:
-    """Whether a test fails; None if the mutant does not compile."""
-    path = folder / mutant.file
-    text = path.read_text(encoding="utf-8")
-    lines = text.split("\n")
-    lines[mutant.line - 1] = mutant.new
-    path.write_text("\n".join(lines), encoding="utf-8")
+@dataclass
+class TestFile:
+    """What a test file opens, by name without suffix, and its processor time."""
 
-    def fails(*arguments: str) -> bool:
-        command = [sys.executable, *arguments]
-        return subprocess.run(command, cwd=folder, env=environment, capture_output=True, check=False).returncode != 0
+    opens: list[str] = field(default_factory=list)
+    seconds: float = 0.0
+
+
+class Measures:
+    """A plugin of pytest that measures the test files."""
+
+    def __init__(self, path: Path) -> None:
+        self.path, self.files, self.current = path, defaultdict(TestFile), ""
+        sys.addaudithook(self.notice)
+
+    def notice(self, event: str, arguments: tuple[Any, ...]) -> None:
+        if self.current and event in ("open", "ctypes.dlopen") and isinstance(arguments[0], str | Path):
+            path = Path(arguments[0])
+            if path.suffix in (".fmu", ".so", ".dylib", ".dll"):
+                name = re.sub("-[0-9a-f]{24}$", "", path.stem)
+                opens = self.files[self.current].opens
+                opens += [] if name in opens else [name]
+
+    def pytest_runtest_logstart(self, location: tuple[str, int | None, str]) -> None:
+        self.current, self.begin = location[0], sum(os.times()[:4])
+
+    def pytest_runtest_logfinish(self) -> None:
+        self.files[self.current].seconds += sum(os.times()[:4]) - self.begin
+        self.current = ""
+
+    def pytest_sessionfinish(self) -> None:
+        self.path.write_text(json.dumps({file: vars(found) for file, found in self.files.items()}, indent=1))
+
+
+class Finder:
+    """Runs tests on mutants in a copy of the repository."""
+
+    def __init__(self, scratch: Path, measured: Path | None) -> None:
+        self.folder, self.log = scratch / "copy", scratch / "log"
+        subprocess.run(["git", "clone", "--quiet", "--shared", str(ROOT), str(self.folder)], check=True)
+        changed = subprocess.run(["git", "ls-files", "-mo", "--exclude-standard"], cwd=ROOT, capture_output=True)
+        os.chdir(ROOT)
+        for name in filter(os.path.isfile, changed.stdout.decode().split()):
+            (self.folder / name).parent.mkdir(parents=True, exist_ok=True)
+            shutil.copy(ROOT / name, self.folder / name)
+        os.chdir(self.folder)
+        os.environ |= {"QUICK_BUILDS": "1", "OPENBLAS_NUM_THREADS": "1", "PYTHONPATH": str(self.folder)}
+        os.environ.setdefault("FRICTION_FMUS_CACHE", str(scratch / "cache"))
+        sys.path[:0] = [str(self.folder), str(self.folder / "tests")]
+        for module in IMPORTED:
+            importlib.import_module(module)
+        keep_laws()
+        file = measured or scratch / "measured.json"
+        if not file.exists() and self.run(lambda: pytest_run((), Measures(file)), 24.0 * 3600.0) != 0:
+            sys.exit(f"tests fail without any mutant:\n{self.log.read_text()[-4000:]}")
+        self.files = {name: TestFile(**found) for name, found in json.loads(file.read_text()).items()}
+        libraries = scratch / "libraries.json"
+        self.run(lambda: write_libraries(libraries), 300.0)
+        self.libraries: dict[str, list[str]] = json.loads(libraries.read_text())
+        self.found_by: dict[str, list[str]] = defaultdict(list)
+        self.failed = ""
+
+    def run(self, work: Callable[[], int], seconds: float) -> int:
+        """The status of a forked process, which may use so much processor time."""
+        child = os.fork()
+        if child == 0:
+            os.setsid()
+            for limit, most in ((resource.RLIMIT_CPU, int(seconds)), (resource.RLIMIT_DATA, 6 << 30)):
+                resource.setrlimit(limit, (most, most + 5))
+            signal.alarm(int(20.0 * seconds))  # for one that waits for ever
+            output = os.open(self.log, os.O_WRONLY | os.O_CREAT | os.O_TRUNC)
+            os.dup2(output, 1)
+            os.dup2(output, 2)
+            status = 1
+            try:
+                status = work()
+            finally:
+                sys.stdout.flush()
+                os._exit(status)
+        _, status = os.waitpid(child, 0)
+        with suppress(ProcessLookupError):
+            os.killpg(child, signal.SIGKILL)
+        return os.waitstatus_to_exitcode(status)
+
+    def fails(self, files: list[str]) -> bool:
+        """Whether a test in these files fails."""
+        if not files:
+            return False
+        expected = sum(self.files[file].seconds for file in files)
+        status = self.run(lambda: pytest_run(files), 5.0 * expected + 30.0)
+        failed = re.findall(r"^(?:FAILED|ERROR) ([\w/.]+)", self.log.read_text(errors="replace"), re.M)
+        self.failed = failed[0] if failed else f"ended with status {status}"
+        return status not in (0, 5)  # 5: all tests are for the night
+
+    def found(self, mutant: Mutant, most: float) -> bool | None:
+        """Whether a test fails; None if the mutant does not compile."""
+        path = self.folder / mutant.file
+        text = path.read_text(encoding="utf-8")
+        lines = text.split("\n")
+        lines[mutant.line - 1] = mutant.new
+        path.write_text("\n".join(lines), encoding="utf-8")
+        try:
+            if self.run(lambda: compiled(mutant.file, self.libraries.get(path.name, [])), 300.0) == NOT_COMPILED:
+                return None
+            users = self.users(mutant.file)
+            others = sorted(set(self.files) - set(users), key=lambda file: self.files[file].seconds)
+            others = others if most == math.inf else []
+            files = [*self.within([*users, *others], most)]
+            for size in (2**k - 1 for k in range(9)):  # few at first, as pytest reads all files before it begins
+                batch = files[size : 2 * size + 1]
+                if self.fails(batch):
+                    self.found_by[mutant.file].append(self.failed)
+                    return True
+            return False
+        finally:
+            path.write_text(text, encoding="utf-8")
+
+    def within(self, files: list[str], most: float) -> Iterator[str]:
+        """The first files that take so much processor time, and at least one."""
+        spent = 0.0
+        for file in files:
+            if spent < most:
+                yield file
+            spent += self.files[file].seconds
+
+    def users(self, file: str) -> list[str]:
+        """The test files that open what a C file is compiled into, those first that are likely to fail soon."""
+        names = {"engine"} if file.startswith("harness") else set(self.libraries.get(Path(file).name, ()))
+        folders = next((folders for start, folders in FOLDERS.items() if file.startswith(start)), ())
+        folders = tuple(f"tests/{folder}" for folder in folders)
+        users = [
+            test for test, measured in self.files.items() if names & set(measured.opens) or test.startswith(folders)
+        ]
+        stem = Path(file).stem.lower()
+
+        def cost(test: str) -> float:
+            """Its time over how likely it fails, roughly."""
+            opens = set(self.files[test].opens)
+            for_it = len(names & opens) / len(opens) if names & opens else 0.1
+            likely = 1 + 4 * self.found_by[file].count(test) + 3 * (stem in test.replace("_", ""))
+            likely += 2 * test.startswith(folders or "none")
+            return (self.files[test].seconds + 0.5) / (for_it * likely)
+
+        return sorted(users, key=cost)
+
+
+def pytest_run(files: list[str] | tuple[str, ...], *plugins: object) -> int:
+    import pytest
+
+    return int(pytest.main([*PYTEST, *(("-x",) if files else ()), *files], plugins=list(plugins)))
+
+
+def keep_laws() -> None:
+    """Keep the C that laws are translated to, and forget the blocks in C."""
+    from friction_fmus.blocks import catalogue
+
+    laws = {entry: catalogue._read(entry) for entry in catalogue.listing().values() if entry.kind == "law"}
+    catalogue._known_c_block.cache_clear()
+    catalogue._read = lambda entry: laws.get(entry) or catalogue._known_c_block(entry.path, entry.kind)
+
+
+def write_libraries(path: Path) -> int:
+    """Write the names of the blocks that each C file is compiled into; not in a process that keeps the catalogue."""
+    from friction_fmus import catalogue
+    from friction_fmus.export.block_fmu import _sources
+
+    blocks = defaultdict(list)
+    for block in catalogue().values():
+        for source in _sources(block, {}):
+            blocks[source].append(block.name)
+    path.write_text(json.dumps(blocks))
+    return 0
+
+
+def compiled(file: str, blocks: list[str]) -> int:
+    """Compile what a C file belongs to."""
+    from quick import quick_builds
+
+    from friction_fmus import BuildError, build, find
+    from friction_fmus.blocks.customise import identified
+    from friction_fmus.cli.inputs import open_system
+    from friction_fmus.export.block_fmu import _sources
+    from harness.compiling.library import library
+    from harness.compiling.platforms import native_library
 
     try:
-        if fails("-c", COMPILE, mutant.file):
-            return None
-        relevant = RELEVANT[max((prefix for prefix in RELEVANT if mutant.file.startswith(prefix)), key=len)]
-        pytest = ("-m", "pytest", "-q", "-x", "-p", "no:cacheprovider")
-        if any(fails(*pytest, f"tests/{name}") for name in relevant):
-            return True
-        return fails(*pytest, "-n", "2", *(f"--ignore=tests/{name}" for name in relevant))
-    finally:
-        path.write_text(text, encoding="utf-8")
+        with quick_builds("shell"), tempfile.TemporaryDirectory() as folder:
+            if file.startswith("harness"):
+                library()
+            elif file.startswith("fmu_src/composite"):
+                with open_system(Path("examples/stick_slip.toml")) as system:
+                    system.to_fmu(Path(folder) / "stick_slip.fmu")
+            elif file.startswith(("fmu_src/fmi3", "fmu_src/wasm")):
+                build("LuGre", folder, **({"fmi": 3} if "fmi3" in file else {"platforms": ("wasm32",)}))
+            else:
+                block = find(blocks[0])
+                native_library(identified(_sources(block, {}), block.name), block.name)
+    except BuildError as error:
+        return NOT_COMPILED if re.search("does not compile|cannot be linked", str(error)) else 0
+    return 0
 
 
 def main() -> int:
-    parser = argparse.ArgumentParser(description=__doc__)
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("count", type=int, nargs="?", default=200)
     parser.add_argument("--first", type=int, default=0)
     parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--measured", type=Path)
+    parser.add_argument("--seconds", type=float, default=math.inf)
     options = parser.parse_args()
+    measured = options.measured.resolve() if options.measured else None
     drawn = mutants()
     Random(options.seed).shuffle(drawn)
     counted, survivors = 0, []
     with tempfile.TemporaryDirectory() as scratch:
-        folder = Path(scratch) / "copy"
-        subprocess.run(["git", "clone", "--quiet", "--shared", str(ROOT), str(folder)], check=True)
-        for changed in subprocess.run(
-            ["git", "ls-files", "-m"], cwd=ROOT, capture_output=True, text=True
-        ).stdout.split():
-            shutil.copy(ROOT / changed, folder / changed)
-        environment = os.environ | {"PYTHONPATH": str(folder), "FRICTION_FMUS_CACHE": f"{scratch}/cache"}
-        for mutant in drawn[options.first :]:
+        finder = Finder(Path(scratch), measured)
+        for number, mutant in enumerate(drawn[options.first :], start=options.first):
             if counted == options.count:
                 break
-            found = killed(mutant, folder, environment)
+            if mutant.reason:
+                print(f"{number} equivalent {mutant} ({mutant.reason})", flush=True)
+                continue
+            begin = time.monotonic(), sum(os.times()[:4])
+            found = finder.found(mutant, options.seconds)
             counted += found is not None
-            print({True: "found", False: "SURVIVES", None: "does not compile"}[found], mutant, flush=True)
+            result = {True: f"found by {finder.failed}", False: "SURVIVES", None: "does not compile"}[found]
+            spent = f"{sum(os.times()[:4]) - begin[1]:.0f} s of processor time, {time.monotonic() - begin[0]:.0f} s"
+            print(f"{number} {result}: {mutant} ({spent})", flush=True)
             survivors += [mutant] if found is False else []
     print(f"{counted - len(survivors)} of {counted} mutants are found", *survivors, sep="\n")
     return int(len(survivors) > 0.05 * counted)

@@ -57,6 +57,10 @@ def study(tmp_path_factory: pytest.TempPathFactory) -> Study:
         config = replace(load_config("demo"), models=MODELS, compensation=few)
         with pytest.MonkeyPatch.context() as patch:  # test_what_if.py tests the axis in the browser
             patch.setattr("friction_fmus.study.study.panel_of", lambda *_: "It is not compiled here.")
+            patch.setattr(
+                "friction_fmus.study.export.export_composites", lambda *_: ()
+            )  # see slow/test_recommended_files.py
+            patch.setattr("friction_fmus.codegen.export.CORES", ())  # see slow/test_target.py
             return Study(out, run_study(config, out, processes=1, progress=listener), {}, listener.told)
     command = [sys.executable, "-m", *blocks("demo")[0].replace("-", "_", 1).replace("-o out", f"-o {out}").split()]
     with subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE) as process:

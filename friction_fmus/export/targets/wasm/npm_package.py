@@ -9,7 +9,6 @@ import re
 import tempfile
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from importlib.metadata import version
 from pathlib import Path
 from typing import Any, Final
 
@@ -275,6 +274,8 @@ class WasmModel:
 
     def files(self) -> dict[str, bytes]:
         """Return the files of the npm package."""
+        from importlib.metadata import version
+
         name = self.name
         package = {
             "name": f"{name.lower().replace('_', '-')}-wasm",

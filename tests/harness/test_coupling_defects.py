@@ -1,0 +1,39 @@
+"""The measures of coupling errors on two parts whose values are known in closed form."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+
+from harness import CallablePart, Port, System
+
+STEPS = 4000
+MEAN, SWING, SPEED = 3.0, 2.0, 0.7
+
+
+def force(t: float, _u: object, _x: object) -> float:
+    """MEAN + SWING and MEAN - SWING in turn."""
+    return MEAN + SWING * (-1.0) ** round(t / 0.5)
+
+
+def coupled() -> System:
+    parts = [
+        CallablePart("contact", force, [Port("v", "m/s")], [Port("F", "N")], dependencies={"F": []}),
+        CallablePart("mass", lambda _t, _u, _x: SPEED, [Port("F", "N")], [Port("v", "m/s")], dependencies={"v": []}),
+    ]
+    return System(parts, ["mass.v -> contact.v", "contact.F -> mass.F"])
+
+
+def test_a_force_that_alternates_has_the_defects_of_its_sums() -> None:
+    """Each step, the held force is 2 SWING off, with a sign that changes; the first has nothing to compare with.
+
+    The force averaged over a step is MEAN, so that the held one gives SWING SPEED too much or too little power.
+    """
+    with coupled() as system:
+        found = system.run(stop=0.5 * STEPS, step=0.5, master="jacobi").attrs
+    mean_square = MEAN**2 + SWING**2
+    assert found["lasting_defect"] == pytest.approx(math.sqrt((2 * SWING) ** 2 * (STEPS - 1) / STEPS / mean_square))
+    assert found["alternating_defect"] == pytest.approx(2 * SWING * (STEPS - 1) / STEPS / MEAN)
+    assert found["energy_defect"] == pytest.approx(SWING * SPEED / (MEAN * SPEED))
+    assert found["feeding"] == 0.0  # over 2000 steps, it is as often too much as too little
