@@ -22,6 +22,7 @@ from friction_fmus.check.findings import RULES
 DOCS = Path(__file__).parent
 sys.path.append(str(DOCS))
 from live_site import block_pages, lab_files, lab_page, prepare  # noqa: E402
+from tables import filled  # noqa: E402
 
 NOTEBOOKS = DOCS.parent / "examples" / "notebooks"
 
@@ -66,8 +67,8 @@ def on_post_build(config: MkDocsConfig, **_: Any) -> None:
 
 
 def on_page_markdown(markdown: str, **_: Any) -> str:
-    """Add the rules of `check`, replace links to files outside of this folder by names, and name pages by titles."""
-    markdown = markdown.replace("<!-- rules -->", rules_page())
+    """Add tables and the rules of `check`, replace links out of this folder by names, and names of pages by titles."""
+    markdown = filled(markdown.replace("<!-- rules -->", rules_page()))
     folders = "benchmarks|examples|fmu_src|friction_fmus|harness|tests"
     inside = re.sub(rf"\[([^\]]+)\]\(\.\./(?:{folders})/[^)]*\)", r"`\1`", markdown)
     return re.sub(r"\[([\w-]+\.md)\]\(", lambda match: f"[{title(match[1])}](", inside)

@@ -21,11 +21,13 @@ from friction_fmus import fmu
 from friction_fmus.blocks.catalogue import Block, catalogue
 from friction_fmus.blocks.macros import paragraphs
 from friction_fmus.blocks.probe import variable_groups
+from friction_fmus.export.block_fmu import block_source
+from friction_fmus.export.composite.composite_archive import composite_source
+from friction_fmus.export.targets import SourceFmu
+from friction_fmus.export.targets.wasm.npm_package import wasm_model
 from friction_fmus.fmi.documentation import markdown
-from friction_fmus.fmi.package import wasm_block
 from friction_fmus.harness import System
 from friction_fmus.live import SCRIPTS, about_block, assets, model_script, opened
-from harness.wasm import wasm_model
 
 DOCS = Path(__file__).parent
 LAB = DOCS / "lab"
@@ -54,7 +56,7 @@ def described(name: str) -> dict[str, Any]:
     """Return what the page of a block shows: the variables, the picture, and what its script tells."""
     block = catalogue()[name]
     file = fmu(name)
-    with TemporaryDirectory() as folder, opened(block, file, Path(folder)) as bench:
+    with opened(block, file) as bench:
         about = about_block(bench) | {"equations": equations(block)}
         groups = variable_groups(bench.description)
     with ZipFile(file) as archive:
@@ -104,7 +106,7 @@ def lab_files(chosen: Sequence[str] | None = None) -> Iterator[tuple[str, str]]:
 @cache
 def block_script(name: str) -> str:
     """Return the script of a block."""
-    return model_script(wasm_block(name), described(name)["about"])
+    return model_script(wasm_model(block_source(name)), described(name)["about"])
 
 
 @cache
@@ -113,22 +115,21 @@ def system_script(friction: str, name: str) -> str:
 
     A system has the same name with each model while it compiles, so that the code of its other parts is compiled once.
     """
-    text, content = system_fmu(friction, name)
-    model = wasm_model(content)
+    text, source = system_fmu(friction, name)
+    model = wasm_model(source)
     named = replace(model, description={**model.description, "name": f"{friction}-{name}"})
     return model_script(named, {"toml": text})
 
 
 @cache
-def system_fmu(friction: str, name: str) -> tuple[str, bytes]:
+def system_fmu(friction: str, name: str) -> tuple[str, SourceFmu]:
     """Return the system file ``NAME.toml`` with a friction model, and the system as an FMU of sources."""
     text = (LAB / f"{name}.toml").read_text(encoding="utf-8").replace('"LuGre"', f'"{friction}"')
     with TemporaryDirectory() as folder:
-        file, made = Path(folder) / f"{name}.toml", Path(folder) / f"{name}.fmu"
+        file = Path(folder) / f"{name}.toml"
         file.write_text(text, encoding="utf-8")
         with System.from_toml(file, resolve=fmu, open_inputs=True) as system:
-            system.to_fmu(made, platforms=())
-        return text, made.read_bytes()
+            return text, composite_source(system, name, ())
 
 
 def block_pages() -> Iterator[tuple[str, str | bytes]]:

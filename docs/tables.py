@@ -1,19 +1,19 @@
-"""Tables of the documentation that are derived from the blocks: ``python docs/tables.py`` writes them into the pages.
-
-A table stands between ``<!-- table: name -->`` and ``<!-- /table -->``.
-"""
+"""Tables that follow from blocks and masters; the site has them at ``<!-- table: name -->`` in its pages."""
 
 from __future__ import annotations
 
+import inspect
 import re
 from collections.abc import Iterable, Sequence
 from functools import cache
+from importlib import import_module
+from itertools import pairwise
 from pathlib import Path
 
 from needs import KNOWLEDGE, MEASURED, MOTIONS, QUESTIONS, REFERENCE, SITUATIONS, SWITCHES, Motion, Question, Situation
 
 from friction_fmus.blocks.catalogue import FEATURES, Block, catalogue
-from friction_fmus.blocks.macros import paragraphs
+from friction_fmus.blocks.macros import Paragraph, paragraphs
 from friction_fmus.blocks.probe import (
     BOOLEAN,
     FIXED,
@@ -25,8 +25,11 @@ from friction_fmus.blocks.probe import (
     BlockVariables,
     Variable,
 )
+from friction_fmus.export.block_fmu import describe_block
+from friction_fmus.fmi.documentation import markdown
 from friction_fmus.fmi.model_description import CAPABILITIES, ROLE
-from friction_fmus.fmi.package import describe_block
+from friction_fmus.identification.data.formats import formats as data_formats
+from harness.masters import master_names
 
 DOCS = Path(__file__).parent
 
@@ -282,24 +285,51 @@ def roles() -> str:
     return table(("causality", "variability", "initial"), rows)
 
 
-_ALL = (motions, reasons, questions, situations, compensators, capabilities, exchange, kinds, roles)
-TABLES = {f.__name__: f for f in _ALL}
+def models() -> str:
+    """Return the features of friction models, then what each model is, its use, limits and equations."""
+    legend = [f"* **{name}**: {meaning}" for name, meaning in FEATURES.items()]
+    return "\n".join([*legend, "", *map(_section, of_kind("friction"))])
+
+
+def _section(block: Block) -> str:
+    first, *rest = paragraphs(block.notes)
+    leads = [paragraph for paragraph in rest if paragraph.lead]
+    parts = [markdown(paragraph) for paragraph in (first, *leads, *_equations(rest))]
+    return "\n\n".join([f"## {block.name}", *parts, f"Source: {block.origin}."]) + "\n"
+
+
+def _equations(notes: Sequence[Paragraph]) -> list[Paragraph]:
+    """Return the equations, each with the paragraph after it that explains them, unless it is about the steps."""
+    shown: list[Paragraph] = []
+    for before, paragraph in pairwise((Paragraph(()), *notes)):
+        numerics = re.search(r"\bsteps?\b", " ".join(paragraph.lines))
+        if paragraph.equations or (before.equations and not paragraph.lead and not numerics):
+            shown.append(paragraph)
+    return shown
+
+
+def masters() -> str:
+    """Return the master algorithms, as their files describe them."""
+    rows = []
+    for name in master_names():
+        first, *rest = inspect.getdoc(import_module(f"harness.masters.{name.replace('-', '_')}")).split("\n\n")
+        use = next(text.removeprefix("Use it for ") for text in rest if text.startswith("Use it for "))
+        rows.append((f"`{name}`", " ".join(first.split()).partition(": ")[2], " ".join(use.split()).rstrip(".")))
+    return table(("master", "a communication step", "use it for"), rows)
+
+
+def formats() -> str:
+    """Return the formats of data files, as their modules describe them."""
+    suffixes: dict[str, list[str]] = {}
+    for suffix, module in data_formats().items():
+        suffixes.setdefault(str(inspect.getdoc(module)).replace("``", "`"), []).append(f"`{suffix}`")
+    return "\n".join(f"* {', '.join(names)}: {text}" for text, names in suffixes.items())
+
+
+_OF_BLOCKS = (motions, reasons, questions, situations, compensators, capabilities, exchange, kinds, roles, models)
+TABLES = {f.__name__: f for f in (*_OF_BLOCKS, masters, formats)}
 
 
 def filled(text: str) -> str:
-    """Return a page with its tables written anew."""
-
-    def fill(match: re.Match[str]) -> str:
-        return f"{match[1]}\n{TABLES[match[2]]()}\n{match[3]}"
-
-    return re.sub(r"(<!-- table: (\w+) -->\n).*?(\n<!-- /table -->)", fill, text, flags=re.S)
-
-
-def pages() -> list[Path]:
-    """Return the pages that have such tables."""
-    return [path for path in sorted(DOCS.glob("*.md")) if "<!-- table: " in path.read_text(encoding="utf-8")]
-
-
-if __name__ == "__main__":
-    for page in pages():
-        page.write_text(filled(page.read_text(encoding="utf-8")), encoding="utf-8")
+    """Return a page with its tables."""
+    return re.sub(r"<!-- table: (\w+) -->", lambda found: TABLES[found[1]](), text)

@@ -19,14 +19,14 @@ from friction_fmus.version import VERSION
 from harness.extras import lazy_names
 
 if TYPE_CHECKING:
-    from friction_fmus.fmi.package import build, build_record, fmu
+    from friction_fmus.export.block_fmu import build, build_record, fmu
     from friction_fmus.identification import identify
 else:
     __getattr__, __dir__ = lazy_names(
         __name__,
         {
             "friction_fmus.identification": ["identify"],
-            "friction_fmus.fmi.package": ["build", "build_record", "fmu"],
+            "friction_fmus.export.block_fmu": ["build", "build_record", "fmu"],
         },
     )
 

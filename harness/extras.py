@@ -2,49 +2,40 @@
 
 from __future__ import annotations
 
+import re
 import sys
+from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
-from importlib import import_module
+from functools import cache
+from importlib import import_module, metadata
 from importlib.util import find_spec
-from typing import Final, NamedTuple
 
 from harness.errors import MissingPackageError
 
 
-class Extra(NamedTuple):
-    """An extra, and what needs the package."""
-
-    name: str
-    need: str
-
-
-EXTRAS: Final = {
-    "casadi": Extra("build", "compensator laws (build, codegen, doctor, show, study) need it"),
-    "cattrs": Extra("study", "the command study needs it"),
-    "distributed": Extra("dask", "--scheduler needs it"),
-    "mcap": Extra("mcap", "MCAP files (identify, study) need it"),
-    "plotly": Extra("study", "the report of the command study needs it"),
-    "pyarrow": Extra("parquet", "Parquet files (identify, run, sweep) need it"),
-    "ziglang": Extra(
-        "build", "a compilation (build, codegen, compose, identify, show, study) needs it or a compiler in CC"
-    ),
-}
-"""Package -> the extra that installs it."""
+@cache
+def extra_of(package: str) -> str | None:
+    """Return the smallest extra that installs a package; None if none does."""
+    try:
+        lines = "\n".join(metadata.requires("friction-fmus") or ())
+    except metadata.PackageNotFoundError:
+        return None
+    found = re.findall(r"^([\w.-]+).*extra == ['\"]([\w-]+)", lines, re.M)
+    sizes = Counter(extra for _, extra in found)
+    return min((extra for name, extra in found if name == package), key=lambda extra: sizes[extra], default=None)
 
 
-def missing(package: str) -> MissingPackageError:
-    """Return the error for one of `EXTRAS` that is not installed."""
-    extra = EXTRAS[package]
+def missing(package: str, need: str = "this needs it") -> MissingPackageError:
+    """Return the error for a package of an extra that is not installed."""
     return MissingPackageError(
-        f"{package} is not installed; {extra.need}: pip install 'friction-fmus[{extra.name}]'", name=package
+        f"{package} is not installed; {need}: pip install 'friction-fmus[{extra_of(package)}]'", name=package
     )
 
 
-def require(*packages: str) -> None:
-    """Raise MissingPackageError for the first of some packages of `EXTRAS` that is not installed."""
-    for package in packages:
-        if find_spec(package) is None:
-            raise missing(package)
+def require(package: str, need: str = "this needs it") -> None:
+    """Raise MissingPackageError if a package of an extra is not installed."""
+    if find_spec(package) is None:
+        raise missing(package, need)
 
 
 _SUBINTERPRETERS = "_interpreters" if sys.version_info >= (3, 13) else "_xxsubinterpreters"
@@ -76,7 +67,7 @@ def lazy_names(
         try:
             value = getattr(import_module(homes[name]), name)
         except ModuleNotFoundError as error:
-            if error.name not in EXTRAS:
+            if not error.name or extra_of(error.name) is None:
                 raise
             raise missing(error.name) from error
         setattr(sys.modules[package], name, value)

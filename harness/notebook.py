@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
 from html import escape
 from typing import TYPE_CHECKING
 
@@ -11,11 +12,32 @@ if TYPE_CHECKING:
     from harness.system.system import System
 
 
-def html_table(caption: str, headings: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
-    """Return an HTML table; texts are escaped, and floating-point numbers have six digits."""
-    head = "".join(f'<th scope="col">{escape(heading)}</th>' for heading in headings)
-    body = "".join(f"<tr>{''.join(f'<td>{escape(_text(cell))}</td>' for cell in row)}</tr>" for row in rows)
-    return f"<table><caption>{escape(caption)}</caption><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>"
+@dataclass(frozen=True)
+class Listing:
+    """A table of texts, which is drawn for a terminal, a notebook or a page."""
+
+    caption: str
+    headings: Sequence[str]
+    """Headings; a column of numbers has one that begins with a space."""
+    rows: Sequence[Sequence[object]]
+
+    @property
+    def cells(self) -> Iterator[list[str]]:
+        """The texts of each row; floating-point numbers have six digits."""
+        return (["" if c is None else f"{c:.6g}" if isinstance(c, float) else str(c) for c in row] for row in self.rows)
+
+    def html(self) -> str:
+        """Return the table as HTML; texts are escaped."""
+        heads = (" ".join(heading.split()) for heading in self.headings)
+        head = "".join(f'<th scope="col">{escape(heading)}</th>' for heading in heads)
+        body = "".join(f"<tr>{''.join(f'<td>{escape(cell)}</td>' for cell in row)}</tr>" for row in self.cells)
+        caption = f"<caption>{escape(self.caption)}</caption>"
+        return f"<table>{caption}<thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>"
+
+
+def html_table(caption: str, headings: Sequence[str], rows: Sequence[Sequence[object]]) -> str:
+    """Return an HTML table."""
+    return Listing(caption, headings, rows).html()
 
 
 def counted(number: int, noun: str) -> str:
@@ -77,7 +99,3 @@ def _listed(ports: Iterable[Port]) -> str:
 
 def _unit(port: Port) -> str:
     return "" if port.unit in (None, "1") else str(port.unit)
-
-
-def _text(cell: object) -> str:
-    return "" if cell is None else f"{cell:.6g}" if isinstance(cell, float) else str(cell)

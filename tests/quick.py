@@ -18,9 +18,9 @@ from thorough import THOROUGH
 
 from friction_fmus.blocks.catalogue import Block
 from friction_fmus.blocks.probe import Description
-from friction_fmus.fmi import contents
-from friction_fmus.fmi import package as blocks
+from friction_fmus.export import block_contents, block_fmu
 from friction_fmus.fmi.portrait import Portrait, portray, terminal_icon
+from harness import FmuPart
 from harness.compiling import platforms, toolchain
 
 UNOPTIMISED = ("-O0", "-fno-sanitize=undefined")
@@ -78,9 +78,16 @@ def quick_builds(folder: str) -> Iterator[None]:
     if THOROUGH or folder not in FOLDERS:
         yield
         return
-    make, keep, compile_unit = blocks._built, platforms._kept, platforms._object
+    make, keep, compile_unit = block_fmu.block_source, platforms._kept, platforms._object
 
-    def built(model: str | Path, start: Any, name: Any, files: Any, domain: str, *rest: Any) -> Any:
+    def built(
+        model: str | Path,
+        start: Any = None,
+        name: Any = None,
+        files: Any = None,
+        domain: str = "translational",
+        *rest: Any,
+    ) -> Any:
         plain = not (start or name or files) and domain == "translational" and not Path(model).suffix
         return (_as_users_get_it(make) if plain else make)(model, start, name, files, domain, *rest)
 
@@ -92,16 +99,16 @@ def quick_builds(folder: str) -> Iterator[None]:
         slow = "wasm" in (target or "")  # without optimisation, a module needs what no browser has
         return (_as_users_get_it(compile_unit) if slow else compile_unit)(target, *rest, **named)
 
-    def drawn(block: Block, description: Description, folder: Path) -> Portrait:
+    def drawn(block: Block, description: Description, part: FmuPart) -> Portrait:
         if _is_plain():
-            return portray(block, description, folder)
+            return portray(block, description, part)
         return Portrait(terminal_icon("square"), ())
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(toolchain, "FLAGS", _Flags(toolchain.FLAGS))
-        patch.setattr(blocks, "_built", built)
-        patch.setattr(blocks, "native_library", _as_users_get_it(platforms.native_library))
+        patch.setattr(block_fmu, "block_source", built)
+        patch.setattr(block_fmu, "native_library", _as_users_get_it(platforms.native_library))
         patch.setattr(platforms, "_kept", kept)
         patch.setattr(platforms, "_object", unit)
-        patch.setattr(contents, "portray", drawn)
+        patch.setattr(block_contents, "portray", drawn)
         yield

@@ -565,14 +565,13 @@ static bool ended_by_importer(Shell *c, double now, double *end)
 }
 
 /* FMI 3.0 has no time derivatives of inputs. This function offers those of FMI 2.0 to an importer that knows it. */
-#define friction_fmus_SetInputDerivatives fmi3FullName(friction_fmus_SetInputDerivatives)
+#define harness_SetInputDerivatives fmi3FullName(harness_SetInputDerivatives)
 
-FMI3_Export fmi3Status friction_fmus_SetInputDerivatives(fmi3Instance instance, const fmi3ValueReference references[],
-                                                         size_t n, const fmi3Int32 orders[],
-                                                         const fmi3Float64 values[]);
+FMI3_Export fmi3Status harness_SetInputDerivatives(fmi3Instance instance, const fmi3ValueReference references[],
+                                                   size_t n, const fmi3Int32 orders[], const fmi3Float64 values[]);
 
-fmi3Status friction_fmus_SetInputDerivatives(fmi3Instance instance, const fmi3ValueReference references[], size_t n,
-                                             const fmi3Int32 orders[], const fmi3Float64 values[])
+fmi3Status harness_SetInputDerivatives(fmi3Instance instance, const fmi3ValueReference references[], size_t n,
+                                       const fmi3Int32 orders[], const fmi3Float64 values[])
 {
     ENTER_3_AS(fmi2CoSimulation, "SetInputDerivatives", NEW_3 | INITIALIZATION_3 | STEPS_3)
     const fmi3Status status = check_variables_3(c, references, n, values, n, IS_FLOAT64);

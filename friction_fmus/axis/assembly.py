@@ -14,7 +14,7 @@ from types import TracebackType
 import numpy as np
 
 from friction_fmus.axis.servo import Compensator, Plant, Servo, Trajectory
-from friction_fmus.fmi.package import fmu
+from friction_fmus.export.block_fmu import fmu
 from harness import FmuPart, Part, SeriesPart, Wire
 from harness.parts.part import StartValue
 

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from friction_fmus.errors import BuildError
-from friction_fmus.fmi.package import build, fmu
+from friction_fmus.export.block_fmu import build, fmu
 
 Array = NDArray[np.float64]
 

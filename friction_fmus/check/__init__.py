@@ -7,12 +7,10 @@ The rules are functions in `archive`, `definitions`, `variables`, `structure`, `
 
 from __future__ import annotations
 
-import zipfile
 from collections.abc import Collection, Iterator
 from dataclasses import replace
 from pathlib import Path
 
-from fmpy import read_model_description
 from fmpy.model_description import ValidationError
 from lxml import etree
 
@@ -21,7 +19,7 @@ from friction_fmus.check.archive import (
     DAMAGED,
     Contents,
     examine_archive,
-    list_members,
+    open_contents,
     read_member,
     truncated_libraries,
 )
@@ -42,6 +40,7 @@ from friction_fmus.check.fmi3.binary import examine_binary_3
 from friction_fmus.check.structure import examine_side_files
 from friction_fmus.errors import FrictionError, UnknownNameError, nearest
 from harness.errors import HarnessError
+from harness.parts.archive import parse_description
 from harness.ssp.package import SSD_NAME
 from harness.storage.files import ScratchFolder
 
@@ -102,21 +101,26 @@ def check(
 
 
 def _examine(path: Path, static: bool, time_limit: float) -> list[Finding]:
-    contents = list_members(path)
+    contents = open_contents(path)
     if isinstance(contents, Finding):
         return [contents]
+    with contents.archive:
+        return _examine_contents(path, contents, static, time_limit)
+
+
+def _examine_contents(path: Path, contents: Contents, static: bool, time_limit: float) -> list[Finding]:
     if SSD_NAME in contents.names and DESCRIPTION not in contents.names:
         return _examine_ssp(path, contents, static, time_limit)
     if DESCRIPTION not in contents.names or any(f.rule == "zip-bomb" for f in apply("archive", contents)):
         return examine_archive(contents)
-    data = read_member(path, DESCRIPTION)
+    data = read_member(contents, DESCRIPTION)
     if isinstance(data, Finding):
         return _unless_told(examine_archive(contents), data)
     root = parse(data)
     if isinstance(root, Finding):
         return [*examine_archive(contents), root]
     if root.tag == "fmiModelDescription" and root.get("fmiVersion", "").startswith("3."):
-        return _examine_3(path, contents, data, root, static, time_limit)
+        return _examine_3(contents, data, root, static, time_limit)
     model = Model(root)
     refusals = list(_refusals(model))
     if refusals:
@@ -129,7 +133,7 @@ def _examine(path: Path, static: bool, time_limit: float) -> list[Finding]:
     if not any(finding.rule.startswith(_DANGEROUS) for finding in findings):
         findings += examine_side_files(contents, model)
         if not _errors(findings):
-            findings += _fmpy(path)
+            findings += _fmpy(data)
         findings += _libraries(contents, model, static, time_limit)
     return findings
 
@@ -146,16 +150,14 @@ def _examine_ssp(path: Path, contents: Contents, static: bool, time_limit: float
             pass
     except HarnessError as error:
         found.append(SSP.finding(str(error), SSD_NAME))
-    with ScratchFolder("friction-fmus-check-") as folder, zipfile.ZipFile(path) as archive:
+    with ScratchFolder() as folder:
         for name in sorted(name for name in contents.names if name.endswith(".fmu")):
-            fmu = Path(archive.extract(name, folder))
+            fmu = Path(contents.archive.extract(name, folder))
             found += (replace(each, file=f"{name}/{each.file}") for each in _examine(fmu, static, time_limit))
     return found
 
 
-def _examine_3(
-    path: Path, contents: Contents, data: bytes, root: etree._Element, static: bool, time_limit: float
-) -> list[Finding]:
+def _examine_3(contents: Contents, data: bytes, root: etree._Element, static: bool, time_limit: float) -> list[Finding]:
     """Return the findings in an FMI 3.0 FMU."""
     model = Model3(root)
     contents = replace(contents, identifier=model.identifier, version=3)
@@ -167,7 +169,7 @@ def _examine_3(
     if not any(finding.rule.startswith(_DANGEROUS) for finding in findings):
         findings += examine_side_files(contents, model)
         if not _errors(findings):
-            findings += _fmpy(path)
+            findings += _fmpy(data)
         truncated = list(truncated_libraries(contents))
         findings += truncated
         if not (static or truncated or _errors(findings)) and contents.below("binaries"):
@@ -209,14 +211,13 @@ def _refusals(model: Model) -> Iterator[Finding]:
         yield NO_INTERFACE.finding(text, DESCRIPTION, line=line_of(model.root))
 
 
-def _fmpy(path: Path) -> list[Finding]:
+def _fmpy(data: bytes) -> list[Finding]:
     """Return the findings of fmpy, which runs only if there are no other findings, to avoid duplicates.
 
     It does not check the names of variables, for which its parser needs milliseconds each; `variables` checks them.
     """
     try:
-        with path.open("rb") as file:  # not the path, as fmpy leaves the file open if it fails
-            read_model_description(file, validate=True, validate_model_structure=True)
+        parse_description(data, validate=True, validate_model_structure=True)
     except ValidationError as error:
         problems = [str(text) for text in error.problems]
     except Exception as error:  # fmpy raises many kinds of exceptions

@@ -6,7 +6,8 @@ import stat
 import zipfile
 from collections import Counter
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path, PurePosixPath
 
 from friction_fmus.check.findings import DESCRIPTION, Fault, Finding, apply, declare, rule
@@ -19,12 +20,11 @@ from harness.storage.zip_file import (
     is_bomb,
     is_special,
     is_too_long,
-    list_zip,
     method,
     normal_name,
-    open_zip,
+    open_unchecked,
     read_zip,
-    unpack_zip,
+    size_of,
     unpacked_size,
 )
 
@@ -56,45 +56,44 @@ DAMAGED = declare("zip-damaged", "error", "2.3", "A member of the archive cannot
 class Contents:
     """The members of an FMU."""
 
-    path: Path
-    """The FMU."""
-    members: tuple[zipfile.ZipInfo, ...]
-    """The members in the order of the archive."""
-    size: int
-    """Size of the file [bytes]."""
+    archive: zipfile.ZipFile
+    """The FMU, which is open during the check."""
     identifier: str = ""
     """Model identifier for co-simulation; empty if unknown."""
     source_files: tuple[str, ...] | None = None
     """Source files declared in the XML; None if unknown."""
     version: int = 2
     """Version of FMI."""
-    names: frozenset[str] = field(init=False)
 
-    def __post_init__(self) -> None:
-        """Collect the names."""
-        object.__setattr__(self, "names", frozenset(member.filename for member in self.members))
+    @property
+    def members(self) -> list[zipfile.ZipInfo]:
+        """The members in the order of the archive."""
+        return self.archive.infolist()
+
+    @cached_property
+    def names(self) -> frozenset[str]:
+        """The names of the members."""
+        return frozenset(self.archive.namelist())
 
     def below(self, folder: str) -> list[PurePosixPath]:
         """Return the files in a folder of the archive."""
         return [PurePosixPath(n) for n in sorted(self.names) if n.startswith(f"{folder}/") and not n.endswith("/")]
 
 
-def list_members(path: Path) -> Contents | Finding:
-    """Return the members of an archive, or a finding that explains why they cannot be listed."""
+def open_contents(path: Path) -> Contents | Finding:
+    """Return the open archive, or a finding that explains why its members cannot be listed."""
     if path.exists() and not path.is_dir() and not path.is_file():
         raise OSError("it is not a regular file")  # a device or a pipe may have no end
     try:
-        entries, size = list_zip(path)
+        return Contents(open_unchecked(path))
     except ZipError as error:
         return NOT_A_ZIP.finding(f"{path.name} cannot be read as an archive: {error}")
-    return Contents(path, tuple(entries), size)
 
 
-def read_member(path: Path, name: str) -> bytes | Finding:
+def read_member(contents: Contents, name: str) -> bytes | Finding:
     """Return the content of a member of an archive that is not a bomb, or a finding if it cannot be read."""
     try:
-        with zipfile.ZipFile(path) as archive:
-            return read_zip(archive, name)
+        return read_zip(contents.archive, name)
     except ZipError as error:
         return DAMAGED.finding(f"{name} cannot be unpacked: {error}", name)
 
@@ -108,16 +107,15 @@ def examine_archive(contents: Contents) -> list[Finding]:
 
 
 def _damaged(contents: Contents) -> Iterator[Finding]:
-    with zipfile.ZipFile(contents.path) as archive:
-        for member in contents.members:
-            try:
-                with archive.open(member) as file:
-                    while file.read(1 << 20):
-                        pass
-            except Exception as error:  # zipfile and the codecs raise many kinds of exceptions for damaged members
-                reason = " ".join(str(error).split()) or type(error).__name__
-                message = f"{member.filename} cannot be unpacked ({reason}); copy or export the FMU again"
-                yield DAMAGED.finding(message, member.filename)
+    for member in contents.members:
+        try:
+            with contents.archive.open(member) as file:
+                while file.read(1 << 20):
+                    pass
+        except Exception as error:  # zipfile and the codecs raise many kinds of exceptions for damaged members
+            reason = " ".join(str(error).split()) or type(error).__name__
+            message = f"{member.filename} cannot be unpacked ({reason}); copy or export the FMU again"
+            yield DAMAGED.finding(message, member.filename)
 
 
 # ---- paths
@@ -221,9 +219,9 @@ def _version(contents: Contents) -> Iterator[Fault]:
 
 @rule("zip-bomb", "error", "2.3", "The archive unpacks to far more than its size suggests.", "archive")
 def _bomb(contents: Contents) -> Iterator[Fault]:
-    unpacked = unpacked_size(contents.members)
-    if is_bomb(unpacked, contents.size):
-        yield Fault(f"{contents.size} bytes unpack to {unpacked}; do not use this file", file="")
+    unpacked, size = unpacked_size(contents.members), size_of(contents.archive)
+    if is_bomb(unpacked, size):
+        yield Fault(f"{size} bytes unpack to {unpacked}; do not use this file", file="")
 
 
 # ---- required files and their places
@@ -329,17 +327,10 @@ def _licence(contents: Contents) -> Iterator[Fault]:
 def truncated_libraries(contents: Contents) -> Iterator[Finding]:
     """Yield a finding for each truncated library in a safe archive; some loaders crash on them."""
     libraries = [str(path) for path in contents.below("binaries") if path.suffix in _SUFFIXES.values()]
-    with open_zip(contents.path) as archive:
-        for name in libraries:
-            with archive.open(name) as file:
-                missing = missing_of(file.read(LONGEST_TABLE), archive.getinfo(name).file_size)
-            if missing:
-                yield TRUNCATED.finding(
-                    f"{name} is truncated: {missing} bytes are missing at the end; copy or export the FMU again", name
-                )
-
-
-def unpack(contents: Contents, folder: Path) -> None:
-    """Unpack an archive in which no rule found a dangerous member."""
-    with open_zip(contents.path) as archive:
-        unpack_zip(archive, folder)
+    for name in libraries:
+        with contents.archive.open(name) as file:
+            missing = missing_of(file.read(LONGEST_TABLE), contents.archive.getinfo(name).file_size)
+        if missing:
+            yield TRUNCATED.finding(
+                f"{name} is truncated: {missing} bytes are missing at the end; copy or export the FMU again", name
+            )

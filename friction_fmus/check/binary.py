@@ -15,7 +15,7 @@ from typing import Any, Final
 
 from lxml import etree
 
-from friction_fmus.check.archive import Contents, unpack
+from friction_fmus.check.archive import Contents
 from friction_fmus.check.description import Model, Variable, integer, real
 from friction_fmus.check.findings import RULES, Finding, declare
 from friction_fmus.check.probes import arrays, events, lifecycle, stepping, surroundings
@@ -26,6 +26,7 @@ from friction_fmus.check.probes.rules import RULES_3
 from friction_fmus.errors import FrictionError
 from harness.compiling.platforms import NATIVE
 from harness.storage.files import ScratchFolder
+from harness.storage.zip_file import unpack_zip
 
 _MODULES: Final = (lifecycle, stepping, events, arrays, surroundings)
 """Modules that register the probes, in this order."""
@@ -84,9 +85,9 @@ def run_probes(
         return [
             NO_BINARY.finding(f"{binary} is missing (binaries for: {there}); run the check on one of these platforms")
         ]
-    with ScratchFolder("friction-fmus-check-") as name:
+    with ScratchFolder() as name:
         folder = Path(name).resolve()
-        unpack(contents, folder / "fmu")
+        unpack_zip(contents.archive, folder / "fmu")  # no rule has found a dangerous member
         job = job | {
             "folder": str(folder),
             "binary": str(folder / "fmu" / binary),

@@ -44,7 +44,7 @@ def examine_side_files(contents: Contents, model: Model | Model3) -> Iterator[Fi
     ):
         if file not in contents.names:
             continue
-        data = read_member(contents.path, file)
+        data = read_member(contents, file)
         if isinstance(data, Finding):
             yield data
             continue

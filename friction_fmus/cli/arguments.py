@@ -5,8 +5,10 @@ from __future__ import annotations
 import argparse
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 from friction_fmus.errors import FrictionError
+from friction_fmus.export.targets import DEFAULT, targets
 from harness.masters import master_names
 
 
@@ -44,8 +46,26 @@ def add_system(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("system", type=Path, metavar="SYSTEM", help="system file: .toml or .ssp")
 
 
-def add_fmi(parser: argparse.ArgumentParser) -> None:
-    """Add the options for the platforms and the version of FMI."""
+def add_target(parser: argparse.ArgumentParser, takes: str) -> None:
+    """Add the choice of the target, and the options of all targets that take an FMU, or a law."""
+    known = targets(takes)
+    listing = "; ".join(f"{name}: {target.summary}" for name, target in known.items())
+    parser.add_argument(
+        "--target", choices=known, default=DEFAULT[takes], help=f"what is written; {listing}; default: {DEFAULT[takes]}"
+    )
+    for option in {option.name: option for target in known.values() for option in target.options}.values():
+        kind: dict[str, Any] = {"choices": option.choices} if option.choices else {"action": "store_true"}
+        parser.add_argument(f"--{option.name}", help=option.help, default=argparse.SUPPRESS, **kind)
+
+
+def target_options(options: argparse.Namespace, takes: str) -> dict[str, Any]:
+    """Return the given options of the targets."""
+    names = {option.name for target in targets(takes).values() for option in target.options}
+    return {name: value for name, value in vars(options).items() if name in names}
+
+
+def add_fmu_target(parser: argparse.ArgumentParser) -> None:
+    """Add the platforms and the target of what an FMU is made of."""
     parser.add_argument(
         "--platform",
         nargs="+",
@@ -53,7 +73,8 @@ def add_fmi(parser: argparse.ArgumentParser) -> None:
         metavar="PLATFORM",
         help="native (default), all, FMI platform names such as win64, or wasm32 for JavaScript",
     )
-    parser.add_argument("--fmi", type=int, choices=(2, 3), default=2, help="version of FMI; default: 2")
+    parser.add_argument("--fmi", dest="target", type="fmi{}".format, metavar="{2,3}", help="FMI 3.0: --target fmi3")
+    add_target(parser, "fmu")
 
 
 def add_master(parser: argparse.ArgumentParser) -> None:

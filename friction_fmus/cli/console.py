@@ -6,7 +6,10 @@ from typing import Any
 
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, ProgressColumn, TextColumn, TimeRemainingColumn
+from rich.table import Table
 from rich.text import Text
+
+from harness.notebook import Listing
 
 LITERAL: dict[str, Any] = {"markup": False, "emoji": False, "highlight": False}
 """Options of a console that prints strings as they are."""
@@ -26,6 +29,18 @@ def styled(*parts: str | tuple[str, str]) -> Text:
 
 
 console = literal_console()
+
+
+def drawn(listing: Listing, *, title: bool = True, padding: tuple[int, ...] = (0, 1)) -> Table:
+    """Return a table for the terminal, in which numbers do not wrap."""
+    caption = listing.caption if title else None
+    table = Table(title=caption, title_justify="left", box=None, pad_edge=False, padding=padding)  # type: ignore[arg-type]
+    for heading in listing.headings:
+        number = heading.startswith(" ")
+        table.add_column(heading.strip(), justify="right" if number else "left", no_wrap=number, overflow="fold")
+    for cells in listing.cells:
+        table.add_row(*cells)
+    return table
 
 
 def progress_bar(*columns: ProgressColumn, **options: Any) -> Progress:

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from friction_fmus.errors import FrictionError
-from friction_fmus.fmi.package import fmu
+from friction_fmus.export.block_fmu import fmu
 from harness import System, grid, latin_hypercube, read_samples, sobol
 from harness.extras import require
 from harness.sweeps import WithUnits

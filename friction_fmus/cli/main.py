@@ -15,7 +15,7 @@ from friction_fmus.cli import commands
 from friction_fmus.errors import FrictionError
 from friction_fmus.version import VERSION
 from harness.errors import HarnessError
-from harness.extras import EXTRAS, missing
+from harness.extras import extra_of, missing
 from harness.storage.files import stamped
 
 
@@ -50,7 +50,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return options.run(options) or 0
     except (FrictionError, HarnessError, ModuleNotFoundError, OSError) as error:
         if isinstance(error, ModuleNotFoundError):
-            if error.name not in EXTRAS:
+            if not error.name or extra_of(error.name) is None:
                 raise
             error = missing(error.name)
         if options.debug:

@@ -3,12 +3,9 @@
 from __future__ import annotations
 
 from rich.console import Console
-from rich.table import Table
 
-from friction_fmus.cli.console import styled
-from friction_fmus.study.compensator_records import CompensatorResult
-from friction_fmus.study.recommendation import shown
-from friction_fmus.study.records import Fit, ModelResult
+from friction_fmus.cli.console import drawn, styled
+from friction_fmus.listings import compensator_listing, ladder_listing, model_listing
 from friction_fmus.study.result import StudyResult
 
 
@@ -16,7 +13,7 @@ def show_study(console: Console, result: StudyResult) -> None:
     """Print models, compensators, recommendation and violated conditions."""
     u = result.units.words
     show_servo(console, result)
-    console.print(model_table(result))
+    console.print(drawn(model_listing(result)))
     failed = [f"{row.name} ({row.reason})" for row in result.models if row.rank is None]
     if failed:
         console.print(f"Without a rank: {'; '.join(failed)}")
@@ -26,10 +23,10 @@ def show_study(console: Console, result: StudyResult) -> None:
             console.print(f"{model.name}, identified (published): {', '.join(known)}")
     console.print()
     if result.ladder:
-        console.print(ladder_table(result))
+        console.print(drawn(ladder_listing(result)))
         console.print()
     if result.compensators:
-        console.print(compensator_table(result))
+        console.print(drawn(compensator_listing(result)))
         console.print(
             "Tracking error: root mean square of reference minus position over the whole run. Worst case: with "
             f"friction, {u.mass}, delay, encoder and load changed. Drive {u.force}: only the part above the loop "
@@ -71,81 +68,6 @@ def show_servo(console: Console, result: StudyResult) -> None:
     console.print()
 
 
-def model_table(result: StudyResult) -> Table:
-    """Return the friction models by rank as a table."""
-    table = Table(title=f"Friction models of {result.name}", title_justify="left", box=None, pad_edge=False)
-    table.add_column("")
-    table.add_column("model", no_wrap=True)
-    loop = any(row.closed_loop for row in result.models)
-    # one kind of residual for all models: of the validation data if there are any
-    validated = any(row.validation is not None for row in result.models)
-    fits = {row.name: row.validation if validated else row.train for row in result.models}
-    signal = next((fit.signal for fit in fits.values() if fit is not None), "")
-    table.add_column(
-        f"{result.units.words.signal(signal)} residual,\n{'validation' if validated else 'training'} data",
-        justify="right",
-    )
-    if loop:
-        table.add_column("closed loop:\nposition error", justify="right")
-        table.add_column(f"{result.units.words.force}\nerror", justify="right")
-    table.add_column("poorly\nidentifiable")
-    for row in result.models:
-        if row.rank is None:
-            continue
-        cells = [str(row.rank), row.name, _percent(fits[row.name])]
-        if loop:
-            by_signal = {fit.signal: fit for fit in row.closed_loop}
-            position = by_signal.get("position")
-            cells += [shown(position.rms, position.unit) if position else "–", _percent(by_signal.get("force"))]
-        table.add_row(*cells, _weak(row))
-    return table
-
-
-def ladder_table(result: StudyResult) -> Table:
-    """Return the rungs from the axis as measured to the best compensation as a table."""
-    unit = result.units.position
-    table = Table(
-        title="From the axis as it is to the best compensation", title_justify="left", box=None, pad_edge=False
-    )
-    table.add_column("servo")
-    table.add_column("compensator")
-    table.add_column("tracking\nerror", justify="right")
-    table.add_column("largest", justify="right")
-    for rung in result.ladder:
-        name = "" if rung.name in ("", "none") else rung.name
-        table.add_row(rung.title, name, shown(rung.metrics.rms, unit), shown(rung.metrics.largest, unit))
-    return table
-
-
-def compensator_table(result: StudyResult) -> Table:
-    """Return the compensators by rank as a table, after the servo without compensation."""
-    unit, force = result.units.position, result.units.force
-    title = f"Compensators on the axis with {result.plant} friction"
-    table = Table(title=title, title_justify="left", box=None, pad_edge=False)
-    table.add_column("")
-    table.add_column("compensator", overflow="fold")
-    table.add_column("gain or\nbandwidth", justify="right")
-    table.add_column("tracking\nerror", justify="right")
-    table.add_column("worst\ncase", justify="right")
-    table.add_column("Ms", justify="right")
-    table.add_column(f"drive\n{result.units.words.force} [{force}]", justify="right")
-    table.add_column("cycles", justify="right")
-    for row in result.compensators:
-        if row.metrics is None:
-            continue
-        table.add_row(
-            "" if row.rank is None else str(row.rank),
-            "none" if row.name == "none" else f"{row.name}{'' if row.improves else ' (no improvement)'}",
-            _tuned(row),
-            shown(row.metrics.rms, unit),
-            "fails" if row.worst is None else shown(row.worst, unit),
-            "" if row.margins is None or row.margins.Ms is None else f"{row.margins.Ms:.2f}",
-            f"{row.metrics.effort_high:.3g}",
-            "" if row.cycles is None else f"{row.cycles:.0f}",
-        )
-    return table
-
-
 def _numerical(result: StudyResult) -> str:
     """Return how far the tracking errors are off, in a sentence."""
     runs = [(row.name, row.metrics) for row in result.compensators if row.metrics is not None]
@@ -156,22 +78,8 @@ def _numerical(result: StudyResult) -> str:
     return f"Numerical error of the tracking errors: at most {100.0 * shares[worst]:.2g} % ({worst})."
 
 
-def _tuned(row: CompensatorResult) -> str:
-    if row.bandwidth is not None:
-        return f"{row.bandwidth:.3g} Hz"
-    return "" if row.gain is None else f"{row.gain:g}"
-
-
 def _headline(result: StudyResult) -> str:
     name = result.recommendation.name
     if not name:
         return "No recommendation"
     return "Recommendation: no compensation" if name == "none" else f"Recommendation: {name}"
-
-
-def _percent(fit: Fit | None) -> str:
-    return "–" if fit is None else f"{fit.percent:.3g} %"
-
-
-def _weak(row: ModelResult) -> str:
-    return ", ".join(p.name for p in row.parameters if p.weak)

@@ -171,7 +171,7 @@ def measure(export: Export, core: Core) -> Cost:
     if COMPILER in missing():
         raise FrictionError(f"{COMPILER} is missing; install it with apt-get install {PACKAGES[COMPILER]}")
     p = export.prefix
-    with ScratchFolder("friction-fmus-") as scratch:
+    with ScratchFolder() as scratch:
         folder = Path(scratch)
         compile_law(export, core, folder, "-fcallgraph-info=su")
         members = "".join(f"char instance_{group}[sizeof({p}_{group})];\n" for group in export.groups)

@@ -92,7 +92,7 @@ def emulate(folder: Path, *flags: str) -> str:
 
 def assembly(export: Export, core: Core, *flags: str) -> str:
     """Return the assembly code of the law for a core, compiled with additional options."""
-    with ScratchFolder("friction-fmus-") as scratch:
+    with ScratchFolder() as scratch:
         folder = Path(scratch)
         compile_law(export, core, folder, "-S", "-o", "law.s", *flags)
         return (folder / "law.s").read_text(encoding="utf-8")
@@ -270,7 +270,7 @@ class Trace:
 
 def run(export: Export, core: Core, given: Mapping[str, np.ndarray]) -> tuple[np.ndarray, int]:
     """Run the law for a core under QEMU."""
-    with ScratchFolder("friction-fmus-") as scratch:
+    with ScratchFolder() as scratch:
         folder = Path(scratch)
         compile_law(export, core, folder)
         link_program(export, core, folder, program(export, given))

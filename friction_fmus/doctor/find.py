@@ -16,7 +16,7 @@ from friction_fmus.blocks.loop import InLoop, Plant
 from friction_fmus.conditions import cogging_slope
 from friction_fmus.doctor.axis import ActiveLaw, Axis, Finding, Shaper, SignalPath, Values
 from friction_fmus.doctor.known import known_blocks, law_of
-from harness import Experiment, FmuPart, Part, System, Wire, open_archive
+from harness import Experiment, FmuPart, Part, System, Wire
 from harness.errors import StartValueError
 from harness.masters import find_master
 from harness.system.graph import stepping_order
@@ -67,7 +67,7 @@ def unknown_parts(system: System) -> list[str]:
     return [
         part.name
         for part in unknown
-        if not isinstance(part, FmuPart) or open_archive(part.path).description.description not in signals
+        if not isinstance(part, FmuPart) or part.archive.description.description not in signals
     ]
 
 
@@ -76,7 +76,7 @@ def model_of(part: Part) -> str | None:
     if not isinstance(part, FmuPart):
         return None
     known = known_blocks()
-    archive = open_archive(part.path)
+    archive = part.archive
     for name in (part.model, archive.interface.modelIdentifier):
         if name in known:
             return str(name)
@@ -108,7 +108,7 @@ def _limits(part: Part) -> Mapping[str, tuple[float, float]]:
     """Return the ranges stated in the model description of an FMU."""
     if not isinstance(part, FmuPart):
         return {}
-    variables = open_archive(part.path).description.modelVariables
+    variables = part.archive.description.modelVariables
     return {v.name: (float(v.min or -math.inf), float(v.max or math.inf)) for v in variables if v.min or v.max}
 
 

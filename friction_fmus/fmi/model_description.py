@@ -242,6 +242,7 @@ def model_description(block: Block, description: Description, identifier: str) -
     for name, text in LOG_CATEGORIES.items():
         etree.SubElement(categories, "Category", name=name, description=text)
     etree.SubElement(root, "DefaultExperiment", startTime="0", stopTime="1", tolerance="1e-10", stepSize="0.001")
+    declare_traits(root)
 
     model_variables = etree.SubElement(root, "ModelVariables")
     jumping = block.reinitialises if description.exchanges else ()
@@ -256,6 +257,12 @@ def model_description(block: Block, description: Description, identifier: str) -
     initial = sorted((*outputs, *derivatives), key=lambda v: index[v.reference])
     _unknowns(structure, "InitialUnknowns", initial, description.initial_dependencies, index)
     return bytes(etree.tostring(root, xml_declaration=True, encoding="UTF-8", pretty_print=True))
+
+
+def declare_traits(root: etree._Element) -> None:
+    """Tell the harness that inputs need values from outside, and that samples need no clock in FMI 3.0."""
+    tool = etree.SubElement(etree.SubElement(root, "VendorAnnotations"), "Tool", name="harness")
+    etree.SubElement(tool, "Part", strict="true", samplesInSteps="true")
 
 
 def _interface(root: etree._Element, kind: str, identifier: str, values: dict[str, str]) -> None:

@@ -13,7 +13,7 @@ import numpy as np
 from friction_fmus.axis.loop import Plant, Trajectory, closed_loop, run_loop, typed
 from friction_fmus.axis.servo import Servo
 from friction_fmus.blocks.axis_units import ROTARY
-from friction_fmus.fmi.package import build_record
+from friction_fmus.export.block_fmu import build_record
 from friction_fmus.identification.data.record import Array, MeasuredAxis, Record
 from friction_fmus.identification.errors import FitError
 from friction_fmus.identification.fit.idim import filtered_motion
@@ -133,7 +133,7 @@ def identify_closed_loop(
     if not unknowns:
         raise FitError(f"All parameters of {contact.name} are fixed; leave at least one to be identified.")
     rest = {**open_loop.fixed, **{name: open_loop.parameters[name].value for name in (*unseen, *kept)}}
-    with ScratchFolder("friction-fmus-axis-") as folder:
+    with ScratchFolder() as folder:
         run = replace(axis_simulator(contact, axis, Path(folder)), fixed=tuple(rest.items()))
         target = Target(axis.record.column("q"), QUANTA * (axis.servo.quantum or 5e-8))
         lag = round(CORRELATED / axis.servo.Ts)
@@ -181,7 +181,7 @@ def axis_response(result: Identification, record: Record, step: float = FIT_STEP
     if result.servo is None:
         raise FitError("This identification was not made in closed loop; call identify with a MeasuredAxis.")
     contact = contact_model(result.block, record.units)
-    with ScratchFolder("friction-fmus-axis-") as folder:
+    with ScratchFolder() as folder:
         run = axis_simulator(contact, MeasuredAxis(record, result.servo), Path(folder), step)
         found = run(result.values())
         _SYSTEMS.clear()

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from friction_fmus.fmi.package import build
+from friction_fmus.export.block_fmu import build
 from friction_fmus.identification.data.record import Array, Record
 from friction_fmus.identification.errors import FitError
 from friction_fmus.identification.fit.prediction import known_force, simulated

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from friction_fmus.blocks.axis_units import ROTARY
-from friction_fmus.fmi.package import build
+from friction_fmus.export.block_fmu import build
 from friction_fmus.identification.data.record import Array, Record
 from friction_fmus.identification.fit.estimate import Estimate
 from friction_fmus.identification.fit.idim import InverseModelSettings
@@ -17,7 +17,7 @@ from friction_fmus.identification.fit.position import PositionFit
 from friction_fmus.identification.fit.prediction import compare, predict
 from friction_fmus.identification.fit.scores import Score
 from friction_fmus.identification.plot import draw
-from friction_fmus.notebook import identification_html, identification_text
+from friction_fmus.listings import identification_html, identification_text
 from harness import Parameter, ParameterSet, write_ssv
 
 if TYPE_CHECKING:

@@ -18,7 +18,7 @@ from friction_fmus.identification.errors import FitError
 from friction_fmus.identification.fit.models import contact_model
 from friction_fmus.identification.identifying import identify
 from friction_fmus.identification.result import Identification
-from friction_fmus.notebook import comparison_html, comparison_text
+from friction_fmus.listings import comparison_html, comparison_text
 
 FAR: Final = 10.0
 """Ratio to the largest measured force beyond which a force parameter has run away: the drive overcame all friction."""

@@ -6,8 +6,8 @@ import json
 from pathlib import Path
 from typing import Any, Final
 
+from friction_fmus.export.targets.wasm.npm_package import WasmModel, class_script
 from friction_fmus.live.recorded import Bench, opened, recorded_figures
-from harness.wasm import WasmModel, class_script
 
 __all__ = ["about_block", "assets", "model_script", "opened"]
 

@@ -8,18 +8,18 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
-from zipfile import ZipFile
 
 import numpy as np
-from fmpy.fmi1 import FMICallException
 
 from friction_fmus.blocks.catalogue import Block
-from friction_fmus.blocks.probe import BlockVariables, read_variables
+from friction_fmus.blocks.probe import BlockVariables
+from friction_fmus.export.block_fmu import describe_block
 from friction_fmus.fmi.portrait.bench import Bench as PortraitBench
 from friction_fmus.fmi.portrait.bench import Curve, Panel, Session, Vector
 from friction_fmus.fmi.portrait.experiments import elastic_reach, experiment, friction_panels, speed_scale
 from friction_fmus.live.further import BEGIN, FURTHER, idle
-from harness.compiling.platforms import NATIVE
+from harness.errors import HarnessError
+from harness.parts.fmu import FmuPart
 
 
 @dataclass
@@ -57,9 +57,9 @@ class _RecordedSession(Session):
 class Bench(PortraitBench):
     """A test bench that records its runs."""
 
-    def __init__(self, block: Block, description: BlockVariables, folder: Path) -> None:
+    def __init__(self, block: Block, description: BlockVariables, part: FmuPart) -> None:
         """Begin without runs."""
-        super().__init__(block, description, folder)
+        super().__init__(block, description, part)
         self.block = block
         self.description = description
         self.courses: list[Course] = []
@@ -78,12 +78,13 @@ class Bench(PortraitBench):
 
 
 @contextmanager
-def opened(block: Block, fmu: Path, folder: Path) -> Iterator[Bench]:
-    """Open the FMU of a block, unpacked in a folder, on a test bench."""
-    with ZipFile(fmu) as archive:
-        archive.extractall(folder)
-    library = folder / "binaries" / NATIVE.folder / f"{block.name}{NATIVE.suffix}"
-    yield Bench(block, read_variables(library), folder)
+def opened(block: Block, fmu: Path) -> Iterator[Bench]:
+    """Open the FMU of a block on a test bench."""
+    part = FmuPart(block.name, fmu)
+    try:
+        yield Bench(block, describe_block(block), part)
+    finally:
+        part.close()
 
 
 def recorded_figures(bench: Bench) -> dict[str, Any]:
@@ -105,7 +106,7 @@ def recorded_figures(bench: Bench) -> dict[str, Any]:
             told |= {"speed": peak, "reach": elastic_reach(bench, peak / 100.0) or 1e-3 * peak}
             experiments.remove(chosen)
         panels = [panel for each in experiments for panel in each(bench)]
-    except FMICallException:
+    except HarnessError:
         return {}
     figures = [_figure(panel, bench.courses) for panel in panels]
     return told | {"figures": [figure for figure in figures if figure]}

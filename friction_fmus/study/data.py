@@ -14,7 +14,7 @@ import numpy as np
 from friction_fmus.axis.loop import Plant, Trajectory, closed_loop, run_loop
 from friction_fmus.axis.servo import Servo
 from friction_fmus.data import EMPS_PUBLISHED, load_emps
-from friction_fmus.fmi.package import build_record
+from friction_fmus.export.block_fmu import build_record
 from friction_fmus.identification import (
     ROTARY,
     Array,

@@ -13,7 +13,7 @@ from friction_fmus.blocks.catalogue import find
 from friction_fmus.codegen.export import export_law
 from friction_fmus.codegen.laws import law_of
 from friction_fmus.codegen.loop import LAWS, LOOP_FILE, SHARED, LoopFile, LoopLaw, loop_text
-from friction_fmus.fmi.package import build
+from friction_fmus.export.block_fmu import build
 from friction_fmus.lawkit.law import Kind
 from friction_fmus.study.compensators import TABLE
 from friction_fmus.study.evaluation import Bench, Scheme, with_table

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from friction_fmus.blocks.axis_units import Words
+from friction_fmus.listings import shown
 from friction_fmus.study.compensator_records import CompensatorResult, Metrics, Recommendation, Rung
 from friction_fmus.study.compensators import INTEGRAL, TABLE
 from friction_fmus.study.ranking import WORTH
@@ -142,11 +143,3 @@ def _figures(none: CompensatorResult, row: CompensatorResult, u: Words) -> str:
 
 def _worst(row: CompensatorResult, unit: str) -> str:
     return "failure" if row.worst is None else shown(row.worst, unit)
-
-
-def shown(value: float, unit: str) -> str:
-    """Return a length or an angle with a suitable unit prefix."""
-    for factor, prefix in ((1.0, ""), (1e3, "m"), (1e6, "µ")):
-        if abs(value) * factor >= 1.0:
-            return f"{value * factor:.3g} {prefix}{unit}"
-    return f"{value * 1e9:.3g} n{unit}"

@@ -9,7 +9,7 @@ from dataclasses import asdict, dataclass, field
 from typing import Any
 
 from friction_fmus.identification import AxisUnits
-from friction_fmus.notebook import study_html, study_text
+from friction_fmus.listings import study_html, study_text
 from friction_fmus.study.compensator_records import (
     CompensatorResult,
     Corner,

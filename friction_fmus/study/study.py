@@ -24,6 +24,7 @@ from friction_fmus.doctor import examine
 from friction_fmus.errors import FrictionError
 from friction_fmus.identification import Array, AxisUnits, Record, decimate, filtered_motion, identifiable
 from friction_fmus.identification.physics import FORBIDDING, contradictions
+from friction_fmus.listings import shown
 from friction_fmus.study.comparison import Comparison, compare
 from friction_fmus.study.compensator_records import CompensatorResult, Recommendation
 from friction_fmus.study.compensators import AxisKnowledge, check_names, period_of
@@ -40,7 +41,6 @@ from friction_fmus.study.models import (
     ranked,
     refine,
 )
-from friction_fmus.study.recommendation import shown
 from friction_fmus.study.records import ConditionResult, Curve, ModelResult, Picture, StudyFinding, WrittenFile, thinned
 from friction_fmus.study.result import StudyResult
 from friction_fmus.study.servo_check import CheckedServo, check_servo

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack
 from dataclasses import dataclass, field, replace
-from pathlib import Path
 from typing import Final
 
 import numpy as np
@@ -15,14 +13,15 @@ import numpy as np
 from friction_fmus.axis.assembly import PartPool, block
 from friction_fmus.axis.loop import RECORDED
 from friction_fmus.axis.servo import GAINS, Servo
+from friction_fmus.export.composite.composite_archive import composite_source
+from friction_fmus.export.targets.wasm.npm_package import WasmModel, wasm_model
 from friction_fmus.identification import Array
 from friction_fmus.study.compensator_records import CompensatorResult, Metrics
 from friction_fmus.study.evaluation import Bench, Scheme, off_by, system_of
 from harness import FmuPart, HarnessError, System, Wire
+from harness.compiling.platforms import WASM
 from harness.masters import find_master
-from harness.storage.files import ScratchFolder
 from harness.system.wire import split_name
-from harness.wasm import WasmModel
 
 SOURCES: Final = ("reference", "noise")
 """Parts whose outputs are inputs of the modules."""
@@ -206,11 +205,8 @@ def knobs_of(bench: Bench, schemes: Sequence[Scheme], systems: Sequence[System])
 def _module(system: System, name: str) -> WasmModel:
     """Return a system as a module with the variables that the report sets and reads."""
     sources = {wire.source for wire in system.wires if split_name(wire.source)[0] in SOURCES}
-    with ScratchFolder("friction-fmus-") as scratch:
-        folder = Path(scratch) / f"{name}-wasm"
-        system.to_fmu(folder, name=name, inputs=sorted(sources), outputs=list(RECORDED), platforms=["wasm32"])
-        description = json.loads((folder / f"{name}.json").read_text(encoding="utf-8"))
-        return WasmModel((folder / f"{name}.wasm").read_bytes(), description)
+    inputs, outputs = sorted(sources), list(RECORDED)
+    return wasm_model(composite_source(system, name, (WASM,), inputs=inputs, outputs=outputs))
 
 
 __all__ = [

@@ -70,12 +70,12 @@ PLATFORMS: Final[Mapping[str, Platform]] = {platform.folder: platform for platfo
 """All platforms by name."""
 
 WASM: Final = Platform("wasm32", ".wasm", ("wasm32-wasi",))
-"""A WebAssembly module. FMI has no such platform, so that it is not in `PLATFORMS`; `harness.wasm` builds it."""
+"""A WebAssembly module. FMI has no such platform, so that it is not in `PLATFORMS`."""
 
 
 def select(names: tuple[str, ...]) -> tuple[Platform, ...]:
     """Return the platforms with these names."""
-    known = {"native": (NATIVE,), "all": _CROSS, **{platform.folder: (platform,) for platform in _CROSS}}
+    known = {"native": (NATIVE,), "all": _CROSS, **{each.folder: (each,) for each in (*_CROSS, WASM)}}
     for name in names:
         if name not in known:
             raise BuildError(f"There is no platform {name!r}; {nearest(name, known)}")
@@ -140,7 +140,7 @@ def _object(target: str | None, unit: str, sources: Mapping[str, str], *, warns:
 @contextmanager
 def _scratch() -> Iterator[Path]:
     """Yield a folder that is removed at the end, so that no path of the cache enters a binary."""
-    with ScratchFolder("friction-fmus-") as scratch:
+    with ScratchFolder() as scratch:
         yield Path(scratch)
 
 

@@ -111,7 +111,7 @@ def compiler(target: str | None = None) -> list[str]:
 @cache
 def _zig() -> Path:
     """Return the program of the package ziglang: `python -m ziglang` starts Python for each file."""
-    require("ziglang")
+    require("ziglang", "a compilation needs it, or a compiler in CC")
     import ziglang
 
     return Path(ziglang.__file__).parent / ("zig.exe" if os.name == "nt" else "zig")
@@ -130,7 +130,7 @@ def lacking() -> MissingPackageError | None:
 def _version(command: tuple[str, ...]) -> str:
     try:
         # zig leaves an empty a.o when asked for its version with -target ...-macos
-        with ScratchFolder("friction-fmus-") as scratch:
+        with ScratchFolder() as scratch:
             for lacks in (_CACHE_OF_ZIG not in os.environ, False):
                 run = subprocess.run(
                     [*command, "--version"], cwd=scratch, capture_output=True, text=True, check=not lacks

@@ -1,4 +1,7 @@
-"""Adaptive: Newton with inner steps chosen from the coupling error; every communication point is met exactly."""
+"""Adaptive: ``newton`` with inner steps controlled by the coupling error; every communication point is met exactly.
+
+Use it for motion with fast and slow phases.
+"""
 
 from __future__ import annotations
 

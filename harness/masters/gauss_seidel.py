@@ -1,4 +1,7 @@
-"""Gauss-Seidel: parts are stepped one after the other, each with the latest outputs of those before it."""
+"""Gauss-Seidel: steps one part after the other with the newest outputs: sampled parts, plants, friction and sensors.
+
+Use it for loops that are slow compared with the step; it is the default.
+"""
 
 from __future__ import annotations
 

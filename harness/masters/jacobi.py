@@ -1,4 +1,7 @@
-"""Jacobi: all parts are stepped with the outputs from the beginning of the step, then all outputs are exchanged."""
+"""Jacobi: steps all parts with the outputs from the beginning; ``extrapolation`` uses polynomials through earlier ones.
+
+Use it for a comparison with other tools.
+"""
 
 from __future__ import annotations
 

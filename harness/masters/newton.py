@@ -1,4 +1,6 @@
-"""Newton: an implicit master that iterates on the values in loops of continuous parts.
+"""Newton: solves loops of continuous parts for their values at the end of the step.
+
+Use it for stiff contacts and algebraic loops.
 
 The coupling is the generalised-alpha method, which is of second order and damps components that are too stiff for the
 step, see ``newton.h``. Sampled parts take their sample first. Parts that drive a loop are stepped once before it; parts

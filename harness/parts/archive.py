@@ -6,6 +6,9 @@ import math
 import zipfile
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import lru_cache
+from io import BytesIO
+from itertools import chain
 from pathlib import Path, PurePosixPath
 from types import MappingProxyType
 from typing import Any, Final
@@ -20,6 +23,8 @@ from harness.storage.zip_file import NotZipError, ZipError, find_absence, open_z
 from harness.units import BaseUnit, stated_unit
 
 _MOST_INDICATORS: Final = 1_000_000
+_TRAITS: Final = ("VendorAnnotations/Tool[@name='harness']/Part", "Annotations/Annotation[@type='harness']/Part")
+"""Where FMUs of FMI 2.0 and 3.0 declare traits."""
 
 
 @dataclass(frozen=True)
@@ -34,8 +39,22 @@ class Archive:
     """All variables by name, as ports."""
     variables: Mapping[str, Any]
     """All variables by name, with value reference, causality, variability and initial."""
+    root: etree._Element
+    """The root of modelDescription.xml, with what fmpy does not read."""
+    names: tuple[str, ...]
+    """All members."""
     flat: Flat | None = None
     """For FMI 3.0: its arrays and clocks; description and variables are in terms of FMI 2.0."""
+
+    @property
+    def traits(self) -> frozenset[str]:
+        """What its annotation for the harness declares: "strict", "samplesInSteps"."""
+        return _traits(self.root)
+
+    def read(self, *names: str) -> dict[str, bytes]:
+        """Return the contents of those of these members that there are."""
+        with open_zip(self.path) as archive:
+            return {name: read_zip(archive, name) for name in names if name in self.names}
 
     @property
     def platform(self) -> str:
@@ -85,14 +104,26 @@ def open_archive(path: Path, sizes: Mapping[str, int] = MappingProxyType({})) ->
         If the file is missing, is not a zip archive or not an FMU of FMI 2.0 or 3.0, has no binary for this
         platform, has members that are unsafe to unpack (see `harness.storage.zip_file`), or has a DOCTYPE in its XML.
     """
+    absence = find_absence(path)
+    if absence is not None:
+        raise FmuError(f"cannot open FMU {path}: {absence}; give the path of an .fmu file")
+    state = path.stat()
+    return _opened(path, tuple(sizes.items()), (state.st_ino, state.st_size, state.st_mtime_ns, state.st_ctime_ns))
+
+
+@lru_cache(maxsize=64)
+def _opened(path: Path, sizes: tuple[tuple[str, int], ...], state: tuple[int, ...]) -> Archive:
+    """Return the archive in a state of its file, so that each is read once."""
     members, data = _read_members(path)
-    _refuse_entities(path, data)
-    description, flat = _read_description(path, sizes)
+    root = _root(path, data)
+    description, flat = _read_description(path, data, dict(sizes), ticks="samplesInSteps" not in _traits(root))
     archive = Archive(
         path=path,
         description=description,
         ports=_ports(path, description),
         variables={variable.name: variable for variable in description.modelVariables},
+        root=root,
+        names=tuple(members),
         flat=flat,
     )
     _check_binary(path, archive.platform, archive.interface.modelIdentifier, members)
@@ -101,9 +132,6 @@ def open_archive(path: Path, sizes: Mapping[str, int] = MappingProxyType({})) ->
 
 def _read_members(path: Path) -> tuple[list[str], bytes]:
     """Return the names of the members, and modelDescription.xml."""
-    absence = find_absence(path)
-    if absence is not None:
-        raise FmuError(f"cannot open FMU {path}: {absence}; give the path of an .fmu file")
     try:
         with open_zip(path) as archive:
             if "modelDescription.xml" not in archive.namelist():
@@ -124,14 +152,27 @@ def _read_xml(archive: zipfile.ZipFile, path: Path) -> bytes:
         raise FmuError(f"cannot read modelDescription.xml of {path}: {error}") from error
 
 
-def _refuse_entities(path: Path, data: bytes) -> None:
-    """Raise an FmuError for a DOCTYPE, which can define entities and which no FMU needs."""
+def _root(path: Path, data: bytes) -> etree._Element:
+    """Return the root of the XML; an FmuError for a DOCTYPE, which can define entities and which no FMU needs."""
     try:
         root = etree.fromstring(data, etree.XMLParser(resolve_entities=False, no_network=True))
-    except (etree.XMLSyntaxError, ValueError):
-        return
+    except (etree.XMLSyntaxError, ValueError) as error:
+        raise _unreadable(path, error) from error
     if root.getroottree().docinfo.internalDTD is not None:
         raise FmuError(f"modelDescription.xml of {path} has a DOCTYPE, which is unsafe; do not use this file")
+    return root
+
+
+def _unreadable(path: Path, error: Exception) -> FmuError:
+    reason = " ".join(str(error).split()) or type(error).__name__
+    return FmuError(
+        f"cannot read modelDescription.xml of {path}: {reason}; correct it, or give an FMU of FMI 2.0 or 3.0"
+    )
+
+
+def _traits(root: etree._Element) -> frozenset[str]:
+    declared = (root.iterfind(place) for place in _TRAITS)
+    return frozenset(str(key) for part in chain(*declared) for key, value in part.items() if value == "true")
 
 
 def parse_value(kind: PortType, text: str) -> StartValue:
@@ -143,19 +184,23 @@ def parse_value(kind: PortType, text: str) -> StartValue:
     return text.strip() in {"true", "1"} if kind == "Boolean" else text
 
 
-def _read_description(path: Path, sizes: Mapping[str, int]) -> tuple[Any, Flat | None]:
+def parse_description(data: bytes, **checks: bool) -> Any:
+    """Return a modelDescription.xml as fmpy reads it, from an archive only."""
+    content = BytesIO()
+    with zipfile.ZipFile(content, "w") as archive:
+        archive.writestr("modelDescription.xml", data)
+    return fmpy.read_model_description(content, **checks)
+
+
+def _read_description(path: Path, data: bytes, sizes: Mapping[str, int], *, ticks: bool) -> tuple[Any, Flat | None]:
     try:
         # not validated: an FMU that other importers run must run here; required entries are checked where they are used
-        with path.open("rb") as file:  # not the path: fmpy leaves the file open if the XML is malformed
-            description = fmpy.read_model_description(file, validate=False)
+        description = parse_description(data, validate=False)
     except Exception as error:
-        reason = " ".join(str(error).split()) or type(error).__name__
-        raise FmuError(
-            f"cannot read modelDescription.xml of {path}: {reason}; correct it, or give an FMU of FMI 2.0 or 3.0"
-        ) from error
+        raise _unreadable(path, error) from error
     version = str(description.fmiVersion)
     if version.startswith("3."):
-        return flatten(path, description, sizes)
+        return flatten(path, description, sizes, ticks=ticks)
     if version != "2.0":
         raise FmuError(f"{path} is an FMI {version} FMU: export it as FMI 2.0 or 3.0")
     if description.coSimulation is None and description.modelExchange is None:

@@ -89,8 +89,8 @@ class Flat:
         return {array.name: array for array in self.arrays if array.structural}
 
 
-def flatten(path: Path, description: Any, sizes: Mapping[str, int]) -> tuple[Any, Flat]:
-    """Return the description in terms of FMI 2.0."""
+def flatten(path: Path, description: Any, sizes: Mapping[str, int], *, ticks: bool) -> tuple[Any, Flat]:
+    """Return the description in terms of FMI 2.0; without ticks, the FMU takes its samples in its steps."""
     if description.coSimulation is None:
         raise FmuError(
             f"{path} is an FMI 3.0 FMU without co-simulation: export it for co-simulation, or as FMI 2.0 for model "
@@ -121,7 +121,7 @@ def flatten(path: Path, description: Any, sizes: Mapping[str, int]) -> tuple[Any
             raise FmuError(f"{path} has more than {MOST_ELEMENTS} elements of variables: choose smaller arrays")
     names = {name: tuple(str(each.name) for each in own) for name, own in of_name.items()}
     others = {v.name: v.type for v in description.modelVariables if v.type not in _PORT}
-    clocks, exchange = _clocks(path, description), description.modelExchange is not None
+    clocks, exchange = _clocks(path, description) if ticks else (), description.modelExchange is not None
     flat = Flat(tuple(arrays), len(scalars), clocks, tuple(starts), names, others, exchange)
     return _description(description, scalars, of_name), flat
 
@@ -194,9 +194,7 @@ def _number(text: str | None) -> float:
 
 
 def _clocks(path: Path, description: Any) -> tuple[Any, ...]:
-    """Return the clocks to tick. FMUs of this project take their samples in fmi3DoStep as well, without events."""
-    if str(description.generationTool or "").startswith("friction-fmus"):
-        return ()
+    """Return the clocks to tick."""
     inputs = [v for v in description.modelVariables if v.type == "Clock" and v.causality == "input"]
     for clock in inputs:
         if clock.intervalVariability not in _PERIODIC:

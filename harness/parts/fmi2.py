@@ -55,7 +55,7 @@ class Library:
 
     def __init__(self, archive: Archive, name: str) -> None:
         """Unpack the FMU and load its library."""
-        folder = ScratchFolder("harness-")
+        folder = ScratchFolder()
         self.folder = Path(folder.name)
         with LOADING:
             try:

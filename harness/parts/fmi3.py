@@ -240,8 +240,8 @@ _REASONS: Final[Mapping[int, str]] = MappingProxyType(
 _OF_STEPS: Final = (103, 104)
 """Those of them that are the status of a step."""
 
-_SLOPES: Final = "friction_fmus_SetInputDerivatives"
-"""Function of FMUs of this project that sets time derivatives of inputs, which FMI 3.0 does not have."""
+_SLOPES: Final = "harness_SetInputDerivatives"
+"""Function that an FMU may have for time derivatives of inputs, which FMI 3.0 does not have."""
 
 _NEEDED: Final = (
     *("InstantiateCoSimulation", "FreeInstance", "EnterInitializationMode", "ExitInitializationMode"),
@@ -420,6 +420,12 @@ class Instance3(Instance):
             status = library().fmi3_settle(ctypes.byref(self._adapter))
             if status > 1:
                 raise self.failure("fmi3UpdateDiscreteStates", status)
+
+    def event(self, time: float) -> None:
+        """Take the event at this time, as the next step does."""
+        status = library().fmi3_event(ctypes.byref(self._adapter), ctypes.c_double(time))
+        if status > 1:
+            raise self.failure("fmi3UpdateDiscreteStates", status, time)
 
     def failure(self, function: str, status: int, time: float | None = None) -> PartError:
         """Return the error for a failed call, with the reason of the adapter or the last message of the FMU."""

@@ -24,7 +24,7 @@ from harness.storage.zip_file import (
     find_absence,
     find_outside,
     is_bomb,
-    list_zip,
+    open_unchecked,
     open_zip,
     read_zip,
     size_of,
@@ -54,7 +54,7 @@ SPACES: Final[Mapping[str, str]] = MappingProxyType(
 DIMENSION: Final = f"{{{SSC}}}Dimension"
 
 #: Generating tool stated in written files.
-TOOL: Final = "friction-fmus"
+TOOL: Final = "harness"
 
 _ROOTS: Final = MappingProxyType({SSD: "SystemStructureDescription", SSV: "ParameterSet", SSM: "ParameterMapping"})
 _SCHEMAS: Final = MappingProxyType(
@@ -187,10 +187,10 @@ class Package:
         """Return the content of an FMU; the unpacked size of all FMUs has the same limit as the SSP itself."""
         data = self.read(member, where)
         try:
-            entries, _ = list_zip(io.BytesIO(data))
+            with open_unchecked(io.BytesIO(data)) as archive:
+                self._unpacked[member] = unpacked_size(archive.infolist())
         except ZipError:
             return data  # opening it will report the error
-        self._unpacked[member] = unpacked_size(entries)
         total = sum(self._unpacked.values())
         if is_bomb(total, self._size):
             raise SystemFileError(
@@ -218,7 +218,7 @@ class TemporaryFolder:
 
     def __init__(self) -> None:
         """Make the folder."""
-        folder = ScratchFolder("harness-ssp-")
+        folder = ScratchFolder()
         self.path = Path(folder.name)
         weakref.finalize(self, folder.cleanup)
 

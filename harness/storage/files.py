@@ -90,8 +90,8 @@ def _remedy(error: OSError) -> str:
     return "give a path in an existing writable folder"
 
 
-PREFIXES: Final = ("harness-", "friction-fmus-")
-"""Prefixes of the names of all temporary folders."""
+PREFIX: Final = "harness-"
+"""Beginning of the names of all temporary folders."""
 
 _OWNER: Final = ".owner"
 
@@ -99,10 +99,10 @@ _OWNER: Final = ".owner"
 class ScratchFolder(tempfile.TemporaryDirectory[str]):
     """A temporary folder with a file that its process keeps locked; the lock ends with the process."""
 
-    def __init__(self, prefix: str) -> None:
+    def __init__(self) -> None:
         """Remove folders of killed processes, and make the folder."""
         _remove_leftovers(tempfile.gettempdir())
-        super().__init__(prefix=prefix, ignore_cleanup_errors=True)
+        super().__init__(prefix=PREFIX, ignore_cleanup_errors=True)
         self._owner = _claimed(Path(self.name))
 
     def cleanup(self) -> None:
@@ -143,7 +143,7 @@ else:
         """Remove the folders that ended processes of this user have left; once per process."""
         with suppress(OSError), os.scandir(parent) as entries:
             for entry in [*entries]:
-                if entry.name.startswith(PREFIXES) and entry.is_dir(follow_symlinks=False):
+                if entry.name.startswith(PREFIX) and entry.is_dir(follow_symlinks=False):
                     with suppress(OSError), _abandoned(Path(entry.path)):
                         shutil.rmtree(entry.path, ignore_errors=True)
 

@@ -52,18 +52,12 @@ def find_absence(path: Path) -> str | None:
 
 def open_zip(source: Path | IO[bytes], size: int | None = None) -> zipfile.ZipFile:
     """Open an archive after checking that it is safe to unpack."""
-    archive = _opened(source)
+    archive = open_unchecked(source)
     danger = find_danger(archive.infolist(), size_of(archive) if size is None else size)
     if danger is not None:
         archive.close()
         raise ZipError(danger)
     return archive
-
-
-def list_zip(source: Path | IO[bytes]) -> tuple[list[zipfile.ZipInfo], int]:
-    """Return the members of an archive without safety checks, and the size of its file."""
-    with _opened(source) as archive:
-        return archive.infolist(), size_of(archive)
 
 
 def read_zip(archive: zipfile.ZipFile, member: str) -> bytes:
@@ -179,7 +173,8 @@ def is_bomb(unpacked: int, size: int) -> bool:
     return unpacked > max(LARGEST, RATIO * size)
 
 
-def _opened(source: Path | IO[bytes]) -> zipfile.ZipFile:
+def open_unchecked(source: Path | IO[bytes]) -> zipfile.ZipFile:
+    """Open an archive that may be unsafe to unpack."""
     if isinstance(source, Path):
         with source.open("rb") as file:
             _refuse_parts(file)

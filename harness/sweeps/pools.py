@@ -119,7 +119,7 @@ class ProcessPool:
         context = multiprocessing.get_context("forkserver" if serves else "spawn")
         if serves:
             context.set_forkserver_preload(["__main__", "harness.sweeps.preload", *_imported_by_main()])
-        self._folder = ScratchFolder("harness-sweep-")
+        self._folder = ScratchFolder()
         self._scratch = self._folder.name
         try:
             self._slots = [_new_slot(context, self._scratch) for _ in range(workers)]

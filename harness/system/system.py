@@ -157,6 +157,8 @@ class StoredSystem:
         outputs: Sequence[str] | None = None,
         platforms: Sequence[str] = ("native",),
         fmi: Literal[2, 3] = 2,
+        target: str | None = None,
+        **options: Any,
     ) -> None:
         """Write the system as one FMU, which solves the loops between its parts.
 
@@ -180,13 +182,17 @@ class StoredSystem:
             ``"native"``, ``"all"`` or names such as ``"win64"``.
         fmi : {2, 3}
             Version of FMI: 2.0 or 3.0.
+        target : str or None
+            What is written, in place of an FMU of version ``fmi``; see `friction_fmus.build`.
+        **options
+            Options of the target.
 
         Raises
         ------
         BuildError, ExperimentError, UnknownNameError
             If a part has no sources or is written in Python, or an argument is invalid; nothing is written.
         """
-        from harness.composite.package import compose
+        from friction_fmus.export.composite.composite_archive import compose
 
         compose(
             self,
@@ -197,7 +203,8 @@ class StoredSystem:
             inputs=inputs,
             outputs=outputs,
             platforms=platforms,
-            fmi=fmi,
+            target=target or f"fmi{fmi}",
+            options=options,
         )
 
     @classmethod
@@ -411,6 +418,7 @@ class System(StoredSystem):
         resume: str | Path | None = None,
         checkpoint: str | Path | None = None,
         pace: float | None = None,
+        events: bool = False,
         accuracy: bool | float = False,
     ) -> Result:
         """Run the system; arguments that are not given are taken from its experiment.
@@ -429,6 +437,9 @@ class System(StoredSystem):
             and step and is bit-identical to an uninterrupted run.
         pace : float or None
             Simulated time per wall-clock time, 1 for real time; None runs as fast as possible.
+        events : bool
+            Whether a row is followed by another one at the same time with the values after the events of FMUs for model
+            exchange and of those with clocks, if they change a value. FMUs of FMI 2.0 for co-simulation show no events.
         accuracy : bool or float
             Whether the run is repeated with other steps to tell how far each variable is off; a number is the required
             accuracy relative to the range of each variable, instead of 0.01. See `run_with_accuracy` for the result.
@@ -468,7 +479,7 @@ class System(StoredSystem):
             raise ExperimentError(f"the system '{self.name}' has no experiment: give stop and step")
         else:
             experiment = Experiment(**changes)
-        options = Options(taps, progress, resume, checkpoint, pace)
+        options = Options(taps, progress, resume, checkpoint, pace, events)
         if accuracy is False:
             return run(self, experiment, options)
         from harness.accuracy.assess import REQUIRED, run_with_accuracy  # scipy takes long to import

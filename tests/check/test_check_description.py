@@ -13,7 +13,6 @@ from check.broken import (
     contents,
     edited,
     index_of,
-    insert,
     remove,
     twice,
     typed,
@@ -49,8 +48,9 @@ def enumerated(root: etree._Element, items: str, start: int = 1) -> None:
 
 
 def add_tools(root: etree._Element, *names: str) -> None:
-    tools = "".join(f'<Tool name="{name}"><x/></Tool>' for name in names)
-    insert(root, "DefaultExperiment", f"<VendorAnnotations>{tools}</VendorAnnotations>")
+    annotations = root.find("VendorAnnotations")
+    assert annotations is not None
+    annotations.extend(etree.fromstring(f'<Tool name="{name}"><x/></Tool>') for name in names)
 
 
 def swap_initial(root: etree._Element) -> None:
@@ -375,7 +375,7 @@ def test_fmpy_is_asked_where_nothing_else_is_wrong(
     def refuse(*_: object, **__: object) -> None:
         raise ValidationError(["something  new"])
 
-    monkeypatch.setattr("friction_fmus.check.read_model_description", refuse)
+    monkeypatch.setattr("friction_fmus.check.parse_description", refuse)
     (finding,) = check(lugre, static=True)
     assert (finding.rule, finding.message) == ("fmpy", "fmpy reports: something new")
     (other,) = check(edited(lugre, tmp_path / "a.fmu", real("Fc", start="-1")), static=True)

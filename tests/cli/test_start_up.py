@@ -58,7 +58,7 @@ def started(*arguments: str) -> tuple[set[str], float]:
 def test_help_imports_no_library_and_no_block(arguments: list[str]) -> None:
     modules, _ = started(*arguments, "--help")
     assert modules & SLOW == set()
-    assert modules & {"friction_fmus.lawkit.law", "friction_fmus.fmi.package"} == set()
+    assert modules & {"friction_fmus.lawkit.law", "friction_fmus.export.block_fmu"} == set()
 
 
 def test_list_imports_only_what_draws_the_table() -> None:

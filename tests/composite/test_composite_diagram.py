@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from thorough import few
 
-from harness.composite.diagram import arrange
+from friction_fmus.export.composite.diagram import arrange
 
 
 def test_a_servo_runs_from_left_to_right_and_back() -> None:

@@ -37,7 +37,7 @@ EXAMPLES = Path(__file__).parents[2] / "examples"
         ({"platforms": ["os2"]}, ["os2"]),
         ({"step": 0.0}, ["step"]),
         ({"step": "1e-3"}, ["step", "positive number"]),
-        ({"fmi": 1}, ["FMI 1", "2 or 3"]),
+        ({"fmi": 1}, ["fmi1", "fmi2, fmi3"]),
         ({"name": "part_LuGre"}, ["part_LuGre", "another name"]),
     ],
 )

@@ -19,7 +19,7 @@ from friction_fmus import build, fmu
 from friction_fmus.__main__ import main
 from friction_fmus.blocks.catalogue import Block, catalogue
 from friction_fmus.blocks.macros import paragraphs
-from friction_fmus.fmi.documentation import models_page, notes_as_html
+from friction_fmus.fmi.documentation import notes_as_html
 from harness import DropOut, System
 
 ROOT = Path(__file__).parents[2]
@@ -246,11 +246,6 @@ def test_tests_that_are_named_are_there(page: Path) -> None:
 def test_changelog_names_every_block() -> None:
     text = (ROOT / "CHANGELOG.md").read_text(encoding="utf-8")
     assert [name for name in catalogue() if f"`{name}`" not in text] == []
-
-
-def test_page_of_models_is_what_the_blocks_say() -> None:
-    page = (ROOT / "docs" / "models.md").read_text(encoding="utf-8")
-    assert page == models_page(), "run `python -m friction_fmus.fmi.documentation > docs/models.md`"
 
 
 @pytest.mark.parametrize("block", FRICTION, ids=lambda block: block.name)

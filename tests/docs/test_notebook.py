@@ -76,8 +76,9 @@ def test_an_identification() -> None:
     result = identification()
     assert repr(result) == "<Identification of LuGre: 2 parameters, validation error 0.5 N (2.5 %)>"
     found = cells(result._repr_html_())
-    assert found[5:10] == ["Fc", "20.1235", "0.1", "N", ""]
-    assert found[10:] == ["delta", "2", "unknown", "", "a < b & c"]
+    assert found[5:10] == ["Fc", "20.123", "0.1", "N", ""]
+    assert found[10:15] == ["delta", "2", "unknown", "", "poorly identifiable"]
+    assert found[-2:] == ["delta", "a < b & c"]
     assert "fit error" in repr(identification(validated=False))
 
 
@@ -85,7 +86,7 @@ def test_a_comparison_of_models() -> None:
     survey = ModelComparison((identification(), identification("Dahl")), {"GMS": "no samples"}, "validation error")
     assert repr(survey) == "<ModelComparison of 2 models by validation error: LuGre, Dahl>"
     found = cells(survey._repr_html_())
-    assert found[5:10] == ["LuGre", "output-error", "2.5", "2.5", "123.4"]
+    assert found[8:16] == ["LuGre", "output-error", "0.5", "2.50", "2.50", "123", "1/2", "1.0 s"]
     assert found[-2:] == ["GMS", "no samples"]
     assert "Not identified" not in replace(survey, failed={})._repr_html_()
 

@@ -18,6 +18,7 @@ from friction_fmus import fmu
 from friction_fmus.blocks.catalogue import catalogue
 from friction_fmus.blocks.probe import OUTPUT, PARAMETER
 from harness.compiling.platforms import NATIVE
+from harness.masters import masters
 
 ROOT = Path(__file__).parents[2]
 NOTEBOOKS = sorted((ROOT / "examples" / "notebooks").glob("*.ipynb"))
@@ -36,15 +37,27 @@ def test_notebooks_are_kept_without_outputs(path: Path) -> None:
 
 
 @nightly
-def test_tables_of_the_pages_are_what_the_blocks_say(tables: ModuleType) -> None:
-    found = tables.pages()
-    assert {path.name for path in found} == {"capabilities.md", "which-compensator.md", "which-model.md"}
-    stale = [path.name for path in found if (text := path.read_text(encoding="utf-8")) != tables.filled(text)]
-    assert stale == [], "run `python docs/tables.py`"
+def test_every_table_stands_on_one_page_and_names_every_block(tables: ModuleType) -> None:
+    pages = {path.name: path.read_text(encoding="utf-8") for path in (ROOT / "docs").glob("*.md")}
+    named = [name for text in pages.values() for name in re.findall(r"<!-- table: (\w+) -->", text)]
+    assert sorted(named) == sorted(tables.TABLES)
+    filled = {name: tables.filled(pages[name]) for name in ("models.md", "which-model.md", "which-compensator.md")}
+    for block in catalogue().values():
+        if block.kind == "friction":
+            assert f"\n## {block.name}\n" in filled["models.md"]
+            assert f"[{block.name}](models.md#" in filled["which-model.md"]
+        elif block.kind in ("law", "controller"):
+            assert f"| **{block.name}** |" in filled["which-compensator.md"]
+
+
+def test_the_table_of_masters_names_all(tables: ModuleType) -> None:
+    rows = tables.masters().splitlines()
+    assert [re.split(r" ?\| ?", row)[1] for row in rows[2:]] == [f"`{name}`" for name in masters()]
+    assert all(len(cell) > 10 for row in rows[2:] for cell in re.split(r" ?\| ?", row)[2:4])
 
 
 @pytest.mark.parametrize("name", ["LuGre", "Mass", "PID", "ImpulsiveControl", "Encoder"])
-def test_page_of_capabilities_says_what_the_fmu_declares(name: str) -> None:
+def test_page_of_capabilities_says_what_the_fmu_declares(name: str, tables: ModuleType) -> None:
     page = (ROOT / "docs" / "capabilities.md").read_text(encoding="utf-8")
     with zipfile.ZipFile(fmu(name)) as archive:
         simulation = etree.fromstring(archive.read("modelDescription.xml")).find("CoSimulation")
@@ -52,8 +65,7 @@ def test_page_of_capabilities_says_what_the_fmu_declares(name: str) -> None:
         library = lief.parse(list(archive.read(binary)))
     assert simulation is not None
     declared = {key: value for key, value in simulation.attrib.items() if key != "modelIdentifier"}
-    first = page.partition("<!-- /table -->")[0]
-    assert dict(re.findall(r"^\| `(\w+)` \| `(\w+)` \|", first, re.M)) == declared
+    assert dict(re.findall(r"^\| `(\w+)` \| `(\w+)` \|", tables.capabilities(), re.M)) == declared
     functions = {symbol.name for symbol in library.exported_symbols if str(symbol.name).startswith("fmi2")}
     exchanges = catalogue()[name].no_exchange == ""
     assert len(functions) == (44 if exchanges else 34)
@@ -78,15 +90,6 @@ def test_blocks_name_needs_that_there_are(tables: ModuleType) -> None:
     known = {row.name for row in (*tables.MOTIONS, *tables.QUESTIONS, *tables.SITUATIONS)}
     named = [need for block in tables.catalogue().values() for need in block.about.needs]
     assert set(named) == known
-
-
-def test_every_model_and_compensator_is_on_its_decision_page() -> None:
-    named = {page: (ROOT / "docs" / page).read_text("utf-8") for page in ("which-model.md", "which-compensator.md")}
-    for block in catalogue().values():
-        if block.kind == "friction":
-            assert block.name in named["which-model.md"]
-        elif block.kind in ("law", "controller"):
-            assert f"| **{block.name}** |" in named["which-compensator.md"]
 
 
 def test_what_estimates_friction_has_a_gain(tables: ModuleType) -> None:

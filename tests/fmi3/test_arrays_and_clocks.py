@@ -225,7 +225,7 @@ def test_an_event_without_the_clock_leaves_the_sample_to_the_next_step() -> None
 
 def set_slope(one: Slave, name: str, slope: float) -> None:
     """Set the time derivative of an input."""
-    slopes = one.dll.friction_fmus_SetInputDerivatives
+    slopes = one.dll.harness_SetInputDerivatives
     slopes.argtypes = [ctypes.c_void_p, ctypes.c_void_p, ctypes.c_size_t, ctypes.c_void_p, ctypes.c_void_p]
     references, orders = (ctypes.c_uint * 1)(one.reference(name)), (ctypes.c_int * 1)(1)
     assert slopes(one.component, references, 1, orders, (c_double * 1)(slope)) == 0

@@ -55,13 +55,10 @@ def kill(process: subprocess.Popen[str]) -> None:
 def next_run() -> None:
     """What the first folder of another process does."""
     files._remove_leftovers.cache_clear()
-    ScratchFolder("harness-").cleanup()
+    ScratchFolder().cleanup()
 
 
-HERE = (
-    "from harness.storage.files import ScratchFolder\n"
-    "folder = ScratchFolder('harness-')\nopen(folder.name + '/x', 'w')\n"
-)
+HERE = "from harness.storage.files import ScratchFolder\nfolder = ScratchFolder()\nopen(folder.name + '/x', 'w')\n"
 
 
 def test_the_folder_of_a_killed_process_goes_and_that_of_a_living_one_stays(temporary: Path) -> None:
@@ -134,9 +131,9 @@ def test_a_compilation_that_is_killed_leaves_nothing(temporary: Path, tmp_path: 
         time.sleep(0.05)
     os.killpg(process.pid, signal.SIGKILL)
     process.wait()
-    assert len([*temporary.glob("friction-fmus-*")]) == 1
+    assert len([*temporary.glob("harness-*")]) == 1
     files._remove_leftovers.cache_clear()
-    with ScratchFolder("friction-fmus-"):
+    with ScratchFolder():
         pass
     assert [*temporary.iterdir()] == []
     assert [path for path in cache.rglob("*") if path.is_file() or path.name.startswith("compile-")] == []

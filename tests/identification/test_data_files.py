@@ -16,7 +16,7 @@ import scipy.io
 import xarray as xr
 
 from friction_fmus.identification import RecordError, RecordWarning, read_measurement, read_records
-from friction_fmus.identification.data import table_files
+from friction_fmus.identification.data import tables as data_tables
 from harness import save_result
 
 T = np.arange(200) * 1e-3
@@ -181,7 +181,7 @@ def test_missing_cells_are_left_out_and_named(tmp_path: Path) -> None:
         ("a.csv", b"one\ntwo\nthree\nfour\n", "has no line of numbers"),
         ("a.mat", b"nothing of MATLAB" * 50, "cannot be read as a .mat file"),
         ("a.parquet", b"PAR1", "cannot be read as a .parquet file"),
-        ("a.xlsx", b"", "is unknown; use a file that ends in .csv, "),
+        ("a.xlsx", b"", "is unknown; use a file that ends in .mat, .mcap, .parquet"),
     ],
 )
 def test_files_that_are_none_are_refused(tmp_path: Path, name: str, content: bytes, message: str) -> None:
@@ -243,7 +243,7 @@ def test_hdf5_links_are_not_followed(tmp_path: Path) -> None:
 
 def test_small_files_of_gigabytes_are_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Zeros that exceed the limit, which is lowered for the test: MATLAB, HDF5 in chunks, and Parquet."""
-    monkeypatch.setattr(table_files, "UNPACKED", 2**23)
+    monkeypatch.setattr(data_tables, "UNPACKED", 2**23)
     packed = zlib.compress(bytes(9 * 2**20), 9)
     header = b"MATLAB 5.0 MAT-file".ljust(124) + struct.pack("<H", 0x0100) + b"IM"
     (tmp_path / "a.mat").write_bytes(header + struct.pack("<II", 15, len(packed)) + packed)

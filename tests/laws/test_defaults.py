@@ -13,7 +13,7 @@ from friction_fmus.axis.servo import GAINS, Servo
 from friction_fmus.blocks.catalogue import find, laws_folder
 from friction_fmus.blocks.probe import FIXED, PARAMETER
 from friction_fmus.errors import FrictionError
-from friction_fmus.fmi.package import describe_block
+from friction_fmus.export.block_fmu import describe_block
 from friction_fmus.lawkit.declarations import PARAMETERS
 from friction_fmus.lawkit.files import discover_laws
 from friction_fmus.lawkit.law import Law

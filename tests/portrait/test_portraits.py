@@ -18,6 +18,7 @@ from friction_fmus.blocks.probe import describe
 from friction_fmus.fmi.portrait.bench import Bench, Curve, Panel
 from friction_fmus.fmi.portrait.drawing import chart, icon, labelled, symbol
 from friction_fmus.fmi.portrait.experiments import EXPERIMENTS, experiment
+from harness import FmuPart
 
 Panels = Callable[..., tuple[Panel, ...]]
 
@@ -27,9 +28,10 @@ def panels(build_fmu: Callable[..., Path]) -> Panels:
     """``panels(name, **start_values)`` -> what the experiment of a block gives."""
 
     def run(name: str, **start: float) -> tuple[Panel, ...]:
-        folder = Path(fmpy.extract(str(build_fmu(name, **start))))
-        library = folder / "binaries" / fmpy.platform / f"{name}{fmpy.sharedLibraryExtension}"
-        bench = Bench(find(name), describe(library), folder)
+        part = FmuPart(name, build_fmu(name, **start))
+        part.enter_initialisation(0.0, 1.0, None, {})
+        library = Path(str(part.folder)) / "binaries" / fmpy.platform / f"{name}{fmpy.sharedLibraryExtension}"
+        bench = Bench(find(name), describe(library), part)
         chosen = experiment(bench)
         assert chosen
         return chosen(bench)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import re
 from collections.abc import Iterator
 from graphlib import CycleError, TopologicalSorter
 from importlib.util import resolve_name
@@ -79,3 +80,22 @@ def test_folders_import_downwards() -> None:
         TopologicalSorter(graph).prepare()
     except CycleError as error:
         raise AssertionError(" <- ".join(error.args[1])) from error
+
+
+NAMED = {
+    "harness/compiling/toolchain.py": 4,  # the C files of FMUs, in a checkout and in a wheel; the folder of the cache
+    "harness/extras.py": 3,  # what to install
+    "harness/ssp/annotations.py": 1,  # annotations in files that users have
+    "harness/ssp/package.py": 1,  # their name space
+    "harness/system/system.py": 2,  # `System.to_fmu` imports the export when called
+}
+"""Lines of the harness with the name of the project."""
+
+
+def test_the_harness_does_not_know_the_project() -> None:
+    found = {}
+    for file in (ROOT / "harness").rglob("*.[pchj]*"):
+        if file.suffix in (".py", ".c", ".h", ".js"):
+            lines = re.findall(r".*friction[-_]fmus.*", file.read_text(encoding="utf-8"), re.IGNORECASE)
+            found |= {file.relative_to(ROOT).as_posix(): len(lines)} if lines else {}
+    assert found == NAMED

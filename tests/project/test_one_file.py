@@ -1,13 +1,15 @@
-"""A friction model and a law of one file each, in a folder of the user's, are known to every part of the project."""
+"""A friction model, a law and a target of one file each are known to every part of the project."""
 
 from __future__ import annotations
 
+import re
 import sys
 import zipfile
 from collections.abc import Iterator
 from dataclasses import replace
 from importlib import import_module
 from pathlib import Path
+from typing import Any
 
 import pytest
 from thorough import nightly
@@ -18,12 +20,14 @@ from friction_fmus.blocks.catalogue import OWN_BLOCKS, catalogue
 from friction_fmus.check import check
 from friction_fmus.codegen.export import export_law
 from friction_fmus.doctor import examine, unknown_parts
-from friction_fmus.errors import FrictionError
-from friction_fmus.fmi.documentation import models_page
+from friction_fmus.errors import BuildError, FrictionError
+from friction_fmus.export import targets
 from friction_fmus.identification import identifiable
 from friction_fmus.study.config import load_config
 from friction_fmus.study.study import run_study
 from harness import System
+
+STICK_SLIP = Path(__file__).parents[2] / "examples" / "stick_slip.toml"
 
 MODEL = """\
 /* Elastic contact that slips, with viscous friction: a test writes this model.
@@ -126,6 +130,78 @@ def slipping_feedforward(
 '''
 
 
+TARGET = """\
+from friction_fmus.export.targets import Option, Target
+
+
+def write(source, path, *, shout=False):
+    text = f"{source.identifier} has {len(source.units)} C files"
+    path.write_text(text.upper() if shout else text, encoding="utf-8")
+
+
+TARGET = Target("a note", "fmu", write, ".txt", (Option("shout", "in capitals"),))
+"""
+
+LAW_TARGET = """\
+from friction_fmus.export.targets import Option, Target
+
+
+def write(model, folder, *, start, prefix, language="en"):
+    folder.mkdir()
+    (folder / "law.txt").write_text(f"{model} {start} {language}", encoding="utf-8")
+    return (folder / "law.txt",)
+
+
+TARGET = Target("a letter", "law", write, options=(Option("language", "of the letter", ("en", "fr")),))
+"""
+
+
+@pytest.fixture
+def own_targets(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
+    folder = tmp_path_factory.mktemp("targets")
+    (folder / "short_note.py").write_text(TARGET, encoding="utf-8")
+    (folder / "letter.py").write_text(LAW_TARGET, encoding="utf-8")
+    targets.targets.cache_clear()
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(targets, "__path__", [*targets.__path__, str(folder)])
+        yield
+    targets.targets.cache_clear()
+
+
+@pytest.mark.usefixtures("own_targets")
+def test_a_target_of_one_file_is_a_choice_of_every_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["build", "Viscous", "--target", "short-note", "-o", str(tmp_path)]) == 0
+    assert (tmp_path / "Viscous.txt").read_text() == "Viscous has 1 C files"
+    build("Viscous", tmp_path, target="short-note", shout=True, domain="rotational")
+    assert (tmp_path / "ViscousRotational.txt").read_text() == "VISCOUSROTATIONAL HAS 1 C FILES"
+    out = str(tmp_path / "axis.txt")
+    assert main(["compose", str(STICK_SLIP), "--target", "short-note", "--shout", "-o", out]) == 0
+    assert (tmp_path / "axis.txt").read_text() == "AXIS HAS 3 C FILES"
+    law = ["codegen", "PID", "--target", "letter", "--language", "fr", "--set", "Kp=2", "-o", str(tmp_path / "c")]
+    assert main(law) == 0
+    assert (tmp_path / "c" / "law.txt").read_text() == "PID {'Kp': 2.0} fr"
+    capsys.readouterr()
+    with pytest.raises(SystemExit):
+        main(["codegen", "--help"])
+    assert "letter: a letter" in " ".join(capsys.readouterr().out.split())
+
+
+@pytest.mark.usefixtures("own_targets")
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        ({"clocks": True}, "the target fmi2 has no option clocks: choose the target fmi3, or leave it out"),
+        ({"shout": True, "fmi": 3}, "the target fmi3 has no option shout: choose the target short-note"),
+        ({"clox": False}, "the target fmi2 has no option clox: leave it out"),
+        ({"target": "fmi4"}, "there is no target 'fmi4': give one of fmi2, fmi3, short-note, wasm"),
+    ],
+)
+def test_an_option_of_another_target_is_refused(given: dict[str, Any], message: str, tmp_path: Path) -> None:
+    with pytest.raises(BuildError, match=re.escape(message)):
+        build("Viscous", tmp_path, **given)
+    assert list(tmp_path.iterdir()) == []
+
+
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
     folder = tmp_path_factory.mktemp("own")
@@ -152,10 +228,10 @@ def test_they_stand_in_lists_and_tables(
     assert main(["list"]) == 0
     listed = capsys.readouterr().out
     assert "SlippingSpring" in listed and "SlippingFeedforward" in listed
-    assert "## SlippingSpring" in models_page()
     monkeypatch.syspath_prepend(str(Path(__file__).parents[2] / "docs"))
     tables = import_module("tables")
     sys.modules.pop("tables")
+    assert "## SlippingSpring" in tables.models()
     assert tables.choices("presliding") == ["Dahl", "SlippingSpring"]
     assert tables.choices("curve ahead")[-1] == "SlippingFeedforward"
     assert "**SlippingFeedforward**" in tables.compensators()

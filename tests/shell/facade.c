@@ -426,7 +426,7 @@ CALL(SetRealInputDerivatives, R2 references[], size_t n, const fmi2Integer order
 {
     BEGIN("SetRealInputDerivatives")
     uint32_t *const list = variables_of(f, references, n);
-    const fmi3Status status = friction_fmus_SetInputDerivatives(f->shell, references ? list : NULL, n, orders, values);
+    const fmi3Status status = harness_SetInputDerivatives(f->shell, references ? list : NULL, n, orders, values);
     free(list);
     return (fmi2Status)status;
 }

@@ -13,9 +13,10 @@ from lxml import etree
 from quick import UNOPTIMISED
 from shell.selection import built
 
+from friction_fmus.export.targets import SourceFmu
+from friction_fmus.export.targets.fmi3.fmi3_archive import fmi_3
 from harness.compiling.platforms import PLATFORMS
 from harness.compiling.toolchain import FLAGS, cache_folder, compiler, header_folder, identity
-from harness.fmi3 import fmi_3
 from harness.storage.files import atomic_path, cached
 
 IN_3 = ":3"
@@ -41,7 +42,7 @@ def facade(two: Path, folder: Path, platform: str = "linux64", *, full: bool = F
     if path.exists():
         return path
     folder.mkdir(parents=True, exist_ok=True)
-    three = BytesIO(fmi_3(two.read_bytes(), (), arrays=full, clocks=full))  # without a binary
+    three = BytesIO(fmi_3(SourceFmu(two.stem, two.read_bytes()), arrays=full, clocks=full))  # without a binary
     with zipfile.ZipFile(two) as old, zipfile.ZipFile(three) as new, atomic_path(path) as made:
         library = library_of(new, platform)
         with zipfile.ZipFile(made, "w") as archive:

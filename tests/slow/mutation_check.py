@@ -43,7 +43,7 @@ COMPILE = """
 import sys
 from pathlib import Path
 from friction_fmus import catalogue, fmu
-from friction_fmus.fmi.package import _sources
+from friction_fmus.export.block_fmu import _sources
 from harness import CallablePart, System
 file = Path(sys.argv[1]).name
 for block in catalogue().values():

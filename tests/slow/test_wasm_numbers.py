@@ -25,10 +25,10 @@ from wasm.engines import CASES, ENGINES, NODE, in_node, run_in
 from wasm.test_wasm_package import LARGEST
 
 from friction_fmus import catalogue
+from friction_fmus.export.targets import SourceFmu
+from friction_fmus.export.targets.wasm.npm_package import WasmModel, class_script, imports, wasm_model
 from harness.compiling.toolchain import compiler, header_folder, source_folder
 from harness.system.experiment import LOOP_TOLERANCE
-from harness.wasm import WasmModel, class_script, wasm_model
-from harness.wasm.package import imports
 
 NAMES = (*some(tuple(catalogue()), SHELL_BLOCKS), *COMPOSITES)
 STEPS, PART = 300, 6
@@ -58,7 +58,7 @@ class Case:
 
 @cache
 def module(fmu: Path) -> WasmModel:
-    return wasm_model(fmu.read_bytes())
+    return wasm_model(SourceFmu(fmu.stem, fmu.read_bytes()))
 
 
 @pytest.fixture(scope="module")

@@ -19,9 +19,9 @@ from wasm.engines import ENGINES, node, run_in
 from friction_fmus import build, fmu
 from friction_fmus.cli.inputs import open_system
 from friction_fmus.cli.main import main
+from friction_fmus.export.block_fmu import block_source
+from friction_fmus.export.targets.wasm.npm_package import class_script, imports, wasm_model
 from harness.errors import BuildError, OutputError
-from harness.wasm import class_script, wasm_model
-from harness.wasm.package import imports
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 LARGEST = 25 * 1024
@@ -72,7 +72,7 @@ def test_the_command_writes_a_folder_and_prints_it(tmp_path: Path, capsys: pytes
 
 
 def test_a_module_needs_nothing_and_is_small() -> None:
-    module = wasm_model(fmu("ElastoPlastic").read_bytes()).module  # one of the largest
+    module = wasm_model(block_source("ElastoPlastic")).module  # one of the largest
     assert imports(module) == ()
     assert len(gzip.compress(module, 9)) <= LARGEST
 
@@ -107,7 +107,7 @@ def test_the_description_is_that_of_the_xml(package: Path) -> None:
     ("platforms", "fmi", "message"),
     [
         (("wasm32", "win64"), 2, "the platform wasm32 makes an npm package, not an FMU: build it without other plat"),
-        (("wasm32",), 3, "the platform wasm32 uses FMI 2.0: build it without FMI 3"),
+        (("wasm32",), 3, "the platform wasm32 makes an npm package: build it without fmi3"),
     ],
 )
 def test_other_platforms_and_fmi_3_are_refused(

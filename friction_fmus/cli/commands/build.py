@@ -7,7 +7,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from friction_fmus.cli.arguments import add_fmi, parse_assignments
+from friction_fmus.cli.arguments import add_fmu_target, parse_assignments, target_options
 from friction_fmus.errors import FrictionError
 
 if TYPE_CHECKING:
@@ -23,9 +23,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("-o", "--output", type=Path, default=Path(), metavar="DIR", help="folder for the results")
     parser.add_argument("--set", action="append", metavar="NAME=VALUE", help="start value; may be repeated")
     parser.add_argument("--domain", choices=DOMAINS, default=DOMAINS[0], help="rotational: units N.m, rad, kg.m2")
-    add_fmi(parser)
-    parser.add_argument("--clocks", action="store_true", help="FMI 3.0: sampled blocks have a clock")
-    parser.add_argument("--arrays", action="store_true", help="FMI 3.0: vectors are arrays")
+    add_fmu_target(parser)
     parser.add_argument("--name", metavar="IDENTIFIER", help="model identifier and file name")
 
 
@@ -33,9 +31,8 @@ def run(options: argparse.Namespace) -> None:
     """Build the FMUs and print their paths."""
     from friction_fmus.blocks.catalogue import listing
     from friction_fmus.cli.console import progress_bar
-    from friction_fmus.fmi.package import build
+    from friction_fmus.export.block_fmu import build
     from harness.compiling.platforms import select
-    from harness.wasm import is_wasm
 
     if options.all == bool(options.names):
         raise FrictionError("give either names of models (`friction-fmus list` shows them) or --all")
@@ -43,7 +40,7 @@ def run(options: argparse.Namespace) -> None:
     start = parse_assignments(options.set)
     if start and len(names) != 1:
         raise FrictionError(f"--set applies to one model, but there are {len(names)}; build them one at a time")
-    platforms = 1 if is_wasm(options.platform, options.fmi) else len(select(tuple(options.platform)))
+    platforms = len(select(tuple(options.platform)))
     with progress_bar() as bar:
         task = bar.add_task("building", total=len(names) * platforms)
         for number, name in enumerate(names):
@@ -54,10 +51,9 @@ def run(options: argparse.Namespace) -> None:
                 options.name,
                 domain=options.domain,
                 platforms=options.platform,
-                fmi=options.fmi,
-                clocks=options.clocks,
-                arrays=options.arrays,
+                target=options.target,
                 compiling=partial(_show, bar, task, name, number * platforms),
+                **target_options(options, "fmu"),
             )
             bar.update(task, completed=(number + 1) * platforms)
             bar.console.print(str(path), soft_wrap=True) if bar.console.is_terminal else print(path)

@@ -10,32 +10,28 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from friction_fmus.cli.arguments import parse_assignments
+from friction_fmus.cli.arguments import add_target, parse_assignments, target_options
+from friction_fmus.export.targets import choose_target
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options."""
     parser.add_argument("law", metavar="LAW", help="name of a law, its .py file, or the .toml file of a loop")
     parser.add_argument("-o", "--output", type=Path, required=True, metavar="DIR", help="folder for the files")
-    parser.add_argument("--real", choices=["float", "double"], default="double", help="type of all numbers")
     parser.add_argument("--set", action="append", metavar="NAME=VALUE", help="start value; may be repeated")
     parser.add_argument(
         "--prefix", default="", metavar="NAME", help="prefix of files, types and functions; default: law or loop"
     )
+    add_target(parser, "law")
 
 
 def run(options: argparse.Namespace) -> None:
     """Write the files and print their paths."""
     from friction_fmus.cli.console import console
-    from friction_fmus.codegen.emulation import PACKAGES, missing
-    from friction_fmus.codegen.export import export_law
 
+    target, given = choose_target("law", options.target, target_options(options, "law"))
     start = parse_assignments(options.set)
-    for path in export_law(options.law, options.output, real=options.real, start=start, prefix=options.prefix):
+    for path in target.write(options.law, options.output, start=start, prefix=options.prefix, **given):
         console.print(str(path), soft_wrap=True)
-    if lacking := missing():
-        packages = " ".join(PACKAGES[tool] for tool in lacking)
-        console.print(
-            f"Some costs were not measured without {' and '.join(lacking)}; run apt-get install {packages}",
-            soft_wrap=True,
-        )
+    if remark := target.remark():
+        console.print(remark, soft_wrap=True)

@@ -6,7 +6,7 @@ import argparse
 import sys
 from pathlib import Path
 
-from friction_fmus.cli.arguments import add_fmi, add_system
+from friction_fmus.cli.arguments import add_fmu_target, add_system, target_options
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -20,7 +20,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--master", metavar="NAME", help="master algorithm inside the FMU: newton or adaptive")
     parser.add_argument("--inputs", nargs="*", metavar="PART.PORT", help="inputs; default: all that nothing drives")
     parser.add_argument("--outputs", nargs="*", metavar="PATTERN", help="outputs; default: all")
-    add_fmi(parser)
+    add_fmu_target(parser)
 
 
 def run(options: argparse.Namespace) -> None:
@@ -37,7 +37,8 @@ def run(options: argparse.Namespace) -> None:
             inputs=options.inputs,
             outputs=options.outputs,
             platforms=options.platform,
-            fmi=options.fmi,
+            target=options.target,
+            **target_options(options, "fmu"),
         )
         composed = best_first(lambda master: master.composed)
         replaced = system.experiment.master if system.experiment and not options.master else composed[0]

@@ -17,7 +17,7 @@ def run(options: argparse.Namespace) -> None:
     from friction_fmus.blocks.catalogue import find
     from friction_fmus.cli.block_page import show_block
     from friction_fmus.cli.console import console
-    from friction_fmus.fmi.package import describe_block
+    from friction_fmus.export.block_fmu import describe_block
 
     block = find(options.name)
     show_block(console, block, describe_block(block))

@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
-from fmpy.fmi1 import FMICallException
 
 from friction_fmus.blocks.catalogue import Block
 from friction_fmus.blocks.probe import Description
+from friction_fmus.fmi.image import Image
 from friction_fmus.fmi.portrait.bench import Bench, Panel
 from friction_fmus.fmi.portrait.drawing import chart, icon, labelled, terminal_icon
 from friction_fmus.fmi.portrait.experiments import experiment
-from harness.drawing import Image
+from harness.errors import HarnessError
+from harness.parts.fmu import FmuPart
 
 __all__ = ["Figure", "Image", "Portrait", "portray", "terminal_icon"]
 
@@ -37,9 +37,9 @@ class Portrait:
     figures: tuple[Figure, ...]
 
 
-def portray(block: Block, description: Description, folder: Path) -> Portrait:
+def portray(block: Block, description: Description, part: FmuPart) -> Portrait:
     """Run a block and plot its behaviour."""
-    bench = Bench(block, description, folder)
+    bench = Bench(block, description, part)
     panels = _panels(bench)
     figures = tuple(
         Figure(chart(panel, block.name), panel.caption, f"{labelled(panel.y)} over {labelled(panel.x)}")
@@ -55,7 +55,7 @@ def _panels(bench: Bench) -> tuple[Panel, ...]:
         return ()
     try:
         panels = chosen(bench)
-    except FMICallException:
+    except HarnessError:
         return ()
     finite = all(np.isfinite([curve.x, curve.y]).all() for panel in panels for curve in panel.curves)
     return panels if finite else ()

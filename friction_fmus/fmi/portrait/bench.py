@@ -2,28 +2,21 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from itertools import pairwise
-from pathlib import Path
 from typing import Any
 
 import numpy as np
-from fmpy.fmi2 import FMU2Slave, defaultCallbacks, fmi2CallbackFunctions, fmi2CallbackLoggerTYPE
 from numpy.typing import NDArray
 
 from friction_fmus.blocks.catalogue import Block
-from friction_fmus.blocks.probe import BOOLEAN, INPUT, INTEGER, OUTPUT, REAL, STATE_OUTPUT, BlockVariables, Variable
+from friction_fmus.blocks.probe import INPUT, OUTPUT, REAL, STATE_OUTPUT, BlockVariables, Variable
+from harness.parts.fmu import FmuPart
 
 Vector = NDArray[np.floating[Any]]
-
-SILENT = fmi2CallbackFunctions(
-    logger=fmi2CallbackLoggerTYPE(lambda *_: None),
-    allocateMemory=defaultCallbacks.allocateMemory,
-    freeMemory=defaultCallbacks.freeMemory,
-)
-"""Callbacks without logging, for runs that the block may reject; there is then no figure."""
 
 
 @dataclass(frozen=True)
@@ -65,14 +58,14 @@ class Bench:
         Parameters that differ from the start values.
     """
 
-    def __init__(self, block: Block, description: BlockVariables, folder: Path) -> None:
+    def __init__(self, block: Block, description: BlockVariables, part: FmuPart) -> None:
         """Sort the variables."""
-        self._block = block
         self.portrait = block.about.portrait
-        self._description = description
-        self._folder = folder
+        self._part = part
         self.values: Mapping[str, float] = {}
         self.variables: dict[str, Variable] = {v.name: v for v in description.variables}
+        inputs = sorted((v for v in description.variables if v.role == INPUT), key=lambda v: v.type)
+        self._starts = {v.name: v.start for v in inputs}
         self.inputs = tuple(v.name for v in description.variables if v.role == INPUT and v.type == REAL)
         self.outputs = tuple(
             v.name for v in description.variables if v.role in (OUTPUT, STATE_OUTPUT) and v.type == REAL
@@ -104,20 +97,11 @@ class Bench:
     @contextmanager
     def session(self, outputs: Sequence[str], start: float = 0.0) -> Iterator[Session]:
         """Open a run of a new instance, step by step."""
-        fmu = FMU2Slave(
-            guid=self._description.guid,
-            unzipDirectory=str(self._folder),
-            modelIdentifier=self._block.name,
-            instanceName=self._block.name,
-        )
-        fmu.instantiate(callbacks=SILENT)
+        self._part.enter_initialisation(start, math.inf, None, self.values)
         try:
-            fmu.setupExperiment(startTime=start)
-            _set(fmu, [(self.variables[name], value) for name, value in self.values.items()])
-            fmu.enterInitializationMode()
-            yield Session(fmu, self.variables, outputs)
+            yield Session(self._part, self._starts, outputs)
         finally:
-            fmu.freeInstance()
+            self._part.terminate()
 
     def run(self, times: Vector, inputs: Mapping[str, Vector], outputs: Sequence[str]) -> tuple[Vector, ...]:
         """Step from each time to the next."""
@@ -134,35 +118,31 @@ class Bench:
 class Session:
     """A run of one instance. Inputs that the block does not have are ignored."""
 
-    def __init__(self, fmu: FMU2Slave, variables: Mapping[str, Variable], outputs: Sequence[str]) -> None:
-        """Find the value references."""
-        self._fmu = fmu
-        self._inputs = {name: v for name, v in variables.items() if v.role == INPUT}
-        self._outputs = [variables[name].reference for name in outputs]
+    def __init__(self, part: FmuPart, starts: Mapping[str, float], outputs: Sequence[str]) -> None:
+        """Bind the inputs, which have start values, and the outputs."""
+        self._part = part
+        self._places = {name: place for place, name in enumerate(starts)}
+        self._inputs, self._outputs = np.array([*starts.values()], dtype=float), np.zeros(len(outputs))
+        self._calls = part.bind([*starts], outputs, self._inputs, self._outputs)
 
     def begin(self, inputs: Mapping[str, float]) -> None:
         """Set the inputs and leave initialization mode."""
         self.put(inputs)
-        self._fmu.exitInitializationMode()
+        self._part.exit_initialisation()
 
     def put(self, inputs: Mapping[str, float]) -> None:
         """Set the inputs; a Boolean is true if its value is not zero."""
-        _set(self._fmu, [(self._inputs[name], value) for name, value in inputs.items() if name in self._inputs])
+        for name, value in inputs.items():
+            if name in self._places:
+                self._inputs[self._places[name]] = value
+        self._calls.set()
 
     def step(self, time: float, length: float) -> list[float]:
         """Perform one communication step and return the outputs after it."""
-        self._fmu.doStep(time, length)
+        self._calls.step(time, length)
         return self.values()
 
     def values(self) -> list[float]:
         """Return the current outputs."""
-        return list(self._fmu.getReal(self._outputs))
-
-
-def _set(fmu: FMU2Slave, given: Sequence[tuple[Variable, float]]) -> None:
-    """Set variables; a Boolean is true if its value is not zero."""
-    writers = ((REAL, fmu.setReal, float), (INTEGER, fmu.setInteger, int), (BOOLEAN, fmu.setBoolean, bool))
-    for type_, write, converted in writers:
-        chosen = {v.reference: converted(value) for v, value in given if v.type == type_}
-        if chosen:
-            write(list(chosen), list(chosen.values()))
+        self._calls.get()
+        return list(map(float, self._outputs))

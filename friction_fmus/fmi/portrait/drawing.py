@@ -12,8 +12,8 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle, FancyBboxPatch, Polygon, Rectangle
 
+from friction_fmus.fmi.image import Image, plain_style, png_of, svg_of
 from friction_fmus.fmi.portrait.bench import Curve, Panel
-from harness.drawing import Image, plain_style, png_of, svg_of
 
 GREY = "#5f6872"
 

@@ -14,6 +14,7 @@ from scipy.integrate import cumulative_trapezoid
 from scipy.interpolate import CubicSpline
 
 from friction_fmus.blocks.axis_units import LINEAR, SLIDING, AxisUnits, Words
+from friction_fmus.identification.data.formats import read_table
 from friction_fmus.identification.data.guessing import guess_mapping
 from friction_fmus.identification.data.mapping import Column, DataMapping, combined_unit, load_mapping, read_mapping
 from friction_fmus.identification.data.record import (
@@ -27,7 +28,6 @@ from friction_fmus.identification.data.record import (
     parse_quantity,
     wanted_unit,
 )
-from friction_fmus.identification.data.table_files import read_table
 from friction_fmus.identification.data.tables import Table
 from friction_fmus.identification.errors import RecordError
 
@@ -327,7 +327,7 @@ def read_records(
     Parameters
     ----------
     path : path-like
-        Data file (.csv, .tsv, .txt, .dat, .parquet, .mcap, .mat), or mapping (.toml) that names one.
+        Data file in one of the `formats`, or mapping (.toml) that names one.
     mapping : path-like, mapping or DataMapping, optional
         Mapping of the columns: a TOML file, its tables, or the result of `read_mapping`. Without a mapping, the
         headings must identify the signals and contain units.

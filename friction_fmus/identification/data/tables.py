@@ -5,15 +5,29 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from friction_fmus.identification.data.record import Array, Finding
+from friction_fmus.identification.errors import RecordError
 
 #: Largest integer below which all integers are exact as floating-point numbers.
 EXACT = 2**53
+
+
+UNPACKED: Final = 2**30
+"""Largest size of the numbers in a file [bytes]."""
+
+
+def limit_size(path: Path, size: int) -> None:
+    """Raise RecordError for contents that would fill the memory."""
+    if size > UNPACKED:
+        raise RecordError(
+            f"{path} unpacks to more than {UNPACKED // 2**20} MiB; save only the columns that are needed, or fewer "
+            "samples."
+        )
 
 
 @dataclass(frozen=True, eq=False)

@@ -19,7 +19,7 @@ import scipy.optimize
 from threadpoolctl import threadpool_limits
 
 from friction_fmus.blocks.axis_units import SLIDING, Words
-from friction_fmus.fmi.package import fmu
+from friction_fmus.export.block_fmu import fmu
 from friction_fmus.identification.data.record import Array, Record
 from friction_fmus.identification.errors import ExcitationError
 from friction_fmus.identification.fit.block_fit import driven

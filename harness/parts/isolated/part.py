@@ -43,7 +43,7 @@ class Process:
         """Start the process and wait until it listens."""
         if os.name != "posix":
             raise HarnessError(f"part '{name}' cannot be isolated on {sys.platform}: leave isolate out")
-        folder = ScratchFolder("harness-")
+        folder = ScratchFolder()
         self.folder = Path(folder.name)
         ours, theirs = socket.socketpair()
         arguments = (theirs.fileno(), name, str(path.absolute()))
@@ -222,6 +222,12 @@ class IsolatedPart(FmuPart):
         """Return to a saved state."""
         self._hand_over()
         self._call("restore", state)
+        self._due = GET
+
+    def event(self, time: float) -> None:
+        """Take the event at this time, as the next step does."""
+        self._hand_over()
+        self._call("event", time)
         self._due = GET
 
     def serialise(self) -> bytes:

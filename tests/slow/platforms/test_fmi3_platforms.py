@@ -24,7 +24,7 @@ FOLDERS = {"x86_64-linux", "x86_64-windows", "x86_64-darwin", "aarch64-linux", "
 OF_THE_LINKER = {"_mh_dylib_header", "__dso_handle"}
 """Symbols that the linker adds to a library for macOS."""
 HEADER = (Path(fmpy.__file__).parent / "c-code" / "fmi3Functions.h").read_text(encoding="utf-8")
-FUNCTIONS = {*re.findall(r"#define (fmi3\w+) +fmi3FullName", HEADER), "friction_fmus_SetInputDerivatives"}
+FUNCTIONS = {*re.findall(r"#define (fmi3\w+) +fmi3FullName", HEADER), "harness_SetInputDerivatives"}
 
 
 @pytest.mark.parametrize("name", NAMES)

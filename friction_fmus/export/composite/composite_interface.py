@@ -9,15 +9,12 @@ from dataclasses import dataclass, replace
 from pathlib import Path, PurePosixPath
 from typing import Any, Final
 
-from lxml import etree
-
 from harness.compiling.platforms import Platform, assembly
 from harness.compiling.toolchain import included
 from harness.errors import BuildError, HarnessError, UnknownNameError, nearest
 from harness.parts.fmu import FmuPart
 from harness.parts.part import Calls, Part, Port, StartValue, Values
 from harness.parts.series import SeriesPart
-from harness.storage.zip_file import open_zip, read_zip
 from harness.system.assembly import Assembly
 from harness.system.experiment import Experiment
 from harness.system.graph import recorded_names
@@ -151,31 +148,25 @@ def _symbols(text: str, underscores: bool) -> set[str]:
 
 def _read(part: FmuPart) -> tuple[str, str, dict[str, str], tuple[str, ...], bool, bool]:
     """Return identifier, GUID, sources, the files to compile, and whether the FMU is ours and used once only."""
-    with open_zip(part.path) as archive:
-        members = [member for member in archive.namelist() if not member.endswith("/")]
-        root = etree.fromstring(
-            read_zip(archive, "modelDescription.xml"), etree.XMLParser(resolve_entities=False, no_network=True)
+    root = part.archive.root
+    version = root.get("fmiVersion")
+    if version != "2.0":
+        raise BuildError(
+            f"'{part.name}' is an FMU of FMI {version}, but a composite FMU is made of FMUs of FMI 2.0: export "
+            f"{part.path.name} as FMI 2.0"
         )
-        version = root.get("fmiVersion")
-        if version != "2.0":
-            raise BuildError(
-                f"'{part.name}' is an FMU of FMI {version}, but a composite FMU is made of FMUs of FMI 2.0: export "
-                f"{part.path.name} as FMI 2.0"
-            )
-        simulation = root.find("CoSimulation")
-        assert simulation is not None, "the part has checked its archive"
-        listed = tuple(str(file.get("name")) for file in simulation.iterfind("SourceFiles/File"))
-        _check(part.name, part.path, members, listed)
-        try:
-            files = {
-                member.removeprefix("sources/"): read_zip(archive, member).decode("utf-8")
-                for member in sorted(members)
-                if member.startswith("sources/") and PurePosixPath(member).suffix in _TEXTS
-            }
-        except UnicodeDecodeError as error:
-            raise BuildError(f"'{part.name}' has a source that is not a text in UTF-8: convert it") from error
-        once = simulation.get("canBeInstantiatedOnlyOncePerProcess") in ("true", "1")
-        return str(simulation.get("modelIdentifier")), str(root.get("guid")), files, listed, part.strict, once
+    simulation = root.find("CoSimulation")
+    assert simulation is not None, "the part has checked its archive"
+    listed = tuple(str(file.get("name")) for file in simulation.iterfind("SourceFiles/File"))
+    members = sorted(member for member in part.archive.names if not member.endswith("/"))
+    _check(part.name, part.path, members, listed)
+    sources = (name for name in members if name.startswith("sources/") and PurePosixPath(name).suffix in _TEXTS)
+    try:
+        files = {k.removeprefix("sources/"): data.decode() for k, data in part.archive.read(*sources).items()}
+    except UnicodeDecodeError as error:
+        raise BuildError(f"'{part.name}' has a source that is not a text in UTF-8: convert it") from error
+    once = simulation.get("canBeInstantiatedOnlyOncePerProcess") in ("true", "1")
+    return str(simulation.get("modelIdentifier")), str(root.get("guid")), files, listed, part.strict, once
 
 
 def _check(name: str, path: Path, members: list[str], listed: tuple[str, ...]) -> None:
@@ -212,9 +203,7 @@ def states(part: FmuPart) -> dict[str, str]:
 
 def reinitialised(part: FmuPart) -> set[str]:
     """Return the states of an FMU that its events may change, which fmpy does not read."""
-    with open_zip(part.path) as archive:
-        root = etree.fromstring(read_zip(archive, "modelDescription.xml"))
-    scalars = root.iterfind("ModelVariables/ScalarVariable")
+    scalars = part.archive.root.iterfind("ModelVariables/ScalarVariable")
     return {
         str(scalar.get("name"))
         for scalar in scalars

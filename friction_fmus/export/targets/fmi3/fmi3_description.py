@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Mapping, Sequence
+from copy import deepcopy
 from dataclasses import dataclass, replace
 from itertools import groupby
 from typing import Final
@@ -172,6 +173,9 @@ def description_3(old: etree._Element, variables: Sequence[Variable], traits: Tr
         _unknowns(structure, name, old.findall(f"ModelStructure/{group}/Unknown"), by_index)
     for k in range(traits.indicators):
         etree.SubElement(structure, "EventIndicator", valueReference=str(traits.references + 1 + k))
+    annotations = etree.SubElement(root, "Annotations")
+    for tool in old.iterfind("VendorAnnotations/Tool"):
+        etree.SubElement(annotations, "Annotation", type=str(tool.get("name"))).extend(deepcopy(list(tool)))
     return bytes(etree.tostring(root, xml_declaration=True, encoding="UTF-8", pretty_print=True))
 
 

@@ -1,77 +1,34 @@
-"""Reading data files of all supported formats as tables."""
+"""Files of MATLAB (vectors, columns of matrices as ``a(:,2)``, members of structures as ``log.x``) and of Dymola."""
 
 from __future__ import annotations
 
 import struct
 import zlib
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
 
-from friction_fmus.identification.data.mcap_file import read_mcap
+from friction_fmus.identification.data import tables
 from friction_fmus.identification.data.record import Array
-from friction_fmus.identification.data.tables import Table, from_arrow
-from friction_fmus.identification.data.text_table import read_text
+from friction_fmus.identification.data.tables import Table, limit_size
 from friction_fmus.identification.errors import RecordError
-from harness.errors import MissingPackageError
-from harness.extras import require
 
-
-def read_table(path: Path) -> Table:
-    """Read a data file; the suffix determines the format."""
-    readers: dict[str, Callable[[Path], Table]] = dict.fromkeys((".csv", ".tsv", ".txt", ".dat", ".asc"), read_text)
-    readers |= {".mcap": read_mcap, ".parquet": _read_parquet, ".pq": _read_parquet, ".mat": _read_mat}
-    suffix = path.suffix.lower()
-    if suffix in (".gz", ".xz") and readers.get(Path(path.stem).suffix.lower()) is read_text:
-        readers[suffix] = read_text
-    if suffix not in readers:
-        raise RecordError(f"The format of {path} is unknown; use a file that ends in {', '.join(readers)} or .toml.")
-    if not path.is_file():
-        raise RecordError(f"There is no data file {path}; correct the path.")
-    try:
-        return readers[suffix](path)
-    except (MissingPackageError, RecordError):
-        raise
-    except Exception as error:  # a damaged file may raise any exception in the libraries
-        reason = " ".join(str(error).split()) or type(error).__name__
-        raise RecordError(f"{path} cannot be read as a {suffix} file ({reason}); export it again.") from error
-
-
-def _read_parquet(path: Path) -> Table:
-    require("pyarrow")
-    import pyarrow.parquet as pq
-
-    with pq.ParquetFile(path) as file:
-        _limit(path, 8 * file.metadata.num_rows * file.metadata.num_columns)
-    return from_arrow(path, pq.read_table(path))
-
-
-UNPACKED: Final = 2**30
-"""Largest size of the numbers in a file [bytes]."""
-
-
-def _limit(path: Path, size: int) -> None:
-    """Raise RecordError for contents that would fill the memory."""
-    if size > UNPACKED:
-        raise RecordError(
-            f"{path} unpacks to more than {UNPACKED // 2**20} MiB; save only the columns that are needed, or fewer "
-            "samples."
-        )
+SUFFIXES: Final = (".mat",)
 
 
 HDF5: Final = b"\x89HDF\r\n\x1a\n"
 """Signature of HDF5, at offset 512 of a MATLAB 7.3 file or at its start."""
 
 
-def _read_mat(path: Path) -> Table:
+def read(path: Path) -> Table:
     """Read a .mat file: MATLAB up to 7.2 with scipy, MATLAB 7.3 with h5py, Dymola with the harness."""
     with path.open("rb") as file:
         header = file.read(520)
     if HDF5 in (header[:8], header[512:]):
         return Table(path, _same_length(path, _hdf5(path)))
-    _limit(path, _unpacked(path))
+    limit_size(path, _unpacked(path))
     import scipy.io
 
     content = scipy.io.loadmat(path, squeeze_me=True, struct_as_record=False)
@@ -86,7 +43,7 @@ def _unpacked(path: Path) -> int:
     with path.open("rb") as file:
         header = file.read(128)
         order = {b"IM": "<", b"MI": ">"}.get(header[126:128])
-        while order and total <= UNPACKED and len(tag := file.read(8)) == 8:
+        while order and total <= tables.UNPACKED and len(tag := file.read(8)) == 8:
             kind, size = struct.unpack(f"{order}II", tag)
             if kind != COMPRESSED:
                 total += size
@@ -94,7 +51,7 @@ def _unpacked(path: Path) -> int:
                 continue
             unpacker = zlib.decompressobj()
             rest = file.read(size)
-            while rest and total <= UNPACKED:
+            while rest and total <= tables.UNPACKED:
                 total += len(unpacker.decompress(rest, 2**20))
                 rest = unpacker.unconsumed_tail
     return total
@@ -158,7 +115,7 @@ def _hdf5(path: Path) -> Iterator[tuple[str, Array]]:
                 if value.is_virtual or value.external:
                     raise RecordError(f"{path}: {prefix}{key} is stored in another file; save the data themselves.")
                 total += 8 * (value.size or 0)
-                _limit(path, total)
+                limit_size(path, total)
                 yield from _flat(prefix + key, np.asarray(value[()]).T)  # MATLAB stores columns first
 
     with h5py.File(path, "r") as file:

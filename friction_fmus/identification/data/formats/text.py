@@ -1,4 +1,4 @@
-"""Reading CSV and similar text files."""
+"""Text with any separator, decimal commas, text above the table, a line of units, dates; exports of TwinCAT Scope."""
 
 from __future__ import annotations
 
@@ -19,6 +19,8 @@ from friction_fmus.identification.data.record import Array, Finding, unit_of
 from friction_fmus.identification.data.tables import Group, Table, on_one_clock
 from friction_fmus.identification.errors import RecordError
 from harness.storage.files import LARGEST_DATA
+
+SUFFIXES: Final = tuple(f".{kind}{zip}" for kind in ("csv", "tsv", "txt", "dat", "asc") for zip in ("", ".gz", ".xz"))
 
 MISSING: Final = ("", "nan", "NaN", "NAN", "NA", "null", "-nan", "#N/A")
 """Cells without a value."""
@@ -156,7 +158,7 @@ _HEADING = re.compile(r"(?P<name>.*?)\s*[\[(](?P<unit>[^\[\]()]*(\([^()]*\))?[^\
 _SEPARATORS = (";", "\t", ",", "|")
 
 
-def read_text(path: Path) -> Table:
+def read(path: Path) -> Table:
     """Read a text table: columns separated by ; tab , | or spaces, after comments and a heading."""
     full = [(n, line) for n, line in enumerate(_decoded(path).splitlines(), start=1) if line.strip()]
     numbered = [(n, line) for n, line in full if not line.lstrip().startswith(_COMMENTS)]

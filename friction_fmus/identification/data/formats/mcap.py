@@ -1,4 +1,4 @@
-"""Reading MCAP files, such as the bags of ROS 2: the numbers in the messages of all topics."""
+"""MCAP files, such as the bags of ROS 2: the numbers in the messages of all topics (extra ``mcap``)."""
 
 from __future__ import annotations
 
@@ -16,6 +16,8 @@ from friction_fmus.identification.data.tables import EXACT, Group, Table, on_one
 from friction_fmus.identification.errors import RecordError
 from harness.extras import require
 
+SUFFIXES: Final = (".mcap",)
+
 JOINT: Final = ("position", "velocity", "effort")
 """Arrays of ``sensor_msgs/JointState`` with one element for each name."""
 
@@ -26,7 +28,7 @@ LONGEST: Final = 64
 """Largest number of elements of an array whose elements become columns."""
 
 
-def read_mcap(path: Path) -> Table:
+def read(path: Path) -> Table:
     """Read an MCAP file.
 
     Each number in a message becomes a column named after topic, joint and field, such as

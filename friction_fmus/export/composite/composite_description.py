@@ -13,14 +13,14 @@ from typing import Any
 
 from lxml import etree, html
 
-from harness.composite.diagram import diagram
-from harness.composite.interface import PartCode, Variable, reinitialised, states
+from friction_fmus.export.composite.composite_interface import PartCode, Variable, reinitialised, states
+from friction_fmus.export.composite.diagram import diagram
+from friction_fmus.fmi.html_page import STYLE, row, table
+from friction_fmus.fmi.model_description import declare_traits
 from harness.errors import BuildError
-from harness.html import STYLE, row, table
 from harness.parts.fmu import FmuPart
 from harness.parts.log_categories import LOG_CATEGORIES
 from harness.parts.part import Part
-from harness.storage.zip_file import open_zip, read_zip
 from harness.system.assembly import Assembly
 from harness.system.experiment import Experiment
 from harness.system.graph import instantaneous
@@ -127,10 +127,9 @@ def documentation(
     for name, code in {code.folder: (name, code) for name, code in codes.items()}.values():
         part = system.parts[name]
         assert isinstance(part, FmuPart)
-        with open_zip(part.path) as archive:
-            for member in sorted(archive.namelist()):
-                if member.startswith("documentation/licenses/") and not member.endswith("/"):
-                    found[f"documentation/licenses/{code.folder}-{Path(member).name}"] = read_zip(archive, member)
+        licences = [name for name in sorted(part.archive.names) if re.match("documentation/licenses/.*[^/]$", name)]
+        for member, text in part.archive.read(*licences).items():
+            found[f"documentation/licenses/{code.folder}-{Path(member).name}"] = text
     texts = dict.fromkeys(found.values())
     found["documentation/licenses/license.txt"] = b"\n".join(texts) or b"The parts of this FMU state no licence.\n"
     drawing = diagram(system, identifier)
@@ -183,9 +182,8 @@ def _sources(system: Assembly) -> Iterator[str]:
     for part in {part.path: part for part in system.parts.values() if isinstance(part, FmuPart)}.values():
         if not part.strict:
             continue
-        with open_zip(part.path) as archive:
-            page = html.fromstring(read_zip(archive, PAGE)) if PAGE in archive.namelist() else None
-        heads = [] if page is None else [head for head in page.iter("h2") if head.text == "Source"]
+        pages = map(html.fromstring, part.archive.read(PAGE).values())
+        heads = [head for page in pages for head in page.iter("h2") if head.text == "Source"]
         for element in heads[0].itersiblings() if heads else ():
             if element.tag not in ("p", "pre"):
                 break
@@ -234,12 +232,9 @@ def composite_terminals(system: Assembly, variables: Sequence[Variable]) -> byte
 
 def _terminals(part: FmuPart) -> Iterator[etree._Element]:
     """Yield the terminals of an FMU without graphics."""
-    with open_zip(part.path) as archive:
-        if MEMBER not in archive.namelist():
-            return
-        parser = etree.XMLParser(resolve_entities=False, no_network=True)
-        root = etree.fromstring(read_zip(archive, MEMBER), parser)
-    for terminal in root.iterfind("Terminals/Terminal"):
+    parser = etree.XMLParser(resolve_entities=False, no_network=True)
+    roots = (etree.fromstring(data, parser) for data in part.archive.read(MEMBER).values())
+    for terminal in (each for root in roots for each in root.iterfind("Terminals/Terminal")):
         for graphics in terminal.findall("TerminalGraphicalRepresentation"):
             terminal.remove(graphics)
         if all(child.tag == "TerminalMemberVariable" for child in terminal):
@@ -302,6 +297,7 @@ def composite_description(
     if experiment.tolerance:
         times["tolerance"] = experiment.tolerance
     etree.SubElement(root, "DefaultExperiment", {name: _number(value) for name, value in times.items()})
+    declare_traits(root)
     listed = etree.SubElement(root, "ModelVariables")
     places = {variable.name: i for i, variable in enumerate(variables, start=1)}
     jumps = {fmu.path: reinitialised(fmu) for fmu in {fmu.path: fmu for fmu in fmus if texts.exchanges}.values()}

@@ -4,15 +4,13 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
-from harness.compiling.library import sources as engine_sources
-from harness.compiling.platforms import WASM, linked, select
-from harness.compiling.toolchain import guid_of, included, source_folder
-from harness.composite.description import (
+from friction_fmus.export.composite.c_tables import table_file
+from friction_fmus.export.composite.composite_description import (
     TERMINALS,
     Texts,
     composite_description,
@@ -21,8 +19,7 @@ from harness.composite.description import (
     start_dependencies,
     step_dependencies,
 )
-from harness.composite.diagram import loop_icon
-from harness.composite.interface import (
+from friction_fmus.export.composite.composite_interface import (
     OpenSystem,
     check_parts,
     choose_interface,
@@ -32,13 +29,16 @@ from harness.composite.interface import (
     part_codes,
     without_sources,
 )
-from harness.composite.tables import table_file
+from friction_fmus.export.composite.diagram import loop_icon
+from friction_fmus.export.targets import SourceFmu, choose_target
+from harness.compiling.library import sources as engine_sources
+from harness.compiling.platforms import Platform, select
+from harness.compiling.toolchain import guid_of, source_folder
 from harness.errors import BuildError, ExperimentError
-from harness.fmi3 import fmi_3
 from harness.masters import best_first, find_master
 from harness.parts.fmu import FmuPart
 from harness.run import run
-from harness.storage.files import atomic_path, stamped
+from harness.storage.files import stamped
 from harness.storage.zip_file import zipped
 from harness.system.assembly import Assembly
 from harness.system.experiment import COUPLING_TOLERANCE, LOOP_TOLERANCE, STEP_TOLERANCE, Experiment
@@ -46,7 +46,6 @@ from harness.system.feedthrough import find_feedthrough
 from harness.system.graph import check_loops, make_plan, stepping_order
 from harness.system.initialisation import start_order
 from harness.values import is_number
-from harness.wasm import is_wasm, wasm_model, write_package
 
 _HEADERS: Final = ("fmi2_modes.h", "fmi2_calls.h", "fmi2_hash.h", "fmi2_saved.h")
 
@@ -61,30 +60,44 @@ def compose(
     inputs: Sequence[str] | None = None,
     outputs: Sequence[str] | None = None,
     platforms: Sequence[str] = ("native",),
-    fmi: int = 2,
+    target: str,
+    options: Mapping[str, Any],
 ) -> None:
-    """Write a system as one FMU; see `System.to_fmu`."""
+    """Write a system as one FMU, or for another target; see `System.to_fmu`."""
     for key, names in {"inputs": inputs, "outputs": outputs, "platforms": platforms}.items():
         if isinstance(names, str):
             raise BuildError(f"{key} is the text {names!r}: give a list of names")
-    if fmi not in (2, 3):
-        raise BuildError(f"a composite FMU cannot be of FMI {fmi}: give 2 or 3")
-    wasm = is_wasm(platforms, fmi)
-    _check_path(path, system, folder=wasm)
-    identifier = path.stem.removesuffix("-wasm") if name is None else name
+    chosen, given = choose_target("fmu", target, options, platforms)
+    _check_path(path, system, chosen.ending)
+    identifier = path.name.removesuffix(chosen.ending) if name is None else name
+    selected = select(tuple(platforms))
+    source = composite_source(system, identifier, selected, step=step, master=master, inputs=inputs, outputs=outputs)
+    chosen.write(source, path, **given)
+
+
+def composite_source(
+    system: Assembly,
+    identifier: str,
+    platforms: Sequence[Platform],
+    *,
+    step: float | None = None,
+    master: str | None = None,
+    inputs: Sequence[str] | None = None,
+    outputs: Sequence[str] | None = None,
+) -> SourceFmu:
+    """Return a system, of which targets make what they write; see `System.to_fmu`."""
     if not re.fullmatch(r"[A-Za-z_]\w{0,99}", identifier, re.ASCII):
         raise BuildError(
             f"{identifier!r} cannot be the name of an FMU: give a name of letters, digits and _, with a letter first"
         )
     experiment = _experiment(system, step, master)
-    targets = () if wasm else select(tuple(platforms))
     inner, taken = without_sources(system, inputs)
     check_parts(inner)
     interface = choose_interface(inner, taken, inputs, outputs)
     texts = [key for key, value in inner.start.items() if isinstance(value, str)]
     if texts:
         raise BuildError(f"the start value {texts[0]} is a text, which a composite FMU cannot set: remove it")
-    codes = part_codes(inner.parts, identifier, (WASM,) if wasm else targets)
+    codes = part_codes(inner.parts, identifier, platforms)
     find_feedthrough(system, experiment)
     _start(inner, experiment)
     whole = opened(inner, interface)
@@ -130,25 +143,15 @@ def compose(
     members |= {"model.png": icon.png, f"{TERMINALS}/icon.png": icon.png, f"{TERMINALS}/icon.svg": icon.svg}
     members[f"{TERMINALS}/terminalsAndIcons.xml"] = composite_terminals(inner, variables)
     quiet = {key for code in codes.values() if not code.own for key in code.wrappers}
-    compiling = {unit: included(unit, files) for unit in units}
-    for target in targets if fmi == 2 else ():
-        members[f"binaries/{target.folder}/{identifier}{target.suffix}"] = linked(target, compiling, identifier, quiet)
-    content = zipped(members, made)
-    if wasm:
-        write_package(wasm_model(content, quiet), path)
-        return
-    if fmi == 3:
-        content = fmi_3(content, targets, quiet=quiet)
-    with atomic_path(path) as temporary:
-        temporary.write_bytes(content)
+    return SourceFmu(identifier, zipped(members, made), platforms, quiet=quiet)
 
 
-def _check_path(path: Path, system: Assembly, *, folder: bool) -> None:
+def _check_path(path: Path, system: Assembly, ending: str) -> None:
     """Raise an error if the FMU or its folder cannot have this path, or would replace a part of its own."""
-    if folder and path.suffix.lower() == ".fmu":
-        raise BuildError(f"the platform wasm32 makes a folder, but {path} names an FMU: give {path.stem}-wasm")
-    if not folder and path.suffix.lower() != ".fmu":
+    if ending == ".fmu" and path.suffix.lower() != ending:
         raise BuildError(f"{path} is not the name of an FMU: give a name that ends in .fmu")
+    if ending != ".fmu" and path.suffix.lower() == ".fmu":
+        raise BuildError(f"the target makes a folder, but {path} names an FMU: give {path.stem}{ending}")
     for part in system.parts.values():
         if isinstance(part, FmuPart) and part.path.resolve() == path.resolve():
             raise BuildError(f"{path} is the part '{part.name}' of the system: give the FMU another name")

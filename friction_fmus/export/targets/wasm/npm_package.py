@@ -7,20 +7,19 @@ import gzip
 import json
 import re
 import tempfile
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from importlib.metadata import version
-from io import BytesIO
 from pathlib import Path
 from typing import Any, Final
-from zipfile import ZipFile
 
 from lxml import etree
 
+from friction_fmus.export.targets import SourceFmu
+from friction_fmus.export.targets.fmi3.fmi3_description import grouped
 from harness.compiling.platforms import WASM, linked
 from harness.compiling.toolchain import included, source_folder
 from harness.errors import BuildError, OutputError
-from harness.fmi3.description import grouped
 
 _NUMBERS: Final[Mapping[str, type]] = {"Real": float, "Integer": int, "Enumeration": int}
 
@@ -316,39 +315,20 @@ def class_script() -> str:
     )
 
 
-def is_wasm(platforms: Sequence[str], fmi: int) -> bool:
-    """Return whether the platform is ``wasm32``, which makes an npm package in place of an FMU."""
-    if WASM.folder not in platforms:
-        return False
-    if len(set(platforms)) > 1:
-        raise BuildError("the platform wasm32 makes an npm package, not an FMU: build it without other platforms")
-    if fmi != 2:
-        raise BuildError(f"the platform wasm32 uses FMI 2.0: build it without FMI {fmi}")
-    return True
-
-
-def wasm_model(content: bytes, quiet: Collection[str] = ()) -> WasmModel:
+def wasm_model(source: SourceFmu) -> WasmModel:
     """Return an FMU as a WebAssembly module, compiled from its sources or from the cache."""
-    with ZipFile(BytesIO(content)) as archive:
-        root = etree.fromstring(archive.read("modelDescription.xml"))
-        names = [name for name in archive.namelist() if name.startswith("sources/") and not name.endswith("/")]
-        files = {name.removeprefix("sources/"): archive.read(name).decode() for name in names}
-    description = described(root)
-    name = description["name"]
-    units = {
-        str(file.get("name")): included(str(file.get("name")), files)
-        for file in root.iterfind("CoSimulation/SourceFiles/File")
-    }
+    name, files = source.identifier, source.files
+    units = {unit: included(unit, files) for unit in source.units}
     for path in sorted((source_folder() / "wasm").glob("*.c")):
         units[path.name] = {path.name: path.read_text(encoding="utf-8")}
-    module = linked(WASM, units, name, quiet)
+    module = linked(WASM, units, name, source.quiet)
     needed = imports(module)
     if needed:
         raise BuildError(
             f"{name} needs {needed[0]} of an operating system, which a WebAssembly module does not have: change its "
             "sources"
         )
-    return WasmModel(module, description)
+    return WasmModel(module, described(source.description))
 
 
 def write_package(model: WasmModel, folder: Path) -> Path:

@@ -1,21 +1,20 @@
-"""The FMU of a block, from its name or file: collected sources, and the FMU from the cache or a new build."""
+"""Blocks by name or file, with their sources, written as FMUs or for another target."""
 
 from __future__ import annotations
 
 import hashlib
 import re
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from functools import cache
 from importlib.metadata import version
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 from zipfile import ZipFile
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-import harness
 from friction_fmus.blocks.catalogue import (
     PACKAGE,
     Block,
@@ -31,13 +30,12 @@ from friction_fmus.blocks.probe import (
     read_variables,
 )
 from friction_fmus.errors import BuildError
+from friction_fmus.export.targets import Compiling, SourceFmu, choose_target, write_fmu
 from friction_fmus.version import VERSION, build_time
 from harness.compiling import toolchain
-from harness.compiling.platforms import NATIVE, Platform, native_library, select
-from harness.fmi3 import fmi_3
-from harness.storage.files import ScratchFolder, atomic_path, cached, make_folder, read_source, reason
+from harness.compiling.platforms import NATIVE, native_library, select
+from harness.storage.files import ScratchFolder, cached, read_source, reason
 from harness.storage.zip_file import find_outside
-from harness.wasm import WasmModel, is_wasm, wasm_model, write_package
 
 SHIPPED = PACKAGE / "fmus"
 """Folder of the FMUs for all platforms in an installed package; a checkout has none."""
@@ -59,9 +57,9 @@ def build(
     domain: Literal["translational", "rotational"] = "translational",
     platforms: Sequence[str] = ("native",),
     fmi: Literal[2, 3] = 2,
-    clocks: bool = False,
-    arrays: bool = False,
-    compiling: Callable[[str, int], None] | None = None,
+    target: str | None = None,
+    compiling: Compiling | None = None,
+    **options: Any,
 ) -> Path:
     """Build one FMU.
 
@@ -84,11 +82,14 @@ def build(
         alone writes a WebAssembly module with a JavaScript class in place of an FMU.
     fmi : {2, 3}
         Version of FMI: 2.0, or 3.0 with intermediate update and adjoint derivatives. The numbers are the same.
-    clocks, arrays : bool
-        Whether an FMI 3.0 FMU has a clock for its samples, and arrays for its vectors. Many importers know neither.
+    target : str, optional
+        What is written, in place of an FMU of version ``fmi``: the name of a module of `friction_fmus.export.targets`.
     compiling : callable, optional
         Called before each platform is compiled, with its name and the number of completed platforms, for a progress
         bar. It is not called for an FMU in the cache.
+    **options
+        Options of the target. An FMU of FMI 3.0 has a clock for its samples with ``clocks=True``, and arrays for its
+        vectors with ``arrays=True``; many importers know neither.
 
     Returns
     -------
@@ -100,50 +101,26 @@ def build(
     UnknownNameError, BuildError
         If the model is unknown; if it cannot be built.
     """
-    if (clocks or arrays) and fmi == 2:
-        raise BuildError(
-            "FMI 2.0 has neither clocks nor arrays: build the FMU with --fmi 3, or leave these options out"
-        )
-    if is_wasm(platforms, fmi):
-        made = wasm_block(model, start, name, files, domain=domain)
-        return write_package(made, Path(out_dir) / f"{made.name}-wasm")
-    if fmi == 2:
-        file, content = _built(model, start, name, files, domain, platforms, compiling)
-    else:
-        targets = select(tuple(platforms))
-        file, content = _built(model, start, name, files, domain, ("native",))
-        content = fmi_3(content, targets, compiling, clocks=clocks, arrays=arrays)
-    return _write(content, Path(out_dir) / file)
+    chosen, given = choose_target("fmu", target or f"fmi{fmi}", options, platforms)
+    selected = select(tuple(platforms))
+    source = replace(block_source(model, start, name, files, domain, compiling), platforms=selected)
+    path = Path(out_dir) / f"{source.identifier}{chosen.ending}"
+    chosen.write(source, path, **given)
+    return path
 
 
-def wasm_block(
+def block_source(
     model: str | Path,
     start: Start | None = None,
     name: str | None = None,
     files: Mapping[str, str] | None = None,
-    *,
-    domain: Literal["translational", "rotational"] = "translational",
-) -> WasmModel:
-    """Return a block as a WebAssembly module with the description of its variables; see `build`."""
-    _, content = _built(model, start, name, files, domain, ("native",))
-    return wasm_model(content)
-
-
-def _built(
-    model: str | Path,
-    start: Start | None,
-    name: str | None,
-    files: Mapping[str, str] | None,
-    domain: str,
-    platforms: Sequence[str],
-    compiling: Callable[[str, int], None] | None = None,
-) -> tuple[str, bytes]:
-    """Return the file name and the content of an FMU, from the cache or a new build."""
-    chosen = select(tuple(platforms))
+    domain: str = "translational",
+    compiling: Compiling | None = None,
+) -> SourceFmu:
+    """Return a block, of which targets make what they write, from the cache or a new build; see `build`."""
     twin = domain == "rotational"
-    plain = not (start or name or files or twin) and tuple(platforms) in (("native",), ("all",))
-    if plain and (shipped := _shipped(model)):
-        return shipped.name, shipped.read_bytes()
+    if not (start or name or files or twin) and (shipped := _shipped(model)):
+        return SourceFmu(shipped.stem, shipped.read_bytes(), (), compiling, ((NATIVE,), select(("all",))))
     block = find(model)
     code = with_start_values(with_room(block, start or {}).code, start or {})
     code = rotational(code) if twin else code
@@ -151,15 +128,16 @@ def _built(
     code = renamed(code, identifier) if name else code
     block = replace(block, name=identifier, code=code)
     sources = identified(_sources(block, files or {}), identifier)
-    path = toolchain.cache_folder() / f"{identifier}-{_key(sources, block, chosen)}.fmu"
 
     def make() -> bytes:
+        from friction_fmus.export.block_contents import assemble  # its libraries are not needed for one in the cache
 
-        from friction_fmus.fmi.contents import assemble  # its libraries are not needed for an FMU in the cache
+        if compiling:
+            compiling(NATIVE.folder, 0)
+        return assemble(block, sources)
 
-        return assemble(block, sources, chosen, compiling)
-
-    return f"{identifier}.fmu", cached(path, make)
+    path = toolchain.cache_folder() / f"{identifier}-{_key(sources, block)}.fmu"
+    return SourceFmu(identifier, cached(path, make), (), compiling, ((NATIVE,),))
 
 
 def _shipped(model: str | Path) -> Path | None:
@@ -199,9 +177,12 @@ def fmu(
     """
     if domain == "translational" and not files and (shipped := _shipped(name)):
         return shipped
-    file, content = _built(name, None, None, files, domain, ("native",))
+    source = block_source(name, None, None, files, domain)
     # one folder per content, as another version of this package may use the same cache
-    return _write(content, toolchain.cache_folder() / "models" / hashlib.sha256(content).hexdigest()[:16] / file)
+    folder = toolchain.cache_folder() / "models" / hashlib.sha256(source.content).hexdigest()[:16]
+    path = folder / f"{source.identifier}.fmu"
+    write_fmu(source.content, path)
+    return path
 
 
 def describe_block(block: Block) -> BlockVariables:
@@ -209,7 +190,7 @@ def describe_block(block: Block) -> BlockVariables:
     shipped = _shipped(block.name)
     if shipped is None or find(block.name) is not block:
         return read_variables(native_library(identified(_sources(block, {}), block.name), block.name))
-    with ScratchFolder("friction-fmus-") as folder, ZipFile(shipped) as archive:
+    with ScratchFolder() as folder, ZipFile(shipped) as archive:
         member = f"binaries/{NATIVE.folder}/{block.name}{NATIVE.suffix}"
         return read_variables(Path(archive.extract(member, folder)))
 
@@ -288,13 +269,12 @@ def _header(path: Path) -> str:
         raise BuildError(f"{path} cannot be read as C ({reason(error)}); give a text in UTF-8") from error
 
 
-def _key(sources: Mapping[str, str], block: Block, platforms: Sequence[Platform]) -> str:
+def _key(sources: Mapping[str, str], block: Block) -> str:
     """Return a hash of everything that determines the bytes of the FMU."""
     texts = [
         _generator(),
         build_time(),
-        *(toolchain.identity(target) for platform in (NATIVE, *platforms) for target in platform.targets),
-        *(platform.folder for platform in platforms),
+        toolchain.identity(),
         *(block.kind, block.summary, block.source, block.notes),
         *(part for item in sorted(sources.items()) for part in item),
     ]
@@ -305,8 +285,7 @@ def _key(sources: Mapping[str, str], block: Block, platforms: Sequence[Platform]
 def _generator() -> str:
     """Return a hash of what generates FMUs: this package with its changelog, and the libraries that it draws with."""
     libraries = (version(library) for library in ("fmpy", "matplotlib"))
-    shared = (Path(str(harness.__file__)).with_name(name) for name in ("drawing.py", "html.py"))
-    modules = (path.read_text(encoding="utf-8") for path in (*sorted(PACKAGE.rglob("*.py")), *shared))
+    modules = (path.read_text(encoding="utf-8") for path in sorted(PACKAGE.rglob("*.py")))
     return _hash((VERSION, *libraries, package_text("CHANGELOG.md"), *modules))
 
 
@@ -315,11 +294,3 @@ def _hash(texts: Iterable[str]) -> str:
     for text in texts:
         digest.update(text.encode() + b"\0")
     return digest.hexdigest()
-
-
-def _write(content: bytes, target: Path) -> Path:
-    """Write a file completely or not at all, and create its folder if needed."""
-    make_folder(target.parent)
-    with atomic_path(target) as temporary:
-        temporary.write_bytes(content)
-    return target

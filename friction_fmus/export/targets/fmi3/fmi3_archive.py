@@ -4,19 +4,18 @@ from __future__ import annotations
 
 import hashlib
 import re
-from collections.abc import Callable, Collection, Mapping, Sequence
-from io import BytesIO
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from types import MappingProxyType
 from typing import Final
-from zipfile import ZipFile
 
 from lxml import etree
 
+from friction_fmus.export.targets import SourceFmu
+from friction_fmus.export.targets.fmi3.fmi3_description import Traits, Variable, description_3, grouped
 from harness.compiling import toolchain
 from harness.compiling.platforms import Platform, linked
 from harness.compiling.toolchain import guid_of, included, source_folder
-from harness.fmi3.description import Traits, Variable, description_3, grouped
 from harness.storage.files import cached
 from harness.storage.zip_file import zipped
 
@@ -103,20 +102,12 @@ static const uint32_t state_variables[STATE_VARIABLES + 1] = {{{states}}};
 """
 
 
-def fmi_3(
-    content: bytes,
-    platforms: Sequence[Platform],
-    compiling: Callable[[str, int], None] | None = None,
-    quiet: Collection[str] = (),
-    *,
-    clocks: bool = False,
-    arrays: bool = False,
-) -> bytes:
-    """Return an FMU of this project as FMI 3.0, from the cache or compiled."""
+def fmi_3(source: SourceFmu, *, clocks: bool = False, arrays: bool = False) -> bytes:
+    """Return the FMU of FMI 3.0, from the cache or compiled."""
     shell = _shell()
-    digest = hashlib.sha256(content)
+    digest = hashlib.sha256(source.content)
     modules = (path.read_text(encoding="utf-8") for path in sorted(Path(__file__).parent.glob("*.py")))
-    identities = (text for each in platforms for text in (each.folder, *map(toolchain.identity, each.targets)))
+    identities = (text for each in source.platforms for text in (each.folder, *map(toolchain.identity, each.targets)))
     for text in (
         f"{clocks} {arrays}",
         *modules,
@@ -125,29 +116,12 @@ def fmi_3(
     ):
         digest.update(text.encode() + b"\0")
     path = toolchain.cache_folder() / "fmi3" / f"{digest.hexdigest()[:24]}.fmu"
-    return cached(path, lambda: _assemble(content, shell, platforms, compiling, quiet, clocks, arrays))
+    return cached(path, lambda: _assemble(source, shell, clocks, arrays))
 
 
-def _assemble(
-    content: bytes,
-    shell: Mapping[str, str],
-    platforms: Sequence[Platform],
-    compiling: Callable[[str, int], None] | None,
-    quiet: Collection[str],
-    clocks: bool,
-    arrays: bool,
-) -> bytes:
-    with ZipFile(BytesIO(content)) as archive:
-        members = {name: archive.read(name) for name in archive.namelist()}
-    old = etree.fromstring(members.pop("modelDescription.xml"))
-    simulation = old.find("CoSimulation")
-    assert simulation is not None
-    identifier = str(simulation.get("modelIdentifier"))
-    units = tuple(str(file.get("name")) for file in simulation.iterfind("SourceFiles/File"))
-    files = {
-        name.removeprefix("sources/"): text.decode() for name, text in members.items() if name.startswith("sources/")
-    }
-    files |= {**shell, **{name: _fmi_header(name) for name in _FMI_2_HEADERS}}
+def _assemble(fmu: SourceFmu, shell: Mapping[str, str], clocks: bool, arrays: bool) -> bytes:
+    old, identifier, units = fmu.description, fmu.identifier, fmu.units
+    files = {**fmu.files, **shell, **{name: _fmi_header(name) for name in _FMI_2_HEADERS}}
     main = f"fmi3_{identifier}.c"
 
     scalars = old.findall("ModelVariables/ScalarVariable")
@@ -165,7 +139,7 @@ def _assemble(
     traits = Traits(token, sampled, len(variables), indicators)
     made = {
         name: data
-        for name, data in members.items()
+        for name, data in fmu.members.items()
         if name.startswith(("documentation/", "terminalsAndIcons/", "resources/"))
     }
     made["modelDescription.xml"] = description_3(old, variables, traits)
@@ -178,13 +152,15 @@ def _assemble(
         unit: included(unit, files) | ({f"{identifier}.c": files[f"{identifier}.c"]} if unit == main else {})
         for unit in compiled
     }
-    for number, platform in enumerate(platforms):
-        if compiling:
-            compiling(platform.folder, number)
-        folder, targets = _TUPLES.get(platform.folder, (platform.folder, None))
-        target = platform._replace(folder=folder, targets=targets or platform.targets)
-        made[f"binaries/{folder}/{identifier}{target.suffix}"] = linked(target, sources, identifier, quiet)
-    return zipped(made, str(old.get("generationDateAndTime")))
+    platforms = [_named(platform) for platform in fmu.platforms]
+    made |= fmu.libraries(lambda platform: linked(platform, sources, identifier, fmu.quiet), platforms)
+    return zipped(made, fmu.made)
+
+
+def _named(platform: Platform) -> Platform:
+    """Return a platform as FMI 3.0 names it."""
+    folder, targets = _TUPLES.get(platform.folder, (platform.folder, None))
+    return platform._replace(folder=folder, targets=targets or platform.targets)
 
 
 def _source(

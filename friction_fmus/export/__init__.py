@@ -1,0 +1,1 @@
+"""What is written of blocks, systems and laws: FMUs, WebAssembly, C; `targets` has one module for each."""
