@@ -12,12 +12,13 @@ typedef struct {
     int64_t tick;                         /* the next one, or the one in progress */
     int64_t side;                         /* which copies of the states of the parts are of the start of the tick */
     double time, spent, drift;            /* [s]; spent: since the start of the tick; drift: bound of its rounding */
+    double solved;                        /* [s] since the start of the tick, until the last jump of an input in it */
     double start, stop, tolerance, begun; /* [s]; begun: begin of the step, at which the inputs have their values */
     double sources[SOURCES + 1];          /* [s] time of each recorded table and of the inputs */
     int64_t rows[SOURCES + 1];            /* of each recorded table: the one that applies, in model exchange */
     double inputs[INPUTS + 1], slopes[INPUTS + 1];
-    double base[INPUTS + 1], rate[INPUTS + 1]; /* inputs over a tick that is divided, as lines from its start */
-    double begun_signals[SIGNALS + 1];         /* at the start of such a tick */
+    double base[INPUTS + 1], rate[INPUTS + 1]; /* inputs over a span that is divided, as lines from its start */
+    double begun_signals[SIGNALS + 1];         /* at the start of such a span */
     double signals[SIGNALS + 1], gains[MAPPED + 1], offsets[MAPPED + 1], past[PAST + 1];
     Moving moving[LINES + 1];
     StepCheck guards[GROUPS + 1];
@@ -52,8 +53,7 @@ struct Instance {
     double input_slopes[SIGNALS + 1];
     int whole[SIGNALS + 1], orders[SIGNALS + 1];
     void *backups[PARTS];  /* states of the parts at the start of a step */
-    void *ticks[2][PARTS]; /* at the start of a tick that is divided, and of an earlier one */
-    bool uneven;           /* the inputs have jumped within a tick in this step */
+    void *ticks[2][PARTS]; /* at the start of a span that is divided, and of an earlier one */
     Place places[PARTS];
     fmi2CallbackFunctions callbacks[PARTS];
     bool warned[PARTS]; /* the part's warning has been passed on */
@@ -806,12 +806,13 @@ static bool plausible(const Memory *m)
         BEFORE_STEPPING | TERMINATED | (m->exchange ? (int)EXCHANGING : (int)STEP_COMPLETE | (int)STEP_FAILED);
     const double now = m->start + (double)m->tick * STEP_SIZE + m->spent;
     const double slack = 1e-3 * STEP_SIZE + 1e-9 * fabs(now) + m->drift;
-    bool good = is_bit(m->exchange) && (MODEL_EXCHANGE || !m->exchange) && (m->mode & modes) == m->mode &&
-                m->mode > 0 && (m->mode & (m->mode - 1)) == 0 && in_range(m->stale, 0, PARAMETER_SET) &&
-                is_bit(m->slopes_used) && is_bit(m->inside) && in_range(m->tick, 0, INT64_C(1) << 53) &&
-                is_bit(m->side) && isfinite(m->start) && isfinite(m->time) && fabs(m->spent) <= 1.001 * STEP_SIZE &&
-                m->drift >= 0.0 && m->drift < INFINITY && (m->exchange || fabs(m->time - now) <= slack) &&
-                m->stop >= m->start && m->tolerance >= 0.0 && m->tolerance < INFINITY && isfinite(m->begun);
+    bool good = m->solved >= 0.0 && m->solved <= fmax(m->spent, 0.0) + slack && is_bit(m->exchange) &&
+                (MODEL_EXCHANGE || !m->exchange) && (m->mode & modes) == m->mode && m->mode > 0 &&
+                (m->mode & (m->mode - 1)) == 0 && in_range(m->stale, 0, PARAMETER_SET) && is_bit(m->slopes_used) &&
+                is_bit(m->inside) && in_range(m->tick, 0, INT64_C(1) << 53) && is_bit(m->side) && isfinite(m->start) &&
+                isfinite(m->time) && fabs(m->spent) <= 1.001 * STEP_SIZE && m->drift >= 0.0 && m->drift < INFINITY &&
+                (m->exchange || fabs(m->time - now) <= slack) && m->stop >= m->start && m->tolerance >= 0.0 &&
+                m->tolerance < INFINITY && isfinite(m->begun);
     for (int64_t i = 0, source = 0; i < PARTS; i++) {
         const Series *const series = part_data[i].series;
         good = good && (is_fmu(i) || in_range(m->rows[source], -1, series ? series->rows - 1 : 0));
@@ -1120,8 +1121,8 @@ fmi2Status fmi2GetRealOutputDerivatives(fmi2Component component, const fmi2Value
 /* ---- Steps. The engine advances from tick to tick, at start + k STEP_SIZE; sampled parts take their samples at ticks
    only. A step that ends between two ticks computes the values there and keeps the state at the start of the tick, from
    which the next step repeats the tick. So the result does not depend on the communication points, and pieces of very
-   unequal lengths, which amplify the errors of light masses, do not occur. An input that jumps within a tick acts in it
-   as its mean. */
+   unequal lengths, which amplify the errors of light masses, do not occur. Only an input that jumps within a tick
+   divides it there. */
 
 enum { MOST_TICKS = 100000000 };
 
@@ -1140,11 +1141,20 @@ static void read_inputs(Instance *c, double t)
     (void)fetch_outputs(&c->parts[part], c->memory.signals);
 }
 
-/* Keep the start of a tick. */
-static bool keep_tick(Instance *c)
+/* Let the span of the engine be the rest of the tick, after the last jump of an input in it. */
+static void span_rest(Instance *c)
+{
+    Engine *const e = &c->engine;
+    span_tick(e, c->memory.tick);
+    e->time += c->memory.solved;
+    e->length -= c->memory.solved;
+}
+
+/* Keep the start of a span. */
+static bool keep_span(Instance *c)
 {
     Memory *const m = &c->memory;
-    const double start = time_of(&c->engine, m->tick);
+    const double start = c->engine.time;
     m->side = !m->side;
     for (int64_t i = 0; i < PARTS; i++)
         if (moves_inside(i) && c->parts[i].get_state(c->parts[i].component, &c->ticks[m->side][i]) > 1)
@@ -1157,31 +1167,27 @@ static bool keep_tick(Instance *c)
     return true;
 }
 
-/* Let the inputs that have jumped since the start of the tick act as their mean until `length` from now. */
-static void average_inputs(Instance *c, double length)
+/* Return whether an input no longer follows its line from the start of the span. */
+static bool inputs_jump(const Instance *c)
 {
-    Memory *const m = &c->memory;
+    const Memory *const m = &c->memory;
     for (int i = 0; i < INPUTS; i++) {
-        const double jump = m->inputs[i] - (m->base[i] + m->rate[i] * m->spent);
-        if (m->rate[i] == m->slopes[i] && (jump == 0.0 || fabs(jump) < 1e-12 * fabs(m->rate[i]) * STEP_SIZE))
-            continue;
-        c->uneven = true;
-        m->base[i] = ((m->base[i] + 0.5 * m->rate[i] * m->spent) * m->spent +
-                      (m->inputs[i] + 0.5 * m->slopes[i] * length) * length) /
-                     (m->spent + length);
-        m->rate[i] = 0.0;
+        const double jump = m->inputs[i] - (m->base[i] + m->rate[i] * (m->spent - m->solved));
+        if (m->rate[i] != m->slopes[i] || fabs(jump) > 1e-12 * fabs(m->rate[i]) * STEP_SIZE)
+            return true;
     }
+    return false;
 }
 
-/* Return to the start of the tick. Sampled parts have acted there. */
-static bool return_to_tick(Instance *c)
+/* Return to the start of the span. Sampled parts have acted there. */
+static bool return_to_span(Instance *c)
 {
     Memory *const m = &c->memory;
     for (int64_t i = 0; i < PARTS; i++)
         if (moves_inside(i) && c->parts[i].set_state(c->parts[i].component, c->ticks[m->side][i]) > 1)
             return failed(&c->engine, i, RESTORE, 2, m->time);
     memcpy(m->signals, m->begun_signals, sizeof m->signals);
-    m->begun = time_of(&c->engine, m->tick);
+    m->begun = c->engine.time;
     read_inputs(c, m->begun);
     return true;
 }
@@ -1213,7 +1219,7 @@ static bool move_on_lines(Instance *c, double length, const bool *rests, const b
         fetch_inputs(e, p);
         for (int64_t i = lines_from[part]; i < lines_from[part + 1]; i++) {
             Line *const l = &e->lines[i];
-            const double begin = 2.0 * l->mean - l->end, end = begin + (l->end - begin) * (length / STEP_SIZE);
+            const double begin = 2.0 * l->mean - l->end, end = begin + (l->end - begin) * (length / e->length);
             l->mean = 0.5 * (begin + end);
             l->end = c->memory.moving[i].unknown < 0 ? arriving(e, l->input) : end; /* of a part that has moved */
             if (rests[i]) {
@@ -1249,7 +1255,7 @@ static void find_holding(const Instance *c, const Group *g, bool *holds)
 
 /* Compute the values within a tick and remember its start. The loop of a part of a tick may have other solutions,
    which are not those that the whole tick passes through. */
-static bool divide_tick(Instance *c, double length)
+static bool divide_span(Instance *c, double length)
 {
     Engine *const e = &c->engine;
     Memory *const m = &c->memory;
@@ -1265,7 +1271,7 @@ static bool divide_tick(Instance *c, double length)
     for (int64_t g = 0; g < GROUPS; g++)
         find_holding(c, &group_data[g], holds);
     remember_tick(c);
-    if (!return_to_tick(c))
+    if (!return_to_span(c))
         return false;
     if (whole)
         return move_on_lines(c, length, rests, holds);
@@ -1279,6 +1285,47 @@ static bool divide_tick(Instance *c, double length)
     return done;
 }
 
+/* Advance over a part of a tick. That a short one agrees with its halves is no evidence for a whole tick, and limits of
+   the inner steps are counted in ticks. */
+static bool advance_part(Instance *c)
+{
+    Memory *const m = &c->memory;
+    const bool brief = c->engine.length < 0.5 * STEP_SIZE;
+    memcpy(c->tick.guards, m->guards, sizeof m->guards);
+    if (!advance(&c->engine, m->tick))
+        return false;
+    for (int64_t g = 0; g < GROUPS; g++) {
+        StepCheck *const now = &m->guards[g], *const before = &c->tick.guards[g];
+        if (brief && now->checks_due < before->checks_due)
+            now->checks_due = before->checks_due;
+        if (brief && now->next > before->next) {
+            now->cooldown = before->cooldown;
+            now->next = before->next;
+        }
+        if (!c->engine.ends && now->limited_ticks < before->limited_ticks)
+            now->limited_ticks = before->limited_ticks;
+    }
+    return true;
+}
+
+/* Solve the span up to now; the rest of the tick is the next one. */
+static bool end_span(Instance *c)
+{
+    Engine *const e = &c->engine;
+    Memory *const m = &c->memory;
+    const double begun = m->begun;
+    span_rest(c);
+    e->length = m->spent - m->solved;
+    e->begins = e->ends = false;
+    if (!return_to_span(c) || !advance_part(c))
+        return false;
+    m->solved = m->spent;
+    m->inside = false;
+    m->begun = begun;
+    read_inputs(c, begun);
+    return true;
+}
+
 /* Advance by this time. */
 static bool advance_by(Instance *c, double h)
 {
@@ -1286,20 +1333,20 @@ static bool advance_by(Instance *c, double h)
     Memory *const m = &c->memory;
     const double slack = tick_slack(m);
     for (double left = h;;) {
-        const double rest = STEP_SIZE - m->spent, begun = m->begun;
+        if (m->inside && inputs_jump(c) && !end_span(c))
+            return false;
+        const double rest = STEP_SIZE - m->spent, begun = m->begun, length = m->spent + left - m->solved;
         const bool whole = rest <= left + slack, again = m->inside;
-        if (!whole && !again && m->spent + left <= slack) {
+        if (!whole && !again && length <= slack) {
             m->spent += left;
             return true;
         }
-        if (again)
-            average_inputs(c, fmin(left, rest));
-        if (!(again ? return_to_tick(c) : whole || keep_tick(c)))
+        span_rest(c);
+        if (!(again ? return_to_span(c) : whole || keep_span(c)))
             return false;
-        span_tick(e, m->tick);
-        e->begins = !again;
+        e->begins = !again && m->solved == 0.0;
         e->ends = whole;
-        if (!(whole ? advance(e, m->tick) : divide_tick(c, m->spent + left)))
+        if (!(!whole ? divide_span(c, length) : m->solved > 0.0 ? advance_part(c) : advance(e, m->tick)))
             return false;
         if (!whole) {
             m->spent += left;
@@ -1308,6 +1355,7 @@ static bool advance_by(Instance *c, double h)
         m->tick++;
         m->inside = false;
         m->spent = fmin(left - rest, 0.0);
+        m->solved = 0.0;
         left = fmax(left - rest, 0.0);
         m->begun = begun;
         if (again)
@@ -1427,7 +1475,6 @@ fmi2Status fmi2DoStep(fmi2Component component, fmi2Real t, fmi2Real h, fmi2Boole
         return refuse_step(c, t, h);
     if (m->slopes_used)
         memset(m->slopes, 0, sizeof m->slopes);
-    c->uneven = false;
     e->start = m->start;
     const double spent = t - time_of(e, m->tick); /* the time of the importer, unless it is a sum with its rounding */
     if (!(fabs(spent - m->spent) <= m->drift + time_rounding(t, m->start)))
@@ -1443,7 +1490,7 @@ fmi2Status fmi2DoStep(fmi2Component component, fmi2Real t, fmi2Real h, fmi2Boole
     m->time = t + h;
     m->drift += DBL_EPSILON * fabs(m->time);
     m->slopes_used = true;
-    m->stale = c->uneven ? INPUT_SET : 0; /* direct outputs follow the last value, not the mean */
+    m->stale = 0;
     c->refreshed = false;
     warn_of_errors(c, false);
     return c->warning ? fmi2Warning : fmi2OK;

@@ -89,9 +89,65 @@ def test_an_input_that_jumps_between_grid_points_has_its_impulse(tmp_path: Path)
         run.set({"mass.F_drive": 0.0})
         run.step(8.2e-3, 1.8e-3)
         assert run.get1("mass.v") == pytest.approx(9e-3, rel=1e-9)
+        assert run.get1("mass.x") == pytest.approx(4.5e-3**2 + 9e-3 * 1.8e-3, rel=1e-9)
         run.restore(state)
         run.step(3.7e-3, 6.3e-3)
         assert run.get1("mass.v") == pytest.approx(2.0 * 6.3e-3, rel=1e-9)
+
+
+@pytest.mark.parametrize("h", [0.31e-3, 0.79e-3, 2.5e-3, 3.7e-3])
+def test_a_force_that_jumps_between_grid_points_moves_a_mass_on_rigid_friction(rigid: Library, h: float) -> None:
+    """1 kg, Fc = 1 N, Fs = 1.5 N: 0.7 N is held; 3 N for a time T moves it with 2 m/s^2; without force it stops after
+    2 T, 3 T^2 from its start. The force within the time at rest is that at the point, not a mean."""
+    moved = round(10e-3 / h)
+    with Instance(rigid) as run:
+        run.initialise()
+        for k in range(round(0.1 / h)):
+            force = {1: 0.7, 11: 3.0, 11 + moved: 0.0}.get(k)
+            if force is not None:
+                run.set({"mass.F_drive": force})
+            run.step(k * h, h)
+            if k < 11:
+                assert run.get("mass.x", "mass.v", "friction.F") == pytest.approx(
+                    [0.0, 0.0, 0.7 if k else 0.0], abs=1e-12
+                )
+        assert run.get("mass.x", "mass.v") == pytest.approx([3.0 * (moved * h) ** 2, 0.0], rel=4e-4, abs=1e-12)
+
+
+@pytest.fixture(scope="module")
+def rigid(tmp_path_factory: pytest.TempPathFactory) -> Library:
+    parts = [FmuPart("mass", fmu("Mass")), FmuPart("friction", fmu("Stiction"))]
+    wires = ["mass.v -> friction.v", "friction.F -> mass.F_friction", "mass.F_ext -> friction.F_ext"]
+    start = {"mass.F_drive": 0.0, "friction.Fc": 1.0, "friction.Fs": 1.5, "friction.Fv": 0.0}
+    path = tmp_path_factory.mktemp("rigid") / "rigid.fmu"
+    with System(parts, wires, start, Experiment(stop=1.0, step=1e-3)) as system:
+        system.to_fmu(path)
+    return load(path)
+
+
+@nightly
+@pytest.mark.parametrize("off", [3e-7, -3e-7, 1e-5, -1e-5])
+def test_points_beside_the_grid_give_the_values_of_the_grid(tmp_path: Path, off: float) -> None:
+    """Jumps just beside grid points: parts of steps that are much shorter than a step are no evidence that steps are
+    short enough for the light mass."""
+    parts = [FmuPart("mass", fmu("Mass")), FmuPart("friction", fmu("MaxwellSlip"))]
+    wires = ["mass.v -> friction.v", "friction.F -> mass.F_friction"]
+    start = {"mass.m": 1e-4, "mass.k": 200.0, "mass.d": 1.0, "mass.F_drive": 0.0, "friction.N": 2.0}
+    start |= {"friction.k[1]": 2e4, "friction.k[2]": 1e4, "friction.W[1]": 0.5, "friction.W[2]": 0.4}
+    with System(parts, wires, start, Experiment(stop=1.0, step=1e-3)) as system:
+        system.to_fmu(tmp_path / "light.fmu")
+    found = []
+    for h in (1e-3, 1e-3 * (1.0 + off)):
+        with Instance(load(tmp_path / "light.fmu")) as run:
+            run.initialise()
+            rows = []
+            for k in range(100):
+                t = (k + 0.5) * 1e-3
+                run.set({"mass.F_drive": 1.5 * math.sin(14.0 * math.pi * t) + 0.4 * math.sin(62.0 * math.pi * t)})
+                run.step(k * h, h)
+                rows.append(run.get1("mass.x"))
+        found.append(np.array(rows))
+    assert np.abs(found[1] - found[0]).max() < 0.01 * np.ptp(found[0])
 
 
 def test_samples_are_taken_at_the_grid_whatever_the_importer_does(compose: Callable[[str], Path]) -> None:
