@@ -11,8 +11,7 @@ from harness.notebook import Listing, counted, html_table
 if TYPE_CHECKING:
     from friction_fmus.identification.result import Identification
     from friction_fmus.identification.survey import ModelComparison
-    from friction_fmus.study.records import Fit
-    from friction_fmus.study.result import StudyResult
+    from friction_fmus.study.result import Fit, StudyResult
 
 
 def identification_text(result: Identification) -> str:
