@@ -22,7 +22,7 @@
     const state = { view: parts.get("view"), models: models.length ? models : ["LuGre"], setup: {}, first: {}, second: {} };
     for (const [group, prefix] of Object.entries(PREFIX)) {
       for (const [name, value] of parts) {
-        if (name.startsWith(prefix) && value !== "" && isFinite(value)) state[group][name.slice(2)] = Number(value);
+        if (name.startsWith(prefix) && value.trim() !== "" && isFinite(value)) state[group][name.slice(2)] = Number(value);
       }
     }
     return state;
