@@ -13,7 +13,7 @@ from typing import Final
 
 import numpy as np
 
-from harness.engine.algorithm import Progress, Reader, Recorder, Tap, Ticks, tap_reader
+from harness.engine.algorithm import Progress, Reader, Recorder, Tap, Ticks, event_reader, tap_reader
 from harness.engine.checkpoint import read_checkpoint, write_checkpoint
 from harness.errors import ENDED, ExperimentError, HarnessError, Interrupted, PartError
 from harness.masters import find_master
@@ -47,6 +47,8 @@ class Options:
     """File for the state at the end of the run."""
     pace: float | None = None
     """Simulated time per wall-clock time; None runs as fast as possible."""
+    events: bool = False
+    """Whether a second row has the values after events at the time of a row."""
 
     def __post_init__(self) -> None:
         """Check the pace."""
@@ -84,6 +86,9 @@ class Session:
         tapped = [name for tap in self._options.taps for name in tap.names]
         for name in tapped:
             find_port(system.parts, name, "tap")
+        for part in system.parts.values():
+            if self._options.events and part.events and not part.saves:
+                _LOG.warning("'%s' cannot save its state: its values after events have no rows", part.name)
         with self._guard.running():
             find_feedthrough(system, experiment)
         plan = self._plan = make_plan(system, experiment, [*self._names, *tapped])
@@ -145,10 +150,11 @@ class Session:
         if options.progress is not None:
             readers.append(_progress_reader(options.progress, plan.ticks))
         recording = [(recorder.decimate, recorder.read)] if self._names else []
-        for every, read in (*readers, *recording):
+        events = [(recorder.decimate, event_reader(plan, recorder))] if self._names and options.events else []
+        for every, read in (*readers, *recording, *events):
             if begin % every == 0:
                 read(begin)
-        _loop(ticks, readers, begin, plan, options.pace, self._guard)
+        _loop(ticks, [*readers, *events], begin, plan, options.pace, self._guard)
         self._guard.look()  # before a file is written
         if options.checkpoint:
             write_checkpoint(Path(options.checkpoint), self._system, self._experiment, plan, ticks.memory)

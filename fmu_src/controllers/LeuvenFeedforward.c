@@ -8,6 +8,7 @@
        z, stacks: as in the block Leuven over a step Ts
                   at the constant velocity w
        F     = (Fh + sigma1 dz/dt) max(Fn, 0) / Fn0 + sigma2 rd
+       dz/dt: at the velocity rd
        F_hat = F
        u     = clip(mass rdd + gain F_hat, u_min, u_max)
 

@@ -7,6 +7,7 @@
        z, Fi: as in the block ModifiedLeuven over a step Ts
               at the constant velocity w
        F     = (F1 + ... + FN + sigma1 dz/dt) max(Fn, 0) / Fn0 + sigma2 rd
+       dz/dt: at the velocity rd
        F_hat = F
        u     = clip(mass rdd + gain F_hat, u_min, u_max)
 

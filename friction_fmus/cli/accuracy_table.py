@@ -12,7 +12,8 @@ from harness.accuracy.assess import MARGIN
 from harness.accuracy.numbers import OF_LOOPS
 from harness.masters import find_master
 
-_STYLES = {"right": "green", "sensitive": "yellow", "too coarse": "yellow", "not resolved": "red", "wrong": "bold red"}
+_STYLES = {"right": "green", "sensitive": "yellow", "too coarse": "yellow", "wrong": "bold red"}
+_STYLES |= dict.fromkeys(("not certain", "not resolved"), "red")
 
 
 def show_accuracy(result: Result) -> bool:
@@ -65,6 +66,8 @@ def _conclude(result: Result) -> bool:
         "right": f"all variables are right to {required:g} of their ranges",
         "sensitive": "the motion depends on the smallest errors: only its periods and amplitudes are right",
         "too coarse": f"the required accuracy of {required:g} is not reached",
+        "not certain": "the master newton gives another result: a motion is too fast for this master and step; "
+        "use --master newton",
         "not resolved": "the runs with other steps do not converge: use a much shorter step",
         "wrong": "the result is wrong",
     }[verdict]

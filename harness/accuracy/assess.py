@@ -18,15 +18,16 @@ from harness.accuracy.estimate import (
     VERDICTS,
     Estimate,
     Track,
+    compare,
     converge,
     estimate,
     size_of,
     unbounded,
 )
 from harness.accuracy.numbers import BOUND, floor_of, has_lines, order_of
-from harness.accuracy.rungs import repeated, scaled_step_tolerance, scaled_tolerance, step_counts
+from harness.accuracy.rungs import by_newton, repeated, scaled_step_tolerance, scaled_tolerance, step_counts
 from harness.engine.defect import are_power, inaccurate, unit_of
-from harness.errors import ExperimentError
+from harness.errors import ExperimentError, Interrupted
 from harness.masters import find_master
 from harness.parts.part import Part, Values
 from harness.result import Result
@@ -175,9 +176,21 @@ def run_with_accuracy(system: Assembly, experiment: Experiment, options: Options
         nominal = find_port(system.parts, name, "record").nominal
         one = estimate(tracks(name), most=most, noise=floor.error, nominal=nominal, required=required)
         found[name] = replace(one, verdict="wrong", **_unbounded(one)) if wrong else one
+    believed = [name for name in names if found[name].verdict == "right"]
+    try:
+        newton = by_newton(system, replace(experiment, record=tuple(believed)), runs) if believed else None
+    except Interrupted as interrupted:
+        interrupted.result = result
+        raise
+    if newton is not None:
+        for name in believed:
+            nominal = find_port(system.parts, name, "record").nominal
+            found[name] = compare(found[name], tracks(name)[0], newton.track(name), nominal=nominal, required=required)
+    doubtful = any(one.verdict == "not certain" for one in found.values())
+    for name in names:
         bounds[name + BOUND] = _attach(result, name, found[name])
     result = result.assign(bounds)
-    for pair in power_pairs(system.parts, wires):
+    for pair in power_pairs(system.parts, wires) if not doubtful else ():
         each = energy(system.parts, pair, tracks(pair[0].source), tracks(pair[1].source), most, floor.error)
         if pair[0].source in found:
             result[pair[0].source].attrs |= {"energy": each.net, "energy_error": each.error}

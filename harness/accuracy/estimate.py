@@ -262,8 +262,8 @@ def envelope(differences: Values, window: int) -> Values:
     return np.asarray(maximum_filter1d(differences, 2 * window + 1, mode="nearest"))
 
 
-Verdict: TypeAlias = Literal["right", "sensitive", "too coarse", "not resolved", "wrong"]
-VERDICTS: Final[tuple[Verdict, ...]] = ("right", "sensitive", "too coarse", "not resolved", "wrong")
+Verdict: TypeAlias = Literal["right", "sensitive", "too coarse", "not certain", "not resolved", "wrong"]
+VERDICTS: Final[tuple[Verdict, ...]] = ("right", "sensitive", "too coarse", "not certain", "not resolved", "wrong")
 """From the best to the worst."""
 
 MUCH: Final = 3.0
@@ -370,6 +370,32 @@ def estimate(tracks: Sequence[Track], *, most: float, noise: float, nominal: flo
     if moving is not None and moving.worst <= AGREEMENT:
         return replace(found, verdict="sensitive", oscillation=moving)
     return replace(found, verdict="not resolved")
+
+
+def compare(one: Estimate, own: Track, other: Track, *, nominal: float, required: float) -> Estimate:
+    """Return the estimate, raised to the difference to a run of another master where that exceeds what is required.
+
+    A mass that swings several times within each step follows the held force of its contact at any such step: its runs
+    agree with each other, not with the truth.
+    """
+    every, here, there = own.together(other)
+    beyond = np.maximum(np.abs(here - there) - one.bound[::every][: len(here)], 0.0)
+    size = max(size_of(own.values), NOTHING * nominal)
+    if float(np.max(beyond)) <= required * size:
+        return one
+    count = int(np.searchsorted(own.times, other.times[-1] + 0.5 * own.row, side="right"))
+    times, values = own.times[:count], own.values[:count]
+    by = align(times, values, other.times, other.values)
+    if by is not None:
+        late = float(np.max(np.abs(by.shifts))) - one.shift - other.row
+        aligned = np.maximum(aligned_difference(times, values, other.times, other.values, by) - one.bound[:count], 0.0)
+        if late <= required * by.interval and float(np.max(aligned)) < float(np.max(beyond)):
+            beyond = aligned
+    largest = float(np.max(beyond))
+    if largest <= required * size:
+        return one
+    bound = _spread(one.bound.astype(np.float64) + largest, 1, len(one.bound))
+    return replace(one, bound=bound, relative=float(np.max(bound)) / size, verdict="not certain")
 
 
 def size_of(values: Values) -> float:

@@ -11,7 +11,7 @@ from typing import Final
 import numpy as np
 
 from harness.accuracy.estimate import IRREGULAR, converge
-from harness.accuracy.rungs import of_equal_end, others, ratios
+from harness.accuracy.rungs import by_newton, of_equal_end, others, ratios
 from harness.engine.algorithm import Recorder
 from harness.masters import find_master
 from harness.system.assembly import Assembly
@@ -54,6 +54,9 @@ def floor_of(system: Assembly, experiment: Experiment) -> Floor:
     return max(found, key=lambda floor: floor.error)
 
 
+OTHER: Final = 1.5
+"""Error bound over the difference to newton, which has an error of its own."""
+
 BOUND: Final = ".bound"
 """Suffix of the error bound of a number or a variable."""
 
@@ -72,8 +75,13 @@ def measure_bounds(
     finer = bool(runs) and runs[0].ratio < 1
     numbers = [found, *(measure(run.recorder) for run in runs)]
     most, noise = order_of(experiment), floor_of(system, experiment).error
+    newton = by_newton(system, experiment, runs, dense=dense)
+    other = measure(newton.recorder) if newton else found
     return {
-        name + BOUND: number_bound([each[name] for each in numbers], most=most, noise=noise, finer=finer)
+        name + BOUND: max(
+            number_bound([each[name] for each in numbers], most=most, noise=noise, finer=finer),
+            OTHER * abs(found[name] - other[name]),  # last, as a NaN says nothing
+        )
         for name in found
     }
 

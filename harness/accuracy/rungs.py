@@ -20,6 +20,7 @@ import numpy as np
 
 from harness.accuracy.estimate import Track
 from harness.engine.algorithm import Progress, Recorder
+from harness.engine.defect import inaccurate
 from harness.errors import ExperimentError, HarnessError, Interrupted
 from harness.masters import find_master
 from harness.parts.part import Part, StartValue
@@ -176,6 +177,8 @@ def repeated(system: Assembly, experiment: Experiment, options: Options) -> tupl
         raise ExperimentError(
             "the accuracy of a run that is continued or saved for continuation cannot be told: run it as a whole"
         )
+    if options.events:
+        raise ExperimentError("the accuracy of a run with two rows at events cannot be told: run it without events")
     given = ratios(system, experiment)
     shares = _shares(options.progress, (Fraction(1), *given))
     result = Session(system, experiment, replace(options, progress=next(shares, None))).run(system.start).result()
@@ -197,14 +200,33 @@ def others(
     """Repeat a run with these steps up to the first that fails, or with half of the step if all of them fail."""
     found: list[Repetition] = []
     for ratio in given:
-        progress = next(shares, None) if shares else None
-        with rung(system, experiment, ratio, dense=dense) as (scaled, other), _silent():
-            try:
-                session = Session(scaled, other, Options(progress=progress))
-                found.append(Repetition(ratio, experiment.start, experiment.step, session.run(system.start)))
-            except HarnessError:
-                break
+        run = _again(system, experiment, ratio, Options(progress=next(shares, None) if shares else None), dense)
+        if run is None:
+            break
+        found.append(run)
     return found if found or given == FINER else others(system, experiment, FINER, dense=dense)
+
+
+def by_newton(
+    system: Assembly, experiment: Experiment, runs: Sequence[Repetition], *, dense: bool = False
+) -> Repetition | None:
+    """Repeat a run of an explicit master with newton, at the longest of the given steps; None if it says nothing."""
+    if find_master(experiment.master).implicit or not system.wires:
+        return None
+    ratio = max(Fraction(1), *(run.ratio for run in runs))
+    run = _again(system, replace(experiment, master="newton", extrapolation=0, order=()), ratio, Options(), dense)
+    return None if run is None or inaccurate(run.recorder.attributes) else run
+
+
+def _again(
+    system: Assembly, experiment: Experiment, ratio: Fraction, options: Options, dense: bool
+) -> Repetition | None:
+    with rung(system, experiment, ratio, dense=dense) as (scaled, other), _silent():
+        try:
+            recorder = Session(scaled, other, options).run(system.start)
+        except HarnessError:
+            return None
+    return Repetition(ratio, experiment.start, experiment.step, recorder)
 
 
 @contextmanager

@@ -18,7 +18,7 @@ from harness.errors import ExperimentError, HarnessError
 from harness.parts.part import Values
 from harness.result import Result, make_result
 from harness.system.experiment import Experiment
-from harness.system.plan import MovingWire, Plan, Schedule
+from harness.system.plan import MovingWire, Plan, Schedule, map_of
 
 Reader: TypeAlias = Callable[[int], None]
 
@@ -68,6 +68,39 @@ def tap_reader(plan: Plan, tap: Tap) -> Reader:
     return read
 
 
+def event_reader(plan: Plan, recorder: Recorder) -> Reader:
+    """Return a function of the tick that takes the events due then, records what they change, and undoes them.
+
+    Of the inputs, those from parts without inputs, such as recorded series, have their values at this time.
+    """
+    parts = [index for index, part in enumerate(plan.parts) if part.events and part.saves]
+    known = {output for output, source in plan.owners.items() if not plan.parts[source].inputs}
+    driven = {
+        index: [i for i in range(*plan.inputs[index]) if plan.sources[i] in known and not plan.delays[i]]
+        for index in parts
+    }
+    states: dict[int, object] = {}
+
+    def read(tick: int) -> None:
+        before = plan.signals.copy()
+        for index in parts:
+            if tick % plan.every[index]:
+                continue
+            part, calls = plan.parts[index], plan.calls[index]
+            states[index] = part.save(states.get(index))
+            for i in driven[index]:
+                plan.signals[i] = map_of(plan.gains[i], plan.offsets[i], plan.signals[plan.sources[i]])
+            if driven[index]:
+                calls.set()
+            part.event(plan.time(tick))
+            calls.get()
+            part.restore(states[index])
+        recorder.add(before)
+        plan.signals[:] = before
+
+    return read
+
+
 class Recorder:
     """Recorder that copies values to a preallocated table after every ``decimate`` ticks.
 
@@ -99,6 +132,7 @@ class Recorder:
         self._plan = plan
         self.filled = 0
         self._end: float | None = None
+        self._after: list[tuple[int, Values]] = []
         rows = plan.ticks // decimate + 1 - self._first
         try:
             self.rows = np.empty((max(rows, 0), len(self.names)))
@@ -136,6 +170,12 @@ class Recorder:
 
         return take
 
+    def add(self, before: Values) -> None:
+        """Add a row at the time of the last one if these values before an event are no longer the present ones."""
+        row = self._plan.signals[self.columns]
+        if not np.array_equal(row, before[self.columns], equal_nan=True):
+            self._after.append((self.filled, row))
+
     def read_end(self, time: float) -> None:
         """Record a last row at a time between two ticks."""
         self.rows = np.vstack([self.rows[: self.filled], self._plan.signals[self.columns]])
@@ -157,6 +197,9 @@ class Recorder:
     def result(self) -> Result:
         """What has been recorded so far."""
         rows, times = self.rows[: self.filled], self.times
+        if self._after:
+            places, after = zip(*self._after, strict=True)
+            rows, times = np.insert(rows, places, after, axis=0), np.insert(times, places, times[np.array(places) - 1])
         return make_result(times, rows, {name: self._plan.ports[name] for name in self.names}, self.attributes)
 
 

@@ -89,6 +89,15 @@ static double next_event_3(const Fmi3 *a, double t)
     return next;
 }
 
+EXPORT int fmi3_event(Fmi3 *a, double t);
+
+/* Take the event that is due at t, if there is one. */
+EXPORT int fmi3_event(Fmi3 *a, double t)
+{
+    a->failure = 0;
+    return a->uses_events && event_due_3(a, t) ? take_event(a, t) : 0;
+}
+
 EXPORT int fmi3_do_step(void *self, double t, double h, int keeps_no_state);
 
 /* An event at the end of the step belongs to the next step, whose inputs it uses. */

@@ -421,6 +421,12 @@ class Instance3(Instance):
             if status > 1:
                 raise self.failure("fmi3UpdateDiscreteStates", status)
 
+    def event(self, time: float) -> None:
+        """Take the event at this time, as the next step does."""
+        status = library().fmi3_event(ctypes.byref(self._adapter), ctypes.c_double(time))
+        if status > 1:
+            raise self.failure("fmi3UpdateDiscreteStates", status, time)
+
     def failure(self, function: str, status: int, time: float | None = None) -> PartError:
         """Return the error for a failed call, with the reason of the adapter or the last message of the FMU."""
         error = super().failure(_NAMES.get(function, function.replace("fmi2", "fmi3")), status, time)

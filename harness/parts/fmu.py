@@ -56,6 +56,12 @@ class ExchangeInstance(Instance):
         if status > 1:
             raise self.failure("fmi2DoStep", status)
 
+    def event(self, time: float) -> None:
+        """Take the event at this time, as the next step does."""
+        status = self._integrator.event(time)
+        if status > 1:
+            raise self.failure("fmi2DoStep", status, time)
+
     def reset(self) -> bool:
         """Return the instance to its initial state; it is in no mode of a run then."""
         self._integrator.data.continuous = 0
@@ -215,6 +221,7 @@ class FmuPart(Part):
         self.dependencies, self.undeclared = archive.feedthrough()
         self.strict = "strict" in archive.traits
         self.saves = bool(self.archive.interface.canGetAndSetFMUstate)
+        self.events = archive.exchange or bool(archive.flat is not None and archive.flat.clocks)
         self.identity = str(self.archive.description.guid)
         self.sampled = bool(self.outputs) and all(port.held for port in self.outputs)
 
@@ -311,6 +318,12 @@ class FmuPart(Part):
             raise PartError(self.name, "fmi2SetFMUstate", "this state belongs to another run; save it again")
         self._started().restore(state)
 
+    def event(self, time: float) -> None:
+        """Take the event at this time, as the next step does."""
+        instance = self._started()
+        assert isinstance(instance, (ExchangeInstance, Instance3))
+        instance.event(time)
+
     def serialise(self) -> bytes:
         """Return the state from fmi2SerializeFMUstate."""
         if not self.archive.interface.canSerializeFMUstate:
@@ -383,6 +396,9 @@ class FmuPart(Part):
                 buffer = (ctypes.c_double * 1)(float(value))
             else:
                 buffer = (ctypes.c_int * 1)(_whole(value))
+                if port.items and value != port.start and value not in {number for _, number in port.items}:
+                    known = ", ".join(f"{number} ({item})" for item, number in port.items[:10])
+                    raise StartValueError(f"start value {value} of {self.name}.{port.name} is no item: give {known}")
         except (TypeError, ValueError, OverflowError) as error:
             raise StartValueError(
                 f"start value {shown(value)} of {self.name}.{port.name} is not of type {port.type}: give a value of "

@@ -167,6 +167,11 @@ class Integrator:
             ctypes.memset(self.data.absolute, 0, 8 * max(1, len(self.states)))
         return int(library().integrator_begin(ctypes.byref(self.data), _REAL(time)))
 
+    def event(self, time: float) -> int:
+        """Take the event at this time, as the next step does, and return a status of FMI."""
+        status = self.enter_events()
+        return status if status > 1 else int(library().integrator_begin(ctypes.byref(self.data), _REAL(time)))
+
     def enter_events(self) -> int:
         """Go to event mode, in which states are saved and restored, and return a status of FMI."""
         return int(library().integrator_enter_events(ctypes.byref(self.data)))

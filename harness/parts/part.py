@@ -140,6 +140,8 @@ class Part(ABC):
         Whether an input with neither a connection nor a given value is an error, even if the part states a start value.
     saves : bool
         Whether the state can be saved and restored.
+    events : bool
+        Whether values may jump at a communication point, before the next step.
     others : mapping of str to str
         Types of its variables that are no ports, by name.
     sampled : bool
@@ -158,6 +160,7 @@ class Part(ABC):
     undeclared: frozenset[str] = frozenset()
     strict: bool = True
     saves: bool = True
+    events: bool = False
     name: str
     inputs: tuple[Port, ...]
     outputs: tuple[Port, ...]
@@ -258,6 +261,15 @@ class Part(ABC):
     @abstractmethod
     def exit_initialisation(self) -> None:
         """Leave initialisation mode; the part is then at the start time."""
+
+    def event(self, time: float) -> None:  # noqa: B027, most parts have none
+        """Take the event at a communication point, as the next step does.
+
+        Parameters
+        ----------
+        time : float
+            The communication point [s].
+        """
 
     @abstractmethod
     def save(self, state: object | None = None) -> object:

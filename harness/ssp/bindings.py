@@ -41,7 +41,8 @@ def parse_ssm(root: etree._Element, where: str) -> dict[str, list[Entry]]:
         if target in targets:
             raise SystemFileError(f"{where} maps two parameters to '{target}': remove one")
         targets.add(target)
-        entry = Entry(target, read_transformation(element), flag(element, "suppressUnitConversion"))
+        transformation = read_transformation(element, f"the entry of '{target}' in {where}")
+        entry = Entry(target, transformation, flag(element, "suppressUnitConversion"))
         entries.setdefault(element.get("source", ""), []).append(entry)
     return entries
 

@@ -49,7 +49,7 @@ class Table:
 Transformation: TypeAlias = Linear | Table
 
 
-def read_transformation(element: etree._Element) -> Transformation:
+def read_transformation(element: etree._Element, where: str) -> Transformation:
     """Return the transformation of a connection or mapping entry; the identity if there is none."""
     linear = element.find("ssc:LinearTransformation", SPACES)
     if linear is not None:
@@ -57,7 +57,10 @@ def read_transformation(element: etree._Element) -> Transformation:
     for kind in ("Boolean", "Integer", "Enumeration"):
         rows = element.findall(f"ssc:{kind}MappingTransformation/ssc:MapEntry", SPACES)
         if rows:
-            return Table({_entry(kind, row.get("source", "")): _entry(kind, row.get("target", "")) for row in rows})
+            table = {_entry(kind, row.get("source", "")): _entry(kind, row.get("target", "")) for row in rows}
+            if len(table) < len(rows):
+                raise SystemFileError(f"{where} has a mapping with two entries for one source: remove one of them")
+            return Table(table)
     return Linear()
 
 
@@ -232,7 +235,8 @@ def _edge(path: Path, element: etree._Element, connectors: Mapping[Node, Connect
             f"{where} connects '{first}' and '{second}', of which {'both give' if forward else 'none gives'} a value: "
             "connect outputs to inputs"
         )
-    transformation, suppress = read_transformation(element), flag(element, "suppressUnitConversion")
+    transformation = read_transformation(element, f"the connection {first} - {second} in {where}")
+    suppress = flag(element, "suppressUnitConversion")
     if forward:
         return Edge(first, second, transformation, suppress, element, first_index, second_index)
     return Edge(second, first, transformation, suppress, element, second_index, first_index)

@@ -408,6 +408,7 @@ class System(StoredSystem):
         resume: str | Path | None = None,
         checkpoint: str | Path | None = None,
         pace: float | None = None,
+        events: bool = False,
         accuracy: bool | float = False,
     ) -> Result:
         """Run the system; arguments that are not given are taken from its experiment.
@@ -426,6 +427,9 @@ class System(StoredSystem):
             and step and is bit-identical to an uninterrupted run.
         pace : float or None
             Simulated time per wall-clock time, 1 for real time; None runs as fast as possible.
+        events : bool
+            Whether a row is followed by another one at the same time with the values after the events of FMUs for model
+            exchange and of those with clocks, if they change a value. FMUs of FMI 2.0 for co-simulation show no events.
         accuracy : bool or float
             Whether the run is repeated with other steps to tell how far each variable is off; a number is the required
             accuracy relative to the range of each variable, instead of 0.01. See `run_with_accuracy` for the result.
@@ -465,7 +469,7 @@ class System(StoredSystem):
             raise ExperimentError(f"the system '{self.name}' has no experiment: give stop and step")
         else:
             experiment = Experiment(**changes)
-        options = Options(taps, progress, resume, checkpoint, pace)
+        options = Options(taps, progress, resume, checkpoint, pace, events)
         if accuracy is False:
             return run(self, experiment, options)
         from harness.accuracy.assess import REQUIRED, run_with_accuracy  # scipy takes long to import

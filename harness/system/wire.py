@@ -310,6 +310,7 @@ def check_wires(parts: Mapping[str, Part], wires: Sequence[Wire]) -> None:
             )
         driven[wire.target] = wire
         _check_types(wire, source, target)
+        _check_items(wire, source, target)
         _check_units(parts, wire, source, target)
         _check_map(wire, source, target)
 
@@ -347,6 +348,18 @@ def _check_types(wire: Wire, source: Port, target: Port) -> None:
         raise WireError(
             f"{wire.source} is {source.type} but {wire.target} is {target.type}: "
             f"insert a part that converts to {target.type}"
+        )
+
+
+def _check_items(wire: Wire, source: Port, target: Port) -> None:
+    """Warn of two enumerations of which one has another item for a number, as a connection passes numbers."""
+    items, others = ({number: name for name, number in port.items} for port in (source, target))
+    number = next((number for number in items if items[number] != others.get(number)), None) if others else None
+    if number is not None:
+        other = f"'{others[number]}'" if number in others else "no item"
+        _LOG.warning(
+            "the connection %s passes %d, which is '%s' of the output and %s of the input: check the enumerations",
+            *(wire, number, items[number], other),
         )
 
 

@@ -7,17 +7,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from accuracy.known import decay, driven, sampled
+from accuracy.known import decay, driven, free, sampled
 from thorough import nightly, some
 
 from friction_fmus.__main__ import main
 from friction_fmus.cli.inputs import open_system
-from harness import (
-    ExperimentError,
-    Noise,
-    load_result,
-    plot,
-)
+from harness import Experiment, ExperimentError, Noise, System, load_result, plot, sweep
 from harness.errors import Interrupted
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "stick_slip.toml"
@@ -110,6 +105,53 @@ def test_a_slip_that_comes_late_is_an_error_of_time() -> None:
     assert 1e-3 < late < 0.02
     slips = [float(each["time"][int(np.argmax(each["friction.F"].to_numpy()))]) for each in (result, right)]
     assert abs(slips[0] - slips[1]) <= late
+
+
+def followed() -> tuple[System, float]:
+    """A mass whose spring is pulled at 1 mm/s, on a spring K for its contact, and its velocity k/(k + K) 1 mm/s.
+
+    Its period is a tenth of 0.1 ms. While the force of the contact is held, the mass is as fast as the support, 3 % too
+    fast, whichever the step.
+    """
+    m, k, d, K, pulled = 4e-6, 2e6, 2.0, 7e4, 1e-3
+    start = {"mass.m": m, "mass.k": k, "mass.d": d, "mass.v_support": pulled}
+    system = free("MaxwellSlip", start | {"friction.N": 1, "friction.k[1]": K, "friction.W[1]": 1e9})
+    experiment = Experiment(stop=0.02, step=1e-4, record=("mass.v",))
+    return System(system.parts.values(), system.wires, system.start, experiment), pulled * k / (k + K)
+
+
+@pytest.mark.parametrize("master", ["gauss-seidel", "jacobi"])
+def test_a_motion_that_no_step_resolves_is_not_called_right(master: str) -> None:
+    system, v = followed()
+    with system:
+        result = system.run(master=master, accuracy=True)
+        newton = system.run(master="newton")
+    assert newton["mass.v"].to_numpy()[20:] == pytest.approx(v, rel=1e-3)
+    error = np.abs(result["mass.v"].to_numpy() - v)[2:]
+    assert error.max() > 0.02 * v
+    assert result.attrs["accuracy"] == "not certain" or master == "jacobi"
+    assert result.attrs["accuracy"] != "right"
+    assert (error <= result["mass.v.bound"].to_numpy()[2:]).all()
+
+
+def test_a_measure_of_a_motion_that_no_step_resolves_has_a_bound() -> None:
+    system, v = followed()
+    experiment = Experiment(stop=0.02, step=1e-4, master="gauss-seidel")
+    with system:
+        table = sweep(system, [{}], measure="final(mass.v)", experiment=experiment, executor="serial", accuracy=True)
+    error = abs(float(table["final(mass.v)"][0]) - v)
+    assert 0.02 * v < error <= float(table["final(mass.v).bound"][0])
+
+
+def test_the_command_says_what_to_do_where_newton_differs(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    system, _ = followed()
+    with system:
+        system.to_toml(tmp_path / "followed.toml")
+    command = ["run", str(tmp_path / "followed.toml"), "-o", str(tmp_path / "out.nc"), "--master", "gauss-seidel"]
+    assert main([*command, "--accuracy"]) == 0
+    shown = capsys.readouterr().out
+    assert "not certain" in shown and "use --master newton" in shown
+    assert main([*command, "--require", "1e-2"]) == 1
 
 
 def test_what_cannot_be_told_is_refused_before_the_run(tmp_path: Path) -> None:

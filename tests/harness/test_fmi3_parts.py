@@ -175,6 +175,33 @@ def test_arrays_enumerations_and_booleans(tmp_path: Path) -> None:
     assert (found["gear_y"], found["any"]) == (2, 1)
 
 
+def test_an_enumeration_has_one_of_its_items(tmp_path: Path) -> None:
+    with pytest.raises(StartValueError, match=r"value 7 of p\.gear is no item: give 1 \(first\), 2 \(second\)"):
+        run(tmp_path, gear=7)
+
+
+@pytest.mark.parametrize(
+    ("items", "said"),
+    [
+        ('<Item name="first" value="1"/><Item name="second" value="2"/><Item name="third" value="3"/>', ""),
+        (
+            '<Item name="first" value="1"/><Item name="other" value="2"/>',
+            "2, which is 'second' of the output and 'other'",
+        ),
+        ('<Item name="first" value="1"/>', "2, which is 'second' of the output and no item of the input"),
+    ],
+)
+def test_a_connection_of_enumerations_with_other_items_is_reported(
+    tmp_path: Path, items: str, said: str, caplog: pytest.LogCaptureFixture
+) -> None:
+    change = ('<Item name="first" value="1"/><Item name="second" value="2"/>', items)
+    parts = [FmuPart("p", types3(tmp_path / "p.fmu")), FmuPart("q", types3(tmp_path / "q.fmu", change))]
+    start = {f"{part}.{name}": value for part in "pq" for name, value in INPUTS.items() if f"{part}.{name}" != "q.gear"}
+    with System(parts, ["p.gear_y -> q.gear"], start):  # type: ignore[arg-type]
+        pass
+    assert said in caplog.text and bool(said) == bool(caplog.text)
+
+
 def test_one_element_of_an_array_can_be_connected(tmp_path: Path) -> None:
     part = FmuPart("p", types3(tmp_path / "types.fmu"))
     free = {f"p.{name}": value for name, value in INPUTS.items() if name != "matrix[2,1]"}
@@ -197,6 +224,20 @@ def test_clocks_tick_and_events_happen_at_their_times(tmp_path: Path, step: floa
     found = run(tmp_path, stop=0.1, step=step, u=1.0)
     assert (found["ticks"], found["events"]) == (10, 3)
     assert found["y"] == pytest.approx(0.1)
+
+
+@pytest.mark.parametrize("master", ["gauss-seidel", "newton"])
+def test_events_show_the_values_before_and_after(tmp_path: Path, master: str) -> None:
+    """Ticks at 3 ms + k 10 ms and an event at 25 ms, each with two rows; nothing else changes."""
+    settings = {"stop": 0.03, "step": 0.001, "record": ["p.ticks", "p.events", "p.y"], "master": master}
+    with foreign(tmp_path, **{**INPUTS, "u": 1.0}) as system:
+        plain, shown = system.run(**settings), system.run(**settings, events=True)  # type: ignore[arg-type]
+    t = shown["time"].to_numpy()
+    second = np.append(False, np.diff(t) == 0.0)
+    assert all(np.array_equal(shown[name].to_numpy()[~second], plain[name]) for name in plain)
+    assert t[second] == pytest.approx([0.003, 0.013, 0.023, 0.025])
+    assert shown["p.ticks"].to_numpy()[second].tolist() == [1, 2, 3, 3]
+    assert shown["p.events"].to_numpy()[second].tolist() == [0, 0, 0, 1]
 
 
 @pytest.mark.parametrize(

@@ -24,6 +24,7 @@ from harness import (
     PartError,
     Port,
     Result,
+    SeriesPart,
     StartValueError,
     System,
     sweep,
@@ -183,6 +184,48 @@ def test_an_event_at_a_communication_point_takes_the_inputs_of_this_point(exchan
             np.testing.assert_allclose(
                 result["p.y"], 0.4 * np.maximum(np.ceil(t / 0.2 - 1e-9) - 1, 0), atol=1e-12, err_msg=master
             )
+
+
+HELD = SeriesPart("s", [0.0, 0.35, 0.5, 1.1], {"u": [1.0, 2.0, 3.0, 4.0]}, interpolation="previous")
+JUMPS = np.array([(0.0, 1.0), (0.35, 1.0), (0.35, 2.0), (0.5, 2.0), (0.5, 3.0), (1.1, 3.0)])
+
+
+@pytest.mark.parametrize("isolate", [False, True])
+@pytest.mark.parametrize(("kind", "name", "step"), [("STAIR", "level", 0.1), ("SAMPLER", "y", 0.05)])
+def test_events_show_the_values_before_and_after(
+    exchange: MakeFmu, kind: str, name: str, step: float, isolate: bool
+) -> None:
+    """As fmpy does: two rows at a multiple of the period. Nothing else changes."""
+    sampler = kind == "SAMPLER"
+    part = FmuPart("p", exchange(kind), isolate=isolate)
+    with System([part, HELD] if sampler else [part], ["s.u -> p.u"] if sampler else []) as system:
+        settings = {"stop": 1.0, "step": step, "record": [f"p.{name}"]}
+        plain, shown = system.run(**settings), system.run(**settings, events=True)  # type: ignore[arg-type]
+    t, values = shown["time"].to_numpy(), shown[f"p.{name}"].to_numpy()
+    second = np.append(False, np.diff(t) == 0.0)
+    assert np.array_equal(values[~second], plain[f"p.{name}"])
+    inputs = np.array([*map(tuple, JUMPS)], dtype=[("time", float), ("u", float)]) if sampler else None
+    fmpys = fmpy.simulate_fmu(
+        str(exchange(kind)), stop_time=1.0, output_interval=step, fmi_type="ModelExchange", input=inputs, output=[name]
+    )
+    # fmpy has two rows at each event, also if it changes nothing, as for the inputs between samples
+    changes = np.append(True, (np.diff(fmpys["time"]) > 1e-9) | (np.abs(np.diff(fmpys[name])) > 1e-9))
+    np.testing.assert_allclose(t, fmpys["time"][changes], atol=1e-12)
+    np.testing.assert_allclose(values, fmpys[name][changes], atol=1e-12)
+    if sampler:  # y = 2 u at multiples of 0.2 s
+        assert t[second] == pytest.approx([0.4, 0.6])
+        assert values[second].tolist() == [4.0, 6.0]
+    else:
+        assert t[second] == pytest.approx([0.3, 0.6, 0.9])
+        assert values[second].tolist() == [1, 2, 3]
+
+
+def test_events_of_an_fmu_that_cannot_save_its_state(exchange: MakeFmu, caplog: pytest.LogCaptureFixture) -> None:
+    with System([FmuPart("p", exchange("STAIR", states=False))]) as system:
+        assert system.run(stop=1.0, step=0.1, events=True).sizes["time"] == 11
+        assert "'p' cannot save its state: its values after events have no rows" in caplog.text
+        with pytest.raises(ExperimentError, match="run it without events"):
+            system.run(stop=1.0, step=0.1, events=True, accuracy=True)
 
 
 @pytest.mark.parametrize("kind", ["ENDS", "STOPS"])

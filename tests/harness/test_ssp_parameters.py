@@ -161,6 +161,9 @@ def test_mapping_by_tables(start: Callable[..., dict[str, StartValue]], make_fmu
     )
     content = system(component("p", mapped(inline(typed), entries)))
     assert start(content, make_fmu(*STATUS, name="s.fmu")) == {"p.n": 7, "p.b": True, "p.fail_status": 3}
+    twice = mapping(entry("n", "n", rows("Integer", row(1, 5) + row(1, 7))))
+    with pytest.raises(SystemFileError, match=r"the entry of 'n' in .* has a mapping with two entries for one source"):
+        start(system(component("p", mapped(inline(typed), twice))))
 
 
 def test_parameters_of_a_system_go_inside(start: Callable[..., dict[str, StartValue]]) -> None:

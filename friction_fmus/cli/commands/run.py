@@ -35,6 +35,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--resume", type=Path, metavar="FILE", help="resume from the state in this file")
     parser.add_argument("--checkpoint", type=Path, metavar="FILE", help="write the state at the end to this file")
     parser.add_argument("--pace", type=float, metavar="FACTOR", help="simulated seconds per second; 1 is real time")
+    parser.add_argument("--events", action="store_true", help="record values before and after events, in two rows")
     parser.add_argument("--plot", type=Path, metavar="FILE", help=f"plot the result: {listed(_PICTURES)}")
     parser.add_argument("--accuracy", action="store_true", help="tell how far each variable is off")
     parser.add_argument(
@@ -67,6 +68,7 @@ def run(options: argparse.Namespace) -> int:
                 resume=options.resume,
                 checkpoint=options.checkpoint,
                 pace=options.pace,
+                events=options.events,
                 accuracy=options.accuracy if options.require is None else options.require,
             )
         except (HarnessError, Interrupted) as error:

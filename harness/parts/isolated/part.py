@@ -224,6 +224,12 @@ class IsolatedPart(FmuPart):
         self._call("restore", state)
         self._due = GET
 
+    def event(self, time: float) -> None:
+        """Take the event at this time, as the next step does."""
+        self._hand_over()
+        self._call("event", time)
+        self._due = GET
+
     def serialise(self) -> bytes:
         """Return the state from fmi2SerializeFMUstate."""
         self._hand_over()
