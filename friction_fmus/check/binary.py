@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import json
+import math
 import os
 import signal
 import subprocess
@@ -117,17 +118,10 @@ def _flag(interface: etree._Element, name: str) -> bool:
 
 def _job(model: Model, interface: etree._Element) -> dict[str, Any]:
     """Return the data of the XML that the probes need, as a JSON value."""
-    experiment = model.root.find("DefaultExperiment")
-    names = ("startTime", "stopTime", "stepSize")
-    given = {} if experiment is None else {name: real(experiment.get(name)) for name in names}
-    start, stop, step = given.get("startTime") or 0.0, given.get("stopTime"), given.get("stepSize")
-    if not step or not 0.0 < step < float("inf"):
-        step = (stop - start) / 500.0 if stop and 0.0 < stop - start < float("inf") else 1e-2
     orders = integer(interface.get("maxOutputDerivativeOrder"))
     return {
         "guid": model.root.get("guid", ""),
-        "start_time": start if abs(start) < float("inf") else 0.0,
-        "step": step,
+        **span(model.root, None),
         "exchange": interface.tag == "ModelExchange",
         "flags": {name: _flag(interface, name) for name in _FLAGS},
         "states": [_state(model, unknown.index) for unknown in model.unknowns["Derivatives"]],
@@ -140,6 +134,17 @@ def _job(model: Model, interface: etree._Element) -> dict[str, Any]:
         "categories": [element.get("name") for element in model.all("LogCategories/Category")],
         "variables": [row for v in model.variables if (row := _row(v)) is not None],
     }
+
+
+def span(root: etree._Element, fixed: float | None) -> dict[str, float]:
+    """Return start time and step of the default experiment, or else a fixed step of the FMU."""
+    experiment = root.find("DefaultExperiment")
+    names = ("startTime", "stopTime", "stepSize")
+    given = {} if experiment is None else {name: real(experiment.get(name)) for name in names}
+    start, stop, step = given.get("startTime") or 0.0, given.get("stopTime"), given.get("stepSize") or fixed
+    if not step or not 0.0 < step < math.inf:
+        step = (stop - start) / 500.0 if stop and 0.0 < stop - start < math.inf else 1e-2
+    return {"start_time": start if abs(start) < math.inf else 0.0, "step": step}
 
 
 def _state(model: Model, index: int) -> dict[str, Any]:

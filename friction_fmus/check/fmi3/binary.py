@@ -8,7 +8,7 @@ import fmpy
 from lxml import etree
 
 from friction_fmus.check.archive import Contents
-from friction_fmus.check.binary import run_probes
+from friction_fmus.check.binary import run_probes, span
 from friction_fmus.check.description import integer, real
 from friction_fmus.check.findings import Finding
 from friction_fmus.check.fmi3.description import FLOATS, INTEGERS, Model3, Variable3
@@ -48,21 +48,13 @@ def _is(element: etree._Element, flag: str) -> bool:
 
 
 def _job(model: Model3, element: etree._Element) -> dict[str, Any]:
-    experiment = model.root.find("DefaultExperiment")
-    names = ("startTime", "stopTime", "stepSize")
-    given = {} if experiment is None else {name: real(experiment.get(name)) for name in names}
-    start, stop = given.get("startTime") or 0.0, given.get("stopTime")
-    step = given.get("stepSize") or real(element.get("fixedInternalStepSize"))
-    if not step or not 0.0 < step < float("inf"):
-        step = (stop - start) / 500.0 if stop and 0.0 < stop - start < float("inf") else 1e-2
     indicators = (
         model.by_reference.get(integer(e.get("valueReference")) or 0) for e in model.structure("EventIndicator")
     )
     return {
         "version": 3,
         "guid": model.root.get("instantiationToken", ""),
-        "start_time": start if abs(start) < float("inf") else 0.0,
-        "step": step,
+        **span(model.root, real(element.get("fixedInternalStepSize"))),
         "exchange": element.tag == "ModelExchange",
         "flags": {old: _is(element, new) for old, new in _FLAGS.items()},
         "states": [state for e in model.structure("ContinuousStateDerivative") for state in _states(model, e)],
