@@ -1,4 +1,4 @@
-"""Style and tables of the documentation pages inside FMUs."""
+"""Documentation pages inside FMUs."""
 
 from __future__ import annotations
 
@@ -38,3 +38,16 @@ def table(caption: str, heads: Sequence[str], body: str) -> str:
 def row(first: str, *cells: str) -> str:
     """Return a row of a table; the texts are plain."""
     return f'<tr><th scope="row">{escape(first)}</th>{"".join(f"<td>{escape(cell)}</td>" for cell in cells)}</tr>\n'
+
+
+def page(identifier: str, kind: str, summary: str, body: str, footer: str) -> str:
+    """Return documentation/index.html; body and footer are HTML, the other texts are plain."""
+    name = escape(identifier)
+    return (
+        f'<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n<title>{name}</title>\n'
+        '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
+        f"<style>{STYLE}</style>\n</head>\n<body>\n<main>\n<h1>{name} <small>{escape(kind)}</small></h1>\n"
+        f'<img class="icon" src="../model.png" alt="Icon of {name}" width="200" height="200">\n'
+        f"<p><strong>{escape(summary)}.</strong></p>\n{body}</main>\n"
+        f"<footer>\n<p>{footer}</p>\n</footer>\n</body>\n</html>\n"
+    )

@@ -127,13 +127,19 @@ def _references(ports: Mapping[str, Variable]) -> Iterator[Terminal]:
             yield Terminal(name, "reference and its derivatives", "reference", "bus", members, right)
 
 
-def terminals_and_icons(found: tuple[Terminal, ...]) -> bytes:
-    """Return the XML file."""
+def icon_root() -> etree._Element:
+    """Return the root of terminalsAndIcons.xml with the icon."""
     root = etree.Element("fmiTerminalsAndIcons", fmiVersion="3.0")
     graphics = etree.SubElement(root, "GraphicalRepresentation")
     extent = {"x1": "-100", "y1": "-100", "x2": "100", "y2": "100"}
     etree.SubElement(graphics, "CoordinateSystem", {**extent, "suggestedScalingFactorTo_mm": "0.1"})
     etree.SubElement(graphics, "Icon", extent)
+    return root
+
+
+def terminals_and_icons(found: tuple[Terminal, ...]) -> bytes:
+    """Return the XML file."""
+    root = icon_root()
     if found:
         parent = etree.SubElement(root, "Terminals")
         for terminal in found:

@@ -6,6 +6,7 @@ import base64
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -36,8 +37,9 @@ class Course:
 class _RecordedSession(Session):
     """A session that keeps what it is given and what it returns."""
 
-    course: Course
-    _given: Mapping[str, float]
+    def __init__(self, course: Course, *given: Any) -> None:
+        super().__init__(*given)
+        self.course = course
 
     def put(self, inputs: Mapping[str, float]) -> None:
         self._given = dict(inputs)
@@ -68,12 +70,10 @@ class Bench(PortraitBench):
     @contextmanager
     def session(self, outputs: Sequence[str], start: float = 0.0) -> Iterator[Session]:
         """Open a run and record it."""
-        with super().session(outputs, start) as plain:
-            session = _RecordedSession.__new__(_RecordedSession)
-            session.__dict__.update(plain.__dict__)
-            fixed = {name: value for name, value in self.values.items() if self.begin.get(name) != value}
-            session.course = Course([start], names=tuple(outputs), fixed=fixed)
-            self.courses.append(session.course)
+        fixed = {name: value for name, value in self.values.items() if self.begin.get(name) != value}
+        self.courses.append(Course([start], names=tuple(outputs), fixed=fixed))
+        self.kind = partial(_RecordedSession, self.courses[-1])
+        with super().session(outputs, start) as session:
             yield session
 
 

@@ -19,7 +19,7 @@ from lxml import etree
 from harness.errors import FmuError
 from harness.parts.flat import Flat, flatten
 from harness.parts.part import Port, PortType, StartValue
-from harness.storage.zip_file import NotZipError, ZipError, find_absence, open_zip, read_zip
+from harness.storage.zip_file import ZipError, open_file, open_zip, read_zip
 from harness.units import BaseUnit, stated_unit
 
 _MOST_INDICATORS: Final = 1_000_000
@@ -104,15 +104,13 @@ def open_archive(path: Path, sizes: Mapping[str, int] = MappingProxyType({})) ->
         If the file is missing, is not a zip archive or not an FMU of FMI 2.0 or 3.0, has no binary for this
         platform, has members that are unsafe to unpack (see `harness.storage.zip_file`), or has a DOCTYPE in its XML.
     """
-    absence = find_absence(path)
-    if absence is not None:
-        raise FmuError(f"cannot open FMU {path}: {absence}; give the path of an .fmu file")
-    state = path.stat()
-    return _opened(path, tuple(sizes.items()), (state.st_ino, state.st_size, state.st_mtime_ns, state.st_ctime_ns))
+    state = path.stat() if path.is_file() else None
+    key = state and (state.st_ino, state.st_size, state.st_mtime_ns, state.st_ctime_ns)
+    return _opened(path, tuple(sizes.items()), key)
 
 
 @lru_cache(maxsize=64)
-def _opened(path: Path, sizes: tuple[tuple[str, int], ...], state: tuple[int, ...]) -> Archive:
+def _opened(path: Path, sizes: tuple[tuple[str, int], ...], state: tuple[int, ...] | None) -> Archive:
     """Return the archive in a state of its file, so that each is read once."""
     members, data = _read_members(path)
     root = _root(path, data)
@@ -132,17 +130,10 @@ def _opened(path: Path, sizes: tuple[tuple[str, int], ...], state: tuple[int, ..
 
 def _read_members(path: Path) -> tuple[list[str], bytes]:
     """Return the names of the members, and modelDescription.xml."""
-    try:
-        with open_zip(path) as archive:
-            if "modelDescription.xml" not in archive.namelist():
-                raise FmuError(f"{path} is not an FMU: it has no modelDescription.xml; export it again as FMI 2.0")
-            return archive.namelist(), _read_xml(archive, path)
-    except NotZipError as fault:
-        raise FmuError(f"{path} is not an FMU: {fault}") from fault
-    except ZipError as fault:
-        raise FmuError(f"cannot open FMU {path}: {fault}") from fault
-    except OSError as error:
-        raise FmuError(f"cannot open FMU {path}: {error.strerror}; give the path of an .fmu file") from error
+    with open_file("FMU", path, FmuError) as archive:
+        if "modelDescription.xml" not in archive.namelist():
+            raise FmuError(f"{path} is not an FMU: it has no modelDescription.xml; export it again as FMI 2.0")
+        return archive.namelist(), _read_xml(archive, path)
 
 
 def _read_xml(archive: zipfile.ZipFile, path: Path) -> bytes:

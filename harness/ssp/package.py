@@ -19,11 +19,10 @@ from lxml import etree
 from harness.errors import SystemFileError, UnitError
 from harness.storage.files import ScratchFolder, atomic_path, make_folder
 from harness.storage.zip_file import (
-    NotZipError,
     ZipError,
-    find_absence,
     find_outside,
     is_bomb,
+    open_file,
     open_unchecked,
     open_zip,
     read_zip,
@@ -138,17 +137,7 @@ class Package:
     def __init__(self, path: Path) -> None:
         """Open and check the archive."""
         self.path = path
-        absence = find_absence(path)
-        if absence is not None:
-            raise SystemFileError(f"cannot open {path}: {absence}; give the path of an .ssp file")
-        try:
-            self._archive = open_zip(path)
-        except NotZipError as fault:
-            raise SystemFileError(f"{path} is not an SSP: {fault}") from fault
-        except ZipError as fault:
-            raise SystemFileError(f"cannot open {path}: {fault}") from fault
-        except OSError as error:
-            raise SystemFileError(f"cannot open {path}: {error.strerror}; give the path of an .ssp file") from error
+        self._archive = open_file("SSP", path, SystemFileError)
         self._size = size_of(self._archive)
         self._unpacked: dict[str, int] = {}
         if SSD_NAME not in self._archive.namelist():

@@ -173,6 +173,22 @@ def is_bomb(unpacked: int, size: int) -> bool:
     return unpacked > max(LARGEST, RATIO * size)
 
 
+def open_file(kind: str, path: Path, error: type[Exception]) -> zipfile.ZipFile:
+    """Open a file of the kind "FMU" or "SSP" that is safe to unpack."""
+    remedy = f"give the path of an .{kind.lower()} file"
+    absence = find_absence(path)
+    if absence is not None:
+        raise error(f"cannot open {kind} {path}: {absence}; {remedy}")
+    try:
+        return open_zip(path)
+    except NotZipError as fault:
+        raise error(f"{path} is not an {kind}: {fault}") from fault
+    except ZipError as fault:
+        raise error(f"cannot open {kind} {path}: {fault}") from fault
+    except OSError as fault:
+        raise error(f"cannot open {kind} {path}: {fault.strerror}; {remedy}") from fault
+
+
 def open_unchecked(source: Path | IO[bytes]) -> zipfile.ZipFile:
     """Open an archive that may be unsafe to unpack."""
     if isinstance(source, Path):

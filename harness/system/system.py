@@ -194,18 +194,8 @@ class StoredSystem:
         """
         from friction_fmus.export.composite.composite_archive import compose
 
-        compose(
-            self,
-            Path(path),
-            name=name,
-            step=step,
-            master=master,
-            inputs=inputs,
-            outputs=outputs,
-            platforms=platforms,
-            target=target or f"fmi{fmi}",
-            options=options,
-        )
+        settings: dict[str, Any] = {"step": step, "master": master, "inputs": inputs, "outputs": outputs}
+        compose(self, Path(path), name, platforms, target or f"fmi{fmi}", options, **settings)
 
     @classmethod
     def _made(cls, description: SystemDescription) -> Self:

@@ -22,13 +22,8 @@ def run(options: argparse.Namespace) -> None:
         )
         return
 
-    from rich.table import Table
+    from friction_fmus.cli.console import console, drawn
+    from harness.notebook import Listing
 
-    from friction_fmus.cli.console import console
-
-    table = Table(box=None, pad_edge=False)
-    for heading in ("name", "kind", "summary"):
-        table.add_column(heading)
-    for entry in listing().values():
-        table.add_row(entry.name, entry.kind, entry.summary)
-    console.print(table)
+    rows = [(entry.name, entry.kind, entry.summary) for entry in listing().values()]
+    console.print(drawn(Listing("", ("name", "kind", "summary"), rows), title=False))

@@ -53,26 +53,20 @@ _HEADERS: Final = ("fmi2_modes.h", "fmi2_calls.h", "fmi2_hash.h", "fmi2_saved.h"
 def compose(
     system: Assembly,
     path: Path,
-    *,
-    name: str | None = None,
-    step: float | None = None,
-    master: str | None = None,
-    inputs: Sequence[str] | None = None,
-    outputs: Sequence[str] | None = None,
-    platforms: Sequence[str] = ("native",),
+    name: str | None,
+    platforms: Sequence[str],
     target: str,
     options: Mapping[str, Any],
+    **settings: Any,
 ) -> None:
     """Write a system as one FMU, or for another target; see `System.to_fmu`."""
-    for key, names in {"inputs": inputs, "outputs": outputs, "platforms": platforms}.items():
-        if isinstance(names, str):
+    for key, names in {"platforms": platforms, **settings}.items():
+        if isinstance(names, str) and key.endswith("s"):
             raise BuildError(f"{key} is the text {names!r}: give a list of names")
     chosen, given = choose_target("fmu", target, options, platforms)
     _check_path(path, system, chosen.ending)
     identifier = path.name.removesuffix(chosen.ending) if name is None else name
-    selected = select(tuple(platforms))
-    source = composite_source(system, identifier, selected, step=step, master=master, inputs=inputs, outputs=outputs)
-    chosen.write(source, path, **given)
+    chosen.write(composite_source(system, identifier, select(tuple(platforms)), **settings), path, **given)
 
 
 def composite_source(

@@ -15,8 +15,8 @@ from lxml import etree, html
 
 from friction_fmus.export.composite.composite_interface import PartCode, Variable, reinitialised, states
 from friction_fmus.export.composite.diagram import diagram
-from friction_fmus.fmi.html_page import STYLE, row, table
-from friction_fmus.fmi.model_description import declare_traits
+from friction_fmus.fmi.html_page import page, row, table
+from friction_fmus.fmi.model_description import declare_traits, icon_root
 from harness.errors import BuildError
 from harness.parts.fmu import FmuPart
 from harness.parts.log_categories import LOG_CATEGORIES
@@ -164,16 +164,12 @@ def _page(system: Assembly, identifier: str, summary: str, variables: Sequence[V
         for title, caption, heads, body in tables
         if body
     )
-    return (
-        f'<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n<title>{identifier}</title>\n'
-        '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
-        f"<style>{STYLE}</style>\n</head>\n<body>\n<main>\n<h1>{identifier} <small>composite</small></h1>\n"
-        f'<img class="icon" src="../model.png" alt="Icon of {identifier}" width="200" height="200">\n'
-        f"<p><strong>{escape(summary)}.</strong></p>\n<p>The FMU solves the loops of its parts.</p>\n"
+    body = (
+        f"<p>The FMU solves the loops of its parts.</p>\n"
         f'<div class="wide figures">\n<img src="diagram.svg" alt="{alternative}" width="{width}" height="{height}">\n'
-        f"</div>\n{shown}<h2>Source</h2>\n{''.join(_sources(system))}</main>\n"
-        '<footer>\n<p><a href="licenses/license.txt">Licences</a> of the parts.</p>\n</footer>\n</body>\n</html>\n'
+        f"</div>\n{shown}<h2>Source</h2>\n{''.join(_sources(system))}"
     )
+    return page(identifier, "composite", summary, body, '<a href="licenses/license.txt">Licences</a> of the parts.')
 
 
 def _sources(system: Assembly) -> Iterator[str]:
@@ -209,11 +205,7 @@ MEMBER = f"{TERMINALS}/terminalsAndIcons.xml"
 def composite_terminals(system: Assembly, variables: Sequence[Variable]) -> bytes:
     """Return the XML file."""
     shown = {variable.name for variable in variables if variable.causality in ("input", "output")}
-    root = etree.Element("fmiTerminalsAndIcons", fmiVersion="3.0")
-    graphics = etree.SubElement(root, "GraphicalRepresentation")
-    extent = {"x1": "-100", "y1": "-100", "x2": "100", "y2": "100"}
-    etree.SubElement(graphics, "CoordinateSystem", {**extent, "suggestedScalingFactorTo_mm": "0.1"})
-    etree.SubElement(graphics, "Icon", extent)
+    root = icon_root()
     listed = etree.SubElement(root, "Terminals")
     for name, part in system.parts.items():
         for terminal in _terminals(part) if isinstance(part, FmuPart) else ():

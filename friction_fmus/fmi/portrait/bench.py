@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from itertools import pairwise
@@ -62,6 +62,7 @@ class Bench:
         """Sort the variables."""
         self.portrait = block.about.portrait
         self._part = part
+        self.kind: Callable[..., Session] = Session
         self.values: Mapping[str, float] = {}
         self.variables: dict[str, Variable] = {v.name: v for v in description.variables}
         inputs = sorted((v for v in description.variables if v.role == INPUT), key=lambda v: v.type)
@@ -99,7 +100,7 @@ class Bench:
         """Open a run of a new instance, step by step."""
         self._part.enter_initialisation(start, math.inf, None, self.values)
         try:
-            yield Session(self._part, self._starts, outputs)
+            yield self.kind(self._part, self._starts, outputs)
         finally:
             self._part.terminate()
 

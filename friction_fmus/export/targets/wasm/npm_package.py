@@ -15,7 +15,7 @@ from typing import Any, Final
 from lxml import etree
 
 from friction_fmus.export.targets import SourceFmu
-from friction_fmus.export.targets.fmi3.fmi3_description import grouped
+from friction_fmus.export.targets.fmi3.fmi3_archive import grouped
 from harness.compiling.platforms import WASM, linked
 from harness.compiling.toolchain import included, source_folder
 from harness.errors import BuildError, OutputError
