@@ -1,9 +1,14 @@
 /* Step checks of the implicit masters. A loop may converge at every step and still be wrong: a mass on a spring that
    oscillates many times within a step amplifies small errors. Some steps are therefore solved a second time, in two
    halves: at scheduled ticks, and where a value is far from its prediction. If the mean or the end value of a line
-   differs by more than `step_tolerance` (0.02) times its magnitude, the step is divided, and the following steps are
-   checked until undivided steps agree with their halves again. A step that passes its check keeps its values bit for
-   bit. */
+   differs by more than `step_tolerance` (0.02) times its magnitude, or the distance along a contact by a quarter of
+   that, the step is divided, and the following steps are checked until undivided steps agree with their halves again.
+   A step that passes its check keeps its values bit for bit.
+
+   What follows the start of a run, a jump of an input or a contact that breaks away may be over within a small part of
+   the step: the mass swings beyond its new rest and comes to rest elsewhere, which two halves do not show. Such a step
+   is compared with pieces each of which is four times as long as all before it, and so is one at the start of which the
+   velocity of a contact was about to pass 0. */
 
 #ifndef STEP_CHECK_H
 #define STEP_CHECK_H

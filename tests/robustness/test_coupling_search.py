@@ -9,6 +9,15 @@ from coupling_search import Composites, References, draw, judge
 from thorough import nightly, some
 
 
+@pytest.mark.parametrize("seed", some([136, 192, 226, 444, 542, 694], [136, 444, 542]))
+def test_swings_within_a_step_that_follow_a_jump(seed: int, tmp_path: Path) -> None:
+    """A mass that swings 2 to 1900 radians within a step, on rigid friction, against closed forms."""
+    case, made = draw(seed), Composites(tmp_path)
+    answers = References(case)
+    assert answers.found
+    assert {judge(case, answers, run, made) for run in ("newton", "adaptive")} <= {"right", "false alarm"}
+
+
 @nightly
 @pytest.mark.parametrize("seed", some([2, 8, 10, 16, 22, 24, 31, 33, 86], [2]))
 def test_no_run_is_wrong_without_a_warning(seed: int, tmp_path: Path) -> None:
