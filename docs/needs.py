@@ -1,6 +1,6 @@
 """The rows of the decision tables: motions for friction models, situations for compensators.
 
-The file of a block says which needs the block meets.
+Each row names the blocks that it recommends, best first.
 """
 
 from __future__ import annotations
@@ -15,7 +15,9 @@ class Motion:
     Attributes
     ----------
     name : str
-        The name in the NEEDS of the recommended model.
+        Name of the row.
+    blocks : str
+        Recommended models.
     amplitude, speed, reversals : str
         The motion, in words.
     shows, without : frozenset of str
@@ -25,6 +27,7 @@ class Motion:
     """
 
     name: str
+    blocks: str
     amplitude: str
     speed: str
     reversals: str
@@ -35,9 +38,10 @@ class Motion:
 
 @dataclass(frozen=True)
 class Question:
-    """A need beyond the motion: its name in NEEDS, the need in words, and what the model must have."""
+    """A need beyond the motion: its name, recommended models, the need in words, and what the model must have."""
 
     name: str
+    blocks: str
     need: str
     shows: frozenset[str] = frozenset()
     inputs: frozenset[str] = frozenset()
@@ -50,7 +54,9 @@ class Situation:
     Attributes
     ----------
     name : str
-        The name in the ``needs`` of a compensator, which also gives its place in the row.
+        Name of the row.
+    blocks : str
+        Compensators, best first.
     known : str
         What is known and measured, in words.
     signals : frozenset of str
@@ -64,6 +70,7 @@ class Situation:
     """
 
     name: str
+    blocks: str
     known: str
     signals: frozenset[str]
     model: frozenset[str]
@@ -81,6 +88,7 @@ STATIC = words("presliding, lag, dwell, mass inside, random")
 MOTIONS = (
     Motion(
         "sliding",
+        "Coulomb",
         "any",
         "always far above vs",
         "none",
@@ -90,6 +98,7 @@ MOTIONS = (
     ),
     Motion(
         "through rest",
+        "Stribeck",
         "above 100",
         "from rest through vs",
         "not nested",
@@ -99,6 +108,7 @@ MOTIONS = (
     ),
     Motion(
         "near presliding",
+        "LuGre",
         "1 to 100",
         "from rest through vs",
         "not nested",
@@ -107,6 +117,7 @@ MOTIONS = (
     ),
     Motion(
         "presliding",
+        "Dahl",
         "below 1",
         "below vs",
         "not nested",
@@ -115,6 +126,7 @@ MOTIONS = (
     ),
     Motion(
         "nested presliding",
+        "MaxwellSlip",
         "below 1",
         "below vs",
         "nested",
@@ -123,6 +135,7 @@ MOTIONS = (
     ),
     Motion(
         "nested and sliding",
+        "GMS",
         "below 1 and above",
         "from rest through vs",
         "nested",
@@ -131,6 +144,7 @@ MOTIONS = (
     ),
     Motion(
         "held under vibration",
+        "ElastoPlastic",
         "below 1, held for long",
         "at rest, shaken",
         "vibration about a constant force",
@@ -140,14 +154,19 @@ MOTIONS = (
 )
 
 QUESTIONS = (
-    Question("stick-slip", "stick-slip of a slowly pulled axis", words("Stribeck")),
-    Question("frictional lag", "friction that lags behind the speed", words("lag")),
-    Question("dwell", "break-away force that grows with the time at rest", words("dwell")),
-    Question("real stop", "a mass that comes to a complete stop", words("drift-free, mass inside")),
-    Question("known forces", "friction at rest from known forces on the mass", words("needs force")),
-    Question("changing normal force", "a normal force that changes during a run", inputs=words("Fn")),
-    Question("transmitted force", "friction proportional to the force that a gear transmits", inputs=words("F_t")),
-    Question("random", "friction that varies randomly along the path", words("random")),
+    Question("stick-slip", "LuGre", "stick-slip of a slowly pulled axis", words("Stribeck")),
+    Question("frictional lag", "LuGre", "friction that lags behind the speed", words("lag")),
+    Question("dwell", "SevenParameter", "break-away force that grows with the time at rest", words("dwell")),
+    Question("real stop", "KarnoppMass", "a mass that comes to a complete stop", words("drift-free, mass inside")),
+    Question("known forces", "Stiction", "friction at rest from known forces on the mass", words("needs force")),
+    Question("changing normal force", "LuGre", "a normal force that changes during a run", inputs=words("Fn")),
+    Question(
+        "transmitted force",
+        "LoadDependentDahl",
+        "friction proportional to the force that a gear transmits",
+        inputs=words("F_t"),
+    ),
+    Question("random", "Bristle", "friction that varies randomly along the path", words("random")),
 )
 
 KNOWLEDGE = {
@@ -167,6 +186,7 @@ FEEDBACK = words("r, x, v")
 SITUATIONS = (
     Situation(
         "curve ahead",
+        "StaticFeedforward CoulombFeedforward KarnoppFeedforward",
         "reference and friction curve; amplitudes far above x_p",
         words("rd, rdd"),
         words("static"),
@@ -174,6 +194,8 @@ SITUATIONS = (
     ),
     Situation(
         "presliding ahead",
+        "LuGreFeedforward GMSFeedforward DahlFeedforward ElastoPlasticFeedforward ModifiedLeuvenFeedforward "
+        "LeuvenFeedforward",
         "reference and presliding model; amplitudes near x_p or below",
         FORWARD,
         words("presliding"),
@@ -182,6 +204,7 @@ SITUATIONS = (
     ),
     Situation(
         "presliding in feedback",
+        "LuGreObserver ElastoPlasticEstimator GMSObserver",
         "velocity and presliding model, but no reference in advance",
         FEEDBACK,
         words("presliding"),
@@ -189,6 +212,7 @@ SITUATIONS = (
     ),
     Situation(
         "curve in feedback",
+        "StaticFeedback TustinFeedback",
         "velocity and friction curve, but no reference in advance",
         FEEDBACK,
         words("static"),
@@ -196,6 +220,7 @@ SITUATIONS = (
     ),
     Situation(
         "force and velocity",
+        "DisturbanceObserver PredictiveFilter LocalFunctionEstimator",
         "velocity and applied force, but no model",
         words("v, u_prev, f_prev"),
         words("none"),
@@ -203,6 +228,7 @@ SITUATIONS = (
     ),
     Situation(
         "force and encoder",
+        "KalmanFriction ExtendedStateObserver",
         "encoder and applied force, but no model",
         words("r, rd, rdd, x, u_prev"),
         words("none"),
@@ -211,6 +237,7 @@ SITUATIONS = (
     ),
     Situation(
         "uncertain model",
+        "GMSFeedforward DisturbanceObserver LuGreFeedforward PredictiveFilter LocalFunctionEstimator",
         "a model that is about 10 % off, used with a disturbance observer",
         FORWARD | words("v, u_prev, f_prev"),
         words("presliding, none"),
@@ -219,6 +246,7 @@ SITUATIONS = (
     ),
     Situation(
         "changing load",
+        "AdaptiveLuGre ANDFC AdaptiveSlidingMode",
         "a model at one load, but load or lubrication changes",
         words("r, rd, rdd, x, v, u_prev"),
         words("presliding, static"),
@@ -227,6 +255,7 @@ SITUATIONS = (
     ),
     Situation(
         "bound only",
+        "ImplicitSlidingMode ImplicitSuperTwisting",
         "only a bound of the friction",
         words("r, rd, rdd, x, v, f"),
         words("none"),
@@ -235,6 +264,7 @@ SITUATIONS = (
     ),
     Situation(
         "trials",
+        "IterativeLearning",
         "a repeated motion, each time from rest",
         words("r, x"),
         words("none"),
@@ -242,6 +272,7 @@ SITUATIONS = (
     ),
     Situation(
         "periods",
+        "RepetitiveController",
         "a repeated motion without pauses",
         words("r, x"),
         words("none"),
@@ -249,6 +280,7 @@ SITUATIONS = (
     ),
     Situation(
         "hunting",
+        "ResetPID PID Dither",
         "positioning where PID control hunts around the goal",
         words("r, rd, rdd, x, v, f"),
         words("none"),
@@ -256,6 +288,7 @@ SITUATIONS = (
     ),
     Situation(
         "stiction error",
+        "ImpulsiveControl LuGreObserver Dither",
         "positioning where the axis stops short of its goal",
         words("r, x, v, f"),
         words("static, presliding, none"),
@@ -263,6 +296,7 @@ SITUATIONS = (
     ),
     Situation(
         "varying along the axis",
+        "TustinFeedback",
         "friction and cogging that vary along the axis",
         FEEDBACK,
         words("static"),
@@ -270,6 +304,7 @@ SITUATIONS = (
     ),
     Situation(
         "reference only",
+        "Prefilter PreviewPrefilter",
         "a drive that accepts only a reference",
         words("r, rd, rdd, f"),
         words("none"),

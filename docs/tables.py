@@ -88,17 +88,14 @@ def answering_models(question: Question) -> list[str]:
     ]
 
 
-def choices(need: str) -> list[str]:
-    """Return the blocks that name a need, by the place that each gives itself."""
-    found = [(block.about.needs[need], block.name) for block in catalogue().values() if need in block.about.needs]
-    return [name for _, name in sorted(found)]
+def choices(row: Motion | Question | Situation) -> list[str]:
+    """Return the blocks that a row recommends, best first."""
+    return row.blocks.split()
 
 
 def begin(situation: Situation) -> list[str]:
     """Return the recommended compensators."""
-    return [
-        name for name in choices(situation.name) if catalogue()[name].about.needs[situation.name] <= situation.first
-    ]
+    return choices(situation)[: situation.first]
 
 
 def suited_compensators(situation: Situation) -> list[str]:
@@ -152,9 +149,9 @@ def motions() -> str:
                 m.amplitude,
                 m.speed,
                 m.reversals,
-                bold(map(model_link, choices(m.name))),
+                bold(map(model_link, choices(m))),
                 ", ".join(feature for feature in FEATURES if feature in m.shows) or "–",
-                ", ".join(model_link(name) for name in suited_models(m) if name not in choices(m.name)),
+                ", ".join(model_link(name) for name in suited_models(m) if name not in choices(m)),
             )
             for m in MOTIONS
         ],
@@ -165,7 +162,7 @@ def reasons() -> str:
     """Return the reasons for these models: the effects that scripts show."""
     found: dict[str, list[str]] = {}
     for m in MOTIONS:
-        found.setdefault(m.found, []).extend(choices(m.name))
+        found.setdefault(m.found, []).extend(choices(m))
     return "\n".join(f"* **{', '.join(names)}**: {finding(target)}" for target, names in found.items())
 
 
@@ -176,7 +173,7 @@ def questions() -> str:
         [
             (
                 q.need,
-                bold(map(model_link, choices(q.name))),
+                bold(map(model_link, choices(q))),
                 others(q),
             )
             for q in QUESTIONS
@@ -186,7 +183,7 @@ def questions() -> str:
 
 def others(question: Question) -> str:
     """Return the alternatives for a need; those that only need an input are too many to list."""
-    rest = [name for name in answering_models(question) if name not in choices(question.name)]
+    rest = [name for name in answering_models(question) if name not in choices(question)]
     if question.inputs and rest:
         return f"every model with the input {', '.join(f'`{name}`' for name in sorted(question.inputs))}"
     return ", ".join(map(model_link, rest)) or "–"
@@ -200,7 +197,7 @@ def situations() -> str:
             (
                 s.known,
                 bold(begin(s)),
-                ", ".join(name for name in choices(s.name) if name not in begin(s)) or "–",
+                ", ".join(name for name in choices(s) if name not in begin(s)) or "–",
                 finding(s.found),
             )
             for s in SITUATIONS

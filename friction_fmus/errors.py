@@ -24,3 +24,19 @@ def nearest(name: str, names: Iterable[str]) -> str:
     lowered = {candidate.lower(): candidate for candidate in candidates}
     found = difflib.get_close_matches(name.lower(), lowered, n=1, cutoff=0.5)
     return f" (did you mean {lowered[found[0]]}?)" if found else ""
+
+
+class IdentificationError(FrictionError):
+    """Base class of the errors of identification."""
+
+
+class RecordError(IdentificationError):
+    """Record that cannot be read or used."""
+
+
+class ExcitationError(IdentificationError):
+    """Record without the motion that the parameters need."""
+
+
+class FitError(IdentificationError):
+    """Invalid setup of a fit, or simulation with an unusable result."""

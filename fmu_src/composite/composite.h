@@ -22,7 +22,8 @@ typedef struct {
     Moving moving[LINES + 1];
     StepCheck guards[GROUPS + 1];
     double w[UNKNOWNS + 1], w_last[UNKNOWNS + 1], trend[UNKNOWNS + 1], scale[UNKNOWNS + 1];
-    double prediction_error[UNKNOWNS + 1], growth[UNKNOWNS + 1], held_values[HELD + 1];
+    double prediction_error[UNKNOWNS + 1], growth[UNKNOWNS + 1];
+    double held_values[HELD + 1], held_sizes[HELD + 1];
     double inverse[GROUPS * MOST * MOST + 1], proposed[GROUPS + 1], before[GROUPS + 1];
 } Memory;
 
@@ -45,7 +46,7 @@ struct Instance {
     Line lines[LINES + 1];
     Manipulator delays[DELAYS + 1];
     Moving kept_lines[LINES + 1];
-    double r[UNKNOWNS + 1], work[7 * MOST + 2 * MOST * MOST + 1], kept[6 * MOST + MOST * MOST + 2 * LINES + 1];
+    double r[UNKNOWNS + 1], work[7 * MOST + 2 * MOST * MOST + 1], kept[6 * MOST + MOST * MOST + 3 * LINES + 1];
     double start_values[ROOTS + 1], start_work[FIXED_POINT_WORK(ROOTS) + 1], earlier[SIGNALS + 1];
     double shown[SIGNALS + 1]; /* signals after values were set, if `refreshed` */
     double input_slopes[SIGNALS + 1];
@@ -255,6 +256,7 @@ static void wire_newton(Instance *c)
         .unknowns = unknown_outputs,
         .held = held_inputs,
         .held_values = m->held_values,
+        .held_sizes = m->held_sizes,
         .contacts = contact_data,
         .loads = load_inputs,
         .w = m->w,
@@ -787,7 +789,7 @@ static bool plausible_guard(const StepCheck *g)
            in_range(g->cooldown, 0, 2 * LONGEST_COOLDOWN) && in_range(g->next, 0, most) &&
            in_range(g->last, -most, most) && in_range(g->recurrences, 0, MOST_RECURRENCES) &&
            in_range(g->limited_ticks, 0, most) && in_range(g->checks, 0, most) && is_bit(g->abandoned) &&
-           is_bit(g->jumped);
+           is_bit(g->resolves) && is_bit(g->jumped);
 }
 
 /* Return whether a variable can have the value in this memory; a law may accept an input that is not finite. */
@@ -817,7 +819,7 @@ static bool plausible(const Memory *m)
     }
     for (int64_t k = 0; k < LINES; k++)
         good = good && m->moving[k].inner == line_data[k].inner && m->moving[k].unknown == line_data[k].unknown &&
-               is_bit(m->moving[k].from_rest) && in_range(m->moving[k].role, FREE, CHANGING) &&
+               in_range(m->moving[k].role, FREE, CHANGING) &&
                in_range(m->moving[k].rests, FREE, IN_JUMP) && in_range(m->moving[k].rigid, -1, 1);
     for (int64_t g = 0; g < GROUPS; g++)
         good = good && plausible_guard(&m->guards[g]);

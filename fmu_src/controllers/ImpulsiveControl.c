@@ -38,7 +38,6 @@
 #define SOURCE  "Armstrong-Helouvry, Dupont, Canudas de Wit, Automatica 30(7), 1994"
 #define CITES   "ArmstrongHelouvry1994"
 #define QUOTES  "pulses"
-#define NEEDS   "stiction error"
 
 /* clang-format off */
 #define VARIABLES                                                                                                               \

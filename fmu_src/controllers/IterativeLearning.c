@@ -44,7 +44,6 @@
 #define CITES    "Arimoto1984, Bristow2006"
 #define PORTRAIT "learning"
 #define QUOTES   "contraction"
-#define NEEDS    "trials"
 
 /* clang-format off */
 #define VARIABLES                                                                                                                \

@@ -39,7 +39,6 @@
 #define SOURCE  "Swevers, Al-Bender, Ganseman, Prajogo, IEEE TAC 45(4), 2000"
 #define CITES   "Swevers2000, Lampaert2004"
 #define QUOTES  "overcompensation, inertia"
-#define NEEDS   "presliding ahead: 6"
 
 /* clang-format off */
 #define VARIABLES                                                                                                          \

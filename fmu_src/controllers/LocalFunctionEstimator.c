@@ -36,7 +36,6 @@
 #define SOURCE  "Savitzky, Golay, Analytical Chemistry 36(8), 1964"
 #define CITES   "SavitzkyGolay1964"
 #define QUOTES  "loop_poles, disturbance_observer"
-#define NEEDS   "force and velocity: 3, uncertain model: 5"
 
 /* clang-format off */
 #define VARIABLES                                                                                                                   \

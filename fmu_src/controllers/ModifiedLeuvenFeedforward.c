@@ -35,7 +35,6 @@
 #define SOURCE  "Lampaert, Swevers, Al-Bender, IEEE TAC 47(4), 2002"
 #define CITES   "Lampaert2002"
 #define QUOTES  "overcompensation, inertia"
-#define NEEDS   "presliding ahead: 5"
 
 /* clang-format off */
 #define VARIABLES                                                                                                          \

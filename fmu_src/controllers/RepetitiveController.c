@@ -42,7 +42,6 @@
 #define CITES    "Hara1988, Tomizuka1989"
 #define PORTRAIT "learning"
 #define QUOTES   "contraction"
-#define NEEDS    "periods"
 
 /* clang-format off */
 #define VARIABLES                                                                                                                \

@@ -31,7 +31,6 @@
 #define CITES       "Haessig1991"
 #define STATUS      "equations as given by Olsson et al. 1998"
 #define FEATURES    "presliding, drift-free, random"
-#define NEEDS       "random"
 #define NO_EXCHANGE "its bristles are renewed at random, and each would be an event"
 
 /* clang-format off */

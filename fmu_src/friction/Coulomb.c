@@ -23,7 +23,6 @@
 #define CITES    "Olsson1998"
 #define STATUS   "equations of Olsson et al. 1998, section on static models"
 #define FEATURES "needs force"
-#define NEEDS    "sliding"
 
 /* clang-format off */
 #define VARIABLES                                                                                                                       \

@@ -29,7 +29,6 @@
 #define CITES    "Dahl1968, Dahl1976"
 #define STATUS   "equations from memory of the papers, checked against Olsson et al. 1998"
 #define FEATURES "presliding"
-#define NEEDS    "presliding"
 
 /* clang-format off */
 #define VARIABLES                                                                                 \

@@ -35,7 +35,6 @@
 #define CITES    "Dupont2002"
 #define STATUS   "equations from memory of the papers"
 #define FEATURES "presliding, drift-free, Stribeck, lag, rate dependent"
-#define NEEDS    "held under vibration"
 
 /* clang-format off */
 #define VARIABLES                                                                                                      \

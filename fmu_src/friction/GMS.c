@@ -44,7 +44,6 @@
 #define CITES    "AlBender2005"
 #define STATUS   "equations from memory of the paper"
 #define FEATURES "presliding, nonlocal memory, drift-free, Stribeck, lag, rate dependent"
-#define NEEDS    "nested and sliding"
 
 /* clang-format off */
 #define VARIABLES                                                                                          \

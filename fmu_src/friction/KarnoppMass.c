@@ -28,7 +28,6 @@
 #define STATUS   "equations from memory of the paper"
 #define FEATURES "drift-free, rate dependent, needs force, mass inside"
 #define PORTRAIT "pushed_mass"
-#define NEEDS    "real stop"
 
 /* clang-format off */
 #define VARIABLES                                                                                                      \

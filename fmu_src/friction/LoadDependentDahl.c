@@ -33,7 +33,6 @@
 #define CITES    "TorqueProportionalLoss2026"
 #define STATUS   "equations of a comment in the issue, not of a paper; an excerpt was read"
 #define FEATURES "presliding, rate dependent"
-#define NEEDS    "transmitted force"
 
 /* clang-format off */
 #define VARIABLES                                                                                                          \

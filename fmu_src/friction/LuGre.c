@@ -27,7 +27,6 @@
 #define CITES    "CanudasDeWit1995"
 #define STATUS   "equations (2), (3) and (5) of the paper; (30) of Olsson et al. 1998 for sigma1(v)"
 #define FEATURES "presliding, Stribeck, lag, rate dependent"
-#define NEEDS    "near presliding, stick-slip, frictional lag, changing normal force"
 
 /* clang-format off */
 #define VARIABLES                                                                                                              \

@@ -28,7 +28,6 @@
 #define CITES    "Iwan1966"
 #define STATUS   "equations from memory of the paper"
 #define FEATURES "presliding, nonlocal memory, drift-free"
-#define NEEDS    "nested presliding"
 
 /* clang-format off */
 #define VARIABLES                                                                                          \

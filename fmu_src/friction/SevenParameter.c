@@ -38,7 +38,6 @@
 #define CITES       "ArmstrongHelouvry1994"
 #define STATUS      "equations (7) to (9) of Olsson et al. 1998"
 #define FEATURES    "presliding, drift-free, Stribeck, lag, dwell, rate dependent"
-#define NEEDS       "dwell"
 #define NO_EXCHANGE "friction depends on the velocity at an earlier time, which a solver does not provide"
 #define WARNING     "the velocity changed more than 1024 times within tauL; its history is thinned out"
 

@@ -22,7 +22,6 @@
 #define CITES    "Olsson1998"
 #define STATUS   "equation (4) of Olsson et al. 1998 and the preceding ones"
 #define FEATURES "rate dependent, needs force"
-#define NEEDS    "known forces"
 
 /* clang-format off */
 #define VARIABLES                                                                                                                       \

@@ -27,7 +27,6 @@
 #define CITES    "ArmstrongHelouvry1994, HessSoom1990"
 #define STATUS   "equation (4) of Olsson et al. 1998 for the force at rest"
 #define FEATURES "Stribeck, rate dependent, needs force"
-#define NEEDS    "through rest"
 
 /* clang-format off */
 #define VARIABLES                                                                                                                              \

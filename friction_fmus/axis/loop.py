@@ -11,39 +11,19 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from friction_fmus.axis.assembly import LoopAssembly, PartPool, block, typed
+from friction_fmus.axis.assembly import LoopAssembly, PartPool, block, constant_force, typed, viscous_beside
 from friction_fmus.axis.servo import Compensator, Plant, Servo, Trajectory
-from harness import Experiment, ExperimentError, Result, System, Wire
+from harness import Experiment, ExperimentError, FmuPart, Part, Result, SeriesPart, System, Wire
 from harness.accuracy.numbers import measure_bounds
 from harness.engine.algorithm import Recorder
 from harness.engine.defect import inaccurate
 from harness.masters import best_first
+from harness.parts.part import StartValue
 
-__all__ = [
-    "Compensator",
-    "Plant",
-    "Trace",
-    "Trajectory",
-    "accurate",
-    "block",
-    "closed_loop",
-    "numerical_error",
-    "run_loop",
-    "typed",
-    "with_gain",
-]
-
-FITTED: Final = 12
-"""Number of samples at the start from which velocity and acceleration are estimated."""
-
-SLOW: Final = 1e-3
-"""Initial velocity over the largest one up to which a reference begins at rest."""
-
-REST: Final = 10
-"""Number of samples at rest before the run-up."""
-
-SHORTEST: Final = 20
-"""Smallest number of samples of a run-up."""
+FITTED: Final = 12  # number of samples at the start from which velocity and acceleration are estimated
+SLOW: Final = 1e-3  # initial velocity over the largest one up to which a reference begins at rest
+REST: Final = 10  # number of samples at rest before the run-up
+SHORTEST: Final = 20  # smallest number of samples of a run-up
 
 
 def from_rest(r: NDArray[np.float64], Ts: float) -> NDArray[np.float64]:
@@ -72,11 +52,8 @@ def from_rest(r: NDArray[np.float64], Ts: float) -> NDArray[np.float64]:
     return np.concatenate([np.full(REST, run_up[0]), run_up, r])
 
 
-RECORDED = ("axis.x", "servo.u")
-"""Variables recorded at every sample of the servo."""
-
-FINEST = 0.5e-3
-"""Longest communication step between mass and friction [s]."""
+RECORDED = ("axis.x", "servo.u")  # variables recorded at every sample of the servo
+FINEST = 0.5e-3  # longest communication step between mass and friction [s]
 
 SOFT = 0.1
 """Largest step times angular frequency of the mass on its bristles for which an explicit coupling is accurate."""
@@ -177,3 +154,65 @@ def numerical_error(system: System, measure: Callable[[Trace], float]) -> float:
 def _trace(position: NDArray[np.float64], force: NDArray[np.float64]) -> Trace:
     """Return the trace of a result, whose rows have the force of the sampling period that ends there."""
     return Trace(q=position[:-1], force=force[1:])
+
+
+Array = NDArray[np.float64]
+
+FREE_TOLERANCE = 1e-6  # residual of the loop of mass and friction over the size of the values
+
+
+def free_axis(
+    plant: Plant,
+    t: Array,
+    force: Array,
+    trend: Array,
+    *,
+    rotary: bool = False,
+    contact: Path | None = None,
+    longest: float = FINEST,
+) -> System:
+    """Return mass and friction of an axis, driven by a recorded force."""
+    Ts = float((t[-1] - t[0]) / (len(t) - 1))
+    every = max(1, int(np.ceil(Ts / longest - 1e-9)))
+
+    def part(name: str, model: str, own: Path | None = None) -> FmuPart:
+        return FmuPart(name, own or block(model, rotary))
+
+    mass, friction = part("axis", "Mass"), part("friction", plant.friction, contact)
+    columns = {"u": force, "trend": trend}
+    drive = SeriesPart("drive", Ts * np.arange(len(t)), columns, interpolation="previous", beyond="hold")
+    drive.every = every
+    parts: list[Part] = [drive, part("force", "Sum"), mass, friction]
+    wires: list[str | Wire] = ["drive.u -> force.u1", "drive.trend -> force.u2", "force.y -> axis.F_drive"]
+    wires += ["axis.v -> friction.v", "friction.F -> axis.F_friction"]
+    if any(port.name == "F_ext" for port in friction.inputs):
+        wires.append("axis.F_ext -> friction.F_ext")
+    start: dict[str, StartValue] = {"axis.m": plant.mass, "force.gain[2]": 0.0}
+    start |= constant_force(plant, -plant.offset)
+    start["axis.d"] = viscous_beside(friction, plant)
+    start |= {f"friction.{name}": value for name, value in typed(friction, plant.values).items()}
+    if plant.position is not None:
+        parts.append(FmuPart("position", plant.position.fmu(rotary)))
+        start |= {f"position.{name}": value for name, value in plant.position.start.items()}
+        wires += ["axis.x -> position.x", "axis.v -> position.v"]
+        wires.append(Wire("position.F_position", "axis.F_load", delay=1))
+    step = Ts / every
+    stop = Ts * (len(t) - 1)
+    experiment = Experiment(
+        stop=stop,
+        step=step,
+        master=master_of(plant, step),
+        record=("axis.x", "axis.v"),
+        decimate=every,
+        loop_tolerance=FREE_TOLERANCE,
+    )
+    return System(parts, wires, start, experiment, "free axis")
+
+
+def run_free(system: System, start: Mapping[str, StartValue], begin: float, end: float) -> tuple[Array, Array]:
+    """Run a free axis from one sample to another and return position and velocity at all samples."""
+    result = system.with_start(start).run(start=begin, stop=end)
+    return (
+        np.asarray(result["axis.x"].to_numpy(), dtype=np.float64),
+        np.asarray(result["axis.v"].to_numpy(), dtype=np.float64),
+    )

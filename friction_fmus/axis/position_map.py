@@ -15,11 +15,8 @@ from friction_fmus.export.block_fmu import build, fmu
 
 Array = NDArray[np.float64]
 
-BLOCK = "PositionMap"
-"""Block that computes the force."""
-
-LEAST_NODES = 4
-"""Smallest number of nodes of a table."""
+BLOCK = "PositionMap"  # block that computes the force
+LEAST_NODES = 4  # smallest number of nodes of a table
 
 
 @dataclass(frozen=True)

@@ -126,8 +126,6 @@ class About:
     quotes: tuple[str, ...] = ()
     """Functions of `friction_fmus.conditions` that the documentation page quotes. The doctor evaluates them for systems
     with the block."""
-    needs: Mapping[str, int] = field(default_factory=dict)
-    """Rows of the decision tables in the documentation that recommend the block, with its rank in each."""
     identified: Identified = field(default_factory=Identified)
     """How a friction model is identified."""
     in_loop: InLoop = field(default_factory=InLoop)
@@ -170,7 +168,6 @@ def about_c_block(code: str) -> About:
     about = About(
         string(code, "PORTRAIT"),
         words(string(code, "QUOTES")),
-        dict(_place(need) for need in words(string(code, "NEEDS"))),
         identified(code),
         in_loop(code),
         use_of(code),
@@ -178,11 +175,3 @@ def about_c_block(code: str) -> About:
     )
     about.check(re.findall(r"\(\s*(\w+)\s*,", macro(code, "VARIABLES") or ""))
     return about
-
-
-def _place(need: str) -> tuple[str, int]:
-    """Return the name and the rank of ``name: rank``; the rank is 1 if none is given."""
-    name, colon, place = need.partition(":")
-    if colon and not place.strip().isdigit():
-        raise FrictionError(f"NEEDS states the rank {place.strip()!r} of {name}; give a number")
-    return name.strip(), int(place) if colon else 1

@@ -87,7 +87,7 @@ class Loop:
         Parameter values at which its equations are linearised for the poles of the loop; None if it does not affect
         them.
     filter : str
-        For a controller in C: the function of `friction_fmus.doctor.linear` that returns its part of the loop.
+        For a controller in C: the function of `friction_fmus.doctor.roles` that returns its part of the loop.
     estimates : bool
         Whether it estimates the force without a friction model, so that the poles of the loop include the estimator.
     hunts : bool
@@ -97,7 +97,7 @@ class Loop:
     adapts : tuple of str
         Rate of an adaptation [N/m] and the damping [N.s/m] that must stabilise it; empty if it does not adapt.
     rules : tuple of str
-        Names of further rules, see `friction_fmus.doctor.known`.
+        Names of further rules, see `friction_fmus.doctor.roles`.
     shapes : bool
         Whether it shapes the reference of a law by the inverse of the gains Kp, Kd, Ki in its parameters.
     """

@@ -1,8 +1,8 @@
 """Checks of an FMU: the archive, the XML, and the behaviour of the binary in a separate process.
 
 An SSP is read as the harness reads it, and each of its FMUs is checked. The checks apply to any FMU of FMI 2.0 or 3.0.
-The rules are functions in `archive`, `definitions`, `variables`, `structure`, `side_files` and `fmi3`, and probes in
-`probes`; each rule is one function.
+The rules are functions in `archive`, `definitions`, `variables`, `structure` and `fmi3_rules`, and probes in `probes`;
+each rule is one function.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from friction_fmus.check.archive import (
     read_member,
     truncated_libraries,
 )
-from friction_fmus.check.binary import examine_binary
+from friction_fmus.check.binary import examine_binary, examine_binary_3
 from friction_fmus.check.description import (
     NO_INTERFACE,
     SCHEMA,
@@ -35,8 +35,7 @@ from friction_fmus.check.description import (
     wrong_encoding,
 )
 from friction_fmus.check.findings import DESCRIPTION, RULES, Finding, Rule, apply, declare
-from friction_fmus.check.fmi3 import Model3
-from friction_fmus.check.fmi3.binary import examine_binary_3
+from friction_fmus.check.fmi3_rules import Model3
 from friction_fmus.check.structure import examine_side_files
 from friction_fmus.errors import FrictionError, UnknownNameError, nearest
 from harness.errors import HarnessError
@@ -46,13 +45,11 @@ from harness.storage.files import ScratchFolder
 
 __all__ = ["RULES", "Finding", "Rule", "check"]
 
-_MODULES = (definitions, variables, structure)
-"""Modules that register the rules of the XML."""
+_MODULES = (definitions, variables, structure)  # modules that register the rules of the XML
 
 _DANGEROUS = ("zip-", "path-outside", "path-backslash", "path-symlink", "path-duplicate", "path-clash", "path-long")
 
-_ONLY_FMI_2 = ("source-headers", "source-undeclared")
-"""Rules of the archive that do not hold in FMI 3.0."""
+_ONLY_FMI_2 = ("source-headers", "source-undeclared")  # rules of the archive that do not hold in FMI 3.0
 
 SCHEMA_3 = declare("fmi3-schema", "error", "2.4", "modelDescription.xml violates the schema of FMI 3.0.", "fmi3")
 SSP = declare("ssp", "error", "5", "The harness cannot read the system that an SSP describes.", "ssp")

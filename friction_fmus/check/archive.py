@@ -46,8 +46,7 @@ _HEADERS = ("fmi2Functions.h", "fmi2FunctionTypes.h", "fmi2TypesPlatform.h")
 NOT_A_ZIP = declare("not-a-zip", "error", "2.3", "The file is not a readable zip archive.", "archive")
 TRUNCATED = declare("binary-truncated", "error", "2.3", "The file of a library is truncated.", "archive")
 
-_UNREADABLE = ("zip-bomb", "zip-encrypted", "zip-method")
-"""Rules whose violation prevents unpacking."""
+_UNREADABLE = ("zip-bomb", "zip-encrypted", "zip-method")  # rules whose violation prevents unpacking
 
 DAMAGED = declare("zip-damaged", "error", "2.3", "A member of the archive cannot be read.", "archive")
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import json
-import math
 import os
 import signal
 import subprocess
@@ -14,16 +13,16 @@ from pathlib import Path
 from time import monotonic
 from typing import Any, Final
 
+import fmpy
 from lxml import etree
 
 from friction_fmus.check.archive import Contents
 from friction_fmus.check.description import Model, Variable, integer, real
-from friction_fmus.check.findings import RULES, Finding, declare
+from friction_fmus.check.findings import RULES, Finding, Severity, declare
+from friction_fmus.check.fmi3_rules import FLOATS, INTEGERS, Model3, Variable3
 from friction_fmus.check.probes import arrays, events, lifecycle, stepping, surroundings
 from friction_fmus.check.probes.host import CRASHES, ONLY, PROBES, SEVERAL, WITH
 from friction_fmus.check.probes.library import TRACE_SIZE
-from friction_fmus.check.probes.rules import RULES as BINARY_RULES
-from friction_fmus.check.probes.rules import RULES_3
 from friction_fmus.errors import FrictionError
 from harness.compiling.platforms import NATIVE
 from harness.storage.files import ScratchFolder
@@ -32,10 +31,78 @@ from harness.storage.zip_file import unpack_zip
 _MODULES: Final = (lifecycle, stepping, events, arrays, surroundings)
 """Modules that register the probes, in this order."""
 
-for _id, (_severity, _section, _summary) in BINARY_RULES.items():
-    declare(_id, _severity, _section, _summary, "binary")  # type: ignore[arg-type]
-for _id, (_severity, _section, _summary) in RULES_3.items():
-    declare(_id, _severity, _section, _summary, "fmi3")  # type: ignore[arg-type]
+_RULES: Final[dict[str, tuple[Severity, str, str]]] = {
+    "binary-not-loadable": ("error", "2.3", "The library for this platform cannot be loaded."),
+    "binary-crashes": ("error", "2.1.3", "A legal call ends the process."),
+    "binary-hangs": ("error", "2.1.3", "A legal call does not return within the time limit."),
+    "free-null": ("warning", "2.1.5", "fmi2FreeInstance does not ignore a null pointer."),
+    "misuse-crashes": (
+        "warning",
+        "4.2.4",
+        "A call in a state in which it is not allowed ends the process or hangs.",
+    ),
+    "function-missing": ("error", "2.3", "The library does not export a function of the standard."),
+    "version-answer": ("error", "2.1.4", "fmi2GetVersion or fmi2GetTypesPlatform returns a wrong result."),
+    "instantiate-fails": ("error", "2.1.5", "fmi2Instantiate returns no instance for the guid of the XML."),
+    "guid-not-checked": ("error", "2.1.5", "fmi2Instantiate accepts a guid that differs from the XML."),
+    "second-instance": ("error", "4.3.1", "A second instance is rejected although the XML allows it."),
+    "instances-interfere": ("error", "2.1.5", "An instance affects the results of another one."),
+    "call-refused": ("error", "4.2.4", "A call is rejected in a state in which the standard allows it."),
+    "call-order-accepted": ("warning", "4.2.4", "A call is accepted in a state in which the standard forbids it."),
+    "start-differs": ("error", "2.2.7", "A start value in the XML differs from the start value in the binary."),
+    "variable-not-readable": ("error", "2.1.7", "A declared variable cannot be read."),
+    "variable-not-settable": ("error", "2.1.7", "An input or parameter rejects its own start value."),
+    "step-refused": ("error", "4.2.2", "fmi2DoStep rejects a step that the capabilities allow."),
+    "step-rounding": ("error", "4.2.2", "fmi2DoStep rejects a step that differs from the last one only by rounding."),
+    "time-wrong": ("error", "4.2.2", "The time after a step is not the end of the step."),
+    "time-own-grid": (
+        "note",
+        "4.2.2",
+        "The time after a step lags by less than a preferred step, on a grid of the FMU.",
+    ),
+    "time-rounded": ("note", "4.2.2", "The time after a step differs from the end of the step by rounding."),
+    "value-not-finite": ("warning", "2.2.7", "An output is NaN or infinite with all start values unchanged."),
+    "event-iteration": ("error", "3.2.2", "fmi2NewDiscreteStates asks for iterations without end."),
+    "event-time": ("error", "3.2.2", "The next time event is not after the current time."),
+    "counts": ("error", "3.2.2", "A function sets more or fewer results than it must."),
+    "nominal-states": ("error", "3.2.2", "A nominal value of a state is not positive."),
+    "states": ("error", "3.2.1", "States are not kept, or are other variables than the XML says."),
+    "history": ("error", "3.2.1", "Values depend on points that the solver has tried before."),
+    "directional": ("error", "2.1.9", "A directional derivative disagrees with differences."),
+    "dependency-missing": ("error", "2.2.8", "A value depends on an input that its dependencies omit."),
+    "not-reproducible": ("warning", "2.1.5", "Two instances with the same calls give different results."),
+    "reset-incomplete": ("error", "2.1.6", "After fmi2Reset, the same calls give different results."),
+    "state-not-restored": ("error", "2.1.8", "fmi2SetFMUstate does not restore the complete saved state."),
+    "state-pointer": ("error", "2.1.8", "fmi2FreeFMUstate does not clear the pointer to the freed state."),
+    "state-not-serialized": ("error", "2.1.8", "A state differs after serialisation."),
+    "capability": ("error", "4.3.1", "A function fails although the XML declares the capability."),
+    "memory-grows": ("warning", "2.1.5", "Memory grows with every instance or every step."),
+    "log-category": ("note", "2.2.4", "A message is logged in a category that the XML does not declare."),
+    "prints": ("note", "2.1.5", "The library prints to stdout or stderr instead of the logger."),
+    "process-changed": (
+        "warning",
+        "2.1.5",
+        "The library changes the working directory, the locale or the rounding mode.",
+    ),
+}
+"""Rules of the binary: severity, section of FMI 2.0.5, and a description of the error."""
+
+_RULES_3: Final[dict[str, tuple[Severity, str, str]]] = {
+    "fmi3-configuration": (
+        "error",
+        "2.2.1",
+        "A structural parameter cannot be set in its mode, or elsewhere too.",
+    ),
+    "fmi3-adjoint": ("error", "2.2.11", "An adjoint derivative disagrees with a directional derivative."),
+    "fmi3-event-mode": ("error", "4.2.2", "A co-simulation with events fails."),
+    "fmi3-intermediate-update": ("error", "4.2.2", "Intermediate updates are out of order or end a step."),
+}
+"""Rules of what FMI 3.0 adds, with sections of FMI 3.0.2."""
+
+for _id, _rule in _RULES.items():
+    declare(_id, *_rule, "binary")
+for _id, _rule in _RULES_3.items():
+    declare(_id, *_rule, "fmi3")
 
 NO_BINARY = declare("no-binary-here", "note", "2.3", "There is no binary for this machine, so none was run.", "binary")
 
@@ -116,13 +183,28 @@ def _flag(interface: etree._Element, name: str) -> bool:
     return interface.get(name) in ("true", "1")
 
 
+def _common(model: Model | Model3, interface: etree._Element, own_step: float | None = None) -> dict[str, Any]:
+    """Return what both versions of FMI state alike: the default experiment, and what belongs to the interface."""
+    experiment = model.root.find("DefaultExperiment")
+    names = ("startTime", "stopTime", "stepSize")
+    given = {} if experiment is None else {name: real(experiment.get(name)) for name in names}
+    start, stop, step = given.get("startTime") or 0.0, given.get("stopTime"), given.get("stepSize") or own_step
+    if not step or not 0.0 < step < float("inf"):
+        step = (stop - start) / 500.0 if stop and 0.0 < stop - start < float("inf") else 1e-2
+    return {
+        "start_time": start if abs(start) < float("inf") else 0.0,
+        "step": step,
+        "exchange": interface.tag == "ModelExchange",
+        "output_derivatives": integer(interface.get("maxOutputDerivativeOrder")) or 0,
+        "categories": [element.get("name") for element in model.root.iterfind("LogCategories/Category")],
+    }
+
+
 def _job(model: Model, interface: etree._Element) -> dict[str, Any]:
     """Return the data of the XML that the probes need, as a JSON value."""
-    orders = integer(interface.get("maxOutputDerivativeOrder"))
     return {
+        **_common(model, interface),
         "guid": model.root.get("guid", ""),
-        **span(model.root, None),
-        "exchange": interface.tag == "ModelExchange",
         "flags": {name: _flag(interface, name) for name in _FLAGS},
         "states": [_state(model, unknown.index) for unknown in model.unknowns["Derivatives"]],
         "indicators": max(0, integer(model.root.get("numberOfEventIndicators")) or 0),
@@ -130,21 +212,8 @@ def _job(model: Model, interface: etree._Element) -> dict[str, Any]:
             section: _dependencies(model, section) for section in ("Outputs", "Derivatives", "InitialUnknowns")
         },
         "completes": not _flag(interface, "completedIntegratorStepNotNeeded"),
-        "output_derivatives": orders or 0,
-        "categories": [element.get("name") for element in model.all("LogCategories/Category")],
         "variables": [row for v in model.variables if (row := _row(v)) is not None],
     }
-
-
-def span(root: etree._Element, fixed: float | None) -> dict[str, float]:
-    """Return start time and step of the default experiment, or else a fixed step of the FMU."""
-    experiment = root.find("DefaultExperiment")
-    names = ("startTime", "stopTime", "stepSize")
-    given = {} if experiment is None else {name: real(experiment.get(name)) for name in names}
-    start, stop, step = given.get("startTime") or 0.0, given.get("stopTime"), given.get("stepSize") or fixed
-    if not step or not 0.0 < step < math.inf:
-        step = (stop - start) / 500.0 if stop and 0.0 < stop - start < math.inf else 1e-2
-    return {"start_time": start if abs(start) < math.inf else 0.0, "step": step}
 
 
 def _state(model: Model, index: int) -> dict[str, Any]:
@@ -174,6 +243,10 @@ def _row(v: Variable) -> dict[str, Any] | None:
     if reference is None or not 0 <= reference < 1 << 32 or not v.type:
         return None
     kind = "Integer" if v.type == "Enumeration" else v.type
+    return _scalar(v, reference, kind, v.initial, _start(kind, v.start))
+
+
+def _scalar(v: Variable | Variable3, reference: int, kind: str, initial: str | None, start: Any) -> dict[str, Any]:
     low, high, nominal = real(v.get("min")), real(v.get("max")), real(v.get("nominal"))
     return {
         "name": v.name,
@@ -181,8 +254,8 @@ def _row(v: Variable) -> dict[str, Any] | None:
         "type": kind,
         "causality": v.causality,
         "variability": v.variability,
-        "initial": v.initial,
-        "start": _start(kind, v.start),
+        "initial": initial,
+        "start": start,
         "low": -1e300 if low is None else low,
         "high": 1e300 if high is None else high,
         "nominal": nominal or 1.0,
@@ -196,6 +269,142 @@ def _start(kind: str, text: str | None) -> Any:
         return text.strip() in ("true", "1")
     number = integer(text) if kind == "Integer" else real(text)
     return number if kind == "Real" or number is None or -(1 << 31) <= number < 1 << 31 else None
+
+
+# ---- FMI 3.0
+
+_TYPES: Final = {"Float64": "Real", "Int32": "Integer", "Boolean": "Boolean", "String": "String"}
+"""Types of FMI 2.0 of scalars that the probes of FMI 2.0 read and set."""
+_FLAGS_3: Final = {
+    "canHandleVariableCommunicationStepSize": "canHandleVariableCommunicationStepSize",
+    "canBeInstantiatedOnlyOncePerProcess": "canBeInstantiatedOnlyOncePerProcess",
+    "canGetAndSetFMUstate": "canGetAndSetFMUState",
+    "canSerializeFMUstate": "canSerializeFMUState",
+    "providesDirectionalDerivative": "providesDirectionalDerivatives",
+}
+"""Capabilities of FMI 2.0, and their names in FMI 3.0."""
+
+
+def examine_binary_3(contents: Contents, model: Model3, time_limit: float) -> list[Finding]:
+    """Run the probes of co-simulation and model exchange; see `examine_binary`."""
+    found: list[Finding] = []
+    for element in model.interfaces:
+        if element.tag == "ScheduledExecution":
+            continue
+        kind = "model exchange" if element.tag == "ModelExchange" else "co-simulation"
+        once = _flag(element, "canBeInstantiatedOnlyOncePerProcess")
+        wanted = {kind, "FMI 3.0", f"FMI 3.0 {kind}"}
+        names = [name for name in PROBES if ONLY.get(name, kind) in wanted and not (once and name in SEVERAL)]
+        identifier = element.get("modelIdentifier", "")
+        binary = f"binaries/{fmpy.platform_tuple}/{identifier}{NATIVE.suffix}"
+        found += run_probes(contents, binary, _job_3(model, element), names, once, time_limit)
+    return list(dict.fromkeys(found))
+
+
+def _job_3(model: Model3, element: etree._Element) -> dict[str, Any]:
+    indicators = (
+        model.by_reference.get(integer(e.get("valueReference")) or 0) for e in model.structure("EventIndicator")
+    )
+    return {
+        **_common(model, element, real(element.get("fixedInternalStepSize"))),
+        "version": 3,
+        "guid": model.root.get("instantiationToken", ""),
+        "flags": {old: _flag(element, new) for old, new in _FLAGS_3.items()},
+        "states": [state for e in model.structure("ContinuousStateDerivative") for state in _states_3(model, e)],
+        "indicators": sum(model.elements(v) or 1 for v in indicators if v is not None),
+        "dependencies": {
+            old: _dependencies_3(model, new)
+            for old, new in (
+                ("Outputs", "Output"),
+                ("Derivatives", "ContinuousStateDerivative"),
+                ("InitialUnknowns", "InitialUnknown"),
+            )
+        },
+        "completes": _flag(element, "needsCompletedIntegratorStep"),
+        "variables": [row for v in model.variables if (row := _row_3(v)) is not None],
+        "arrays": [row for v in model.variables if (row := _array(model, v)) is not None],
+        "structural": [
+            row
+            for v in model.variables
+            if v.causality == "structuralParameter" and (row := _array(model, v)) is not None and row["starts"]
+        ],
+        "clocks": [
+            {
+                "name": v.name,
+                "reference": v.reference,
+                "stated": any(v.get(each) is not None for each in ("intervalDecimal", "intervalCounter")),
+            }
+            for v in model.variables
+            if v.type == "Clock"
+            and v.causality == "input"
+            and v.get("intervalVariability") in ("constant", "fixed", "tunable")
+        ],
+        "event_mode": _flag(element, "hasEventMode"),
+        "returns": _flag(element, "mightReturnEarlyFromDoStep")
+        or _flag(element, "canReturnEarlyAfterIntermediateUpdate"),
+        "adjoint": _flag(element, "providesAdjointDerivatives") and _flag(element, "providesDirectionalDerivatives"),
+        "intermediate": _flag(element, "providesIntermediateUpdate"),
+    }
+
+
+def _dependencies_3(model: Model3, section: str) -> dict[str, list[str]]:
+    """Return the names on which each unknown depends; without an unknown that depends on all."""
+    found = {}
+    for element in model.structure(section):
+        v = model.by_reference.get(integer(element.get("valueReference")) or 0)
+        given = element.get("dependencies")
+        if v is not None and given is not None:
+            known = (model.by_reference.get(integer(reference) or 0) for reference in given.split())
+            found[v.name] = [each.name for each in known if each is not None]
+    return found
+
+
+def _states_3(model: Model3, element: etree._Element) -> list[dict[str, Any]]:
+    """Return a derivative with its state; None for the elements of arrays, which the probes of FMI 2.0 do not read."""
+    derivative = model.by_reference.get(integer(element.get("valueReference")) or 0)
+    state = None if derivative is None else model.by_reference.get(integer(derivative.element.get("derivative")) or 0)
+    if derivative is None or state is None or derivative.dimensions:
+        count = 1 if derivative is None else model.elements(derivative) or 1
+        return [dict.fromkeys(("derivative", "derivative_reference", "state", "state_reference"))] * count
+    pair = {"derivative": derivative.name, "derivative_reference": derivative.reference}
+    return [pair | {"state": state.name, "state_reference": state.reference}]
+
+
+def _row_3(v: Variable3) -> dict[str, Any] | None:
+    if v.type not in _TYPES or v.dimensions or v.reference is None or v.clocks:
+        return None
+    text = v.starts[0] if v.starts else None
+    value: Any = text
+    if v.type != "String" and text is not None:
+        value = text in ("true", "1") if v.type == "Boolean" else integer(text) if v.type == "Int32" else real(text)
+    return _scalar(v, v.reference, _TYPES[v.type], None if v.causality == "input" else v.initial, value)
+
+
+def _array(model: Model3, v: Variable3) -> dict[str, Any] | None:
+    """Return a variable of numbers or Booleans with all its elements."""
+    count = model.elements(v)
+    if v.type not in (*FLOATS, *INTEGERS, "Boolean", "Enumeration") or v.reference is None or count is None or v.clocks:
+        return None
+    texts = v.starts or ()
+    texts = texts * count if len(texts) == 1 else texts
+    values = [text in ("true", "1") if v.type == "Boolean" else _number(v.type, text) for text in texts]
+    known = len(values) == count and None not in values and v.initial == "exact"
+    return {
+        "name": v.name,
+        "reference": v.reference,
+        "type": v.type,
+        "count": count,
+        "variability": v.variability,
+        "starts": values if known else [],
+        "settable": v.causality in ("input", "parameter"),
+    }
+
+
+def _number(kind: str, text: str) -> float | int | None:
+    return real(text) if kind in FLOATS else integer(text)
+
+
+# ---- the process
 
 
 def _supervise(folder: Path, names: list[str], once: bool, binary: str, time_limit: float) -> Iterator[Finding]:

@@ -8,8 +8,8 @@ from collections.abc import Iterable, Iterator
 
 from lxml import etree
 
-from friction_fmus.check.description import Model, Variable, child_of, integer, line_of, name_of, real
-from friction_fmus.check.findings import Fault, rule
+from friction_fmus.check.description import Model, child_of, integer, line_of, name_of, real
+from friction_fmus.check.findings import Fault, at, rule
 from harness.units import BASE_SYMBOLS, BaseUnit, parse_unit
 
 _METADATA = ("description", "author", "version", "license", "generationTool", "generationDateAndTime")
@@ -209,7 +209,7 @@ def _clash(model: Model) -> Iterator[Fault]:
 def _type_unknown(model: Model) -> Iterator[Fault]:
     for v in model.variables:
         if v.typed is not None and v.typed.get("declaredType") is not None and v.declared is None:
-            yield _of(v, f"{v.name} is declared as {v.typed.get('declaredType')!r}, which is not defined; define it")
+            yield at(v, f"{v.name} is declared as {v.typed.get('declaredType')!r}, which is not defined; define it")
 
 
 @rule("type-mismatch", "error", "2.2.7", "The base type of a declared type differs from the type of the variable.")
@@ -217,7 +217,7 @@ def _type_mismatch(model: Model) -> Iterator[Fault]:
     for v in model.variables:
         if v.declared is not None and v.typed is not None and name_of(v.declared) != v.type:
             declared = f"{v.typed.get('declaredType')!r}, a type of {name_of(v.declared)}"
-            yield _of(v, f"{v.name} is {v.type} but declared as {declared}; choose another")
+            yield at(v, f"{v.name} is {v.type} but declared as {declared}; choose another")
 
 
 @rule("enumeration-items", "error", "2.2.3", "Two items of an enumeration have the same name or value.")
@@ -232,7 +232,3 @@ def _items(model: Model) -> Iterator[Fault]:
                         message = f"two items of {simple.get('name')!r} have the {attribute} {text!r}; change one"
                         yield Fault(message, line_of(item))
                     seen.add(text)
-
-
-def _of(v: Variable, message: str) -> Fault:
-    return Fault(message, v.line, v.name)

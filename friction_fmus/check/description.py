@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass, field
 from functools import cache, cached_property
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, ClassVar, Final
 
 import fmpy
 from lxml import etree
@@ -21,8 +21,7 @@ _INITIAL: Final = {
 }
 """Default of `initial` by causality; for outputs and locals it depends on the variability (section 2.2.7)."""
 
-SECTIONS: Final = ("Outputs", "Derivatives", "InitialUnknowns")
-"""Sections of ModelStructure."""
+SECTIONS: Final = ("Outputs", "Derivatives", "InitialUnknowns")  # sections of ModelStructure
 
 MALFORMED = declare("xml-malformed", "error", "2.2", "modelDescription.xml cannot be read.", "description")
 ENTITIES = declare(
@@ -51,17 +50,11 @@ class Unknown:
 
 
 @dataclass(frozen=True)
-class Variable:
-    """A ScalarVariable with the defaults of the standard and of its declared type."""
+class Described:
+    """What variables of both versions of FMI have."""
 
     element: etree._Element
-    """ScalarVariable."""
-    typed: etree._Element | None
-    """Real, Integer, Boolean, String or Enumeration."""
-    declared: etree._Element | None
-    """The corresponding element of its SimpleType."""
-    index: int
-    """Index from 1, as in ModelStructure."""
+    """ScalarVariable, or in FMI 3.0 such as Float64."""
 
     @property
     def name(self) -> str:
@@ -74,6 +67,23 @@ class Variable:
         return line_of(self.element)
 
     @property
+    def causality(self) -> str:
+        """Causality, with its default."""
+        return self.element.get("causality", "local")
+
+
+@dataclass(frozen=True)
+class Variable(Described):
+    """A ScalarVariable with the defaults of the standard and of its declared type."""
+
+    typed: etree._Element | None
+    """Real, Integer, Boolean, String or Enumeration."""
+    declared: etree._Element | None
+    """The corresponding element of its SimpleType."""
+    index: int
+    """Index from 1, as in ModelStructure."""
+
+    @property
     def type(self) -> str:
         """Real, Integer, Boolean, String or Enumeration."""
         return "" if self.typed is None else name_of(self.typed)
@@ -82,11 +92,6 @@ class Variable:
     def reference(self) -> str:
         """Value reference as written."""
         return self.element.get("valueReference", "")
-
-    @property
-    def causality(self) -> str:
-        """Causality, with its default."""
-        return self.element.get("causality", "local")
 
     @property
     def variability(self) -> str:
@@ -124,11 +129,33 @@ class Variable:
 
 
 @dataclass
-class Model:
-    """The content of modelDescription.xml."""
+class Description:
+    """What modelDescription.xml has in both versions of FMI."""
 
+    kinds: ClassVar[tuple[str, ...]] = ("CoSimulation", "ModelExchange")
     root: etree._Element
     """The element fmiModelDescription."""
+
+    @cached_property
+    def interfaces(self) -> list[etree._Element]:
+        """The elements of `kinds`, as far as they exist."""
+        found = (self.root.find(kind) for kind in self.kinds)
+        return [element for element in found if element is not None]
+
+    @property
+    def identifier(self) -> str:
+        """Model identifier of the first interface."""
+        return self.interfaces[0].get("modelIdentifier", "") if self.interfaces else ""
+
+    def flag(self, name: str) -> bool:
+        """Return whether an interface has a capability flag."""
+        return any(element.get(name) in ("true", "1") for element in self.interfaces)
+
+
+@dataclass
+class Model(Description):
+    """The content of modelDescription.xml."""
+
     variables: list[Variable] = field(init=False)
 
     def __post_init__(self) -> None:
@@ -144,26 +171,11 @@ class Model:
         """Return elements by their path."""
         return list(self.root.iterfind(path))
 
-    @cached_property
-    def interfaces(self) -> list[etree._Element]:
-        """The elements CoSimulation and ModelExchange, as far as they exist."""
-        found = (self.root.find(kind) for kind in ("CoSimulation", "ModelExchange"))
-        return [element for element in found if element is not None]
-
-    @property
-    def identifier(self) -> str:
-        """Model identifier of the first interface."""
-        return self.interfaces[0].get("modelIdentifier", "") if self.interfaces else ""
-
     @property
     def source_files(self) -> tuple[str, ...]:
         """Source files of all interfaces, each once."""
         files = (file for element in self.interfaces for file in element.iterfind("SourceFiles/File"))
         return tuple(dict.fromkeys(file.get("name", "") for file in files))
-
-    def flag(self, name: str) -> bool:
-        """Return whether an interface has a capability flag."""
-        return any(element.get(name) in ("true", "1") for element in self.interfaces)
 
     @cached_property
     def unknowns(self) -> dict[str, list[Unknown]]:

@@ -24,8 +24,7 @@ Kind = Literal["archive", "description", "binary", "fmi3", "ssp"]
 
 DESCRIPTION: Final = "modelDescription.xml"
 
-LONGEST: Final = 2000
-"""Largest length of a text in a finding [characters]."""
+LONGEST: Final = 2000  # largest length of a text in a finding [characters]
 
 
 @dataclass(frozen=True)
@@ -127,10 +126,15 @@ def _shortened(text: str) -> str:
     return text if len(text) <= LONGEST else f"{text[: LONGEST // 2]} ... {text[-LONGEST // 2 :]}"
 
 
-Function = Callable[[Any], Iterator[Fault]]
+def at(v: Any, message: str) -> Fault:
+    """Return a fault of a variable of a model description."""
+    return Fault(message, v.line, v.name)
 
-RULES: Final[dict[str, Rule]] = {}
-"""All rules by name."""
+
+Function = Callable[[Any], Iterator[Fault]]
+Messages = Callable[[Any, Any], Iterator[str]]
+
+RULES: Final[dict[str, Rule]] = {}  # all rules by name
 
 _functions: Final[list[tuple[Rule, Function]]] = []
 
@@ -148,6 +152,21 @@ def rule(
 
     def add(function: Function) -> Function:
         _functions.append((declare(id, severity, section, summary, kind), function))
+        return function
+
+    return add
+
+
+def for_each(
+    id: str, severity: Severity, section: str, summary: str, kind: Kind = "description"
+) -> Callable[[Messages], Messages]:
+    """Add a rule with a function that maps a model description and each of its variables to messages."""
+
+    def add(function: Messages) -> Messages:
+        @rule(id, severity, section, summary, kind)
+        def faults(model: Any) -> Iterator[Fault]:
+            return (at(v, message) for v in model.variables for message in function(model, v))
+
         return function
 
     return add

@@ -22,7 +22,7 @@ from friction_fmus.check.description import (
     wrong_encoding,
 )
 from friction_fmus.check.findings import Fault, Finding, declare, rule
-from friction_fmus.check.fmi3.description import Model3
+from friction_fmus.check.fmi3_rules import Model3
 
 TERMINALS: Final = "terminalsAndIcons/terminalsAndIcons.xml"
 BUILD: Final = "sources/buildDescription.xml"

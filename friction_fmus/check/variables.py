@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from functools import cache
 
 from friction_fmus.check.description import Model, Variable, integer, line_of, real
-from friction_fmus.check.findings import Fault, rule
+from friction_fmus.check.findings import Fault, at, for_each, rule
 from harness.values import STRUCTURED
 
 # tables of causality and variability, and of initial (section 2.2.7)
@@ -33,16 +33,12 @@ def _initials(v: Variable) -> set[str | None]:
     return {"exact", "calculated", "approx"}
 
 
-def _at(v: Variable, message: str) -> Fault:
-    return Fault(message, v.line, v.name)
-
-
 @rule("duplicate-variable", "error", "2.2.7", "Two variables have the same name.")
 def _duplicate(model: Model) -> Iterator[Fault]:
     seen: dict[str, Variable] = {}
     for v in model.variables:
         if v.name in seen:
-            yield _at(v, f"{v.name!r} is already defined in line {seen[v.name].line}; rename one")
+            yield at(v, f"{v.name!r} is already defined in line {seen[v.name].line}; rename one")
         seen.setdefault(v.name, v)
 
 
@@ -51,44 +47,40 @@ def _name(model: Model) -> Iterator[Fault]:
     structured = model.root.get("variableNamingConvention") == "structured"
     for v in model.variables:
         if structured and not STRUCTURED.fullmatch(v.name):
-            yield _at(v, f"{v.name!r} is not a structured name; rename it or declare the convention flat")
+            yield at(v, f"{v.name!r} is not a structured name; rename it or declare the convention flat")
         if not structured and (not v.name or re.search("[\r\n\t]", v.name)):
-            yield _at(v, f"{v.name!r} is empty or contains a line break or a tab; rename it")
+            yield at(v, f"{v.name!r} is empty or contains a line break or a tab; rename it")
 
 
-@rule("variability", "error", "2.2.7", "Causality and variability, or type and variability, are incompatible.")
-def _variability(model: Model) -> Iterator[Fault]:
-    for v in model.variables:
-        allowed = _VARIABILITIES.get(v.causality, {v.variability})
-        if v.variability not in allowed:
-            one = " or ".join(sorted(allowed))
-            yield _at(v, f"{v.name} is {v.causality} and {v.variability}; make it {one}")
-        elif v.variability == "continuous" and v.type not in ("Real", ""):
-            default = "" if v.element.get("variability") else ", which is the default"
-            yield _at(v, f"{v.name} is {v.type} and continuous{default}; write variability='discrete' or another")
+@for_each("variability", "error", "2.2.7", "Causality and variability, or type and variability, are incompatible.")
+def _variability(_model: Model, v: Variable) -> Iterator[str]:
+    allowed = _VARIABILITIES.get(v.causality, {v.variability})
+    if v.variability not in allowed:
+        one = " or ".join(sorted(allowed))
+        yield f"{v.name} is {v.causality} and {v.variability}; make it {one}"
+    elif v.variability == "continuous" and v.type not in ("Real", ""):
+        default = "" if v.element.get("variability") else ", which is the default"
+        yield f"{v.name} is {v.type} and continuous{default}; write variability='discrete' or another"
 
 
-@rule("initial", "error", "2.2.7", "The value of initial is incompatible with causality and variability.")
-def _initial(model: Model) -> Iterator[Fault]:
-    for v in model.variables:
-        if v.variability in _VARIABILITIES.get(v.causality, ()) and v.initial not in _initials(v):
-            allowed = " or ".join(sorted(value or "nothing" for value in _initials(v)))
-            yield _at(v, f"{v.name} ({v.causality}, {v.variability}) has initial={v.initial!r}; write {allowed}")
+@for_each("initial", "error", "2.2.7", "The value of initial is incompatible with causality and variability.")
+def _initial(_model: Model, v: Variable) -> Iterator[str]:
+    if v.variability in _VARIABILITIES.get(v.causality, ()) and v.initial not in _initials(v):
+        allowed = " or ".join(sorted(value or "nothing" for value in _initials(v)))
+        yield f"{v.name} ({v.causality}, {v.variability}) has initial={v.initial!r}; write {allowed}"
 
 
-@rule("start-missing", "error", "2.2.7", "A variable that needs a start value has none.")
-def _start_missing(model: Model) -> Iterator[Fault]:
-    for v in model.variables:
-        needs = v.causality == "input" or (v.initial in ("exact", "approx") and v.causality != "independent")
-        if needs and v.start is None and v.typed is not None:
-            yield _at(v, f"{v.name} has no start value; give the start value of the binary")
+@for_each("start-missing", "error", "2.2.7", "A variable that needs a start value has none.")
+def _start_missing(_model: Model, v: Variable) -> Iterator[str]:
+    needs = v.causality == "input" or (v.initial in ("exact", "approx") and v.causality != "independent")
+    if needs and v.start is None and v.typed is not None:
+        yield f"{v.name} has no start value; give the start value of the binary"
 
 
-@rule("start-forbidden", "error", "2.2.7", "A calculated or independent variable has a start value.")
-def _start_forbidden(model: Model) -> Iterator[Fault]:
-    for v in model.variables:
-        if v.start is not None and (v.initial == "calculated" or v.causality == "independent"):
-            yield _at(v, f"{v.name} is computed but has start={v.start!r}; remove it or set initial='exact'")
+@for_each("start-forbidden", "error", "2.2.7", "A calculated or independent variable has a start value.")
+def _start_forbidden(_model: Model, v: Variable) -> Iterator[str]:
+    if v.start is not None and (v.initial == "calculated" or v.causality == "independent"):
+        yield f"{v.name} is computed but has start={v.start!r}; remove it or set initial='exact'"
 
 
 @rule(
@@ -104,27 +96,22 @@ def _start_outside(model: Model) -> Iterator[Fault]:
         if v.type in ("Boolean", "String") or start is None:
             continue
         if low is not None and start < low:
-            yield _at(
-                v, f"{v.name} starts at {v.start}, below its min {v.get('min')}; choose a value inside the limits"
-            )
+            yield at(v, f"{v.name} starts at {v.start}, below its min {v.get('min')}; choose a value inside the limits")
         if high is not None and start > high:
-            yield _at(
-                v, f"{v.name} starts at {v.start}, above its max {v.get('max')}; choose a value inside the limits"
-            )
+            yield at(v, f"{v.name} starts at {v.start}, above its max {v.get('max')}; choose a value inside the limits")
         if v.type == "Enumeration" and v.declared is not None:
             items = items_of(v.declared)
             if items and integer(v.start) not in items:
-                yield _at(v, f"{v.name} starts at {v.start}, which is not an item of its type; choose an item")
+                yield at(v, f"{v.name} starts at {v.start}, which is not an item of its type; choose an item")
 
 
-@rule("number-not-finite", "error", "2.2.7", "A start, min, max or nominal is NaN or infinite.")
-def _not_finite(model: Model) -> Iterator[Fault]:
-    for v in model.variables:
-        for element in (v.typed,) if v.typed is not None and v.type == "Real" else ():
-            for attribute in ("start", "min", "max", "nominal"):
-                value = real(element.get(attribute))
-                if value is not None and not math.isfinite(value):
-                    yield _at(v, f"{attribute}={element.get(attribute)!r} of {v.name} is not a finite number; give one")
+@for_each("number-not-finite", "error", "2.2.7", "A start, min, max or nominal is NaN or infinite.")
+def _not_finite(_model: Model, v: Variable) -> Iterator[str]:
+    for element in (v.typed,) if v.typed is not None and v.type == "Real" else ():
+        for attribute in ("start", "min", "max", "nominal"):
+            value = real(element.get(attribute))
+            if value is not None and not math.isfinite(value):
+                yield f"{attribute}={element.get(attribute)!r} of {v.name} is not a finite number; give one"
 
 
 @rule("limits-reversed", "error", "2.2.7", "A max is below its min.")
@@ -140,12 +127,11 @@ def _reversed(model: Model) -> Iterator[Fault]:
             yield Fault(message, line_of(element), name)
 
 
-@rule("nominal", "error", "2.2.7", "A nominal value is not positive.")
-def _nominal(model: Model) -> Iterator[Fault]:
-    for v in model.variables:
-        value = real(v.get("nominal"))
-        if value is not None and value <= 0.0:
-            yield _at(v, f"{v.name} has nominal {v.get('nominal')}; give the typical magnitude of its values")
+@for_each("nominal", "error", "2.2.7", "A nominal value is not positive.")
+def _nominal(_model: Model, v: Variable) -> Iterator[str]:
+    value = real(v.get("nominal"))
+    if value is not None and value <= 0.0:
+        yield f"{v.name} has nominal {v.get('nominal')}; give the typical magnitude of its values"
 
 
 @rule("value-reference-shared", "error", "2.2.7", "Variables with the same value reference are not aliases.")
@@ -158,19 +144,19 @@ def _shared(model: Model) -> Iterator[Fault]:
         names = ", ".join(v.name for v in group)
         settable = [v for v in group if v.settable]
         if len(settable) > 1:
-            yield _at(
+            yield at(
                 settable[1],
                 f"{names} share value reference {reference}, and more than one can be set; use different value "
                 "references",
             )
         elif len({v.variability == "constant" for v in group}) > 1:
-            yield _at(
+            yield at(
                 group[1],
                 f"{names} share value reference {reference}, but only some are constant; use different value "
                 "references",
             )
         elif len({v.get("unit") for v in group}) > 1:
-            yield _at(
+            yield at(
                 group[1], f"{names} share value reference {reference}, but not the unit; use different value references"
             )
 
@@ -180,38 +166,31 @@ def _independent(model: Model) -> Iterator[Fault]:
     found = [v for v in model.variables if v.causality == "independent"]
     for v in found:
         if v.type not in ("Real", ""):
-            yield _at(v, f"the independent variable {v.name} is {v.type}; make it Real")
+            yield at(v, f"the independent variable {v.name} is {v.type}; make it Real")
     for v in found[1:]:
-        yield _at(v, f"{v.name} and {found[0].name} are both independent; keep one")
+        yield at(v, f"{v.name} and {found[0].name} are both independent; keep one")
 
 
-@rule("time-name", "note", "2.2.7", "The independent variable is not called time or does not have the unit s.")
-def _time(model: Model) -> Iterator[Fault]:
-    for v in model.variables:
-        if v.causality == "independent" and (v.name != "time" or v.get("unit") not in (None, "s")):
-            yield _at(v, f"the independent variable is {v.name!r} in {v.get('unit')!r}; call it time, in s")
+@for_each("time-name", "note", "2.2.7", "The independent variable is not called time or does not have the unit s.")
+def _time(_model: Model, v: Variable) -> Iterator[str]:
+    if v.causality == "independent" and (v.name != "time" or v.get("unit") not in (None, "s")):
+        yield f"the independent variable is {v.name!r} in {v.get('unit')!r}; call it time, in s"
 
 
-@rule("derivative-of", "error", "2.2.7", "The attribute derivative does not name another continuous Real variable.")
-def _derivative(model: Model) -> Iterator[Fault]:
-    for v in model.variables:
-        text = v.get("derivative") if v.type == "Real" else None
-        state = model.variable(integer(text) or 0)
-        if text is not None and (state is None or state is v or state.type != "Real"):
-            yield _at(
-                v, f"{v.name} is the derivative of variable {text}, which is not another Real variable; correct it"
-            )
+@for_each("derivative-of", "error", "2.2.7", "The attribute derivative does not name another continuous Real variable.")
+def _derivative(model: Model, v: Variable) -> Iterator[str]:
+    text = v.get("derivative") if v.type == "Real" else None
+    state = model.variable(integer(text) or 0)
+    if text is not None and (state is None or state is v or state.type != "Real"):
+        yield f"{v.name} is the derivative of variable {text}, which is not another Real variable; correct it"
 
 
-@rule(
+@for_each(
     "multiple-set", "error", "2.2.7", "canHandleMultipleSetPerTimeInstant is set for a variable that is not an input."
 )
-def _multiple_set(model: Model) -> Iterator[Fault]:
-    for v in model.variables:
-        if v.element.get("canHandleMultipleSetPerTimeInstant") is not None and v.causality != "input":
-            yield _at(
-                v, f"{v.name} is {v.causality}; remove canHandleMultipleSetPerTimeInstant, which is for inputs only"
-            )
+def _multiple_set(_model: Model, v: Variable) -> Iterator[str]:
+    if v.element.get("canHandleMultipleSetPerTimeInstant") is not None and v.causality != "input":
+        yield f"{v.name} is {v.causality}; remove canHandleMultipleSetPerTimeInstant, which is for inputs only"
 
 
 @rule(
@@ -225,4 +204,4 @@ def _reinit(model: Model) -> Iterator[Fault]:
     for v in model.variables:
         has = v.typed is not None and v.typed.get("reinit") is not None
         if has and not (exchange and v.index in model.states):
-            yield _at(v, f"{v.name} has reinit, which is for states in model exchange; remove it")
+            yield at(v, f"{v.name} has reinit, which is for states in model exchange; remove it")

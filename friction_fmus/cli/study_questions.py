@@ -14,8 +14,8 @@ from friction_fmus.errors import FrictionError, nearest
 from friction_fmus.identification import RecordError, read_measurement
 from friction_fmus.identification.data.formats import read_table
 from friction_fmus.identification.data.guessing import NEEDED, Guess, guess_columns
-from friction_fmus.identification.data.mapping import EXAMPLE, MISSING, Column, DataMapping, combined_unit
-from friction_fmus.identification.data.record import fits, parse_quantity, unit_of
+from friction_fmus.identification.data.mapping import MISSING, Column, DataMapping, combined_unit
+from friction_fmus.identification.data.record import ROLES, fits, parse_quantity, unit_of
 from friction_fmus.identification.data.tables import Table
 from friction_fmus.study.settings_file import SETTINGS_FILE, Known, write_settings
 from harness.storage.files import make_folder
@@ -96,15 +96,16 @@ def _ask_column(table: Table, guess: Guess, role: str, optional: bool) -> None:
         guess.suggestions.pop(role, None)
         return
     column = Column(heading, table.units.get(heading, "") or (suggested.unit if heading == suggested.column else ""))
+    example = ROLES[role].example
     while True:
-        unit = _ask(f"Unit of {heading!r}, such as {EXAMPLE[role]}{OTHER_UNITS.get(role, '')}", column.unit, _unit)
+        unit = _ask(f"Unit of {heading!r}, such as {example}{OTHER_UNITS.get(role, '')}", column.unit, _unit)
         if not unit:
             guess.suggestions[role] = replace(column, unit="")
             return
         gain = ""
         known_unit = unit_of(unit)
         if suggested.gain or known_unit is None or not fits(role, known_unit):
-            gain = _ask(f"Factor to the unit of the {role}, such as '2.5 {EXAMPLE[role]}/{unit}'", "", _quantity)
+            gain = _ask(f"Factor to the unit of the {role}, such as '2.5 {example}/{unit}'", "", _quantity)
         column = replace(column, unit=unit, gain=gain)
         try:
             combined_unit(role, column, f"{heading!r}")

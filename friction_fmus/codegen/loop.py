@@ -24,24 +24,20 @@ from friction_fmus.codegen.composition import Composition
 from friction_fmus.codegen.laws import law_of, start_values
 from friction_fmus.errors import FrictionError, UnknownNameError, nearest
 from friction_fmus.lawkit.declarations import (
-    FORCE,
-    LENGTH,
-    NO_UNIT,
     PARAMETERS,
     VECTORS,
-    VELOCITY,
     Command,
     Input,
     Output,
     Parameter,
     SampleTime,
     State,
-    Unit,
     Variable,
 )
-from friction_fmus.lawkit.law import Kind, Law, clip
+from friction_fmus.lawkit.law import Kind, Law
 from friction_fmus.lawkit.parts import variables
-from friction_fmus.lawkit.parts.feedforward import filled
+from friction_fmus.lawkit.parts.expressions import clip, filled
+from friction_fmus.lawkit.quantities import FORCE, LENGTH, NO_UNIT, VELOCITY, Unit
 from harness.storage.toml_file import Table, read_table
 from harness.values import finite, flag, text
 

@@ -81,8 +81,7 @@ class PathDynamics:
     smoothing: float = 0.0
 
 
-DIRECT = PathDynamics()
-"""Actuator without lag or delay, and an exact velocity measurement."""
+DIRECT = PathDynamics()  # actuator without lag or delay, and an exact velocity measurement
 
 
 def one_mass(m: float, damping: float = 0.0, stiffness: float = 0.0) -> DrivenPlant:
@@ -343,8 +342,7 @@ POINTS = 1500
 
 LOWEST = 1e-5
 
-RIGOROUS = 40
-"""Number of states up to which stability is tested for all matrices within rounding errors."""
+RIGOROUS = 40  # number of states up to which stability is tested for all matrices within rounding errors
 
 
 @dataclass(frozen=True)
@@ -365,8 +363,6 @@ class Margins:
 def loop_margins(plant: DrivenPlant, laws: Sequence[SampledLaw], Ts: float, window: int = 0, delay: int = 0) -> Margins:
     """Return the margins of a sampled loop with respect to the force of the drive.
 
-    Notes
-    -----
     With the transfer functions K of all laws from (x, v, u_prev) to the force and P of the held plant, the loop is
 
         L(z) = -(Kx Px + Kv Pv) / (1 - Ku/z) z^-delay

@@ -21,8 +21,7 @@ from friction_fmus.conditions.condition import (
     spectral_radius,
 )
 
-MOST_PREVIEW: Final = 1024
-"""Longest preview that is recommended, in samples: the limit of DiscreteInverse."""
+MOST_PREVIEW: Final = 1024  # longest preview that is recommended, in samples: the limit of DiscreteInverse
 
 
 def break_away(most: float, Fs: float, direction: str = "forward", u: Words = SLIDING) -> Condition:
@@ -288,8 +287,7 @@ def preview(zero: float, N: float) -> Condition:
     )
 
 
-OVERCOMPENSATION = "over-compensation"
-"""Name of the condition `overcompensation`."""
+OVERCOMPENSATION = "over-compensation"  # name of the condition `overcompensation`
 
 
 def injection(m: float, Kp: float, Kd: float, Ki: float, s0: float, s1: float, u: Words = SLIDING) -> Condition:

@@ -46,8 +46,7 @@ def quotes(names: Iterable[str]) -> tuple[tuple[str, str], ...]:
 
 Matrix: TypeAlias = NDArray[np.float64]
 
-FASTEST: Final = 1e-6
-"""Shortest sample time that is recommended [s]; drives sample every 10 us at best."""
+FASTEST: Final = 1e-6  # shortest sample time that is recommended [s]; drives sample every 10 us at best
 
 MARGIN: Final = 1e-12
 """Relative change of its matrix elements under which a loop must stay stable to count as stable.

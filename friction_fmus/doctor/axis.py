@@ -34,7 +34,7 @@ class Gains:
 
 
 @dataclass(frozen=True)
-class Law:
+class LawProperties:
     """Properties of a law that the conditions need, as functions of its parameter values."""
 
     gains: Callable[[Values], Gains] | None = None
@@ -92,7 +92,7 @@ class ActiveLaw:
 
     part: str
     """Name of the part."""
-    law: Law
+    law: LawProperties
     """Properties of the law."""
     values: Values
     """Parameter values of the law."""

@@ -15,7 +15,7 @@ from friction_fmus.blocks.contact import Contact
 from friction_fmus.blocks.loop import InLoop, Plant
 from friction_fmus.conditions import cogging_slope
 from friction_fmus.doctor.axis import ActiveLaw, Axis, Finding, Shaper, SignalPath, Values
-from friction_fmus.doctor.known import known_blocks, law_of
+from friction_fmus.doctor.roles import known_blocks, law_of
 from harness import Experiment, FmuPart, Part, System, Wire
 from harness.errors import StartValueError
 from harness.masters import find_master

@@ -6,11 +6,11 @@ from harness.extras import lazy_names
 
 if TYPE_CHECKING:
     from friction_fmus.blocks.axis_units import LINEAR, ROTARY, AxisUnits
+    from friction_fmus.errors import ExcitationError, FitError, IdentificationError, RecordError
     from friction_fmus.identification.data.excitation import examine, examine_segments
     from friction_fmus.identification.data.mapping import DataMapping, load_mapping, read_mapping, read_windows
     from friction_fmus.identification.data.reading import Measurement, read_measurement, read_records
     from friction_fmus.identification.data.record import Array, Finding, Record, RecordWarning
-    from friction_fmus.identification.errors import ExcitationError, FitError, IdentificationError, RecordError
     from friction_fmus.identification.fit.estimate import Estimate
     from friction_fmus.identification.fit.grid import HysteresisGrid, identify_hysteresis
     from friction_fmus.identification.fit.idim import (
@@ -42,7 +42,7 @@ else:
     __getattr__, __dir__ = lazy_names(
         __name__,
         {
-            "friction_fmus.identification.errors": [
+            "friction_fmus.errors": [
                 "ExcitationError",
                 "FitError",
                 "IdentificationError",

@@ -10,17 +10,18 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from friction_fmus.axis.loop import Plant, Trajectory, closed_loop, run_loop, typed
-from friction_fmus.axis.servo import Servo
+from friction_fmus.axis.assembly import typed
+from friction_fmus.axis.loop import closed_loop, run_loop
+from friction_fmus.axis.servo import Plant, Servo, Trajectory
 from friction_fmus.blocks.axis_units import ROTARY
+from friction_fmus.errors import FitError
 from friction_fmus.export.block_fmu import build_record
 from friction_fmus.identification.data.record import Array, MeasuredAxis, Record
-from friction_fmus.identification.errors import FitError
 from friction_fmus.identification.fit.idim import filtered_motion
 from friction_fmus.identification.fit.least_squares import Constraints
 from friction_fmus.identification.fit.models import ContactModel, contact_model, state_sizes
 from friction_fmus.identification.fit.output_error import Mapper, Target, Unknown, fit_output_error
-from friction_fmus.identification.fit.scores import Score, criteria, independent_samples, score, weak_parameters
+from friction_fmus.identification.fit.scores import criteria, independent_samples, rms, score, weak_parameters
 from harness import System
 from harness.storage.files import ScratchFolder
 
@@ -30,11 +31,8 @@ if TYPE_CHECKING:
 #: Communication step between mass and friction in the fit [s]; the servo is stepped at the sample time of the record.
 FIT_STEP = 2.5e-4
 
-#: Relative step of a parameter for finite differences: its effect must exceed the encoder resolution.
-STEP = 0.04
-
-#: Position error that counts as one, over the encoder resolution.
-QUANTA = 20.0
+STEP = 0.04  # relative step of a parameter for finite differences: its effect must exceed the encoder resolution
+QUANTA = 20.0  # position error that counts as one, over the encoder resolution
 
 #: Time over which errors of the servo model count as correlated [s]; they are systematic and last for many samples.
 CORRELATED = 0.2
@@ -110,8 +108,6 @@ def identify_closed_loop(
 ) -> Identification:
     """Fit mass, offset and friction so that the co-simulated servo follows the measured motion.
 
-    Notes
-    -----
     Only positions are compared: the force follows from the position through the known controller and would count the
     same error twice. The search is `fit_output_error`. For `GMS`, only the sliding law is fitted; the elements remain
     those of `open_loop`.
@@ -188,16 +184,9 @@ def axis_response(result: Identification, record: Record, step: float = FIT_STEP
     return found
 
 
-def validated(result: Identification, validation: Record | Sequence[Record]) -> Score:
-    """Return the score of the simulated position on other records of the same axis."""
-    records = (validation,) if isinstance(validation, Record) else tuple(validation)
-    simulated = [axis_response(result, record)["q"] for record in records]
-    return score(np.concatenate([record.column("q") for record in records]), np.concatenate(simulated))
-
-
 def _floor(name: str, open_loop: Identification) -> float:
     """Return the smallest magnitude used to scale a parameter that may be zero: its effect is 5 % of the force."""
-    force = float(np.sqrt(np.mean(np.square(open_loop.measured))))
+    force = rms(open_loop.measured)
     if name == "OF":
         return 0.05 * force
     v = max(float(np.max(np.abs(filtered_motion(r).v))) for r in open_loop.records)

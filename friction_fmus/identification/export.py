@@ -8,7 +8,7 @@ import math
 import os
 import tempfile
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -18,76 +18,21 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-import harness
 from friction_fmus.blocks.axis_units import ROTARY
-from friction_fmus.errors import FrictionError
+from friction_fmus.errors import IdentificationError
 from friction_fmus.identification.data.reading import Measurement
 from friction_fmus.identification.data.record import Finding
-from friction_fmus.identification.errors import IdentificationError
 from friction_fmus.identification.fit.estimate import Estimate
 from friction_fmus.identification.fit.models import contact_model
 from friction_fmus.identification.fit.position import PositionFit
 from friction_fmus.identification.fit.scores import Score
-from friction_fmus.identification.plot import name_of
-from friction_fmus.identification.result import Identification, viscous_beside, write_viscous
+from friction_fmus.identification.result import Identification, name_of, viscous_beside, write_viscous
 from friction_fmus.identification.survey import ModelComparison
-from harness import ssp
 from harness.compiling import toolchain
-
-
-class ParameterFileError(FrictionError):
-    """Parameters that cannot be written to a file."""
-
-
-@dataclass(frozen=True)
-class Parameter:
-    """Parameter of a parameter set."""
-
-    value: float | int | bool
-    """Value, in `unit`."""
-    unit: str = "1"
-    """Unit; ignored unless the value is a float."""
-    description: str = ""
-    """Description."""
-    standard_error: float | None = None
-    """Standard error, in `unit`; None if the parameter was not estimated."""
-
-
-def ssv_bytes(name: str, parameters: Mapping[str, Parameter], citation: str = "") -> bytes:
-    """Return a parameter set as SSV."""
-    listed = {
-        key: harness.Parameter(p.value, p.unit if isinstance(p.value, float) else None, description=p.description)
-        for key, p in parameters.items()
-    }
-    description = f"Identified from the record of {citation}" if citation else ""
-    try:
-        return ssp.ssv_bytes(harness.ParameterSet(name, listed, description))
-    except harness.HarnessError as error:
-        raise ParameterFileError(str(error)) from error
-
-
-def toml_text(title: str, sets: Mapping[str, Mapping[str, Parameter]], citation: str = "") -> str:
-    """Return parameter sets as TOML."""
-    document: dict[str, Any] = {"title": title, **({"citation": citation} if citation else {})}
-    for set_name, parameters in sets.items():
-        document[set_name] = {key: _table(parameter) for key, parameter in parameters.items()}
-    return tomli_w.dumps(document)
-
-
-def _table(parameter: Parameter) -> dict[str, Any]:
-    found: dict[str, Any] = {"value": parameter.value, "unit": parameter.unit}
-    error = parameter.standard_error
-    if error is not None and math.isfinite(error):
-        found["standard_error"] = error
-    if parameter.description:
-        found["description"] = parameter.description
-    return found
-
 
 _LOG = logging.getLogger("friction_fmus")
 
-#: Colours that also differ in lightness (after M. Okabe, K. Ito, 2008).
-COLOURS = ("#0072B2", "#D55E00", "#009E73")
+COLOURS = ("#0072B2", "#D55E00", "#009E73")  # colours that also differ in lightness (after M. Okabe, K. Ito, 2008)
 DASHES = ("solid", "dashed", "dotted")
 
 
@@ -126,7 +71,7 @@ def write_results(
                 if beside := viscous_beside(result):
                     write_viscous(result, beside, stage / f"{result.model}Viscous.ssv")
                 result.plot(stage / f"{result.model}.png")
-            (stage / "parameters.toml").write_text(_toml(found, measurement), encoding="utf-8")
+            (stage / "parameters.toml").write_text(toml_text(found, measurement), encoding="utf-8")
             content = _json(found, measurement, findings, windows)
             (stage / "identification.json").write_text(json.dumps(content, indent=2) + "\n", encoding="utf-8")
             comparison(found).savefig(stage / "comparison.png", dpi=130, metadata={"Software": None})
@@ -203,28 +148,28 @@ def _part(result: Identification) -> slice:
     return slice(max(0, centre - half), centre + half)
 
 
-def _toml(found: ModelComparison, measurement: Measurement) -> str:
-    sets = {}
+def toml_text(found: ModelComparison, measurement: Measurement) -> str:
+    """Return the parameters of all models as TOML."""
+    mapping = measurement.mapping
+    document: dict[str, Any] = {"title": f"Parameters of friction models identified from {mapping.name}"}
+    document |= {"citation": mapping.citation} if mapping.citation else {}
     for result in found.results:
-        values = {
-            name: Parameter(e.value, e.unit, _remark(result, name), e.standard_error)
+        axis = result.records[0].units
+        known = contact_model(result.block, axis).parameters
+        units = {**{name: each.unit for name, each in known.items()}, "M": axis.inertia, "OF": axis.force}
+        weak = {name: f"poorly identifiable: {why}" for name, why in result.weak.items()}
+        document[result.model] = {
+            name: toml_entry(e.value, e.unit, weak.get(name, ""), e.standard_error)
             for name, e in result.parameters.items()
-        }
-        known = contact_model(result.block, result.records[0].units).parameters
-        units = {**{name: parameter.unit for name, parameter in known.items()}, **_drive_units(result)}
-        fixed = {name: Parameter(value, units[name], "not identified") for name, value in result.fixed.items()}
-        sets[result.model] = values | fixed
-    title = f"Parameters of friction models identified from {measurement.mapping.name}"
-    return toml_text(title, sets, measurement.mapping.citation)
+        } | {name: toml_entry(value, units[name], "not identified") for name, value in result.fixed.items()}
+    return tomli_w.dumps(document)
 
 
-def _drive_units(result: Identification) -> dict[str, str]:
-    units = result.records[0].units
-    return {"M": units.inertia, "OF": units.force}
-
-
-def _remark(result: Identification, name: str) -> str:
-    return f"poorly identifiable: {result.weak[name]}" if name in result.weak else ""
+def toml_entry(value: float, unit: str, description: str, error: float = math.nan) -> dict[str, Any]:
+    """Return a parameter for TOML, without what is not known."""
+    found: dict[str, Any] = {"value": value, "unit": unit}
+    found |= {"standard_error": error} if math.isfinite(error) else {}
+    return found | ({"description": description} if description else {})
 
 
 def _json(

@@ -6,13 +6,14 @@ import time
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from friction_fmus.blocks.axis_units import AxisUnits
-from friction_fmus.identification.closed_loop import identify_closed_loop, validated
+from friction_fmus.errors import FitError
+from friction_fmus.identification.closed_loop import identify_closed_loop
 from friction_fmus.identification.data.record import Array, MeasuredAxis, Record
-from friction_fmus.identification.errors import FitError
 from friction_fmus.identification.fit.block_fit import Fit, FitData, driven
 from friction_fmus.identification.fit.estimate import Estimate
 from friction_fmus.identification.fit.idim import InverseModelSettings
@@ -34,8 +35,6 @@ ALLOWANCE = 3.0
 def misfit_variance(found: SearchResult, parts: Sequence[Array], lengths: Sequence[int], G: Array) -> Array:
     """Return the variances by which a misfit widens those of reported values, shape (values,).
 
-    Notes
-    -----
     A force that is measured a little later than the motion, and a velocity or an acceleration from filtered
     differences, change the signal in proportion to the first and second time derivatives of its parts. With these
     columns N beside the Jacobian J, the estimates would move by
@@ -63,11 +62,8 @@ def misfit_variance(found: SearchResult, parts: Sequence[Array], lengths: Sequen
     return bias
 
 
-#: Static over Coulomb friction below which it needs an explanation.
-BELOW = 0.98
-
-#: Fewest points near rest that can explain it.
-FEWEST = 5
+BELOW = 0.98  # static over Coulomb friction below which it needs an explanation
+FEWEST = 5  # fewest points near rest that can explain it
 
 
 def explanation(parameters: Mapping[str, float], v: Array, friction: Array, units: AxisUnits) -> str:
@@ -169,43 +165,23 @@ def identify(
     """
     begin = time.perf_counter()
     constraints = Constraints(dict(fixed or {}), dict(bounds or {}), dict(start or {}))
-
+    given: dict[str, Any] = {"fixed": fixed, "bounds": bounds, "start": start, "loss": loss, "starts": starts}
+    given |= {"settings": settings, "viscous": viscous}
     if isinstance(data, MeasuredAxis):
         if method not in ("auto", "closed-loop"):
             raise FitError(
                 f"The method {method!r} is not applicable to a MeasuredAxis; use 'closed-loop', or pass its record."
             )
-        open_loop = identify(
-            model,
-            replace(data.record, held=True),
-            fixed=fixed,
-            bounds=bounds,
-            start=start,
-            loss=loss,
-            starts=starts,
-            settings=settings,
-            viscous=viscous,
-        )
+        open_loop = identify(model, replace(data.record, held=True), **given)
         closed = identify_closed_loop(model, data, open_loop, constraints)
-        checked = None if validation is None else validated(closed, validation)
-        return closed.timed(time.perf_counter() - begin, checked)
+        checked = None if validation is None else _validated(closed, validation)
+        return replace(closed, seconds=time.perf_counter() - begin, validation=checked)
     records = (data,) if isinstance(data, Record) else tuple(data)
     if method == FREE_RUN:
-        driven_by_force = identify(
-            model,
-            [replace(record, held=True) for record in records],
-            fixed=fixed,
-            bounds=bounds,
-            start=start,
-            loss=loss,
-            starts=starts,
-            settings=settings,
-            position_map=position_map,
-            viscous=viscous,
-        )
-        result = identify_free_run(driven_by_force)
+        held = [replace(record, held=True) for record in records]
+        result = identify_free_run(identify(model, held, position_map=position_map, **given))
         checked = None if validation is None else _validated(result, validation)
-        return result.timed(time.perf_counter() - begin, checked)
+        return replace(result, seconds=time.perf_counter() - begin, validation=checked)
     if not records:
         raise FitError("There are no records; pass at least one.")
     contact = contact_model(model, records[0].units)
@@ -216,17 +192,17 @@ def identify(
     segments = [prepare(record, contact, signal, settings) for record in records]
     Fn0 = _reference_load(constraints, segments)
     with driven(contact.path) as drive:
-        given = FitData(contact, drive, segments, traits(segments, Fn0 or 1.0), constraints, records[0].units, Fn0)
-        fit = chosen.fit(given, loss, starts)
+        fitted = FitData(contact, drive, segments, traits(segments, Fn0 or 1.0), constraints, records[0].units, Fn0)
+        fit = chosen.fit(fitted, loss, starts)
         result = _result(model, contact, name, fit, signal, unit, records, settings)
-        with_table = fit_with_table(fit, given, loss) if position_map and signal == "force" else None
+        with_table = fit_with_table(fit, fitted, loss) if position_map and signal == "force" else None
         checked = None if validation is None else _validated(result, validation)
         if with_table is not None:
             fit, position = with_table
             position = replace(position, train_without=result.train, validation_without=checked)
             result = replace(_result(model, contact, name, fit, signal, unit, records, settings), position=position)
             checked = None if validation is None else _validated(result, validation)
-    return result.timed(time.perf_counter() - begin, checked)
+    return replace(result, seconds=time.perf_counter() - begin, validation=checked)
 
 
 def _reference_load(constraints: Constraints, segments: Sequence[PreparedSegment]) -> float | None:

@@ -14,10 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from friction_fmus.blocks.axis_units import AxisUnits
+from friction_fmus.errors import RecordError
 from friction_fmus.identification.data.record import Array, Finding, Record
-from friction_fmus.identification.errors import RecordError
 from friction_fmus.identification.fit.models import contact_model
-from friction_fmus.identification.fit.scores import independent_samples
+from friction_fmus.identification.fit.scores import independent_samples, rms
 from friction_fmus.identification.fit.simulation_data import prepare
 
 MASSES: Final[Mapping[str, tuple[float, float]]] = {"m": (1e-6, 1e7), "rad": (1e-10, 1e7)}
@@ -26,20 +26,14 @@ MASSES: Final[Mapping[str, tuple[float, float]]] = {"m": (1e-6, 1e7), "rad": (1e
 FORBIDDING: Final = ("wrong-sign", "negative-mass", "driving-friction", "implausible-mass", "missing-force")
 """Findings after which identified parameters cannot be used."""
 
-OUTSIDE: Final = 8.0
-"""Residual over its robust standard deviation above which another force acts."""
-
-MISSING: Final = 0.15
-"""Residual over the rms force above which another force acts."""
+OUTSIDE: Final = 8.0  # residual over its robust standard deviation above which another force acts
+MISSING: Final = 0.15  # residual over the rms force above which another force acts
 
 BESIDE: Final = 5
 """Number of decimated samples on either side of a reversal that are left out, and half of those at an end."""
 
-ITERATIONS: Final = 15
-"""Iterations of the robust fit."""
-
-SIGNIFICANT: Final = 3.0
-"""Number of standard errors by which a negative mass must differ from zero."""
+ITERATIONS: Final = 15  # iterations of the robust fit
+SIGNIFICANT: Final = 3.0  # number of standard errors by which a negative mass must differ from zero
 
 DRIVING: Final = 0.02
 """Power of friction that drives the axis, over the mean power of the force, above which the sign is wrong."""
@@ -119,7 +113,7 @@ def missing_force(records: Sequence[Record]) -> Finding | None:
     v = A[:, 1]
     turns = np.append(v[1:] * v[:-1] <= 0.0, False) | (np.abs(v) < 0.02 * float(np.max(np.abs(v))))
     near = (np.convolve(turns, np.ones(2 * BESIDE + 1), "same") > 0.5) | ends
-    level = float(np.sqrt(np.mean(np.square(F))))
+    level = rms(F)
     outside = (np.abs(rest) > max(OUTSIDE * core, MISSING * level)) & ~near
     starts = np.flatnonzero(np.diff(np.concatenate([[0], outside.astype(np.int8)])) == 1)
     if np.count_nonzero(outside) < 3 * len(starts) or not len(starts) or np.mean(outside) > 0.4:
@@ -131,7 +125,7 @@ def missing_force(records: Sequence[Record]) -> Finding | None:
         f"more or less than the recorded drive {u.force}."
     )
     change = f"Record the {u.force} that acts there and declare its column as injected, or choose windows without it."
-    share = float(np.sqrt(np.mean(np.square(np.where(outside, rest, 0.0))))) / level
+    share = rms(np.where(outside, rest, 0.0)) / level
     return Finding("missing-force" if share > 0.1 else "disturbed-force", what, change)
 
 

@@ -8,24 +8,20 @@ from pathlib import Path
 
 import numpy as np
 
+from friction_fmus.errors import FitError
 from friction_fmus.export.block_fmu import build
 from friction_fmus.identification.data.record import Array, Record
-from friction_fmus.identification.errors import FitError
-from friction_fmus.identification.fit.prediction import known_force, simulated
-from friction_fmus.identification.result import Identification
+from friction_fmus.identification.fit.scores import rms
+from friction_fmus.identification.result import Identification, known_force, simulated
 from friction_fmus.lawkit.residual_grid import POSITIONS, SPEEDS
 
-BLOCK = "FrictionResidual"
-"""Law that adds the residual to the force of a model."""
-
-BLOCKS = 6
-"""Number of blocks of the cross-validation."""
+BLOCK = "FrictionResidual"  # law that adds the residual to the force of a model
+BLOCKS = 6  # number of blocks of the cross-validation
 
 RIDGES = tuple(float(ridge) for ridge in np.geomspace(1e-4, 1e2, 7))
 """Ridge parameters to try, over the mean square of the columns."""
 
-HELPS = 0.98
-"""Largest cross-validation error, relative to that without a residual, at which a residual is used."""
+HELPS = 0.98  # largest cross-validation error, relative to that without a residual, at which a residual is used
 
 
 @dataclass(frozen=True)
@@ -201,7 +197,7 @@ def learn_residual(
     A = np.vstack([part.rows(columns(v_max, x_begin, spacing, part.x, part.v)) for part in parts])
     target = np.concatenate([part.measured - part.predicted(part.F) for part in parts])
     same = np.kron(np.eye(2 * len(SPEEDS)), np.ones((POSITIONS, 1)))  # one value for all positions
-    without = _rms(target)
+    without = rms(target)
     tried = [
         (_crossed(A @ shape, target, ridge), ridge, shape) for shape in (same, np.eye(A.shape[1])) for ridge in RIDGES
     ]
@@ -260,11 +256,7 @@ def _error(parts: Sequence[_Part], table: ResidualTable | None) -> float:
     if not parts:
         return float("nan")
     forces = [part.F if table is None else table.total(part.F, part.x, part.v) for part in parts]
-    return _rms(np.concatenate([part.measured - part.predicted(F) for part, F in zip(parts, forces, strict=True)]))
-
-
-def _rms(error: Array) -> float:
-    return float(np.sqrt(np.mean(np.square(error))))
+    return rms(np.concatenate([part.measured - part.predicted(F) for part, F in zip(parts, forces, strict=True)]))
 
 
 def _ridge(A: Array, target: Array, ridge: float) -> Array:
@@ -279,4 +271,4 @@ def _crossed(A: Array, target: Array, ridge: float) -> float:
     errors = [
         target[block == b] - A[block == b] @ _ridge(A[block != b], target[block != b], ridge) for b in range(BLOCKS)
     ]
-    return _rms(np.concatenate(errors))
+    return rms(np.concatenate(errors))

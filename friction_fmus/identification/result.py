@@ -1,4 +1,4 @@
-"""The result of an identification: estimates with standard errors, prediction and scores."""
+"""The result of an identification: estimates with standard errors, prediction, figure and files."""
 
 from __future__ import annotations
 
@@ -7,60 +7,35 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import matplotlib as mpl
+import numpy as np
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+
 from friction_fmus.blocks.axis_units import ROTARY
 from friction_fmus.export.block_fmu import build
+from friction_fmus.identification.closed_loop import axis_response
 from friction_fmus.identification.data.record import Array, Record
+from friction_fmus.identification.fit.block_fit import driven
 from friction_fmus.identification.fit.estimate import Estimate
 from friction_fmus.identification.fit.idim import InverseModelSettings
-from friction_fmus.identification.fit.models import contact_model
-from friction_fmus.identification.fit.position import PositionFit
-from friction_fmus.identification.fit.prediction import compare, predict
+from friction_fmus.identification.fit.least_squares import INITIAL_LIMIT, Coordinate, Problem
+from friction_fmus.identification.fit.models import ContactModel, contact_model, state_sizes
+from friction_fmus.identification.fit.position import PositionFit, force_on_axis
 from friction_fmus.identification.fit.scores import Score
-from friction_fmus.identification.plot import draw
+from friction_fmus.identification.fit.search import search
+from friction_fmus.identification.fit.simulation_data import PreparedSegment, prepare
+from friction_fmus.identification.methods.free_run import FREE_RUN, START, free_response
 from friction_fmus.listings import identification_html, identification_text
 from harness import Parameter, ParameterSet, write_ssv
+from harness.storage.files import atomic_path
 
 if TYPE_CHECKING:
     from friction_fmus.identification.data.record import ServoSettings
 
+MEASURED, PREDICTED = "#7f8c8d", "#c0392b"
 
-def build_identified(result: Identification, folder: Path, name: str | None) -> Path:
-    """Build the FMU with the identified values as start values; see `Identification.to_fmu`."""
-    rotary = result.records[0].units == ROTARY
-    return build(result.block, folder, _start(result), name, domain="rotational" if rotary else "translational")
-
-
-def viscous_beside(result: Identification) -> float | None:
-    """Return the coefficient of the viscous friction beside the block; None if there is none."""
-    known = contact_model(result.block, result.records[0].units).parameters
-    return None if "Fv" in known else result.values().get("Fv")
-
-
-def write_viscous(result: Identification, coefficient: float, path: Path) -> Path:
-    """Write the viscous friction beside the block as SSV, for a block Viscous."""
-    unit = result.records[0].units.viscous
-    parameter = Parameter(coefficient, unit, description=f"viscous friction beside {result.model}")
-    write_ssv(ParameterSet(f"{result.model}Viscous", {"Fv": parameter}, ""), path)
-    return path
-
-
-def write_parameters(result: Identification, path: Path) -> Path:
-    """Write the identified values as SSV; see `Identification.to_ssv`."""
-    known = contact_model(result.block, result.records[0].units).parameters
-    parameters = {
-        name: Parameter(value, known[name].unit if known[name].real else None, description=known[name].text)
-        for name, value in _start(result).items()
-    }
-    cited = sorted({record.citation for record in result.records} - {""})
-    description = f"Identified from the record of {'; '.join(cited)}" if cited else ""
-    write_ssv(ParameterSet(result.model, parameters, description), path)
-    return path
-
-
-def _start(result: Identification) -> dict[str, float | int | bool]:
-    """Return the values of the parameters of the block, converted to their types."""
-    known = contact_model(result.block, result.records[0].units).parameters
-    return {name: known[name].typed(value) for name, value in result.values().items() if name in known}
+NAMES = {"mu": "friction coefficient", "friction": "friction {force}", "force": "drive {force}", "q": "position"}
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -166,23 +141,6 @@ class Identification:
         """Predicted minus measured, shape (n,), in `unit`."""
         return self.predicted - self.measured
 
-    def timed(self, seconds: float, validation: Score | None) -> Identification:
-        """Return the result with elapsed time and validation score.
-
-        Parameters
-        ----------
-        seconds : float
-            Elapsed time [s].
-        validation : Score or None
-            Score on the validation data.
-
-        Returns
-        -------
-        Identification
-            Completed result.
-        """
-        return replace(self, seconds=seconds, validation=validation)
-
     def predict(self, record: Record) -> Array:
         """Predict the signal along the motion of a record.
 
@@ -202,7 +160,17 @@ class Identification:
         RecordError
             If the record lacks the motion, or the normal force for the signal mu.
         """
-        return predict(self, record)
+        if self.signal == "q":
+            return free_response(self, record) if self.method == FREE_RUN else axis_response(self, record)["q"]
+        force = self.signal == "force"
+        known = (record.force if force else record.friction) is not None
+        zero = np.zeros(len(record))
+        filled = record if known else replace(record, force=zero) if force else replace(record, friction=zero)
+        segment, F = simulated(self, filled, fit=known)
+        values = self.values()
+        if segment.a is None:
+            return segment.predicted(F, 0.0, values.get("OF", 0.0))
+        return F + values.get("M", 0.0) * segment.a + values.get("OF", 0.0) - known_force(self, segment)
 
     def compare(self, record: Record) -> tuple[Array, Array]:
         """Return measured and predicted signal of a record, filtered as in the fit.
@@ -222,7 +190,13 @@ class Identification:
         RecordError
             If the record lacks a column.
         """
-        return compare(self, record)
+        if self.signal == "q":
+            first = START if self.method == FREE_RUN else 0
+            return record.column("q")[first:], self.predict(record)[first:]
+        segment, F = simulated(self, record, fit=True)
+        values = self.values()
+        known = segment.rows(known_force(self, segment))
+        return segment.measured, segment.predicted(F, values.get("M", 0.0), values.get("OF", 0.0)) - known
 
     def plot(self, path: str | Path) -> Path:
         """Draw measured and predicted signal over time, over position or velocity, and the residuals.
@@ -242,7 +216,37 @@ class Identification:
         OutputError
             If the file cannot be written.
         """
-        return draw(self, Path(path))
+        path = Path(path)
+        figure = Figure(figsize=(9.0, 6.0), layout="constrained")
+        FigureCanvasAgg(figure)
+        grid = figure.add_gridspec(2, 2, height_ratios=(2.0, 1.0), width_ratios=(1.6, 1.0))
+        over_time, over_motion = figure.add_subplot(grid[0, 0]), figure.add_subplot(grid[:, 1])
+        error = figure.add_subplot(grid[1, 0], sharex=over_time)
+        unit = "" if self.unit == "1" else f" [{self.unit}]"
+        label = f"{name_of(self)}{unit}"
+        x, x_label = _abscissa(self)
+        for axes, at in ((over_time, self.t), (over_motion, x)):
+            axes.plot(at, self.measured, color=MEASURED, lw=1.4, label="measured")
+            axes.plot(at, self.predicted, color=PREDICTED, lw=0.8, label=self.model)
+            axes.set_ylabel(label)
+            axes.grid(alpha=0.3)
+        over_motion.set_xlabel(x_label)
+        over_motion.locator_params(axis="x", nbins=4)
+        # some positions differ only in the fourth digit
+        over_motion.ticklabel_format(axis="x", style="sci", scilimits=(-3, 4), useOffset=True)
+        over_time.legend(loc="upper right", fontsize="small")
+        over_time.tick_params(labelbottom=False)
+        error.plot(self.t, self.residuals, color=PREDICTED, lw=0.6)
+        error.set_ylabel("predicted − measured")
+        error.set_xlabel("time [s]")
+        error.grid(alpha=0.3)
+        figure.suptitle(
+            f"{self.model}: rms error {self.train.rms:.3g}{unit}, {self.train.relative_percent:.2f} % of the signal",
+            fontsize="medium",
+        )
+        with atomic_path(path) as temporary, mpl.rc_context({"svg.hashsalt": "friction-fmus"}):
+            figure.savefig(temporary, dpi=130, metadata={"Date": None} if path.suffix == ".svg" else None)
+        return path
 
     def to_fmu(self, folder: str | Path, name: str | None = None) -> Path:
         """Build the FMU of the block with the identified and fixed parameters as start values.
@@ -264,7 +268,8 @@ class Identification:
         BuildError
             If the FMU cannot be built, see `friction_fmus.build`.
         """
-        return build_identified(self, Path(folder), name)
+        rotary = self.records[0].units == ROTARY
+        return build(self.block, Path(folder), self._start(), name, domain="rotational" if rotary else "translational")
 
     def to_ssv(self, path: str | Path) -> Path:
         """Write the parameters of the block as a parameter set (SSP 1.0).
@@ -284,4 +289,90 @@ class Identification:
         OutputError
             If the file cannot be written.
         """
-        return write_parameters(self, Path(path))
+        known = contact_model(self.block, self.records[0].units).parameters
+        parameters = {
+            name: Parameter(value, known[name].unit if known[name].real else None, description=known[name].text)
+            for name, value in self._start().items()
+        }
+        cited = sorted({record.citation for record in self.records} - {""})
+        description = f"Identified from the record of {'; '.join(cited)}" if cited else ""
+        write_ssv(ParameterSet(self.model, parameters, description), Path(path))
+        return Path(path)
+
+    def _start(self) -> dict[str, float | int | bool]:
+        """Return the values of the parameters of the block, converted to their types."""
+        known = contact_model(self.block, self.records[0].units).parameters
+        return {name: known[name].typed(value) for name, value in self.values().items() if name in known}
+
+
+def name_of(result: Identification) -> str:
+    """Return the name of the fitted signal, such as ``drive force``."""
+    return result.records[0].units.words.fill(NAMES.get(result.signal, result.signal))
+
+
+def _abscissa(result: Identification) -> tuple[Array, str]:
+    """Return position, or velocity if no position was measured, at the samples of the signal."""
+    columns = []
+    position = all(record.q is not None for record in result.records)
+    for record in result.records:
+        columns.append((record.t, record.column("q" if position else "v")))
+    times = np.concatenate([t for t, _ in columns])
+    values = np.concatenate([values for _, values in columns])
+    units = result.records[0].units
+    label = f"position [{units.position}]" if position else f"velocity [{units.velocity}]"
+    order = np.argsort(times, kind="stable")
+    return np.interp(result.t, times[order], values[order]), label
+
+
+def viscous_beside(result: Identification) -> float | None:
+    """Return the coefficient of the viscous friction beside the block; None if there is none."""
+    known = contact_model(result.block, result.records[0].units).parameters
+    return None if "Fv" in known else result.values().get("Fv")
+
+
+def write_viscous(result: Identification, coefficient: float, path: Path) -> Path:
+    """Write the viscous friction beside the block as SSV, for a block Viscous."""
+    unit = result.records[0].units.viscous
+    parameter = Parameter(coefficient, unit, description=f"viscous friction beside {result.model}")
+    write_ssv(ParameterSet(f"{result.model}Viscous", {"Fv": parameter}, ""), path)
+    return path
+
+
+def known_force(result: Identification, segment: PreparedSegment) -> Array:
+    """Return the force over position that was identified with the model, along a prepared record; 0 without one."""
+    return force_on_axis(None if result.position is None else result.position.table, segment)
+
+
+def simulated(result: Identification, record: Record, fit: bool) -> tuple[PreparedSegment, Array]:
+    """Return the prepared record, and the friction force along its motion with a fitted initial state."""
+    contact = contact_model(result.block, record.units)
+    segment = prepare(record, contact, result.signal, result.settings)
+    coordinates, sizes = _initial(result, contact, segment)
+    values = {
+        name: contact.parameters[name].typed(value) if name in contact.parameters else value
+        for name, value in result.values().items()
+    }
+
+    def states(_: Mapping[str, float], parts: Mapping[str, float]) -> dict[str, float]:
+        return {name: part * sizes[name] for name, part in parts.items()}
+
+    with driven(contact.path) as drive:
+        remaining = segment.measured + segment.rows(known_force(result, segment))
+        viscous = "Fv" in values and "Fv" not in contact.parameters
+        segments = [replace(segment, measured=remaining)]
+        problem = Problem(drive, segments, coordinates, lambda _: {}, states, values, viscous=viscous)
+        x = problem.start()
+        if coordinates:
+            x = search(problem, "linear", 1).x if fit else 0.0 * x
+        return segment, problem.force(x, 0)
+
+
+def _initial(
+    result: Identification, contact: ContactModel, segment: PreparedSegment
+) -> tuple[tuple[Coordinate, ...], dict[str, float]]:
+    """Return the initial states to fit, started from the first measured force, and their sizes in sliding."""
+    sizes = {name: size for name, size in state_sizes(contact, result.values()).items() if size > 0.0}
+    limit = INITIAL_LIMIT if contact.initial_state else 1.0
+    peak = float(np.max(np.abs(segment.measured))) or 1.0
+    part = 0.99 * float(np.median(segment.measured[:3])) / peak
+    return tuple(Coordinate(name, 1.0, part, -limit, limit, segment=0) for name in sizes), sizes

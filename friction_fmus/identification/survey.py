@@ -12,9 +12,8 @@ from typing import Any, Final
 
 import numpy as np
 
-from friction_fmus.errors import FrictionError
+from friction_fmus.errors import FitError, FrictionError
 from friction_fmus.identification.data.record import Record
-from friction_fmus.identification.errors import FitError
 from friction_fmus.identification.fit.models import contact_model
 from friction_fmus.identification.identifying import identify
 from friction_fmus.identification.result import Identification
@@ -45,11 +44,8 @@ def within_reach(
 
 ProgressCallback = Callable[[int, int], None]
 
-TIE = 3
-"""Number of digits in which the validation errors of models must differ to determine their order."""
-
-DRIVE_PARAMETERS = ("M", "OF")
-"""Parameters of a drive that may be fixed in addition to those of a block."""
+TIE = 3  # number of digits in which the validation errors of models must differ to determine their order
+DRIVE_PARAMETERS = ("M", "OF")  # parameters of a drive that may be fixed in addition to those of a block
 
 
 @dataclass(frozen=True)

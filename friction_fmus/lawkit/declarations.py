@@ -14,66 +14,7 @@ from typing import Any
 from casadi import SX, Function, vertcat
 
 from friction_fmus.errors import FrictionError, nearest
-
-# ---- units ----------------------------------------------------------------------------------------------------------
-
-
-@dataclass(frozen=True)
-class Unit:
-    """A unit in terms of the macros of block.h, which differ between the translational and the rotational build.
-
-    ``FORCE + "/(" + LENGTH + ".s)"`` is N/(m.s), and N.m/(rad.s) in the rotational build.
-
-    Attributes
-    ----------
-    c : str
-        C expression for the name of the unit.
-    """
-
-    c: str
-
-    def __add__(self, other: Unit | str) -> Unit:
-        """Join names, as C joins adjacent string literals."""
-        return Unit(f"{self.c} {_unit(other).c}")
-
-    def __radd__(self, other: str) -> Unit:
-        """Join a plain name and a unit."""
-        return _unit(other) + self
-
-
-def _unit(unit: Unit | str) -> Unit:
-    return unit if isinstance(unit, Unit) else Unit(c_string(unit))
-
-
-def c_string(text: str) -> str:
-    """Return the text as a C string literal without trigraphs."""
-    escaped = text.replace("\\", "\\\\").replace('"', '\\"').replace("??", "?\\?")
-    return f'"{escaped}"'
-
-
-NOUNS = {"{force}": "FORCE_NOUN", "{mass}": "MASS_NOUN", "{moving_mass}": "MOVING_MASS"}
-"""Placeholders in descriptions, and their macros in block.h, which differ between the two builds."""
-
-
-def c_description(text: str) -> str:
-    """Return a description as C string literals, with macros for the nouns in `NOUNS`."""
-    parts = re.split(f"({'|'.join(map(re.escape, NOUNS))})", text)
-    return " ".join(NOUNS.get(part) or c_string(part) for part in parts if part)
-
-
-LENGTH = Unit("LENGTH")
-VELOCITY = Unit("VELOCITY")
-ACCELERATION = Unit("ACCELERATION")
-JERK = Unit("JERK")
-FORCE = Unit("FORCE")
-MASS = Unit("MASS")
-STIFFNESS = Unit("STIFFNESS")
-DAMPING = Unit("DAMPING")
-TIME = Unit("TIME")
-FREQUENCY = Unit("FREQUENCY")
-ANGLE = Unit("ANGLE")
-NO_UNIT = Unit("NO_UNIT")
-
+from friction_fmus.lawkit.quantities import NO_UNIT, TIME, Unit, unit_of
 
 # ---- variables ------------------------------------------------------------------------------------------------------
 
@@ -97,8 +38,7 @@ class Kind(Enum):
 VECTORS = (Kind.VECTOR, Kind.STATES)
 """Kinds with a tuple of numbers as value, written as ``k[0]``, ``k[1]``, ... in expressions."""
 
-BOOLEANS = (Kind.COMMAND, Kind.SWITCH)
-"""Kinds with a Boolean value, 1 or 0 in expressions."""
+BOOLEANS = (Kind.COMMAND, Kind.SWITCH)  # kinds with a Boolean value, 1 or 0 in expressions
 
 
 @dataclass(frozen=True)
@@ -157,7 +97,7 @@ class Variable:
 
 def Input(unit: Unit | str, start: float, text: str, *, optional: bool = False) -> Any:  # noqa: N802
     """Declare a Real input; an optional one may stay unconnected."""
-    return Variable(Kind.OPTIONAL if optional else Kind.INPUT, _unit(unit), float(start), text)
+    return Variable(Kind.OPTIONAL if optional else Kind.INPUT, unit_of(unit), float(start), text)
 
 
 def Command(start: bool, text: str) -> Any:  # noqa: N802
@@ -180,8 +120,10 @@ def State(  # noqa: N802
     is 0 or 1 has ``flag=True``, an integral ``sums=True``.
     """
     if isinstance(start, tuple):
-        return Variable(Kind.STATES, _unit(unit), tuple(map(float, start)), text, nominal=nominal, flag=flag, sums=sums)
-    return Variable(Kind.STATE, _unit(unit), float(start), text, nominal=nominal, flag=flag, sums=sums)
+        return Variable(
+            Kind.STATES, unit_of(unit), tuple(map(float, start)), text, nominal=nominal, flag=flag, sums=sums
+        )
+    return Variable(Kind.STATE, unit_of(unit), float(start), text, nominal=nominal, flag=flag, sums=sums)
 
 
 def Parameter(  # noqa: N802
@@ -189,8 +131,8 @@ def Parameter(  # noqa: N802
 ) -> Any:
     """Declare a tunable Real parameter; a tuple of start values declares a vector ``k[0]``, ``k[1]``, ..."""
     if isinstance(start, tuple):
-        return Variable(Kind.VECTOR, _unit(unit), tuple(map(float, start)), text, min, max)
-    return Variable(Kind.PARAMETER, _unit(unit), float(start), text, min, max)
+        return Variable(Kind.VECTOR, unit_of(unit), tuple(map(float, start)), text, min, max)
+    return Variable(Kind.PARAMETER, unit_of(unit), float(start), text, min, max)
 
 
 def Switch(start: bool, text: str) -> Any:  # noqa: N802
@@ -205,7 +147,7 @@ def SampleTime() -> Any:  # noqa: N802
 
 def Output(unit: Unit | str, text: str) -> Variable:  # noqa: N802
     """Declare a Real output."""
-    return Variable(Kind.OUTPUT, _unit(unit), 0.0, text)
+    return Variable(Kind.OUTPUT, unit_of(unit), 0.0, text)
 
 
 FAULT = Variable(

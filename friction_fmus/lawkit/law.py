@@ -24,7 +24,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from casadi import SX, Function, exp, if_else, symvar, vertcat
+from casadi import SX, Function, symvar, vertcat
 
 from friction_fmus.blocks.about import REPLACES_SERVO, SHAPES_REFERENCE, About, Use
 from friction_fmus.blocks.axis_units import SLIDING
@@ -32,22 +32,10 @@ from friction_fmus.blocks.contact import Friction
 from friction_fmus.blocks.loop import InLoop, Loop
 from friction_fmus.errors import FrictionError, nearest
 from friction_fmus.lawkit.declarations import (
-    ACCELERATION,
-    ANGLE,
     BOOLEANS,
-    DAMPING,
     FAULT,
-    FORCE,
-    FREQUENCY,
-    JERK,
-    LENGTH,
-    MASS,
-    NO_UNIT,
     PARAMETERS,
-    STIFFNESS,
-    TIME,
     VECTORS,
-    VELOCITY,
     Command,
     Conditions,
     Input,
@@ -58,16 +46,30 @@ from friction_fmus.lawkit.declarations import (
     SampleTime,
     State,
     Switch,
-    Unit,
     Variable,
-    c_description,
-    c_string,
     check_identifier,
     check_line,
     conditions_of,
 )
 from friction_fmus.lawkit.emit.c_text import kernel
 from friction_fmus.lawkit.emit.names import comment
+from friction_fmus.lawkit.quantities import (
+    ACCELERATION,
+    ANGLE,
+    DAMPING,
+    FORCE,
+    FREQUENCY,
+    JERK,
+    LENGTH,
+    MASS,
+    NO_UNIT,
+    STIFFNESS,
+    TIME,
+    VELOCITY,
+    Unit,
+    c_description,
+    c_string,
+)
 from friction_fmus.lawkit.results import Equations, Label, function_of, intermediate_results, results_of
 
 __all__ = [
@@ -104,35 +106,6 @@ __all__ = [
     "Variable",
     "law",
 ]
-
-
-def clip(value: SX, low: SX, high: SX) -> SX:
-    """Return the value limited to low and high; NaN stays NaN (fmin and fmax would return a limit)."""
-    return if_else(value < low, low, if_else(value > high, high, value))
-
-
-def limits(value: SX, low: SX, high: SX) -> SX:
-    """Return the active limit: -1 below low, +1 above high, else 0."""
-    return if_else(value < low, -1.0, if_else(value > high, 1.0, 0.0))
-
-
-def unless_winding_up(rate: SX, active: SX) -> SX:
-    """Return the rate of an integral, or 0 while it would drive the output further into the active limit."""
-    return if_else(rate * active > 0.0, 0.0, rate)
-
-
-def elapsed(missed: SX, Ts: SX) -> SX:
-    """Return the time since the last valid sample."""
-    return (missed + 1.0) * Ts
-
-
-def stribeck_level(speed: SX, Fc: SX, Fs: SX, vs: SX, delta: SX) -> SX:
-    """Return the Stribeck curve g = Fc + (Fs - Fc) exp(-(speed/vs)^delta) for a speed that is not negative."""
-    ratio = speed / vs
-    power = if_else(delta == 2.0, ratio**2, ratio**delta)
-    # beyond 87 the exponential is a denormal float: negligible, and several times slower
-    excess = (Fs - Fc) * if_else(power > 87.0, 0.0, exp(-power))
-    return Fc + excess
 
 
 @dataclass(frozen=True)
@@ -354,7 +327,6 @@ def law(
     sizes: Mapping[str, Size] | None = None,
     portrait: str = "",
     quotes: Sequence[str] = (),
-    needs: Mapping[str, int] | None = None,
     loop: Loop | None = None,
     use: Use | None = None,
 ) -> Callable[[Equations], Law]:
@@ -376,7 +348,7 @@ def law(
         relation u_min <= u_max is added automatically.
     sizes : mapping of str to Size, optional
         Parameters whose start values determine the length of vectors when the FMU is built.
-    portrait, quotes, needs, cites : optional
+    portrait, quotes, cites : optional
         See `About`.
     loop : Loop, optional
         Role of the law in a control loop, for ``friction-fmus doctor``; None if the doctor need not know the law.
@@ -395,7 +367,7 @@ def law(
         If the law is invalid; the message says why in one sentence.
     """
 
-    about = About(portrait, tuple(quotes), needs or {}, in_loop=InLoop(law=loop), use=use, cites=tuple(cites))
+    about = About(portrait, tuple(quotes), in_loop=InLoop(law=loop), use=use, cites=tuple(cites))
 
     def decorate(equations: Equations) -> Law:
         code = getattr(equations, "__code__", None)

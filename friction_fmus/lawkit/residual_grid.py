@@ -4,8 +4,5 @@ from __future__ import annotations
 
 from typing import Final
 
-SPEEDS: Final = (0.03, 0.1, 0.3, 0.6, 1.0)
-"""Speeds over the largest one."""
-
-POSITIONS: Final = 8
-"""Number of equally spaced positions."""
+SPEEDS: Final = (0.03, 0.1, 0.3, 0.6, 1.0)  # speeds over the largest one
+POSITIONS: Final = 8  # number of equally spaced positions

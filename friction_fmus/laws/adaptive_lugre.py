@@ -4,25 +4,10 @@ from __future__ import annotations
 
 from casadi import SX, fabs, if_else, logic_and
 
-from friction_fmus.lawkit.law import (
-    DAMPING,
-    FORCE,
-    LENGTH,
-    NO_UNIT,
-    REPLACES_SERVO,
-    Command,
-    Friction,
-    Loop,
-    Output,
-    Parameter,
-    SampleTime,
-    State,
-    law,
-    stribeck_level,
-)
+from friction_fmus.lawkit.law import REPLACES_SERVO, Command, Friction, Loop, Output, Parameter, SampleTime, State, law
 from friction_fmus.lawkit.parts import variables
-from friction_fmus.lawkit.parts.observers import adapted, limited, relaxed
-from friction_fmus.lawkit.parts.tracking import deflected, restarts
+from friction_fmus.lawkit.parts.expressions import adapted, deflected, limited, relaxed, restarts, stribeck_level
+from friction_fmus.lawkit.quantities import DAMPING, FORCE, LENGTH, NO_UNIT
 
 
 @law(
@@ -31,18 +16,7 @@ from friction_fmus.lawkit.parts.tracking import deflected, restarts
     source="Canudas de Wit, Lischinsky, Int. J. Adaptive Control and Signal Processing 11, 1997",
     cites=("CanudasLischinsky1997",),
     Ts=1e-3,
-    quotes=(
-        "routh",
-        "sampled",
-        "loop_poles",
-        "stick_slip_free",
-        "break_away",
-        "adaptation",
-        "fed_back_stiffness",
-        "overcompensation",
-        "explicit_observer",
-    ),
-    needs={"changing load": 1},
+    quotes=(*variables.POSITION_LOOP, "adaptation", "fed_back_stiffness", "overcompensation", "explicit_observer"),
     loop=Loop(
         gains={"Kp": "Ks * lam", "Kd": "m * lam + Ks"},
         friction=Friction("Fc", "Fs", "sigma2", "vs", "delta"),
@@ -54,9 +28,7 @@ from friction_fmus.lawkit.parts.tracking import deflected, restarts
     ),
     use=REPLACES_SERVO,
     outputs={
-        "u": Output(FORCE, "control {force}, within u_min and u_max"),
-        "F_hat": Output(FORCE, "estimated friction {force}; u contains gain F_hat"),
-        "u_sat": Output(NO_UNIT, "active limit: -1 lower, +1 upper, 0 none"),
+        **variables.TRACKING,
         "theta": Output(NO_UNIT, "estimated normal force relative to the normal force of the parameters"),
     },
     conditions={

@@ -4,25 +4,10 @@ from __future__ import annotations
 
 from casadi import SX, exp, fabs, if_else, sign
 
-from friction_fmus.lawkit.law import (
-    DAMPING,
-    FORCE,
-    LENGTH,
-    MASS,
-    NO_UNIT,
-    REPLACES_SERVO,
-    VELOCITY,
-    Command,
-    Loop,
-    Output,
-    Parameter,
-    SampleTime,
-    State,
-    clip,
-    law,
-)
+from friction_fmus.lawkit.law import REPLACES_SERVO, Command, Loop, Output, Parameter, SampleTime, State, law
 from friction_fmus.lawkit.parts import variables
-from friction_fmus.lawkit.parts.observers import adapted, limited
+from friction_fmus.lawkit.parts.expressions import adapted, clip, limited
+from friction_fmus.lawkit.quantities import DAMPING, FORCE, LENGTH, MASS, VELOCITY
 
 
 @law(
@@ -31,8 +16,7 @@ from friction_fmus.lawkit.parts.observers import adapted, limited
     source="Slotine, Li: Applied Nonlinear Control, Prentice Hall 1991",
     cites=("SlotineLi1991",),
     Ts=1e-3,
-    quotes=("routh", "sampled", "loop_poles", "stick_slip_free", "break_away", "adaptation"),
-    needs={"changing load": 3},
+    quotes=(*variables.POSITION_LOOP, "adaptation"),
     loop=Loop(
         gains={"Kp": "(Ks + K / phi) * lam", "Kd": "Ks + K / phi + m * lam"},
         linear={},
@@ -40,9 +24,7 @@ from friction_fmus.lawkit.parts.observers import adapted, limited
     ),
     use=REPLACES_SERVO,
     outputs={
-        "u": Output(FORCE, "control {force}, within u_min and u_max"),
-        "F_hat": Output(FORCE, "estimated friction {force}; u contains gain F_hat"),
-        "u_sat": Output(NO_UNIT, "active limit: -1 lower, +1 upper, 0 none"),
+        **variables.TRACKING,
         "Fc_hat": Output(FORCE, "estimated Coulomb friction"),
         "Fv_hat": Output(DAMPING, "estimated viscous coefficient"),
     },

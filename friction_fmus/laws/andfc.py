@@ -4,30 +4,19 @@ from __future__ import annotations
 
 from casadi import SX, exp, fabs, if_else
 
-from friction_fmus.lawkit.law import (
-    DAMPING,
-    FORCE,
-    LENGTH,
-    NO_UNIT,
-    REPLACES_SERVO,
-    VELOCITY,
-    Command,
-    Friction,
-    Loop,
-    Output,
-    Parameter,
-    SampleTime,
-    State,
+from friction_fmus.lawkit.law import REPLACES_SERVO, Command, Friction, Loop, Output, Parameter, SampleTime, State, law
+from friction_fmus.lawkit.parts import variables
+from friction_fmus.lawkit.parts.expressions import (
     clip,
+    deflected,
     elapsed,
-    law,
+    limited,
+    relaxed,
+    starts_now,
     stribeck_level,
     unless_winding_up,
 )
-from friction_fmus.lawkit.parts import variables
-from friction_fmus.lawkit.parts.estimators import starts_now
-from friction_fmus.lawkit.parts.observers import limited, relaxed
-from friction_fmus.lawkit.parts.tracking import deflected
+from friction_fmus.lawkit.quantities import DAMPING, FORCE, LENGTH, NO_UNIT, VELOCITY
 
 
 @law(
@@ -36,18 +25,7 @@ from friction_fmus.lawkit.parts.tracking import deflected
     source="Tan, Kanellakopoulos, American Control Conference, 1999",
     cites=("TanKanellakopoulos1999",),
     Ts=1e-3,
-    quotes=(
-        "routh",
-        "sampled",
-        "loop_poles",
-        "stick_slip_free",
-        "break_away",
-        "adaptation",
-        "fed_back_stiffness",
-        "overcompensation",
-        "explicit_observer",
-    ),
-    needs={"changing load": 2},
+    quotes=(*variables.POSITION_LOOP, "adaptation", "fed_back_stiffness", "overcompensation", "explicit_observer"),
     loop=Loop(
         gains={"Kp": "Ks * lam", "Kd": "m * lam + Ks"},
         friction=Friction("Fc", "Fs", "sigma2", "vs", "delta"),
@@ -59,9 +37,7 @@ from friction_fmus.lawkit.parts.tracking import deflected
     ),
     use=REPLACES_SERVO,
     outputs={
-        "u": Output(FORCE, "control {force}, within u_min and u_max"),
-        "F_hat": Output(FORCE, "estimated friction {force}; u contains gain F_hat"),
-        "u_sat": Output(NO_UNIT, "active limit: -1 lower, +1 upper, 0 none"),
+        **variables.TRACKING,
         "theta_0": Output(NO_UNIT, "estimated factor of sigma0"),
         "theta_1": Output(NO_UNIT, "estimated factor of sigma0 sigma1"),
         "theta_2": Output(NO_UNIT, "estimated factor of sigma1 + sigma2"),

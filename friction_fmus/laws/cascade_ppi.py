@@ -4,25 +4,10 @@ from __future__ import annotations
 
 from casadi import SX, if_else
 
-from friction_fmus.lawkit.law import (
-    DAMPING,
-    FORCE,
-    LENGTH,
-    NO_UNIT,
-    REPLACES_SERVO,
-    STIFFNESS,
-    Loop,
-    Output,
-    Parameter,
-    SampleTime,
-    State,
-    clip,
-    law,
-    limits,
-    unless_winding_up,
-)
+from friction_fmus.lawkit.law import REPLACES_SERVO, Loop, Parameter, SampleTime, State, law
 from friction_fmus.lawkit.parts import variables
-from friction_fmus.lawkit.parts.tracking import carried, restarts, tracked
+from friction_fmus.lawkit.parts.expressions import carried, clip, limits, restarts, tracked, unless_winding_up
+from friction_fmus.lawkit.quantities import DAMPING, LENGTH, STIFFNESS
 
 
 @law(
@@ -31,13 +16,10 @@ from friction_fmus.lawkit.parts.tracking import carried, restarts, tracked
     source="Jamaludin, Van Brussel, Swevers, IEEE TIE 56(10), 2009",
     cites=("Jamaludin2009",),
     Ts=1e-3,
-    quotes=("routh", "sampled", "loop_poles", "stick_slip_free", "break_away", "hunting"),
+    quotes=(*variables.POSITION_LOOP, "hunting"),
     loop=Loop(gains={"Kp": "kv * kp + ki", "Kd": "kv", "Ki": "ki * kp", "m": "m"}, linear={}),
     use=REPLACES_SERVO,
-    outputs={
-        "u": Output(FORCE, "control {force}, within u_min and u_max"),
-        "u_sat": Output(NO_UNIT, "active limit: -1 lower, +1 upper, 0 none"),
-    },
+    outputs=variables.CONTROL,
 )
 def cascade_ppi(
     r: SX = variables.R,

@@ -4,19 +4,10 @@ from __future__ import annotations
 
 from casadi import SX, if_else, logic_and, sign
 
-from friction_fmus.lawkit.law import (
-    FORCE,
-    NO_UNIT,
-    Friction,
-    Loop,
-    Output,
-    Parameter,
-    Switch,
-    Use,
-    law,
-)
+from friction_fmus.lawkit.law import Friction, Loop, Parameter, Switch, Use, law
 from friction_fmus.lawkit.parts import variables
-from friction_fmus.lawkit.parts.feedforward import feedforward
+from friction_fmus.lawkit.parts.expressions import limited
+from friction_fmus.lawkit.quantities import FORCE
 
 
 @law(
@@ -26,14 +17,9 @@ from friction_fmus.lawkit.parts.feedforward import feedforward
     cites=("ArmstrongHelouvry1994",),
     Ts=1e-3,
     quotes=("overcompensation", "inertia"),
-    needs={"curve ahead": 2},
     loop=Loop(friction=Friction("Fc"), inertia="m"),
     use=Use("feedforward", models=("Coulomb", "Stribeck"), tuned={"m": "0"}),
-    outputs={
-        "u": Output(FORCE, "feedforward {force}, within u_min and u_max"),
-        "F_hat": Output(FORCE, "estimated friction {force}; u contains gain F_hat"),
-        "u_sat": Output(NO_UNIT, "active limit: -1 lower, +1 upper, 0 none"),
-    },
+    outputs=variables.FEEDFORWARD,
 )
 def coulomb_feedforward(
     rd: SX = variables.RD,
@@ -67,4 +53,4 @@ def coulomb_feedforward(
     compensated. u_min must not exceed u_max.
     """
     F_hat = sign(rd) * if_else(logic_and(asymmetric, rd < 0.0), Fc_neg, Fc)
-    return feedforward(m * rdd, F_hat, gain, enable, u_min, u_max)
+    return limited(m * rdd, F_hat, gain, enable, u_min, u_max)

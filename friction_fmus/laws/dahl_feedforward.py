@@ -4,23 +4,10 @@ from __future__ import annotations
 
 from casadi import SX, expm1, fabs, if_else, log1p, logic_and, sign
 
-from friction_fmus.lawkit.law import (
-    DAMPING,
-    FORCE,
-    LENGTH,
-    NO_UNIT,
-    STIFFNESS,
-    Friction,
-    Loop,
-    Output,
-    Parameter,
-    State,
-    Use,
-    law,
-)
+from friction_fmus.lawkit.law import Friction, Loop, Output, Parameter, State, Use, law
 from friction_fmus.lawkit.parts import variables
-from friction_fmus.lawkit.parts.feedforward import feedforward, increment, when
-from friction_fmus.lawkit.parts.tracking import deflected
+from friction_fmus.lawkit.parts.expressions import deflected, increment, limited, when
+from friction_fmus.lawkit.quantities import DAMPING, LENGTH, NO_UNIT, STIFFNESS
 
 
 def closed(gap: SX, path: SX, n: SX) -> SX:
@@ -39,14 +26,13 @@ def closed(gap: SX, path: SX, n: SX) -> SX:
     cites=("Lampaert2004", "Dahl1976"),
     Ts=1e-3,
     quotes=("overcompensation", "inertia"),
-    needs={"presliding ahead": 3},
     loop=Loop(friction=Friction("Fc", viscous="Fv"), inertia="m"),
     use=Use("feedforward", models=("Dahl",), tuned={"m": "0"}),
     outputs={
-        "u": Output(FORCE, "feedforward {force}, within u_min and u_max"),
-        "F_hat": Output(FORCE, "estimated friction {force}; u contains gain F_hat"),
+        "u": variables.U_FORWARD,
+        "F_hat": variables.F_HAT,
         "z_hat": Output(LENGTH, "deflection of the contact in this sample"),
-        "u_sat": Output(NO_UNIT, "active limit: -1 lower, +1 upper, 0 none"),
+        "u_sat": variables.U_SAT,
     },
 )
 def dahl_feedforward(
@@ -104,6 +90,6 @@ def dahl_feedforward(
     rest = m * rdd + gain * (Fv * rd)
     now = deflected(track, u_track, rest, gain * sigma, Fc / sigma, u_min, u_max, moved)
     return {
-        **feedforward(m * rdd, sigma * now + Fv * rd, gain, enable, u_min, u_max),
+        **limited(m * rdd, sigma * now + Fv * rd, gain, enable, u_min, u_max),
         **when(enable, z_hat=now, z=now, last=r, started=1.0),
     }

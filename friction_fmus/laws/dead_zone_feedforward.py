@@ -4,21 +4,10 @@ from __future__ import annotations
 
 from casadi import SX, fabs, if_else, logic_or, sign
 
-from friction_fmus.lawkit.law import (
-    FORCE,
-    NO_UNIT,
-    VELOCITY,
-    Friction,
-    Input,
-    Loop,
-    Output,
-    Parameter,
-    Use,
-    clip,
-    law,
-)
+from friction_fmus.lawkit.law import Friction, Input, Loop, Output, Parameter, Use, law
 from friction_fmus.lawkit.parts import variables
-from friction_fmus.lawkit.parts.feedforward import feedforward
+from friction_fmus.lawkit.parts.expressions import clip, limited
+from friction_fmus.lawkit.quantities import FORCE, VELOCITY
 
 
 @law(
@@ -36,8 +25,8 @@ from friction_fmus.lawkit.parts.feedforward import feedforward
     ),
     outputs={
         "u": Output(FORCE, "linear and friction {force}, within u_min and u_max"),
-        "F_hat": Output(FORCE, "estimated friction {force}; u contains gain F_hat"),
-        "u_sat": Output(NO_UNIT, "active limit: -1 lower, +1 upper, 0 none"),
+        "F_hat": variables.F_HAT,
+        "u_sat": variables.U_SAT,
     },
 )
 def dead_zone_feedforward(
@@ -82,4 +71,4 @@ def dead_zone_feedforward(
     u_lin = m * rdd + f
     rest = logic_or(fabs(rd) < DV, rd == 0.0)
     F_hat = if_else(rest, clip(u_lin, -T_dz, T_dz), sign(rd) * Fc + Fv * rd)
-    return feedforward(u_lin, F_hat, gain, enable, u_min, u_max)
+    return limited(u_lin, F_hat, gain, enable, u_min, u_max)

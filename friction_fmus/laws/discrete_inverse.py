@@ -4,25 +4,10 @@ from __future__ import annotations
 
 from casadi import SX, floor, if_else, logic_and, logic_not, logic_or
 
-from friction_fmus.lawkit.law import (
-    FORCE,
-    LENGTH,
-    NO_UNIT,
-    Command,
-    Input,
-    Loop,
-    Output,
-    Parameter,
-    Size,
-    State,
-    Switch,
-    Use,
-    clip,
-    law,
-    limits,
-)
+from friction_fmus.lawkit.law import Command, Input, Loop, Output, Parameter, Size, State, Switch, Use, law
 from friction_fmus.lawkit.parts import variables
-from friction_fmus.lawkit.parts.feedforward import filled
+from friction_fmus.lawkit.parts.expressions import clip, filled, limits
+from friction_fmus.lawkit.quantities import FORCE, LENGTH, NO_UNIT
 
 LONGEST = 32  # samples of preview, unless the FMU is built for more
 POLES = 4
@@ -45,9 +30,9 @@ def square(pair: SX) -> SX:
     loop=Loop(rules=("looks_ahead",)),
     use=Use("other", never="It inverts a linear plant without friction."),
     outputs={
-        "u": Output(FORCE, "feedforward {force}, within u_min and u_max"),
+        "u": variables.U_FORWARD,
         "r_now": Output(LENGTH, "reference that the plant follows: r of preview + 1 samples earlier"),
-        "u_sat": Output(NO_UNIT, "active limit: -1 lower, +1 upper, 0 none"),
+        "u_sat": variables.U_SAT,
     },
     conditions={
         "zero = 0, |zero| > 1 or zero_phase": lambda zero, zero_phase: logic_or(

@@ -6,27 +6,10 @@ from math import pi, sqrt
 
 from casadi import SX, cos, exp, expm1, if_else, logic_and, logic_not, sin
 
-from friction_fmus.lawkit.law import (
-    FORCE,
-    FREQUENCY,
-    NO_UNIT,
-    VELOCITY,
-    Command,
-    Input,
-    Loop,
-    Output,
-    Parameter,
-    SampleTime,
-    State,
-    Switch,
-    Use,
-    clip,
-    elapsed,
-    law,
-)
+from friction_fmus.lawkit.law import Command, Input, Loop, Output, Parameter, SampleTime, State, Switch, Use, law
 from friction_fmus.lawkit.parts import variables
-from friction_fmus.lawkit.parts.estimators import compensation, mean_friction, starts_now
-from friction_fmus.lawkit.parts.tracking import carried
+from friction_fmus.lawkit.parts.expressions import carried, clip, elapsed, limited, starts_now
+from friction_fmus.lawkit.quantities import FORCE, FREQUENCY, VELOCITY
 
 
 @law(
@@ -36,13 +19,12 @@ from friction_fmus.lawkit.parts.tracking import carried
     cites=("Ohnishi1996", "Jamaludin2009"),
     Ts=1e-3,
     quotes=("loop_poles", "disturbance_observer"),
-    needs={"force and velocity": 1, "uncertain model": 2},
     loop=Loop(linear={}, estimates=True),
     use=Use("estimator", tuned={"m": "m", "fq": "corner", "second_order": "1"}),
     outputs={
-        "u": Output(FORCE, "compensation {force} gain F_hat, within u_min and u_max"),
+        "u": variables.U_COMPENSATION,
         "F_hat": Output(FORCE, "estimated friction {force} without the part compensated by f_prev"),
-        "u_sat": Output(NO_UNIT, "active limit: -1 lower, +1 upper, 0 none"),
+        "u_sat": variables.U_SAT,
     },
 )
 def disturbance_observer(
@@ -104,7 +86,7 @@ def disturbance_observer(
     """
     new = starts_now(reset, running)
     span = elapsed(missed, Ts)
-    F_m = mean_friction(if_else(new, 0.0, u_prev - f_prev), m, v - if_else(new, v, v_last), span)
+    F_m = if_else(new, 0.0, u_prev - f_prev) - m * (v - if_else(new, v, v_last)) / span
     w_Ts = 2.0 * pi * fq * span
     old = if_else(new, 0.0, d)
     first = old - expm1(-w_Ts) * (F_m - old)
@@ -114,7 +96,7 @@ def disturbance_observer(
     p = exp(-q) * (p_old * (cos(q) - sin(q)) - sqrt(2.0) * y * sin(q))
     F_hat = carried(track, clip(u_track, u_min, u_max), SX(0.0), gain, if_else(second_order, second, first))
     return {
-        **compensation(F_hat, gain, u_min, u_max, enable, track, u_track),
+        **limited(SX(0.0), F_hat, gain, enable, u_min, u_max, track, u_track),
         "d": if_else(enable, F_hat, 0.0),
         "d_rate": if_else(enable, if_else(logic_and(second_order, logic_not(track)), p, 0.0), 0.0),
         "v_last": if_else(enable, v, 0.0),

@@ -6,22 +6,10 @@ from math import pi
 
 from casadi import SX, fabs, floor, if_else, sin
 
-from friction_fmus.lawkit.law import (
-    FORCE,
-    FREQUENCY,
-    NO_UNIT,
-    Command,
-    Input,
-    Loop,
-    Output,
-    Parameter,
-    SampleTime,
-    State,
-    Use,
-    clip,
-    law,
-    limits,
-)
+from friction_fmus.lawkit.law import Command, Input, Loop, Output, Parameter, SampleTime, State, Use, law
+from friction_fmus.lawkit.parts import variables
+from friction_fmus.lawkit.parts.expressions import clip, limits
+from friction_fmus.lawkit.quantities import FORCE, FREQUENCY, NO_UNIT
 
 
 @law(
@@ -32,12 +20,11 @@ from friction_fmus.lawkit.law import (
     Ts=1e-4,
     portrait="own_course",
     quotes=("dither_stroke", "dither_frequency"),
-    needs={"hunting": 3, "stiction error": 3},
     loop=Loop(rules=("dithers",)),
     use=Use("dither", tuned={"Ad": "1.5 * level", "frequency": "0.1 / Ts"}),
     outputs={
         "u": Output(FORCE, "f with the dither, within u_min and u_max"),
-        "u_sat": Output(NO_UNIT, "active limit: -1 lower, +1 upper, 0 none"),
+        "u_sat": variables.U_SAT,
     },
     conditions={
         "frequency < 1/(2 Ts)": lambda frequency, Ts: 2.0 * frequency * Ts < 1.0,

@@ -4,27 +4,10 @@ from __future__ import annotations
 
 from casadi import SX, exp, fabs, if_else, sign
 
-from friction_fmus.lawkit.law import (
-    FORCE,
-    LENGTH,
-    NO_UNIT,
-    STIFFNESS,
-    VELOCITY,
-    Command,
-    Friction,
-    Input,
-    Loop,
-    Output,
-    Parameter,
-    State,
-    Use,
-    clip,
-    law,
-)
+from friction_fmus.lawkit.law import Command, Friction, Input, Loop, Parameter, State, Use, law
 from friction_fmus.lawkit.parts import variables
-from friction_fmus.lawkit.parts.estimators import starts_now
-from friction_fmus.lawkit.parts.observers import limited
-from friction_fmus.lawkit.parts.tracking import deflected
+from friction_fmus.lawkit.parts.expressions import clip, deflected, limited, starts_now
+from friction_fmus.lawkit.quantities import LENGTH, NO_UNIT, STIFFNESS, VELOCITY
 
 
 @law(
@@ -34,7 +17,6 @@ from friction_fmus.lawkit.parts.tracking import deflected
     cites=("Hayward2009", "Dupont2002"),
     Ts=1e-3,
     quotes=("fed_back_stiffness", "overcompensation"),
-    needs={"presliding in feedback": 2},
     loop=Loop(friction=Friction("Fc", viscous="Fv"), measured=True, at_rest=True, rules=("feeds_stiffness_back",)),
     use=Use(
         "model feedback",
@@ -42,11 +24,7 @@ from friction_fmus.lawkit.parts.tracking import deflected
         renamed={"sigma2": "Fv"},
         tuned={"elastic": "min(max(either(z_ba, 0.7 * (Fc / sigma0)) / (Fc / sigma0), 0), 0.99)"},
     ),
-    outputs={
-        "u": Output(FORCE, "compensation {force} gain F_hat, within u_min and u_max"),
-        "F_hat": Output(FORCE, "estimated friction {force}; u contains gain F_hat"),
-        "u_sat": Output(NO_UNIT, "active limit: -1 lower, +1 upper, 0 none"),
-    },
+    outputs=variables.COMPENSATION,
 )
 def elasto_plastic_estimator(
     x: SX = variables.X,

@@ -6,25 +6,20 @@ import math
 
 from casadi import SX, atan2, cos, expm1, fabs, if_else, log1p, logic_and, sign, sin
 
-from friction_fmus.lawkit.law import (
-    FORCE,
-    LENGTH,
-    NO_UNIT,
-    VELOCITY,
-    Friction,
-    Loop,
-    Output,
-    Parameter,
-    SampleTime,
-    State,
-    Use,
-    elapsed,
-    law,
-    stribeck_level,
-)
+from friction_fmus.lawkit.law import Friction, Loop, Output, Parameter, SampleTime, State, Use, law
 from friction_fmus.lawkit.parts import variables
-from friction_fmus.lawkit.parts.feedforward import at_most, fading, feedforward, increment, relax, when
-from friction_fmus.lawkit.parts.tracking import deflected
+from friction_fmus.lawkit.parts.expressions import (
+    at_most,
+    deflected,
+    elapsed,
+    fading,
+    increment,
+    limited,
+    relax,
+    stribeck_level,
+    when,
+)
+from friction_fmus.lawkit.quantities import LENGTH, VELOCITY
 
 
 def approach(y: SX, k: SX, p: SX) -> SX:
@@ -79,14 +74,13 @@ def slid(z: SX, u: SX, z_max: SX, z_ba: SX) -> SX:
     cites=("Dupont2002",),
     Ts=1e-3,
     quotes=("overcompensation", "inertia"),
-    needs={"presliding ahead": 4},
     loop=Loop(friction=Friction("Fc", "Fs", "sigma2", "vs", "delta"), inertia="m"),
     use=Use("feedforward", models=("ElastoPlastic",), tuned={"m": "0"}),
     outputs={
-        "u": Output(FORCE, "feedforward {force}, within u_min and u_max"),
-        "F_hat": Output(FORCE, "estimated friction {force}; u contains gain F_hat"),
+        "u": variables.U_FORWARD,
+        "F_hat": variables.F_HAT,
         "z_hat": Output(LENGTH, "mean bristle deflection in this sample"),
-        "u_sat": Output(NO_UNIT, "active limit: -1 lower, +1 upper, 0 none"),
+        "u_sat": variables.U_SAT,
     },
 )
 def elasto_plastic_feedforward(
@@ -162,7 +156,7 @@ def elasto_plastic_feedforward(
     stretching = rd * (1.0 - alpha * along / steady)
     friction = sigma0 * now + damping * stretching + sigma2 * rd
     return {
-        **feedforward(m * rdd, friction, gain, enable, u_min, u_max),
+        **limited(m * rdd, friction, gain, enable, u_min, u_max),
         **when(enable, z_hat=now, z=now, last=r, started=1.0),
         "missed": SX(0.0),
     }

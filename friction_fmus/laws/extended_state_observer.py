@@ -4,25 +4,10 @@ from __future__ import annotations
 
 from casadi import SX, exp, if_else
 
-from friction_fmus.lawkit.law import (
-    FORCE,
-    NO_UNIT,
-    VELOCITY,
-    Command,
-    Loop,
-    Output,
-    Parameter,
-    SampleTime,
-    State,
-    Use,
-    clip,
-    elapsed,
-    law,
-)
+from friction_fmus.lawkit.law import Command, Loop, Output, Parameter, SampleTime, State, Use, law
 from friction_fmus.lawkit.parts import variables
-from friction_fmus.lawkit.parts.estimators import starts_now
-from friction_fmus.lawkit.parts.observers import limited
-from friction_fmus.lawkit.parts.tracking import carried
+from friction_fmus.lawkit.parts.expressions import carried, clip, elapsed, limited, starts_now
+from friction_fmus.lawkit.quantities import FORCE, VELOCITY
 
 
 @law(
@@ -32,13 +17,10 @@ from friction_fmus.lawkit.parts.tracking import carried
     cites=("Gao2003",),
     Ts=1e-3,
     quotes=("loop_poles", "disturbance_observer", "break_away"),
-    needs={"force and encoder": 2},
     loop=Loop(gains={"Kp": "m * wc**2", "Kd": "2 * m * wc"}, linear={}, estimates=True),
     use=Use("estimator", tuned={"m": "m", "wo": "observed", "wc": "bandwidth"}, output="F_hat"),
     outputs={
-        "u": Output(FORCE, "control {force}, within u_min and u_max"),
-        "F_hat": Output(FORCE, "estimated friction {force}; u contains gain F_hat"),
-        "u_sat": Output(NO_UNIT, "active limit: -1 lower, +1 upper, 0 none"),
+        **variables.TRACKING,
         "v_est": Output(VELOCITY, "estimated velocity"),
     },
 )

@@ -6,20 +6,10 @@ from itertools import pairwise
 
 from casadi import SX, fabs, floor, if_else, sign
 
-from friction_fmus.lawkit.law import (
-    FORCE,
-    LENGTH,
-    VELOCITY,
-    Command,
-    Input,
-    Output,
-    Parameter,
-    Switch,
-    Use,
-    clip,
-    law,
-)
+from friction_fmus.lawkit.law import Command, Input, Output, Parameter, Switch, Use, law
 from friction_fmus.lawkit.parts import variables
+from friction_fmus.lawkit.parts.expressions import clip
+from friction_fmus.lawkit.quantities import FORCE, LENGTH, VELOCITY
 from friction_fmus.lawkit.residual_grid import POSITIONS, SPEEDS
 
 ZEROS = (0.0,) * (len(SPEEDS) * POSITIONS)

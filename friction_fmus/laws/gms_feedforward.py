@@ -4,25 +4,11 @@ from __future__ import annotations
 
 from casadi import SX, ceil, exp, fabs, if_else, logic_and, logic_or
 
-from friction_fmus.lawkit.law import (
-    DAMPING,
-    FORCE,
-    NO_UNIT,
-    Friction,
-    Input,
-    Loop,
-    Output,
-    Parameter,
-    SampleTime,
-    Use,
-    elapsed,
-    law,
-    stribeck_level,
-)
+from friction_fmus.lawkit.law import Friction, Input, Loop, Output, Parameter, SampleTime, Use, law
 from friction_fmus.lawkit.parts import maxwell_slip, variables
-from friction_fmus.lawkit.parts.feedforward import feedforward, increment, when
+from friction_fmus.lawkit.parts.expressions import deflected, elapsed, increment, limited, stribeck_level, when
 from friction_fmus.lawkit.parts.maxwell_slip import ELEMENTS, slide, weights
-from friction_fmus.lawkit.parts.tracking import deflected
+from friction_fmus.lawkit.quantities import DAMPING, FORCE, NO_UNIT
 
 
 @law(
@@ -32,15 +18,14 @@ from friction_fmus.lawkit.parts.tracking import deflected
     cites=("Lampaert2004", "AlBender2005"),
     Ts=1e-3,
     quotes=("overcompensation", "inertia"),
-    needs={"presliding ahead": 2, "uncertain model": 1},
     loop=Loop(friction=Friction("Fc", "Fs", "sigma2", "vs", "delta"), inertia="m"),
     use=Use("feedforward", models=("GMS",), tuned={"m": "0"}),
     outputs={
-        "u": Output(FORCE, "feedforward {force}, within u_min and u_max"),
-        "F_hat": Output(FORCE, "estimated friction {force}; u contains gain F_hat"),
+        "u": variables.U_FORWARD,
+        "F_hat": variables.F_HAT,
         "F_pre": Output(FORCE, "sum of the {force}s Fi of the elements"),
         "slips": Output(NO_UNIT, "number of slipping elements"),
-        "u_sat": Output(NO_UNIT, "active limit: -1 lower, +1 upper, 0 none"),
+        "u_sat": variables.U_SAT,
     },
     conditions=maxwell_slip.CONDITIONS,
 )
@@ -136,7 +121,7 @@ def gms_feedforward(
     F_el = F_pre + sigma * (stretching - creeping)
     friction = load * F_el + sigma2 * rd
     return {
-        **feedforward(m * rdd, friction, gain, enable, u_min, u_max),
+        **limited(m * rdd, friction, gain, enable, u_min, u_max),
         **when(
             enable,
             F_pre=F_pre,

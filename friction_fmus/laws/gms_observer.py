@@ -4,23 +4,10 @@ from __future__ import annotations
 
 from casadi import SX, exp, fabs, if_else, logic_and, logic_not
 
-from friction_fmus.lawkit.law import (
-    FORCE,
-    NO_UNIT,
-    Command,
-    Friction,
-    Loop,
-    Output,
-    Parameter,
-    SampleTime,
-    Use,
-    law,
-    stribeck_level,
-)
+from friction_fmus.lawkit.law import Command, Friction, Loop, Parameter, SampleTime, Use, law
 from friction_fmus.lawkit.parts import maxwell_slip, variables
+from friction_fmus.lawkit.parts.expressions import deflected, limited, restarts, stribeck_level
 from friction_fmus.lawkit.parts.maxwell_slip import ELEMENTS, slide, weights
-from friction_fmus.lawkit.parts.observers import limited
-from friction_fmus.lawkit.parts.tracking import deflected, restarts
 
 
 @law(
@@ -30,7 +17,6 @@ from friction_fmus.lawkit.parts.tracking import deflected, restarts
     cites=("AlBender2005", "CanudasDeWit1995"),
     Ts=1e-3,
     quotes=("fed_back_stiffness", "overcompensation"),
-    needs={"presliding in feedback": 3},
     loop=Loop(
         friction=Friction("Fc", "Fs", "sigma2", "vs", "delta"),
         measured=True,
@@ -38,11 +24,7 @@ from friction_fmus.lawkit.parts.tracking import deflected, restarts
         rules=("feeds_stiffness_back",),
     ),
     use=Use("model feedback", models=("GMS",)),
-    outputs={
-        "u": Output(FORCE, "compensation {force} gain F_hat, within u_min and u_max"),
-        "F_hat": Output(FORCE, "estimated friction {force}; u contains gain F_hat"),
-        "u_sat": Output(NO_UNIT, "active limit: -1 lower, +1 upper, 0 none"),
-    },
+    outputs=variables.COMPENSATION,
     conditions=maxwell_slip.CONDITIONS,
 )
 def gms_observer(

@@ -4,19 +4,10 @@ from __future__ import annotations
 
 from casadi import SX
 
-from friction_fmus.lawkit.law import (
-    FORCE,
-    NO_UNIT,
-    REPLACES_SERVO,
-    Loop,
-    Output,
-    Parameter,
-    SampleTime,
-    clip,
-    law,
-)
+from friction_fmus.lawkit.law import REPLACES_SERVO, Loop, Output, Parameter, SampleTime, law
 from friction_fmus.lawkit.parts import variables
-from friction_fmus.lawkit.parts.observers import limited
+from friction_fmus.lawkit.parts.expressions import clip, limited
+from friction_fmus.lawkit.quantities import FORCE, NO_UNIT
 
 
 @law(
@@ -26,17 +17,16 @@ from friction_fmus.lawkit.parts.observers import limited
     cites=("AcaryBrogliato2010", "Kikuuwe2006"),
     Ts=1e-3,
     quotes=("loop_poles", "sliding_gain", "break_away"),
-    needs={"bound only": 1},
     loop=Loop(
         gains={"Kp": "gain * m / Ts * lam", "Kd": "gain * m / Ts + m * lam"}, linear={}, rules=("covers_friction",)
     ),
     use=REPLACES_SERVO,
     outputs={
-        "u": Output(FORCE, "control {force}, within u_min and u_max"),
+        "u": variables.U_CONTROL,
         "F_hat": Output(
             FORCE, "sliding-mode {force}; while sliding with gain = 1, the friction in the previous sample"
         ),
-        "u_sat": Output(NO_UNIT, "active limit: -1 lower, +1 upper, 0 none"),
+        "u_sat": variables.U_SAT,
     },
 )
 def implicit_sliding_mode(

@@ -4,23 +4,10 @@ from __future__ import annotations
 
 from casadi import SX, fabs, if_else, sign, sqrt
 
-from friction_fmus.lawkit.law import (
-    FORCE,
-    NO_UNIT,
-    REPLACES_SERVO,
-    Command,
-    Loop,
-    Output,
-    Parameter,
-    SampleTime,
-    State,
-    clip,
-    law,
-    unless_winding_up,
-)
+from friction_fmus.lawkit.law import REPLACES_SERVO, Command, Loop, Parameter, SampleTime, State, law
 from friction_fmus.lawkit.parts import variables
-from friction_fmus.lawkit.parts.observers import limited
-from friction_fmus.lawkit.parts.tracking import carried, restarts
+from friction_fmus.lawkit.parts.expressions import carried, clip, limited, restarts, unless_winding_up
+from friction_fmus.lawkit.quantities import FORCE, NO_UNIT
 
 
 @law(
@@ -30,18 +17,13 @@ from friction_fmus.lawkit.parts.tracking import carried, restarts
     cites=("Levant1998", "Brogliato2020"),
     Ts=1e-3,
     quotes=("loop_poles", "super_twisting", "super_twisting_rate", "break_away"),
-    needs={"bound only": 2},
     loop=Loop(
         gains={"Kp": "(1 + gain) * m / Ts * lam", "Kd": "(1 + gain) * m / Ts + m * lam"},
         linear={},
         rules=("follows_friction",),
     ),
     use=REPLACES_SERVO,
-    outputs={
-        "u": Output(FORCE, "control {force}, within u_min and u_max"),
-        "F_hat": Output(FORCE, "estimated friction {force}; u contains gain F_hat"),
-        "u_sat": Output(NO_UNIT, "active limit: -1 lower, +1 upper, 0 none"),
-    },
+    outputs=variables.TRACKING,
 )
 def implicit_super_twisting(
     r: SX = variables.R,

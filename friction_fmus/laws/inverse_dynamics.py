@@ -4,25 +4,10 @@ from __future__ import annotations
 
 from casadi import SX
 
-from friction_fmus.lawkit.law import (
-    DAMPING,
-    FORCE,
-    JERK,
-    LENGTH,
-    MASS,
-    NO_UNIT,
-    VELOCITY,
-    Command,
-    Friction,
-    Input,
-    Loop,
-    Output,
-    Parameter,
-    Use,
-    law,
-)
+from friction_fmus.lawkit.law import Command, Friction, Input, Loop, Output, Parameter, Use, law
 from friction_fmus.lawkit.parts import variables
-from friction_fmus.lawkit.parts.feedforward import feedforward, when
+from friction_fmus.lawkit.parts.expressions import limited, when
+from friction_fmus.lawkit.quantities import DAMPING, FORCE, JERK, LENGTH, MASS, VELOCITY
 
 
 @law(
@@ -36,11 +21,11 @@ from friction_fmus.lawkit.parts.feedforward import feedforward, when
     loop=Loop(friction=Friction(viscous="Fv + Fv_load"), inertia="m + m_load"),
     use=Use("feedforward", models=("Viscous", "Stribeck"), tuned={"m": "0"}),
     outputs={
-        "u": Output(FORCE, "feedforward {force}, within u_min and u_max"),
+        "u": variables.U_FORWARD,
         "F_hat": Output(FORCE, "viscous friction {force}; u contains gain F_hat"),
         "r_motor": Output(LENGTH, "motor position corresponding to r"),
         "rd_motor": Output(VELOCITY, "motor velocity corresponding to r"),
-        "u_sat": Output(NO_UNIT, "active limit: -1 lower, +1 upper, 0 none"),
+        "u_sat": variables.U_SAT,
     },
 )
 def inverse_dynamics(
@@ -90,7 +75,7 @@ def inverse_dynamics(
     friction = Fv * (rd + bent_d) + Fv_load * rd
     moved = when(enable, r_motor=bent, rd_motor=bent_d)
     return {
-        **feedforward(m * (rdd + bent_dd) + m_load * rdd, friction, gain, enable, u_min, u_max),
+        **limited(m * (rdd + bent_dd) + m_load * rdd, friction, gain, enable, u_min, u_max),
         "r_motor": r + moved["r_motor"],
         "rd_motor": rd + moved["rd_motor"],
     }

@@ -4,27 +4,10 @@ from __future__ import annotations
 
 from casadi import SX, if_else
 
-from friction_fmus.lawkit.law import (
-    FORCE,
-    LENGTH,
-    NO_UNIT,
-    VELOCITY,
-    Command,
-    Input,
-    Loop,
-    Output,
-    Parameter,
-    SampleTime,
-    State,
-    Switch,
-    Use,
-    clip,
-    elapsed,
-    law,
-)
+from friction_fmus.lawkit.law import Command, Input, Loop, Output, Parameter, SampleTime, State, Switch, Use, law
 from friction_fmus.lawkit.parts import variables
-from friction_fmus.lawkit.parts.estimators import compensation, corrected, starts_now
-from friction_fmus.lawkit.parts.tracking import carried
+from friction_fmus.lawkit.parts.expressions import carried, clip, corrected, elapsed, limited, starts_now
+from friction_fmus.lawkit.quantities import FORCE, LENGTH, NO_UNIT, VELOCITY
 
 
 @law(
@@ -34,16 +17,15 @@ from friction_fmus.lawkit.parts.tracking import carried
     cites=("Ray2001", "AndersonMoore1979"),
     Ts=1e-3,
     quotes=("loop_poles", "disturbance_observer"),
-    needs={"force and encoder": 1},
     loop=Loop(linear={}, estimates=True),
     use=Use(
         "estimator",
         tuned={"m": "m", "x_noise": "x_noise", "v_noise": "v_noise", "F_step": "m * x_noise * Ts * observed**3"},
     ),
     outputs={
-        "u": Output(FORCE, "compensation {force} gain F_hat, within u_min and u_max"),
+        "u": variables.U_COMPENSATION,
         "F_hat": Output(FORCE, "estimated friction {force}, positive for positive velocity"),
-        "u_sat": Output(NO_UNIT, "active limit: -1 lower, +1 upper, 0 none"),
+        "u_sat": variables.U_SAT,
     },
 )
 def kalman_friction(
@@ -144,7 +126,7 @@ def kalman_friction(
     names = ("P11", "P12", "P13", "P22", "P23", "P33")
     states = dict(zip(("x_hat", "v_hat", "F_walk", *names), (*mean, *P[0], *P[1], *P[2]), strict=True))
     return {
-        **compensation(mean[2], gain, u_min, u_max, enable, track, u_track),
+        **limited(SX(0.0), mean[2], gain, enable, u_min, u_max, track, u_track),
         **{name: if_else(enable, value, 0.0) for name, value in states.items()},
         "running": enable,
         "missed": SX(0.0),

@@ -4,21 +4,10 @@ from __future__ import annotations
 
 from casadi import SX, fabs, if_else, logic_or, sign
 
-from friction_fmus.lawkit.law import (
-    FORCE,
-    MASS,
-    NO_UNIT,
-    VELOCITY,
-    Friction,
-    Loop,
-    Output,
-    Parameter,
-    Use,
-    clip,
-    law,
-)
+from friction_fmus.lawkit.law import Friction, Loop, Parameter, Use, law
 from friction_fmus.lawkit.parts import variables
-from friction_fmus.lawkit.parts.feedforward import feedforward
+from friction_fmus.lawkit.parts.expressions import clip, limited
+from friction_fmus.lawkit.quantities import MASS, VELOCITY
 
 
 @law(
@@ -28,18 +17,13 @@ from friction_fmus.lawkit.parts.feedforward import feedforward
     cites=("Karnopp1985", "JohnsonLorenz1992"),
     Ts=1e-3,
     quotes=("overcompensation", "inertia"),
-    needs={"curve ahead": 3},
     loop=Loop(friction=Friction("Fc", "Fs", "Fv"), inertia="m"),
     use=Use(
         "feedforward",
         models=("Karnopp", "Stribeck"),
         tuned={"m": "0", "DV": "either(DV, max(5 * v_noise, 1e-3 * speed, 1e-9))"},
     ),
-    outputs={
-        "u": Output(FORCE, "feedforward {force}, within u_min and u_max"),
-        "F_hat": Output(FORCE, "estimated friction {force}; u contains gain F_hat"),
-        "u_sat": Output(NO_UNIT, "active limit: -1 lower, +1 upper, 0 none"),
-    },
+    outputs=variables.FEEDFORWARD,
 )
 def karnopp_feedforward(
     rd: SX = variables.RD,
@@ -82,4 +66,4 @@ def karnopp_feedforward(
     force = m * rdd
     rest = logic_or(fabs(rd) < DV, rd == 0.0)
     F_hat = if_else(rest, clip(force, -Fs, Fs), sign(rd) * Fc + Fv * rd)
-    return feedforward(force, F_hat, gain, enable, u_min, u_max)
+    return limited(force, F_hat, gain, enable, u_min, u_max)

@@ -4,27 +4,19 @@ from __future__ import annotations
 
 from casadi import SX, fabs, if_else, logic_and, sign
 
-from friction_fmus.lawkit.law import (
-    DAMPING,
-    FORCE,
-    LENGTH,
-    NO_UNIT,
-    VELOCITY,
-    Friction,
-    Loop,
-    Output,
-    Parameter,
-    SampleTime,
-    State,
-    Switch,
-    Use,
-    elapsed,
-    law,
-    stribeck_level,
-)
+from friction_fmus.lawkit.law import Friction, Loop, Output, Parameter, SampleTime, State, Switch, Use, law
 from friction_fmus.lawkit.parts import variables
-from friction_fmus.lawkit.parts.feedforward import fading, feedforward, increment, relax, when
-from friction_fmus.lawkit.parts.tracking import deflected
+from friction_fmus.lawkit.parts.expressions import (
+    deflected,
+    elapsed,
+    fading,
+    increment,
+    limited,
+    relax,
+    stribeck_level,
+    when,
+)
+from friction_fmus.lawkit.quantities import DAMPING, FORCE, LENGTH, NO_UNIT, VELOCITY
 
 
 @law(
@@ -34,14 +26,13 @@ from friction_fmus.lawkit.parts.tracking import deflected
     cites=("CanudasDeWit1995", "Lampaert2004"),
     Ts=1e-3,
     quotes=("overcompensation", "inertia"),
-    needs={"presliding ahead": 1, "uncertain model": 3},
     loop=Loop(friction=Friction("Fc", "Fs", "sigma2", "vs", "delta"), inertia="m"),
     use=Use("feedforward", models=("LuGre",), tuned={"m": "0"}),
     outputs={
-        "u": Output(FORCE, "feedforward {force}, within u_min and u_max"),
-        "F_hat": Output(FORCE, "estimated friction {force}; u contains gain F_hat"),
+        "u": variables.U_FORWARD,
+        "F_hat": variables.F_HAT,
         "z_hat": Output(LENGTH, "mean bristle deflection in this sample"),
-        "u_sat": Output(NO_UNIT, "active limit: -1 lower, +1 upper, 0 none"),
+        "u_sat": variables.U_SAT,
     },
 )
 def lugre_feedforward(
@@ -131,7 +122,7 @@ def lugre_feedforward(
     stretching = rd - rate * now
     friction = sigma0 * now + damping * stretching + viscous * rd
     return {
-        **feedforward(m * rdd, friction, gain, enable, u_min, u_max),
+        **limited(m * rdd, friction, gain, enable, u_min, u_max),
         **when(enable, z_hat=now, z=now, last=r, started=1.0),
         "missed": SX(0.0),
     }

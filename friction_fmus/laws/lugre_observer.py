@@ -4,26 +4,18 @@ from __future__ import annotations
 
 from casadi import SX, fabs, if_else
 
-from friction_fmus.lawkit.law import (
-    FORCE,
-    LENGTH,
-    NO_UNIT,
-    Command,
-    Friction,
-    Loop,
-    Output,
-    Parameter,
-    SampleTime,
-    State,
-    Use,
-    law,
+from friction_fmus.lawkit.law import Command, Friction, Loop, Parameter, SampleTime, State, Use, law
+from friction_fmus.lawkit.parts import variables
+from friction_fmus.lawkit.parts.expressions import (
+    acting,
+    deflected,
+    limited,
     limits,
+    restarts,
     stribeck_level,
     unless_winding_up,
 )
-from friction_fmus.lawkit.parts import variables
-from friction_fmus.lawkit.parts.observers import acting, limited
-from friction_fmus.lawkit.parts.tracking import deflected, restarts
+from friction_fmus.lawkit.quantities import LENGTH
 
 
 @law(
@@ -33,7 +25,6 @@ from friction_fmus.lawkit.parts.tracking import deflected, restarts
     cites=("CanudasDeWit1995",),
     Ts=1e-3,
     quotes=("injection", "fed_back_stiffness", "overcompensation", "explicit_observer"),
-    needs={"presliding in feedback": 1, "stiction error": 2},
     loop=Loop(
         friction=Friction("Fc", "Fs", "sigma2", "vs", "delta"),
         measured=True,
@@ -41,11 +32,7 @@ from friction_fmus.lawkit.parts.tracking import deflected, restarts
         rules=("injection_of_error", "feeds_stiffness_back"),
     ),
     use=Use("model feedback", models=("LuGre",)),
-    outputs={
-        "u": Output(FORCE, "compensation {force} gain F_hat, within u_min and u_max"),
-        "F_hat": Output(FORCE, "estimated friction {force}; u contains gain F_hat"),
-        "u_sat": Output(NO_UNIT, "active limit: -1 lower, +1 upper, 0 none"),
-    },
+    outputs=variables.COMPENSATION,
 )
 def lugre_observer(
     r: SX = variables.R,

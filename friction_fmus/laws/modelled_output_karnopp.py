@@ -4,25 +4,10 @@ from __future__ import annotations
 
 from casadi import SX, exp, fabs, if_else, sign
 
-from friction_fmus.lawkit.law import (
-    DAMPING,
-    FORCE,
-    MASS,
-    NO_UNIT,
-    REPLACES_SERVO,
-    VELOCITY,
-    Command,
-    Friction,
-    Loop,
-    Output,
-    Parameter,
-    SampleTime,
-    State,
-    clip,
-    law,
-)
+from friction_fmus.lawkit.law import REPLACES_SERVO, Command, Friction, Loop, Parameter, SampleTime, State, law
 from friction_fmus.lawkit.parts import variables
-from friction_fmus.lawkit.parts.observers import limited
+from friction_fmus.lawkit.parts.expressions import clip, limited
+from friction_fmus.lawkit.quantities import DAMPING, MASS, VELOCITY
 
 
 @law(
@@ -31,14 +16,10 @@ from friction_fmus.lawkit.parts.observers import limited
     source="Karnopp, ASME J. Dynamic Systems, Measurement and Control 107, 1985 (the friction)",
     cites=("Karnopp1985",),
     Ts=1e-3,
-    quotes=("routh", "sampled", "loop_poles", "stick_slip_free", "break_away", "overcompensation"),
+    quotes=(*variables.POSITION_LOOP, "overcompensation"),
     loop=Loop(gains={"Kp": "CV * KP", "Kd": "CV"}, friction=Friction("Fc", "Fs", "Fv"), linear={}),
     use=REPLACES_SERVO,
-    outputs={
-        "u": Output(FORCE, "control {force}, within u_min and u_max"),
-        "F_hat": Output(FORCE, "estimated friction {force}; u contains gain F_hat"),
-        "u_sat": Output(NO_UNIT, "active limit: -1 lower, +1 upper, 0 none"),
-    },
+    outputs=variables.TRACKING,
 )
 def modelled_output_karnopp(
     r: SX = variables.R,

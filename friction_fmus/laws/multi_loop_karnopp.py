@@ -6,23 +6,10 @@ from dataclasses import dataclass
 
 from casadi import SX, fabs, if_else, sign, vertcat
 
-from friction_fmus.lawkit.law import (
-    FORCE,
-    MASS,
-    NO_UNIT,
-    REPLACES_SERVO,
-    VELOCITY,
-    Command,
-    Output,
-    Parameter,
-    SampleTime,
-    Size,
-    State,
-    clip,
-    law,
-)
+from friction_fmus.lawkit.law import REPLACES_SERVO, Command, Output, Parameter, SampleTime, Size, State, law
 from friction_fmus.lawkit.parts import variables
-from friction_fmus.lawkit.parts.observers import limited
+from friction_fmus.lawkit.parts.expressions import clip, limited
+from friction_fmus.lawkit.quantities import FORCE, MASS, NO_UNIT, VELOCITY
 
 ORDER = 2  # of CV and G, unless the FMU is built for more
 ZEROS = (0.0,) * ORDER
@@ -94,10 +81,10 @@ def no_pole(CV_num: SX, CV_den: SX, G_num: SX, G_den: SX) -> SX:
     Ts=1e-3,
     use=REPLACES_SERVO,
     outputs={
-        "u": Output(FORCE, "control {force}, within u_min and u_max"),
-        "F_hat": Output(FORCE, "estimated friction {force}; u contains gain F_hat"),
+        "u": variables.U_CONTROL,
+        "F_hat": variables.F_HAT,
         "v_model": Output(VELOCITY, "velocity of the modelled loop"),
-        "u_sat": Output(NO_UNIT, "active limit: -1 lower, +1 upper, 0 none"),
+        "u_sat": variables.U_SAT,
     },
     conditions={
         "CV_den[1] and G_den[1] not 0": lambda CV_den, G_den: CV_den[0] * G_den[0] != 0.0,

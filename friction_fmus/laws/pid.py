@@ -4,26 +4,10 @@ from __future__ import annotations
 
 from casadi import SX, fabs, if_else, logic_and, logic_or, sign
 
-from friction_fmus.lawkit.law import (
-    DAMPING,
-    FORCE,
-    LENGTH,
-    NO_UNIT,
-    REPLACES_SERVO,
-    STIFFNESS,
-    VELOCITY,
-    Loop,
-    Output,
-    Parameter,
-    SampleTime,
-    State,
-    clip,
-    law,
-    limits,
-    unless_winding_up,
-)
+from friction_fmus.lawkit.law import REPLACES_SERVO, Loop, Parameter, SampleTime, State, law
 from friction_fmus.lawkit.parts import variables
-from friction_fmus.lawkit.parts.tracking import carried, restarts, tracked
+from friction_fmus.lawkit.parts.expressions import carried, clip, limits, restarts, tracked, unless_winding_up
+from friction_fmus.lawkit.quantities import DAMPING, FORCE, LENGTH, NO_UNIT, STIFFNESS, VELOCITY
 
 
 @law(
@@ -32,26 +16,13 @@ from friction_fmus.lawkit.parts.tracking import carried, restarts, tracked
     source="Astrom, Hagglund: Advanced PID Control, ISA 2006",
     cites=("AstromHagglund2006", "ArmstrongAmin1996"),
     Ts=1e-3,
-    quotes=(
-        "routh",
-        "sampled",
-        "loop_poles",
-        "stick_slip_free",
-        "break_away",
-        "hunting",
-        "dead_band",
-        "turned_friction",
-    ),
-    needs={"hunting": 2},
+    quotes=(*variables.POSITION_LOOP, "hunting", "dead_band", "turned_friction"),
     loop=Loop(
         gains={name: name for name in ("Kp", "Kd", "Ki", "db", "m", "reversal")} | {"turned": "Fc_turned"},
         linear={"db": 0.0, "v_zc": 0.0, "reversal": 1.0, "Fc_turned": 0.0},
     ),
     use=REPLACES_SERVO,
-    outputs={
-        "u": Output(FORCE, "control {force}, within u_min and u_max"),
-        "u_sat": Output(NO_UNIT, "active limit: -1 lower, +1 upper, 0 none"),
-    },
+    outputs=variables.CONTROL,
 )
 def pid(
     r: SX = variables.R,

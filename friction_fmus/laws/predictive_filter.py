@@ -4,23 +4,10 @@ from __future__ import annotations
 
 from casadi import SX, if_else
 
-from friction_fmus.lawkit.law import (
-    FORCE,
-    NO_UNIT,
-    VELOCITY,
-    Command,
-    Loop,
-    Output,
-    Parameter,
-    SampleTime,
-    Use,
-    clip,
-    elapsed,
-    law,
-)
+from friction_fmus.lawkit.law import Command, Loop, Output, Parameter, SampleTime, Use, law
 from friction_fmus.lawkit.parts import variables
-from friction_fmus.lawkit.parts.estimators import compensation, starts_now
-from friction_fmus.lawkit.parts.tracking import carried
+from friction_fmus.lawkit.parts.expressions import carried, clip, elapsed, limited, starts_now
+from friction_fmus.lawkit.quantities import FORCE, VELOCITY
 
 
 @law(
@@ -30,7 +17,6 @@ from friction_fmus.lawkit.parts.tracking import carried
     cites=("CrassidisMarkley1997", "Ray2001"),
     Ts=1e-3,
     quotes=("loop_poles", "disturbance_observer"),
-    needs={"force and velocity": 2, "uncertain model": 4},
     loop=Loop(linear={}, estimates=True),
     use=Use(
         "estimator",
@@ -41,9 +27,9 @@ from friction_fmus.lawkit.parts.tracking import carried
         },
     ),
     outputs={
-        "u": Output(FORCE, "compensation {force} gain F_hat, within u_min and u_max"),
+        "u": variables.U_COMPENSATION,
         "F_hat": Output(FORCE, "estimated friction {force}, positive for positive velocity"),
-        "u_sat": Output(NO_UNIT, "active limit: -1 lower, +1 upper, 0 none"),
+        "u_sat": variables.U_SAT,
     },
 )
 def predictive_filter(
@@ -105,7 +91,7 @@ def predictive_filter(
     predicted = carried(track, clip(u_track, u_min, u_max), -slope * v, slope, kept)
     residual = a * (v - predicted)
     return {
-        **compensation(-m / span * residual, gain, u_min, u_max, enable, track, u_track),
+        **limited(SX(0.0), -m / span * residual, gain, enable, u_min, u_max, track, u_track),
         "v_hat": if_else(enable, predicted + residual, 0.0),
         "running": enable,
         "missed": SX(0.0),

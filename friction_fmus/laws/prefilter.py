@@ -4,25 +4,10 @@ from __future__ import annotations
 
 from casadi import SX, if_else
 
-from friction_fmus.lawkit.law import (
-    DAMPING,
-    FORCE,
-    LENGTH,
-    NO_UNIT,
-    SHAPES_REFERENCE,
-    STIFFNESS,
-    VELOCITY,
-    Command,
-    Input,
-    Loop,
-    Output,
-    Parameter,
-    SampleTime,
-    State,
-    law,
-)
+from friction_fmus.lawkit.law import SHAPES_REFERENCE, Command, Input, Loop, Output, Parameter, SampleTime, State, law
 from friction_fmus.lawkit.parts import variables
-from friction_fmus.lawkit.parts.feedforward import reference_shift, settles_fast, settles_slowly, when
+from friction_fmus.lawkit.parts.expressions import reference_shift, settles_fast, settles_slowly, when
+from friction_fmus.lawkit.quantities import DAMPING, FORCE, LENGTH, NO_UNIT, STIFFNESS, VELOCITY
 
 
 @law(
@@ -33,7 +18,6 @@ from friction_fmus.lawkit.parts.feedforward import reference_shift, settles_fast
     Ts=1e-3,
     portrait="shaping",
     quotes=("prefilter", "prefilter_match"),
-    needs={"reference only": 1},
     loop=Loop(shapes=True),
     use=SHAPES_REFERENCE,
     outputs={

@@ -4,26 +4,10 @@ from __future__ import annotations
 
 from casadi import SX, if_else, logic_or
 
-from friction_fmus.lawkit.law import (
-    ACCELERATION,
-    DAMPING,
-    FORCE,
-    LENGTH,
-    NO_UNIT,
-    SHAPES_REFERENCE,
-    STIFFNESS,
-    VELOCITY,
-    Command,
-    Input,
-    Loop,
-    Output,
-    Parameter,
-    SampleTime,
-    State,
-    law,
-)
+from friction_fmus.lawkit.law import SHAPES_REFERENCE, Command, Input, Loop, Output, Parameter, SampleTime, State, law
 from friction_fmus.lawkit.parts import variables
-from friction_fmus.lawkit.parts.feedforward import at_most, filled, reference_shift, settles_fast, settles_slowly, when
+from friction_fmus.lawkit.parts.expressions import at_most, filled, reference_shift, settles_fast, settles_slowly, when
+from friction_fmus.lawkit.quantities import ACCELERATION, DAMPING, FORCE, LENGTH, NO_UNIT, STIFFNESS, VELOCITY
 
 PREVIEW = 4
 # weights of f(j) - f(-j) and of f(j) - 2 f(0) + f(-j), j = 1 ... 4
@@ -39,7 +23,6 @@ SECOND = (8.0 / 5.0, -1.0 / 5.0, 8.0 / 315.0, -1.0 / 560.0)
     Ts=1e-3,
     portrait="shaping",
     quotes=("prefilter", "prefilter_match"),
-    needs={"reference only": 2},
     loop=Loop(shapes=True),
     use=SHAPES_REFERENCE,
     outputs={

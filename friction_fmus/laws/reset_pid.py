@@ -4,26 +4,10 @@ from __future__ import annotations
 
 from casadi import SX, if_else, logic_or, sign
 
-from friction_fmus.lawkit.law import (
-    DAMPING,
-    FORCE,
-    LENGTH,
-    MASS,
-    NO_UNIT,
-    REPLACES_SERVO,
-    STIFFNESS,
-    Loop,
-    Output,
-    Parameter,
-    SampleTime,
-    State,
-    clip,
-    law,
-    limits,
-    unless_winding_up,
-)
+from friction_fmus.lawkit.law import REPLACES_SERVO, Loop, Output, Parameter, SampleTime, State, law
 from friction_fmus.lawkit.parts import variables
-from friction_fmus.lawkit.parts.tracking import carried, restarts, tracked
+from friction_fmus.lawkit.parts.expressions import carried, clip, limits, restarts, tracked, unless_winding_up
+from friction_fmus.lawkit.quantities import DAMPING, FORCE, LENGTH, MASS, NO_UNIT, STIFFNESS
 
 
 @law(
@@ -33,13 +17,11 @@ from friction_fmus.lawkit.parts.tracking import carried, restarts, tracked
     cites=("Beerens2019",),
     Ts=1e-3,
     portrait="alternating_error",
-    quotes=("routh", "sampled", "loop_poles", "stick_slip_free", "break_away"),
-    needs={"hunting": 1},
+    quotes=variables.POSITION_LOOP,
     loop=Loop(gains={"Kp": "Kp", "Kd": "Kd", "Ki": "Ki", "m": "m"}, linear={}, hunts=False),
     use=REPLACES_SERVO,
     outputs={
-        "u": Output(FORCE, "control {force}, within u_min and u_max"),
-        "u_sat": Output(NO_UNIT, "active limit: -1 lower, +1 upper, 0 none"),
+        **variables.CONTROL,
         "jumped": Output(NO_UNIT, "1 in a sample in which the integral jumps"),
     },
 )

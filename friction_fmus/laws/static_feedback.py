@@ -4,21 +4,10 @@ from __future__ import annotations
 
 from casadi import SX, fabs
 
-from friction_fmus.lawkit.law import (
-    FORCE,
-    NO_UNIT,
-    VELOCITY,
-    Friction,
-    Loop,
-    Output,
-    Parameter,
-    Use,
-    clip,
-    law,
-    stribeck_level,
-)
+from friction_fmus.lawkit.law import Friction, Loop, Parameter, Use, law
 from friction_fmus.lawkit.parts import variables
-from friction_fmus.lawkit.parts.observers import limited
+from friction_fmus.lawkit.parts.expressions import clip, limited, stribeck_level
+from friction_fmus.lawkit.quantities import VELOCITY
 
 
 @law(
@@ -28,14 +17,9 @@ from friction_fmus.lawkit.parts.observers import limited
     cites=("ArmstrongHelouvry1994",),
     Ts=1e-3,
     quotes=("overcompensation",),
-    needs={"curve in feedback": 1},
     loop=Loop(friction=Friction("Fc", "Fs", "Fv", "vs", "delta"), measured=True),
     use=Use("model feedback", models=("Stribeck",), tuned={"vt": "max(2 * max(Fs, Fc) / Kd, 5 * v_noise, 1e-9)"}),
-    outputs={
-        "u": Output(FORCE, "compensation {force} gain F_hat, within u_min and u_max"),
-        "F_hat": Output(FORCE, "estimated friction {force}; u contains gain F_hat"),
-        "u_sat": Output(NO_UNIT, "active limit: -1 lower, +1 upper, 0 none"),
-    },
+    outputs=variables.COMPENSATION,
 )
 def static_feedback(
     v: SX = variables.V,

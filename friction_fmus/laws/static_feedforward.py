@@ -4,22 +4,10 @@ from __future__ import annotations
 
 from casadi import SX, fabs, if_else, logic_and, sign
 
-from friction_fmus.lawkit.law import (
-    DAMPING,
-    FORCE,
-    NO_UNIT,
-    VELOCITY,
-    Friction,
-    Loop,
-    Output,
-    Parameter,
-    Switch,
-    Use,
-    law,
-    stribeck_level,
-)
+from friction_fmus.lawkit.law import Friction, Loop, Parameter, Switch, Use, law
 from friction_fmus.lawkit.parts import variables
-from friction_fmus.lawkit.parts.feedforward import feedforward
+from friction_fmus.lawkit.parts.expressions import limited, stribeck_level
+from friction_fmus.lawkit.quantities import DAMPING, FORCE, NO_UNIT, VELOCITY
 
 
 @law(
@@ -29,14 +17,9 @@ from friction_fmus.lawkit.parts.feedforward import feedforward
     cites=("ArmstrongHelouvry1994",),
     Ts=1e-3,
     quotes=("overcompensation", "inertia"),
-    needs={"curve ahead": 1},
     loop=Loop(friction=Friction("Fc", "Fs", "Fv", "vs", "delta"), inertia="m"),
     use=Use("feedforward", models=("Stribeck",), tuned={"m": "0"}),
-    outputs={
-        "u": Output(FORCE, "feedforward {force}, within u_min and u_max"),
-        "F_hat": Output(FORCE, "estimated friction {force}; u contains gain F_hat"),
-        "u_sat": Output(NO_UNIT, "active limit: -1 lower, +1 upper, 0 none"),
-    },
+    outputs=variables.FEEDFORWARD,
 )
 def static_feedforward(
     rd: SX = variables.RD,
@@ -89,4 +72,4 @@ def static_feedforward(
         if_else(own, delta_neg, delta),
     )
     F_hat = sign(rd) * level + if_else(own, Fv_neg, Fv) * rd + offset
-    return feedforward(m * rdd, F_hat, gain, enable, u_min, u_max)
+    return limited(m * rdd, F_hat, gain, enable, u_min, u_max)

@@ -4,20 +4,10 @@ from __future__ import annotations
 
 from casadi import SX, exp, fabs, floor, if_else, sign
 
-from friction_fmus.lawkit.law import (
-    FORCE,
-    LENGTH,
-    NO_UNIT,
-    VELOCITY,
-    Friction,
-    Loop,
-    Output,
-    Parameter,
-    Use,
-    law,
-)
+from friction_fmus.lawkit.law import Friction, Loop, Output, Parameter, Use, law
 from friction_fmus.lawkit.parts import variables
-from friction_fmus.lawkit.parts.observers import limited, periodic_table
+from friction_fmus.lawkit.parts.expressions import limited, periodic_table
+from friction_fmus.lawkit.quantities import FORCE, LENGTH, NO_UNIT, VELOCITY
 
 POINTS = 16
 
@@ -29,13 +19,12 @@ POINTS = 16
     cites=("ArmstrongHelouvry1994", "Tustin1947"),
     Ts=1e-3,
     quotes=("overcompensation",),
-    needs={"curve in feedback": 2, "varying along the axis": 1},
     loop=Loop(friction=Friction("Fc", "Fs", "Fv", "vs", "1"), measured=True),
     use=Use("model feedback", models=("Tustin", "Stribeck"), tuned={"v_min": "max(5 * v_noise, 1e-3 * speed, 1e-9)"}),
     outputs={
         "u": Output(FORCE, "compensation {force}, within u_min and u_max"),
         "F_hat": Output(FORCE, "estimated friction {force} without cogging; u contains gain F_hat"),
-        "u_sat": Output(NO_UNIT, "active limit: -1 lower, +1 upper, 0 none"),
+        "u_sat": variables.U_SAT,
     },
 )
 def tustin_feedback(

@@ -24,8 +24,7 @@ from harness import Part, SeriesPart, System
 
 Array = NDArray[np.float64]
 
-POINTS = 16
-"""Number of points of the tables of TustinFeedback."""
+POINTS = 16  # number of points of the tables of TustinFeedback
 
 
 @dataclass(frozen=True)

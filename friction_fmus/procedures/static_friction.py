@@ -157,8 +157,7 @@ def identify_from_feedback(
 STEEPEST = 0.1
 """Fraction of the break-away force by which the force may rise over the last quarter of `travel` in sliding."""
 
-BEGUN = 0.5
-"""Fraction of the break-away force above which its rate is measured."""
+BEGUN = 0.5  # fraction of the break-away force above which its rate is measured
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,7 @@ from plotly.subplots import make_subplots
 from friction_fmus.identification import Array
 from friction_fmus.report.figures import FAINT, INK, STYLES, escaped, finished, thinned
 from friction_fmus.report.numbers import number
-from friction_fmus.study.records import Curve
+from friction_fmus.study.result import Curve
 
 
 @dataclass(frozen=True)

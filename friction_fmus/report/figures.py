@@ -12,7 +12,7 @@ import numpy as np
 import plotly.graph_objects as go
 
 from friction_fmus.identification import Array
-from friction_fmus.study.records import Curve
+from friction_fmus.study.result import Curve
 
 from .numbers import number
 

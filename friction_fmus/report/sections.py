@@ -14,7 +14,7 @@ from friction_fmus.report.figures import ROWS, STYLES, Bar, Plot, bars, lines, s
 from friction_fmus.report.numbers import multiple, number, quantity, unit
 from friction_fmus.report.views import NO_COMPENSATION, NONE, axes, label, reversal
 from friction_fmus.study.models import ALIKE
-from friction_fmus.study.ranking import figures
+from friction_fmus.study.recommendation import figures
 from friction_fmus.study.result import CompensatorResult, Curve, Fit, ModelResult, Picture, StudyResult, Trial
 
 #: Number of compensators whose errors are shown, in addition to the servo without compensation.

@@ -18,7 +18,6 @@ from friction_fmus.blocks.catalogue import catalogue, summary_of
 from friction_fmus.conditions.compensation import OVERCOMPENSATION
 from friction_fmus.doctor import examine
 from friction_fmus.errors import FrictionError
-from friction_fmus.study.compensator_records import CompensatorResult, Limits, LoopMargins, Recommendation, Rung
 from friction_fmus.study.compensators import (
     INTEGRAL,
     INTEGRAL_SUMMARY,
@@ -34,8 +33,8 @@ from friction_fmus.study.compensators import (
 from friction_fmus.study.config import Compensation
 from friction_fmus.study.evaluation import BAND, Bench, Case, Evaluation, Scheme, cases, evaluate, system_of
 from friction_fmus.study.margins import margins_of
-from friction_fmus.study.ranking import extremes, rank
-from friction_fmus.study.recommendation import ladder, recommend
+from friction_fmus.study.recommendation import extremes, ladder, rank, recommend
+from friction_fmus.study.result import CompensatorResult, Limits, LoopMargins, Recommendation, Rung
 from friction_fmus.study.steps import Step
 from harness.storage.toml_file import read_toml
 
@@ -70,8 +69,7 @@ def _table() -> dict[str, Cost]:
 SCALES: Final = tuple(float(2.0**power) for power in np.arange(4.0, -4.1, -0.5))
 """Bandwidths over the rule of `AxisKnowledge` among which the largest within the limits is sought, largest first."""
 
-SHARES: Final = (1.0, 0.7, 0.5, 0.35, 0.25, 0.125)
-"""Bandwidths that are tried, over the largest one within the limits."""
+SHARES: Final = (1.0, 0.7, 0.5, 0.35, 0.25, 0.125)  # bandwidths that are tried, over the largest one within the limits
 
 
 def trials(
@@ -127,8 +125,7 @@ def with_integral(servo: Servo, rate: float) -> Servo:
     return replace(servo, gains={**servo.gains, third: rate * over})
 
 
-JOINED: Final = 3
-"""Number of the best feedforwards, and of the best estimators, that are combined with each other."""
+JOINED: Final = 3  # number of the best feedforwards, and of the best estimators, that are combined with each other
 
 ESTIMATORS: Final = ("estimator", "integral action")
 """Kinds of compensators that are combined with a feedforward: they compensate what it leaves."""

@@ -12,8 +12,8 @@ from typing import Final, TypeAlias
 
 import numpy as np
 
-from friction_fmus.axis.loop import Compensator, Plant, block, typed
-from friction_fmus.axis.servo import Servo
+from friction_fmus.axis.assembly import block, typed
+from friction_fmus.axis.servo import Compensator, Plant, Servo
 from friction_fmus.blocks.about import KINDS, Use
 from friction_fmus.blocks.arithmetic import Number, evaluate, names_in, vectors_in
 from friction_fmus.blocks.axis_units import Words, words_of
@@ -166,8 +166,7 @@ class Candidate:
         return known.observed / (2.0 * pi) if "observed" in self._bandwidths else known.corner
 
 
-INTEGRAL: Final = Candidate("IntegralAction", "integral action", "", None)
-"""Integral action of the servo."""
+INTEGRAL: Final = Candidate("IntegralAction", "integral action", "", None)  # integral action of the servo
 
 INTEGRAL_SUMMARY: Final = "Integral action of the servo"
 

@@ -10,27 +10,20 @@ from typing import Any, Final
 
 from friction_fmus.axis.servo import GAINS, Servo
 from friction_fmus.errors import FrictionError, nearest
-from friction_fmus.study.compensator_records import Limits
-from friction_fmus.study.ranking import Weights
+from friction_fmus.study.result import Limits, Weights
 from harness.storage.toml_file import Table, read_table
 from harness.values import finite, flag, texts
 
 OPTIONAL_GAINS: Final[Mapping[str, tuple[float, ...]]] = {"ki": (0.0,)}
 """Default values of optional gains, equal to the start values of the law."""
 
-RECORDS: Final = ("emps", "tribometer", "demo")
-"""Records included in the package, and names of the studies of them."""
+RECORDS: Final = ("emps", "tribometer", "demo")  # records included in the package, and names of the studies of them
 
 ALL: Final = "all"
 
-PERIODS: Final = (1e-6, 0.1)
-"""Shortest and longest sample time of a servo [s]."""
-
-LONGEST_WINDOW: Final = 64
-"""Largest window of the velocity estimate in samples: the limit of the block Differentiator."""
-
-LONGEST_DELAY: Final = 100
-"""Longest delay of the drive in samples."""
+PERIODS: Final = (1e-6, 0.1)  # shortest and longest sample time of a servo [s]
+LONGEST_WINDOW: Final = 64  # largest window of the velocity estimate in samples: the limit of the block Differentiator
+LONGEST_DELAY: Final = 100  # longest delay of the drive in samples
 
 _TABLES = ("data", "columns", "windows", "servo", "identify", "compensation")
 

@@ -11,8 +11,8 @@ from typing import Final, Literal
 
 import numpy as np
 
-from friction_fmus.axis.loop import Plant, Trajectory, closed_loop, run_loop
-from friction_fmus.axis.servo import Servo
+from friction_fmus.axis.loop import closed_loop, run_loop
+from friction_fmus.axis.servo import Plant, Servo, Trajectory
 from friction_fmus.data import EMPS_PUBLISHED, load_emps
 from friction_fmus.export.block_fmu import build_record
 from friction_fmus.identification import (
@@ -39,8 +39,7 @@ LUGRE: Final[Mapping[str, float]] = {
 }
 """Friction parameters of the demo: Canudas de Wit, Olsson, Astrom, Lischinsky 1995."""
 
-PERIOD: Final = 2.0
-"""Period of the reference of the demo [s]."""
+PERIOD: Final = 2.0  # period of the reference of the demo [s]
 
 
 @dataclass(frozen=True, eq=False)
@@ -194,6 +193,3 @@ def _windows(
     if not train:
         raise ConfigError(f"{origin}, [windows], has no train; add train = [start, end].")
     return train, cut("validation")
-
-
-__all__ = ["Data", "build_reference", "demo", "load_data", "measured_servo"]

@@ -17,12 +17,11 @@ from friction_fmus.axis.loop import Trace, closed_loop, numerical_error, run_loo
 from friction_fmus.axis.servo import Compensator, Plant, Servo, Trajectory
 from friction_fmus.blocks.axis_units import SLIDING, Words
 from friction_fmus.identification import Array
-from friction_fmus.study.compensator_records import Corner, LoopMargins, Metrics, Trial
-from friction_fmus.study.records import Curve, thinned
+from friction_fmus.identification.fit.scores import rms
+from friction_fmus.study.result import Corner, Curve, LoopMargins, Metrics, Trial, thinned
 from harness import HarnessError, System
 
-HIGH: Final = 5.0
-"""Lower limit of high-frequency effort over the natural frequency of the position loop."""
+HIGH: Final = 5.0  # lower limit of high-frequency effort over the natural frequency of the position loop
 
 REST: Final = 0.1
 """Shortest rest of the reference in which chatter is measured [s]; its first half is left out, as the axis settles."""
@@ -124,16 +123,8 @@ def at_rest(r: Array, Ts: float) -> Array:
     return resting
 
 
-def rms(values: Array) -> float:
-    """Return the root mean square."""
-    return float(np.sqrt(np.mean(np.square(values))))
-
-
-COARSER: Final = 4.0
-"""Factor of the encoder resolution in the case with a worse encoder."""
-
-LOAD: Final = 0.5
-"""Load force over the largest friction force near rest."""
+COARSER: Final = 4.0  # factor of the encoder resolution in the case with a worse encoder
+LOAD: Final = 0.5  # load force over the largest friction force near rest
 
 
 @dataclass(frozen=True)

@@ -13,9 +13,8 @@ from friction_fmus.axis.servo import Compensator, Plant, Servo
 from friction_fmus.blocks.catalogue import find
 from friction_fmus.conditions import DrivenPlant, SampledLaw, on_bristles, one_mass
 from friction_fmus.conditions.chain import Margins, loop_margins
-from friction_fmus.doctor.known import law_of
-from friction_fmus.doctor.linear import linearised
-from friction_fmus.study.compensator_records import LoopMargins
+from friction_fmus.doctor.roles import law_of, linearised
+from friction_fmus.study.result import LoopMargins
 from harness import FmuPart
 
 OPEN_LOOP: Final = ("feedforward", "dither")

@@ -9,9 +9,9 @@ from typing import Final
 import numpy as np
 
 from friction_fmus.axis.assembly import constant_force
-from friction_fmus.axis.loop import Plant, Trajectory, closed_loop, run_loop
+from friction_fmus.axis.loop import closed_loop, run_loop
 from friction_fmus.axis.position_map import PositionMap
-from friction_fmus.axis.servo import Servo
+from friction_fmus.axis.servo import Plant, Servo, Trajectory
 from friction_fmus.blocks.axis_units import AxisUnits
 from friction_fmus.blocks.catalogue import find, summary_of
 from friction_fmus.errors import FrictionError
@@ -36,11 +36,10 @@ from friction_fmus.identification.fit.block_fit import driven
 from friction_fmus.identification.fit.idim import default_settings
 from friction_fmus.identification.fit.models import contact_model
 from friction_fmus.identification.fit.position import PositionFit
-from friction_fmus.identification.fit.scores import weak_parameters
+from friction_fmus.identification.fit.scores import rms, weak_parameters
 from friction_fmus.identification.fit.simulation_data import prepare
 from friction_fmus.identification.survey import within_reach
-from friction_fmus.study.records import Curve, Fit, IdentifiedParameter, ModelResult, PositionPart, thinned
-from friction_fmus.study.servo_check import rms
+from friction_fmus.study.result import Curve, Fit, IdentifiedParameter, ModelResult, PositionPart, thinned
 from harness import HarnessError
 
 
@@ -62,12 +61,11 @@ def inverse_residual(fit: InverseModelFit, records: Sequence[Record]) -> Fit | N
         forces.append(force)
     if not errors:
         return None
-    error, size = (float(np.sqrt(np.mean(np.square(np.concatenate(parts))))) for parts in (errors, forces))
+    error, size = (rms(np.concatenate(parts)) for parts in (errors, forces))
     return Fit(error, 100.0 * error / size, "force", records[0].units.force) if size > 0.0 else None
 
 
-ALIKE: Final = 0.05
-"""Relative difference below which errors count as equal; the number of parameters then decides."""
+ALIKE: Final = 0.05  # relative difference below which errors count as equal; the number of parameters then decides
 
 REPRODUCED: Final = 0.5
 """Largest error of a simulated servo that reproduces the record, over the recorded tracking error or rms force."""
@@ -75,14 +73,12 @@ REPRODUCED: Final = 0.5
 QUANTA: Final = 10.0
 """Smallest tracking error for this comparison, in steps of the encoder: rounding is not reproduced."""
 
-INVERSE: Final = "Coulomb + viscous"
-"""Name of the inverse model in the results."""
+INVERSE: Final = "Coulomb + viscous"  # name of the inverse model in the results
 
 PUBLISHED: Final = "Coulomb + viscous, as published"
 """Name of the inverse model with the data and settings of a publication."""
 
-VISCOUS_BESIDE: Final = "viscous friction beside the model"
-"""Meaning of the parameter Fv of a model that has none."""
+VISCOUS_BESIDE: Final = "viscous friction beside the model"  # meaning of the parameter Fv of a model that has none
 
 MEANING: Final = {"M": "{moved_mass}", "OF": "offset of the drive"}
 
@@ -285,8 +281,8 @@ def _position_part(found: PositionFit, fit: Callable[[Score | None], Fit | None]
     return PositionPart(
         table.grid.nodes,
         table.grid.spacing,
-        _rms(np.array(table.cogging)),
-        _rms(np.array(table.friction)),
+        rms(np.array(table.cogging)),
+        rms(np.array(table.friction)),
         fit(found.train_without),
         fit(found.validation_without),
     )
@@ -300,18 +296,16 @@ def in_closed_loop(found: IdentifiedModel, measured: Measured) -> IdentifiedMode
         raise FrictionError("the loop is unstable.")
     q, force = measured.q, measured.force
     units = ROTARY if measured.trajectory.rotary else LINEAR
-    fits = [Fit(_rms(trace.q - q), 100.0 * _rms(trace.q - q) / _rms(q), "position", units.position)]
+    fits = [Fit(rms(trace.q - q), 100.0 * rms(trace.q - q) / rms(q), "position", units.position)]
     t = measured.servo.Ts * np.arange(float(len(q)))
     if force is not None:
-        fits.append(
-            Fit(_rms(trace.force - force), 100.0 * _rms(trace.force - force) / _rms(force), "force", units.force)
-        )
+        fits.append(Fit(rms(trace.force - force), 100.0 * rms(trace.force - force) / rms(force), "force", units.force))
     reason = _unlike(measured, fits)
     return replace(
         found,
         row=replace(found.row, closed_loop=tuple(fits), reason=reason),
-        error=None if reason else _rms((trace.q - q)[slice(*measured.validation)]),
-        force_error=None if force is None else _rms((trace.force - force)[slice(*measured.validation)]),
+        error=None if reason else rms((trace.q - q)[slice(*measured.validation)]),
+        force_error=None if force is None else rms((trace.force - force)[slice(*measured.validation)]),
         position=thinned(t, trace.q - q),
         force=None if force is None else thinned(t, trace.force - force),
     )
@@ -320,7 +314,7 @@ def in_closed_loop(found: IdentifiedModel, measured: Measured) -> IdentifiedMode
 def _unlike(measured: Measured, fits: Sequence[Fit]) -> str:
     """Return why a simulated servo does not reproduce the record; empty if it does."""
     position = fits[0]
-    tracking = max(_rms(measured.r - measured.q), QUANTA * measured.servo.quantum)
+    tracking = max(rms(measured.r - measured.q), QUANTA * measured.servo.quantum)
     if position.rms > REPRODUCED * tracking:
         return (
             f"the position of the simulated servo differs from the record by {position.rms:.3g} {position.unit} rms, "
@@ -363,12 +357,7 @@ def _error(found: IdentifiedModel) -> float:
     return float(f"{found.error:.6g}")
 
 
-def _rms(values: Array) -> float:
-    return float(np.sqrt(np.mean(np.square(values))))
-
-
-EQUAL: Final = 1e-3
-"""Relative increase of an error of the simulated servo that is within the accuracy of the search."""
+EQUAL: Final = 1e-3  # relative increase of an error of the simulated servo that is within the accuracy of the search
 
 BIAS: Final = 5e-3
 """Increase of the error of the predicted force, over the rms force, that the filter of the motion can cause."""

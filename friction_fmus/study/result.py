@@ -1,4 +1,8 @@
-"""The result of a study as plain data: everything shown in the report, in the terminal and in `study.json`."""
+"""The result of a study as plain data: everything shown in the report, in the terminal and in `study.json`.
+
+The classes are frozen and contain only numbers, strings, tuples and mappings. Numbers are in SI units, or in the units
+in `StudyResult.units` for a rotary axis. A missing number is None, never NaN.
+"""
 
 from __future__ import annotations
 
@@ -6,32 +10,381 @@ import json
 import math
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
-from typing import Any
+from math import inf
+from typing import Any, Final, TypeAlias
 
-from friction_fmus.identification import AxisUnits
+import numpy as np
+
+from friction_fmus.identification import Array, AxisUnits
 from friction_fmus.listings import study_html, study_text
-from friction_fmus.study.compensator_records import (
-    CompensatorResult,
-    Corner,
-    Limits,
-    LoopMargins,
-    Metrics,
-    Recommendation,
-    Rung,
-    Trial,
-)
-from friction_fmus.study.ranking import Weights
-from friction_fmus.study.records import (
-    ConditionResult,
-    Curve,
-    Fit,
-    IdentifiedParameter,
-    ModelResult,
-    Picture,
-    ServoCheck,
-    StudyFinding,
-    WrittenFile,
-)
+
+Numbers: TypeAlias = tuple[float, ...]
+
+
+@dataclass(frozen=True)
+class IdentifiedParameter:
+    """Identified parameter."""
+
+    name: str
+    """Name in the block; M is the moved mass and OF the force offset of the drive."""
+    value: float
+    """Estimate, in `unit`."""
+    standard_error: float | None
+    """Standard error, in `unit`; None if the parameter was fixed."""
+    unit: str
+    """Unit; "1" for a dimensionless parameter."""
+    meaning: str
+    """Description."""
+    published: float | None = None
+    """Value in the literature, or the true value for a simulated record, in `unit`."""
+    weak: str = ""
+    """Reason why the parameter is poorly identifiable, and what to measure; empty if it is well determined."""
+    noise_error: float | None = None
+    """Part of the standard error that is due to noise, in `unit`; None if the parts are not known."""
+
+    @property
+    def determined(self) -> bool:
+        """Whether the noise of the record determines the parameter to better than its value."""
+        error = self.standard_error if self.noise_error is None else self.noise_error
+        return self.standard_error is not None and error is not None and error < abs(self.value)
+
+
+@dataclass(frozen=True)
+class Fit:
+    """Residual of a simulated signal."""
+
+    rms: float
+    """Root mean square of simulated minus measured, in `unit`."""
+    percent: float
+    """Residual in percent of the root mean square of the measured signal."""
+    signal: str
+    unit: str
+    """Name and unit of the signal."""
+
+
+@dataclass(frozen=True)
+class PositionPart:
+    """Force over position that was identified together with a friction model."""
+
+    nodes: int
+    spacing: float
+    """Number of nodes of the table and their distance."""
+    cogging: float
+    friction: float
+    """Rms values of cogging and position-dependent friction over the table."""
+    train_without: Fit | None
+    validation_without: Fit | None
+    """Residuals of the model without this force."""
+
+
+@dataclass(frozen=True)
+class ModelResult:
+    """Result of one friction model."""
+
+    name: str
+    summary: str
+    """Name of the block and its description."""
+    method: str = ""
+    """Identification method; empty if the model was not identified."""
+    parameters: tuple[IdentifiedParameter, ...] = ()
+    """Identified parameters."""
+    train: Fit | None = None
+    validation: Fit | None = None
+    """Residuals on the training and the validation data."""
+    closed_loop: tuple[Fit, ...] = ()
+    """Residuals of position and force of the co-simulated servo; empty without a servo."""
+    aic: float | None = None
+    bic: float | None = None
+    """Information criteria; lower is better."""
+    rank: int | None = None
+    """Rank by validation, 1 is best; None if the model was not identified."""
+    warnings: tuple[str, ...] = ()
+    """Warnings of the identification."""
+    reason: str = ""
+    """Reason why the model was not identified; empty if it was."""
+    seconds: float = 0.0
+    """Elapsed time of the identification [s]."""
+    simulations: int = 0
+    """Number of simulations of the model."""
+    position: PositionPart | None = None
+    """Force over position; None if it does not improve the prediction."""
+
+
+@dataclass(frozen=True)
+class Curve:
+    """Points of a line or scatter plot; x and y have the same length."""
+
+    x: Numbers
+    y: Numbers
+
+
+@dataclass(frozen=True)
+class Picture:
+    """Curves in one pair of axes."""
+
+    x_label: str
+    y_label: str
+    """Quantities of the axes."""
+    x_unit: str
+    y_unit: str
+    """Units of the axes."""
+    data: Mapping[str, Curve]
+    """Decimated measurements, by name."""
+    models: Mapping[str, Curve]
+    """Decimated curves of the models, by name of the block."""
+
+
+@dataclass(frozen=True)
+class ConditionResult:
+    """Condition evaluated for the recommended servo; the texts are empty if it holds."""
+
+    parts: tuple[str, ...]
+    name: str
+    ok: bool
+    wrong: str = ""
+    why: str = ""
+    change: str = ""
+    source: str = ""
+    value: float | None = None
+    bound: float | None = None
+
+
+@dataclass(frozen=True)
+class StudyFinding:
+    """Finding that limits how far the result of a study can be trusted."""
+
+    name: str
+    """Stable name, such as ``wrong-gains``."""
+    what: str
+    """Description with numbers, in one sentence."""
+    change: str
+    """Proposed change, in one sentence."""
+    stops: bool
+    """Whether the result must not be used: nothing is ranked that depends on the finding, and no FMU is written."""
+
+
+@dataclass(frozen=True)
+class ServoCheck:
+    """Comparison of the servo as configured with the recorded drive force."""
+
+    residual: Fit | None = None
+    """Recorded force minus command of the servo for the recorded reference and position; None if not compared."""
+    allowed: float = 0.0
+    """Residual up to which the servo reproduces the record, in percent of the rms force."""
+    findings: tuple[StudyFinding, ...] = ()
+    """Reasons for a larger residual."""
+    gains: tuple[IdentifiedParameter, ...] = ()
+    """Gains estimated from the record; empty if those of the configuration reproduce it."""
+    recorded: Curve | None = None
+    commanded: Curve | None = None
+    """Force over time: as recorded, and as the servo commands it."""
+    reason: str = ""
+    """Reason why the servo was not compared; empty if it was."""
+
+
+@dataclass(frozen=True)
+class WrittenFile:
+    """File written by a study: path relative to its folder, separated by /, and description."""
+
+    path: str
+    what: str
+
+
+POINTS: Final = 1500  # approximate number of points of a stored curve over time
+
+
+def thinned(x: Array, y: Array, points: int = POINTS) -> Curve:
+    """Return a decimated curve with the minimum and maximum of each interval, so that peaks are kept."""
+    width = -(-2 * len(y) // points)
+    if width <= 2:
+        return Curve(tuple(x.tolist()), tuple(y.tolist()))
+    kept: list[int] = [0]
+    for begin in range(0, len(y), width):
+        interval = y[begin : begin + width]
+        kept += sorted({begin + int(np.argmin(interval)), begin + int(np.argmax(interval))})
+    places = np.unique([*kept, len(y) - 1])
+    return Curve(tuple(x[places].tolist()), tuple(y[places].tolist()))
+
+
+@dataclass(frozen=True)
+class Metrics:
+    """Metrics of one run of the servo, including its start."""
+
+    rms: float
+    largest: float
+    """Root mean square and maximum of the tracking error, reference minus position, in `units.position`."""
+    effort: float
+    """Root mean square of the drive force, in `units.force`."""
+    effort_high: float
+    """Root mean square of the drive force above the bandwidth of the loop, in `units.force`."""
+    variation: float
+    """Total variation of the drive force over the duration, in `units.force` per second."""
+    settling: float | None = None
+    """Median time after a reversal until the error stays within the band of the study [s]; None without reversals."""
+    chatter: float | None = None
+    """Root mean square of the drive force above the bandwidth of the loop while the reference rests, in `units.force`;
+    None if it does not rest."""
+    rms_bound: float | None = None
+    """Bound of the numerical error of `rms`; None for a run that was not repeated with another step."""
+
+
+@dataclass(frozen=True)
+class LoopMargins:
+    """Smallest margins of a loop over its operating points: sliding and, if the contact is elastic, rest."""
+
+    Ms: float | None
+    """Peak of the sensitivity function; None if the loop is unstable."""
+    phase: float | None
+    """Phase margin [deg]; None if the loop gain is nowhere 1."""
+    delay: float | None
+    """Delay margin [samples]; None if the loop gain is nowhere 1."""
+
+
+@dataclass(frozen=True)
+class Limits:
+    """Limits on the margins of every loop that is compared."""
+
+    Ms: float = 2.0
+    """Largest peak of the sensitivity function."""
+    delay: float = 1.5
+    """Smallest delay margin [samples]."""
+
+    def relaxed(self, alone: LoopMargins) -> Limits:
+        """Return the limits that the servo alone keeps: a compensator must not make worse what already exceeds them."""
+        return Limits(
+            max(self.Ms, inf if alone.Ms is None else alone.Ms),
+            self.delay if alone.delay is None else min(self.delay, alone.delay),
+        )
+
+    def kept_by(self, margins: LoopMargins | None) -> bool:
+        """Return whether a loop is stable and within the limits; a loop without known margins counts as such."""
+        if margins is None:
+            return True
+        slack = 1.0 + 1e-9
+        return (
+            margins.Ms is not None
+            and margins.Ms <= slack * self.Ms
+            and (margins.delay is None or slack * margins.delay >= self.delay)
+        )
+
+
+@dataclass(frozen=True)
+class Trial:
+    """Run with one value of the tuned parameter."""
+
+    gain: float
+    """Gain of the compensation."""
+    bandwidth: float | None
+    """Bandwidth of an estimator, or corner frequency of integral action [Hz]; None if the compensator has none."""
+    margins: LoopMargins | None
+    """Margins of the loop; None if the compensator cannot be linearised."""
+    metrics: Metrics | None
+    """Metrics; None if the run failed."""
+    failure: str = ""
+    """Reason why the run failed."""
+
+
+@dataclass(frozen=True)
+class Corner:
+    """Run on an axis that differs from the identified one."""
+
+    name: str
+    """Description of the difference."""
+    metrics: Metrics | None
+    """Metrics; None if the run failed."""
+    failure: str = ""
+    """Reason why the run failed."""
+    counts: bool = True
+    """Whether the run is part of the worst case; an extra delay beyond the demanded delay margin is not."""
+
+
+@dataclass(frozen=True)
+class CompensatorResult:
+    """Result of one compensator."""
+
+    name: str
+    summary: str
+    """Name of the law, or of feedforward and estimator joined by " + ", and its description; the entry "none" is the
+    servo without compensation."""
+    kind: str
+    """"none", "integral action", "feedforward", "model feedback", "estimator", "feedforward with estimator",
+    "feedforward with integral action", "table over position" (alone or with others), "dither", "learning", or
+    "controller"."""
+    applies: bool
+    """Whether the compensator was co-simulated."""
+    reason: str = ""
+    """Reason why it does not apply or why all runs failed; otherwise empty."""
+    model: str = ""
+    """Friction model whose identified parameters the law uses; empty if it uses none."""
+    parameters: Mapping[str, float] = field(default_factory=dict)
+    """Parameters that were set; the others have their start values."""
+    gain: float | None = None
+    """Best gain up to 1."""
+    bandwidth: float | None = None
+    """Best bandwidth [Hz], as in `Trial`."""
+    metrics: Metrics | None = None
+    """Metrics of the best trial."""
+    margins: LoopMargins | None = None
+    """Margins of the best trial."""
+    trials: tuple[Trial, ...] = ()
+    """Runs over the tuned parameter."""
+    corners: tuple[Corner, ...] = ()
+    """Runs of the best trial on other axes."""
+    worst: float | None = None
+    best: float | None = None
+    """Largest and smallest `rms` of `metrics` and of the corners that count."""
+    cycles: float | None = None
+    flash: float | None = None
+    """Estimated cycles of one sample and size of the C code on a Cortex-M4F [bytes]; None without C code."""
+    score: float | None = None
+    """Weighted sum of logarithms by which the compensators are ranked, see `friction_fmus.study.recommendation`."""
+    rank: int | None = None
+    """Rank, 1 is best; None if the compensator does not apply."""
+    improves: bool = False
+    """Whether it reduces the tracking error, also in every corner that counts."""
+    error: Curve | None = None
+    """Reference minus position over time of the best trial [s, units.position]; decimated with all extremes kept."""
+
+
+@dataclass(frozen=True)
+class Rung:
+    """Rung of the ladder from the axis as measured to the best compensation."""
+
+    title: str
+    """What the servo has on this rung."""
+    name: str
+    """Compensator of this rung, "none" for the servo alone; empty for the axis as measured."""
+    metrics: Metrics
+    """Metrics."""
+
+
+@dataclass(frozen=True)
+class Recommendation:
+    """Recommendation of a study."""
+
+    name: str
+    """Recommended compensator; "none" if no compensator improves the axis; empty if none was simulated."""
+    reason: str
+    """Reasons in a few sentences."""
+    gain: float | None = None
+    """Gain of the recommended compensator."""
+    runner_up: str = ""
+    """Second-best compensator; empty if no other one improves the axis."""
+    runner_up_reason: str = ""
+    """Metrics of the second-best compensator in one sentence."""
+    next_steps: tuple[str, ...] = ()
+    """What to set in the drive, and what to measure, one sentence each."""
+
+
+@dataclass(frozen=True)
+class Weights:
+    """Weights of the figures in the score."""
+
+    error: float = 1.0
+    effort: float = 0.25
+    margin: float = 0.25
+    cost: float = 0.01
+    """Weights of worst-case error, drive force above the bandwidth, sensitivity peak, and cycles."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -194,26 +547,3 @@ def plain(content: Any) -> Any:
     if isinstance(content, float) and not math.isfinite(content):
         return None
     return content
-
-
-__all__ = [
-    "CompensatorResult",
-    "ConditionResult",
-    "Corner",
-    "Curve",
-    "Fit",
-    "IdentifiedParameter",
-    "Limits",
-    "LoopMargins",
-    "Metrics",
-    "ModelResult",
-    "Picture",
-    "Recommendation",
-    "Rung",
-    "ServoCheck",
-    "StudyFinding",
-    "StudyResult",
-    "Trial",
-    "WrittenFile",
-    "plain",
-]

@@ -15,12 +15,12 @@ from typing import Final, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from friction_fmus.axis.loop import block
+from friction_fmus.axis.assembly import block
 from friction_fmus.axis.servo import GAIN_UNITS, GAINS, Servo
 from friction_fmus.blocks.axis_units import Words
 from friction_fmus.identification import ROTARY, Array, Record
-from friction_fmus.identification.fit.scores import independent_samples
-from friction_fmus.study.records import Fit, IdentifiedParameter, ServoCheck, StudyFinding, thinned
+from friction_fmus.identification.fit.scores import independent_samples, rms
+from friction_fmus.study.result import Fit, IdentifiedParameter, ServoCheck, StudyFinding, thinned
 from harness import Experiment, FmuPart, SeriesPart, System
 
 
@@ -149,16 +149,8 @@ def shifted(values: Array, samples: int) -> Array:
     return values[places]
 
 
-def rms(values: Array) -> float:
-    """Return the root mean square."""
-    return float(np.sqrt(np.mean(np.square(values))))
-
-
-BETWEEN: Final = 0.5
-"""Fraction of the samples that the servo must reproduce if the rest is a force in pulses."""
-
-LINES: Final = 0.6
-"""Fraction of the power of a periodic force in its strongest frequencies."""
+BETWEEN: Final = 0.5  # fraction of the samples that the servo must reproduce if the rest is a force in pulses
+LINES: Final = 0.6  # fraction of the power of a periodic force in its strongest frequencies
 
 
 def pulses(compared: Comparison, difference: Array) -> str:
@@ -205,17 +197,13 @@ def frequencies(compared: Comparison, difference: Array) -> str:
 # residual, and not much more than the best one, is reported. A residual that none of them explains and that lies in
 # pulses or at a few frequencies is a force that was added from outside.
 
-EXPLAINED: Final = 0.2
-"""Largest part of the residual that an explanation leaves."""
+EXPLAINED: Final = 0.2  # largest part of the residual that an explanation leaves
 
 LATEST: Final = 8
 """Largest delay between command and recorded force that is tried, in samples; half of it for a force that leads."""
 
-WIDEST: Final = 16
-"""Largest window of the velocity that is tried, in samples."""
-
-CONFIRMED: Final = 0.05
-"""Relative difference up to which a configured gain agrees with the one that the record shows."""
+WIDEST: Final = 16  # largest window of the velocity that is tried, in samples
+CONFIRMED: Final = 0.05  # relative difference up to which a configured gain agrees with the one that the record shows
 
 FACTORS: Final[Mapping[str, float]] = {
     "the ratio of N and lbf": 4.4482216,
@@ -476,17 +464,13 @@ def _injected(compared: Comparison) -> Diagnosis | None:
     )
 
 
-MATCH: Final = 0.02
-"""Residual over the rms force up to which the servo reproduces the record."""
-
-TRUSTED: Final = 0.1
-"""Residual over the rms force up to which the servo is simulated and its compensators are ranked."""
+MATCH: Final = 0.02  # residual over the rms force up to which the servo reproduces the record
+TRUSTED: Final = 0.1  # residual over the rms force up to which the servo is simulated and its compensators are ranked
 
 SETTLING: Final = 10
 """Number of samples, beyond the window of the velocity, that are not compared: the motion before them is unknown."""
 
-SATURATED: Final = 0.98
-"""Fraction of the force limit above which a sample is not compared."""
+SATURATED: Final = 0.98  # fraction of the force limit above which a sample is not compared
 
 
 def commanded(servo: Servo, r: Array, q: Array, rotary: bool = False) -> Array:

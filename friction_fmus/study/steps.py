@@ -29,8 +29,7 @@ from friction_fmus.study.result import plain
 from friction_fmus.version import VERSION
 from harness.storage.files import keep, kept, make_folder
 
-CACHE: Final = ".study"
-"""Subfolder of the results with the cached steps."""
+CACHE: Final = ".study"  # subfolder of the results with the cached steps
 
 rebuild: Final = Converter(detailed_validation=False).structure
 """``rebuild(content, kind)`` makes a dataclass from what `asdict` and JSON made of one."""
@@ -164,8 +163,8 @@ def _quietly(function: Callable[..., Any], arguments: Sequence[Any]) -> Any:
 
 def _ready() -> None:
     """Import what the steps need; without its objects, the garbage collector takes a twentieth of the time less."""
-    for module in ("study.comparison", "study.models", "study.refinement"):
-        import_module(f"friction_fmus.{module}")
+    for module in ("comparison", "models"):
+        import_module(f"friction_fmus.study.{module}")
     gc.freeze()
 
 

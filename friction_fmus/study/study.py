@@ -13,9 +13,9 @@ from typing import Any, Final
 
 import numpy as np
 
-from friction_fmus.axis.assembly import viscous_beside
-from friction_fmus.axis.loop import Trajectory, block, from_rest, typed
-from friction_fmus.axis.servo import GAINS, Servo
+from friction_fmus.axis.assembly import block, typed, viscous_beside
+from friction_fmus.axis.loop import from_rest
+from friction_fmus.axis.servo import GAINS, Servo, Trajectory
 from friction_fmus.blocks.axis_units import Words
 from friction_fmus.blocks.catalogue import catalogue
 from friction_fmus.conditions import PathDynamics, SampledLaw, chain, one_mass
@@ -26,12 +26,11 @@ from friction_fmus.identification import Array, AxisUnits, Record, decimate, fil
 from friction_fmus.identification.physics import FORBIDDING, contradictions
 from friction_fmus.listings import shown
 from friction_fmus.study.comparison import Comparison, compare
-from friction_fmus.study.compensator_records import CompensatorResult, Recommendation
 from friction_fmus.study.compensators import AxisKnowledge, check_names, period_of
 from friction_fmus.study.config import ALL, ConfigError, StudyConfig, load_config
 from friction_fmus.study.data import Data, build_reference, load_data, measured_servo
 from friction_fmus.study.evaluation import Bench, Scheme
-from friction_fmus.study.export import OWN, export_models, export_recommended
+from friction_fmus.study.export import OWN, Figures, export_models, export_recommended
 from friction_fmus.study.models import (
     INVERSE,
     IdentifiedModel,
@@ -41,13 +40,22 @@ from friction_fmus.study.models import (
     ranked,
     refine,
 )
-from friction_fmus.study.records import ConditionResult, Curve, ModelResult, Picture, StudyFinding, WrittenFile, thinned
-from friction_fmus.study.result import StudyResult
+from friction_fmus.study.result import (
+    CompensatorResult,
+    ConditionResult,
+    Curve,
+    ModelResult,
+    Picture,
+    Recommendation,
+    StudyFinding,
+    StudyResult,
+    WrittenFile,
+    thinned,
+)
 from friction_fmus.study.servo_check import CheckedServo, check_servo
 from friction_fmus.study.settings_file import SETTINGS_FILE, settings_of
 from friction_fmus.study.steps import CACHE, Step, StepCache, run_steps, workers
 from friction_fmus.study.what_if import WhatIf, panel_of
-from friction_fmus.study.wiring import Figures
 from friction_fmus.version import VERSION
 from harness import Experiment, FmuPart, Progress, SeriesPart, System
 from harness.compiling import toolchain
@@ -55,16 +63,9 @@ from harness.extras import require
 from harness.processors import available
 from harness.storage.files import atomic_path
 
-__all__ = ["StudyError", "run_study"]
-
-DRAWN: Final = 4
-"""Number of models to plot, best first."""
-
-CLOUD: Final = 2000
-"""Approximate number of points of a scatter plot."""
-
-LOOP: Final = 3.0
-"""Longest section of the record plotted as a loop [s]."""
+DRAWN: Final = 4  # number of models to plot, best first
+CLOUD: Final = 2000  # approximate number of points of a scatter plot
+LOOP: Final = 3.0  # longest section of the record plotted as a loop [s]
 
 
 def series(data: Sequence[Record], models: Sequence[IdentifiedModel]) -> tuple[Picture, ...]:
@@ -263,11 +264,8 @@ def identifier(name: str) -> str:
     return letters if letters and letters[0].isalpha() else f"Axis{letters}"
 
 
-BEYOND: Final = 1.2
-"""Recorded force over the force limit above which one of them has a wrong unit."""
-
-GROWTH: Final = 1.1
-"""Growth of an oscillation per sample above which the loop is too unstable to have been recorded."""
+BEYOND: Final = 1.2  # recorded force over the force limit above which one of them has a wrong unit
+GROWTH: Final = 1.1  # growth of an oscillation per sample above which the loop is too unstable to have been recorded
 
 
 def force_findings(records: Sequence[Record], servo: Servo | None) -> tuple[StudyFinding, ...]:
@@ -347,11 +345,8 @@ def not_trusted(findings: Sequence[StudyFinding]) -> str:
     return f"No compensator was compared, because the result cannot be trusted ({names}). Correct this first."
 
 
-SENSITIVE = 1.5
-"""Factor by which the error rises in a case that is worth a measurement."""
-
-SMALL = 1e-3
-"""Constant force over the force limit up to which it is not worth a setting."""
+SENSITIVE = 1.5  # factor by which the error rises in a case that is worth a measurement
+SMALL = 1e-3  # constant force over the force limit up to which it is not worth a setting
 
 
 def next_steps(
@@ -428,14 +423,9 @@ def _weak(row: CompensatorResult, models: Sequence[ModelResult]) -> Iterator[str
         yield f"The record determines {names} of {row.model} poorly ({weak[0].name}: {weak[0].weak})."
 
 
-CLOSE: Final = 1.5
-"""Models whose error is at most this factor times the smallest are also fitted to the closed loop."""
-
-SEED: Final = 1
-"""Seed of the measurement noise, which is the same for all compensators."""
-
-LEAST_SAMPLES: Final = 100
-"""Smallest number of samples of the servo over which a closed loop is simulated."""
+CLOSE: Final = 1.5  # models whose error is at most this factor times the smallest are also fitted to the closed loop
+SEED: Final = 1  # seed of the measurement noise, which is the same for all compensators
+LEAST_SAMPLES: Final = 100  # smallest number of samples of the servo over which a closed loop is simulated
 
 
 class StudyError(FrictionError):

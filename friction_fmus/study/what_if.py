@@ -16,24 +16,17 @@ from friction_fmus.axis.servo import GAINS, Servo
 from friction_fmus.export.composite.composite_archive import composite_source
 from friction_fmus.export.targets.wasm.npm_package import WasmModel, wasm_model
 from friction_fmus.identification import Array
-from friction_fmus.study.compensator_records import CompensatorResult, Metrics
 from friction_fmus.study.evaluation import Bench, Scheme, off_by, system_of
+from friction_fmus.study.result import CompensatorResult, Metrics
 from harness import FmuPart, HarnessError, System, Wire
 from harness.compiling.platforms import WASM
 from harness.masters import find_master
 from harness.system.wire import split_name
 
-SOURCES: Final = ("reference", "noise")
-"""Parts whose outputs are inputs of the modules."""
-
-LONGEST: Final = 40_000
-"""Largest number of samples that the report contains; of a longer record, it has the beginning."""
-
-DELAYS: Final = 8
-"""Number of delays of the drive from which a reader can choose, in steps of a sample."""
-
-TERMS: Final = 4
-"""Number of inputs of a sum."""
+SOURCES: Final = ("reference", "noise")  # parts whose outputs are inputs of the modules
+LONGEST: Final = 40_000  # largest number of samples that the report contains; of a longer record, it has the beginning
+DELAYS: Final = 8  # number of delays of the drive from which a reader can choose, in steps of a sample
+TERMS: Final = 4  # number of inputs of a sum
 
 Settings = Mapping[str, float]
 

@@ -16,9 +16,8 @@ EXPORT void newton_begin(const Engine *e, Newton *newton)
         Moving *const m = &newton->moving[k];
         const int64_t input = e->lines[k].input;
         const double value = arriving(e, input);
-        m->from_rest = value == 0.0;
         m->u0 = m->q0 = m->u1 = m->q1 = value;
-        m->scale = fabs(value);
+        m->scale = m->outside = fabs(value);
         m->accumulated_error = m->path = m->distance_error = 0.0;
         m->role = m->rests = m->rigid = 0;
         m->gain = e->gains ? e->gains[input] : 1.0;
@@ -29,8 +28,10 @@ EXPORT void newton_begin(const Engine *e, Newton *newton)
         newton->scale[j] = fabs(newton->w[j]);
         newton->trend[j] = newton->prediction_error[j] = newton->growth[j] = 0.0;
     }
-    for (int64_t k = 0; k < last->held + last->held_count; k++)
+    for (int64_t k = 0; k < last->held + last->held_count; k++) {
         newton->held_values[k] = arriving(e, newton->held[k]);
+        newton->held_sizes[k] = fabs(newton->held_values[k]);
+    }
     for (int64_t g = 0; g < newton->group_count; g++) {
         for (int64_t i = 0; i < most * most; i++)
             newton->inverse[g * most * most + i] = i % (most + 1) == 0 ? -1.0 : 0.0;

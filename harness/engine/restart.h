@@ -24,20 +24,31 @@ static void restart_manipulated(Engine *e, Newton *newton)
     }
 }
 
-/* Remember the held inputs. Return whether one of them has another value than in the last step, or a line from a part
-   that was restarted has another value than at its end. */
-static bool jumps(const Engine *e, Newton *newton, const Group *g)
+/* Raise the largest magnitude of an input. Return how far it has jumped, as a part of that. */
+static double jump_of(double before, double value, double *size)
 {
-    bool jump = false;
+    *size = fmax(*size, fmax(fabs(before), fabs(value)));
+    const double jump = value == before ? 0.0 : fmax(fabs(value - before) / *size, DBL_MIN);
+    return isnan(jump) ? INFINITY : jump;
+}
+
+/* Remember the held inputs. Return how far one of them has jumped since the last step, or a line from a part that was
+   restarted since its end, over the magnitude. */
+static double largest_jump(const Engine *e, Newton *newton, const Group *g)
+{
+    double most = 0.0;
     for (int64_t k = g->held; k < g->held + g->held_count; k++) {
         const double value = arriving(e, newton->held[k]);
-        jump = jump || value != newton->held_values[k];
+        most = fmax(most, jump_of(newton->held_values[k], value, &newton->held_sizes[k]));
         newton->held_values[k] = value;
     }
     for (int64_t i = g->first; i < g->first + g->count; i++)
-        for (int64_t k = e->lines_from[newton->order[i]]; k < e->lines_from[newton->order[i] + 1]; k++)
-            jump = jump || (!newton->moving[k].inner && arriving(e, e->lines[k].input) != newton->moving[k].u0);
-    return jump;
+        for (int64_t k = e->lines_from[newton->order[i]]; k < e->lines_from[newton->order[i] + 1]; k++) {
+            Moving *const m = &newton->moving[k];
+            if (!m->inner)
+                most = fmax(most, jump_of(m->u0, arriving(e, e->lines[k].input), &m->outside));
+        }
+    return most;
 }
 
 /* Compute the outputs of a loop or a part for its inputs after the jump. */

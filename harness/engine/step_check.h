@@ -10,14 +10,18 @@
 
 #include "contacts.h"
 
+#define RUNG             4.0  /* each piece ends at so many times the part of the step at which the one before ends */
+#define NOTABLE          0.05 /* jump of an input over its magnitude */
+#define BENT             0.1  /* of the change over the step: deviation from a straight line */
+#define SLIGHT           1e-3 /* of the magnitude: deviation that does not matter */
 #define SPLIT            0.44 /* first half of a step: equal halves miss an oscillation of twice their frequency */
 #define DISTANCE_FACTOR  0.25 /* factor of `step_tolerance` for the distance until a contact stops */
-#define AT_START         10.0 /* factor of `step_tolerance` in the first EARLY ticks of a value that starts at 0 */
 #define PREDICTION_LIMIT 0.05 /* of the magnitude, between an unknown and its linear prediction */
 #define JUMP_LIMIT       0.5  /* the same, during the cooldown */
 #define LEAP             1.5  /* over the largest magnitude so far */
 #define ABANDONED        30.0 /* root of the sum of the squares of the unresolved errors, over the magnitude */
 #define MOST_UNRESOLVED  40.0 /* sum of the shares of their steps */
+#define TURNED           5.0  /* ratio that a velocity counts as which may have passed 0 twice within a piece */
 #define AMPLIFIED        4.0  /* ratio of error to tolerance that an amplified value counts as */
 #define NEGLIGIBLE       1e-6 /* holding force over the largest force of a contact in the loop */
 enum {
@@ -27,7 +31,7 @@ enum {
     LONGEST_COOLDOWN = 64,
     SOON = 16,
     MOST_RECURRENCES = 8,
-    EARLY = 8
+    RUNGS = 8
 };
 #define GROWTHS 3.0
 
@@ -69,6 +73,31 @@ static bool amplifies(const Newton *newton, const Group *g, const Span *s)
     return false;
 }
 
+/* Return whether the velocity of a contact was about to pass 0, but has the same sign at the end of the span. */
+static bool turns_within(const Newton *newton, const Group *g, const Span *s)
+{
+    for (const Contact *c = contacts_of(newton, g); c < contacts_of(newton, g) + g->contacts; c++) {
+        const Moving *const m = &newton->moving[c->line];
+        const double slope = (m->u0 - earlier(m, s)) / (GA_M - GA_F); /* times the length of the span */
+        if (m->rigid >= 0 && m->u0 * m->u1 > 0.0 && m->u0 * (m->u0 + slope) < 0.0)
+            return true;
+    }
+    return false;
+}
+
+/* Return whether another motion begins with the solved span: with the run, with a jump of an input, or because a
+   contact breaks away. */
+static bool begins_anew(const Newton *newton, int64_t number, int64_t tick, const Span *s)
+{
+    const Group *const g = &newton->groups[number];
+    const StepCheck *const guard = &newton->guards[number];
+    for (const Contact *c = contacts_of(newton, g); c < contacts_of(newton, g) + g->contacts; c++)
+        if (velocity_of(newton, c)->rests && !is_rest(velocity_of(newton, c)))
+            return true;
+    const double least = guard->resolves && tick < guard->next ? JUMP_LIMIT : NOTABLE;
+    return s->from == 0.0 && (tick == 0 || guard->jump > least);
+}
+
 /* Return whether the span that has just been solved needs a check. */
 static bool wants_check(const Engine *e, const Newton *newton, int64_t number, int64_t tick, const Span *s)
 {
@@ -77,7 +106,7 @@ static bool wants_check(const Engine *e, const Newton *newton, int64_t number, i
         return false;
     const Group *const g = &newton->groups[number];
     return guard->checks_due > 0 || guard->limited_ticks > 0 || (s->from == 0.0 && is_scheduled(guard, tick)) ||
-           leaps(e, newton, g) || mispredicted(newton, g, s, tick >= guard->next ? PREDICTION_LIMIT : JUMP_LIMIT);
+           turns_within(newton, g, s) || leaps(e, newton, g) || mispredicted(newton, g, s, tick >= guard->next ? PREDICTION_LIMIT : JUMP_LIMIT);
 }
 
 /* Save (or restore, if `back`) everything that a check must not change. */
@@ -103,29 +132,61 @@ static void swap_loop(Engine *e, const Newton *newton, const Group *g)
         swap_part(&e->parts[newton->order[i]]);
 }
 
-/* Solve the span again, in two halves; means[k] becomes the mean of line k over both. */
-static int solve_halves(Engine *e, Newton *newton, int64_t number, const Span *s, double *means, bool *jumped)
+/* Return the part of a span that is over after piece i of n. After a jump each piece is `RUNG` times as long as those
+   before it together, as the motion that follows may be over within any part of the span. */
+static double part_after(int i, int n, bool growing)
+{
+    return i + 1 == n ? 1.0 : growing ? pow(RUNG, (double)(i + 1 - n)) : SPLIT;
+}
+
+/* Return the number of pieces of a part of a step: the first piece has the same length for all. */
+static int pieces_of(double part)
+{
+    int n = RUNGS;
+    for (double length = part * RUNG; length < 1.5 && n > 2; length *= RUNG)
+        n--;
+    return n;
+}
+
+/* Solve the span again, in n pieces; means[k] becomes the mean of line k over all, and the
+   next numbers the values at the end of the last piece but one. */
+static int solve_pieces(Engine *e, Newton *newton, int64_t number, const Span *s, int n, bool growing, double *means,
+                        bool *jumped, bool *turns)
 {
     const Group *const g = &newton->groups[number];
     const int64_t lines = e->lines_from[e->part_count];
-    const double half = SPLIT * s->h, middle = s->from + SPLIT * (s->to - s->from);
-    const Span first = {s->t, half, s->from, middle, SPLIT * s->ratio, false};
-    const Span second = {s->t + half, s->h - half, middle, s->to, (1.0 - SPLIT) / SPLIT, false};
-    int status = solve(e, newton, g, number, &first, true);
-    if (status != SOLVED)
-        return status;
+    double done = 0.0, before = 1.0; /* part of the span; length of the last piece over that of the span before */
+    int status = SOLVED;
+    *jumped = *turns = false;
     for (int64_t k = 0; k < lines; k++)
-        means[k] = SPLIT * e->lines[k].mean;
-    *jumped = newton->jumped;
-    accept(e, newton, g, number, &first);
-    swap_loop(e, newton, g); /* the state at the start of the span is still needed */
-    status = save_loop(e, newton, g, second.t);
-    if (status == SOLVED)
-        status = solve(e, newton, g, number, &second, false);
-    swap_loop(e, newton, g);
-    for (int64_t k = 0; k < lines; k++)
-        means[k] += (1.0 - SPLIT) * e->lines[k].mean;
-    *jumped = *jumped || newton->jumped;
+        means[k] = 0.0;
+    for (int i = 0; i < n && status == SOLVED; i++) {
+        const double end = part_after(i, n, growing), share = end - done;
+        const Span piece = {s->t + done * s->h,
+                            i + 1 == n ? s->h - done * s->h : share * s->h,
+                            s->from + done * (s->to - s->from),
+                            i + 1 == n ? s->to : s->from + end * (s->to - s->from),
+                            i == 0 ? share * s->ratio : share / before,
+                            false};
+        if (i == 1)
+            swap_loop(e, newton, g); /* the state at the start of the span is still needed */
+        if (i > 0)
+            status = save_loop(e, newton, g, piece.t);
+        if (status == SOLVED)
+            status = solve(e, newton, g, number, &piece, i == 0);
+        for (int64_t k = 0; k < lines; k++) {
+            means[k] += share * e->lines[k].mean;
+            means[lines + k] = i == n - 2 ? newton->moving[k].u1 : means[lines + k];
+        }
+        *jumped = *jumped || newton->jumped;
+        *turns = *turns || (growing && status == SOLVED && turns_within(newton, g, &piece));
+        if (status == SOLVED && i + 1 < n)
+            accept(e, newton, g, number, &piece);
+        if ((status != SOLVED || i + 1 == n) && i > 0)
+            swap_loop(e, newton, g);
+        done = end;
+        before = share;
+    }
     return status;
 }
 
@@ -134,7 +195,7 @@ static int solve_halves(Engine *e, Newton *newton, int64_t number, const Span *s
    error that would remain: the mean counts over the whole step, of which the span is a part. An instantaneous event,
    such as a mass that stops, is never resolved, but does not matter in a span that is short enough. */
 static double difference(const Engine *e, Newton *newton, int64_t number, const Span *s, const double *whole,
-                         const double *halves, bool jumped, bool early)
+                         const double *halves, bool jumped)
 {
     const Group *const g = &newton->groups[number];
     StepCheck *const guard = &newton->guards[number];
@@ -145,12 +206,11 @@ static double difference(const Engine *e, Newton *newton, int64_t number, const 
             const Moving *const a = &newton->kept_lines[k], *const b = &newton->moving[k];
             if (!a->inner || (jumped && a->unknown < 0) || (a->role == HOLDING && b->role == HOLDING))
                 continue;
-            const double tolerated = newton->step_tolerance * (early && a->from_rest ? AT_START : 1.0);
             const double in_mean = fabs(whole[k] - halves[k]), at_end = jumped ? 0.0 : fabs(a->u1 - b->u1);
             const double apart = fmax(in_mean, at_end), values = fmax(fabs(a->u1), fabs(b->u1));
             const double size = fmax(fmax(a->scale, values), a->role == CHANGING ? least : 0.0);
             const double remains = fmax((s->to - s->from) * in_mean, at_end);
-            const double off = apart == 0.0 ? 0.0 : apart / (tolerated * size);
+            const double off = apart == 0.0 ? 0.0 : apart / (newton->step_tolerance * size);
             worst = off <= worst ? worst : isnan(off) ? INFINITY : off;
             if (!(remains <= most * size)) {
                 most = remains == 0.0 ? 0.0 : remains / size;
@@ -160,12 +220,11 @@ static double difference(const Engine *e, Newton *newton, int64_t number, const 
         }
     guard->distance_error = 0.0;
     for (const Contact *c = contacts_of(newton, g); c < contacts_of(newton, g) + g->contacts; c++) {
-        const Moving *const a = &newton->kept_lines[c->line], *const b = &newton->moving[c->line];
+        const Moving *const a = &newton->kept_lines[c->line];
         const double means = fmax(fabs(whole[c->line]), fabs(halves[c->line]));
         const double distance_error = s->h * fabs(whole[c->line] - halves[c->line]), path = a->path + s->h * means;
-        if (is_rest(a) || is_rest(b))
-            worst = fmax(
-                worst, distance_error > 0.0 ? distance_error / (DISTANCE_FACTOR * newton->step_tolerance * path) : 0.0);
+        if (distance_error > 0.0)
+            worst = fmax(worst, distance_error / (DISTANCE_FACTOR * newton->step_tolerance * path));
         if (distance_error > farthest * path) {
             farthest = distance_error / path;
             guard->contact = c->line;
@@ -175,26 +234,44 @@ static double difference(const Engine *e, Newton *newton, int64_t number, const 
     return worst;
 }
 
+/* Return whether the values vary almost linearly over a span that was solved in pieces, so that a fast motion would be
+   seen at its end. */
+static bool resolves(const Engine *e, const Newton *newton, const Group *g, const double *within)
+{
+    for (int64_t i = g->first; i < g->first + g->count; i++)
+        for (int64_t k = e->lines_from[newton->order[i]]; k < e->lines_from[newton->order[i] + 1]; k++) {
+            const double u0 = newton->kept_lines[k].u0, change = newton->moving[k].u1 - u0;
+            const double bend = fabs(within[k] - (u0 + change / RUNG));
+            if (newton->moving[k].inner && bend > BENT * fabs(change) && bend > SLIGHT * newton->moving[k].scale)
+                return false;
+        }
+    return true;
+}
+
 /* Compare a solved span with its halves and raise *off to the difference. The span stays solved. */
-static int check(Engine *e, Newton *newton, int64_t number, const Span *s, bool early, double *off)
+static int check(Engine *e, Newton *newton, int64_t number, const Span *s, bool anew, double *off)
 {
     const Group *const g = &newton->groups[number];
     const int64_t lines = e->lines_from[e->part_count], most = newton->most_unknowns;
     double *const whole = newton->kept + 6 * most + most * most, *const halves = whole + lines, norm = 0.0;
     const double before = newton->before[number];
     const bool jumped = newton->jumped;
-    bool halves_jumped = false;
+    const bool finer = anew || turns_within(newton, g, s);
+    const int pieces = finer ? pieces_of(s->to - s->from) : 2;
+    bool halves_jumped = false, turns = false;
 
     for (int64_t k = 0; k < lines; k++)
         whole[k] = e->lines[k].mean;
     keep(e, newton, g, number, false);
-    int status = solve_halves(e, newton, number, s, halves, &halves_jumped);
+    int status = solve_pieces(e, newton, number, s, pieces, finer, halves, &halves_jumped, &turns);
     const bool failed_halves = status == NOT_CONVERGED || status == 2;
     if (status != SOLVED && !failed_halves)
         return status;
     const double found =
-        failed_halves ? INFINITY : difference(e, newton, number, s, whole, halves, jumped || halves_jumped, early);
-    *off = fmax(*off, found);
+        failed_halves ? INFINITY : difference(e, newton, number, s, whole, halves, jumped || halves_jumped);
+    *off = fmax(*off, turns ? fmax(found, TURNED) : found);
+    if (anew)
+        newton->guards[number].resolves = !failed_halves && resolves(e, newton, g, halves + lines);
     keep(e, newton, g, number, true);
     newton->before[number] = before;
     newton->guards[number].checks++;

@@ -201,7 +201,8 @@ static int save_loop(Engine *e, const Newton *newton, const Group *g, double t)
 
 /* Progress of a loop within a step. */
 typedef struct {
-    double t, h, done; /* the step, and its completed fraction */
+    double t, h, done; /* the step, and how much of it is completed */
+    double since;      /* the last begin of another motion in it; negative: none */
     int64_t tick;
 } Progress;
 
@@ -218,20 +219,33 @@ static Span next_span(const Newton *newton, int64_t number, const Progress *p, d
                   false};
 }
 
+/* Return the shortest inner step that a check may require here. A motion that follows a jump may be as short as the
+   first piece of the check; later pieces grow with the time since the jump. */
+static double shortest(const Newton *newton, const Progress *p)
+{
+    const double usual = p->h / newton->finest, first = p->h * pow(RUNG, 1 - RUNGS);
+    return p->since < 0.0 ? usual : fmin(usual, fmax(first, (p->done - p->since) / RUNG));
+}
+
 /* Compute the error of a solved span over the tolerance: from the estimate of the adaptive master and, if the guard
    checks this span, from its two halves. */
-static int estimate_error(Engine *e, Newton *newton, int64_t number, const Progress *p, const Span *s, double *off,
-                          bool *checked)
+static int estimate_error(Engine *e, Newton *newton, int64_t number, Progress *p, const Span *s, bool stops,
+                          double *off, bool *checked)
 {
     const Group *const g = &newton->groups[number];
     /* at a jump the contact sticks: v = 0 within the tolerance, and the estimate is meaningless */
     *off = newton->error > 0.0 && !newton->jumped ? error_of(e, newton, g, s) / newton->error : 0.0;
     if (!newton->guards[number].abandoned && amplifies(newton, g, s))
         *off = fmax(*off, AMPLIFIED);
-    if (s->h <= p->h / newton->finest)
+    const bool anew = begins_anew(newton, number, p->tick, s);
+    if (anew)
+        p->since = p->done;
+    if (s->h <= shortest(newton, p))
         *off = 0.0; /* only a check can find an error of the smallest spans */
-    *checked = *off <= 1.0 && wants_check(e, newton, number, p->tick, s);
-    return *checked ? check(e, newton, number, s, p->tick < EARLY, off) : SOLVED;
+    const bool soon = p->since >= 0.0 && !newton->guards[number].resolves;
+    *checked = *off <= 1.0 && (stops || anew || soon || wants_check(e, newton, number, p->tick, s)) &&
+               !newton->guards[number].abandoned;
+    return *checked ? check(e, newton, number, s, anew, off) : SOLVED;
 }
 
 /* Advance a loop over one step, in as many spans as needed. */
@@ -239,13 +253,14 @@ static int step_loop(Engine *e, Newton *newton, int64_t number, int64_t tick, do
 {
     const Group *const g = &newton->groups[number];
     StepCheck *const guard = &newton->guards[number];
-    const double smallest = ldexp(h, -MOST_HALVINGS), accurate = h / newton->finest;
+    const double smallest = ldexp(h, -MOST_HALVINGS);
     double *const proposed = &newton->proposed[number];
-    Progress p = {e->time, h, 0.0, tick};
+    Progress p = {e->time, h, 0.0, -1.0, tick};
     while (p.done < h) {
         const bool varies = (newton->error > 0.0 || guard->checks_due > 0) && *proposed > 0.0;
         double piece = fmin(varies ? *proposed : h, h - p.done);
         piece = guard->limited_ticks > 0 ? fmin(piece, guard->limit) : piece;
+        piece = p.since >= 0.0 && p.done > p.since ? fmin(piece, RUNG * (p.done - p.since)) : piece;
         int status = save_loop(e, newton, g, p.t);
         int splits = 0;
         for (bool again = false; status == SOLVED; again = true) {
@@ -262,14 +277,15 @@ static int step_loop(Engine *e, Newton *newton, int64_t number, int64_t tick, do
                 continue;
             }
             if (status == SOLVED)
-                status = estimate_error(e, newton, number, &p, &s, &off, &checked);
+                status = estimate_error(e, newton, number, &p, &s, splits > 0, &off, &checked);
+            const double accurate = shortest(newton, &p);
             if (status == SOLVED && (checked || off == AMPLIFIED))
                 conclude(newton, number, tick, &s, off, piece <= accurate);
             if (status == SOLVED && (off <= 1.0 || piece <= accurate)) {
                 accept(e, newton, g, number, &s);
                 newton->substeps++;
-                if (again && splits == 0)
-                    limit_steps(guard, s.h);
+                if (again && splits == 0) /* the motion after a jump is soon slower */
+                    limit_steps(guard, p.since < 0.0 ? s.h : fmax(s.h, h / (RUNG * RUNG)));
                 p.done = s.to >= 1.0 ? h : p.done + piece;
                 if (splits == 0)
                     *proposed = fmax(accurate, piece * (again ? 1.0 : fmin(4.0, 0.8 / sqrt(off + 1e-9))));
@@ -341,7 +357,7 @@ EXPORT bool newton_tick(Engine *e, int64_t tick)
         if (!advance_group(e, newton, number, tick)) /* sampled parts */
             return false;
     for (int64_t i = number; i < newton->group_count && moves(e, newton, &newton->groups[i]); i++)
-        if (jumps(e, newton, &newton->groups[i])) {
+        if ((newton->guards[i].jump = largest_jump(e, newton, &newton->groups[i])) != 0.0) {
             const int status = restart(e, newton, i, e->time);
             if (status == NOT_CONVERGED)
                 return failed(e, i, NOT_CONVERGED, status, e->time);

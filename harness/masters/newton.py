@@ -63,7 +63,7 @@ class Moving(ctypes.Structure):
     """``Moving`` of newton_data.h."""
 
     _fields_ = (
-        *((name, _INT) for name in ("inner", "unknown", "from_rest", "role")),
+        *((name, _INT) for name in ("inner", "unknown", "role")),
         *(
             (name, _REAL)
             for name in (
@@ -72,6 +72,7 @@ class Moving(ctypes.Structure):
                 "u1",
                 "q1",
                 "scale",
+                "outside",
                 "accumulated_error",
                 "gain",
                 "offset",
@@ -112,8 +113,8 @@ class StepCheck(ctypes.Structure):
             (name, _INT)
             for name in ("line", "contact", "checks_due", "cooldown", "next", "last", "recurrences", "limited_ticks")
         ),
-        *((name, _INT) for name in ("checks", "abandoned", "jumped")),
-        *((name, _REAL) for name in ("apart", "distance_error", "limit", "unresolved", "time")),
+        *((name, _INT) for name in ("checks", "abandoned", "resolves", "jumped")),
+        *((name, _REAL) for name in ("jump", "apart", "distance_error", "limit", "unresolved", "time")),
     )
 
 
@@ -124,7 +125,10 @@ class NewtonData(ctypes.Structure):
     _fields_ = (
         ("groups", _POINTER),
         ("group_count", _INT),
-        *((name, _POINTER) for name in ("order", "continuous", "moving", "unknowns", "held", "held_values")),
+        *(
+            (name, _POINTER)
+            for name in ("order", "continuous", "moving", "unknowns", "held", "held_values", "held_sizes")
+        ),
         *((name, _POINTER) for name in ("contacts", "loads")),
         *(
             (name, _POINTER)
@@ -233,7 +237,7 @@ class Loops(Algorithm):
         most = max((row.unknowns for row in rows), default=0)
         n = len(self.unknowns)
         self._memory = {name: np.zeros(n) for name in ("w", "w_last", "trend", "scale", "prediction_error", "growth")}
-        self._memory["held_values"] = np.zeros(len(self.held))
+        self._memory |= {name: np.zeros(len(self.held)) for name in ("held_values", "held_sizes")}
         self._memory["inverse"] = np.zeros((len(rows) * most, most))
         self._memory["proposed"], self._memory["before"] = np.zeros(len(rows)), np.zeros(len(rows))
         data = self.data = NewtonData()
@@ -248,7 +252,7 @@ class Loops(Algorithm):
             places(),
         )
         data.groups, data.moving, data.guards, data.kept_lines = (ctypes.addressof(array) for array in self._arrays)
-        data.kept = keep(np.zeros(6 * most + most * most + 2 * len(self.wires)))
+        data.kept = keep(np.zeros(6 * most + most * most + 3 * len(self.wires)))
         data.group_count = len(rows)
         data.order = keep(np.array(self.order, dtype=np.int64))
         data.continuous = keep(np.array([part.moves for part in plan.parts], dtype=np.int64))

@@ -9,11 +9,11 @@
 typedef struct {
     int64_t inner;            /* source and target are in the same loop */
     int64_t unknown;          /* index of the unknown that it reads; -1: its source is stepped before */
-    int64_t from_rest;        /* the run begins with the value 0 */
     int64_t role;             /* in the current solution; see contacts.h */
     double u0, q0;            /* at the start */
     double u1, q1;            /* at the end, in the current iteration */
     double scale;             /* largest magnitude so far */
+    double outside;           /* of a line from outside of the loop: largest magnitude so far */
     double accumulated_error; /* errors that the guard found and could not remove: root of the sum of their squares */
     double gain, offset;      /* of the connection in this step, if there are manipulators */
     double path, distance_error; /* velocity of a contact: distance so far, and how much of it no step resolved */
@@ -47,7 +47,9 @@ typedef struct {
     int64_t limited_ticks; /* ticks for which `limit` remains in force */
     int64_t checks;        /* number of steps checked */
     int64_t abandoned;     /* no step is small enough: checks have ended */
+    int64_t resolves;      /* values varied almost linearly over the step after the last jump that was checked */
     int64_t jumped;        /* the solution of the last step lies at a jump of r */
+    double jump;           /* of an input from outside since the last step, over its magnitude */
     double apart;          /* error of that line */
     double distance_error; /* error of the distance along `contact` */
     double limit;          /* [s] longest inner step while findings recur */
@@ -63,7 +65,7 @@ typedef struct {
     Moving *moving;
     const int64_t *unknowns; /* output that each unknown stands for */
     const int64_t *held; /* Real inputs of continuous parts that are not lines, such as the force of a sampled law */
-    double *held_values; /* in the last step */
+    double *held_values, *held_sizes; /* in the last step; largest magnitudes so far */
     const Contact *contacts;
     const int64_t *loads;              /* inputs of contacts that are forces */
     double *w, *w_last, *trend;        /* value, value of the last step, slope over the last step */
@@ -79,7 +81,7 @@ typedef struct {
     double *proposed, *before;         /* [s] next inner step of each group; its last one, or 0 */
     StepCheck *guards;                 /* one for each group */
     Moving *kept_lines;                /* copies during a check: lines, */
-    double *kept;                      /* and w, w_last, trend, scale, inverse Jacobian, means of the lines */
+    double *kept;                      /* and w, w_last, trend, scale, inverse Jacobian; values of lines */
     double worst_residual;
     int64_t jumped; /* the last solution lies at a jump of r */
     int64_t splits; /* a step may be divided where a contact breaks away */

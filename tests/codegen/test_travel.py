@@ -23,7 +23,8 @@ from friction_fmus.blocks.catalogue import laws_folder
 from friction_fmus.codegen.export import ACCURACY, TRAVEL, make_export, readme
 from friction_fmus.lawkit.emit.graph import graph
 from friction_fmus.lawkit.files import discover_laws
-from friction_fmus.lawkit.law import Kind, stribeck_level
+from friction_fmus.lawkit.law import Kind
+from friction_fmus.lawkit.parts.expressions import stribeck_level
 
 N = 4_000
 Ts = 1e-3

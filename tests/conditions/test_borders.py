@@ -16,15 +16,14 @@ from friction_fmus import conditions
 from friction_fmus.blocks.contact import Contact, Level
 from friction_fmus.conditions import Condition, SampledLaw, chain, loop_poles, one_mass
 from friction_fmus.conditions.condition import is_stable
-from friction_fmus.doctor.axis import ActiveLaw, Axis, Law
-from friction_fmus.doctor.compensators import left_of
-from friction_fmus.doctor.known import law_of
-from friction_fmus.doctor.rules import examine_axis
+from friction_fmus.doctor.axis import ActiveLaw, Axis, LawProperties
+from friction_fmus.doctor.roles import law_of
+from friction_fmus.doctor.rules import examine_axis, left_of
 
 ULPS = (-3, -2, -1, 0, 1, 2, 3)
 
 
-def named(name: str) -> Law:
+def named(name: str) -> LawProperties:
     """A law of the catalogue, which the doctor knows."""
     law = law_of(name)
     assert law is not None

@@ -19,7 +19,7 @@ from friction_fmus.conditions import (
     two_masses,
 )
 from friction_fmus.conditions.condition import spectral_radius
-from friction_fmus.doctor.linear import linearised, local_function
+from friction_fmus.doctor.roles import linearised, local_function
 from friction_fmus.lawkit.files import discover_laws
 from friction_fmus.lawkit.law import Kind
 

@@ -19,11 +19,10 @@ from friction_fmus.__main__ import main
 from friction_fmus.blocks.catalogue import catalogue, laws_folder
 from friction_fmus.blocks.contact import Contact, Level
 from friction_fmus.doctor import examine
-from friction_fmus.doctor.axis import ActiveLaw, Axis, Law
-from friction_fmus.doctor.compensators import butterworth_there_and_back, windowed_sinc
+from friction_fmus.doctor.axis import ActiveLaw, Axis, LawProperties
 from friction_fmus.doctor.find import axes
-from friction_fmus.doctor.known import known_blocks, law_of
-from friction_fmus.doctor.rules import examine_axis
+from friction_fmus.doctor.roles import known_blocks, law_of
+from friction_fmus.doctor.rules import butterworth_there_and_back, examine_axis, windowed_sinc
 from friction_fmus.lawkit.files import discover_laws
 from harness import CallablePart, Experiment, FmuPart, System, Wire
 from harness.errors import StartValueError
@@ -45,7 +44,7 @@ START = {
 STEPS = Experiment(stop=1.0, step=1e-3)
 
 
-def named(name: str) -> Law:
+def named(name: str) -> LawProperties:
     """A law of the catalogue, which the doctor knows."""
     law = law_of(name)
     assert law is not None

@@ -34,7 +34,7 @@ from friction_fmus.conditions import (
     super_twisting,
     super_twisting_rate,
 )
-from friction_fmus.doctor.known import known_blocks
+from friction_fmus.doctor.roles import known_blocks
 from friction_fmus.errors import FrictionError
 from friction_fmus.lawkit.files import discover_laws
 

@@ -8,22 +8,25 @@ from pathlib import Path
 
 import fmpy
 import pytest
+import tomli_w
 from fmpy.ssp.ssd import read_ssv
 from lxml import etree
 
-from friction_fmus.identification.export import Parameter, ParameterFileError, ssv_bytes, toml_text
+from friction_fmus.identification.export import toml_entry
+from harness import HarnessError, Parameter, ParameterSet
+from harness.ssp.ssv import ssv_bytes
 
 PARAMETERS = {
-    "friction.Fc": Parameter(20.3935, "N", "Coulomb & <friction>", 0.1),
-    "friction.Fv": Parameter(203.5034, "N.s/m", "viscous"),
+    "friction.Fc": Parameter(20.3935, "N", description="Coulomb & <friction>"),
+    "friction.Fv": Parameter(203.5034, "N.s/m", description="viscous"),
     "velocity.window": Parameter(2),
     "friction.asymmetric": Parameter(False),
-    "friction.delta": Parameter(2.0, "1", 'the "exponent"', math.nan),
+    "friction.delta": Parameter(2.0, "1", description='the "exponent"'),
 }
 
 
 def test_ssv_is_valid_and_holds_the_values() -> None:
-    text = ssv_bytes("set", PARAMETERS, "A. Author & B. Author")
+    text = ssv_bytes(ParameterSet("set", PARAMETERS, "of A. Author & B. Author"))
     schema = Path(fmpy.__file__).parent / "ssp" / "schema" / "SystemStructureParameterValues.xsd"
     tree = etree.fromstring(text)
     etree.XMLSchema(etree.parse(schema)).assertValid(tree)
@@ -37,7 +40,7 @@ def test_ssv_is_valid_and_holds_the_values() -> None:
 
 def test_ssv_is_read_by_fmpy(tmp_path: Path) -> None:
     file = tmp_path / "set.ssv"
-    file.write_bytes(ssv_bytes("set", PARAMETERS))
+    file.write_bytes(ssv_bytes(ParameterSet("set", PARAMETERS, "")))
     found = {parameter.name: parameter.value for parameter in read_ssv(str(file)).parameters}
     assert float(found["friction.Fv"]) == 203.5034
 
@@ -47,19 +50,22 @@ def test_ssv_is_read_by_fmpy(tmp_path: Path) -> None:
     [(Parameter(math.nan, "N"), "finite"), (Parameter(1.0, "furlong"), "unit 'furlong' of the parameter 'x'")],
 )
 def test_ssv_refuses(parameter: Parameter, complaint: str) -> None:
-    with pytest.raises(ParameterFileError, match=complaint):
-        ssv_bytes("set", {"x": parameter})
+    with pytest.raises(HarnessError, match=complaint):
+        ssv_bytes(ParameterSet("set", {"x": parameter}, ""))
 
 
 def test_toml_is_read_back() -> None:
-    content = tomllib.loads(toml_text('A "title"', {"set": PARAMETERS}, "A. Author"))
-    assert content["title"] == 'A "title"'
-    assert content["citation"] == "A. Author"
-    assert content["set"]["friction.Fc"] == {
+    table = {
+        "Fc": toml_entry(20.3935, "N", "Coulomb & <friction>", 0.1),
+        "asymmetric": toml_entry(False, "1", ""),
+        "vs": toml_entry(2.0, "m/s", '"', math.nan),
+    }
+    content = tomllib.loads(tomli_w.dumps(table))
+    assert content["Fc"] == {
         "value": 20.3935,
         "unit": "N",
         "standard_error": 0.1,
         "description": "Coulomb & <friction>",
     }
-    assert content["set"]["friction.asymmetric"]["value"] is False
-    assert "standard_error" not in content["set"]["friction.delta"]
+    assert content["asymmetric"] == {"value": False, "unit": "1"}
+    assert content["vs"] == {"value": 2.0, "unit": "m/s", "description": '"'}

@@ -12,7 +12,7 @@ from thorough import nightly, some
 
 from friction_fmus import identify
 from friction_fmus.identification import Record, identify_inverse_model
-from friction_fmus.identification.fit.output_error import widening
+from friction_fmus.identification.fit.estimate import widening
 from friction_fmus.identification.fit.search import SearchResult, covariance
 
 TRUTH = {"M": 20.0, "Fv": 40.0, "Fc": 8.0, "OF": -1.5}

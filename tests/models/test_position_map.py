@@ -12,9 +12,9 @@ from scipy.integrate import quad
 from scipy.interpolate import CubicHermiteSpline
 from thorough import nightly
 
-from friction_fmus.axis.loop import Plant, Trajectory, closed_loop, run_loop
+from friction_fmus.axis.loop import closed_loop, run_loop
 from friction_fmus.axis.position_map import Grid, PositionMap
-from friction_fmus.axis.servo import Servo
+from friction_fmus.axis.servo import Plant, Servo, Trajectory
 from friction_fmus.errors import BuildError
 from friction_fmus.study.data import build_reference
 from harness import Drive, FmuPart

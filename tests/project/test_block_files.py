@@ -64,7 +64,6 @@ def test_macros_are_tables() -> None:
         ("SLIDING(z, Fc / sigma0)", "SLIDING(z)", "has the malformed row"),
         ("SLIDING(z, Fc / sigma0)", "FIT(v_d, speed, quick)", "FIT.v_d. names the unknown experiment 'quick'"),
         ("SLIDING(z, Fc / sigma0)", "FIT(v_d, sped, slow)", "sped is not one of"),
-        ('"near presliding,', '"near presliding: first,', "give a number"),
     ],
 )
 def test_mistakes_in_a_file_are_named(before: str, after: str, message: str, tmp_path: Path) -> None:

@@ -43,7 +43,6 @@ MODEL = """\
 #define SUMMARY  "Slipping spring with viscous friction"
 #define SOURCE   "A test"
 #define FEATURES "presliding, rate dependent"
-#define NEEDS    "presliding"
 
 /* clang-format off */
 #define VARIABLES                                                          \\
@@ -105,7 +104,6 @@ from friction_fmus.lawkit.law import (
     source="A test",
     Ts=1e-3,
     quotes=("overcompensation",),
-    needs={"curve ahead": 9},
     loop=Loop(friction=Friction("F_max", viscous="eta_v"), inertia="m"),
     use=Use("feedforward", models=("SlippingSpring",), tuned={"m": "0", "v_t": "max(5 * v_noise, 1e-3 * speed, 1e-9)"}),
     outputs={"u": Output(FORCE, "feedforward force"), "F_hat": Output(FORCE, "friction of the model")},
@@ -232,8 +230,8 @@ def test_they_stand_in_lists_and_tables(
     tables = import_module("tables")
     sys.modules.pop("tables")
     assert "## SlippingSpring" in tables.models()
-    assert tables.choices("presliding") == ["Dahl", "SlippingSpring"]
-    assert tables.choices("curve ahead")[-1] == "SlippingFeedforward"
+    (presliding,) = (row for row in tables.MOTIONS if row.name == "presliding")
+    assert "SlippingSpring" in tables.suited_models(presliding)
     assert "**SlippingFeedforward**" in tables.compensators()
 
 

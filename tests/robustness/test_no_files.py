@@ -11,8 +11,8 @@ from robustness.cases import ROOT, run_cases
 from thorough import nightly
 
 from friction_fmus import BuildError, build
+from friction_fmus.errors import RecordError
 from friction_fmus.identification.data.formats import read_table, text
-from friction_fmus.identification.errors import RecordError
 
 FILES: dict[str, list[str]] = {
     "run {}.toml -o out.csv": ["toml"],

@@ -7,7 +7,6 @@ import math
 import numpy as np
 
 from friction_fmus.identification import LINEAR
-from friction_fmus.study.ranking import Weights
 from friction_fmus.study.result import (
     CompensatorResult,
     ConditionResult,
@@ -26,6 +25,7 @@ from friction_fmus.study.result import (
     StudyFinding,
     StudyResult,
     Trial,
+    Weights,
     WrittenFile,
 )
 

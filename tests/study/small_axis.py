@@ -6,12 +6,12 @@ from pathlib import Path
 
 import numpy as np
 
-from friction_fmus.axis.loop import Compensator, Plant, Trajectory
 from friction_fmus.axis.position_map import Grid, PositionMap
+from friction_fmus.axis.servo import Compensator, Plant, Trajectory
 from friction_fmus.study import Servo
-from friction_fmus.study.compensator_records import CompensatorResult
 from friction_fmus.study.data import LUGRE, build_reference
 from friction_fmus.study.evaluation import Bench, Scheme, evaluate
+from friction_fmus.study.result import CompensatorResult
 
 TS = 1e-3
 SERVO = Servo("PID", {"Kp": 12e3, "Kd": 190.0, "Ki": 900.0}, TS, 100.0, quantum=1e-7, noise=1e-7, delay=1)

@@ -7,9 +7,8 @@ from math import log2
 import pytest
 
 from friction_fmus.blocks.axis_units import SLIDING
-from friction_fmus.study.compensator_records import CompensatorResult, Corner, Limits, LoopMargins, Metrics
-from friction_fmus.study.ranking import Weights, extremes, figures, rank
-from friction_fmus.study.recommendation import ladder, largest_step, recommend, shown
+from friction_fmus.study.recommendation import extremes, figures, ladder, largest_step, rank, recommend, shown
+from friction_fmus.study.result import CompensatorResult, Corner, Limits, LoopMargins, Metrics, Weights
 
 
 def row(

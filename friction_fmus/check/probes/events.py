@@ -9,12 +9,12 @@ from typing import Any, Final
 
 from .exchange import MOST_ITERATIONS, EventInfo, ExchangeInstance
 from .host import Report, probe
-from .library import OK, WARNING, Library, RefusedError, Variable, last_message
+from .library import OK, WARNING, Instance, Library, RefusedError, Variable, last_message
+from .lifecycle import report_accepted, report_refused
 
 _ONLY: Final = "model exchange"
 _GUARD: Final = 4
-_PATTERN: Final = -6.02214076e23
-"""What the results of a call hold before it, with further values behind them."""
+_PATTERN: Final = -6.02214076e23  # what the results of a call hold before it, with further values behind them
 
 _SAME: Final = 1e-14
 _DIFFERENCE: Final = 1e-6
@@ -270,33 +270,21 @@ _FORBIDDEN: Final = {
 }
 
 
+def _calling(name: str, arguments: tuple[object, ...]) -> Callable[[Instance], int]:
+    return lambda run: run.status(name, *arguments)
+
+
 @probe(several=True, only=_ONLY)
 def allowed_in_exchange(library: Library, report: Report) -> None:
     """Check that calls are accepted in each mode in which the standard allows them."""
     calls = _calls(library)
-    for name, modes in _ALLOWED.items():
-        for mode in modes:
-            with _in_mode(library, mode) as run:
-                library.messages.clear()
-                if run.status(name, *calls[name]) not in (OK, WARNING):
-                    what = f"{library.named(name)} is rejected in {_MODES[mode]}{last_message(library)}"
-                    report("call-refused", f"{what}; allow it in this state")
+    given = {name: (modes, _calling(name, calls[name])) for name, modes in _ALLOWED.items()}
+    report_refused(library, report, _in_mode, _MODES, given)
 
 
 @probe(several=True, crash="misuse-crashes", only=_ONLY)
 def forbidden_in_exchange(library: Library, report: Report) -> None:
     """Check that calls are rejected in each mode in which the standard forbids them."""
-    calls, accepted = _calls(library), []
-    for name, modes in _FORBIDDEN.items():
-        for mode in modes:
-            try:
-                with _in_mode(library, mode) as run:
-                    if run.status(name, *calls[name]) in (OK, WARNING):
-                        accepted.append(f"{library.named(name)} in {_MODES[mode]}")
-            except RefusedError:
-                continue  # reported by other probes
-    if accepted:
-        report(
-            "call-order-accepted",
-            f"the FMU accepts {', '.join(accepted)}; return {library.named('Error')} and log the reason",
-        )
+    calls = _calls(library)
+    given = {name: (modes, calls[name]) for name, modes in _FORBIDDEN.items()}
+    report_accepted(library, report, _in_mode, _MODES, given, RefusedError)  # which other probes report

@@ -9,11 +9,8 @@ from typing import Final, Self
 
 from .library import ERROR, Instance, Library, RefusedError
 
-MOST_ITERATIONS: Final = 100
-"""Largest number of calls of fmi2NewDiscreteStates for one event."""
-
-UNSET: Final = -7
-"""What the results of a call hold before it."""
+MOST_ITERATIONS: Final = 100  # largest number of calls of fmi2NewDiscreteStates for one event
+UNSET: Final = -7  # what the results of a call hold before it
 
 _SUBSTEPS: Final = 4
 _LARGEST: Final = 0.1

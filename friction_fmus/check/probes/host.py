@@ -19,14 +19,11 @@ Report = Callable[..., None]
 Probe = Callable[[Library, Report], None]
 
 PROBES: Final[dict[str, Probe]] = {}
-SEVERAL: Final[set[str]] = set()
-"""Probes that use more than one instance in a process."""
-CRASHES: Final[dict[str, str]] = {}
-"""Rules for a crash or a hang in a probe, if not the general ones."""
+SEVERAL: Final[set[str]] = set()  # probes that use more than one instance in a process
+CRASHES: Final[dict[str, str]] = {}  # rules for a crash or a hang in a probe, if not the general ones
 WITH: Final = {"wrong_guid": " with a guid that is not its own", "without_logger": " with a null pointer as logger"}
 """What is special about the calls of a probe."""
-ONLY: Final[dict[str, str]] = {}
-"""Probes of one interface only, "co-simulation" or "model exchange", or of FMI 3.0."""
+ONLY: Final[dict[str, str]] = {}  # probes of one interface only, "co-simulation" or "model exchange", or of FMI 3.0
 
 
 def probe(*, several: bool = False, crash: str = "", only: str = "") -> Callable[[Probe], Probe]:

@@ -10,8 +10,7 @@ from ctypes import byref, c_void_p
 from .host import Report, probe
 from .library import OK, WARNING, Instance, Library, MissingError, Variable, last_message
 
-_TOLERANCE = 1e-14
-"""Relative tolerance: a few units in the last place, as caused by XML numbers with 15 to 17 digits."""
+_TOLERANCE = 1e-14  # relative tolerance: a few units in the last place, as caused by XML numbers with 15 to 17 digits
 
 
 @probe()
@@ -86,7 +85,55 @@ def _check_outputs(library: Library, report: Report, run: Instance) -> None:
 
 # ---- the order of calls (section 4.2.4)
 
-_MODES = {"I": "instantiated", "N": "initialization mode", "C": "step complete", "T": "terminated"}
+_MODES = {
+    "I": "the state instantiated",
+    "N": "the state initialization mode",
+    "C": "the state step complete",
+    "T": "the state terminated",
+}
+
+InMode = Callable[[Library, str], Instance]
+"""Returns an instance in a mode, given by its letter."""
+
+
+def report_refused(
+    library: Library,
+    report: Report,
+    in_mode: InMode,
+    modes: dict[str, str],
+    calls: dict[str, tuple[str, Callable[[Instance], int]]],
+) -> None:
+    """Report calls that are rejected in one of the modes in which the standard allows them."""
+    for name, (allowed_in, call) in calls.items():
+        for mode in allowed_in:
+            with in_mode(library, mode) as run:
+                library.messages.clear()
+                if call(run) not in (OK, WARNING):
+                    what = f"{library.named(name)} is rejected in {modes[mode]}{last_message(library)}"
+                    report("call-refused", f"{what}; allow it in this state")
+
+
+def report_accepted(
+    library: Library,
+    report: Report,
+    in_mode: InMode,
+    modes: dict[str, str],
+    calls: dict[str, tuple[str, tuple[object, ...]]],
+    skipped: type[Exception],
+) -> None:
+    """Report calls that are accepted in a mode in which the standard forbids them."""
+    accepted = []
+    for name, (forbidden_in, arguments) in calls.items():
+        for mode in forbidden_in:
+            try:
+                with in_mode(library, mode) as run:
+                    if run.status(name, *arguments) in (OK, WARNING):
+                        accepted.append(f"{library.named(name)} in {modes[mode]}")
+            except skipped:
+                continue
+    if accepted:
+        shown = ", ".join(accepted)
+        report("call-order-accepted", f"the FMU accepts {shown}; return {library.named('Error')} and log the reason")
 
 
 def _in_mode(library: Library, mode: str) -> Instance:
@@ -133,12 +180,7 @@ def allowed(library: Library, report: Report) -> None:
     }
     if library.flag("canGetAndSetFMUstate"):
         calls["GetFMUstate"] = ("INCT", lambda run: _state(run))
-    for name, (modes, call) in calls.items():
-        for mode in modes:
-            with _in_mode(library, mode) as run:
-                if call(run) not in (OK, WARNING):
-                    what = f"{library.named(name)} is rejected in the state {_MODES[mode]}{last_message(library)}"
-                    report("call-refused", f"{what}; allow it in this state")
+    report_refused(library, report, _in_mode, _MODES, calls)
 
 
 def _state(run: Instance) -> int:
@@ -159,18 +201,7 @@ def forbidden(library: Library, report: Report) -> None:
         "DoStep": ("INT", (library.start_time, step, 1)),
         "Terminate": ("INT", ()),
     }
-    accepted = []
-    for name, (modes, arguments) in calls.items():
-        for mode in modes:
-            try:
-                with _in_mode(library, mode) as run:
-                    if run.status(name, *arguments) in (OK, WARNING):
-                        accepted.append(f"{library.named(name)} in the state {_MODES[mode]}")
-            except MissingError:
-                continue
-    if accepted:
-        shown = ", ".join(accepted)
-        report("call-order-accepted", f"the FMU accepts {shown}; return {library.named('Error')} and log the reason")
+    report_accepted(library, report, _in_mode, _MODES, calls, MissingError)
 
 
 @probe(several=True, crash="misuse-crashes")

@@ -255,10 +255,8 @@ def derivatives(library: Library, report: Report) -> None:
                 report("capability", f"{what}; implement it or do not declare it")
 
 
-_MOVES = (1.0, -1.0, 10.0, -10.0)
-"""Changes of an input, as multiples of a tenth of its nominal value."""
-_LONGEST = 3.0
-"""Duration after which no further input is moved [s]."""
+_MOVES = (1.0, -1.0, 10.0, -10.0)  # changes of an input, as multiples of a tenth of its nominal value
+_LONGEST = 3.0  # duration after which no further input is moved [s]
 
 
 @probe()

@@ -13,11 +13,9 @@ from .exchange import start
 from .host import Report, probe
 from .library import OK, WARNING, Library, settings_now
 
-_BLOCK = 0.4
-"""Duration of a block of repetitions [s]."""
+_BLOCK = 0.4  # duration of a block of repetitions [s]
 _MOST = 2000
-_GROWTH = 1 << 16
-"""Smallest growth in a block of repetitions that counts [bytes]."""
+_GROWTH = 1 << 16  # smallest growth in a block of repetitions that counts [bytes]
 
 
 def _resident() -> int:

@@ -9,8 +9,8 @@ from types import MappingProxyType
 import numpy as np
 import scipy.io
 
+from friction_fmus.errors import RecordError
 from friction_fmus.identification.data.record import MeasuredAxis, Record, ServoSettings
-from friction_fmus.identification.errors import RecordError
 
 #: Published parameters [kg, N.s/m, N, N] (Janot, Gautier, Brunot 2019).
 EMPS_PUBLISHED: Mapping[str, float] = MappingProxyType({"M": 95.1089, "Fv": 203.5034, "Fc": 20.3935, "OF": -3.1648})

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import numpy as np
 
+from friction_fmus.errors import RecordError
 from friction_fmus.identification.data.record import Record
-from friction_fmus.identification.errors import RecordError
 
 CITATION = "J. Christopherson and contributors: FrictionModels.jl. github.com/jchristopherson/FrictionModels.jl (MIT)"
 

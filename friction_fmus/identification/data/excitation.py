@@ -34,8 +34,6 @@ class MotionFeatures:
 def motion_features(record: Record) -> MotionFeatures:
     """Return the features of the motion in a record.
 
-    Notes
-    -----
     A reversal point is a peak with a prominence of at least 10 standard deviations of the noise (from fourth
     differences), 3 encoder counts and a millionth of the travel. A velocity that was not measured is the central
     difference of the position behind a second-order zero-phase low-pass filter.
@@ -66,23 +64,15 @@ def _smoothed(q: Array, Ts: float) -> Array:
 #: Upper limit of the presliding distance of machines [m], [rad at a radius of about 0.1 m].
 PRESLIDING = {"m": 1e-4, "rad": 1e-3}
 
-#: Strokes up to this multiple of `PRESLIDING` count as containing presliding.
-REACH = 20.0
-
-#: Number of reversals below which hysteresis cannot be separated from offset and drift.
-FEW_REVERSALS = 4
+REACH = 20.0  # strokes up to this multiple of `PRESLIDING` count as containing presliding
+FEW_REVERSALS = 4  # number of reversals below which hysteresis cannot be separated from offset and drift
 
 #: Fraction of moving samples within 10 % of one speed above which the record counts as having a single speed.
 ONE_SPEED = 0.7
 
-#: Upper limit of low speeds, as a fraction of the top speed.
-LOW_SPEED = 0.1
-
-#: Fraction of the force below which inertia is negligible.
-INERTIA_SHARE = 0.02
-
-#: Number of samples within `PRESLIDING` after a reversal that resolve the transition.
-SAMPLES = 5
+LOW_SPEED = 0.1  # upper limit of low speeds, as a fraction of the top speed
+INERTIA_SHARE = 0.02  # fraction of the force below which inertia is negligible
+SAMPLES = 5  # number of samples within `PRESLIDING` after a reversal that resolve the transition
 
 #: Fraction of samples at exactly the largest or smallest force above which the force counts as saturated.
 LIMITED = 0.002

@@ -11,10 +11,10 @@ from typing import Final
 
 import numpy as np
 
-from friction_fmus.identification.data.mapping import ROLES, Column, DataMapping
-from friction_fmus.identification.data.record import Array, axis_units, factor, fits, unit_of, wanted_unit
+from friction_fmus.errors import RecordError
+from friction_fmus.identification.data.mapping import Column, DataMapping
+from friction_fmus.identification.data.record import ROLES, Array, axis_units, factor, fits, unit_of, wanted_unit
 from friction_fmus.identification.data.tables import Table
-from friction_fmus.identification.errors import RecordError
 
 NAMES = {
     "time": (
@@ -72,8 +72,7 @@ FALLBACKS = {
 }
 """Names that are used if the file has no other column for the role."""
 
-LONGEST = 200
-"""Largest length of a heading in which a unit is searched [characters]."""
+LONGEST = 200  # largest length of a heading in which a unit is searched [characters]
 
 _UNMEASURED = re.compile(
     "ref|set|soll|demand|target|ziel|command|cmd|des|err|fehler|abweichung|diff|dev|lag|schlepp|follow|lim|max|min"
@@ -214,7 +213,7 @@ def columns_text(table: Table, known: Mapping[str, Column], suggestions: Mapping
             entries[role] = suggestions.get(role, Column("?", "?"))
     used = {column.column for column in entries.values()}
     free = [name for name in (*table.columns, *table.texts) if name not in used]
-    order = sorted(entries, key=ROLES.index)
+    order = sorted(entries, key=list(ROLES).index)
     return "\n".join(
         [
             "[columns]",

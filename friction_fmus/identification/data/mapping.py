@@ -7,19 +7,17 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from friction_fmus.identification.data.record import QUANTITY, fits, parse_quantity, times, unit_of
-from friction_fmus.identification.errors import RecordError
+from friction_fmus.errors import RecordError
+from friction_fmus.identification.data.record import ROLES, fits, parse_quantity, times, unit_of
 from harness.storage.toml_file import Table, read_table
 from harness.values import flag, number, shown, text
 
-ROLES = tuple(QUANTITY)
 WINDOWS = ("train", "validation")
 
 STUDY_TABLES = ("servo", "identify", "compensation")
 """Tables of the settings of a study, which `load_mapping` ignores, so that one file serves both."""
 
-MISSING = "?"
-"""Mark of a missing entry in a file that was written for completion."""
+MISSING = "?"  # mark of a missing entry in a file that was written for completion
 
 
 @dataclass(frozen=True)
@@ -121,7 +119,7 @@ def read_mapping(table: Mapping[str, Any], folder: Path, origin: str = "The mapp
     )
     about.known(("file", "name", "citation"))
     data = {key: about.take(key, text if key == "file" else _string, "a string") for key in about}
-    headings.known(ROLES, "role")
+    headings.known(tuple(ROLES), "role")
     columns = {role: _column(role, value, origin) for role, value in headings.content.items()}
     if columns:
         if "time" not in columns:
@@ -236,21 +234,8 @@ def combined_unit(role: str, column: Column, where: str, unit: str = "") -> tupl
         total = times(known, per)
     if not fits(role, total):
         product = f"{text} times the gain {column.gain}" if column.gain else f"the unit {text!r}"
-        hint = "" if column.gain else f', or add a gain with units, such as gain = "2.5 {EXAMPLE[role]}/{text}"'
+        hint = "" if column.gain else f', or add a gain with units, such as gain = "2.5 {ROLES[role].example}/{text}"'
         raise RecordError(
-            f"{where} has {product}, which has the wrong dimension; use a unit such as {EXAMPLE[role]}{hint}."
+            f"{where} has {product}, which has the wrong dimension; use a unit such as {ROLES[role].example}{hint}."
         )
     return gain, total
-
-
-EXAMPLE = {
-    "time": "s",
-    "position": "mm",
-    "velocity": "mm/s",
-    "reference": "mm",
-    "force": "N",
-    "friction": "N",
-    "normal": "N",
-    "injected": "N",
-}
-"""Example unit of each role, for error messages and templates."""

@@ -14,11 +14,13 @@ from scipy.integrate import cumulative_trapezoid
 from scipy.interpolate import CubicSpline
 
 from friction_fmus.blocks.axis_units import LINEAR, SLIDING, AxisUnits, Words
+from friction_fmus.errors import RecordError
 from friction_fmus.identification.data.formats import read_table
 from friction_fmus.identification.data.guessing import guess_mapping
 from friction_fmus.identification.data.mapping import Column, DataMapping, combined_unit, load_mapping, read_mapping
 from friction_fmus.identification.data.record import (
     JITTER,
+    ROLES,
     Array,
     Finding,
     Record,
@@ -29,16 +31,10 @@ from friction_fmus.identification.data.record import (
     wanted_unit,
 )
 from friction_fmus.identification.data.tables import Table
-from friction_fmus.identification.errors import RecordError
 
-#: Ratio of an interval to the median above which it is a gap, across which nothing is interpolated.
-GAP = 5.0
-
-#: Smallest number of samples of a segment.
-SHORTEST = 50
-
-#: Columns that are smooth because of inertia; the others are interpolated linearly.
-SMOOTH = ("q", "v", "reference")
+GAP = 5.0  # ratio of an interval to the median above which it is a gap, across which nothing is interpolated
+SHORTEST = 50  # smallest number of samples of a segment
+SMOOTH = ("q", "v", "reference")  # columns that are smooth because of inertia; the others are interpolated linearly
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,8 +52,6 @@ def equally_spaced(
 ) -> tuple[list[SampledSegment], list[Finding]]:
     """Split a measurement at gaps, and convert each segment to equal intervals.
 
-    Notes
-    -----
     A segment whose intervals deviate by more than 1 % from their mean gets a new time grid. If the times are equally
     spaced except for rounding, samples are not interpolated. Otherwise they are resampled at the median interval by a
     cubic spline (position, velocity, reference) or linearly (forces, which may jump). The result contains no
@@ -138,8 +132,7 @@ def _interpolated(name: str, t: Array, values: Array, at: Array) -> Array:
     return np.asarray(np.interp(at, t, values), dtype=np.float64)
 
 
-TRAIN: Final = 0.6
-"""Fraction of a record that is fitted; the rest is validation data."""
+TRAIN: Final = 0.6  # fraction of a record that is fitted; the rest is validation data
 
 
 def default_windows(records: Sequence[Record]) -> dict[str, tuple[float, float]]:
@@ -158,8 +151,7 @@ def default_windows(records: Sequence[Record]) -> dict[str, tuple[float, float]]
 #: Largest plausible travel and speed of a machine, by unit of the position.
 LARGEST_PLAUSIBLE = {"m": (100.0, 100.0), "rad": (1e6, 1e5)}
 
-#: Ratio of two columns above which one of their units counts as wrong.
-FACTOR = 3.0
+FACTOR = 3.0  # ratio of two columns above which one of their units counts as wrong
 
 
 def plausible(records: Sequence[Record], columns: Mapping[str, Column]) -> Iterator[Finding]:
@@ -253,23 +245,10 @@ def _without_line(values: Array, t: Array) -> Array:
     return np.asarray(values - np.polynomial.Polynomial.fit(t, values, 1)(t), dtype=np.float64)
 
 
-#: Column of a record for each role in a mapping.
-FIELD = {
-    "time": "t",
-    "position": "q",
-    "velocity": "v",
-    "reference": "reference",
-    "force": "force",
-    "friction": "friction",
-    "normal": "normal",
-    "injected": "injected",
-}
-
 #: Largest value of a measurement in SI units, and one over the smallest, so that computations do not overflow.
 LARGEST = 1e50
 
-EPOCH = 1e8
-"""Start of a time that is counted from the first sample on, because it is a date [s]."""
+EPOCH = 1e8  # start of a time that is counted from the first sample on, because it is a date [s]
 
 
 @dataclass(frozen=True, eq=False)
@@ -456,7 +435,7 @@ def _converted(
                 f"position in {units.position}; use a unit such as {wanted_unit(role, units)}, or correct the position."
             )
         findings += [note for name, note in table.notes.items() if name == column.column]
-        columns[FIELD[role]] = column.sign * gain * scale * table.columns[column.column]
+        columns[ROLES[role].field] = column.sign * gain * scale * table.columns[column.column]
     period = known.columns["time"].period
     if period:
         seconds, unit = parse_quantity(period, "The period")

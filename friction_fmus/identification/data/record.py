@@ -4,15 +4,16 @@ from __future__ import annotations
 
 import math
 import re
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import TypeAlias
+from typing import Final, NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from friction_fmus.blocks.axis_units import LINEAR, ROTARY, AxisUnits
+from friction_fmus.errors import RecordError
 from friction_fmus.fmi.units import everyday_unit
-from friction_fmus.identification.errors import RecordError
 from harness.units import BASE_SYMBOLS, LONGEST_UNIT, BaseUnit, parse_unit
 
 
@@ -45,8 +46,7 @@ class Finding:
 
 Array: TypeAlias = NDArray[np.float64]
 
-#: Largest relative deviation of a sampling interval from the mean.
-JITTER = 0.01
+JITTER = 0.01  # largest relative deviation of a sampling interval from the mean
 
 
 #: Columns of a record; all except the time are optional.
@@ -239,20 +239,26 @@ class Record:
         return replace(self, **{name: values[inside] for name, values in columns.items() if values is not None})
 
 
-QUANTITY = {
-    "time": "time",
-    "position": "position",
-    "velocity": "velocity",
-    "reference": "position",
-    "force": "force",
-    "friction": "force",
-    "normal": "normal",
-    "injected": "force",
-}
-"""Physical quantity of each role of a column."""
+class Role(NamedTuple):
+    """What a column of a data file can be: physical quantity, column of a record, example of a unit."""
 
-_LONGEST = 2 * LONGEST_UNIT
-"""Largest number of characters of a number with a unit."""
+    quantity: str
+    field: str
+    example: str
+
+
+ROLES: Final[Mapping[str, Role]] = {
+    "time": Role("time", "t", "s"),
+    "position": Role("position", "q", "mm"),
+    "velocity": Role("velocity", "v", "mm/s"),
+    "reference": Role("position", "reference", "mm"),
+    "force": Role("force", "force", "N"),
+    "friction": Role("force", "friction", "N"),
+    "normal": Role("normal", "normal", "N"),
+    "injected": Role("force", "injected", "N"),
+}
+
+_LONGEST = 2 * LONGEST_UNIT  # largest number of characters of a number with a unit
 
 DRIVE_UNITS = {
     **dict.fromkeys(("1/min", "min-1", "min^-1"), "rpm"),
@@ -329,7 +335,7 @@ def wanted_unit(role: str, units: AxisUnits) -> str:
         "velocity": units.velocity,
         "force": units.force,
         "normal": LINEAR.force,
-    }[QUANTITY[role]]
+    }[ROLES[role].quantity]
 
 
 def fits(role: str, unit: BaseUnit) -> bool:
@@ -339,7 +345,7 @@ def fits(role: str, unit: BaseUnit) -> bool:
 
 def axis_units(role: str, unit: BaseUnit) -> AxisUnits | None:
     """Return the axis units implied by the unit of a position, velocity or reference; None for other roles."""
-    if QUANTITY[role] not in ("position", "velocity"):
+    if ROLES[role].quantity not in ("position", "velocity"):
         return None
     return LINEAR if unit.exponents == _exponents(wanted_unit(role, LINEAR)) else ROTARY
 

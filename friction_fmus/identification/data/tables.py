@@ -10,11 +10,10 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from friction_fmus.errors import RecordError
 from friction_fmus.identification.data.record import Array, Finding
-from friction_fmus.identification.errors import RecordError
 
-#: Largest integer below which all integers are exact as floating-point numbers.
-EXACT = 2**53
+EXACT = 2**53  # largest integer below which all integers are exact as floating-point numbers
 
 
 UNPACKED: Final = 2**30

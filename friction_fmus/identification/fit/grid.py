@@ -19,18 +19,15 @@ import scipy.optimize
 from threadpoolctl import threadpool_limits
 
 from friction_fmus.blocks.axis_units import SLIDING, Words
+from friction_fmus.errors import ExcitationError
 from friction_fmus.export.block_fmu import fmu
 from friction_fmus.identification.data.record import Array, Record
-from friction_fmus.identification.errors import ExcitationError
 from friction_fmus.identification.fit.block_fit import driven
 from friction_fmus.identification.fit.models import contact_model
 from friction_fmus.identification.fit.simulation_data import PreparedSegment, prepare, signal_of
 
-#: Number of elements of the block `MaxwellSlip`.
-BLOCK_ELEMENTS = 10
-
-#: Initial forces of an element over its limit.
-INITIAL_FORCES = (-1.0, 0.0, 1.0)
+BLOCK_ELEMENTS = 10  # number of elements of the block `MaxwellSlip`
+INITIAL_FORCES = (-1.0, 0.0, 1.0)  # initial forces of an element over its limit
 
 
 @dataclass(frozen=True, eq=False)
@@ -177,8 +174,6 @@ def with_count(
 ) -> tuple[Array, Array, Array]:
     """Return a given number of elements with nearly the same virgin curve as a grid.
 
-    Notes
-    -----
     As long as there are too many elements, the two neighbours whose combination changes the curve least are combined:
     their stiffnesses and slip forces add up. If there are too few, the element with the largest slip force is split
     into two whose break-away distances differ by a factor of 2.

@@ -18,11 +18,14 @@ from functools import cache
 import numpy as np
 import scipy.signal
 
+from friction_fmus.errors import ExcitationError, FitError, RecordError
 from friction_fmus.identification.data.record import Array, Record
-from friction_fmus.identification.errors import ExcitationError, FitError, RecordError
-from friction_fmus.identification.fit.coloured import coloured_covariance, correlation_length
-from friction_fmus.identification.fit.estimate import Estimate
-from friction_fmus.identification.fit.rank import dependent_columns
+from friction_fmus.identification.fit.estimate import (
+    Estimate,
+    coloured_covariance,
+    correlation_length,
+    dependent_columns,
+)
 
 
 @dataclass(frozen=True)

@@ -11,21 +11,15 @@ import numpy as np
 
 from friction_fmus.blocks.arithmetic import evaluate
 from friction_fmus.blocks.axis_units import AxisUnits
-from friction_fmus.errors import nearest
+from friction_fmus.errors import FitError, nearest
 from friction_fmus.identification.data.record import Array
-from friction_fmus.identification.errors import FitError
 from friction_fmus.identification.fit.models import ContactModel, Traits
 from friction_fmus.identification.fit.simulation_data import PreparedSegment, inertia_guess
 from harness import Drive, PartError, StartValueError
 
-#: Step of the finite differences, in coordinates of the search.
-DIFFERENCE = 1e-4
-
-#: Stride of the samples in a preliminary search, and number of samples from which on it is used.
-STRIDE, LONG = 4, 2000
-
-#: Residual for a distance of 1 from the anchor, over the magnitude of the signal.
-TIE = 0.01
+DIFFERENCE = 1e-4  # step of the finite differences, in coordinates of the search
+STRIDE, LONG = 4, 2000  # stride of the samples in a preliminary search, and number of samples from which on it is used
+TIE = 0.01  # residual for a distance of 1 from the anchor, over the magnitude of the signal
 
 #: Tolerance of the solvers of the blocks; it must be much smaller than the step of the finite differences.
 TOLERANCE = 1e-7
@@ -188,8 +182,7 @@ class Problem:
         return np.array([c.at(c.lower) for c in self.coordinates]), np.array([c.at(c.upper) for c in self.coordinates])
 
 
-#: Largest magnitude of an initial state over its magnitude in steady sliding.
-INITIAL_LIMIT = 3.0
+INITIAL_LIMIT = 3.0  # largest magnitude of an initial state over its magnitude in steady sliding
 
 Bounds = Mapping[str, tuple[float, float]]
 

@@ -17,8 +17,8 @@ from friction_fmus.blocks.arithmetic import evaluate, names_in
 from friction_fmus.blocks.axis_units import ROTARY, AxisUnits
 from friction_fmus.blocks.catalogue import find, listing
 from friction_fmus.blocks.contact import NOT_IDENTIFIED, Fitted, Identified
+from friction_fmus.errors import FitError, IdentificationError
 from friction_fmus.export.block_fmu import fmu
-from friction_fmus.identification.errors import FitError, IdentificationError
 from harness import FmuPart, open_archive
 
 

@@ -14,10 +14,9 @@ from typing import Protocol, TypeVar
 import numpy as np
 import scipy.optimize
 
+from friction_fmus.errors import ExcitationError, FitError
 from friction_fmus.identification.data.record import Array
-from friction_fmus.identification.errors import ExcitationError, FitError
-from friction_fmus.identification.fit.estimate import Estimate
-from friction_fmus.identification.fit.rank import dependent_columns
+from friction_fmus.identification.fit.estimate import Estimate, dependent_columns, score_covariance
 
 S = TypeVar("S")
 T = TypeVar("T")
@@ -255,35 +254,6 @@ def fit_output_error(
         converged=bool(result.status > 0),
         correlation=covariance / np.outer(spread, spread),
     )
-
-
-def widening(part: float) -> float:
-    """Return the factor of intervals of 90 % whose Newey-West estimate uses lags up to this part of the record.
-
-    It follows from the distribution of the statistic for a fixed part (N. Kiefer, T. Vogelsang, "A new asymptotic
-    theory for heteroskedasticity-autocorrelation robust tests", Econometric Theory 21, 2005).
-    """
-    return 1.0 + (2.1859 * part + 0.3142 * part**2 - 0.3427 * part**3) / 1.6449
-
-
-def score_covariance(J: Array, r: Array, lengths: Sequence[int], correlation: int) -> Array:
-    """Return the Newey-West estimate of the covariance of J' r; targets of equal length are added sample by sample.
-
-    It is too small unless a record is much longer than `correlation`, and therefore enlarged by `widening`.
-    """
-    products = np.split(J * r[:, None], np.cumsum(lengths)[:-1])
-    if len(set(lengths)) == 1:
-        products = [np.sum(products, axis=0)]
-    total = np.zeros((J.shape[1], J.shape[1]))
-    for score in products:
-        lags = min(correlation, len(score) - 1)
-        one = score.T @ score
-        for lag in range(1, lags + 1):
-            gamma = score[lag:].T @ score[:-lag]
-            one += (1.0 - lag / (lags + 1.0)) * (gamma + gamma.T)
-        part = (lags + 1.0) / len(score) if lags else 0.0
-        total += one * widening(part) ** 2 * len(score) / max(len(score) - J.shape[1], 1)
-    return total
 
 
 def _error(signals: Mapping[str, Array], name: str, target: Target) -> Array:

@@ -21,21 +21,14 @@ from friction_fmus.axis.position_map import Grid, PositionMap
 from friction_fmus.blocks.axis_units import ROTARY
 from friction_fmus.identification.data.record import Array
 from friction_fmus.identification.fit.block_fit import Fit, FitData
-from friction_fmus.identification.fit.scores import Score
+from friction_fmus.identification.fit.scores import Score, rms
 from friction_fmus.identification.fit.search import NEAR, Loss, search
 from friction_fmus.identification.fit.simulation_data import PreparedSegment
 
-#: Numbers of nodes to try.
-NODES = (8, 12, 16, 24, 32, 48, 64, 96, 128, 192, 256)
-
-#: Smallest number of rows of the regression for each node.
-ROWS_PER_NODE = 4
-
-#: Number of blocks of the cross-validation.
-BLOCKS = 6
-
-#: Largest cross-validation error, relative to that without a table, at which a table is used.
-HELPS = 2.0 / 3.0
+NODES = (8, 12, 16, 24, 32, 48, 64, 96, 128, 192, 256)  # numbers of nodes to try
+ROWS_PER_NODE = 4  # smallest number of rows of the regression for each node
+BLOCKS = 6  # number of blocks of the cross-validation
+HELPS = 2.0 / 3.0  # largest cross-validation error, relative to that without a table, at which a table is used
 
 #: Smallest reduction of the cross-validation error for which a table is used, over the magnitude of the signal: of
 #: smaller errors, the last bits of the regression decide.
@@ -44,17 +37,13 @@ MATTERS = 0.005
 #: Cross-validation errors within this factor of the smallest count as equal; the table with fewer nodes is then used.
 ALIKE = 1.05
 
-#: Largest number of rows times nodes of a regression that is kept for the next model.
-KEPT = 1_000_000
+KEPT = 1_000_000  # largest number of rows times nodes of a regression that is kept for the next model
 
 #: Speeds over the largest one, between which any friction over speed counts as known in the cross-validation.
 SPEEDS = (0.0, 0.02, 0.05, 0.1, 0.2, 0.4, 0.7, 1.0)
 
-#: Velocity over which the sign is smoothed, over the largest velocity.
-SIGN = 0.01
-
-#: Weight of the parameters in the regression with their linearised effect, which keeps it regular.
-REGULAR = 1e-6
+SIGN = 0.01  # velocity over which the sign is smoothed, over the largest velocity
+REGULAR = 1e-6  # weight of the parameters in the regression with their linearised effect, which keeps it regular
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,8 +105,6 @@ class Regressor:
 def fit_with_table(fit: Fit, data: FitData, loss: Loss) -> tuple[Fit, PositionFit] | None:
     """Fit a table together with the parameters of a friction model; None if the table does not help.
 
-    Notes
-    -----
     The number of nodes is the one with the smallest error in a cross-validation over blocks of the training data
     (`NODES`, `BLOCKS`, `ALIKE`), in which the effect of the parameters is linearised and friction may be any function
     of the speed (`SPEEDS`). A table helps if it reduces this error by a third (`HELPS`). Parameters that the record
@@ -239,4 +226,4 @@ def _crossed(J: Array, columns: Array, residual: Array, block: NDArray[np.int64]
         r - a @ scipy.linalg.solve(total[0] - n, total[1] - g, assume_a="pos")
         for (a, r), (n, g) in zip(parts, normal, strict=True)
     ]
-    return float(np.sqrt(np.mean(np.square(np.concatenate(errors)))))
+    return rms(np.concatenate(errors))

@@ -18,12 +18,11 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.signal
 
+from friction_fmus.errors import ExcitationError, FitError, RecordError
 from friction_fmus.identification.data.record import Array, Record
-from friction_fmus.identification.errors import ExcitationError, FitError, RecordError
 from friction_fmus.identification.fit.estimate import Estimate
 
-#: Lower limit of the coherence; at frequencies below it, noise or sliding dominates the linear response.
-COHERENT = 0.9
+COHERENT = 0.9  # lower limit of the coherence; at frequencies below it, noise or sliding dominates the linear response
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,14 +9,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from friction_fmus.identification.data.record import Array
+from friction_fmus.identification.fit.estimate import autocovariance
 from friction_fmus.identification.fit.least_squares import advice
 from friction_fmus.identification.fit.models import ContactModel
 
-#: Relative standard error above which a parameter counts as poorly identifiable.
-WEAK = 0.25
-
-#: Correlation of two estimates above which they count as poorly identifiable.
-TOGETHER = 0.98
+WEAK = 0.25  # relative standard error above which a parameter counts as poorly identifiable
+TOGETHER = 0.98  # correlation of two estimates above which they count as poorly identifiable
 
 
 @dataclass(frozen=True)
@@ -41,15 +39,19 @@ class Score:
     samples: int
 
 
+def rms(values: Array) -> float:
+    """Return the root mean square."""
+    return float(np.sqrt(np.mean(np.square(values))))
+
+
 def score(measured: Array, predicted: Array) -> Score:
     """Return the score of a prediction against the measurement, both of shape (n,)."""
     error = predicted - measured
-    rms = float(np.sqrt(np.mean(np.square(error))))
-    size = float(np.sqrt(np.mean(np.square(measured))))
+    size = rms(measured)
     spread = float(np.linalg.norm(measured - np.mean(measured)))
     return Score(
-        rms=rms,
-        relative_percent=100.0 * rms / size if size > 0.0 else math.nan,
+        rms=rms(error),
+        relative_percent=100.0 * rms(error) / size if size > 0.0 else math.nan,
         fit_percent=100.0 * (1.0 - float(np.linalg.norm(error)) / spread) if spread > 0.0 else math.nan,
         samples=len(measured),
     )
@@ -58,8 +60,6 @@ def score(measured: Array, predicted: Array) -> Score:
 def independent_samples(signals: Sequence[Array]) -> float:
     """Return the number of independent samples in signals: their number over the correlation time.
 
-    Notes
-    -----
     The correlation time is 1 + 2 (rho_1 + ... + rho_k) up to the first correlation that is not positive. It is computed
     from the measurement, not from residuals, so that it is the same for all models of a record.
     """
@@ -70,8 +70,7 @@ def independent_samples(signals: Sequence[Array]) -> float:
         if power == 0.0:
             total += 1.0
             continue
-        spectrum = np.abs(np.fft.rfft(centred, 1 << (2 * n - 1).bit_length())) ** 2
-        rho = np.fft.irfft(spectrum)[1:n] / power
+        rho = autocovariance(centred)[1:] / power
         end = int(np.argmax(rho <= 0.0)) if np.any(rho <= 0.0) else n - 1
         total += n / (1.0 + 2.0 * float(np.sum(rho[:end])))
     return max(total, 2.0)

@@ -12,16 +12,13 @@ import scipy.optimize
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
+from friction_fmus.errors import FitError
 from friction_fmus.identification.data.record import Array
-from friction_fmus.identification.errors import FitError
-from friction_fmus.identification.fit.coloured import coloured_covariance, correlation_length
+from friction_fmus.identification.fit.estimate import coloured_covariance, correlation_length
 from friction_fmus.identification.fit.least_squares import Problem
 
-#: Number of random candidates for each additional start point.
-CANDIDATES = 12
-
-#: Largest factor between a coordinate of a random start point and of the first one.
-SPREAD = 3.0
+CANDIDATES = 12  # number of random candidates for each additional start point
+SPREAD = 3.0  # largest factor between a coordinate of a random start point and of the first one
 
 #: Largest factor between the value of a logarithmic coordinate and its start value: beyond it, a contact is as good as
 #: rigid, and rounding errors decide.
@@ -30,8 +27,7 @@ FARTHEST = 1e6
 #: Relative change of the cost at which a search ends, on a part of the samples and on all samples.
 NEAR, CLOSE = 1e-4, 1e-7
 
-#: Smallest distance of a start point from the bounds.
-INSIDE = 1e-9
+INSIDE = 1e-9  # smallest distance of a start point from the bounds
 
 #: Norm of a column of the Jacobian over that of the matrix, below which the residual does not depend on a coordinate.
 UNSEEN = 1e-7
@@ -39,14 +35,9 @@ UNSEEN = 1e-7
 #: Relative increase of the cost for which an undetermined coordinate may be moved back towards its start value.
 SAME = 1e-4
 
-#: Shortest way that an undetermined coordinate is moved: a factor of e, or the start value.
-FAR = 1.0
-
-#: Number of halvings of the way back.
-HALVINGS = 8
-
-#: Smallest curvature of a robust loss in a direction, over that of the square: the loss is flat beyond.
-FLATTEST = 0.01
+FAR = 1.0  # shortest way that an undetermined coordinate is moved: a factor of e, or the start value
+HALVINGS = 8  # number of halvings of the way back
+FLATTEST = 0.01  # smallest curvature of a robust loss in a direction, over that of the square: the loss is flat beyond
 
 Loss = Literal["linear", "soft_l1", "huber", "cauchy", "arctan"]
 
@@ -203,8 +194,6 @@ def _one(
 def covariance(found: SearchResult, lengths: Sequence[int]) -> tuple[Array, bool]:
     """Return the covariance of the coordinates, and whether it is the robust estimate.
 
-    Notes
-    -----
     The covariance is s^2 (J'J)^-1 for white residuals and the loss "linear"; otherwise B^-1 S B^-1. For a robust loss
     rho (P. Huber, "Robust estimation of a location parameter", Annals of Mathematical Statistics 35, 1964), the scores
     are rho'(z) r J and B = J' (rho' + 2 z rho'') J with z = (r/scale)^2, in which single terms may be negative. For S,

@@ -13,20 +13,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from friction_fmus.errors import FitError
 from friction_fmus.identification.data.record import Array
-from friction_fmus.identification.errors import FitError
 
-#: Largest number of iterations, and fractions of a step to try.
-ITERATIONS, SIZES = 60, (1.0, 0.5, 0.2)
-
-#: Relative decrease of the cost below which the search ends.
-CLOSE = 0.01
-
-#: Gap between arcs, over the rms error, below which they continue each other.
-GAP = 0.3
-
-#: Step of the finite differences, over the standard deviations of the prior.
-DIFFERENCE = 0.03
+ITERATIONS, SIZES = 60, (1.0, 0.5, 0.2)  # largest number of iterations, and fractions of a step to try
+CLOSE = 0.01  # relative decrease of the cost below which the search ends
+GAP = 0.3  # gap between arcs, over the rms error, below which they continue each other
+DIFFERENCE = 0.03  # step of the finite differences, over the standard deviations of the prior
 
 #: Change of a first state that counts as a standard deviation, over the step of its finite differences: at rest, the
 #: motion does not depend on the first velocity, and an unlimited step would go astray.
@@ -100,8 +93,6 @@ def shoot(
 ) -> ShootingResult:
     """Fit parameters and the states at the beginning of each arc to measured positions.
 
-    Notes
-    -----
     Gauss-Newton iterations minimise N r'r / (n s^2) plus the squared distances from the prior in standard deviations,
     for n samples of the error r, N of them independent, and its rms value s in the iteration before.
     """

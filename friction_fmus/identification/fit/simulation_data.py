@@ -8,8 +8,8 @@ from typing import Literal, TypeAlias
 
 import numpy as np
 
+from friction_fmus.errors import RecordError
 from friction_fmus.identification.data.record import Array, Record
-from friction_fmus.identification.errors import RecordError
 from friction_fmus.identification.fit.idim import InverseModelSettings, default_settings, derivative, filtered_motion
 from friction_fmus.identification.fit.models import ContactModel, Traits
 from harness import Drive

@@ -11,8 +11,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Protocol, cast
 
-from friction_fmus.errors import nearest
-from friction_fmus.identification.errors import FitError
+from friction_fmus.errors import FitError, nearest
 
 if TYPE_CHECKING:
     from friction_fmus.identification.fit.block_fit import Fit, FitData

@@ -15,16 +15,15 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from friction_fmus.axis.assembly import constant_force
-from friction_fmus.axis.free_run import free_axis, run_free
-from friction_fmus.axis.loop import FINEST
+from friction_fmus.axis.loop import FINEST, free_axis, run_free
 from friction_fmus.axis.servo import Plant
 from friction_fmus.blocks.axis_units import ROTARY
+from friction_fmus.errors import FitError
 from friction_fmus.identification.data.record import Array, Record
-from friction_fmus.identification.errors import FitError
 from friction_fmus.identification.fit.estimate import Estimate
 from friction_fmus.identification.fit.idim import filtered_motion
 from friction_fmus.identification.fit.models import contact_model, state_sizes
-from friction_fmus.identification.fit.scores import criteria, independent_samples, score, weak_parameters
+from friction_fmus.identification.fit.scores import criteria, independent_samples, rms, score, weak_parameters
 from friction_fmus.identification.fit.shooting import Arc, Prior, ShootingResult, shoot
 from harness import HarnessError, System
 from harness.parts.part import StartValue
@@ -32,38 +31,29 @@ from harness.parts.part import StartValue
 if TYPE_CHECKING:
     from friction_fmus.identification.result import Identification
 
-FREE_RUN: Final = "free-run"
-"""Name of the method."""
-
-DRIFT: Final = "OF_rate"
-"""Parameter of the drift: change of the constant force OF per second."""
+FREE_RUN: Final = "free-run"  # name of the method
+DRIFT: Final = "OF_rate"  # parameter of the drift: change of the constant force OF per second
 
 START: Final = 20
 """Samples from which the first state is measured; they do not count in scores, as in the EMPS benchmark."""
 
-ARC: Final = 2.0
-"""Length of an arc [s]."""
+ARC: Final = 2.0  # length of an arc [s]
 
 TRUST: Final = 3.0
 """Standard deviation of a parameter before the fit, over its standard error in the fit that is continued."""
 
-REACH: Final = 0.1
-"""Largest standard deviation of a parameter before the fit, over its value."""
+REACH: Final = 0.1  # largest standard deviation of a parameter before the fit, over its value
 
 DRIFTING: Final = 0.05
 """Standard deviation of the drift over the whole record before the fit, over the rms of the drive force."""
 
-CLEAR: Final = 2.0
-"""Drift, over its standard error, above which it is used."""
-
-CORRELATED: Final = 0.2
-"""Time over which errors of the position count as one independent error [s]."""
+CLEAR: Final = 2.0  # Drift, over its standard error, above which it is used
+CORRELATED: Final = 0.2  # time over which errors of the position count as one independent error [s]
 
 INACCURATE: Final = 0.1
 """Change of the position with half the step, over the error of the position, above which a warning says so."""
 
-STEPS: Final = 1e-4, 1e-3
-"""Steps of position and velocity for finite differences, over travel and largest speed."""
+STEPS: Final = 1e-4, 1e-3  # steps of position and velocity for finite differences, over travel and largest speed
 
 
 def identify_free_run(found: Identification) -> Identification:
@@ -245,7 +235,7 @@ def _result(found: Identification, names: Sequence[str], fitted: ShootingResult,
     values, error = result.values(), {name: e.standard_error for name, e in parameters.items()}
     unseen = [name for name in plain if not np.isfinite(error[name])]
     warnings = [] if fitted.converged else ["the search reached its iteration limit; fit a shorter record"]
-    if float(np.sqrt(np.mean(np.square(finer - simulated)))) > INACCURATE * train.rms:
+    if rms(finer - simulated) > INACCURATE * train.rms:
         warnings.append(
             f"the simulation is inaccurate: with half the step of {FINEST:g} s, its error is "
             f"{score(measured, finer).rms:.3g} instead of {train.rms:.3g} {units.position}"

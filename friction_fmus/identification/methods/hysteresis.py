@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from friction_fmus.blocks.axis_units import AxisUnits
-from friction_fmus.identification.errors import FitError
+from friction_fmus.errors import FitError
 from friction_fmus.identification.fit.block_fit import Fit, FitData
 from friction_fmus.identification.fit.grid import BLOCK_ELEMENTS, INITIAL_FORCES, coarse, fit_grid, with_count
 from friction_fmus.identification.fit.least_squares import (
@@ -23,28 +23,20 @@ from friction_fmus.identification.fit.models import ContactModel, Traits
 from friction_fmus.identification.fit.search import Loss, search
 from friction_fmus.identification.fit.simulation_data import PreparedSegment
 
-#: Number of points of the grid of break-away distances.
-POINTS = 20
+POINTS = 20  # number of points of the grid of break-away distances
 
 #: Values beside the parameters of the block: mass, offset, and coefficient of a viscous friction.
 AROUND_BLOCK = ("M", "OF", "Fv")
 
-#: Start value of the ratio of static to Coulomb friction.
-EXCESS = 1.1
-
-
-#: Break-away distances of a finer grid over the distance found before.
-AROUND = (0.75, 0.9, 1.0, 1.1, 1.35)
-
-#: Initial forces on a finer grid over the limit of the element.
-FINER = (-1.0, -0.66, -0.33, 0.0, 0.33, 0.66, 1.0)
+EXCESS = 1.1  # start value of the ratio of static to Coulomb friction
+AROUND = (0.75, 0.9, 1.0, 1.1, 1.35)  # break-away distances of a finer grid over the distance found before
+FINER = (-1.0, -0.66, -0.33, 0.0, 0.33, 0.66, 1.0)  # initial forces on a finer grid over the limit of the element
 
 
 #: Largest number of refinements of the grid of elements, and the relative improvement that justifies another one.
 REFINEMENTS, WORTHWHILE = 3, 0.01
 
-#: Relative change of the cost at which a search from a grid ends that a finer grid improves further.
-ROUGH = 1e-2
+ROUGH = 1e-2  # relative change of the cost at which a search from a grid ends that a finer grid improves further
 
 
 def fit(data: FitData, loss: Loss, starts: int | None) -> Fit:

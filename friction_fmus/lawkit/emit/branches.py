@@ -20,8 +20,7 @@ from friction_fmus.lawkit.emit.graph import CALLS, COMPARE, Node
 # operations on floats.
 
 SUMS = {"ADD": 1.0, "SUB": -1.0}
-SUMMED = "SUMMED"
-"""Factor of a sum of small increments, which is not a position."""
+SUMMED = "SUMMED"  # factor of a sum of small increments, which is not a position
 
 Pair = tuple[int, int | None]
 """Nodes of the upper and of the lower part; None for a lower part of 0."""
@@ -391,8 +390,7 @@ def _with_users(wanted: Collection[Key], possible: Sequence[Key], waits: Mapping
 
 
 DECIDES = ("SELECT", "IF_ELSE_ZERO")
-PAYS = 6
-"""Smallest number of operations saved by a branch; for fewer, both sides are computed."""
+PAYS = 6  # smallest number of operations saved by a branch; for fewer, both sides are computed
 
 _ITSELF = -1  # stands for a node outside all groups of selects
 _CALL = 10  # cost of a call of the C library in operations

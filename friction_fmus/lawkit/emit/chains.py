@@ -10,11 +10,8 @@ from itertools import combinations
 
 from friction_fmus.lawkit.emit.graph import CONDITIONS, Node
 
-LEAST = 3
-"""Smallest number of elements for which a loop is written."""
-
-INDEX = "i"
-"""Index of the element in generated C."""
+LEAST = 3  # smallest number of elements for which a loop is written
+INDEX = "i"  # index of the element in generated C
 
 _ELEMENT = re.compile(r"(.+)\[(\d+)\]")
 _BRIEF = 2  # comparisons and choices that are repeated instead of being stored

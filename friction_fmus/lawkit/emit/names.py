@@ -70,8 +70,7 @@ def comment_lines(texts: Iterable[str]) -> list[str]:
 _LIBRARY = {"abort", "atoi", "calloc", "exit", "free", "malloc", "printf", "puts", "rand", "realloc", "system"}
 """Functions of the C library with names that a law may use for its variables."""
 
-_LONGEST = 26
-"""Length of a name that is made from the names of operands."""
+_LONGEST = 26  # length of a name that is made from the names of operands
 
 _PATTERNS = {
     **{"ADD": "{0}_plus_{1}", "SUB": "{0}_minus_{1}", "MUL": "{0}_{1}", "DIV": "{0}_per_{1}", "SQ": "{0}_squared"},

@@ -8,7 +8,8 @@ from typing import Any
 
 from casadi import SX, fabs, if_else, logic_and, logic_or
 
-from friction_fmus.lawkit.law import FORCE, NO_UNIT, STIFFNESS, Parameter, State
+from friction_fmus.lawkit.law import Parameter, State
+from friction_fmus.lawkit.quantities import FORCE, NO_UNIT, STIFFNESS
 
 ELEMENTS = 10
 

@@ -8,20 +8,8 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Any
 
-from friction_fmus.lawkit.declarations import (
-    ACCELERATION,
-    DAMPING,
-    FORCE,
-    LENGTH,
-    MASS,
-    NO_UNIT,
-    STIFFNESS,
-    VELOCITY,
-    Command,
-    Input,
-    Parameter,
-    State,
-)
+from friction_fmus.lawkit.declarations import Command, Input, Output, Parameter, State
+from friction_fmus.lawkit.quantities import ACCELERATION, DAMPING, FORCE, LENGTH, MASS, NO_UNIT, STIFFNESS, VELOCITY
 
 
 def starting(variable: Any, start: float) -> Any:
@@ -91,3 +79,18 @@ DELTA: Any = Parameter(NO_UNIT, 2.0, "Stribeck exponent", min=1e-3, max=100.0)
 SIGMA0: Any = Parameter(STIFFNESS, 1e5, "bristle stiffness", min=1e-9)
 SIGMA1: Any = Parameter(DAMPING, 316.22776601683796, "bristle damping", min=0.0)
 SIGMA2: Any = Parameter(DAMPING, 0.4, "viscous coefficient", min=0.0)
+
+# ---- outputs, and conditions that the documentation of a position loop quotes ----------------------------------------
+
+U_SAT: Any = Output(NO_UNIT, "active limit: -1 lower, +1 upper, 0 none")
+F_HAT: Any = Output(FORCE, "estimated friction {force}; u contains gain F_hat")
+U_CONTROL: Any = Output(FORCE, "control {force}, within u_min and u_max")
+U_FORWARD: Any = Output(FORCE, "feedforward {force}, within u_min and u_max")
+U_COMPENSATION: Any = Output(FORCE, "compensation {force} gain F_hat, within u_min and u_max")
+
+CONTROL = {"u": U_CONTROL, "u_sat": U_SAT}
+TRACKING = {"u": U_CONTROL, "F_hat": F_HAT, "u_sat": U_SAT}
+FEEDFORWARD = {"u": U_FORWARD, "F_hat": F_HAT, "u_sat": U_SAT}
+COMPENSATION = {"u": U_COMPENSATION, "F_hat": F_HAT, "u_sat": U_SAT}
+
+POSITION_LOOP = ("routh", "sampled", "loop_poles", "stick_slip_free", "break_away")

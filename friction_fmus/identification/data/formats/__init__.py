@@ -7,8 +7,8 @@ from importlib import import_module
 from pathlib import Path
 from types import ModuleType
 
+from friction_fmus.errors import RecordError
 from friction_fmus.identification.data.tables import Table
-from friction_fmus.identification.errors import RecordError
 from harness.errors import MissingPackageError
 
 

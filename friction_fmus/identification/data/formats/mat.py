@@ -10,10 +10,10 @@ from typing import Any, Final
 
 import numpy as np
 
+from friction_fmus.errors import RecordError
 from friction_fmus.identification.data import tables
 from friction_fmus.identification.data.record import Array
 from friction_fmus.identification.data.tables import Table, limit_size
-from friction_fmus.identification.errors import RecordError
 
 SUFFIXES: Final = (".mat",)
 

@@ -12,8 +12,8 @@ from typing import Any, Final
 
 import numpy as np
 
+from friction_fmus.errors import RecordError
 from friction_fmus.identification.data.tables import EXACT, Group, Table, on_one_clock
-from friction_fmus.identification.errors import RecordError
 from harness.extras import require
 
 SUFFIXES: Final = (".mcap",)

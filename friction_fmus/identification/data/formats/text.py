@@ -14,10 +14,10 @@ from typing import IO, Final
 
 import numpy as np
 
+from friction_fmus.errors import RecordError
 from friction_fmus.identification.data.guessing import meaning_of
 from friction_fmus.identification.data.record import Array, Finding, unit_of
 from friction_fmus.identification.data.tables import Group, Table, on_one_clock
-from friction_fmus.identification.errors import RecordError
 from harness.storage.files import LARGEST_DATA
 
 SUFFIXES: Final = tuple(f".{kind}{zip}" for kind in ("csv", "tsv", "txt", "dat", "asc") for zip in ("", ".gz", ".xz"))

@@ -1,28 +1,33 @@
-"""Laws as linear sampled systems: the Jacobian of one sample of their equations, in the steady state."""
+"""Roles of blocks in a loop, read from their files: expressions become functions, names of rules become rules."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from functools import cache
+from collections.abc import Callable, Mapping
+from functools import cache, partial
 from pathlib import Path
+from typing import Final, TypeVar
 
 import numpy as np
 from casadi import Function
 
+from friction_fmus.blocks.arithmetic import evaluate, is_known
 from friction_fmus.blocks.catalogue import catalogue
+from friction_fmus.blocks.loop import InLoop, Loop
 from friction_fmus.conditions import SampledLaw
+from friction_fmus.doctor import rules
+from friction_fmus.doctor.axis import Gains, LawProperties, Rule, Values
+from friction_fmus.errors import FrictionError, nearest
 from friction_fmus.lawkit.files import discover_laws
 from friction_fmus.lawkit.law import Kind, Law
 
 NUDGE = 1e-15
 """Position error about which a law is linearised [m]; not 0, where the root in super-twisting has no derivative."""
 
-SETTLED = 500
-"""Samples after which the gains of a filter, or a law in steady motion, count as settled."""
+SETTLED = 500  # samples after which the gains of a filter, or a law in steady motion, count as settled
 
 
 @cache
-def _law(path: Path, name: str) -> tuple[Law, Function]:
+def _with_jacobian(path: Path, name: str) -> tuple[Law, Function]:
     """Return the law of a file and its Jacobian."""
     law = next(law for law in discover_laws(path) if law.name == name)
     return law, law.function.jacobian()
@@ -30,7 +35,7 @@ def _law(path: Path, name: str) -> tuple[Law, Function]:
 
 def linearised(name: str, values: Mapping[str, float], Ts: float, output: str = "u", speed: float = 0.0) -> SampledLaw:
     """Return a law on its target as a linear sampled system from (x, v, u_prev) to a force."""
-    law, jacobian = _law(catalogue()[name].path, name)
+    law, jacobian = _with_jacobian(catalogue()[name].path, name)
     given = [scalar for variable in law.given for scalar in variable.scalars]
     results = [scalar for variable in law.results for scalar in variable.scalars]
     states = [s for variable in law.select(Kind.STATE, Kind.STATES) for s in variable.scalars]
@@ -95,3 +100,80 @@ def local_function(p: Mapping[str, float], Ts: float) -> SampledLaw:
     C = w[0] * force_state
     C[1:] += w[1:]
     return SampledLaw(A, B, p["gain"] * C, p["gain"] * w[0] * force_input)
+
+
+Named = TypeVar("Named")
+
+RULES: Final[Mapping[str, Rule]] = {
+    rule.__name__: rule
+    for rule in (
+        rules.covers_friction,
+        rules.dithers,
+        rules.feeds_stiffness_back,
+        rules.follows_friction,
+        rules.injection_of_error,
+        rules.looks_ahead,
+        rules.pushes,
+        rules.periods_contract,
+        rules.trials_contract,
+    )
+}
+"""Rules that the file of a law or controller can name."""
+
+FILTERS: Final[Mapping[str, Callable[[Values, float], SampledLaw]]] = {"local_function": local_function}
+"""Filters that the file of a controller in C can name."""
+
+
+def known_blocks() -> dict[str, InLoop]:
+    """Return the role in a loop of each block of the catalogue that states one, by name."""
+    return {name: block.about.in_loop for name, block in catalogue().items() if block.about.in_loop.known}
+
+
+def law_of(name: str) -> LawProperties | None:
+    """Return the properties of a law or controller that the conditions need; None for other blocks."""
+    found = known_blocks().get(name, InLoop()).law
+    return None if found is None else _law(name, found)
+
+
+def _law(name: str, loop: Loop) -> LawProperties:
+    found = [_named(rule, RULES, f"the rule of {name}") for rule in loop.rules]
+    if loop.adapts:
+        found.insert(0, partial(rules.adapts, loop.adapts))
+    return LawProperties(
+        gains=partial(_gains, loop.gains) if loop.gains else None,
+        levels=loop.friction.levels if loop.friction is not None else None,
+        inertia=_function(loop.inertia),
+        linear=_linear(name, loop),
+        amplifies=_function(loop.amplifies),
+        rules=tuple(found),
+        measured=loop.measured,
+        at_rest=loop.at_rest,
+        estimates=loop.estimates,
+        hunts=loop.hunts,
+        shapes=loop.shapes,
+    )
+
+
+def _function(text: str) -> Callable[[Values], float] | None:
+    return (lambda values: float(evaluate(text, values))) if text else None
+
+
+def _gains(gains: Mapping[str, str], values: Values) -> Gains:
+    """Return the gains; a gain other than Kp and Kd is 0 if the FMU lacks its parameters."""
+    there = {key: text for key, text in gains.items() if key in ("Kp", "Kd") or is_known(text, values)}
+    return Gains(**{key: float(evaluate(text, values)) for key, text in there.items()})
+
+
+def _linear(name: str, loop: Loop) -> Callable[[Values, float], SampledLaw] | None:
+    if loop.filter:
+        return _named(loop.filter, FILTERS, f"the filter of {name}")
+    if loop.linear is None:
+        return None
+    fixed = loop.linear
+    return lambda values, Ts: linearised(name, {**values, **fixed}, Ts)
+
+
+def _named(name: str, known: Mapping[str, Named], what: str) -> Named:
+    if name not in known:
+        raise FrictionError(f"There is no {name!r}, {what}{nearest(name, known)}")
+    return known[name]
