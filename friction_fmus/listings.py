@@ -82,10 +82,13 @@ def study_text(result: StudyResult) -> str:
 
 def study_html(result: StudyResult) -> str:
     """Return the recommendation, the models and the compensators of a study."""
+    left = [(row.name, row.reason) for row in result.models if row.rank is None]
+    left += [(row.name, row.reason) for row in result.compensators if row.rank is None or not row.improves]
     return (
         f"<p><strong>Recommendation: {escape(_recommended(result))}</strong></p>"
         f"<p>{escape(result.recommendation.reason)}</p>"
         f"{model_listing(result).html()}{compensator_listing(result).html()}"
+        f"{html_table('Without a rank', ('name', 'note'), left) if left else ''}"
     )
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import json
-import math
 import os
 import signal
 import subprocess
@@ -208,17 +207,6 @@ def _job(model: Model, interface: etree._Element) -> dict[str, Any]:
         "completes": not _flag(interface, "completedIntegratorStepNotNeeded"),
         "variables": [row for v in model.variables if (row := _row(v)) is not None],
     }
-
-
-def span(root: etree._Element, fixed: float | None) -> dict[str, float]:
-    """Return start time and step of the default experiment, or else a fixed step of the FMU."""
-    experiment = root.find("DefaultExperiment")
-    names = ("startTime", "stopTime", "stepSize")
-    given = {} if experiment is None else {name: real(experiment.get(name)) for name in names}
-    start, stop, step = given.get("startTime") or 0.0, given.get("stopTime"), given.get("stepSize") or fixed
-    if not step or not 0.0 < step < math.inf:
-        step = (stop - start) / 500.0 if stop and 0.0 < stop - start < math.inf else 1e-2
-    return {"start_time": start if abs(start) < math.inf else 0.0, "step": step}
 
 
 def _state(model: Model, index: int) -> dict[str, Any]:
