@@ -185,8 +185,15 @@ def _flag(interface: etree._Element, name: str) -> bool:
 
 def _common(model: Model | Model3, interface: etree._Element, own_step: float | None = None) -> dict[str, Any]:
     """Return what both versions of FMI state alike: the default experiment, and what belongs to the interface."""
+    experiment = model.root.find("DefaultExperiment")
+    names = ("startTime", "stopTime", "stepSize")
+    given = {} if experiment is None else {name: real(experiment.get(name)) for name in names}
+    start, stop, step = given.get("startTime") or 0.0, given.get("stopTime"), given.get("stepSize") or own_step
+    if not step or not 0.0 < step < float("inf"):
+        step = (stop - start) / 500.0 if stop and 0.0 < stop - start < float("inf") else 1e-2
     return {
-        **span(model.root, own_step),
+        "start_time": start if abs(start) < float("inf") else 0.0,
+        "step": step,
         "exchange": interface.tag == "ModelExchange",
         "output_derivatives": integer(interface.get("maxOutputDerivativeOrder")) or 0,
         "categories": [element.get("name") for element in model.root.iterfind("LogCategories/Category")],
