@@ -20,7 +20,7 @@
 #define BENT             0.1  /* of the change over the step: deviation from a straight line */
 #define SLIGHT           1e-3 /* of the magnitude: deviation that does not matter */
 #define SPLIT            0.44 /* first half of a step: equal halves miss an oscillation of twice their frequency */
-#define DISTANCE_FACTOR  0.25 /* factor of `step_tolerance` for the distance until a contact stops */
+#define DISTANCE_FACTOR  0.25 /* factor of `step_tolerance` for the distance along a contact */
 #define PREDICTION_LIMIT 0.05 /* of the magnitude, between an unknown and its linear prediction */
 #define JUMP_LIMIT       0.5  /* the same, during the cooldown */
 #define LEAP             1.5  /* over the largest magnitude so far */
@@ -195,6 +195,15 @@ static int solve_pieces(Engine *e, Newton *newton, int64_t number, const Span *s
     return status;
 }
 
+/* Return whether a line carries the force of a contact, or a load to one. */
+static bool is_force(const Newton *newton, const Group *g, int64_t part, int64_t line)
+{
+    for (const Contact *c = contacts_of(newton, g); c < contacts_of(newton, g) + g->contacts; c++)
+        if (newton->moving[line].unknown == c->unknown || (part == c->part && line != c->line))
+            return true;
+    return false;
+}
+
 /* Return the largest difference between a span and its halves over the tolerated one. If the solution lies at a jump,
    the unknown is the holding force: only its mean counts, and the values beyond the jump are rounding errors. Keep the
    error that would remain: the mean counts over the whole step, of which the span is a part. An instantaneous event,
@@ -204,7 +213,7 @@ static double difference(const Engine *e, Newton *newton, int64_t number, const 
 {
     const Group *const g = &newton->groups[number];
     StepCheck *const guard = &newton->guards[number];
-    const double least = NEGLIGIBLE * strength_of(newton, g);
+    const double strength = strength_of(newton, g);
     double worst = 0.0, most = -1.0, farthest = 0.0;
     for (int64_t i = g->first; i < g->first + g->count; i++)
         for (int64_t k = e->lines_from[newton->order[i]]; k < e->lines_from[newton->order[i] + 1]; k++) {
@@ -213,7 +222,10 @@ static double difference(const Engine *e, Newton *newton, int64_t number, const 
                 continue;
             const double in_mean = fabs(whole[k] - halves[k]), at_end = jumped ? 0.0 : fabs(a->u1 - b->u1);
             const double apart = fmax(in_mean, at_end), values = fmax(fabs(a->u1), fabs(b->u1));
-            const double size = fmax(fmax(a->scale, values), a->role == CHANGING ? least : 0.0);
+            const double least = a->role == CHANGING                            ? NEGLIGIBLE * strength
+                                 : is_force(newton, g, newton->order[i], k) ? EQUAL * strength
+                                                                                : 0.0;
+            const double size = fmax(fmax(a->scale, values), least);
             const double remains = fmax((s->to - s->from) * in_mean, at_end);
             const double off = apart == 0.0 ? 0.0 : apart / (newton->step_tolerance * size);
             worst = off <= worst ? worst : isnan(off) ? INFINITY : off;
@@ -315,11 +327,11 @@ static inline double remaining_error(const Moving *m)
 static void conclude(Newton *newton, int64_t number, int64_t tick, const Span *s, double off, bool smallest)
 {
     StepCheck *const guard = &newton->guards[number];
-    if (off > 1.0) {
+    if (off > 1.0) { /* at the start of a run from rest all values are small, and so are their errors */
         if (smallest)
             accumulate_error(newton, guard, s);
         if (tick > guard->last)
-            guard->recurrences = tick > guard->last + SOON + guard->limited_ticks ? 0
+            guard->recurrences = tick < SOON || tick > guard->last + SOON + guard->limited_ticks ? 0
                                  : guard->recurrences < MOST_RECURRENCES          ? guard->recurrences + 1
                                                                                   : MOST_RECURRENCES;
         if (off == AMPLIFIED && guard->recurrences < 2)
