@@ -16,6 +16,7 @@ EXPORT void newton_begin(const Engine *e, Newton *newton)
         Moving *const m = &newton->moving[k];
         const int64_t input = e->lines[k].input;
         const double value = arriving(e, input);
+        m->from_rest = value == 0.0;
         m->u0 = m->q0 = m->u1 = m->q1 = value;
         m->scale = m->outside = fabs(value);
         m->accumulated_error = m->path = m->distance_error = 0.0;

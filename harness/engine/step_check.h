@@ -17,6 +17,7 @@
 
 #define RUNG             4.0  /* each piece ends at so many times the part of the step at which the one before ends */
 #define NOTABLE          0.05 /* jump of an input over its magnitude */
+#define AT_START         10.0 /* factor of `step_tolerance` in the first EARLY ticks of a value that starts at 0 */
 #define BENT             0.1  /* of the change over the step: deviation from a straight line */
 #define SLIGHT           1e-3 /* of the magnitude: deviation that does not matter */
 #define SPLIT            0.44 /* first half of a step: equal halves miss an oscillation of twice their frequency */
@@ -35,6 +36,7 @@ enum {
     CONFIRMATIONS = 4,
     LONGEST_COOLDOWN = 64,
     SOON = 16,
+    EARLY = 8,
     MOST_RECURRENCES = 8,
     RUNGS = 8
 };
@@ -209,7 +211,7 @@ static bool is_force(const Newton *newton, const Group *g, int64_t part, int64_t
    error that would remain: the mean counts over the whole step, of which the span is a part. An instantaneous event,
    such as a mass that stops, is never resolved, but does not matter in a span that is short enough. */
 static double difference(const Engine *e, Newton *newton, int64_t number, const Span *s, const double *whole,
-                         const double *halves, bool jumped)
+                         const double *halves, bool jumped, bool early)
 {
     const Group *const g = &newton->groups[number];
     StepCheck *const guard = &newton->guards[number];
@@ -226,8 +228,9 @@ static double difference(const Engine *e, Newton *newton, int64_t number, const 
                                  : is_force(newton, g, newton->order[i], k) ? EQUAL * strength
                                                                                 : 0.0;
             const double size = fmax(fmax(a->scale, values), least);
+            const double tolerated = newton->step_tolerance * (early && a->from_rest ? AT_START : 1.0);
             const double remains = fmax((s->to - s->from) * in_mean, at_end);
-            const double off = apart == 0.0 ? 0.0 : apart / (newton->step_tolerance * size);
+            const double off = apart == 0.0 ? 0.0 : apart / (tolerated * size);
             worst = off <= worst ? worst : isnan(off) ? INFINITY : off;
             if (!(remains <= most * size)) {
                 most = remains == 0.0 ? 0.0 : remains / size;
@@ -238,10 +241,11 @@ static double difference(const Engine *e, Newton *newton, int64_t number, const 
     guard->distance_error = 0.0;
     for (const Contact *c = contacts_of(newton, g); c < contacts_of(newton, g) + g->contacts; c++) {
         const Moving *const a = &newton->kept_lines[c->line];
+        const double tolerated = newton->step_tolerance * (early && a->from_rest ? AT_START : DISTANCE_FACTOR);
         const double means = fmax(fabs(whole[c->line]), fabs(halves[c->line]));
         const double distance_error = s->h * fabs(whole[c->line] - halves[c->line]), path = a->path + s->h * means;
         if (distance_error > 0.0)
-            worst = fmax(worst, distance_error / (DISTANCE_FACTOR * newton->step_tolerance * path));
+            worst = fmax(worst, distance_error / (tolerated * path));
         if (distance_error > farthest * path) {
             farthest = distance_error / path;
             guard->contact = c->line;
@@ -251,14 +255,16 @@ static double difference(const Engine *e, Newton *newton, int64_t number, const 
     return worst;
 }
 
-/* Return whether the values vary almost linearly over a span that was solved in pieces, so that a fast motion would be
-   seen at its end. */
-static bool resolves(const Engine *e, const Newton *newton, const Group *g, const double *within)
+/* Return whether a motion that begins with a span is slower than that: all values vary almost linearly, or, from rest,
+   none has most of its change at the start, as one that settles or oscillates has. `within`: the values at the end of
+   the last piece but one. */
+static bool resolves(const Engine *e, const Newton *newton, const Group *g, const double *within, bool from_rest)
 {
     for (int64_t i = g->first; i < g->first + g->count; i++)
         for (int64_t k = e->lines_from[newton->order[i]]; k < e->lines_from[newton->order[i] + 1]; k++) {
             const double u0 = newton->kept_lines[k].u0, change = newton->moving[k].u1 - u0;
-            const double bend = fabs(within[k] - (u0 + change / RUNG));
+            const double ahead = fabs(within[k] - u0) - fabs(change) / RUNG;
+            const double bend = from_rest ? ahead : fabs(within[k] - (u0 + change / RUNG));
             if (newton->moving[k].inner && bend > BENT * fabs(change) && bend > SLIGHT * newton->moving[k].scale)
                 return false;
         }
@@ -266,7 +272,8 @@ static bool resolves(const Engine *e, const Newton *newton, const Group *g, cons
 }
 
 /* Compare a solved span with its halves and raise *off to the difference. The span stays solved. */
-static int check(Engine *e, Newton *newton, int64_t number, const Span *s, bool anew, double *off)
+static int check(Engine *e, Newton *newton, int64_t number, const Span *s, int64_t tick, bool anew,
+                 double *off)
 {
     const Group *const g = &newton->groups[number];
     const int64_t lines = e->lines_from[e->part_count], most = newton->most_unknowns;
@@ -284,11 +291,12 @@ static int check(Engine *e, Newton *newton, int64_t number, const Span *s, bool 
     const bool failed_halves = status == NOT_CONVERGED || status == 2;
     if (status != SOLVED && !failed_halves)
         return status;
-    const double found =
-        failed_halves ? INFINITY : difference(e, newton, number, s, whole, halves, jumped || halves_jumped);
-    *off = fmax(*off, turns ? fmax(found, TURNED) : found);
     if (anew)
-        newton->guards[number].resolves = !failed_halves && resolves(e, newton, g, halves + lines);
+        newton->guards[number].resolves = !failed_halves && resolves(e, newton, g, halves + lines, tick == 0);
+    const bool early = tick < EARLY && newton->guards[number].resolves;
+    const double found =
+        failed_halves ? INFINITY : difference(e, newton, number, s, whole, halves, jumped || halves_jumped, early);
+    *off = fmax(*off, turns ? fmax(found, TURNED) : found);
     keep(e, newton, g, number, true);
     newton->before[number] = before;
     newton->guards[number].checks++;

@@ -245,7 +245,7 @@ static int estimate_error(Engine *e, Newton *newton, int64_t number, Progress *p
     const bool soon = p->since >= 0.0 && !newton->guards[number].resolves;
     *checked = *off <= 1.0 && (stops || anew || soon || wants_check(e, newton, number, p->tick, s)) &&
                !newton->guards[number].abandoned;
-    return *checked ? check(e, newton, number, s, anew, off) : SOLVED;
+    return *checked ? check(e, newton, number, s, p->tick, anew, off) : SOLVED;
 }
 
 /* Advance a loop over one step, in as many spans as needed. */

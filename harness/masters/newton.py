@@ -63,7 +63,7 @@ class Moving(ctypes.Structure):
     """``Moving`` of newton_data.h."""
 
     _fields_ = (
-        *((name, _INT) for name in ("inner", "unknown", "role")),
+        *((name, _INT) for name in ("inner", "unknown", "from_rest", "role")),
         *(
             (name, _REAL)
             for name in (

@@ -9,6 +9,7 @@
 typedef struct {
     int64_t inner;            /* source and target are in the same loop */
     int64_t unknown;          /* index of the unknown that it reads; -1: its source is stepped before */
+    int64_t from_rest;        /* the run begins with the value 0 */
     int64_t role;             /* in the current solution; see contacts.h */
     double u0, q0;            /* at the start */
     double u1, q1;            /* at the end, in the current iteration */
@@ -47,7 +48,7 @@ typedef struct {
     int64_t limited_ticks; /* ticks for which `limit` remains in force */
     int64_t checks;        /* number of steps checked */
     int64_t abandoned;     /* no step is small enough: checks have ended */
-    int64_t resolves;      /* values varied almost linearly over the step after the last jump that was checked */
+    int64_t resolves;      /* the motion after the last jump that was checked was not over within the step */
     int64_t jumped;        /* the solution of the last step lies at a jump of r */
     double jump;           /* of an input from outside since the last step, over its magnitude */
     double apart;          /* error of that line */
