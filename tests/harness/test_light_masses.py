@@ -5,7 +5,6 @@ from __future__ import annotations
 import logging
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -107,12 +106,10 @@ def end_of(result: Result) -> float:
 
 
 def test_order_in_presliding_after_a_kink_of_the_load(build_fmu: BuildFmu) -> None:
-    """Second order, as far as the contact's own period (14 ms) is resolved, the loop is solved well and no step is
-    divided."""
+    """Second order, as far as the contact's own period (14 ms) is resolved and the loop is solved well."""
     exact = position_of_the_held_axis()
-    settings: dict[str, Any] = {"master": "newton", "loop_tolerance": 1e-11, "step_tolerance": 0.5}
     with held_axis(build_fmu) as system:
-        runs = [system.run(stop=1.0, step=h, **settings) for h in (2e-3, 1e-3, 5e-4)]
+        runs = [system.run(stop=1.0, step=h, master="newton", loop_tolerance=1e-11) for h in (2e-3, 1e-3, 5e-4)]
     errors = np.array([abs(end_of(run) - exact) for run in runs])
     np.testing.assert_allclose(np.log2(errors[:-1] / errors[1:]), 2.0, atol=0.15)
 
@@ -138,7 +135,7 @@ def test_tolerance_of_steps_sets_which_are_divided() -> None:
     """The force of two sines kinks nowhere, but break-aways are faster than the step."""
     with driven("LuGre", 9.0) as system:
         fine = system.run(stop=1.0, step=1e-5, master="newton", decimate=100, loop_tolerance=1e-11)
-        runs = [system.run(stop=1.0, step=1e-3, master="newton", step_tolerance=each) for each in (0.5, 0.02, 1e-4)]
+        runs = [system.run(stop=1.0, step=1e-3, master="newton", step_tolerance=each) for each in (0.02, 1e-3, 1e-4)]
         with pytest.raises(ExperimentError, match=r"the tolerance of steps is 0\.0: give a number from 1e-6 to 0\.5"):
             system.run(stop=1.0, step=1e-3, master="newton", step_tolerance=0.0)
     divided = [int(run.attrs["substeps"]) for run in runs]
