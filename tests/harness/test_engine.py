@@ -137,8 +137,12 @@ def test_keyboard_interrupt_ends_the_run(build_fmu: BuildFmu) -> None:
     with servo(build_fmu) as system:
         timer = threading.Timer(0.3, lambda: signal.raise_signal(signal.SIGINT))
         tap = Tap(lambda t, values: timer.start() if t == 0.0 else None, ("mass.x",), every=10**9)
-        with pytest.raises(KeyboardInterrupt):
-            system.run(stop=2000.0, step=1e-3, decimate=1000, taps=[tap])
+        before = signal.signal(signal.SIGINT, signal.default_int_handler)  # ignored behind a shell
+        try:
+            with pytest.raises(KeyboardInterrupt):
+                system.run(stop=2000.0, step=1e-3, decimate=1000, taps=[tap])
+        finally:
+            signal.signal(signal.SIGINT, before)
 
 
 def test_growing_oscillation_of_a_contact_without_damping_is_warned_of(
