@@ -820,8 +820,7 @@ static bool plausible(const Memory *m)
     }
     for (int64_t k = 0; k < LINES; k++)
         good = good && m->moving[k].inner == line_data[k].inner && m->moving[k].unknown == line_data[k].unknown &&
-               is_bit(m->moving[k].from_rest) &&
-               in_range(m->moving[k].role, FREE, CHANGING) &&
+               is_bit(m->moving[k].from_rest) && in_range(m->moving[k].role, FREE, CHANGING) &&
                in_range(m->moving[k].rests, FREE, IN_JUMP) && in_range(m->moving[k].rigid, -1, 1);
     for (int64_t g = 0; g < GROUPS; g++)
         good = good && plausible_guard(&m->guards[g]);

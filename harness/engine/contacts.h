@@ -269,7 +269,8 @@ static int solve_held(Engine *e, Newton *newton, const Group *g, const Span *s, 
         }
         if (status != SOLVED)
             return status;
-        if (newton->splits && share < 1.0 && share * (s->to - s->from) > SOONEST) { /* at a stop, or where one breaks away */
+        if (newton->splits && share < 1.0 &&
+            share * (s->to - s->from) > SOONEST) { /* at a stop, or where one breaks away */
             newton->share = share;
             return BREAKS_AWAY;
         }

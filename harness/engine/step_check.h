@@ -113,7 +113,8 @@ static bool wants_check(const Engine *e, const Newton *newton, int64_t number, i
         return false;
     const Group *const g = &newton->groups[number];
     return guard->checks_due > 0 || guard->limited_ticks > 0 || (s->from == 0.0 && is_scheduled(guard, tick)) ||
-           turns_within(newton, g, s) || leaps(e, newton, g) || mispredicted(newton, g, s, tick >= guard->next ? PREDICTION_LIMIT : JUMP_LIMIT);
+           turns_within(newton, g, s) || leaps(e, newton, g) ||
+           mispredicted(newton, g, s, tick >= guard->next ? PREDICTION_LIMIT : JUMP_LIMIT);
 }
 
 /* Save (or restore, if `back`) everything that a check must not change. */
@@ -224,9 +225,9 @@ static double difference(const Engine *e, Newton *newton, int64_t number, const 
                 continue;
             const double in_mean = fabs(whole[k] - halves[k]), at_end = jumped ? 0.0 : fabs(a->u1 - b->u1);
             const double apart = fmax(in_mean, at_end), values = fmax(fabs(a->u1), fabs(b->u1));
-            const double least = a->role == CHANGING                            ? NEGLIGIBLE * strength
+            const double least = a->role == CHANGING                        ? NEGLIGIBLE * strength
                                  : is_force(newton, g, newton->order[i], k) ? EQUAL * strength
-                                                                                : 0.0;
+                                                                            : 0.0;
             const double size = fmax(fmax(a->scale, values), least);
             const double tolerated = newton->step_tolerance * (early && a->from_rest ? AT_START : 1.0);
             const double remains = fmax((s->to - s->from) * in_mean, at_end);
@@ -272,8 +273,7 @@ static bool resolves(const Engine *e, const Newton *newton, const Group *g, cons
 }
 
 /* Compare a solved span with its halves and raise *off to the difference. The span stays solved. */
-static int check(Engine *e, Newton *newton, int64_t number, const Span *s, int64_t tick, bool anew,
-                 double *off)
+static int check(Engine *e, Newton *newton, int64_t number, const Span *s, int64_t tick, bool anew, double *off)
 {
     const Group *const g = &newton->groups[number];
     const int64_t lines = e->lines_from[e->part_count], most = newton->most_unknowns;
@@ -340,8 +340,8 @@ static void conclude(Newton *newton, int64_t number, int64_t tick, const Span *s
             accumulate_error(newton, guard, s);
         if (tick > guard->last)
             guard->recurrences = tick < SOON || tick > guard->last + SOON + guard->limited_ticks ? 0
-                                 : guard->recurrences < MOST_RECURRENCES          ? guard->recurrences + 1
-                                                                                  : MOST_RECURRENCES;
+                                 : guard->recurrences < MOST_RECURRENCES ? guard->recurrences + 1
+                                                                         : MOST_RECURRENCES;
         if (off == AMPLIFIED && guard->recurrences < 2)
             guard->recurrences = 2;
         guard->last = tick;

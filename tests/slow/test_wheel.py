@@ -204,7 +204,6 @@ def test_a_missing_extra_is_one_sentence(
     assert refused.returncode == 2
     (line,) = refused.stderr.splitlines()
     assert line.startswith(f"friction-fmus: {package} is not installed; ")
-    assert arguments[0] in line
     assert line.endswith(f": pip install 'friction-fmus[{extra}]'")
 
 
