@@ -46,7 +46,7 @@ static void equations(Model *m)
 
 /* ---- Steps at constant or linear velocity. */
 
-static const double nearness = 0.9; /* ratio r of the force to the level from which on it is near */
+static const double nearness = 0.9; /* smallest ratio r of the force to the level that counts as near */
 
 static const double grain = 1e-14; /* relative difference below which forces count as equal */
 

@@ -174,7 +174,7 @@ def fed_back_stiffness(fed_back: float, stiffness: float, u: Words = SLIDING) ->
 
 
 PRECISION = 1e-4  # relative precision of critical speeds, stiffnesses and damping coefficients
-MUCH_STIFFER = 100.0  # ratio to the present stiffness from which on a stiffer spring is no remedy
+MUCH_STIFFER = 100.0  # ratio to the present stiffness above which a stiffer spring is no remedy
 LARGEST_RATIO = 1e9  # largest ratio of a critical value to the present one that is searched
 
 

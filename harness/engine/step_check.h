@@ -335,10 +335,10 @@ static inline double remaining_error(const Moving *m)
 static void conclude(Newton *newton, int64_t number, int64_t tick, const Span *s, double off, bool smallest)
 {
     StepCheck *const guard = &newton->guards[number];
-    if (off > 1.0) { /* at the start of a run from rest all values are small, and so are their errors */
+    if (off > 1.0) {
         if (smallest)
             accumulate_error(newton, guard, s);
-        if (tick > guard->last)
+        if (tick > guard->last) /* findings in the first ticks do not limit steps: values and errors are small there */
             guard->recurrences = tick < SOON || tick > guard->last + SOON + guard->limited_ticks ? 0
                                  : guard->recurrences < MOST_RECURRENCES ? guard->recurrences + 1
                                                                          : MOST_RECURRENCES;

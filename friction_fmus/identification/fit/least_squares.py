@@ -18,7 +18,7 @@ from friction_fmus.identification.fit.simulation_data import PreparedSegment, in
 from harness import Drive, PartError, StartValueError
 
 DIFFERENCE = 1e-4  # step of the finite differences, in coordinates of the search
-STRIDE, LONG = 4, 2000  # stride of the samples in a preliminary search, and number of samples from which on it is used
+STRIDE, LONG = 4, 2000  # stride of the samples in a preliminary search, and the fewest samples for one
 TIE = 0.01  # residual for a distance of 1 from the anchor, over the magnitude of the signal
 
 #: Tolerance of the solvers of the blocks; it must be much smaller than the step of the finite differences.
