@@ -1,7 +1,7 @@
 """Checks of an FMU: the archive, the XML, and the behaviour of the binary in a separate process.
 
 An SSP is read as the harness reads it, and each of its FMUs is checked. The checks apply to any FMU of FMI 2.0 or 3.0.
-The rules are functions in `archive`, `fmi2_rules` and `fmi3_rules`, and probes in `probes`; each rule is one
+The rules are functions in `archive_rules`, `fmi2_rules` and `fmi3_rules`, and probes in `probes`; each rule is one
 function.
 """
 
@@ -14,7 +14,7 @@ from pathlib import Path
 from fmpy.model_description import ValidationError
 from lxml import etree
 
-from friction_fmus.check.archive import (
+from friction_fmus.check.archive_rules import (
     DAMAGED,
     Contents,
     examine_archive,
