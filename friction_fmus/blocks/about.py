@@ -12,7 +12,7 @@ from typing import Final
 
 from friction_fmus.blocks.arithmetic import names_in
 from friction_fmus.blocks.contact import Identified, identified
-from friction_fmus.blocks.loop import InLoop, in_loop
+from friction_fmus.blocks.loop_role import InLoop, in_loop
 from friction_fmus.blocks.macros import macro, string, table, words
 from friction_fmus.errors import FrictionError, nearest
 

@@ -6,7 +6,7 @@
 
 from __future__ import annotations
 
-from friction_fmus.doctor.axis import Finding
+from friction_fmus.doctor.examined_axis import Finding
 from friction_fmus.doctor.find import axes, examine_steps, unknown_parts
 from friction_fmus.doctor.rules import examine_axis
 from harness import Experiment, System

@@ -12,9 +12,9 @@ from friction_fmus.blocks.arithmetic import evaluate
 from friction_fmus.blocks.axis_units import words_of
 from friction_fmus.blocks.catalogue import catalogue
 from friction_fmus.blocks.contact import Contact
-from friction_fmus.blocks.loop import InLoop, Plant
+from friction_fmus.blocks.loop_role import InLoop, Plant
 from friction_fmus.conditions import cogging_slope
-from friction_fmus.doctor.axis import ActiveLaw, Axis, Finding, Shaper, SignalPath, Values
+from friction_fmus.doctor.examined_axis import ActiveLaw, Axis, Finding, Shaper, SignalPath, Values
 from friction_fmus.doctor.roles import known_blocks, law_of
 from harness import Experiment, FmuPart, Part, System, Wire
 from harness.errors import StartValueError

@@ -12,10 +12,10 @@ from casadi import Function
 
 from friction_fmus.blocks.arithmetic import evaluate, is_known
 from friction_fmus.blocks.catalogue import catalogue
-from friction_fmus.blocks.loop import InLoop, Loop
+from friction_fmus.blocks.loop_role import InLoop, Loop
 from friction_fmus.conditions import SampledLaw
 from friction_fmus.doctor import rules
-from friction_fmus.doctor.axis import Gains, LawProperties, Rule, Values
+from friction_fmus.doctor.examined_axis import Gains, LawProperties, Rule, Values
 from friction_fmus.errors import FrictionError, nearest
 from friction_fmus.lawkit.files import discover_laws
 from friction_fmus.lawkit.law import Kind, Law

@@ -15,7 +15,7 @@ from friction_fmus.blocks.arithmetic import evaluate
 from friction_fmus.blocks.contact import Level
 from friction_fmus.conditions import Condition, DrivenPlant, SampledLaw
 from friction_fmus.conditions.condition import Matrix, above, below, first_largest, remainder, spectral_radius
-from friction_fmus.doctor.axis import ActiveLaw, Axis, Finding, Gains, Values
+from friction_fmus.doctor.examined_axis import ActiveLaw, Axis, Finding, Gains, Values
 
 Array: TypeAlias = NDArray[np.float64]
 Lowpass: TypeAlias = Callable[[Array, Values], Array]

@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from friction_fmus.axis.assembly import typed
-from friction_fmus.axis.loop import closed_loop, run_loop
+from friction_fmus.axis.loop_assembly import typed
 from friction_fmus.axis.servo import AxisPlant, Servo, Trajectory
+from friction_fmus.axis.servo_loop import closed_loop, run_loop
 from friction_fmus.blocks.axis_units import ROTARY
 from friction_fmus.errors import FitError
 from friction_fmus.export.block_fmu import build_record

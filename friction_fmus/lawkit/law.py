@@ -29,7 +29,7 @@ from casadi import SX, Function, symvar, vertcat
 from friction_fmus.blocks.about import REPLACES_SERVO, SHAPES_REFERENCE, About, Use
 from friction_fmus.blocks.axis_units import SLIDING
 from friction_fmus.blocks.contact import Friction
-from friction_fmus.blocks.loop import InLoop, Loop
+from friction_fmus.blocks.loop_role import InLoop, Loop
 from friction_fmus.errors import FrictionError, nearest
 from friction_fmus.lawkit.declarations import (
     BOOLEANS,

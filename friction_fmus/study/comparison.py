@@ -11,7 +11,7 @@ from typing import Any, Final, TypeAlias
 
 import numpy as np
 
-from friction_fmus.axis.assembly import PartPool, block
+from friction_fmus.axis.loop_assembly import PartPool, block
 from friction_fmus.axis.servo import GAINS, Compensator, Servo
 from friction_fmus.blocks.axis_units import Words
 from friction_fmus.blocks.catalogue import catalogue, summary_of

@@ -12,7 +12,7 @@ from typing import Final, TypeAlias
 
 import numpy as np
 
-from friction_fmus.axis.assembly import block, typed
+from friction_fmus.axis.loop_assembly import block, typed
 from friction_fmus.axis.servo import AxisPlant, Compensator, Servo
 from friction_fmus.blocks.about import KINDS, Use
 from friction_fmus.blocks.arithmetic import Number, evaluate, names_in, vectors_in

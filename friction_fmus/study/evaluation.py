@@ -12,9 +12,9 @@ from typing import Final
 import numpy as np
 from scipy import signal
 
-from friction_fmus.axis.assembly import PartPool
-from friction_fmus.axis.loop import LoopTrace, closed_loop, numerical_error, run_loop, with_gain
+from friction_fmus.axis.loop_assembly import PartPool
 from friction_fmus.axis.servo import AxisPlant, Compensator, Servo, Trajectory
+from friction_fmus.axis.servo_loop import LoopTrace, closed_loop, numerical_error, run_loop, with_gain
 from friction_fmus.blocks.axis_units import SLIDING, Words
 from friction_fmus.identification import Array
 from friction_fmus.identification.fit.scores import rms

@@ -8,7 +8,7 @@ from typing import Final
 
 import numpy as np
 
-from friction_fmus.axis.assembly import block
+from friction_fmus.axis.loop_assembly import block
 from friction_fmus.axis.servo import AxisPlant, Compensator, Servo
 from friction_fmus.blocks.catalogue import find
 from friction_fmus.conditions import DrivenPlant, SampledLaw, on_bristles, one_mass

@@ -8,10 +8,10 @@ from typing import Final
 
 import numpy as np
 
-from friction_fmus.axis.assembly import constant_force
-from friction_fmus.axis.loop import closed_loop, run_loop
+from friction_fmus.axis.loop_assembly import constant_force
 from friction_fmus.axis.position_map import PositionMap
 from friction_fmus.axis.servo import AxisPlant, Servo, Trajectory
+from friction_fmus.axis.servo_loop import closed_loop, run_loop
 from friction_fmus.blocks.axis_units import AxisUnits
 from friction_fmus.blocks.catalogue import find, summary_of
 from friction_fmus.errors import FrictionError

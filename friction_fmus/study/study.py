@@ -13,9 +13,9 @@ from typing import Any, Final
 
 import numpy as np
 
-from friction_fmus.axis.assembly import block, typed, viscous_beside
-from friction_fmus.axis.loop import from_rest
+from friction_fmus.axis.loop_assembly import block, typed, viscous_beside
 from friction_fmus.axis.servo import GAINS, Servo, Trajectory
+from friction_fmus.axis.servo_loop import from_rest
 from friction_fmus.blocks.axis_units import Words
 from friction_fmus.blocks.catalogue import catalogue
 from friction_fmus.conditions import PathDynamics, SampledLaw, chain, one_mass

@@ -16,7 +16,7 @@ from friction_fmus import conditions
 from friction_fmus.blocks.contact import Contact, Level
 from friction_fmus.conditions import Condition, SampledLaw, chain, loop_poles, one_mass
 from friction_fmus.conditions.condition import is_stable
-from friction_fmus.doctor.axis import ActiveLaw, Axis, LawProperties
+from friction_fmus.doctor.examined_axis import ActiveLaw, Axis, LawProperties
 from friction_fmus.doctor.roles import law_of
 from friction_fmus.doctor.rules import examine_axis, left_of
 

@@ -19,7 +19,7 @@ from friction_fmus.__main__ import main
 from friction_fmus.blocks.catalogue import catalogue, laws_folder
 from friction_fmus.blocks.contact import Contact, Level
 from friction_fmus.doctor import examine
-from friction_fmus.doctor.axis import ActiveLaw, Axis, LawProperties
+from friction_fmus.doctor.examined_axis import ActiveLaw, Axis, LawProperties
 from friction_fmus.doctor.find import axes
 from friction_fmus.doctor.roles import known_blocks, law_of
 from friction_fmus.doctor.rules import butterworth_there_and_back, examine_axis, windowed_sinc

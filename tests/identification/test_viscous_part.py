@@ -11,8 +11,8 @@ import pytest
 from contacts import dahl_force, noise
 from thorough import nightly
 
-from friction_fmus.axis.loop import closed_loop, run_loop
 from friction_fmus.axis.servo import AxisPlant, Servo, Trajectory
+from friction_fmus.axis.servo_loop import closed_loop, run_loop
 from friction_fmus.cli.main import main
 from friction_fmus.identification import LINEAR, FitError, Record, identifiable, identify
 from friction_fmus.identification.fit.models import contact_model

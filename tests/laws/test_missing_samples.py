@@ -19,7 +19,7 @@ from friction_fmus.blocks.catalogue import catalogue, laws_folder
 from friction_fmus.codegen.emulation import samples
 from friction_fmus.codegen.export import make_export
 from friction_fmus.codegen.layout import Export
-from friction_fmus.codegen.loop import LoopFile, LoopLaw, loop_text
+from friction_fmus.codegen.servo_law import LoopFile, LoopLaw, loop_text
 from friction_fmus.lawkit.files import discover_laws
 from friction_fmus.lawkit.law import Kind
 

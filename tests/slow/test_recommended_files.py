@@ -19,10 +19,10 @@ import pytest
 from thorough import nightly, some
 
 from friction_fmus.__main__ import main
-from friction_fmus.axis.assembly import block
-from friction_fmus.axis.loop import LoopTrace, run_loop
+from friction_fmus.axis.loop_assembly import block
 from friction_fmus.axis.position_map import Grid, PositionMap
 from friction_fmus.axis.servo import AxisPlant, Compensator, Trajectory
+from friction_fmus.axis.servo_loop import LoopTrace, run_loop
 from friction_fmus.identification import LINEAR, identifiable
 from friction_fmus.identification.fit.models import contact_model
 from friction_fmus.study import Servo

@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 from thorough import nightly
 
-from friction_fmus.axis.loop import closed_loop, run_loop
 from friction_fmus.axis.servo import AxisPlant, Servo, Trajectory
+from friction_fmus.axis.servo_loop import closed_loop, run_loop
 from friction_fmus.cli.main import main
 from friction_fmus.identification import compare_models, identify, read_measurement
 from friction_fmus.identification.survey import IdentificationTask

@@ -16,7 +16,7 @@ import pytest
 from thorough import THOROUGH, nightly, some
 
 from friction_fmus.__main__ import main
-from friction_fmus.axis.loop import run_loop
+from friction_fmus.axis.servo_loop import run_loop
 from friction_fmus.study import Compensation, StudyResult, load_config, run_study
 from friction_fmus.study.steps import CACHE, rebuild
 from harness import System

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from thorough import nightly, some
 
-from friction_fmus.axis.loop import closed_loop, run_loop
 from friction_fmus.axis.position_map import Grid, PositionMap
 from friction_fmus.axis.servo import AxisPlant, Compensator, Servo, Trajectory
+from friction_fmus.axis.servo_loop import closed_loop, run_loop
 from friction_fmus.identification import Array
 from friction_fmus.study.compensators import TABLE, AxisKnowledge, candidates
 from friction_fmus.study.data import build_reference

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 from thorough import nightly, some
 
-from friction_fmus.axis.loop import LoopTrace, closed_loop
 from friction_fmus.axis.servo import AxisPlant, Compensator, Trajectory
+from friction_fmus.axis.servo_loop import LoopTrace, closed_loop
 from friction_fmus.data import load_emps
 from friction_fmus.identification import LINEAR, identifiable
 from friction_fmus.identification.fit.models import contact_model

@@ -14,9 +14,9 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from friction_fmus.axis.assembly import constant_force
-from friction_fmus.axis.loop import FINEST, free_axis, run_free
+from friction_fmus.axis.loop_assembly import constant_force
 from friction_fmus.axis.servo import AxisPlant
+from friction_fmus.axis.servo_loop import FINEST, free_axis, run_free
 from friction_fmus.blocks.axis_units import ROTARY
 from friction_fmus.errors import FitError
 from friction_fmus.identification.data.record import Array, Record
