@@ -12,7 +12,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from harness.accuracy.estimate import (
+from harness.accuracy.error_estimate import (
     NOTHING,
     REMEMBERED,
     VERDICTS,
@@ -24,7 +24,7 @@ from harness.accuracy.estimate import (
     size_of,
     unbounded,
 )
-from harness.accuracy.numbers import BOUND, floor_of, has_lines, order_of
+from harness.accuracy.measure_bounds import BOUND, floor_of, has_lines, order_of
 from harness.accuracy.rungs import by_newton, repeated, scaled_step_tolerance, scaled_tolerance, step_counts
 from harness.engine.defect import are_power, inaccurate, unit_of
 from harness.errors import ExperimentError, Interrupted

@@ -15,10 +15,10 @@ import fmpy
 import fmpy.fmi3
 import numpy as np
 
-from harness.compiling.library import library, mirrors
+from harness.compiling.engine_library import library, mirrors
 from harness.errors import ENDED, PartError, StartValueError
 from harness.parts.archive import Archive
-from harness.parts.flat import TYPES, Flat
+from harness.parts.flat_description import TYPES, Flat
 from harness.parts.fmi2 import Instance, Library
 from harness.parts.part import StartValue
 

@@ -7,7 +7,7 @@ from dataclasses import replace
 from typing import TypeAlias
 
 from harness.errors import SystemFileError
-from harness.parts.flat import MOST_ELEMENTS, element_names
+from harness.parts.flat_description import MOST_ELEMENTS, element_names
 from harness.ssp.structure import Connector, Edge, Node, Structure
 
 #: Sizes of the dimensions of an array; () for a scalar.

@@ -17,7 +17,7 @@ from harness.errors import (
     UnknownNameError,
     WireError,
 )
-from harness.parts.flat import element_names
+from harness.parts.flat_description import element_names
 from harness.parts.fmu import FmuPart
 from harness.parts.guard import Guard
 from harness.parts.part import Part, Port, StartValue

@@ -15,7 +15,7 @@ import pytest
 
 from harness import FmuError, HarnessError, PartError, StartValueError
 from harness.parts.isolated.channel import BYTES, CALL, DONE, FAILED, LOG, Line, as_error, as_plain
-from harness.parts.isolated.part import Process, ProcessError
+from harness.parts.isolated.isolated_part import Process, ProcessError
 
 
 @pytest.fixture

@@ -10,7 +10,7 @@ from importlib.util import resolve_name
 from pathlib import Path
 
 ROOT = Path(__file__).parents[2]
-ALLOWED = {("harness.parts.fmu", "harness.parts.isolated.part")}
+ALLOWED = {("harness.parts.fmu", "harness.parts.isolated.isolated_part")}
 """`FmuPart(..., isolate=True)` makes an object of its subclass, as `pathlib.Path` does."""
 
 

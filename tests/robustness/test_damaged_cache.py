@@ -18,7 +18,7 @@ from thorough import nightly, some
 from friction_fmus import build, fmu
 from friction_fmus.study.steps import CACHE, StepCache
 from harness import FmuError, FmuPart, System
-from harness.compiling import library
+from harness.compiling import engine_library
 from harness.compiling.platforms import NATIVE, Platform, compiled
 
 ROOT = Path(__file__).parents[2]
@@ -43,7 +43,7 @@ def cache(tmp_path_factory: pytest.TempPathFactory) -> Path:
     os.environ["FRICTION_FMUS_CACHE"] = str(folder)
     try:
         build("Coulomb", folder / "out")
-        library.library.__wrapped__()
+        engine_library.library.__wrapped__()
     finally:
         os.environ.pop("FRICTION_FMUS_CACHE") if before is None else os.environ.update(FRICTION_FMUS_CACHE=before)
     return folder
@@ -74,11 +74,11 @@ def test_a_damaged_fmu_is_built_again(used: Path, tmp_path: Path, damage: str) -
 def test_a_damaged_library_is_compiled_again(used: Path, tmp_path: Path, damage: str) -> None:
     good = (used / "out" / "Coulomb.fmu").read_bytes()
     library = only(used / "libraries", "Coulomb-*.so")
-    content = library.read_bytes()
-    library.write_bytes(DAMAGES[damage](content))
+    content = engine_library.read_bytes()
+    engine_library.write_bytes(DAMAGES[damage](content))
     only(used, "Coulomb-*.fmu").unlink()
     assert build("Coulomb", tmp_path).read_bytes() == good
-    assert library.read_bytes() == content
+    assert engine_library.read_bytes() == content
 
 
 @nightly
@@ -142,7 +142,7 @@ def segment_ends(path: Path) -> list[int]:
         binary = lief.PE.parse(str(path))
         return [s.offset + s.size for s in binary.sections]
     library = lief.ELF.parse(str(path))
-    return [s.file_offset + s.physical_size for s in library.segments if s.type == lief.ELF.Segment.TYPE.LOAD]
+    return [s.file_offset + s.physical_size for s in engine_library.segments if s.type == lief.ELF.Segment.TYPE.LOAD]
 
 
 LOAD = """
@@ -205,7 +205,7 @@ def test_a_truncated_library_beside_it_and_an_isolated_one(build_fmu: Callable[.
 def check_end_of_library(platform: Platform, folder: Path) -> None:
     from harness.compiling.shared_library import missing_bytes
 
-    content = compiled(platform, library.sources(), "engine", headers=False)
+    content = compiled(platform, engine_library.sources(), "engine", headers=False)
     path = folder / f"engine{platform.suffix}"
     path.write_bytes(content)
     ends = segment_ends(path)
