@@ -179,8 +179,8 @@ def _told(path: Path, code: str) -> About:
 
 def _read_laws(path: Path) -> list[Block]:
     require("casadi")
-    from friction_fmus.lawkit.files import discover_laws
     from friction_fmus.lawkit.law import block_source
+    from friction_fmus.lawkit.law_files import discover_laws
 
     return [
         Block(
@@ -311,8 +311,8 @@ def with_room(block: Block, start: Mapping[str, Any]) -> Block:
         return replace(block, code=with_long_arrays(block.code, block.name, start))
     if not start:
         return block
-    from friction_fmus.lawkit.files import discover_laws
     from friction_fmus.lawkit.law import block_source
+    from friction_fmus.lawkit.law_files import discover_laws
 
     law = next(law for law in discover_laws(block.path) if law.name == block.name)
     grown = law.with_room(start)

@@ -8,8 +8,8 @@ from pathlib import Path
 
 from friction_fmus.blocks.catalogue import find
 from friction_fmus.errors import FrictionError, UnknownNameError, nearest
-from friction_fmus.lawkit.files import discover_laws
 from friction_fmus.lawkit.law import BOOLEANS, VECTORS, Law
+from friction_fmus.lawkit.law_files import discover_laws
 
 
 def law_of(model: str | Path) -> Law:

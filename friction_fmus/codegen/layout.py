@@ -15,8 +15,8 @@ from friction_fmus.blocks.axis_units import Words, words_of
 from friction_fmus.lawkit.declarations import FAULT, PARAMETERS
 from friction_fmus.lawkit.emit.branches import Weight, in_pairs, positions, rounded
 from friction_fmus.lawkit.emit.c_text import DOUBLE, Kernel, Lows, Real, kernel
-from friction_fmus.lawkit.emit.graph import CONDITIONS, LIBM, Node, graph
 from friction_fmus.lawkit.emit.names import Named, comment_lines
+from friction_fmus.lawkit.emit.operations import CONDITIONS, LIBM, Node, graph
 from friction_fmus.lawkit.law import ANGLE, BOOLEANS, LENGTH, NO_UNIT, VECTORS, Kind, Law, Variable
 
 NONE: Mapping[int, str] = MappingProxyType({})

@@ -13,7 +13,7 @@ from friction_fmus.codegen.layout import INPUTS, STATES, Export, Values
 from friction_fmus.codegen.rounding import Rounding
 from friction_fmus.lawkit.declarations import PARAMETERS
 from friction_fmus.lawkit.emit.c_text import DOUBLE
-from friction_fmus.lawkit.emit.graph import Node
+from friction_fmus.lawkit.emit.operations import Node
 from friction_fmus.lawkit.law import BOOLEANS, Kind, Law, Variable
 
 LOST: Final = 2

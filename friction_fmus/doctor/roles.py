@@ -17,8 +17,8 @@ from friction_fmus.conditions import SampledLaw
 from friction_fmus.doctor import rules
 from friction_fmus.doctor.examined_axis import Gains, LawProperties, Rule, Values
 from friction_fmus.errors import FrictionError, nearest
-from friction_fmus.lawkit.files import discover_laws
 from friction_fmus.lawkit.law import Kind, Law
+from friction_fmus.lawkit.law_files import discover_laws
 
 NUDGE = 1e-15
 """Position error about which a law is linearised [m]; not 0, where the root in super-twisting has no derivative."""

@@ -23,7 +23,7 @@ from friction_fmus.doctor.examined_axis import ActiveLaw, Axis, LawProperties
 from friction_fmus.doctor.find import axes
 from friction_fmus.doctor.roles import known_blocks, law_of
 from friction_fmus.doctor.rules import butterworth_there_and_back, examine_axis, windowed_sinc
-from friction_fmus.lawkit.files import discover_laws
+from friction_fmus.lawkit.law_files import discover_laws
 from harness import CallablePart, Experiment, FmuPart, System, Wire
 from harness.errors import StartValueError
 

@@ -15,8 +15,8 @@ from friction_fmus.blocks.probe import FIXED, PARAMETER
 from friction_fmus.errors import FrictionError
 from friction_fmus.export.block_fmu import describe_block
 from friction_fmus.lawkit.declarations import PARAMETERS
-from friction_fmus.lawkit.files import discover_laws
 from friction_fmus.lawkit.law import Law
+from friction_fmus.lawkit.law_files import discover_laws
 from friction_fmus.procedures import ilc
 from friction_fmus.study.config import parse_config
 

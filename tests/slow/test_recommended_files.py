@@ -29,7 +29,7 @@ from friction_fmus.study import Servo
 from friction_fmus.study.compensators import AxisKnowledge, candidates, compensators
 from friction_fmus.study.data import LUGRE, build_reference
 from friction_fmus.study.evaluation import AxisBench, Scheme, evaluate, judge
-from friction_fmus.study.export import Figures, export_recommended
+from friction_fmus.study.study_files import Figures, export_recommended
 from harness import CallablePart, Experiment, FmuPart, Part, Port, System, Wire
 
 TS = 1e-3

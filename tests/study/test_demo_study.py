@@ -58,9 +58,9 @@ def study(tmp_path_factory: pytest.TempPathFactory) -> Study:
         with pytest.MonkeyPatch.context() as patch:  # test_what_if.py tests the axis in the browser
             patch.setattr("friction_fmus.study.study.panel_of", lambda *_: "It is not compiled here.")
             patch.setattr(
-                "friction_fmus.study.export.export_composites", lambda *_: ()
+                "friction_fmus.study.study_files.export_composites", lambda *_: ()
             )  # see slow/test_recommended_files.py
-            patch.setattr("friction_fmus.codegen.export.CORES", ())  # see slow/test_target.py
+            patch.setattr("friction_fmus.codegen.law_export.CORES", ())  # see slow/test_target.py
             return Study(out, run_study(config, out, processes=1, progress=listener), {}, listener.told)
     command = [sys.executable, "-m", *blocks("demo")[0].replace("-", "_", 1).replace("-o out", f"-o {out}").split()]
     with subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE) as process:

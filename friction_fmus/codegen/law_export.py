@@ -14,9 +14,9 @@ from friction_fmus.codegen.cost import Cost, measure
 from friction_fmus.codegen.emulation import COMPILER, CORES, EMULATOR, FLAGS, PACKAGES, RANDOM, missing
 from friction_fmus.codegen.laws import law_of, start_values
 from friction_fmus.codegen.layout import Export
+from friction_fmus.codegen.position_table import arguments, table_header, table_source
 from friction_fmus.codegen.servo_law import loop_law, read_loop
 from friction_fmus.codegen.sources import example, header, implementation
-from friction_fmus.codegen.table import arguments, table_header, table_source
 from friction_fmus.codegen.unit_test import unit_test
 from friction_fmus.codegen.vectors import N, vectors
 from friction_fmus.codegen.wrapper import class_name, wrapper

@@ -13,7 +13,7 @@ from friction_fmus.axis.servo import Compensator, Servo, Trajectory
 from friction_fmus.axis.servo_loop import RECORDED, accurate, closed_loop, with_gain
 from friction_fmus.blocks.axis_units import Words
 from friction_fmus.blocks.catalogue import find
-from friction_fmus.codegen.export import export_law
+from friction_fmus.codegen.law_export import export_law
 from friction_fmus.codegen.laws import law_of
 from friction_fmus.codegen.servo_law import LAWS, LOOP_FILE, SHARED, LoopFile, LoopLaw, loop_text
 from friction_fmus.export.block_fmu import build
