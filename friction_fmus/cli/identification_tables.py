@@ -15,7 +15,7 @@ from friction_fmus.identification import (
     Record,
 )
 from friction_fmus.identification.fit.position import PositionFit
-from friction_fmus.identification.result import name_of
+from friction_fmus.identification.identification_result import name_of
 from friction_fmus.identification.survey import ModelComparison
 from friction_fmus.listings import parameter_listing, ranking_listing
 

@@ -26,7 +26,7 @@ from friction_fmus.blocks.probe import (
     Description,
     Variable,
 )
-from friction_fmus.fmi.units import DISPLAY_UNITS, QUANTITIES, base_unit
+from friction_fmus.fmi.block_units import DISPLAY_UNITS, QUANTITIES, base_unit
 from friction_fmus.version import VERSION, build_time
 from harness.parts.log_categories import LOG_CATEGORIES
 

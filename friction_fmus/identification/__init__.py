@@ -11,6 +11,7 @@ if TYPE_CHECKING:
     from friction_fmus.identification.data.mapping import DataMapping, load_mapping, read_mapping, read_windows
     from friction_fmus.identification.data.reading import Measurement, read_measurement, read_records
     from friction_fmus.identification.data.record import Array, Finding, Record, RecordWarning
+    from friction_fmus.identification.fit.contact_model import identifiable
     from friction_fmus.identification.fit.estimate import Estimate
     from friction_fmus.identification.fit.grid import HysteresisGrid, identify_hysteresis
     from friction_fmus.identification.fit.idim import (
@@ -23,7 +24,6 @@ if TYPE_CHECKING:
         identify_inverse_model,
         identify_inverse_stribeck,
     )
-    from friction_fmus.identification.fit.models import identifiable
     from friction_fmus.identification.fit.output_error import (
         Mapper,
         OutputErrorFit,
@@ -34,9 +34,9 @@ if TYPE_CHECKING:
     )
     from friction_fmus.identification.fit.presliding import PreslidingFit, identify_presliding
     from friction_fmus.identification.fit.scores import Score
+    from friction_fmus.identification.identification_result import Identification
     from friction_fmus.identification.identifying import identify
     from friction_fmus.identification.residual import LearnedResidual, ResidualTable, learn_residual
-    from friction_fmus.identification.result import Identification
     from friction_fmus.identification.survey import IdentificationTask, ModelComparison, compare_models
 else:
     __getattr__, __dir__ = lazy_names(
@@ -65,7 +65,7 @@ else:
                 "read_mapping",
                 "read_windows",
             ],
-            "friction_fmus.identification.fit.models": ["identifiable"],
+            "friction_fmus.identification.fit.contact_model": ["identifiable"],
             "friction_fmus.identification.fit.output_error": [
                 "Mapper",
                 "OutputErrorFit",
@@ -77,7 +77,7 @@ else:
             "friction_fmus.identification.fit.presliding": ["PreslidingFit", "identify_presliding"],
             "friction_fmus.identification.data.reading": ["Measurement", "read_measurement", "read_records"],
             "friction_fmus.identification.residual": ["LearnedResidual", "ResidualTable", "learn_residual"],
-            "friction_fmus.identification.result": ["Identification"],
+            "friction_fmus.identification.identification_result": ["Identification"],
             "friction_fmus.identification.fit.scores": ["Score"],
             "friction_fmus.identification.survey": ["ModelComparison", "IdentificationTask", "compare_models"],
         },

@@ -17,16 +17,16 @@ from friction_fmus.blocks.axis_units import ROTARY
 from friction_fmus.errors import FitError
 from friction_fmus.export.block_fmu import build_record
 from friction_fmus.identification.data.record import Array, MeasuredAxis, Record
+from friction_fmus.identification.fit.contact_model import ContactModel, contact_model, state_sizes
 from friction_fmus.identification.fit.idim import filtered_motion
 from friction_fmus.identification.fit.least_squares import Constraints
-from friction_fmus.identification.fit.models import ContactModel, contact_model, state_sizes
 from friction_fmus.identification.fit.output_error import Mapper, Target, Unknown, fit_output_error
 from friction_fmus.identification.fit.scores import criteria, independent_samples, rms, score, weak_parameters
 from harness import System
 from harness.storage.files import ScratchFolder
 
 if TYPE_CHECKING:
-    from friction_fmus.identification.result import Identification
+    from friction_fmus.identification.identification_result import Identification
 
 #: Communication step between mass and friction in the fit [s]; the servo is stepped at the sample time of the record.
 FIT_STEP = 2.5e-4

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from friction_fmus.blocks.axis_units import AxisUnits
 from friction_fmus.errors import RecordError
 from friction_fmus.identification.data.record import Array, Finding, Record
-from friction_fmus.identification.fit.models import contact_model
+from friction_fmus.identification.fit.contact_model import contact_model
 from friction_fmus.identification.fit.scores import independent_samples, rms
 from friction_fmus.identification.fit.simulation_data import prepare
 

@@ -22,11 +22,11 @@ from friction_fmus.blocks.axis_units import ROTARY
 from friction_fmus.errors import IdentificationError
 from friction_fmus.identification.data.reading import Measurement
 from friction_fmus.identification.data.record import Finding
+from friction_fmus.identification.fit.contact_model import contact_model
 from friction_fmus.identification.fit.estimate import Estimate
-from friction_fmus.identification.fit.models import contact_model
 from friction_fmus.identification.fit.position import PositionFit
 from friction_fmus.identification.fit.scores import Score
-from friction_fmus.identification.result import Identification, name_of, viscous_beside, write_viscous
+from friction_fmus.identification.identification_result import Identification, name_of, viscous_beside, write_viscous
 from friction_fmus.identification.survey import ModelComparison
 from harness.compiling import toolchain
 

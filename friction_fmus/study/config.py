@@ -10,7 +10,7 @@ from typing import Any, Final
 
 from friction_fmus.axis.servo import GAINS, Servo
 from friction_fmus.errors import FrictionError, nearest
-from friction_fmus.study.result import Limits, Weights
+from friction_fmus.study.study_result import Limits, Weights
 from harness.storage.toml_file import Table, read_table
 from harness.values import finite, flag, texts
 

@@ -26,7 +26,7 @@ from friction_fmus.identification import (
 )
 from friction_fmus.identification.data.reading import default_windows
 from friction_fmus.study.config import ConfigError, StudyConfig
-from friction_fmus.study.models import Measured
+from friction_fmus.study.model_ranking import Measured
 
 LUGRE: Final[Mapping[str, float]] = {
     "sigma0": 1e5,

@@ -18,7 +18,7 @@ from friction_fmus.axis.servo_loop import LoopTrace, closed_loop, numerical_erro
 from friction_fmus.blocks.axis_units import SLIDING, Words
 from friction_fmus.identification import Array
 from friction_fmus.identification.fit.scores import rms
-from friction_fmus.study.result import Corner, LoopMargins, Metrics, StudyCurve, Trial, thinned
+from friction_fmus.study.study_result import Corner, LoopMargins, Metrics, StudyCurve, Trial, thinned
 from harness import HarnessError, System
 
 HIGH: Final = 5.0  # lower limit of high-frequency effort over the natural frequency of the position loop

@@ -14,7 +14,7 @@ from friction_fmus.blocks.catalogue import find
 from friction_fmus.conditions import DrivenPlant, SampledLaw, on_bristles, one_mass
 from friction_fmus.conditions.chain import Margins, loop_margins
 from friction_fmus.doctor.roles import law_of, linearised
-from friction_fmus.study.result import LoopMargins
+from friction_fmus.study.study_result import LoopMargins
 from harness import FmuPart
 
 OPEN_LOOP: Final = ("feedforward", "dither")

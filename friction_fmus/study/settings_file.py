@@ -18,7 +18,7 @@ from friction_fmus.identification.data.reading import default_windows
 from friction_fmus.identification.data.tables import DataTable
 from friction_fmus.study.config import OPTIONAL_GAINS, StudyConfig
 from friction_fmus.study.data import Data
-from friction_fmus.study.result import WrittenFile
+from friction_fmus.study.study_result import WrittenFile
 from harness.storage.files import atomic_path
 
 SETTINGS_FILE: Final = "study.toml"

@@ -30,7 +30,7 @@ from friction_fmus.study.compensators import AxisKnowledge, check_names, period_
 from friction_fmus.study.config import ALL, ConfigError, StudyConfig, load_config
 from friction_fmus.study.data import Data, build_reference, load_data, measured_servo
 from friction_fmus.study.evaluation import AxisBench, Scheme
-from friction_fmus.study.models import (
+from friction_fmus.study.model_ranking import (
     INVERSE,
     IdentifiedModel,
     identify_model,
@@ -39,7 +39,11 @@ from friction_fmus.study.models import (
     ranked,
     refine,
 )
-from friction_fmus.study.result import (
+from friction_fmus.study.servo_check import CheckedServo, check_servo
+from friction_fmus.study.settings_file import SETTINGS_FILE, settings_of
+from friction_fmus.study.steps import CACHE, Step, StepCache, run_steps, workers
+from friction_fmus.study.study_files import OWN, Figures, export_models, export_recommended
+from friction_fmus.study.study_result import (
     CompensatorResult,
     ConditionResult,
     ModelResult,
@@ -52,10 +56,6 @@ from friction_fmus.study.result import (
     curve,
     thinned,
 )
-from friction_fmus.study.servo_check import CheckedServo, check_servo
-from friction_fmus.study.settings_file import SETTINGS_FILE, settings_of
-from friction_fmus.study.steps import CACHE, Step, StepCache, run_steps, workers
-from friction_fmus.study.study_files import OWN, Figures, export_models, export_recommended
 from friction_fmus.study.what_if import WhatIf, panel_of
 from friction_fmus.version import VERSION
 from harness import Experiment, FmuPart, Progress, SeriesPart, System

@@ -20,8 +20,8 @@ from friction_fmus.export.block_fmu import build
 from friction_fmus.lawkit.law import Kind
 from friction_fmus.study.compensators import TABLE
 from friction_fmus.study.evaluation import AxisBench, Scheme, with_table
-from friction_fmus.study.models import IdentifiedModel
-from friction_fmus.study.result import WrittenFile
+from friction_fmus.study.model_ranking import IdentifiedModel
+from friction_fmus.study.study_result import WrittenFile
 from harness import FmuPart, Parameter, ParameterSet, System, Wire, open_archive, write_ssv
 from harness.storage.files import atomic_path, make_folder
 from harness.system.wire import parse_wire, split_name

@@ -24,7 +24,7 @@ from friction_fmus.axis.position_map import Grid, PositionMap
 from friction_fmus.axis.servo import AxisPlant, Compensator, Trajectory
 from friction_fmus.axis.servo_loop import LoopTrace, run_loop
 from friction_fmus.identification import LINEAR, identifiable
-from friction_fmus.identification.fit.models import contact_model
+from friction_fmus.identification.fit.contact_model import contact_model
 from friction_fmus.study import Servo
 from friction_fmus.study.compensators import AxisKnowledge, candidates, compensators
 from friction_fmus.study.data import LUGRE, build_reference

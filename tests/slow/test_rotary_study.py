@@ -18,7 +18,7 @@ from friction_fmus.cli.main import main
 from friction_fmus.identification import compare_models, identify, read_measurement
 from friction_fmus.identification.survey import IdentificationTask
 from friction_fmus.study.data import build_reference
-from friction_fmus.study.models import identify_model
+from friction_fmus.study.model_ranking import identify_model
 
 LUGRE = {"sigma0": 50.0, "sigma1": 0.3, "sigma2": 0.01, "Fc": 0.05, "Fs": 0.075, "vs": 0.02, "delta": 2.0}
 INERTIA = 2e-3

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from friction_fmus.blocks.axis_units import LINEAR, ROTARY, AxisUnits
 from friction_fmus.errors import RecordError
-from friction_fmus.fmi.units import everyday_unit
+from friction_fmus.fmi.block_units import everyday_unit
 from harness.units import BASE_SYMBOLS, LONGEST_UNIT, BaseUnit, parse_unit
 
 

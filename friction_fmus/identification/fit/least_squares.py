@@ -13,7 +13,7 @@ from friction_fmus.blocks.arithmetic import evaluate
 from friction_fmus.blocks.axis_units import AxisUnits
 from friction_fmus.errors import FitError, nearest
 from friction_fmus.identification.data.record import Array
-from friction_fmus.identification.fit.models import ContactModel, DataTraits
+from friction_fmus.identification.fit.contact_model import ContactModel, DataTraits
 from friction_fmus.identification.fit.simulation_data import PreparedSegment, inertia_guess
 from harness import Drive, PartError, StartValueError
 

@@ -15,7 +15,7 @@ from friction_fmus.errors import FitError, nearest
 
 if TYPE_CHECKING:
     from friction_fmus.identification.fit.block_fit import BlockFit, FitData
-    from friction_fmus.identification.fit.models import ContactModel
+    from friction_fmus.identification.fit.contact_model import ContactModel
     from friction_fmus.identification.fit.search import Loss
 
 

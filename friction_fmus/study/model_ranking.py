@@ -33,13 +33,13 @@ from friction_fmus.identification import (
     identify_inverse_model,
 )
 from friction_fmus.identification.fit.block_fit import driven
+from friction_fmus.identification.fit.contact_model import contact_model
 from friction_fmus.identification.fit.idim import default_settings
-from friction_fmus.identification.fit.models import contact_model
 from friction_fmus.identification.fit.position import PositionFit
 from friction_fmus.identification.fit.scores import rms, weak_parameters
 from friction_fmus.identification.fit.simulation_data import prepare
 from friction_fmus.identification.survey import within_reach
-from friction_fmus.study.result import Fit, IdentifiedParameter, ModelResult, PositionPart, StudyCurve, thinned
+from friction_fmus.study.study_result import Fit, IdentifiedParameter, ModelResult, PositionPart, StudyCurve, thinned
 from harness import HarnessError
 
 
