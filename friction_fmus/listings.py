@@ -10,7 +10,7 @@ from harness.notebook import Listing, counted, html_table
 
 if TYPE_CHECKING:
     from friction_fmus.identification.identification_result import Identification
-    from friction_fmus.identification.survey import ModelComparison
+    from friction_fmus.identification.model_comparison import ModelComparison
     from friction_fmus.study.study_result import Fit, StudyResult
 
 

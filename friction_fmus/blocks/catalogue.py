@@ -10,10 +10,10 @@ from functools import cache
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from friction_fmus.blocks.about import About, about_c_block, cited
 from friction_fmus.blocks.axis_units import SLIDING, TURNING, Words
+from friction_fmus.blocks.block_declarations import About, about_c_block, cited
 from friction_fmus.blocks.customise import with_long_arrays
-from friction_fmus.blocks.headings import law_paths, read_headings
+from friction_fmus.blocks.law_summaries import law_paths, read_headings
 from friction_fmus.errors import FrictionError, UnknownNameError, nearest
 from harness.extras import require
 from harness.storage.files import read_source, reason

@@ -16,7 +16,7 @@ from friction_fmus.identification import (
 )
 from friction_fmus.identification.fit.position import PositionFit
 from friction_fmus.identification.identification_result import name_of
-from friction_fmus.identification.survey import ModelComparison
+from friction_fmus.identification.model_comparison import ModelComparison
 from friction_fmus.listings import parameter_listing, ranking_listing
 
 

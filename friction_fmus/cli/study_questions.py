@@ -12,8 +12,8 @@ from friction_fmus.blocks.axis_units import Words, words_of
 from friction_fmus.cli.console import console
 from friction_fmus.errors import FrictionError, nearest
 from friction_fmus.identification import RecordError, read_measurement
+from friction_fmus.identification.data.column_headings import NEEDED, Guess, guess_columns
 from friction_fmus.identification.data.formats import read_table
-from friction_fmus.identification.data.guessing import NEEDED, Guess, guess_columns
 from friction_fmus.identification.data.mapping import MISSING, Column, DataMapping, combined_unit
 from friction_fmus.identification.data.record import ROLES, fits, parse_quantity, unit_of
 from friction_fmus.identification.data.tables import DataTable

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from casadi import SX, Function, symvar
 
-from friction_fmus.blocks.about import About
+from friction_fmus.blocks.block_declarations import About
 from friction_fmus.errors import FrictionError
 from friction_fmus.lawkit.declarations import PARAMETERS, Conditions, Kind, Variable
 from friction_fmus.lawkit.law import Law, check_variables

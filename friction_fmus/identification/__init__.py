@@ -36,8 +36,8 @@ if TYPE_CHECKING:
     from friction_fmus.identification.fit.scores import Score
     from friction_fmus.identification.identification_result import Identification
     from friction_fmus.identification.identifying import identify
+    from friction_fmus.identification.model_comparison import IdentificationTask, ModelComparison, compare_models
     from friction_fmus.identification.residual import LearnedResidual, ResidualTable, learn_residual
-    from friction_fmus.identification.survey import IdentificationTask, ModelComparison, compare_models
 else:
     __getattr__, __dir__ = lazy_names(
         __name__,
@@ -79,7 +79,11 @@ else:
             "friction_fmus.identification.residual": ["LearnedResidual", "ResidualTable", "learn_residual"],
             "friction_fmus.identification.identification_result": ["Identification"],
             "friction_fmus.identification.fit.scores": ["Score"],
-            "friction_fmus.identification.survey": ["ModelComparison", "IdentificationTask", "compare_models"],
+            "friction_fmus.identification.model_comparison": [
+                "ModelComparison",
+                "IdentificationTask",
+                "compare_models",
+            ],
         },
     )
 

@@ -27,7 +27,7 @@ from friction_fmus.identification.fit.estimate import Estimate
 from friction_fmus.identification.fit.position import PositionFit
 from friction_fmus.identification.fit.scores import Score
 from friction_fmus.identification.identification_result import Identification, name_of, viscous_beside, write_viscous
-from friction_fmus.identification.survey import ModelComparison
+from friction_fmus.identification.model_comparison import ModelComparison
 from harness.compiling import toolchain
 
 _LOG = logging.getLogger("friction_fmus")

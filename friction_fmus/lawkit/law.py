@@ -26,8 +26,8 @@ from typing import Any
 
 from casadi import SX, Function, symvar, vertcat
 
-from friction_fmus.blocks.about import REPLACES_SERVO, SHAPES_REFERENCE, About, Use
 from friction_fmus.blocks.axis_units import SLIDING
+from friction_fmus.blocks.block_declarations import REPLACES_SERVO, SHAPES_REFERENCE, About, Use
 from friction_fmus.blocks.contact import Friction
 from friction_fmus.blocks.loop_role import InLoop, Loop
 from friction_fmus.errors import FrictionError, nearest

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from friction_fmus.export.targets.wasm.npm_package import WasmModel, class_script
-from friction_fmus.live.recorded import Bench, opened, recorded_figures
+from friction_fmus.live.recorded_figures import Bench, opened, recorded_figures
 
 __all__ = ["about_block", "assets", "model_script", "opened"]
 

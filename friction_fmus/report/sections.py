@@ -9,7 +9,7 @@ from typing import Any, Final
 import numpy as np
 
 from friction_fmus.blocks.catalogue import catalogue
-from friction_fmus.report.comparing import Point, ladder_bars, panels, tradeoffs
+from friction_fmus.report.comparison_plots import Point, ladder_bars, panels, tradeoffs
 from friction_fmus.report.figures import ROWS, STYLES, Bar, Plot, bars, lines, sweep
 from friction_fmus.report.formatting import multiple, number, quantity, unit
 from friction_fmus.report.views import NO_COMPENSATION, NONE, axes, label, reversal

@@ -1,6 +1,6 @@
 """Compensators that apply to an axis, and their parameters, derived from the identified axis.
 
-The file of each law and controller states how it is used and tuned, see `friction_fmus.blocks.about`.
+The file of each law and controller states how it is used and tuned, see `friction_fmus.blocks.block_declarations`.
 """
 
 from __future__ import annotations
@@ -14,9 +14,9 @@ import numpy as np
 
 from friction_fmus.axis.loop_assembly import block, typed
 from friction_fmus.axis.servo import AxisPlant, Compensator, Servo
-from friction_fmus.blocks.about import KINDS, Use
 from friction_fmus.blocks.arithmetic import Number, evaluate, names_in, vectors_in
 from friction_fmus.blocks.axis_units import Words, words_of
+from friction_fmus.blocks.block_declarations import KINDS, Use
 from friction_fmus.blocks.catalogue import catalogue
 from friction_fmus.errors import nearest
 from friction_fmus.identification import Array

@@ -38,7 +38,7 @@ from friction_fmus.identification.fit.idim import default_settings
 from friction_fmus.identification.fit.position import PositionFit
 from friction_fmus.identification.fit.scores import rms, weak_parameters
 from friction_fmus.identification.fit.simulation_data import prepare
-from friction_fmus.identification.survey import within_reach
+from friction_fmus.identification.model_comparison import within_reach
 from friction_fmus.study.study_result import Fit, IdentifiedParameter, ModelResult, PositionPart, StudyCurve, thinned
 from harness import HarnessError
 

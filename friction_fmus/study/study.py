@@ -23,7 +23,7 @@ from friction_fmus.conditions.condition import spectral_radius
 from friction_fmus.doctor import examine
 from friction_fmus.errors import FrictionError
 from friction_fmus.identification import Array, AxisUnits, Record, decimate, filtered_motion, identifiable
-from friction_fmus.identification.physics import FORBIDDING, contradictions
+from friction_fmus.identification.force_findings import FORBIDDING, contradictions
 from friction_fmus.listings import shown
 from friction_fmus.study.comparison import Comparison, compare
 from friction_fmus.study.compensators import AxisKnowledge, check_names, period_of

@@ -11,7 +11,7 @@ from thorough import nightly
 
 from friction_fmus.identification import LINEAR, Record, compare_models, identify
 from friction_fmus.identification.identifying import explanation
-from friction_fmus.identification.survey import IdentificationTask
+from friction_fmus.identification.model_comparison import IdentificationTask
 from friction_fmus.study.model_ranking import IdentifiedModel, ranked
 from friction_fmus.study.study_result import IdentifiedParameter, ModelResult
 

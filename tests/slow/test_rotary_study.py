@@ -16,7 +16,7 @@ from friction_fmus.axis.servo import AxisPlant, Servo, Trajectory
 from friction_fmus.axis.servo_loop import closed_loop, run_loop
 from friction_fmus.cli.main import main
 from friction_fmus.identification import compare_models, identify, read_measurement
-from friction_fmus.identification.survey import IdentificationTask
+from friction_fmus.identification.model_comparison import IdentificationTask
 from friction_fmus.study.data import build_reference
 from friction_fmus.study.model_ranking import identify_model
 

@@ -15,8 +15,8 @@ from scipy.interpolate import CubicSpline
 
 from friction_fmus.blocks.axis_units import LINEAR, SLIDING, AxisUnits, Words
 from friction_fmus.errors import RecordError
+from friction_fmus.identification.data.column_headings import guess_mapping
 from friction_fmus.identification.data.formats import read_table
-from friction_fmus.identification.data.guessing import guess_mapping
 from friction_fmus.identification.data.mapping import Column, DataMapping, combined_unit, load_mapping, read_mapping
 from friction_fmus.identification.data.record import (
     JITTER,

@@ -15,7 +15,7 @@ from typing import IO, Final
 import numpy as np
 
 from friction_fmus.errors import RecordError
-from friction_fmus.identification.data.guessing import meaning_of
+from friction_fmus.identification.data.column_headings import meaning_of
 from friction_fmus.identification.data.record import Array, Finding, unit_of
 from friction_fmus.identification.data.tables import ChannelGroup, DataTable, on_one_clock
 from harness.storage.files import LARGEST_DATA

@@ -18,7 +18,7 @@ from friction_fmus.export.block_fmu import describe_block
 from friction_fmus.fmi.portrait.bench import Bench as PortraitBench
 from friction_fmus.fmi.portrait.bench import Curve, Panel, Session, Vector
 from friction_fmus.fmi.portrait.experiments import elastic_reach, experiment, friction_panels, speed_scale
-from friction_fmus.live.further import BEGIN, FURTHER, idle
+from friction_fmus.live.further_figures import BEGIN, FURTHER, idle
 from harness.errors import HarnessError
 from harness.parts.fmu import FmuPart
 
