@@ -115,7 +115,8 @@ _FLAGS: Final = (
     "providesDirectionalDerivative",
 )
 _PROGRAM: Final = (
-    "import sys; sys.path.append({folder!r}); from probes import lifecycle, stepping, events, fmi3_features, surroundings; "
+    "import sys; sys.path.append({folder!r}); "
+    "from probes import lifecycle, stepping, events, fmi3_features, surroundings; "
     "from probes.probe_process import main; main({place!r}, {names!r})"
 )
 _DEBUG: Final = "run this call in a debugger"

@@ -74,11 +74,11 @@ def test_a_damaged_fmu_is_built_again(used: Path, tmp_path: Path, damage: str) -
 def test_a_damaged_library_is_compiled_again(used: Path, tmp_path: Path, damage: str) -> None:
     good = (used / "out" / "Coulomb.fmu").read_bytes()
     library = only(used / "libraries", "Coulomb-*.so")
-    content = engine_library.read_bytes()
-    engine_library.write_bytes(DAMAGES[damage](content))
+    content = library.read_bytes()
+    library.write_bytes(DAMAGES[damage](content))
     only(used, "Coulomb-*.fmu").unlink()
     assert build("Coulomb", tmp_path).read_bytes() == good
-    assert engine_library.read_bytes() == content
+    assert library.read_bytes() == content
 
 
 @nightly
@@ -142,7 +142,7 @@ def segment_ends(path: Path) -> list[int]:
         binary = lief.PE.parse(str(path))
         return [s.offset + s.size for s in binary.sections]
     library = lief.ELF.parse(str(path))
-    return [s.file_offset + s.physical_size for s in engine_library.segments if s.type == lief.ELF.Segment.TYPE.LOAD]
+    return [s.file_offset + s.physical_size for s in library.segments if s.type == lief.ELF.Segment.TYPE.LOAD]
 
 
 LOAD = """
