@@ -38,7 +38,7 @@ from friction_fmus.lawkit.law import Kind, Law
 from friction_fmus.lawkit.parts import variables
 from friction_fmus.lawkit.parts.expressions import clip, filled
 from friction_fmus.lawkit.quantities import FORCE, LENGTH, NO_UNIT, VELOCITY, Unit
-from harness.storage.toml_file import Table, read_table
+from harness.storage.toml_file import TomlTable, read_table
 from harness.values import finite, flag, text
 
 LOOP_FILE: Final = "loop.toml"
@@ -117,7 +117,7 @@ def read_loop(path: Path) -> LoopFile:
             f"out/recommended/{LOOP_FILE}, which the study writes if it recommends a compensation"
         )
     content.known(("loop", *LAWS, "table"), "table")
-    tables = {name: Table(value, f"{path}, [{name}],", FrictionError) for name, value in content.content.items()}
+    tables = {name: TomlTable(value, f"{path}, [{name}],", FrictionError) for name, value in content.content.items()}
     for name in ("loop", "servo"):
         if name not in tables:
             raise FrictionError(f"{path} has no table [{name}]; add it")
@@ -165,7 +165,7 @@ def loop_text(loop: LoopFile, heading: str) -> str:
     return f"# {heading}\n# C code: friction-fmus codegen {loop.path.name} -o c\n\n{tomli_w.dumps(content)}"
 
 
-def _position_map(table: Table) -> PositionMap:
+def _position_map(table: TomlTable) -> PositionMap:
     table.known(("begin", "spacing", "periodic", "v_sign", *_COLUMNS))
     begin, spacing, v_sign = (_finite(table, key) for key in ("begin", "spacing", "v_sign"))
     periodic = table.take("periodic", flag, "true or false")
@@ -173,18 +173,19 @@ def _position_map(table: Table) -> PositionMap:
     return PositionMap(Grid(begin, spacing, len(cogging), periodic), cogging, friction, v_sign)
 
 
-def _numbers(table: Table, key: str) -> tuple[float, ...]:
+def _numbers(table: TomlTable, key: str) -> tuple[float, ...]:
     values = table.take(key, lambda value: value if isinstance(value, list) else None, "a list of numbers")
     elements = {f"{key}[{i}]": value for i, value in enumerate(values, start=1)}
-    return tuple(_finite(Table(elements, table.where, table.error), element) for element in elements)
+    return tuple(_finite(TomlTable(elements, table.where, table.error), element) for element in elements)
 
 
-def _law_table(table: Table, name: str) -> LoopLaw:
+def _law_table(table: TomlTable, name: str) -> LoopLaw:
     table.known(("law", "parameters", "connections", *(("output", "factor") if name != "servo" else ())))
     law = table.take("law", text, "the name of a law")
     output = table.take("output", text, "the name of an output of the law", "u")
     parameters, connections = (
-        Table(table.content.get(key, {}), f"{table.where} {key},", table.error) for key in ("parameters", "connections")
+        TomlTable(table.content.get(key, {}), f"{table.where} {key},", table.error)
+        for key in ("parameters", "connections")
     )
     for own, kind in ((parameters, bool), (connections, str)):
         for key, value in own.content.items():
@@ -194,7 +195,7 @@ def _law_table(table: Table, name: str) -> LoopLaw:
     return LoopLaw(law, parameters.content, connections.content, output, factor)
 
 
-def _finite(table: Table, key: str) -> float:
+def _finite(table: TomlTable, key: str) -> float:
     return table.take(key, finite, "a finite number")
 
 

@@ -324,7 +324,7 @@ def residual_plots(study: StudyResult) -> list[Plot]:
 
 
 @dataclass(frozen=True)
-class Score:
+class ScoreRow:
     """Formatted scores of a model."""
 
     validation: str
@@ -337,7 +337,7 @@ class Score:
     """Residuals of the co-simulated servo, by signal."""
 
 
-def scores(models: Sequence[ModelResult]) -> dict[str, Score]:
+def scores(models: Sequence[ModelResult]) -> dict[str, ScoreRow]:
     """Return the scores of the identified models, by name."""
     lowest: dict[tuple[str, tuple[str, str]], float] = {}
     for row in models:
@@ -350,7 +350,7 @@ def scores(models: Sequence[ModelResult]) -> dict[str, Score]:
         return number(None) if value is None else f"{value - lowest[name, _fitted(row)]:.0f}"
 
     return {
-        row.name: Score(
+        row.name: ScoreRow(
             _percent(row.validation),
             _percent(row.train),
             above(row, "aic", row.aic),

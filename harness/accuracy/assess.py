@@ -16,7 +16,7 @@ from harness.accuracy.error_estimate import (
     NOTHING,
     REMEMBERED,
     VERDICTS,
-    Estimate,
+    ErrorEstimate,
     Track,
     compare,
     converge,
@@ -44,7 +44,9 @@ SHORTEST: Final = 4096
 """Largest quotient of the present and the suggested step: beyond it, the observed order says nothing."""
 
 
-def suggested_step(found: Sequence[Estimate], experiment: Experiment, required: float, floor: float) -> float | None:
+def suggested_step(
+    found: Sequence[ErrorEstimate], experiment: Experiment, required: float, floor: float
+) -> float | None:
     """Return the step with which all variables have the required accuracy [s].
 
     It is the present step over a whole number, so that sampled parts keep their sample times.
@@ -208,7 +210,7 @@ def check_required(required: float) -> None:
         raise ExperimentError(f"the required accuracy is {required}: give a number from 1e-12 to below 1, such as 1e-3")
 
 
-def _unbounded(estimate: Estimate) -> dict[str, Any]:
+def _unbounded(estimate: ErrorEstimate) -> dict[str, Any]:
     """Return the bound of a result that is known to be wrong, which other steps cannot tell."""
     return {"bound": unbounded(len(estimate.bound)), "relative": np.inf, "shift": 0.0}
 
@@ -224,7 +226,7 @@ def _nominal(system: Assembly, wire: Wire) -> float:
     return find_port(system.parts, wire.source, "connection").nominal
 
 
-def _attach(result: Result, name: str, one: Estimate) -> tuple[str, NDArray[np.float32], dict[str, str]]:
+def _attach(result: Result, name: str, one: ErrorEstimate) -> tuple[str, NDArray[np.float32], dict[str, str]]:
     """Attach its error to a variable of a result, and return the companion with the bound."""
     variable = result[name]
     variable.attrs |= {"relative_error": one.relative, "observed_order": one.convergence.order}
@@ -241,7 +243,7 @@ def _attach(result: Result, name: str, one: Estimate) -> tuple[str, NDArray[np.f
 
 def _conclusions(
     system: Assembly,
-    found: Mapping[str, Estimate],
+    found: Mapping[str, ErrorEstimate],
     experiment: Experiment,
     required: float,
     floor: float,

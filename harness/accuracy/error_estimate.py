@@ -318,7 +318,7 @@ class Track:
 
 
 @dataclass(frozen=True)
-class Estimate:
+class ErrorEstimate:
     """The error of a variable."""
 
     bound: NDArray[np.float32]
@@ -347,12 +347,12 @@ class Estimate:
         return max(self.relative, self.relative_shift)
 
 
-def estimate(tracks: Sequence[Track], *, most: float, noise: float, nominal: float, required: float) -> Estimate:
+def estimate(tracks: Sequence[Track], *, most: float, noise: float, nominal: float, required: float) -> ErrorEstimate:
     """Return the error of a variable of the first run."""
     own = tracks[0]
     if not all(np.abs(track.values).max() < LARGEST for track in tracks):
         never = Convergence(math.nan, math.inf, math.nan)
-        return Estimate(unbounded(len(own.values)), np.inf, 0.0, 0.0, never, "not resolved")
+        return ErrorEstimate(unbounded(len(own.values)), np.inf, 0.0, 0.0, never, "not resolved")
     size = max(size_of(own.values), NOTHING * nominal)
     floor, finer = noise * size, tracks[1].ratio < 1
     pairs = [*pairwise(tracks)]
@@ -372,7 +372,7 @@ def estimate(tracks: Sequence[Track], *, most: float, noise: float, nominal: flo
     return replace(found, verdict="not resolved")
 
 
-def compare(one: Estimate, own: Track, other: Track, *, nominal: float, required: float) -> Estimate:
+def compare(one: ErrorEstimate, own: Track, other: Track, *, nominal: float, required: float) -> ErrorEstimate:
     """Return the estimate, raised to the difference to a run of another master where that exceeds what is required.
 
     A mass that swings several times within each step follows the held force of its contact at any such step: its runs
@@ -434,7 +434,7 @@ def _spread(bounds: Values, many: int, rows: int) -> NDArray[np.float32]:
 
 def _at_equal_times(
     own: Track, pairs: Sequence[tuple[Track, Track]], most: float, size: float, floor: float, *, finer: bool
-) -> Estimate:
+) -> ErrorEstimate:
     """Return the estimate from differences at equal times."""
     differences = []
     for a, b in pairs:
@@ -445,12 +445,12 @@ def _at_equal_times(
     convergence = converge(near, far, most, size, floor, finer=finer)
     many, upper = _upper(near, far, convergence, floor)
     bound = _spread(upper, many * every, len(own.values))
-    return Estimate(bound, float(np.max(upper)) / size, 0.0, 0.0, convergence, "right")
+    return ErrorEstimate(bound, float(np.max(upper)) / size, 0.0, 0.0, convergence, "right")
 
 
 def _at_events(
     own: Track, pairs: Sequence[tuple[Track, Track]], most: float, size: float, floor: float, *, finer: bool
-) -> Estimate | None:
+) -> ErrorEstimate | None:
     """Return the estimate from differences at corresponding events, or None if there are none."""
     found: list[tuple[Alignment, Values]] = []
     for a, b in pairs:
@@ -473,4 +473,4 @@ def _at_events(
     bound = _spread(upper, many, len(own.values))
     shift = float(np.max(_upper(shifts[0], shifts[1], late, own.row)[1]))
     worse = late if not late.resolved or (sizes.resolved and late.expected < sizes.expected) else sizes
-    return Estimate(bound, float(np.max(upper)) / size, shift, shift / events.interval, worse, "right")
+    return ErrorEstimate(bound, float(np.max(upper)) / size, shift, shift / events.interval, worse, "right")

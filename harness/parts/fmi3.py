@@ -75,7 +75,7 @@ class _State(ctypes.Structure):
     _fields_ = (("state", _POINTER), ("next", _REAL), ("pending", _INT))
 
 
-class Calls:
+class Fmi2Functions:
     """The functions of FMI 2.0 by name, over those of FMI 3.0; each takes the address of the adapter first."""
 
     def __init__(self, raw: Any, adapter: Adapter, flat: Flat) -> None:
@@ -333,7 +333,7 @@ class Instance3(Instance):
         self.inner = made
         self._adapter = self._adapt(made)
         self.component = ctypes.addressof(self._adapter)
-        self._own = Calls(self._raw, self._adapter, flat)
+        self._own = Fmi2Functions(self._raw, self._adapter, flat)
 
     def function(self, name: str) -> Callable[..., Any]:
         """Return the function that stands for the one of FMI 2.0."""
