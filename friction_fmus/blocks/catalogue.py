@@ -14,7 +14,7 @@ from friction_fmus.blocks.axis_units import SLIDING, TURNING, Words
 from friction_fmus.blocks.block_declarations import About, about_c_block, cited
 from friction_fmus.blocks.customise import with_long_arrays
 from friction_fmus.blocks.law_summaries import law_paths, read_headings
-from friction_fmus.errors import FrictionError, UnknownNameError, nearest
+from friction_fmus.errors import FrictionError, UnknownNameError, did_you_mean
 from harness.extras import require
 from harness.storage.files import read_source, reason
 
@@ -291,7 +291,7 @@ def find(model: str | Path) -> Block:
     path = Path(model)
     if path.suffix not in (".c", ".py"):
         raise UnknownNameError(
-            f"There is no model {str(model)!r}{nearest(str(model), known)} (`friction-fmus list` lists all models)"
+            f"There is no model {str(model)!r}{did_you_mean(str(model), known)} (`friction-fmus list` lists all models)"
         )
     if not path.is_file():
         raise UnknownNameError(

@@ -36,7 +36,7 @@ from friction_fmus.check.description import (
 from friction_fmus.check.findings import DESCRIPTION, RULES, Finding, Rule, apply, declare
 from friction_fmus.check.fmi2_rules import examine_side_files
 from friction_fmus.check.fmi3_rules import Model3
-from friction_fmus.errors import FrictionError, UnknownNameError, nearest
+from friction_fmus.errors import FrictionError, UnknownNameError, did_you_mean
 from harness.errors import HarnessError
 from harness.parts.archive import parse_description
 from harness.ssp.package import SSD_NAME
@@ -82,7 +82,7 @@ def check(
     """
     for name in ignore:
         if name not in RULES:
-            raise UnknownNameError(f"there is no rule {name!r}{nearest(name, RULES)}; `check --rules` lists them")
+            raise UnknownNameError(f"there is no rule {name!r}{did_you_mean(name, RULES)}; `check --rules` lists them")
     if not time_limit > 0.0:
         raise FrictionError(f"the time limit is {time_limit} s; give a positive number of seconds")
     try:

@@ -22,17 +22,17 @@ from friction_fmus.blocks.axis_units import words_of
 from friction_fmus.blocks.catalogue import find
 from friction_fmus.codegen.composition import Composition
 from friction_fmus.codegen.laws import law_of, start_values
-from friction_fmus.errors import FrictionError, UnknownNameError, nearest
+from friction_fmus.errors import FrictionError, UnknownNameError, did_you_mean
 from friction_fmus.lawkit.declarations import (
     PARAMETERS,
     VECTORS,
     Command,
     Input,
+    LawVariable,
     Output,
     Parameter,
     SampleTime,
     State,
-    Variable,
 )
 from friction_fmus.lawkit.law import Kind, Law
 from friction_fmus.lawkit.parts import variables
@@ -239,7 +239,7 @@ class _Loop:
         self._words = words_of(loop.rotary)
         self._equations: list[str] = []
         self._sections: dict[str, str] = {}
-        self._outputs: list[tuple[Variable, SX]] = []
+        self._outputs: list[tuple[LawVariable, SX]] = []
         # all inputs first, in the order of the members of the struct; those without effect are omitted later
         inputs = {name: variable for name, variable in SIGNALS.items() if name != "v" or not loop.window}
         self._signals = {name: self._declared(name, variable) for name, variable in inputs.items()}
@@ -289,7 +289,7 @@ class _Loop:
         self._parts.result(state, force)
         return f"{seen[0]} - {state}", seen[1] - last
 
-    def _declared(self, name: str, variable: Variable) -> SX:
+    def _declared(self, name: str, variable: LawVariable) -> SX:
         (symbol,) = self._parts.declare(_named(name, variable))
         return symbol
 
@@ -337,7 +337,7 @@ class _Loop:
                 found[name] = (f"{name}, or {place} while track is true", if_else(track, value, self._signals[name]))
         return found
 
-    def _signal(self, name: str, variable: Variable) -> SX:
+    def _signal(self, name: str, variable: LawVariable) -> SX:
         """Return an input of the loop, which is declared at its first use."""
         if name not in self._signals:
             self._signals[name] = self._declared(name, variable)
@@ -396,16 +396,18 @@ class _Loop:
             if each not in choices:
                 raise FrictionError(
                     f"{self._where(name)} connects {each}, but {law} has no such input to connect"
-                    f"{nearest(each, choices)}; choose from {', '.join(choices)}"
+                    f"{did_you_mean(each, choices)}; choose from {', '.join(choices)}"
                 )
 
-    def _value(self, name: str, variable: Variable, given: float | str | None, computed: Mapping[str, Named]) -> Named:
+    def _value(
+        self, name: str, variable: LawVariable, given: float | str | None, computed: Mapping[str, Named]
+    ) -> Named:
         """Return an input of a law: as given, computed, connected by its name, constant, or a new input of the loop."""
         if isinstance(given, str) and given != variable.name:
             if given not in self._signals:
                 raise FrictionError(
                     f"{self._where(name)} connects {variable.name} to {given!r}, which is not an input of the loop"
-                    f"{nearest(given, self._signals)}; choose from {', '.join(self._signals)}, or give a number"
+                    f"{did_you_mean(given, self._signals)}; choose from {', '.join(self._signals)}, or give a number"
                 )
             return given, self._signals[given]
         if isinstance(given, float | int):
@@ -459,7 +461,7 @@ def _law(loop: LoopFile, name: str) -> Law:
         known = [v.name for v in law.select(*PARAMETERS) if v.kind is not Kind.SAMPLE_TIME]
         for parameter in entry.parameters:
             if parameter.partition("[")[0] not in known:
-                raise UnknownNameError(f"{law.name} has no parameter {parameter!r}{nearest(parameter, known)}")
+                raise UnknownNameError(f"{law.name} has no parameter {parameter!r}{did_you_mean(parameter, known)}")
         values = start_values(law, {**entry.parameters, "Ts": loop.Ts})
     except FrictionError as error:
         raise FrictionError(f"{where}: {error}") from error
@@ -467,7 +469,7 @@ def _law(loop: LoopFile, name: str) -> Law:
     return replace(law, variables=tuple(replace(v, start=starts.get(v.name, v.start)) for v in law.variables))
 
 
-def _named(name: str, variable: Variable) -> Variable:
+def _named(name: str, variable: LawVariable) -> LawVariable:
     return replace(variable, name=name)
 
 
@@ -475,12 +477,12 @@ def _inputs(law: Law) -> list[str]:
     return [variable.name for variable in law.select(*INPUTS)]
 
 
-def _input(law: Law, name: str) -> Variable:
+def _input(law: Law, name: str) -> LawVariable:
     """Return an input of a law."""
     return next(variable for variable in law.select(*INPUTS) if variable.name == name)
 
 
-def _output(law: Law, name: str) -> Variable:
+def _output(law: Law, name: str) -> LawVariable:
     """Return an output of a law."""
     return next(variable for variable in law.select(Kind.OUTPUT) if variable.name == name)
 

@@ -16,7 +16,7 @@ from friction_fmus.blocks.loop_role import InLoop, Loop
 from friction_fmus.conditions import SampledLaw
 from friction_fmus.doctor import rules
 from friction_fmus.doctor.examined_axis import Gains, LawProperties, Rule, Values
-from friction_fmus.errors import FrictionError, nearest
+from friction_fmus.errors import FrictionError, did_you_mean
 from friction_fmus.lawkit.law import Kind, Law
 from friction_fmus.lawkit.law_files import discover_laws
 
@@ -175,5 +175,5 @@ def _linear(name: str, loop: Loop) -> Callable[[Values, float], SampledLaw] | No
 
 def _named(name: str, known: Mapping[str, Named], what: str) -> Named:
     if name not in known:
-        raise FrictionError(f"There is no {name!r}, {what}{nearest(name, known)}")
+        raise FrictionError(f"There is no {name!r}, {what}{did_you_mean(name, known)}")
     return known[name]

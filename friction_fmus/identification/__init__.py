@@ -10,7 +10,7 @@ if TYPE_CHECKING:
     from friction_fmus.identification.data.excitation import examine, examine_segments
     from friction_fmus.identification.data.mapping import DataMapping, load_mapping, read_mapping, read_windows
     from friction_fmus.identification.data.reading import Measurement, read_measurement, read_records
-    from friction_fmus.identification.data.record import Array, Finding, Record, RecordWarning
+    from friction_fmus.identification.data.record import Array, Record, RecordFinding, RecordWarning
     from friction_fmus.identification.fit.contact_model import identifiable
     from friction_fmus.identification.fit.estimate import Estimate
     from friction_fmus.identification.fit.grid import HysteresisGrid, identify_hysteresis
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
         Mapper,
         OutputErrorFit,
         Simulator,
-        Target,
+        TargetSignal,
         Unknown,
         fit_output_error,
     )
@@ -45,7 +45,7 @@ else:
             "friction_fmus.errors": ["ExcitationError", "FitError", "IdentificationError", "RecordError"],
             "friction_fmus.identification.fit.estimate": ["Estimate"],
             "friction_fmus.identification.data.excitation": ["examine", "examine_segments"],
-            "friction_fmus.identification.data.record": ["Finding", "RecordWarning", "Array", "Record"],
+            "friction_fmus.identification.data.record": ["RecordFinding", "RecordWarning", "Array", "Record"],
             "friction_fmus.blocks.axis_units": ["LINEAR", "ROTARY", "AxisUnits"],
             "friction_fmus.identification.fit.grid": ["HysteresisGrid", "identify_hysteresis"],
             "friction_fmus.identification.identifying": ["identify"],
@@ -70,7 +70,7 @@ else:
                 "Mapper",
                 "OutputErrorFit",
                 "Simulator",
-                "Target",
+                "TargetSignal",
                 "Unknown",
                 "fit_output_error",
             ],
@@ -96,7 +96,6 @@ __all__ = [
     "DataMapping",
     "Estimate",
     "ExcitationError",
-    "Finding",
     "FitError",
     "HysteresisGrid",
     "Identification",
@@ -113,11 +112,12 @@ __all__ = [
     "PreslidingFit",
     "Record",
     "RecordError",
+    "RecordFinding",
     "RecordWarning",
     "ResidualTable",
     "Score",
     "Simulator",
-    "Target",
+    "TargetSignal",
     "Unknown",
     "compare_models",
     "decimate",

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from friction_fmus.axis.servo import GAINS, Servo
-from friction_fmus.errors import FrictionError, nearest
+from friction_fmus.errors import FrictionError, did_you_mean
 from friction_fmus.study.study_result import Limits, Weights
 from harness.storage.toml_file import TomlTable, read_table
 from harness.values import finite, flag, texts
@@ -127,7 +127,7 @@ def load_config(what: str | Path) -> StudyConfig:
     known = str(what) in RECORDS
     path = Path(__file__).with_name("axes") / f"{what}.toml" if known else Path(what)
     if not path.is_file():
-        hint = nearest(str(what), RECORDS)
+        hint = did_you_mean(str(what), RECORDS)
         choice = ", ".join(RECORDS)
         raise ConfigError(
             f"There is no file {what}{hint}; give the path of a data file or of a configuration, or one of {choice}."

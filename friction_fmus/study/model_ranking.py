@@ -25,7 +25,7 @@ from friction_fmus.identification import (
     InverseModelFit,
     Record,
     Score,
-    Target,
+    TargetSignal,
     Unknown,
     filtered_motion,
     fit_output_error,
@@ -396,7 +396,7 @@ def refine(
             moved = {"axis.m": values["M"], **constant_force(found.plant, -values.get("OF", found.offset))}
             return {"q": run_loop(system.with_start({**own, **moved})).q}
 
-        target = Target(measured.q[:last], 1e-6 if found.error is None else max(found.error, 1e-12), first)
+        target = TargetSignal(measured.q[:last], 1e-6 if found.error is None else max(found.error, 1e-12), first)
         try:
             lag = max(1, round(0.2 / measured.servo.Ts))
             # the differences are coarse: with those of the first point, the solution depends on it by some 0.3 %

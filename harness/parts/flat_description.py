@@ -27,7 +27,7 @@ TYPES: Final = (
     "UInt64",
     "Boolean",
 )
-"""Types of FMI 3.0 in the order of ``Type3`` of fmi3.h; an Enumeration is an Int64."""
+"""Types of FMI 3.0 in the order of ``Type3`` of fmi3_numbers.h; an Enumeration is an Int64."""
 
 _PORT: Final[Mapping[str, str]] = MappingProxyType(
     {

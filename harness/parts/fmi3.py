@@ -1,4 +1,4 @@
-"""FMUs of FMI 3.0 behind the functions of FMI 2.0, which everything else in the harness calls; the C is in fmi3.h."""
+"""FMUs of FMI 3.0 behind the functions of FMI 2.0 that the rest of the harness calls; the C is in fmi3_adapter.h."""
 
 from __future__ import annotations
 
@@ -36,22 +36,22 @@ ADAPTED: Final[Mapping[str, str]] = MappingProxyType(
 
 
 @mirrors("Variable3")
-class Variable(ctypes.Structure):
-    """``Variable3`` of fmi3.h."""
+class EngineVariable(ctypes.Structure):
+    """``Variable3`` of fmi3_adapter.h."""
 
     _fields_ = (("reference", ctypes.c_uint32), ("type", ctypes.c_int32), ("first", _INT), ("count", _INT))
 
 
 @mirrors("Clock3")
 class Clock(ctypes.Structure):
-    """``Clock3`` of fmi3.h."""
+    """``Clock3`` of fmi3_adapter.h."""
 
     _fields_ = (("reference", ctypes.c_uint32), ("interval", _REAL), ("shift", _REAL))
 
 
 @mirrors("Fmi3")
 class Adapter(ctypes.Structure):
-    """``Fmi3`` of fmi3.h."""
+    """``Fmi3`` of fmi3_adapter.h."""
 
     _fields_ = (
         ("instance", _POINTER),
@@ -70,7 +70,7 @@ class Adapter(ctypes.Structure):
 
 @mirrors("State3")
 class _State(ctypes.Structure):
-    """``State3`` of fmi3.h."""
+    """``State3`` of fmi3_adapter.h."""
 
     _fields_ = (("state", _POINTER), ("next", _REAL), ("pending", _INT))
 
@@ -235,7 +235,7 @@ _REASONS: Final[Mapping[int, str]] = MappingProxyType(
         104: "it ended the step early, which was not allowed",
     }
 )
-"""Reasons for a failure of fmi3.h, and for a status of part.h."""
+"""Reasons for a failure of fmi3_adapter.h, and for a status of part.h."""
 
 _OF_STEPS: Final = (103, 104)
 """Those of them that are the status of a step."""
@@ -350,7 +350,7 @@ class Instance3(Instance):
         self._clocks = (Clock * max(len(flat.clocks), 1))()
         for place, clock in zip(self._clocks, flat.clocks, strict=False):
             place.reference = clock.valueReference
-        self._rows = (Variable * max(len(rows), 1))(*(Variable(*row) for row in rows))
+        self._rows = (EngineVariable * max(len(rows), 1))(*(EngineVariable(*row) for row in rows))
         self._kept: dict[str, np.ndarray[Any, Any]] = {
             "variable_of": of_element,
             "values": np.array(flat.starts or (0.0,)),

@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 
 from friction_fmus.export.composite.composite_description import provides_derivatives
 from friction_fmus.export.composite.composite_interface import (
+    CompositeVariable,
     InputsPart,
     OpenSystem,
     PartCode,
-    Variable,
     exchange_fault,
     states,
 )
@@ -75,7 +75,7 @@ def table_file(
     plan: Plan,
     start: StartOrder,
     codes: Mapping[str, PartCode],
-    variables: Sequence[Variable],
+    variables: Sequence[CompositeVariable],
     error: float,
     tolerance: float,
     step_tolerance: float,
@@ -125,7 +125,7 @@ class _Writer:
         loops: Loops,
         start: StartOrder,
         codes: Mapping[str, PartCode],
-        variables: Sequence[Variable],
+        variables: Sequence[CompositeVariable],
     ) -> None:
         self._system, self._plan, self._loops, self._start = system, plan, loops, start
         self._codes, self._variables = codes, variables

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from friction_fmus.blocks.catalogue import Block
-from friction_fmus.blocks.probe import INPUT, OUTPUT, REAL, STATE_OUTPUT, BlockVariables, Variable
+from friction_fmus.blocks.probe import INPUT, OUTPUT, REAL, STATE_OUTPUT, BlockVariable, BlockVariables
 from harness.parts.fmu import FmuPart
 
 Vector = NDArray[np.floating[Any]]
@@ -64,7 +64,7 @@ class Bench:
         self._part = part
         self.kind: Callable[..., BenchRun] = BenchRun
         self.values: Mapping[str, float] = {}
-        self.variables: dict[str, Variable] = {v.name: v for v in description.variables}
+        self.variables: dict[str, BlockVariable] = {v.name: v for v in description.variables}
         inputs = sorted((v for v in description.variables if v.role == INPUT), key=lambda v: v.type)
         self._starts = {v.name: v.start for v in inputs}
         self.inputs = tuple(v.name for v in description.variables if v.role == INPUT and v.type == REAL)
