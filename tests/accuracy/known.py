@@ -17,7 +17,7 @@ from scipy.linalg import expm
 from scipy.ndimage import maximum_filter1d, minimum_filter1d
 
 from friction_fmus import catalogue, fmu
-from friction_fmus.cli.sweep_inputs import open_system
+from friction_fmus.cli.inputs import open_system
 from harness import FmuPart, Result, SeriesPart, System, Wire
 from harness.compiling.toolchain import compiler
 

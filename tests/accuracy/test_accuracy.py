@@ -11,7 +11,7 @@ from accuracy.known import decay, driven, free, sampled
 from thorough import nightly, some
 
 from friction_fmus.__main__ import main
-from friction_fmus.cli.sweep_inputs import open_system
+from friction_fmus.cli.inputs import open_system
 from harness import Experiment, ExperimentError, Noise, System, load_result, plot, sweep
 from harness.errors import Interrupted
 

@@ -120,7 +120,7 @@ def test_senseless_options_are_one_sentence(
     capsys: pytest.CaptureFixture[str],
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr("friction_fmus.cli.sweep_inputs.PATIENCE", 0.2)
+    monkeypatch.setattr("friction_fmus.cli.inputs.PATIENCE", 0.2)
     assert main(["sweep", str(system), "-o", str(system.parent / "out"), *arguments]) == 2
     captured = capsys.readouterr()
     assert message in captured.err

@@ -18,7 +18,7 @@ from thorough import nightly, some
 
 from friction_fmus import fmu
 from friction_fmus.check import check
-from friction_fmus.cli.sweep_inputs import open_system
+from friction_fmus.cli.inputs import open_system
 from harness import Experiment, FmuPart, System
 from harness.compiling.toolchain import header_folder
 from harness.errors import BuildError

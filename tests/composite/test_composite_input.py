@@ -14,7 +14,7 @@ import pytest
 from thorough import nightly
 
 from friction_fmus import fmu
-from friction_fmus.cli.sweep_inputs import open_system
+from friction_fmus.cli.inputs import open_system
 from harness import Bias, CallablePart, Experiment, FmuPart, HarnessError, System
 
 EXAMPLES = Path(__file__).parents[2] / "examples"

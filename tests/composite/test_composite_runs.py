@@ -23,7 +23,7 @@ from shell.selection import COMPOSITES
 from thorough import nightly, some
 
 from friction_fmus import build, fmu
-from friction_fmus.cli.sweep_inputs import open_system
+from friction_fmus.cli.inputs import open_system
 from harness import Experiment, FmuPart, SeriesPart, System, Wire
 
 EXAMPLES = Path(__file__).parents[2] / "examples"

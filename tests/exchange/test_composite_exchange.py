@@ -15,7 +15,7 @@ from shell.instance import MODEL_EXCHANGE, Instance, load
 from thorough import nightly, some
 
 from friction_fmus import fmu
-from friction_fmus.cli.sweep_inputs import open_system
+from friction_fmus.cli.inputs import open_system
 from harness import FmuPart, SeriesPart, System, Wire
 
 EXAMPLES = Path(__file__).parents[2] / "examples"

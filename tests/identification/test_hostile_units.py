@@ -183,7 +183,7 @@ def test_pint_parses_in_one_place_only() -> None:
             if any(name.split(".")[0] == "pint" for name in names):
                 found.add(file.relative_to(ROOT).as_posix())
     assert found == {"friction_fmus/fmi/block_units.py"}
-    text = (ROOT / "friction_fmus" / "fmi" / "units.py").read_text(encoding="utf-8")
+    text = (ROOT / "friction_fmus" / "fmi" / "block_units.py").read_text(encoding="utf-8")
     (parsing,) = (
         node for node in ast.walk(ast.parse(text)) if isinstance(node, ast.FunctionDef) and node.name == "_parsed"
     )

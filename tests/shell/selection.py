@@ -14,7 +14,7 @@ from thorough import some
 
 from friction_fmus import build, catalogue
 from friction_fmus.blocks.customise import Start
-from friction_fmus.cli.sweep_inputs import open_system
+from friction_fmus.cli.inputs import open_system
 
 SHELL_BLOCKS = (
     "Karnopp",  # no state

@@ -19,7 +19,7 @@ from hypothesis import strategies as st
 from shell.instance import Instance, load
 from thorough import nightly
 
-from friction_fmus.cli.sweep_inputs import open_system
+from friction_fmus.cli.inputs import open_system
 from harness import FmuPart, System
 from harness.compiling.platforms import PLATFORMS
 

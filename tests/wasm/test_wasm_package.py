@@ -17,8 +17,8 @@ from thorough import nightly, some
 from wasm.engines import ENGINES, node, run_in
 
 from friction_fmus import build, fmu
+from friction_fmus.cli.inputs import open_system
 from friction_fmus.cli.main import main
-from friction_fmus.cli.sweep_inputs import open_system
 from friction_fmus.export.block_fmu import block_source
 from friction_fmus.export.targets.wasm.npm_package import class_script, imports, wasm_model
 from harness.errors import BuildError, OutputError

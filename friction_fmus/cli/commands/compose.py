@@ -25,7 +25,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> None:
     """Write the FMU and print its path."""
-    from friction_fmus.cli.sweep_inputs import open_system
+    from friction_fmus.cli.inputs import open_system
     from harness.masters import best_first
 
     with open_system(options.system, open_inputs=True) as system:

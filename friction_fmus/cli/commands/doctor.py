@@ -34,7 +34,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> int:
     """Examine the system and print the findings."""
     from friction_fmus.cli.console import console
-    from friction_fmus.cli.sweep_inputs import open_system
+    from friction_fmus.cli.inputs import open_system
     from friction_fmus.doctor import axes, examine, unknown_parts
 
     with open_system(options.system) as opened:

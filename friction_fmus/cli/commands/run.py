@@ -47,7 +47,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> int:
     """Run the system and write the result."""
     from friction_fmus.cli.console import RunBar, console, progress_bar
-    from friction_fmus.cli.sweep_inputs import open_system
+    from friction_fmus.cli.inputs import open_system
     from harness.engine.defect import inaccurate
 
     if options.output.suffix.lower() not in FORMATS:

@@ -49,8 +49,8 @@ def run(options: argparse.Namespace) -> int:
         return 0
     require("plotly")
     from friction_fmus.cli.console import RunBar, console, progress_bar
+    from friction_fmus.cli.inputs import connect
     from friction_fmus.cli.study_tables import show_study
-    from friction_fmus.cli.sweep_inputs import connect
     from friction_fmus.study.settings_file import SETTINGS_FILE
     from friction_fmus.study.steps import clear_cache
     from friction_fmus.study.study import run_study

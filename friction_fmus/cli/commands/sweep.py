@@ -64,7 +64,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> int:
     """Run the sweep, and print the first results and the folder."""
     from friction_fmus.cli.console import console
-    from friction_fmus.cli.sweep_inputs import connect, open_system, parameter_sets
+    from friction_fmus.cli.inputs import connect, open_system, parameter_sets
     from friction_fmus.cli.sweep_table import SweepBar, show_sweep, sweep_progress
     from harness.engine.defect import WRONG
 
