@@ -188,11 +188,11 @@ def run_with_accuracy(system: Assembly, experiment: Experiment, options: Options
         for name in believed:
             nominal = find_port(system.parts, name, "record").nominal
             found[name] = compare(found[name], tracks(name)[0], newton.track(name), nominal=nominal, required=required)
-    doubtful = any(one.verdict == "not certain" for one in found.values())
+    uncertain = any(one.verdict == "not certain" for one in found.values())
     for name in names:
         bounds[name + BOUND] = _attach(result, name, found[name])
     result = result.assign(bounds)
-    for pair in power_pairs(system.parts, wires) if not doubtful else ():
+    for pair in power_pairs(system.parts, wires) if not uncertain else ():
         each = energy(system.parts, pair, tracks(pair[0].source), tracks(pair[1].source), most, floor.error)
         if pair[0].source in found:
             result[pair[0].source].attrs |= {"energy": each.net, "energy_error": each.error}

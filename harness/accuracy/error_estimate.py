@@ -57,15 +57,15 @@ def crossings(times: Values, values: Values, level: float, band: float) -> tuple
     (turns,) = np.nonzero(sides[ends[1:]] != sides[ends[:-1]])
     if len(turns) > MOST_EVENTS:
         return np.zeros(0), np.zeros(0)
-    ends, ways = ends[turns], sides[ends[turns + 1]]
+    ends, signs = ends[turns], sides[ends[turns + 1]]
     k = np.empty(len(turns), dtype=np.int64)
-    for way, before in ((-1, above > 0.0), (1, above < 0.0)):
+    for direction, before in ((-1, above > 0.0), (1, above < 0.0)):
         rows = np.flatnonzero(before[:-1] & ~before[1:]) + 1
-        mine = ways == way
+        mine = signs == direction
         k[mine] = rows[np.searchsorted(rows, ends[mine], side="right")]
     share = above[k - 1] / (above[k - 1] - above[k])
     found = times[k - 1] + share * (times[k] - times[k - 1])
-    return found, ways.astype(np.float64)
+    return found, signs.astype(np.float64)
 
 
 def align(times: Values, values: Values, other_times: Values, other_values: Values) -> Alignment | None:
@@ -79,8 +79,8 @@ def align(times: Values, values: Values, other_times: Values, other_values: Valu
         level, band = low + share * (high - low), HYSTERESIS * (high - low)
         here, directions = crossings(times, values, level, band)
         there, others = crossings(other_times, other_values, level, band)
-        for way in (1.0, -1.0):
-            ours, theirs = here[directions == way], there[others == way]
+        for direction in (1.0, -1.0):
+            ours, theirs = here[directions == direction], there[others == direction]
             mine, partners = _pairs(ours, theirs)
             if len(mine) < PAIRED * max(len(ours), len(theirs)):
                 continue  # the difference that remains shows it
