@@ -94,8 +94,7 @@ class BuildError(HarnessError):
     """C sources do not compile, or the result cannot be packaged."""
 
 
-ENDED: Final = "it ended the simulation"
-"""Reason for the end of a run that is no failure."""
+ENDED: Final = "it ended the simulation"  # reason for the end of a run that is no failure
 
 
 class PartError(HarnessError):

@@ -29,26 +29,19 @@ from harness.system.plan import Plan
 
 _LOG = logging.getLogger("harness")
 
-LOOK: Final = 0.1
-"""Time between two checks for changed settings of the process [s]."""
+LOOK: Final = 0.1  # time between two checks for changed settings of the process [s]
 
 
 @dataclass(frozen=True)
 class Options:
     """Options of a run in addition to its experiment."""
 
-    taps: Sequence[Tap] = ()
-    """Functions that receive values during the run."""
-    progress: Progress | None = None
-    """Receives reports of progress."""
-    resume: str | Path | None = None
-    """Checkpoint from which the run continues."""
-    checkpoint: str | Path | None = None
-    """File for the state at the end of the run."""
-    pace: float | None = None
-    """Simulated time per wall-clock time; None runs as fast as possible."""
-    events: bool = False
-    """Whether a second row has the values after events at the time of a row."""
+    taps: Sequence[Tap] = ()  # functions that receive values during the run
+    progress: Progress | None = None  # receives reports of progress
+    resume: str | Path | None = None  # checkpoint from which the run continues
+    checkpoint: str | Path | None = None  # file for the state at the end of the run
+    pace: float | None = None  # simulated time per wall-clock time; None runs as fast as possible
+    events: bool = False  # whether a second row has the values after events at the time of a row
 
     def __post_init__(self) -> None:
         """Check the pace."""

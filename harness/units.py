@@ -12,8 +12,7 @@ from harness.errors import UnitError
 BASE_SYMBOLS = ("kg", "m", "s", "A", "K", "mol", "cd", "rad")
 
 
-LARGEST_POWER = 99
-"""Largest exponent of a base unit."""
+LARGEST_POWER = 99  # largest exponent of a base unit
 
 
 @dataclass(frozen=True)
@@ -144,8 +143,7 @@ _PREFIXES = {
     "M": 1e6,
     "G": 1e9,
 }
-LONGEST_UNIT = 100
-"""Largest length of a unit name [characters]."""
+LONGEST_UNIT = 100  # largest length of a unit name [characters]
 
 _LETTER = r"[^\W\d_²³¹⁰⁴-⁹]"  # the module re does not count superscripts as digits
 _POWER = r"[-+]?[0-9]{1,2}(?![0-9])|⁻?[²³¹⁰⁴-⁹]{1,2}(?![²³¹⁰⁴-⁹])"
@@ -153,8 +151,7 @@ _PIECE = re.compile(
     rf"(?P<space>\s*)(?:(?P<symbol>(?:{_LETTER}|[°%])(?:{_LETTER}|_)*|1(?![0-9]))(?P<power>(?:\^|\*\*)?(?:{_POWER}))?"
     rf"|(?P<open>\()|(?P<close>\))(?P<outer>(?:\^|\*\*)(?:{_POWER}))?|(?P<operator>[./*·]))"
 )
-_POWER_WORDS = {"square", "sq", "squared", "cubic", "cubed"}
-"""Words that pint reads as powers."""
+_POWER_WORDS = {"square", "sq", "squared", "cubic", "cubed"}  # words that pint reads as powers
 
 _SUPERSCRIPTS = str.maketrans("⁰¹²³⁴⁵⁶⁷⁸⁹⁻", "0123456789-")
 _TOKEN = re.compile(r"\s*(?:([A-Za-zµμΩ°%]+|1)(?:\^|\*\*)?(-?\d+)?|([./*·()]))")

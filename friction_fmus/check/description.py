@@ -41,8 +41,7 @@ class ListedUnknown:
 
     line: int  # line in the XML
     index: int  # index of the variable, from 1
-    dependencies: tuple[int, ...] | None
-    """Indices of the dependencies. None if the attribute is missing, which means a dependence on all knowns."""
+    dependencies: tuple[int, ...] | None  # indices; None if the attribute is missing: it depends on all knowns
     kinds: tuple[str, ...] | None  # the attribute dependenciesKind
 
 
@@ -126,8 +125,7 @@ class DescribedModel:
     """What modelDescription.xml has in both versions of FMI."""
 
     kinds: ClassVar[tuple[str, ...]] = ("CoSimulation", "ModelExchange")
-    root: etree._Element
-    """The element fmiModelDescription."""
+    root: etree._Element  # the element fmiModelDescription
 
     @cached_property
     def interfaces(self) -> list[etree._Element]:

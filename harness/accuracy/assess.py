@@ -37,11 +37,9 @@ from harness.system.experiment import Experiment
 from harness.system.graph import find_port, recorded_names
 from harness.system.wire import Wire, wire_map
 
-MARGIN: Final = 0.8
-"""Share of the required accuracy at which a suggestion aims."""
+MARGIN: Final = 0.8  # share of the required accuracy at which a suggestion aims
 
-SHORTEST: Final = 4096
-"""Largest quotient of the present and the suggested step: beyond it, the observed order says nothing."""
+SHORTEST: Final = 4096  # largest quotient of present and suggested step: beyond, the order says nothing
 
 
 def suggested_step(found: Sequence[Estimate], experiment: Experiment, required: float, floor: float) -> float | None:
@@ -72,8 +70,7 @@ class Energy:
     net: float
     passed: float
     """Integral of the power and of its magnitude [J]."""
-    error: float
-    """Bound of the error of the net energy at any time [J]."""
+    error: float  # bound of the error of the net energy at any time [J]
 
     @property
     def relative(self) -> float:
@@ -146,8 +143,7 @@ def _integral(row: float, values: Values) -> Values:
     return np.cumsum(found, out=found)
 
 
-REQUIRED: Final = 0.01
-"""Required accuracy relative to the range of each variable, unless another one is given."""
+REQUIRED: Final = 0.01  # required accuracy relative to the range of each variable, unless another one is given
 
 
 def run_with_accuracy(system: Assembly, experiment: Experiment, options: Options, required: float) -> Result:

@@ -35,8 +35,7 @@ COARSER: Final = (Fraction(2), Fraction(4))
 TWICE: Final = (Fraction(2),)
 FINER: Final = (Fraction(1, 2),)
 
-FEWEST_STEPS: Final = 8
-"""Fewest communication steps of a run whose accuracy can be told."""
+FEWEST_STEPS: Final = 8  # fewest communication steps of a run whose accuracy can be told
 
 
 @dataclass(frozen=True)
@@ -157,13 +156,10 @@ _LOG = logging.getLogger("harness")
 class Repetition:
     """A run with another step."""
 
-    ratio: Fraction
-    """Its step, relative to that of the run to be judged."""
-    start: float
-    step: float
-    """Start of both runs, and step of the run in question [s]."""
-    recorder: Recorder
-    """What it has recorded."""
+    ratio: Fraction  # its step, relative to that of the run to be judged
+    start: float  # start of both runs [s]
+    step: float  # step of the run in question [s]
+    recorder: Recorder  # what it has recorded
 
     def track(self, name: str) -> Track:
         """One variable of the run."""

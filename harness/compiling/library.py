@@ -17,8 +17,7 @@ from harness.compiling.shared_library import missing_bytes
 
 _POINTER, _INT = ctypes.c_void_p, ctypes.c_int64
 _NUMBERS = ctypes.POINTER(ctypes.c_double)
-RESIDUAL: Final = ctypes.CFUNCTYPE(ctypes.c_bool, _POINTER, _NUMBERS, _NUMBERS)
-"""``Residual`` of fixed_point.h."""
+RESIDUAL: Final = ctypes.CFUNCTYPE(ctypes.c_bool, _POINTER, _NUMBERS, _NUMBERS)  # of fixed_point.h
 
 _MIRRORS: Final[dict[str, type[ctypes.Structure]]] = {}
 _Struct = TypeVar("_Struct", bound=type[ctypes.Structure])

@@ -81,12 +81,9 @@ class EngineData(ctypes.Structure):
 class _Bound:
     """A part with the addresses that the compiled loop calls."""
 
-    calls: Calls
-    """Operations of the plan for which it was bound; a part with other operations is bound again."""
-    native: Native | None
-    """The functions of an FMU; None for a part in Python."""
-    kept: list[object]
-    """Objects that the addresses in its struct point to."""
+    calls: Calls  # operations of the plan for which it was bound; a part with other operations is bound again
+    native: Native | None  # the functions of an FMU; None for a part in Python
+    kept: list[object]  # objects that the addresses in its struct point to
 
 
 class Engine:

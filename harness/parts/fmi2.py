@@ -24,8 +24,7 @@ from harness.storage.zip_file import ZipError, open_zip, unpack_zip
 
 _DISCARD, FATAL = 2, 4
 _LAST_SUCCESSFUL_TIME: Final = 2
-_TERMINATED: Final = 3
-"""fmi2Terminated of fmi2StatusKind."""
+_TERMINATED: Final = 3  # of fmi2StatusKind
 
 _STATUS = ("OK", "Warning", "Discard", "Error", "Fatal", "Pending")
 _LEVEL = (logging.DEBUG, logging.WARNING, logging.WARNING, logging.ERROR, logging.CRITICAL, logging.DEBUG)
@@ -36,15 +35,13 @@ _COMMON = (
     *("GetFMUstate", "SetFMUstate", "FreeFMUstate"),
 )
 
-LOADING = threading.Lock()
-"""Guards the working directory, which all threads share and which fmpy changes while it loads a library."""
+LOADING = threading.Lock()  # guards the working directory of all threads, which fmpy changes to load a library
 
 _POINTER = ctypes.c_void_p
 _REAL = ctypes.c_double
 _INT = ctypes.c_int
 _EXCHANGE: Any = ctypes.CFUNCTYPE(_INT, _POINTER, _POINTER, ctypes.c_size_t, _POINTER)
-DO_STEP: Final = ctypes.CFUNCTYPE(_INT, _POINTER, _REAL, _REAL, _INT)
-"""Type of fmi2DoStep, with addresses as integers."""
+DO_STEP: Final = ctypes.CFUNCTYPE(_INT, _POINTER, _REAL, _REAL, _INT)  # fmi2DoStep, addresses as integers
 
 
 class Library:

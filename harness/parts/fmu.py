@@ -116,8 +116,7 @@ def _state_name(derivative: object) -> str:
     return str(getattr(state, "name", None) or getattr(derivative, "name", derivative))
 
 
-LONGEST_TIMEOUT: Final = 1e6
-"""Longest timeout [s]; the clocks of some systems cannot represent more."""
+LONGEST_TIMEOUT: Final = 1e6  # longest timeout [s]; the clocks of some systems cannot represent more
 
 
 class FmuPart(Part):

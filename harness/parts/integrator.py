@@ -24,15 +24,13 @@ from harness.errors import ENDED, HarnessError
 
 _POINTER, _INT, _REAL, _FLAG = ctypes.c_void_p, ctypes.c_int64, ctypes.c_double, ctypes.c_int
 
-TOLERANCE: Final = 1e-8
-"""Relative tolerance of a run that states none."""
+TOLERANCE: Final = 1e-8  # relative tolerance of a run that states none
 
 _SHARE: Final = 0.01
 """Tolerance of the solver over that of the run: an undamped oscillator gains the errors of all its starts, 3.5 times
 this tolerance in each communication step."""
 
-_FINEST: Final = 1e-13
-"""Finest tolerance of the solver: a finer one is rounding."""
+_FINEST: Final = 1e-13  # finest tolerance of the solver: a finer one is rounding
 
 _SUNDIALS: Final = 7
 _BDF: Final = 2
@@ -115,14 +113,10 @@ class IntegratorData(ctypes.Structure):
 class Failure(NamedTuple):
     """Why a step of an `Integrator` failed."""
 
-    function: str
-    """Function of the FMU that failed, or ``"its integration"``."""
-    reason: str
-    """What went wrong; empty if the function returned a status."""
-    status: int
-    """This status."""
-    time: float
-    """Time of the failure [s]."""
+    function: str  # function of the FMU that failed, or ``"its integration"``
+    reason: str  # what went wrong; empty if the function returned a status
+    status: int  # this status
+    time: float  # time of the failure [s]
 
 
 class Integrator:

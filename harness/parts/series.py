@@ -23,15 +23,12 @@ from harness.storage.files import read_csv, reason
 class Table:
     """A recorded series as arrays."""
 
-    times: Values
-    """Times of the samples [s]."""
+    times: Values  # times of the samples [s]
     values: Values
     slopes: Values
     """Row k applies from sample k on; its values change by ``slopes`` per second."""
-    slack: float
-    """Time by which rounding may put a communication point before its sample [s]."""
-    end: float
-    """Last time that a step may reach [s]."""
+    slack: float  # time by which rounding may put a communication point before its sample [s]
+    end: float  # last time that a step may reach [s]
 
 
 class SeriesPart(Part):

@@ -90,8 +90,7 @@ def _remedy(error: OSError) -> str:
     return "give a path in an existing writable folder"
 
 
-PREFIX: Final = "harness-"
-"""Beginning of the names of all temporary folders."""
+PREFIX: Final = "harness-"  # beginning of the names of all temporary folders
 
 _OWNER: Final = ".owner"
 
@@ -216,11 +215,9 @@ def stamped() -> str | None:
         ) from error
 
 
-LARGEST_TEXT: Final = 1 << 22
-"""Largest size of a handwritten file, such as a system file or a C file [bytes]."""
+LARGEST_TEXT: Final = 1 << 22  # largest size of a handwritten file, such as a system file or a C file [bytes]
 
-LARGEST_DATA: Final = 1 << 30
-"""Largest size of a table, or of the content of a compressed table [bytes]."""
+LARGEST_DATA: Final = 1 << 30  # largest size of a table, or of the content of a compressed table [bytes]
 
 
 def require_regular(path: Path, largest: int | None = None) -> None:

@@ -12,14 +12,11 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path, PurePosixPath
 from typing import IO, Final
 
-LARGEST: Final = 1 << 28
-"""Unpacked size that every archive may have, however small its file [bytes] ..."""
+LARGEST: Final = 1 << 28  # unpacked size that every archive may have, however small its file [bytes] ...
 
-RATIO: Final = 200
-"""... and, beyond that, the largest ratio to the size of its file; deflate reaches 1030 at most, text about 20."""
+RATIO: Final = 200  # ... and beyond, the largest ratio to the size of its file; deflate reaches 1030, text about 20
 
-LONGEST: Final = (255, 1024)
-"""Largest length of a name and of a path [bytes]; Linux allows 4096 in a path, including the target folder."""
+LONGEST: Final = (255, 1024)  # longest name and path [bytes]; Linux allows 4096 in a path, including the target folder
 
 METHODS: Final = {9: "deflate64", 12: "bzip2", 14: "LZMA", 93: "Zstandard", 95: "XZ", 98: "PPMd"}
 """Names of compression methods."""

@@ -23,8 +23,7 @@ from harness.sweeps.columns import DTYPES, Columns
 from harness.sweeps.samples import Sample
 from harness.sweeps.worker import Outcome
 
-MANIFEST: Final = "_sweep.json"
-"""Name of the description; readers of Parquet datasets ignore files that begin with an underscore."""
+MANIFEST: Final = "_sweep.json"  # readers of Parquet datasets ignore files that begin with an underscore
 
 TRAJECTORIES: Final = "_trajectories"
 FORMAT: Final = 1

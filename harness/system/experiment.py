@@ -15,11 +15,9 @@ LOOP_TOLERANCE: Final = 3e-8
 more."""
 
 
-COUPLING_TOLERANCE: Final = 1e-5
-"""Default of `Experiment.coupling_tolerance`."""
+COUPLING_TOLERANCE: Final = 1e-5  # default of `Experiment.coupling_tolerance`
 
-STEP_TOLERANCE: Final = 0.02
-"""Default of `Experiment.step_tolerance`."""
+STEP_TOLERANCE: Final = 0.02  # default of `Experiment.step_tolerance`
 
 
 @dataclass(frozen=True)

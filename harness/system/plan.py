@@ -25,12 +25,10 @@ GET: Final = 2
 class MovingWire:
     """A connection whose value varies during a step: between two continuous parts that step at every tick."""
 
-    input: int
-    output: int
-    """Indices of the signals at its ends."""
-    source: int
-    target: int
-    """Indices of the parts at its ends."""
+    input: int  # signal at its end
+    output: int  # signal at its beginning
+    source: int  # part at its beginning
+    target: int  # part at its end
 
 
 @dataclass(frozen=True)
@@ -175,12 +173,10 @@ class Plan:
 class Schedule:
     """What a master does at every tick."""
 
-    operations: tuple[tuple[int, int], ...] = ()
-    """Pairs (SET | STEP | GET, index of the part), executed in this order."""
+    operations: tuple[tuple[int, int], ...] = ()  # pairs (SET | STEP | GET, index of the part), executed in this order
     algorithm: Callable[[Engine], Algorithm] | None = None
     """``algorithm(engine)`` returns an `Algorithm` in C, which replaces the operations."""
-    implicit: bool = False
-    """Whether it solves loops, so that inputs get values from the end of the step."""
+    implicit: bool = False  # whether it solves loops, so that inputs get values from the end of the step
     lines: tuple[MovingWire, ...] = ()
     """Connections whose values the operations pass as lines from the beginning to the end of the step, to FMUs that
     interpolate inputs."""

@@ -92,8 +92,7 @@ _MODES = {
     "T": "the state terminated",
 }
 
-InMode = Callable[[RawLibrary, str], RawInstance]
-"""Returns an instance in a mode, given by its letter."""
+InMode = Callable[[RawLibrary, str], RawInstance]  # returns an instance in a mode, given by its letter
 
 
 def report_refused(

@@ -42,23 +42,15 @@ _WRITABLE: Final = re.compile(
 class PartCode:
     """The sources of an FMU, which several parts may use."""
 
-    folder: str
-    """Folder of the sources, which distinguishes this FMU from others in the composite."""
-    prefix: str
-    """Prefix of its functions."""
-    identifier: str
-    guid: str
-    """Model identifier and GUID."""
-    files: Mapping[str, str]
-    """Text of each source file."""
-    compiled: tuple[str, ...]
-    """The files to compile."""
-    own: bool
-    """Whether this project has generated the FMU; warnings of the compiler are errors then."""
-    single: bool
-    """Whether each part needs its own copy of the code, because the FMU keeps data outside of its instances."""
-    symbols: tuple[str, ...] = ()
-    """Symbols that get the prefix, as other parts may define symbols of the same name."""
+    folder: str  # folder of the sources, which distinguishes this FMU from others in the composite
+    prefix: str  # prefix of its functions
+    identifier: str  # model identifier
+    guid: str  # GUID
+    files: Mapping[str, str]  # text of each source file
+    compiled: tuple[str, ...]  # the files to compile
+    own: bool  # whether this project has generated the FMU; warnings of the compiler are errors then
+    single: bool  # whether each part needs a copy of the code: it has data outside of instances
+    symbols: tuple[str, ...] = ()  # symbols that get the prefix, as other parts may define symbols of the same name
 
     @property
     def sources(self) -> dict[str, str]:
@@ -257,10 +249,8 @@ class InputsPart(Part):
 class Interface:
     """What a composite FMU shows of its system."""
 
-    inputs: Mapping[str, Port]
-    """The inputs by name: inputs of parts, and outputs of sources that the FMU does not contain."""
-    outputs: tuple[str, ...]
-    """Outputs of parts that are outputs of the FMU."""
+    inputs: Mapping[str, Port]  # inputs of parts, and outputs of sources that the FMU does not contain
+    outputs: tuple[str, ...]  # outputs of parts that are outputs of the FMU
 
 
 @dataclass(frozen=True)

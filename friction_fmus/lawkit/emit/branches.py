@@ -22,8 +22,7 @@ from friction_fmus.lawkit.emit.graph import CALLS, COMPARE, Node
 SUMS = {"ADD": 1.0, "SUB": -1.0}
 SUMMED = "SUMMED"  # factor of a sum of small increments, which is not a position
 
-Pair = tuple[int, int | None]
-"""Nodes of the upper and of the lower part; None for a lower part of 0."""
+Pair = tuple[int, int | None]  # nodes of the upper and of the lower part; None for a lower part of 0
 
 
 class Weight(NamedTuple):
@@ -413,8 +412,7 @@ class CountedLoop:
     items: tuple[int | Decision, ...]  # operations on one element, and sums over the elements
 
 
-Block = tuple["int | Decision | CountedLoop", ...]
-"""Nodes, decisions and loops in the order of computation."""
+Block = tuple["int | Decision | CountedLoop", ...]  # nodes, decisions and loops in the order of computation
 
 
 class _Edge(NamedTuple):

@@ -29,8 +29,7 @@ TYPES: Final[Mapping[str, str]] = {
 }
 """Type in FMI 3.0 of each type of FMI 2.0."""
 
-SIZE: Final = "N"
-"""Name of the number of elements. Arrays with as many elements as its largest value are sized by it."""
+SIZE: Final = "N"  # name of the number of elements. Arrays with as many elements as its largest value are sized by it
 
 _ELEMENT: Final = re.compile(r"(?P<name>.*)\[(?P<index>\d+)\](?P<end>\)?)")
 
@@ -147,14 +146,10 @@ _SIMULATION: Final[Mapping[str, str]] = {
 class Traits:
     """What FMI 3.0 adds."""
 
-    token: str
-    """Instantiation token."""
-    sampled: bool
-    """Whether the FMU takes its samples at the ticks of a clock."""
-    references: int
-    """Largest value reference of the variables. The event indicators and the clock have the next ones."""
-    indicators: int
-    """Number of event indicators."""
+    token: str  # instantiation token
+    sampled: bool  # whether the FMU takes its samples at the ticks of a clock
+    references: int  # largest value reference of the variables. The event indicators and the clock have the next ones
+    indicators: int  # number of event indicators
 
 
 def description_3(old: etree._Element, variables: Sequence[Variable], traits: Traits) -> bytes:

@@ -249,18 +249,15 @@ def _key(name: str) -> str:
 
 
 _FOLDER: Final = Path(__file__).parent
-CLASS: Final = "model.js"
-"""The JavaScript class that all packages contain."""
+CLASS: Final = "model.js"  # the JavaScript class that all packages contain
 
 
 @dataclass(frozen=True)
 class WasmModel:
     """A module with the description of its variables."""
 
-    module: bytes
-    """The WebAssembly module, which has no imports."""
-    description: Mapping[str, Any]
-    """What JavaScript knows about it, see `described`."""
+    module: bytes  # the WebAssembly module, which has no imports
+    description: Mapping[str, Any]  # what JavaScript knows about it, see `described`
 
     @property
     def name(self) -> str:
