@@ -144,7 +144,6 @@ _PREFIXES = {
     "G": 1e9,
 }
 LONGEST_UNIT = 100  # largest length of a unit name [characters]
-
 _LETTER = r"[^\W\d_²³¹⁰⁴-⁹]"  # the module re does not count superscripts as digits
 _POWER = r"[-+]?[0-9]{1,2}(?![0-9])|⁻?[²³¹⁰⁴-⁹]{1,2}(?![²³¹⁰⁴-⁹])"
 _PIECE = re.compile(

@@ -42,11 +42,8 @@ from harness.storage.toml_file import Table, read_table
 from harness.values import finite, flag, text
 
 LOOP_FILE: Final = "loop.toml"  # name of the file that a study writes
-
 LAWS: Final = ("feedforward", "compensator", "servo")  # tables of the laws, in the order of computation
-
 SHARED: Final = ("Ts", "u_min", "u_max")  # of all laws, unless the file gives the limit of one
-
 MOST: Final = 64  # largest number of samples over which the velocity is computed
 
 Numbers: TypeAlias = Mapping[str, float | bool]
@@ -197,7 +194,6 @@ KNOWN: Final = Input(FORCE, 0.0, "known {force}, which is added to the other {fo
 """Input of a loop for a further feedforward, such as a table over position."""
 
 TAKING_OVER: Final = ("track", "u_track")  # inputs of the servo; its memory then contains the jumps of other laws too
-
 Named: TypeAlias = tuple[str, SX]  # a signal with its name or formula
 
 EMPTY: Final[Mapping[str, Named]] = MappingProxyType({})

@@ -17,7 +17,6 @@ from friction_fmus.lawkit.emit.graph import Node
 from friction_fmus.lawkit.law import BOOLEANS, Kind, Law, Variable
 
 LOST: Final = 2  # number of samples with an invalid input, one after the other
-
 _CELLS: Final = 2**19  # of a table in memory
 _CHANGE: Final = 0.01  # of a parameter
 _WRONG: Final[Mapping[str, Callable[..., Any]]] = {

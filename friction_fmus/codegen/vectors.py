@@ -42,7 +42,6 @@ EXACT: Final = frozenset({"fabs", "floor", "ceil", "sqrt", "fma", "copysign"})
 """Functions of the C library that IEEE 754 determines to the last bit."""
 
 N: Final = sum(count for _, count, _ in SEGMENTS)  # number of samples
-
 _ORIGIN: Final = 0.3  # m; far enough from zero to need the lower part of a pair
 _REACH: Final = (1.0, 1e1, 1e2, 1e3, 1e4, 1e5, 1e6)  # factors of the inputs on the way to a limit
 _FACTORS: Final = (1.0, 0.9, 1.1, 0.7, 1.3, 0.5, 0.0)  # of the change of inputs, for another decision

@@ -36,7 +36,6 @@ class Kind(Enum):
 
 
 VECTORS = (Kind.VECTOR, Kind.STATES)  # a tuple of numbers as value, in expressions ``k[0]``, ``k[1]``, ...
-
 BOOLEANS = (Kind.COMMAND, Kind.SWITCH)  # kinds with a Boolean value, 1 or 0 in expressions
 
 

@@ -38,7 +38,6 @@ from harness.system.graph import find_port, recorded_names
 from harness.system.wire import Wire, wire_map
 
 MARGIN: Final = 0.8  # share of the required accuracy at which a suggestion aims
-
 SHORTEST: Final = 4096  # largest quotient of present and suggested step: beyond, the order says nothing
 
 

@@ -21,11 +21,8 @@ from harness.parts.part import Values
 # needed: a reversal of a velocity, a drop of a force at break-away and a flag that changes are all among them.
 
 LEVELS: Final = (0.2, 0.5, 0.8)  # levels, as shares of the range of the variable
-
 HYSTERESIS: Final = 0.05  # half of the band around a level that a value must leave, as a share of the range
-
 PAIRED: Final = 0.6  # least share of the crossings of a level that both runs must have
-
 MOST_EVENTS: Final = 20_000  # most crossings of a level; a variable with more is noise, which has no events
 
 
@@ -127,7 +124,6 @@ def aligned_difference(
 
 
 SETTLED: Final = 1 / 3  # share of a run that may pass until it is periodic
-
 FEWEST: Final = 4  # fewest periods of an oscillation
 
 
@@ -185,13 +181,9 @@ def _periods(times: Values, values: Values) -> tuple[Values, Values] | None:
 # safety factor that is larger where the order is not the expected one.
 
 REGULAR: Final = 2.5  # safety factor for three runs that converge as expected. Roache has 1.25, for smooth solutions
-
 IRREGULAR: Final = 3.0  # safety factor for two runs, or for three that converge faster or more slowly than expected
-
 SLOWEST: Final = 0.5  # lowest observed order that counts as convergence
-
 DEVIATION: Final = 0.7  # largest difference of the observed order from the expected one that is regular
-
 ASYMPTOTIC: Final = 0.01  # largest difference over the range of a variable at which an observed order can be relied on
 
 
@@ -250,17 +242,11 @@ VERDICTS: Final[tuple[Verdict, ...]] = ("right", "sensitive", "too coarse", "not
 """From the best to the worst."""
 
 MUCH: Final = 3.0  # by what factor events explain a difference, if it is one of time
-
 AGREEMENT: Final = 0.05  # largest relative difference of periods and amplitudes of the same motion
-
 REMEMBERED: Final = 0.5  # least bound over the largest one until then: a chance agreement proves nothing
-
 SMOOTHING: Final = 0.005  # half of the span of a bound, as a share of the run: differences pass zero
-
 BLOCKS: Final = 8  # number of blocks of rows in that half span; the bound is constant in each block
-
 LARGEST: Final = 1e30  # largest value of a run that is compared: beyond it, bounds in single precision overflow
-
 NOTHING: Final = 1e-8  # largest value over the nominal value of a variable that counts as zero
 
 

@@ -18,7 +18,6 @@ from harness.system.assembly import Assembly
 from harness.system.experiment import LOOP_TOLERANCE, Experiment
 
 ROUNDING: Final = 1e-9  # relative error that rounding leaves in a long run
-
 OF_LOOPS: Final = 10.0  # relative error of a variable over the tolerance of the loops
 
 
@@ -51,7 +50,6 @@ def floor_of(system: Assembly, experiment: Experiment) -> Floor:
 
 
 OTHER: Final = 1.5  # error bound over the difference to newton, which has an error of its own
-
 BOUND: Final = ".bound"  # suffix of the error bound of a number or a variable
 
 

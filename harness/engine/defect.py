@@ -40,7 +40,6 @@ tests/robustness/coupling_search.py, nine in ten that are right have less, and t
 or more."""
 
 MISSED: Final = 0.003  # tolerated share of the steps in which a contact goes on where friction would hold it at rest
-
 WRONG: Final = "the result is wrong"  # contained in every warning about a wrong result
 
 

@@ -33,9 +33,7 @@ _LOG = logging.getLogger("harness")
 _POINTER, _INT, _REAL = ctypes.c_void_p, ctypes.c_int64, ctypes.c_double
 
 FINEST: Final = 512.0  # most inner steps per communication step of newton, where a check finds an error
-
 FINEST_ADAPTIVE: Final = 1024.0  # largest number of inner steps per communication step in the master adaptive
-
 ABANDONED: Final = 30.0  # remaining error over the magnitude of the value at which checks end, as in step_check.h
 
 

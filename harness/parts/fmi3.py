@@ -238,7 +238,6 @@ _REASONS: Final[Mapping[int, str]] = MappingProxyType(
 """Reasons for a failure of fmi3.h, and for a status of part.h."""
 
 _OF_STEPS: Final = (103, 104)  # those of them that are the status of a step
-
 _SLOPES: Final = "harness_SetInputDerivatives"  # function for time derivatives of inputs, which FMI 3.0 lacks
 
 _NEEDED: Final = (

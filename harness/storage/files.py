@@ -216,7 +216,6 @@ def stamped() -> str | None:
 
 
 LARGEST_TEXT: Final = 1 << 22  # largest size of a handwritten file, such as a system file or a C file [bytes]
-
 LARGEST_DATA: Final = 1 << 30  # largest size of a table, or of the content of a compressed table [bytes]
 
 

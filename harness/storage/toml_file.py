@@ -16,7 +16,6 @@ from harness.values import is_line, shown
 _Value = TypeVar("_Value")
 
 DEEPEST: Final = 20  # largest depth of nested tables and lists
-
 LONGEST: Final = 4096  # largest length of a text [characters]; no path on Linux is longer
 
 _PART = r"""(?:[A-Za-z0-9_-]++|"[^"\n]*+"|'[^'\n]*+')"""

@@ -13,9 +13,7 @@ from pathlib import Path, PurePosixPath
 from typing import IO, Final
 
 LARGEST: Final = 1 << 28  # unpacked size that every archive may have, however small its file [bytes] ...
-
 RATIO: Final = 200  # ... and beyond, the largest ratio to the size of its file; deflate reaches 1030, text about 20
-
 LONGEST: Final = (255, 1024)  # longest name and path [bytes]; Linux allows 4096 in a path, including the target folder
 
 METHODS: Final = {9: "deflate64", 12: "bzip2", 14: "LZMA", 93: "Zstandard", 95: "XZ", 98: "PPMd"}

@@ -16,7 +16,6 @@ more."""
 
 
 COUPLING_TOLERANCE: Final = 1e-5  # default of `Experiment.coupling_tolerance`
-
 STEP_TOLERANCE: Final = 0.02  # default of `Experiment.step_tolerance`
 
 

@@ -21,7 +21,6 @@ from friction_fmus.lawkit.emit.graph import CALLS, COMPARE, Node
 
 SUMS = {"ADD": 1.0, "SUB": -1.0}
 SUMMED = "SUMMED"  # factor of a sum of small increments, which is not a position
-
 Pair = tuple[int, int | None]  # nodes of the upper and of the lower part; None for a lower part of 0
 
 
@@ -390,7 +389,6 @@ def _with_users(wanted: Collection[Key], possible: Sequence[Key], waits: Mapping
 
 DECIDES = ("SELECT", "IF_ELSE_ZERO")
 PAYS = 6  # smallest number of operations saved by a branch; for fewer, both sides are computed
-
 _ITSELF = -1  # stands for a node outside all groups of selects
 _CALL = 10  # cost of a call of the C library in operations
 
