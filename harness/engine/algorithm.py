@@ -203,14 +203,9 @@ class Recorder:
         return make_result(times, rows, {name: self._plan.ports[name] for name in self.names}, self.attributes)
 
 
-_POINTER, _INT, _REAL = ctypes.c_void_p, ctypes.c_int64, ctypes.c_double
-
-
 @mirrors("Line")
 class Line(ctypes.Structure):
     """``Line`` of line.h."""
-
-    _fields_ = (("input", _INT), *((name, _REAL) for name in ("mean", "end")))
 
 
 def attach_lines(engine: Engine, wires: Sequence[MovingWire]) -> None:

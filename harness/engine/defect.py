@@ -18,7 +18,6 @@ from harness.system.wire import split_name
 from harness.units import BaseUnit, parse_unit
 
 _LOG = logging.getLogger("harness")
-_INT, _REAL = ctypes.c_int64, ctypes.c_double
 
 LASTING: Final = 0.05
 """Tolerated rms of the persistent defect over the rms of the value. Mass and LuGre friction with steps of 10 to 100 %
@@ -54,21 +53,10 @@ def inaccurate(attributes: Mapping[str, object]) -> bool:
 class Defect(ctypes.Structure):
     """``Defect`` of engine.h."""
 
-    _fields_ = (
-        ("input", _INT),
-        *((name, _REAL) for name in ("before", "flips", "squares", "value", "mean", "values", "value_squares")),
-    )
-
 
 @mirrors("Pair")
 class Pair(ctypes.Structure):
     """``Pair`` of engine.h."""
-
-    _fields_ = (
-        *((name, _INT) for name in ("force", "velocity", "contact", "load")),
-        *((name, _REAL) for name in ("made", "passed", "fed", "net", "flow")),
-        *((name, _INT) for name in ("ticks", "windows", "unstable", "missed")),
-    )
 
 
 class Coupling:

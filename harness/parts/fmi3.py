@@ -22,7 +22,7 @@ from harness.parts.flat import TYPES, Flat
 from harness.parts.fmi2 import Instance, Library
 from harness.parts.part import StartValue
 
-_POINTER, _INT, _REAL = ctypes.c_void_p, ctypes.c_int64, ctypes.c_double
+_POINTER, _REAL = ctypes.c_void_p, ctypes.c_double
 _NEXT = struct.Struct("<dq")
 
 ADAPTED: Final[Mapping[str, str]] = MappingProxyType(
@@ -39,40 +39,20 @@ ADAPTED: Final[Mapping[str, str]] = MappingProxyType(
 class Variable(ctypes.Structure):
     """``Variable3`` of fmi3.h."""
 
-    _fields_ = (("reference", ctypes.c_uint32), ("type", ctypes.c_int32), ("first", _INT), ("count", _INT))
-
 
 @mirrors("Clock3")
 class Clock(ctypes.Structure):
     """``Clock3`` of fmi3.h."""
-
-    _fields_ = (("reference", ctypes.c_uint32), ("interval", _REAL), ("shift", _REAL))
 
 
 @mirrors("Fmi3")
 class Adapter(ctypes.Structure):
     """``Fmi3`` of fmi3.h."""
 
-    _fields_ = (
-        ("instance", _POINTER),
-        *((name, _POINTER * len(TYPES)) for name in ("set", "get")),
-        *((name, _POINTER) for name in ("do_step", "enter_event_mode", "enter_step_mode", "set_clock", "update")),
-        *((name, _POINTER) for name in ("get_state", "set_state", "free_state", "set_slopes")),
-        *((name, _POINTER) for name in ("variables", "variable_of", "values", "numbers", "packed", "places")),
-        ("references", _POINTER),
-        ("elements", _INT),
-        ("clocks", _POINTER),
-        *((name, _INT) for name in ("clock_count", "uses_events")),
-        *((name, _REAL) for name in ("start", "next", "ended")),
-        *((name, _INT) for name in ("pending", "failure", "failed")),
-    )
-
 
 @mirrors("State3")
 class _State(ctypes.Structure):
     """``State3`` of fmi3.h."""
-
-    _fields_ = (("state", _POINTER), ("next", _REAL), ("pending", _INT))
 
 
 class Calls:
@@ -222,8 +202,6 @@ class Calls:
         inside.next, inside.pending = _NEXT.unpack(data[: _NEXT.size])
         return status
 
-
-_POINTER = ctypes.c_void_p
 
 _REASONS: Final[Mapping[int, str]] = MappingProxyType(
     {

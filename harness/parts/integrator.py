@@ -79,35 +79,10 @@ _EXPORTED: Final = MappingProxyType(
 class _EventInfo(ctypes.Structure):
     """``EventInfo`` of integrator.h."""
 
-    _fields_ = (
-        *((name, _FLAG) for name in ("iterate", "terminate", "nominals_changed", "values_changed", "has_next")),
-        ("next", _REAL),
-    )
-
 
 @mirrors("Integrator")
 class IntegratorData(ctypes.Structure):
     """``Integrator`` of integrator.h."""
-
-    _fields_ = (
-        ("component", _POINTER),
-        *((name, _POINTER * 3) for name in ("set", "get")),
-        *((name, _POINTER) for name in ("get_state", "set_state", "free_state")),
-        *((name, _POINTER) for name in ("enter_event_mode", "enter_continuous_time_mode", "new_discrete_states")),
-        *((name, _POINTER) for name in ("completed_step", "set_time", "set_states", "get_states")),
-        *((name, _POINTER) for name in ("get_derivatives", "get_indicators", "get_nominals")),
-        *((name, _INT) for name in ("states", "indicators")),
-        *((name, _POINTER) for name in ("solver", "restart", "set_stop", "set_tolerances", "solve", "values_of")),
-        *((name, _POINTER) for name in ("vector", "absolute_vector", "x", "absolute")),
-        ("tolerance", _REAL),
-        *((name, _POINTER) for name in ("nominals", "z", "above", "references", "begin", "slopes", "u")),
-        *((name, _INT) for name in ("moving", "most_moving")),
-        ("from", _REAL),
-        ("event", _EventInfo),
-        ("time", _REAL),
-        *((name, _INT) for name in ("continuous", "failure", "status", "index")),
-        ("failed_at", _REAL),
-    )
 
 
 class Failure(NamedTuple):
