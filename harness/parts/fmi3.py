@@ -68,11 +68,13 @@ class Calls:
         self.functions: dict[str, Callable[..., int]] = {
             "SetupExperiment": self._setup,
             "EnterInitializationMode": self._enter,
-            "ExitInitializationMode": self._exit,
-            "Terminate": self._terminate,
+            "ExitInitializationMode": lambda _: self._call("ExitInitializationMode"),
+            "Terminate": lambda _: self._call("Terminate"),
             "Reset": self._reset,
-            "FreeInstance": self._release,
-            "SetDebugLogging": self._set_logging,
+            "FreeInstance": lambda _: self._call("FreeInstance"),
+            "SetDebugLogging": lambda _, on, count, categories: self._call(
+                "SetDebugLogging", ctypes.c_bool(bool(on)), ctypes.c_size_t(count), categories
+            ),
             "SetString": self._set_text,
             "SerializedFMUstateSize": self._serialised_size,
             "SerializeFMUstate": self._serialise,
@@ -106,13 +108,8 @@ class Calls:
         for place, clock in zip(clocks, self._flat.clocks, strict=False):
             reference, value, qualifier = ctypes.c_uint32(clock.valueReference), _REAL(), ctypes.c_int()
             one = ctypes.c_size_t(1)
-            status = self._call(
-                "GetIntervalDecimal",
-                ctypes.byref(reference),
-                one,
-                ctypes.byref(value),
-                ctypes.byref(qualifier),
-            )
+            places = ctypes.byref(value), ctypes.byref(qualifier)
+            status = self._call("GetIntervalDecimal", ctypes.byref(reference), one, *places)
             stated = float(clock.intervalDecimal or 0.0)
             if clock.intervalCounter is not None and clock.resolution:
                 stated = float(clock.intervalCounter) / float(clock.resolution)
@@ -137,28 +134,11 @@ class Calls:
         flags = ctypes.c_bool(bool(given)), ctypes.c_bool(bool(stop_given))
         return self._call("EnterInitializationMode", flags[0], _REAL(tolerance), _REAL(start), flags[1], _REAL(stop))
 
-    def _exit(self, _: int) -> int:
-        """Call fmi3ExitInitializationMode."""
-        return self._call("ExitInitializationMode")
-
-    def _terminate(self, _: int) -> int:
-        """Call fmi3Terminate."""
-        return self._call("Terminate")
-
     def _reset(self, _: int) -> int:
         """Call fmi3Reset, and forget the values that were set."""
         starts = (_REAL * len(self._flat.starts))(*self._flat.starts)
         ctypes.memmove(self._adapter.values, starts, ctypes.sizeof(starts))
         return self._call("Reset")
-
-    def _release(self, _: int) -> int:
-        """Call fmi3FreeInstance, which returns nothing."""
-        self._call("FreeInstance")
-        return 0
-
-    def _set_logging(self, _: int, on: int, count: int, categories: Any) -> int:
-        """Call fmi3SetDebugLogging."""
-        return self._call("SetDebugLogging", ctypes.c_bool(bool(on)), ctypes.c_size_t(count), categories)
 
     def _set_text(self, _: int, references: Any, count: int, values: Any) -> int:
         """Call fmi3SetString for a scalar."""

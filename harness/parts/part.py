@@ -251,8 +251,7 @@ class Part(ABC):
         """
         return None
 
-    @abstractmethod
-    def exit_initialisation(self) -> None:
+    def exit_initialisation(self) -> None:  # noqa: B027, some parts have no modes
         """Leave initialisation mode; the part is then at the start time."""
 
     def event(self, time: float) -> None:  # noqa: B027, most parts have none
@@ -319,8 +318,7 @@ class Part(ABC):
             A state from `save`.
         """
 
-    @abstractmethod
-    def terminate(self) -> None:
+    def terminate(self) -> None:  # noqa: B027, some parts hold nothing
         """End the run; without a run this has no effect."""
 
     def close(self) -> None:

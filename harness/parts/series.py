@@ -174,9 +174,6 @@ class SeriesPart(Part):
 
         return Calls(_nothing, self._step, get)
 
-    def exit_initialisation(self) -> None:
-        """Do nothing."""
-
     def save(self, state: object | None = None) -> object:
         """Return the current time, which is the complete state."""
         return self._now
@@ -201,9 +198,6 @@ class SeriesPart(Part):
         if not math.isfinite(now):
             raise PartError(self.name, "deserialise", f"the state has the time {now} and belongs to another part")
         self._now = now
-
-    def terminate(self) -> None:
-        """Do nothing."""
 
     def _step(self, t: float, h: float) -> None:
         self._now = t + h

@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 from friction_fmus.export.composite.composite_description import provides_derivatives
 from friction_fmus.export.composite.composite_interface import (
     InputsPart,
-    OpenSystem,
     PartCode,
     Variable,
     exchange_fault,
@@ -25,6 +24,7 @@ from harness.masters.newton import FINEST, FINEST_ADAPTIVE, Loops
 from harness.parts.fmu import FmuPart
 from harness.parts.part import TYPE_ORDER, Part
 from harness.parts.series import SeriesPart
+from harness.system.assembly import Assembled
 from harness.system.graph import instantaneous
 from harness.system.initialisation import StartOrder
 from harness.system.plan import Plan, Schedule
@@ -71,7 +71,7 @@ _SETTINGS = {True: "SET_EARLY", False: "SET_ALWAYS"}
 def table_file(
     name: str,
     guid: str,
-    system: OpenSystem,
+    system: Assembled,
     plan: Plan,
     start: StartOrder,
     codes: Mapping[str, PartCode],
@@ -120,7 +120,7 @@ class _Writer:
 
     def __init__(
         self,
-        system: OpenSystem,
+        system: Assembled,
         plan: Plan,
         loops: Loops,
         start: StartOrder,
