@@ -133,20 +133,7 @@ class PartError(HarnessError):
 
 
 def nearest(name: str, known: Iterable[str]) -> str:
-    """Return a remedy for a misspelt name: the most similar known name, or a list if none is similar.
-
-    Parameters
-    ----------
-    name : str
-        The unknown name.
-    known : iterable of str
-        The known names.
-
-    Returns
-    -------
-    str
-        End of a sentence, for example ``did you mean 'sigma0'?``.
-    """
+    """Return a remedy for a misspelt name: the most similar known name, or a list if none is similar."""
     names = sorted(known)
     lowered = {other.lower(): other for other in names}
     match = difflib.get_close_matches(name.lower(), lowered, n=1, cutoff=0.6)

@@ -53,19 +53,13 @@ class _Bound:
 
 
 class Engine:
-    """A plan as the data of the compiled loop.
-
-    Attributes
-    ----------
-    data : EngineData
-        Data of the compiled loop, new for each run.
-    """
+    """A plan as the data of the compiled loop."""
 
     def __init__(self, plan: Plan, program: Sequence[tuple[int, int]]) -> None:
         """Prepare what all runs share."""
         self.plan = plan
         self.error: BaseException | None = None
-        self.data = EngineData()
+        self.data = EngineData()  # new for each run
         self.parts = (EnginePart * len(plan.parts))()
         self._program = np.array(program, dtype=np.int64).reshape(-1, 2)
         self._bound: dict[int, _Bound] = {}

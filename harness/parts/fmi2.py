@@ -121,42 +121,16 @@ def _unload(handle: int, folder: ScratchFolder) -> None:
 
 
 class State:
-    """Handle of a saved state of an FMU.
-
-    Attributes
-    ----------
-    pointer : c_void_p
-        The state.
-    time : float
-        Time of an FMU for model exchange [s], which does not tell it.
-    """
+    """Handle of a saved state of an FMU."""
 
     def __init__(self) -> None:
         """Refer to no state yet."""
         self.pointer = ctypes.c_void_p()
-        self.time = math.nan
+        self.time = math.nan  # of an FMU for model exchange [s], which does not tell it
 
 
 class Instance:
-    """One instance of an FMU for co-simulation, from instantiation to release.
-
-    Attributes
-    ----------
-    component : int
-        Address of the instance.
-    stepped : int
-        What is passed to the following functions in its place.
-    inner : int or None
-        Address of the instance itself, if it is of FMI 3.0.
-    functions : mapping of str to int
-        Addresses of the functions that the engine calls, by name without ``fmi2``.
-    set_, get : dict of str to callable
-        fmi2SetXXX and fmi2GetXXX by type.
-    do_step : callable
-        ``do_step(stepped, t, h, 1)`` returns a status.
-    interpolates : bool
-        Whether the inputs may change linearly during a step.
-    """
+    """One instance of an FMU for co-simulation, from instantiation to release."""
 
     def __init__(self, library: Library, archive: Archive, name: str) -> None:
         """Instantiate the FMU with logging on."""
@@ -168,16 +142,16 @@ class Instance:
         self._failed = False
         self._fatal = False
         self._log = logging.getLogger(f"harness.{name}")
-        self.component = 0
-        self.inner: int | None = None
-        self.interpolates = False
+        self.component = 0  # address of the instance
+        self.inner: int | None = None  # address of the instance itself, if it is of FMI 3.0
+        self.interpolates = False  # whether the inputs may change linearly during a step
         try:
             self._instantiate(library, archive)
         except Exception as error:
             reason = "it returned no instance and logged " + self._quoted_message()
             raise PartError(name, f"fmi{archive.description.fmiVersion[0]}Instantiate", reason) from error
-        self.stepped = self.component
-        self.functions: Mapping[str, int] = library.addresses
+        self.stepped = self.component  # what is passed to the following functions in its place
+        self.functions: Mapping[str, int] = library.addresses  # by name without ``fmi2``
         if not archive.exchange:
             self.set_, self.get = exchanges(library.addresses)
             self.do_step: Callable[..., int] = DO_STEP(library.addresses["DoStep"])

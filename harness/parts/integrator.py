@@ -95,15 +95,7 @@ class Failure(NamedTuple):
 
 
 class Integrator:
-    """An FMU for model exchange together with its solver; the engine calls it like an FMU for co-simulation.
-
-    Attributes
-    ----------
-    data : IntegratorData
-        Its data in C; its address takes the place of the instance.
-    functions : mapping of str to int
-        Addresses of the functions that take the place of the FMU's.
-    """
+    """An FMU for model exchange together with its solver; the engine calls it like an FMU for co-simulation."""
 
     def __init__(
         self, component: int, addresses: Mapping[str, int], states: tuple[str, ...], indicators: int, inputs: int

@@ -197,13 +197,7 @@ class Package:
 
 
 class TemporaryFolder:
-    """A folder that is removed with the last reference to this object.
-
-    Attributes
-    ----------
-    path : Path
-        The folder.
-    """
+    """A folder that is removed with the last reference to this object."""
 
     def __init__(self) -> None:
         """Make the folder."""

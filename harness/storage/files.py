@@ -38,23 +38,7 @@ def make_folder(path: Path) -> None:
 
 @contextmanager
 def atomic_path(path: Path) -> Iterator[Path]:
-    """Yield the path of a temporary file that replaces ``path`` if the block succeeds and is removed if it fails.
-
-    Parameters
-    ----------
-    path : Path
-        The file to write.
-
-    Yields
-    ------
-    Path
-        An existing empty file in the same folder, with the same suffix.
-
-    Raises
-    ------
-    OutputError
-        If the folder does not exist or is not writable, or if the disk is full.
-    """
+    """Yield an empty file beside a path, which replaces it if the block succeeds and is removed if it fails."""
     try:
         handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.stem}-", suffix=path.suffix)
     except OSError as error:

@@ -58,21 +58,13 @@ class Outcome:
 
 
 class Runner:
-    """The system of one worker.
-
-    Attributes
-    ----------
-    busy : Lock
-        Held while the system runs or is closed.
-    used : float
-        When it last ran, by `perf_counter` [s].
-    """
+    """The system of one worker."""
 
     def __init__(self, job: Job) -> None:
         """Open the system."""
         self.job = job
-        self.busy = threading.Lock()
-        self.used = perf_counter()
+        self.busy = threading.Lock()  # held while the system runs or is closed
+        self.used = perf_counter()  # when it last ran [s]
         self.system = job.open()
         self._fmus = [part for part in self.system.parts.values() if isinstance(part, FmuPart)]
         self._probed = not self._fmus

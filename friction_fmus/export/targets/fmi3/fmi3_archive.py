@@ -9,12 +9,13 @@ from copy import deepcopy
 from dataclasses import dataclass, replace
 from itertools import groupby
 from pathlib import Path
-from types import MappingProxyType
 from typing import Final
 
 from lxml import etree
 
 from friction_fmus.export.targets import SourceFmu
+from friction_fmus.fmi.html_page import flags_table
+from friction_fmus.fmi.model_description import CAPABILITIES
 from harness.compiling import toolchain
 from harness.compiling.platforms import Platform, linked
 from harness.compiling.toolchain import guid_of, included, source_folder
@@ -305,41 +306,26 @@ def _unknowns(
 
 PAGE: Final = "documentation/index.html"
 
-_MEANINGS: Final[Mapping[str, str]] = MappingProxyType(
-    {
-        "canHandleVariableCommunicationStepSize": "Communication steps may have any length and may vary.",
-        "maxOutputDerivativeOrder": "First time derivatives of the outputs are available at the end of a step.",
-        "canGetAndSetFMUState": "The state can be saved and restored, so that steps can be repeated.",
-        "canSerializeFMUState": "The saved state can be written to a file.",
-        "providesDirectionalDerivatives": "Directional derivatives are available, for implicit masters.",
-        "providesAdjointDerivatives": "Adjoint derivatives are available.",
-        "providesIntermediateUpdate": "The importer can be called at the end of each internal step.",
-        "canReturnEarlyAfterIntermediateUpdate": "The importer can end the communication step there.",
-        "hasEventMode": "The importer can activate the clock of the samples in event mode.",
-        "mightReturnEarlyFromDoStep": "In event mode, a communication step ends at the next sample.",
-        "needsCompletedIntegratorStep": "The importer has to call fmi3CompletedIntegratorStep.",
-    }
-)
-
-_SECTION: Final = re.compile(
-    r"(<h2>FMI features</h2>\n<p>)FMI 2\.0 (.*?<caption>Capability flags</caption>.*?</thead>\n).*?(</table>)", re.S
-)
+_MEANINGS: Final[Mapping[str, str]] = {
+    **{new: CAPABILITIES[old][1] for old, new in _SIMULATION.items()},
+    "providesAdjointDerivatives": "Adjoint derivatives are available.",
+    "providesIntermediateUpdate": "The importer can be called at the end of each internal step.",
+    "canReturnEarlyAfterIntermediateUpdate": "The importer can end the communication step there.",
+    "hasEventMode": "The importer can activate the clock of the samples in event mode.",
+    "mightReturnEarlyFromDoStep": "In event mode, a communication step ends at the next sample.",
+    "needsCompletedIntegratorStep": "The importer has to call fmi3CompletedIntegratorStep.",
+}
 
 
 def page_3(page: str, description: bytes) -> str:
-    """Return the page with the capability flags of FMI 3.0; a page without the section is unchanged."""
+    """Return the page of a block in FMI 2.0 with the version and the capability flags of FMI 3.0."""
     root = etree.fromstring(description)
-    flags = {
-        str(k): str(v)
-        for kind in ("CoSimulation", "ModelExchange")
-        for k, v in getattr(root.find(kind), "attrib", {}).items()
-    }
-    rows = "".join(
-        f'<tr><th scope="row">{name}</th><td>{value}</td><td>{_MEANINGS[name]}</td></tr>\n'
-        for name, value in flags.items()
-        if name in _MEANINGS
-    )
-    return _SECTION.sub(lambda found: f"{found[1]}FMI 3.0 {found[2]}{rows}{found[3]}", page)
+    stated = [
+        each for kind in ("CoSimulation", "ModelExchange") for found in root.iterfind(kind) for each in found.items()
+    ]
+    flags = {str(name): (str(value), _MEANINGS[str(name)]) for name, value in stated if name in _MEANINGS}
+    page = page.replace("<p>FMI 2.0 for co-simulation", "<p>FMI 3.0 for co-simulation")
+    return page.replace(flags_table(CAPABILITIES), flags_table(flags))
 
 
 _FMI_2_HEADERS: Final = ("fmi2Functions.h", "fmi2FunctionTypes.h", "fmi2TypesPlatform.h")
