@@ -140,8 +140,8 @@ class Session:
         if self._saved:
             self._saved.restore(plan, ticks.memory)
         readers = [(tap.every, tap_reader(plan, tap)) for tap in options.taps]
-        if options.progress is not None:
-            readers.append(_progress_reader(options.progress, plan.ticks))
+        if (progress := options.progress) is not None:
+            readers.append((max(1, plan.ticks // 100), lambda tick: progress.update(tick, plan.ticks)))
         recording = [(recorder.decimate, recorder.read)] if self._names else []
         events = [(recorder.decimate, event_reader(plan, recorder))] if self._names and options.events else []
         for every, read in (*readers, *recording, *events):
@@ -183,10 +183,6 @@ def _loop(
             sleep(max(0.0, clock + (tick - begin) * plan.step / pace - monotonic()))
         elif monotonic() - before < 0.05:
             longest = min(2 * longest, 10_000_000)
-
-
-def _progress_reader(progress: Progress, ticks: int) -> tuple[int, Reader]:
-    return max(1, ticks // 100), lambda tick: progress.update(tick, ticks)
 
 
 def _warn_of_nonfinite(recorder: Recorder) -> None:

@@ -185,17 +185,13 @@ class Model(DescribedModel):
 
 
 def _unknown(element: etree._Element) -> ListedUnknown:
-    kinds = element.get("dependenciesKind")
+    kinds, listed = element.get("dependenciesKind"), element.get("dependencies")
     return ListedUnknown(
         line_of(element),
         integer(element.get("index")) or 0,
-        _indices(element.get("dependencies")),
+        None if listed is None else tuple(integer(word) or 0 for word in listed.split()),
         None if kinds is None else tuple(kinds.split()),
     )
-
-
-def _indices(text: str | None) -> tuple[int, ...] | None:
-    return None if text is None else tuple(integer(word) or 0 for word in text.split())
 
 
 def name_of(element: etree._Element) -> str:

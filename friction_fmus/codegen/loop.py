@@ -298,7 +298,8 @@ class _Loop:
         has = {*TAKING_OVER}
         if not {"u_prev", *has} <= {*_inputs(law)} or not has <= {*_inputs(self._laws["servo"])} or has & {*taken}:
             return {}
-        track, u_track = (self._signal(name, _input(self._laws["servo"], name)) for name in TAKING_OVER)
+        inputs = {variable.name: variable for variable in self._laws["servo"].select(*INPUTS)}
+        track, u_track = (self._signal(name, inputs[name]) for name in TAKING_OVER)
         force = clip(u_track, self._u_min, self._u_max) - _sum([*(others.values() or [SX(0.0)])])
         text = " - ".join(["u_track", *others])
         gain = next((v for v in law.given if v.name == "gain"), None)
@@ -448,11 +449,6 @@ def _named(name: str, variable: Variable) -> Variable:
 
 def _inputs(law: Law) -> list[str]:
     return [variable.name for variable in law.select(*INPUTS)]
-
-
-def _input(law: Law, name: str) -> Variable:
-    """Return an input of a law."""
-    return next(variable for variable in law.select(*INPUTS) if variable.name == name)
 
 
 def _output(law: Law, name: str) -> Variable:

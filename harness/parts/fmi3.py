@@ -253,7 +253,11 @@ class Library3(Library):
         self.slave: Any = _Slave(archive, name, Path(folder))
         assert archive.flat is not None
         needed = [f"{verb}{_stored(array.type)}" for array in archive.flat.arrays for verb in ("Set", "Get")]
-        needed += [*_NEEDED, *(_EVENTS if archive.flat.clocks else ()), *(_STATES if _saves(archive) else ())]
+        needed += [
+            *_NEEDED,
+            *(_EVENTS if archive.flat.clocks else ()),
+            *(_STATES if archive.interface.canGetAndSetFMUstate else ()),
+        ]
         for function in needed:
             if not hasattr(self.slave.dll, f"fmi3{function}"):
                 raise ValueError(f"its library has no function fmi3{function}")
@@ -264,10 +268,6 @@ class Library3(Library):
 def _address(dll: Any, function: str) -> int:
     """Return the address of a function; 0 if the library does not have it, as it is not called then."""
     return ctypes.cast(getattr(dll, function), _POINTER).value or 0 if hasattr(dll, function) else 0
-
-
-def _saves(archive: Archive) -> bool:
-    return bool(archive.interface.canGetAndSetFMUstate)
 
 
 class Instance3(Instance):

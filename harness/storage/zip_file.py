@@ -48,7 +48,7 @@ def find_absence(path: Path) -> str | None:
 def open_zip(source: Path | IO[bytes], size: int | None = None) -> zipfile.ZipFile:
     """Open an archive after checking that it is safe to unpack."""
     archive = open_unchecked(source)
-    danger = find_danger(archive.infolist(), size_of(archive) if size is None else size)
+    danger = next(_dangers(archive.infolist(), size_of(archive) if size is None else size), None)
     if danger is not None:
         archive.close()
         raise ZipError(danger)
@@ -83,12 +83,8 @@ def size_of(archive: zipfile.ZipFile) -> int:
     return archive.fp.seek(0, 2)
 
 
-def find_danger(entries: Sequence[zipfile.ZipInfo], size: int) -> str | None:
-    """Return why an archive is unsafe to unpack, as the end of a sentence, or None."""
-    return next(_dangers(entries, size), None)
-
-
 def _dangers(entries: Sequence[zipfile.ZipInfo], size: int) -> Iterator[str]:
+    """Yield why an archive is unsafe to unpack, each as the end of a sentence."""
     for entry in entries:
         if find_outside([entry.orig_filename]) is not None:
             yield f"its member '{entry.orig_filename}' points outside the archive; {_MISUSE}"

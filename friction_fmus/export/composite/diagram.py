@@ -200,15 +200,11 @@ def _lines(layout: Layout) -> dict[Pair, list[Point]]:
     for (part, side), found in ends.items():
         x, y = layout.places[part]
         for number, (_, end, pair) in enumerate(
-            sorted(found, key=lambda each: (each[0], _leads_back(layout, each[2])))
+            sorted(found, key=lambda each: (each[0], layout.places[each[2][1]][0] < layout.places[each[2][0]][0]))
         ):
             spread = (number + 1) / (len(found) + 1) - 0.5
             places[end, pair] = (x + side * 0.5 * BOX[0], y + 1.1 * spread * BOX[1])
     return {pair: [places[0, pair], *route[1:-1], places[1, pair]] for pair, route in layout.routes.items()}
-
-
-def _leads_back(layout: Layout, pair: Pair) -> bool:
-    return layout.places[pair[1]][0] < layout.places[pair[0]][0]
 
 
 def _label(axes: Any, points: Sequence[Point], text: str) -> None:

@@ -374,7 +374,7 @@ static const uint32_t state_variables[STATE_VARIABLES + 1] = {{{states}}};
 
 def fmi_3(source: SourceFmu, *, clocks: bool = False, arrays: bool = False) -> bytes:
     """Return the FMU of FMI 3.0, from the cache or compiled."""
-    shell = _shell()
+    shell = {path.name: path.read_text("utf-8") for path in sorted((source_folder() / "fmi3").glob("*.h"))}
     digest = hashlib.sha256(source.content)
     modules = (path.read_text(encoding="utf-8") for path in sorted(Path(__file__).parent.glob("*.py")))
     identities = (text for each in source.platforms for text in (each.folder, *map(toolchain.identity, each.targets)))
@@ -519,7 +519,3 @@ def _fmi_header(name: str) -> str:
 def _prefixed(found: re.Match[str]) -> str:
     hidden = "fmi2FullName(name) PASTE(FMI2_FUNCTION_PREFIX, name)" if "fmi2FullName" in found[0] else "FMI2_Export"
     return f"#ifdef FMI2_FUNCTION_PREFIX\n#define {hidden}\n#else\n{found[0]}#endif\n"
-
-
-def _shell() -> dict[str, str]:
-    return {path.name: path.read_text(encoding="utf-8") for path in sorted((source_folder() / "fmi3").glob("*.h"))}

@@ -160,11 +160,6 @@ A page without modules, such as one opened as a file, uses `<script src="{name}.
 """
 
 
-def index_script(name: str, description: str) -> str:
-    """Return index.js; the description is JSON."""
-    return _INDEX.format(name=name, description=description)
-
-
 def types_of(description: Mapping[str, Any]) -> str:
     """Return index.d.ts."""
     variables = description["variables"]
@@ -270,7 +265,7 @@ class WasmModel:
             "package.json": json.dumps(package, indent=2, ensure_ascii=False) + "\n",
             f"{name}.json": json.dumps(self.description, indent=1, ensure_ascii=False) + "\n",
             f"{name}.script.js": class_script() + self.script(),
-            "index.js": index_script(name, _json(self.description)),
+            "index.js": _INDEX.format(name=name, description=_json(self.description)),
             "index.d.ts": types_of(self.description),
             CLASS: (_FOLDER / CLASS).read_text(encoding="utf-8"),
             "model.d.ts": (_FOLDER / "model.d.ts").read_text(encoding="utf-8"),
