@@ -156,7 +156,16 @@ class FmuPart(Part):
         If the timeout is not a positive number of seconds.
     """
 
-    def __new__(cls, name: str, path: str | Path, *, isolate: bool = False, **_: Any) -> FmuPart:
+    def __new__(
+        cls,
+        name: str,
+        path: str | Path,
+        *,
+        every: int = 1,
+        model: str | None = None,
+        isolate: bool = False,
+        timeout: float = 10.0,
+    ) -> FmuPart:
         """Return an `FmuPart`, or its subclass `IsolatedPart` if ``isolate`` is True."""
         from harness.parts.isolated.part import IsolatedPart  # a subclass of this class
 
