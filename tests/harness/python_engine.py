@@ -12,7 +12,7 @@ from harness.masters import find_master
 from harness.parts.part import Values
 from harness.run import Options, Session
 from harness.system.assembly import Assembly
-from harness.system.plan import SET, STEP, Plan, Schedule, fetcher, map_of
+from harness.system.plan import RENEW, SET, STEP, Plan, Schedule, fetcher, map_of
 
 
 class PythonSession(Session):
@@ -135,5 +135,5 @@ def _call(plan: Plan, operation: int, part: int) -> Callable[[int, float], None]
         return lambda tick, time: (
             calls.step(plan.time(tick - phase), every * plan.step) if tick % every == phase else None
         )
-    action = fetcher(plan, part) if operation == SET else calls.get
+    action = fetcher(plan, part) if operation in (SET, RENEW) else calls.get
     return lambda tick, time: action() if every == 1 or tick % every == phase else None
