@@ -94,8 +94,7 @@ class BuildError(HarnessError):
     """C sources do not compile, or the result cannot be packaged."""
 
 
-ENDED: Final = "it ended the simulation"
-"""Reason for the end of a run that is no failure."""
+ENDED: Final = "it ended the simulation"  # reason for the end of a run that is no failure
 
 
 class PartError(HarnessError):
@@ -141,20 +140,7 @@ def closest(name: str, known: Iterable[str]) -> str | None:
 
 
 def nearest(name: str, known: Iterable[str]) -> str:
-    """Return a remedy for a misspelt name: the most similar known name, or a list if none is similar.
-
-    Parameters
-    ----------
-    name : str
-        The unknown name.
-    known : iterable of str
-        The known names.
-
-    Returns
-    -------
-    str
-        End of a sentence, for example ``did you mean 'sigma0'?``.
-    """
+    """Return a remedy for a misspelt name: the most similar known name, or a list if none is similar."""
     names = sorted(known)
     if match := closest(name, names):
         return f"did you mean '{match}'?"

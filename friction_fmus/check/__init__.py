@@ -110,7 +110,8 @@ def _examine_contents(path: Path, contents: Contents, static: bool, time_limit: 
         return examine_archive(contents)
     data = read_member(contents, DESCRIPTION)
     if isinstance(data, Finding):
-        return _unless_told(examine_archive(contents), data)
+        found = examine_archive(contents)
+        return found if any(finding.file == data.file for finding in found) else [*found, data]
     root = parse(data)
     if isinstance(root, Finding):
         return [*examine_archive(contents), root]
@@ -171,11 +172,6 @@ def _examine_3(contents: Contents, data: bytes, root: etree._Element, static: bo
 
 def _errors(findings: list[Finding]) -> bool:
     return any(finding.severity == "error" for finding in findings)
-
-
-def _unless_told(found: list[Finding], also: Finding) -> list[Finding]:
-    """Return the findings and another one, unless they already contain a finding for the same file."""
-    return found if any(finding.file == also.file for finding in found) else [*found, also]
 
 
 def _libraries(contents: Contents, model: Model | Model3, static: bool, time_limit: float) -> list[Finding]:

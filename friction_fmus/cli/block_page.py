@@ -12,8 +12,7 @@ from friction_fmus.blocks.catalogue import FEATURES, Block
 from friction_fmus.blocks.macros import INDENT, Paragraph, paragraphs
 from friction_fmus.blocks.probe import BlockVariables, VariableRow, variable_groups
 
-WIDE = 100
-"""Width of the terminal, in characters, from which the table of variables includes ranges."""
+WIDE = 100  # width of the terminal, in characters, from which the table of variables includes ranges
 
 
 def show_block(console: Console, block: Block, rows: BlockVariables) -> None:

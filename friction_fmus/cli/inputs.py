@@ -23,8 +23,7 @@ def open_system(path: Path, *, open_inputs: bool = False) -> System:
     return System.from_toml(path, resolve=fmu, open_inputs=open_inputs)
 
 
-PATIENCE = 10.0
-"""Time limit for the answer of a scheduler [s]."""
+PATIENCE = 10.0  # time limit for the answer of a scheduler [s]
 
 
 def connect(address: str) -> Any:

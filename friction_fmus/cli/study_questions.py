@@ -25,8 +25,7 @@ BLANK = f'"{MISSING}"'
 OTHER_UNITS = {"position": ", or 1 for counts", "force": ", or V for a command", "reference": ", or 1 for counts"}
 """Units that need a factor."""
 
-Check = Callable[[str], str]
-"""Returns what is wrong with an answer; empty if nothing is."""
+Check = Callable[[str], str]  # returns what is wrong with an answer; empty if nothing is
 
 
 def write_configuration(data: Path, folder: Path) -> None:

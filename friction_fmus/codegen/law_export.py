@@ -31,11 +31,8 @@ DEVIATIONS = {
 }
 """Reasons by rule, for rules that cppcheck's addon reports in the header and the implementation of a law."""
 
-TRAVEL = (0.0, 0.1, 1.0, 10.0)
-"""Distances from zero at which float is compared with double [m]."""
-
-ACCURACY = 1e-4
-"""Largest difference of an output at these distances, relative to its rms value."""
+TRAVEL = (0.0, 0.1, 1.0, 10.0)  # distances from zero at which float is compared with double [m]
+ACCURACY = 1e-4  # largest difference of an output at these distances, relative to its rms value
 
 
 def readme(export: Export, costs: Sequence[Cost]) -> str:

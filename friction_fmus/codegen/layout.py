@@ -29,16 +29,11 @@ _START = re.compile(r"(?:[\w ]+:\s+)?([A-Za-z]\w*?)_?(?:\([^)]*\)|\[[^\]]*\])?'*
 class Equation:
     """An equation."""
 
-    number: int
-    """Its number, counted from 1."""
-    name: str
-    """The variable on its left-hand side."""
-    lines: tuple[str, ...]
-    """Its text."""
-    last: int
-    """Index of its last line in the documentation."""
-    prefix: str = ""
-    """Prefix of the variable in the code."""
+    number: int  # its number, counted from 1
+    name: str  # the variable on its left-hand side
+    lines: tuple[str, ...]  # its text
+    last: int  # index of its last line in the documentation
+    prefix: str = ""  # prefix of the variable in the code
 
     @property
     def text(self) -> str:

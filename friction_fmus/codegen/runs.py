@@ -16,9 +16,7 @@ from friction_fmus.lawkit.emit.c_text import DOUBLE
 from friction_fmus.lawkit.emit.operations import Node
 from friction_fmus.lawkit.law import BOOLEANS, Kind, Law, LawVariable
 
-LOST: Final = 2
-"""Number of samples with an invalid input, one after the other."""
-
+LOST: Final = 2  # number of samples with an invalid input, one after the other
 _CELLS: Final = 2**19  # of a table in memory
 _CHANGE: Final = 0.01  # of a parameter
 _WRONG: Final[Mapping[str, Callable[..., Any]]] = {
@@ -68,16 +66,11 @@ class Run:
 class Samples:
     """Samples of a run."""
 
-    run: Run
-    """The run."""
-    given: Mapping[str, np.ndarray]
-    """Inputs by name, as the type of the export holds them."""
-    expected: np.ndarray
-    """Outputs in double."""
-    allowed: np.ndarray
-    """Largest difference of an output from its expected value."""
-    doubtful: tuple[int, ...] = ()
-    """Samples, counted from 1, in which rounding makes a decision that matters."""
+    run: Run  # the run
+    given: Mapping[str, np.ndarray]  # inputs by name, as the type of the export holds them
+    expected: np.ndarray  # outputs in double
+    allowed: np.ndarray  # largest difference of an output from its expected value
+    doubtful: tuple[int, ...] = ()  # samples, counted from 1, in which rounding makes a decision that matters
 
     def first(self, count: int) -> Samples:
         """Return the first samples."""

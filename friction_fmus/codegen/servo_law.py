@@ -41,17 +41,10 @@ from friction_fmus.lawkit.quantities import FORCE, LENGTH, NO_UNIT, VELOCITY, Un
 from harness.storage.toml_file import TomlTable, read_table
 from harness.values import finite, flag, text
 
-LOOP_FILE: Final = "loop.toml"
-"""Name of the file that a study writes."""
-
-LAWS: Final = ("feedforward", "compensator", "servo")
-"""The tables of the laws, in the order in which the laws are computed."""
-
-SHARED: Final = ("Ts", "u_min", "u_max")
-"""Parameters that all laws have in common, unless the file gives the limit of one."""
-
-MOST: Final = 64
-"""Largest number of samples over which the velocity is computed."""
+LOOP_FILE: Final = "loop.toml"  # name of the file that a study writes
+LAWS: Final = ("feedforward", "compensator", "servo")  # tables of the laws, in the order of computation
+SHARED: Final = ("Ts", "u_min", "u_max")  # of all laws, unless the file gives the limit of one
+MOST: Final = 64  # largest number of samples over which the velocity is computed
 
 Numbers: TypeAlias = Mapping[str, float | bool]
 
@@ -65,43 +58,29 @@ _SETTINGS: Final = ("Ts", "u_min", "u_max", "offset", "window", "v0", *_FLAGS)
 class LoopLaw:
     """A law of a loop."""
 
-    law: str
-    """Its name, or the path of its file."""
-    parameters: Numbers = field(default_factory=dict)
-    """Its parameters; elements of vectors are ``W[1]``. Others have their start values."""
+    law: str  # its name, or the path of its file
+    parameters: Numbers = field(default_factory=dict)  # ``W[1]`` for a vector; others have start values
     connections: Mapping[str, float | str] = field(default_factory=dict)
     """Constant inputs, and inputs that are connected to another input of the loop."""
-    output: str = "u"
-    """The output that is added to the force of the servo."""
-    factor: float | None = None
-    """Factor of this output; None for 1."""
+    output: str = "u"  # the output that is added to the force of the servo
+    factor: float | None = None  # factor of this output; None for 1
 
 
 @dataclass(frozen=True)
 class LoopFile:
     """A servo with compensation."""
 
-    laws: Mapping[str, LoopLaw]
-    """The laws by the name of their table, ``servo`` and optionally ``feedforward`` and ``compensator``."""
-    Ts: float
-    """Sample time [s]."""
-    u_min: float
-    u_max: float
-    """Limits of the force [N]."""
-    offset: float | None = None
-    """Constant force that is added [N]; None for none."""
-    window: int = 0
-    """Number of samples over which the velocity is computed; 0 if it is an input."""
-    v0: float | None = None
-    """Velocity before the first sample [m/s]; None for rest."""
-    rotary: bool = False
-    """Whether the axis is rotary; read m as rad, N as N.m and kg as kg.m2."""
-    known_force: bool = False
-    """Whether the loop has an input for a known force, which is added and hidden from estimators."""
-    table: PositionMap | None = None
-    """Force over position, which is compensated at the reference as a known force."""
-    path: Path = Path(LOOP_FILE)
-    """The file."""
+    laws: Mapping[str, LoopLaw]  # by table: ``servo``, and optionally ``feedforward`` and ``compensator``
+    Ts: float  # sample time [s]
+    u_min: float  # lower limit of the force [N]
+    u_max: float  # upper limit of the force [N]
+    offset: float | None = None  # constant force that is added [N]; None for none
+    window: int = 0  # number of samples over which the velocity is computed; 0 if it is an input
+    v0: float | None = None  # velocity before the first sample [m/s]; None for rest
+    rotary: bool = False  # whether the axis is rotary; read m as rad, N as N.m and kg as kg.m2
+    known_force: bool = False  # whether there is an input for a force that is added and hidden from estimators
+    table: PositionMap | None = None  # force over position, which is compensated at the reference as a known force
+    path: Path = Path(LOOP_FILE)  # the file
 
 
 def read_loop(path: Path) -> LoopFile:
@@ -215,11 +194,8 @@ SIGNALS: Final[Mapping[str, Any]] = {
 KNOWN: Final = Input(FORCE, 0.0, "known {force}, which is added to the other {force}s and hidden from the compensator")
 """Input of a loop for a further feedforward, such as a table over position."""
 
-TAKING_OVER: Final = ("track", "u_track")
-"""Inputs with which the servo takes over an axis: its memory then contains the jumps of the other laws, too."""
-
-Named: TypeAlias = tuple[str, SX]
-"""A signal with its name or formula."""
+TAKING_OVER: Final = ("track", "u_track")  # inputs of the servo; its memory then contains the jumps of other laws too
+Named: TypeAlias = tuple[str, SX]  # a signal with its name or formula
 
 EMPTY: Final[Mapping[str, Named]] = MappingProxyType({})
 
@@ -323,7 +299,8 @@ class _Loop:
         has = {*TAKING_OVER}
         if not {"u_prev", *has} <= {*_inputs(law)} or not has <= {*_inputs(self._laws["servo"])} or has & {*taken}:
             return {}
-        track, u_track = (self._signal(name, _input(self._laws["servo"], name)) for name in TAKING_OVER)
+        inputs = {variable.name: variable for variable in self._laws["servo"].select(*INPUTS)}
+        track, u_track = (self._signal(name, inputs[name]) for name in TAKING_OVER)
         force = clip(u_track, self._u_min, self._u_max) - _sum([*(others.values() or [SX(0.0)])])
         text = " - ".join(["u_track", *others])
         gain = next((v for v in law.given if v.name == "gain"), None)
@@ -475,11 +452,6 @@ def _named(name: str, variable: LawVariable) -> LawVariable:
 
 def _inputs(law: Law) -> list[str]:
     return [variable.name for variable in law.select(*INPUTS)]
-
-
-def _input(law: Law, name: str) -> LawVariable:
-    """Return an input of a law."""
-    return next(variable for variable in law.select(*INPUTS) if variable.name == name)
 
 
 def _output(law: Law, name: str) -> LawVariable:

@@ -56,7 +56,8 @@ def unit_test(export: Export, samples: Vectors) -> str:
             f"int {p}_test(void)",
             "{",
             *variables,
-            *_volatile(export),
+            # the compiler cannot divide by it itself
+            *([f"    volatile {export.real.name} zero = 0;"] if _first_real(export) else []),
             "    int k;",
             "",
             f"    {p}_init(&parameters, &states, &inputs, &outputs);",
@@ -225,11 +226,6 @@ def _comparison(export: Export, outputs: Sequence[LawVariable], *, exact: bool) 
 
 def _first_real(export: Export) -> LawVariable | None:
     return next(iter(export.law.select(Kind.INPUT, Kind.OPTIONAL)), None)
-
-
-def _volatile(export: Export) -> list[str]:
-    """Return a zero that the compiler cannot divide by itself."""
-    return [f"    volatile {export.real.name} zero = 0;"] if _first_real(export) else []
 
 
 def _loop(prefix: str, first: str, last: str, offset: int) -> list[str]:

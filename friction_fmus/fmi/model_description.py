@@ -71,28 +71,21 @@ COLOURS: Mapping[str, str] = MappingProxyType({"square": "0 127 0", "circle": "0
 class Member:
     """A variable in a terminal."""
 
-    name: str
-    variable: str
-    """Name in the terminal, by which members are matched, and name in the block."""
-    kind: str = "signal"
-    """``signal``, ``inflow`` or ``outflow``."""
+    name: str  # name in the terminal, by which members are matched
+    variable: str  # name in the block
+    kind: str = "signal"  # ``signal``, ``inflow`` or ``outflow``
 
 
 @dataclass(frozen=True)
 class Terminal:
     """A group of variables that are connected in one step."""
 
-    name: str
-    description: str
-    """Name and description."""
-    domain: str
-    """``translational``, ``rotational``, ``dimensionless`` or ``reference``."""
-    rule: str
-    """``plug`` connects all members, ``bus`` those that both sides have."""
-    members: tuple[Member, ...]
-    """The variables."""
-    right: bool
-    """Whether the terminal is on the right side of the icon."""
+    name: str  # its name
+    description: str  # its description
+    domain: str  # ``translational``, ``rotational``, ``dimensionless`` or ``reference``
+    rule: str  # ``plug`` connects all members, ``bus`` those that both sides have
+    members: tuple[Member, ...]  # the variables
+    right: bool  # whether the terminal is on the right side of the icon
 
     @property
     def shape(self) -> str:

@@ -35,9 +35,7 @@ class Kind(Enum):
     SAMPLE_TIME = "FIXED"
 
 
-VECTORS = (Kind.VECTOR, Kind.STATES)
-"""Kinds with a tuple of numbers as value, written as ``k[0]``, ``k[1]``, ... in expressions."""
-
+VECTORS = (Kind.VECTOR, Kind.STATES)  # a tuple of numbers as value, in expressions ``k[0]``, ``k[1]``, ...
 BOOLEANS = (Kind.COMMAND, Kind.SWITCH)  # kinds with a Boolean value, 1 or 0 in expressions
 
 

@@ -37,11 +37,8 @@ from harness.system.experiment import Experiment
 from harness.system.graph import find_port, recorded_names
 from harness.system.wire import Wire, wire_map
 
-MARGIN: Final = 0.8
-"""Share of the required accuracy at which a suggestion aims."""
-
-SHORTEST: Final = 4096
-"""Largest quotient of the present and the suggested step: beyond it, the observed order says nothing."""
+MARGIN: Final = 0.8  # share of the required accuracy at which a suggestion aims
+SHORTEST: Final = 4096  # largest quotient of present and suggested step: beyond, the order says nothing
 
 
 def suggested_step(
@@ -74,8 +71,7 @@ class Energy:
     net: float
     passed: float
     """Integral of the power and of its magnitude [J]."""
-    error: float
-    """Bound of the error of the net energy at any time [J]."""
+    error: float  # bound of the error of the net energy at any time [J]
 
     @property
     def relative(self) -> float:
@@ -148,13 +144,13 @@ def _integral(row: float, values: Values) -> Values:
     return np.cumsum(found, out=found)
 
 
-REQUIRED: Final = 0.01
-"""Required accuracy relative to the range of each variable, unless another one is given."""
+REQUIRED: Final = 0.01  # required accuracy relative to the range of each variable, unless another one is given
 
 
 def run_with_accuracy(system: Assembly, experiment: Experiment, options: Options, required: float) -> Result:
     """Run a system and tell how far the result is off."""
-    check_required(required)
+    if not 1e-12 <= required < 1.0:
+        raise ExperimentError(f"the required accuracy is {required}: give a number from 1e-12 to below 1, such as 1e-3")
     names = recorded_names(system.parts, experiment.record)
     wires = [wire for wire in system.wires if _moves(system.parts, wire)]
     every = tuple(dict.fromkeys((*names, *(wire.source for wire in wires))))
@@ -177,7 +173,9 @@ def run_with_accuracy(system: Assembly, experiment: Experiment, options: Options
     for name in names:
         nominal = find_port(system.parts, name, "record").nominal
         one = estimate(tracks(name), most=most, noise=floor.error, nominal=nominal, required=required)
-        found[name] = replace(one, verdict="wrong", **_unbounded(one)) if wrong else one
+        if wrong:  # which other steps cannot tell
+            one = replace(one, verdict="wrong", bound=unbounded(len(one.bound)), relative=np.inf, shift=0.0)
+        found[name] = one
     believed = [name for name in names if found[name].verdict == "right"]
     try:
         newton = by_newton(system, replace(experiment, record=tuple(believed)), runs) if believed else None
@@ -198,21 +196,13 @@ def run_with_accuracy(system: Assembly, experiment: Experiment, options: Options
             result[pair[0].source].attrs |= {"energy": each.net, "energy_error": each.error}
     if wires:
         lines = has_lines(experiment)
-        lost = {wire: missed(tracks(wire.source)[0], lines, _nominal(system, wire)) for wire in wires}
+        lost = {
+            wire: missed(tracks(wire.source)[0], lines, find_port(system.parts, wire.source, "connection").nominal)
+            for wire in wires
+        }
         result.attrs["largest_coupling_error"] = str(max(lost, key=lambda wire: lost[wire]))
     divided = int(whole.attrs.get("rejected", 0)) > 0
     return result.assign_attrs(_conclusions(system, found, experiment, required, floor.error, divided=divided))
-
-
-def check_required(required: float) -> None:
-    """Raise an error if an accuracy cannot be required."""
-    if not 1e-12 <= required < 1.0:
-        raise ExperimentError(f"the required accuracy is {required}: give a number from 1e-12 to below 1, such as 1e-3")
-
-
-def _unbounded(estimate: ErrorEstimate) -> dict[str, Any]:
-    """Return the bound of a result that is known to be wrong, which other steps cannot tell."""
-    return {"bound": unbounded(len(estimate.bound)), "relative": np.inf, "shift": 0.0}
 
 
 def _moves(parts: Mapping[str, Part], wire: Wire) -> bool:
@@ -220,10 +210,6 @@ def _moves(parts: Mapping[str, Part], wire: Wire) -> bool:
     (name, output), (target, _) = wire.ends
     port = next(port for port in parts[name].outputs if port.name == output)
     return port.type == "Real" and parts[name].moves and parts[target].moves
-
-
-def _nominal(system: Assembly, wire: Wire) -> float:
-    return find_port(system.parts, wire.source, "connection").nominal
 
 
 def _attach(result: Result, name: str, one: ErrorEstimate) -> tuple[str, NDArray[np.float32], dict[str, str]]:

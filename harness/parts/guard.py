@@ -29,8 +29,7 @@ from harness.parts.part import Part
 
 _LOG = logging.getLogger("harness")
 
-EXITED: Final = 2
-"""Exit status of a program that an FMU has ended."""
+EXITED: Final = 2  # exit status of a program that an FMU has ended
 
 _AT_EXIT = ctypes.CFUNCTYPE(None)
 _ISOLATE: Final = "run it in its own process (isolate = true)"

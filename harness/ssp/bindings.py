@@ -23,12 +23,9 @@ from harness.units import BaseUnit
 class ParameterMapping:
     """Mapping of a source parameter to a variable."""
 
-    target: str
-    """Name of the variable."""
-    transformation: Transformation
-    """Transformation of the value, after its unit conversion."""
-    suppress: bool
-    """Whether unit conversion is suppressed."""
+    target: str  # name of the variable
+    transformation: Transformation  # transformation of the value, after its unit conversion
+    suppress: bool  # whether unit conversion is suppressed
 
 
 def parse_ssm(root: etree._Element, where: str) -> dict[str, list[ParameterMapping]]:
@@ -55,16 +52,11 @@ _LOG = logging.getLogger("harness")
 class Binding:
     """A parameter binding with the files that it names."""
 
-    path: Path
-    """The element to which it belongs."""
-    parameters: ParameterSet
-    """The parameters."""
-    mapping: Mapping[str, list[ParameterMapping]] | None
-    """Entries by the name of the source; None if every parameter keeps its name."""
-    prefix: str
-    """Prefix of all names in the parameter set."""
-    where: str
-    """Name of the binding, for messages."""
+    path: Path  # the element to which it belongs
+    parameters: ParameterSet  # the parameters
+    mapping: Mapping[str, list[ParameterMapping]] | None  # by source; None if all parameters keep their names
+    prefix: str  # prefix of all names in the parameter set
+    where: str  # name of the binding, for messages
 
     def entries(self) -> Iterator[tuple[Parameter, tuple[int, ...], str, ParameterMapping]]:
         """Return each value with the shape of its array, its index such as ``[1,2]``, and its target."""

@@ -98,34 +98,24 @@ class Endpoint:
 class Connector:
     """A connector as described in the file."""
 
-    kind: str
-    """Such as ``input``, ``output``, ``parameter`` or ``calculatedParameter``."""
-    unit: BaseUnit | None
-    """The unit, if it is stated and known."""
-    unit_name: str = ""
-    """Name of the unit; empty if none is stated."""
-    type: str = ""
-    """Type of its values, such as ``Real``; empty if it is not stated."""
-    shape: tuple[int | None, ...] = ()
-    """Sizes of an array; None where the file states none."""
+    kind: str  # such as ``input``, ``output``, ``parameter`` or ``calculatedParameter``
+    unit: BaseUnit | None  # the unit, if it is stated and known
+    unit_name: str = ""  # name of the unit; empty if none is stated
+    type: str = ""  # type of its values, such as ``Real``; empty if it is not stated
+    shape: tuple[int | None, ...] = ()  # sizes of an array; None where the file states none
 
 
 @dataclass(frozen=True)
 class Edge:
     """A connection, in signal direction."""
 
-    source: Endpoint
-    target: Endpoint
-    """Ends of the connection."""
-    transformation: Transformation
-    """Transformation of a value, after its unit conversion."""
-    suppress: bool
-    """Whether unit conversion is suppressed."""
-    element: etree._Element
-    """The XML element, with its annotations."""
-    source_index: tuple[int, ...] = ()
-    target_index: tuple[int, ...] = ()
-    """Indices of the connected element of an array; () if everything is connected."""
+    source: Endpoint  # where the connection begins
+    target: Endpoint  # where it ends
+    transformation: Transformation  # transformation of a value, after its unit conversion
+    suppress: bool  # whether unit conversion is suppressed
+    element: etree._Element  # the XML element, with its annotations
+    source_index: tuple[int, ...] = ()  # index of the connected element of an array; () for all
+    target_index: tuple[int, ...] = ()  # the same of the target
 
     def __str__(self) -> str:
         """Return a text with both ends."""
@@ -136,18 +126,12 @@ class Edge:
 class Structure:
     """All elements of an SSD."""
 
-    systems: Mapping[Path, etree._Element]
-    """All systems, each before its subsystems."""
-    components: Mapping[Path, etree._Element]
-    """All FMUs, in the order of the file."""
-    connectors: Mapping[Endpoint, Connector]
-    """All connectors."""
-    edges: tuple[Edge, ...]
-    """All connections."""
-    units: Mapping[str, BaseUnit] = field(default_factory=dict)
-    """Units that the document defines."""
-    shapes: Mapping[Endpoint, tuple[int, ...]] = field(default_factory=dict)
-    """Sizes of the arrays before they were split into elements; () for a scalar."""
+    systems: Mapping[Path, etree._Element]  # all systems, each before its subsystems
+    components: Mapping[Path, etree._Element]  # all FMUs, in the order of the file
+    connectors: Mapping[Endpoint, Connector]  # all connectors
+    edges: tuple[Edge, ...]  # all connections
+    units: Mapping[str, BaseUnit] = field(default_factory=dict)  # units that the document defines
+    shapes: Mapping[Endpoint, tuple[int, ...]] = field(default_factory=dict)  # of arrays before the split
 
 
 def read_structure(root: etree._Element, units: Mapping[str, BaseUnit], where: str) -> Structure:

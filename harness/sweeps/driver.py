@@ -30,8 +30,7 @@ from harness.system.experiment import Experiment
 from harness.system.graph import find_port, recorded_names, stepping_order
 from harness.system.system import System
 
-TRIES: Final = 3
-"""Number of workers that may die in a run before it counts as failed."""
+TRIES: Final = 3  # number of workers that may die in a run before it counts as failed
 
 
 class Queue:
@@ -108,8 +107,7 @@ def _measure(measure: Measure) -> str:
     return str(measure) if isinstance(measure, Builtin) else f"{label(measure)} {function_identity(measure)}"
 
 
-_MOST_BYTES = 32e6
-"""Largest size of the trajectories in one file [bytes]."""
+_MOST_BYTES = 32e6  # largest size of the trajectories in one file [bytes]
 
 
 def sweep(

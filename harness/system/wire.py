@@ -15,8 +15,7 @@ from harness.storage.toml_file import TomlTable
 from harness.units import conversion, needed_unit, parse_unit, units_agree
 from harness.values import is_count, is_number, make_plain, number, shown, text
 
-LONGEST_DELAY: Final = 10_000_000
-"""Largest delay in communication steps, as all values in between are stored."""
+LONGEST_DELAY: Final = 10_000_000  # largest delay in communication steps, as all values in between are stored
 
 
 @dataclass(frozen=True)

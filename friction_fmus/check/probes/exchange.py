@@ -13,8 +13,7 @@ MOST_ITERATIONS: Final = 100  # largest number of calls of fmi2NewDiscreteStates
 UNSET: Final = -7  # what the results of a call hold before it
 
 _SUBSTEPS: Final = 4
-_LARGEST: Final = 0.1
-"""Largest change of a state in a substep, relative to its nominal value; the steps are not accurate, but plausible."""
+_LARGEST: Final = 0.1  # largest change of a state in a substep over its nominal value: plausible, not accurate
 
 
 class EventInfo(ctypes.Structure):

@@ -13,8 +13,7 @@ from typing import Any, Final
 from .fmi2_library import MissingError, RawLibrary, RefusedError
 from .fmi3_library import RawLibrary3
 
-Report = Callable[..., None]
-"""``report(rule, message, variable=None)``"""
+Report = Callable[..., None]  # ``report(rule, message, variable=None)``
 
 Probe = Callable[[RawLibrary, Report], None]
 

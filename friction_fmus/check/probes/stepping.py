@@ -22,8 +22,7 @@ from .fmi2_library import (
 )
 from .probe_process import Report, probe
 
-_ODD = (1.0 / 3.0, 1.0 / 0.06, 1.0, 0.1)
-"""Steps that are not binary fractions, as multiples of the preferred step of the XML."""
+_ODD = (1.0 / 3.0, 1.0 / 0.06, 1.0, 0.1)  # multiples of the preferred step of the XML that are no binary fractions
 
 Trajectory = list[dict[str, Any]]
 

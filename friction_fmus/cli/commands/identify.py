@@ -20,8 +20,7 @@ if TYPE_CHECKING:
     from friction_fmus.identification import Identification, Measurement, Record
 
 LOSSES = ("linear", "soft_l1", "huber", "cauchy", "arctan")
-SHOWN = 3
-"""Largest number of models whose parameters are all printed; with more models, only those of the best are printed."""
+SHOWN = 3  # most models whose parameters are all printed; with more models, only those of the best are
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

@@ -242,14 +242,10 @@ class Texts:
     identifier: str
     guid: str
     """Model identifier and GUID."""
-    summary: str
-    """One line on the system."""
-    made: str
-    """Time stamp."""
-    sources: tuple[str, ...]
-    """The files to compile."""
-    exchanges: bool
-    """Whether the FMU is for model exchange too."""
+    summary: str  # one line on the system
+    made: str  # time stamp
+    sources: tuple[str, ...]  # the files to compile
+    exchanges: bool  # whether the FMU is for model exchange too
 
 
 def composite_description(

@@ -17,8 +17,7 @@ _ELEMENT = re.compile(r"(.+)\[(\d+)\]")
 _BRIEF = 2  # comparisons and choices that are repeated instead of being stored
 _REPEATED = {*CONDITIONS, "SELECT", "IF_ELSE_ZERO"}
 
-Chain = tuple[int, ...]
-"""Corresponding nodes of consecutive elements."""
+Chain = tuple[int, ...]  # corresponding nodes of consecutive elements
 
 
 class Search:

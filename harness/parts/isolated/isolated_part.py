@@ -29,22 +29,14 @@ class ProcessError(Exception):
 
 
 class Process:
-    """A Python process that serves one FMU, see `harness.parts.isolated.host.serve`.
-
-    Attributes
-    ----------
-    folder : Path
-        Temporary folder of both processes, removed at the end of this one.
-    last_message : str
-        The last log message of the FMU, quoted if the process dies.
-    """
+    """A Python process that serves one FMU, see `harness.parts.isolated.host.serve`."""
 
     def __init__(self, name: str, path: Path, timeout: float) -> None:
         """Start the process and wait until it listens."""
         if os.name != "posix":
             raise HarnessError(f"part '{name}' cannot be isolated on {sys.platform}: leave isolate out")
         folder = ScratchFolder()
-        self.folder = Path(folder.name)
+        self.folder = Path(folder.name)  # temporary folder of both processes
         ours, theirs = socket.socketpair()
         arguments = (theirs.fileno(), name, str(path.absolute()))
         # not multiprocessing, whose new processes run the user's script again
@@ -62,7 +54,7 @@ class Process:
             )
         self.close = weakref.finalize(self, _end, process, ours, folder, timeout)
         self._process, self._line, self._timeout = process, ChannelEnd(ours), timeout
-        self.last_message = ""
+        self.last_message = ""  # of the FMU, quoted if the process dies
         ours.settimeout(_START_TIME)
         self._answer(_START_TIME)
         ours.settimeout(timeout)
