@@ -115,6 +115,41 @@ def test_what_drives_a_loop_is_stepped_once_and_handed_over_as_a_line() -> None:
     np.testing.assert_allclose(np.log2(errors[0] / errors[1]), 2.0, atol=0.2)
 
 
+def test_a_line_within_a_loop_begins_after_the_jump_of_a_held_input() -> None:
+    """A meter in the loop integrates the net force, which depends directly on a held one: q = v = the impulse."""
+    plant = CallablePart(
+        "mass",
+        lambda t, u, x: [x[0], u[0] - u[1]],
+        ["F", "f"],
+        ["v", "net"],
+        advance=lambda t, h, u, x: x + h * (u[0] - u[1]),
+        state=[0.0],
+        dependencies={"v": (), "net": ("F", "f")},
+    )
+    meter = CallablePart(
+        "meter",
+        lambda t, u, x: [0.0 * u[0], x[0]],
+        ["v", "net"],
+        ["f", "q"],
+        advance=lambda t, h, u, x: x + h * u[1],
+        state=[0.0],
+        dependencies={"f": ("v",), "q": ()},
+    )
+    drive = SeriesPart("drive", [0.0, 0.2, 0.4], {"F": [1.0, -3.0, 4.0]}, interpolation="previous", beyond="hold")
+    wires = ["drive.F -> mass.F", "mass.v -> meter.v", "mass.net -> meter.net", "meter.f -> mass.f"]
+    result = System([plant, meter, drive], wires).run(stop=0.6, step=0.1, master="newton")
+    exact = [0.0, 0.1, 0.2, -0.1, -0.4, 0.0, 0.4]
+    np.testing.assert_allclose(result["mass.v"], exact, atol=1e-12)
+    np.testing.assert_allclose(result["meter.q"], exact, atol=1e-12)
+
+
+def test_at_rest_no_step_is_divided() -> None:
+    """All values stay 0, so that differences have no size."""
+    result = System([mass(v0=0.0), bristle()], WIRES).run(stop=0.1, step=1e-3, master="newton")
+    assert (result.attrs["substeps"], result.attrs["rejected"]) == (100, 0)
+    assert result.attrs["checks"] > 0
+
+
 def test_sampled_controller_takes_its_sample_first_and_once() -> None:
     samples: list[float] = []
 
