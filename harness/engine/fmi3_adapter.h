@@ -131,7 +131,6 @@ static int set_3(Fmi3 *a, const uint32_t *elements, size_t n, const double *valu
 
 static int get_3(Fmi3 *a, const uint32_t *elements, size_t n, double *values)
 {
-    a->failure = 0;
     for (size_t i = 0; i < n;) {
         size_t listed, count;
         const size_t end = run_of(a, elements, n, i, &listed, &count);
