@@ -793,7 +793,7 @@ static bool plausible_guard(const StepCheck *g)
            in_range(g->cooldown, 0, 2 * LONGEST_COOLDOWN) && in_range(g->next, 0, most) &&
            in_range(g->last, -most, most) && in_range(g->recurrences, 0, MOST_RECURRENCES) &&
            in_range(g->limited_ticks, 0, most) && in_range(g->checks, 0, most) && is_bit(g->abandoned) &&
-           is_bit(g->resolves) && is_bit(g->jumped);
+           in_range(g->resolves, 0, WHOLE_STEP) && is_bit(g->jumped);
 }
 
 /* Return whether a variable can have the value in this memory; a law may accept an input that is not finite. */
