@@ -382,7 +382,7 @@ MIRRORED(Contact)
 MIRRORED(Group)
 MIRRORED(Moving)
 MIRRORED(Newton)
-MIRRORED(State)
+MIRRORED(StateOutput)
 MIRRORED(StepCheck)
 
 #endif

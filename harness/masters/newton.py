@@ -68,9 +68,9 @@ class Group(ctypes.Structure):
     """``Group`` of newton_data.h."""
 
 
-@mirrors("State")
-class State(ctypes.Structure):
-    """``State`` of newton_data.h."""
+@mirrors("StateOutput")
+class StateOutput(ctypes.Structure):
+    """``StateOutput`` of newton_data.h."""
 
 
 @mirrors("StepCheck")

@@ -32,7 +32,7 @@ typedef struct {
    The position within a step is the integral of what the forces do, not of the line of the velocity. */
 typedef struct {
     int64_t output, line; /* a line to its part, to which errors are attributed */
-} State;
+} StateOutput;
 
 typedef struct {
     int64_t first, count; /* its parts, in stepping order */
@@ -76,7 +76,7 @@ typedef struct {
     double *held_values, *held_sizes; /* in the last step; largest magnitudes so far */
     const Contact *contacts;
     const int64_t *loads; /* inputs of contacts that are forces */
-    const State *states;
+    const StateOutput *states;
     double *state_sizes, *kept_states; /* largest magnitudes so far; values of the whole step during a check */
     double *w, *w_last, *trend;        /* value, value of the last step, slope over the last step */
     double *scale;                     /* largest magnitude so far */

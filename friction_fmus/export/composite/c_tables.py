@@ -263,7 +263,7 @@ class _Writer:
             *c_rows("Group group_data", groups, "{0}"),
             *c_rows("Contact contact_data", contacts, "{0, 0, 0, 0, 0}"),
             *c_integers("load_inputs", loops.loads),
-            *c_rows("State state_data", states, "{0, 0}"),
+            *c_rows("StateOutput state_data", states, "{0, 0}"),
             *c_rows("char *const loop_names", names, '""'),
             *c_integers("line_groups", groups_of_lines),
             *c_rows("char *const line_names", lines, '""'),
