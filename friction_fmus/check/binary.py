@@ -35,11 +35,7 @@ _RULES: Final[dict[str, tuple[Severity, str, str]]] = {
     "binary-crashes": ("error", "2.1.3", "A legal call ends the process."),
     "binary-hangs": ("error", "2.1.3", "A legal call does not return within the time limit."),
     "free-null": ("warning", "2.1.5", "fmi2FreeInstance does not ignore a null pointer."),
-    "misuse-crashes": (
-        "warning",
-        "4.2.4",
-        "A call in a state in which it is not allowed ends the process or hangs.",
-    ),
+    "misuse-crashes": ("warning", "4.2.4", "A call in a state in which it is not allowed ends the process or hangs."),
     "function-missing": ("error", "2.3", "The library does not export a function of the standard."),
     "version-answer": ("error", "2.1.4", "fmi2GetVersion or fmi2GetTypesPlatform returns a wrong result."),
     "instantiate-fails": ("error", "2.1.5", "fmi2Instantiate returns no instance for the guid of the XML."),
@@ -87,11 +83,7 @@ _RULES: Final[dict[str, tuple[Severity, str, str]]] = {
 """Rules of the binary: severity, section of FMI 2.0.5, and a description of the error."""
 
 _RULES_3: Final[dict[str, tuple[Severity, str, str]]] = {
-    "fmi3-configuration": (
-        "error",
-        "2.2.1",
-        "A structural parameter cannot be set in its mode, or elsewhere too.",
-    ),
+    "fmi3-configuration": ("error", "2.2.1", "A structural parameter cannot be set in its mode, or elsewhere too."),
     "fmi3-adjoint": ("error", "2.2.11", "An adjoint derivative disagrees with a directional derivative."),
     "fmi3-event-mode": ("error", "4.2.2", "A co-simulation with events fails."),
     "fmi3-intermediate-update": ("error", "4.2.2", "Intermediate updates are out of order or end a step."),

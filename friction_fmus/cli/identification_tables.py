@@ -6,14 +6,7 @@ import math
 from collections.abc import Sequence
 
 from friction_fmus.cli.console import console, drawn, styled
-from friction_fmus.identification import (
-    AxisUnits,
-    Finding,
-    Identification,
-    LearnedResidual,
-    Measurement,
-    Record,
-)
+from friction_fmus.identification import AxisUnits, Finding, Identification, LearnedResidual, Measurement, Record
 from friction_fmus.identification.fit.position import PositionFit
 from friction_fmus.identification.result import name_of
 from friction_fmus.identification.survey import ModelComparison

@@ -203,12 +203,7 @@ def sweep(
 
 
 def _drive(
-    job: Job,
-    samples: Sequence[Sample],
-    queue: Queue,
-    pool: Pool,
-    storage: Storage,
-    progress: Progress | None,
+    job: Job, samples: Sequence[Sample], queue: Queue, pool: Pool, storage: Storage, progress: Progress | None
 ) -> None:
     """Distribute chunks and store their outcomes until all runs are done."""
     under_way: dict[Outcomes, list[int]] = {}

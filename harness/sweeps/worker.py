@@ -199,10 +199,7 @@ _ended: set[str] = set()
 
 
 def run_chunk(
-    job: Job,
-    runs: Sequence[tuple[int, Sample]],
-    stopped: Callable[[], bool] = lambda: False,
-    idle: float | None = None,
+    job: Job, runs: Sequence[tuple[int, Sample]], stopped: Callable[[], bool] = lambda: False, idle: float | None = None
 ) -> list[Outcome]:
     """Execute some runs of a sweep with the system of this thread."""
     key = (job.key, threading.get_ident())

@@ -9,14 +9,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING, Any, Literal, Self
 
-from harness.errors import (
-    ExperimentError,
-    HarnessError,
-    StartValueError,
-    UnconnectedError,
-    UnknownNameError,
-    WireError,
-)
+from harness.errors import ExperimentError, HarnessError, StartValueError, UnconnectedError, UnknownNameError, WireError
 from harness.parts.flat import element_names
 from harness.parts.fmu import FmuPart
 from harness.parts.guard import Guard

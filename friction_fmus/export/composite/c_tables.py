@@ -9,13 +9,7 @@ from textwrap import shorten
 import numpy as np
 
 from friction_fmus.export.composite.composite_description import provides_derivatives
-from friction_fmus.export.composite.composite_interface import (
-    InputsPart,
-    PartCode,
-    Variable,
-    exchange_fault,
-    states,
-)
+from friction_fmus.export.composite.composite_interface import InputsPart, PartCode, Variable, exchange_fault, states
 from harness.engine.defect import UNRESOLVED
 from harness.engine.manipulate import delay_length
 from harness.engine.native import Engine

@@ -116,11 +116,7 @@ PAGE = "documentation/index.html"
 
 
 def documentation(
-    system: Assembly,
-    identifier: str,
-    summary: str,
-    codes: Mapping[str, PartCode],
-    variables: Sequence[Variable],
+    system: Assembly, identifier: str, summary: str, codes: Mapping[str, PartCode], variables: Sequence[Variable]
 ) -> dict[str, bytes]:
     """Return the files by their place in the FMU."""
     found: dict[str, bytes] = {}
@@ -412,12 +408,7 @@ def _types(root: etree._Element, variables: Sequence[Variable]) -> set[str]:
 
 
 def _variable(
-    parent: etree._Element,
-    variable: Variable,
-    reference: int,
-    types: set[str],
-    places: Mapping[str, int],
-    jumps: bool,
+    parent: etree._Element, variable: Variable, reference: int, types: set[str], places: Mapping[str, int], jumps: bool
 ) -> None:
     port = variable.port
     attributes = {"name": variable.name, "valueReference": str(reference)}
