@@ -19,14 +19,8 @@ from harness.result import Result
 from harness.run import Session
 from harness.sweeps.measures import Builtin, Measure, label
 from harness.sweeps.samples import Sample
-from harness.system.experiment import Experiment
+from harness.system.experiment import SCALARS, Experiment
 from harness.system.system import System
-
-SETTINGS: Final = (
-    *("start", "stop", "step", "master", "decimate", "tolerance", "extrapolation"),
-    *("loop_tolerance", "coupling_tolerance", "step_tolerance"),
-)
-"""Settings of the experiment that can be swept; names of start values contain a dot."""
 
 _PROBED: Final = 1000  # number of communication steps over which a reset FMU is compared with a new one
 
@@ -190,8 +184,8 @@ class Runner:
 
 def _split(values: Sample) -> tuple[dict[str, Any], dict[str, StartValue]]:
     """Settings of the experiment, and start values."""
-    settings = {name: value for name, value in values.items() if name in SETTINGS}
-    return settings, {name: value for name, value in values.items() if name not in SETTINGS}
+    settings = {name: value for name, value in values.items() if name in SCALARS}
+    return settings, {name: value for name, value in values.items() if name not in SCALARS}
 
 
 _runners: dict[tuple[str, int], Runner] = {}

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Final
 
 from harness.errors import ExperimentError
@@ -126,6 +126,10 @@ class Experiment:
     def ticks(self) -> int:
         """Number of communication steps."""
         return round((self.stop - self.start) / self.step)
+
+
+LISTS: Final = ("record", "order", "manipulators")
+SCALARS: Final = tuple(each.name for each in fields(Experiment) if each.name not in LISTS)  # the other settings
 
 
 def _seconds(name: str, value: object) -> float:
