@@ -10,8 +10,6 @@ from dataclasses import dataclass
 from harness.errors import UnitError
 
 BASE_SYMBOLS = ("kg", "m", "s", "A", "K", "mol", "cd", "rad")
-
-
 LARGEST_POWER = 99  # largest exponent of a base unit
 
 

@@ -43,7 +43,6 @@ from harness.storage.files import ScratchFolder
 
 __all__ = ["RULES", "Finding", "Rule", "check"]
 
-
 _DANGEROUS = ("zip-", "path-outside", "path-backslash", "path-symlink", "path-duplicate", "path-clash", "path-long")
 
 _ONLY_FMI_2 = ("source-headers", "source-undeclared")  # rules of the archive that do not hold in FMI 3.0

@@ -100,18 +100,17 @@ class Runner:
         settings, start = _split(values)
         layout = settings, start.keys(), {name: start[name] for name in start.keys() & self._sizes}
         if self._session is None or layout != self._layout:
-            self._session, self._start = self._laid_out(values, self.job.experiment)
-            self._layout = layout
+            system, experiment = self._set(values, self.job.experiment)
+            self._session, self._start, self._layout = Session(system, experiment), system.start, layout
         session = self._session
         if any(part.undeclared for part in self.system.parts.values()):
             self._session = None  # start values decide on which inputs its outputs depend
         return session.run({**self._start, **start})
 
-    def _laid_out(self, values: Sample, experiment: Experiment) -> tuple[Session, Mapping[str, StartValue]]:
-        """A session, and the start values of its system."""
+    def _set(self, values: Sample, experiment: Experiment) -> tuple[System, Experiment]:
+        """Return the system and the experiment with the values of a run."""
         settings, start = _split(values)
-        system = self.system.with_start(start)
-        return Session(system, replace(experiment, **settings)), system.start
+        return self.system.with_start(start), replace(experiment, **settings)
 
     def _measured(self, recorded: Recorder) -> dict[str, float]:
         numbers: dict[str, float] = {}
@@ -134,9 +133,7 @@ class Runner:
 
     def _bounds(self, values: Sample, measured: Mapping[str, float]) -> dict[str, float]:
         """Return the error bound of each measure."""
-        settings, start = _split(values)
-        system, experiment = self.system.with_start(start), replace(self.job.experiment, **settings)
-        bounds = measure_bounds(system, experiment, self._measured, measured, dense=True)
+        bounds = measure_bounds(*self._set(values, self.job.experiment), self._measured, measured, dense=True)
         for name in bounds:
             if name in measured:
                 raise SweepError(f"two measures are called '{name}': rename one of them")
@@ -154,9 +151,7 @@ class Runner:
             for port in (*part.outputs, *part.observables)
         ]
         whole = self.job.experiment
-        settings = {name: float(values[name]) for name in ("start", "step") if name in values}
-        begin, step = settings.get("start", whole.start), settings.get("step", whole.step)
-        stop = float(values.get("stop", whole.stop))
+        begin, stop, step = (float(values.get(name, getattr(whole, name))) for name in ("start", "stop", "step"))
         ticks = min(_PROBED, round((stop - begin) / step))
         short = {**values, "stop": begin + ticks * step, "decimate": 1}
         probe = replace(whole, record=tuple(names))
@@ -171,8 +166,8 @@ class Runner:
     def _outputs(self, values: Sample, experiment: Experiment) -> bytes | str:
         """Return the recorded values as bytes, or the error text of a failed run."""
         try:
-            session, start = self._laid_out(values, experiment)
-            recorded = session.run(start)
+            system, experiment = self._set(values, experiment)
+            recorded = Session(system, experiment).run(system.start)
         except Exception as error:
             return str(error)
         return recorded.rows[: recorded.filled].tobytes()

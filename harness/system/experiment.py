@@ -14,7 +14,6 @@ LOOP_TOLERANCE: Final = 3e-8
 """Default of `Experiment.loop_tolerance`. It needs at most 9 % more evaluations than 1e-7; 1e-8 needs up to 12 %
 more."""
 
-
 COUPLING_TOLERANCE: Final = 1e-5  # default of `Experiment.coupling_tolerance`
 STEP_TOLERANCE: Final = 0.02  # default of `Experiment.step_tolerance`
 _LIMITS: Final = {  # what it is, and the numbers as a message shows them
