@@ -16,7 +16,7 @@ more."""
 
 COUPLING_TOLERANCE: Final = 1e-5  # default of `Experiment.coupling_tolerance`
 STEP_TOLERANCE: Final = 0.02  # default of `Experiment.step_tolerance`
-_LIMITS: Final = {  # what it is, and the numbers as a message shows them
+LIMITS: Final = {  # what it is, and the numbers as a message shows them
     "loop_tolerance": ("tolerance of loops", "1e-14", "0.01"),
     "coupling_tolerance": ("coupling tolerance", "1e-12", "0.01"),
     "step_tolerance": ("tolerance of steps", "1e-6", "0.5"),
@@ -98,7 +98,7 @@ class Experiment:
             raise ExperimentError(f"the tolerance is {shown(self.tolerance)}: give a positive number, or leave it out")
         if self.extrapolation not in (0, 1, 2):
             raise ExperimentError(f"the extrapolation is of order {shown(self.extrapolation)}: give 0, 1 or 2")
-        for name, (what, least, most) in _LIMITS.items():
+        for name, (what, least, most) in LIMITS.items():
             value = getattr(self, name)
             if value is not None and not (is_number(value) and float(least) <= value <= float(most)):
                 raise ExperimentError(f"the {what} is {shown(value)}: give a number from {least} to {most}")
