@@ -1,7 +1,7 @@
 """Checks of an FMU: the archive, the XML, and the behaviour of the binary in a separate process.
 
 An SSP is read as the harness reads it, and each of its FMUs is checked. The checks apply to any FMU of FMI 2.0 or 3.0.
-The rules are functions in `archive`, `fmi2_rules` and `fmi3_rules`, and probes in `probes`; each rule is one
+The rules are functions in `archive_rules`, `fmi2_rules` and `fmi3_rules`, and probes in `probes`; each rule is one
 function.
 """
 
@@ -13,7 +13,7 @@ from pathlib import Path
 
 from fmpy.model_description import ValidationError
 
-from friction_fmus.check.archive import (
+from friction_fmus.check.archive_rules import (
     DAMAGED,
     Contents,
     examine_archive,
@@ -35,7 +35,7 @@ from friction_fmus.check.description import (
 from friction_fmus.check.findings import DESCRIPTION, RULES, Finding, Rule, apply, declare
 from friction_fmus.check.fmi2_rules import examine_side_files
 from friction_fmus.check.fmi3_rules import Model3
-from friction_fmus.errors import FrictionError, UnknownNameError, nearest
+from friction_fmus.errors import FrictionError, UnknownNameError, did_you_mean
 from harness.errors import HarnessError
 from harness.parts.archive import parse_description
 from harness.ssp.package import SSD_NAME
@@ -80,7 +80,7 @@ def check(
     """
     for name in ignore:
         if name not in RULES:
-            raise UnknownNameError(f"there is no rule {name!r}{nearest(name, RULES)}; `check --rules` lists them")
+            raise UnknownNameError(f"there is no rule {name!r}{did_you_mean(name, RULES)}; `check --rules` lists them")
     if not time_limit > 0.0:
         raise FrictionError(f"the time limit is {time_limit} s; give a positive number of seconds")
     try:

@@ -10,7 +10,7 @@ from rich.text import Text
 
 from friction_fmus.blocks.catalogue import FEATURES, Block
 from friction_fmus.blocks.macros import INDENT, Paragraph, paragraphs
-from friction_fmus.blocks.probe import BlockVariables, Entry, variable_groups
+from friction_fmus.blocks.probe import BlockVariables, VariableRow, variable_groups
 
 WIDE = 100  # width of the terminal, in characters, from which the table of variables includes ranges
 
@@ -71,5 +71,5 @@ def _variables(rows: BlockVariables, ranges: bool) -> Table:
     return table
 
 
-def _starts(entry: Entry) -> str:
+def _starts(entry: VariableRow) -> str:
     return " ... ".join(entry.starts[:: len(entry.starts) - 1]) if len(entry.starts) > 1 else "".join(entry.starts)

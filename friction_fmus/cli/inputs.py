@@ -1,4 +1,4 @@
-"""Parameter sets of a sweep, from its command-line options: lists, ranges, random points and files."""
+"""What commands read besides their files: a system, the address of a cluster, and the parameter sets of a sweep."""
 
 from __future__ import annotations
 

@@ -16,7 +16,7 @@ from friction_fmus.codegen.layout import INPUTS, Export
 from friction_fmus.codegen.sources import header, implementation, unit_text
 from friction_fmus.codegen.vectors import inputs
 from friction_fmus.errors import FrictionError
-from friction_fmus.lawkit.law import BOOLEANS, Variable
+from friction_fmus.lawkit.law import BOOLEANS, LawVariable
 from harness.storage.files import ScratchFolder
 
 COMPILER: Final = "arm-none-eabi-gcc"
@@ -113,7 +113,7 @@ def samples(export: Export, n: int, seed: int = 1) -> dict[str, np.ndarray]:
     """Return n random samples of the inputs around their start values, with some zeros; Booleans rarely change."""
     random = np.random.default_rng(seed)
 
-    def draw(variable: Variable) -> np.ndarray:
+    def draw(variable: LawVariable) -> np.ndarray:
         start = export.start[variable.name][0]
         if variable.kind in BOOLEANS:
             return np.where(random.random(n) < 0.1, 1.0 - start, start)
@@ -188,7 +188,7 @@ def program(export: Export, given: Mapping[str, np.ndarray], restart: int = 0) -
     )
 
 
-def _cells(export: Export, variable: Variable, values: np.ndarray) -> list[tuple[str, list[str]]]:
+def _cells(export: Export, variable: LawVariable, values: np.ndarray) -> list[tuple[str, list[str]]]:
     """Return the assignment of column %d to each member of an input, and the samples of this member."""
     name, columns = variable.name, {variable.name: values}
     if name in export.pairs:

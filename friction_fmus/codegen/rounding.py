@@ -9,7 +9,7 @@ import numpy as np
 
 from friction_fmus.codegen.layout import STATES, Export
 from friction_fmus.lawkit.emit.c_text import DOUBLE
-from friction_fmus.lawkit.emit.graph import CALLS, COMPARE, LOGIC, Node, graph
+from friction_fmus.lawkit.emit.operations import CALLS, COMPARE, LOGIC, Node, graph
 from friction_fmus.lawkit.law import Kind
 
 RUNS = 17  # number of runs; the first one is exact

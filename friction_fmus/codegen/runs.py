@@ -13,8 +13,8 @@ from friction_fmus.codegen.layout import INPUTS, STATES, Export, Values
 from friction_fmus.codegen.rounding import Rounding
 from friction_fmus.lawkit.declarations import PARAMETERS
 from friction_fmus.lawkit.emit.c_text import DOUBLE
-from friction_fmus.lawkit.emit.graph import Node
-from friction_fmus.lawkit.law import BOOLEANS, Kind, Law, Variable
+from friction_fmus.lawkit.emit.operations import Node
+from friction_fmus.lawkit.law import BOOLEANS, Kind, Law, LawVariable
 
 LOST: Final = 2  # number of samples with an invalid input, one after the other
 _CELLS: Final = 2**19  # of a table in memory
@@ -134,7 +134,7 @@ def _other(node: Node, values: np.ndarray, _: int) -> Any:
     return _WRONG[node.operation](*(values[argument] for argument in node.arguments))
 
 
-def held(export: Export, variable: Variable, values: np.ndarray) -> np.ndarray:
+def held(export: Export, variable: LawVariable, values: np.ndarray) -> np.ndarray:
     """Return values as the export holds them: in double, in float, or in a pair of floats."""
     if export.real is DOUBLE or variable.kind in BOOLEANS:
         return values

@@ -16,7 +16,7 @@ from friction_fmus.codegen.sources import unit_text
 from friction_fmus.errors import FrictionError
 from friction_fmus.lawkit.declarations import PARAMETERS
 from friction_fmus.lawkit.emit.c_text import DOUBLE
-from friction_fmus.lawkit.law import BOOLEANS, VECTORS, Kind, Variable
+from friction_fmus.lawkit.law import BOOLEANS, VECTORS, Kind, LawVariable
 
 SEGMENTS: Final = (
     ("at rest", 2, 0.0),
@@ -175,7 +175,7 @@ def _scaled(export: Export, moved: Mapping[str, np.ndarray], random: np.random.G
     return found
 
 
-def _other(variable: Variable, start: float, random: np.random.Generator) -> float:
+def _other(variable: LawVariable, start: float, random: np.random.Generator) -> float:
     """Return another value of a parameter."""
     if variable.kind in BOOLEANS:
         return float(random.random() < 0.5)

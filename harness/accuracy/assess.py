@@ -12,11 +12,11 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from harness.accuracy.estimate import (
+from harness.accuracy.error_estimate import (
     NOTHING,
     REMEMBERED,
     VERDICTS,
-    Estimate,
+    ErrorEstimate,
     Track,
     compare,
     converge,
@@ -24,7 +24,7 @@ from harness.accuracy.estimate import (
     size_of,
     unbounded,
 )
-from harness.accuracy.numbers import BOUND, floor_of, has_lines, order_of
+from harness.accuracy.measure_bounds import BOUND, floor_of, has_lines, order_of
 from harness.accuracy.rungs import by_newton, repeated, scaled_tolerance, step_counts
 from harness.engine.defect import are_power, inaccurate, unit_of
 from harness.errors import ExperimentError, Interrupted
@@ -41,7 +41,9 @@ MARGIN: Final = 0.8  # share of the required accuracy at which a suggestion aims
 SHORTEST: Final = 4096  # largest quotient of present and suggested step: beyond, the order says nothing
 
 
-def suggested_step(found: Sequence[Estimate], experiment: Experiment, required: float, floor: float) -> float | None:
+def suggested_step(
+    found: Sequence[ErrorEstimate], experiment: Experiment, required: float, floor: float
+) -> float | None:
     """Return the step with which all variables have the required accuracy [s].
 
     It is the present step over a whole number, so that sampled parts keep their sample times.
@@ -184,11 +186,11 @@ def run_with_accuracy(system: Assembly, experiment: Experiment, options: Options
         for name in believed:
             nominal = find_port(system.parts, name, "record").nominal
             found[name] = compare(found[name], tracks(name)[0], newton.track(name), nominal=nominal, required=required)
-    doubtful = any(one.verdict == "not certain" for one in found.values())
+    uncertain = any(one.verdict == "not certain" for one in found.values())
     for name in names:
         bounds[name + BOUND] = _attach(result, name, found[name])
     result = result.assign(bounds)
-    for pair in power_pairs(system.parts, wires) if not doubtful else ():
+    for pair in power_pairs(system.parts, wires) if not uncertain else ():
         each = energy(system.parts, pair, tracks(pair[0].source), tracks(pair[1].source), most, floor.error)
         if pair[0].source in found:
             result[pair[0].source].attrs |= {"energy": each.net, "energy_error": each.error}
@@ -210,7 +212,7 @@ def _moves(parts: Mapping[str, Part], wire: Wire) -> bool:
     return port.type == "Real" and parts[name].moves and parts[target].moves
 
 
-def _attach(result: Result, name: str, one: Estimate) -> tuple[str, NDArray[np.float32], dict[str, str]]:
+def _attach(result: Result, name: str, one: ErrorEstimate) -> tuple[str, NDArray[np.float32], dict[str, str]]:
     """Attach its error to a variable of a result, and return the companion with the bound."""
     variable = result[name]
     variable.attrs |= {"relative_error": one.relative, "observed_order": one.convergence.order}
@@ -227,7 +229,7 @@ def _attach(result: Result, name: str, one: Estimate) -> tuple[str, NDArray[np.f
 
 def _conclusions(
     system: Assembly,
-    found: Mapping[str, Estimate],
+    found: Mapping[str, ErrorEstimate],
     experiment: Experiment,
     required: float,
     floor: float,

@@ -18,7 +18,7 @@ from typing import Final
 
 import numpy as np
 
-from harness.accuracy.estimate import Track
+from harness.accuracy.error_estimate import Track
 from harness.engine.algorithm import Progress, Recorder
 from harness.engine.defect import inaccurate
 from harness.errors import ExperimentError, HarnessError, Interrupted

@@ -10,7 +10,7 @@ from typing import Any, Protocol, TypeAlias
 
 import numpy as np
 
-from harness.compiling.library import mirrors
+from harness.compiling.engine_library import mirrors
 from harness.engine.defect import Coupling
 from harness.engine.manipulate import Manipulations
 from harness.engine.native import NOT_CONVERGED, Engine

@@ -10,7 +10,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from harness.compiling.library import bytes_of, mirrors
+from harness.compiling.engine_library import bytes_of, mirrors
 from harness.engine.native import Engine
 from harness.parts.part import Port
 from harness.system.plan import MovingWire, Plan, Schedule, map_of

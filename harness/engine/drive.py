@@ -9,7 +9,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from harness.compiling.library import library, mirrors
+from harness.compiling.engine_library import library, mirrors
 from harness.errors import ExperimentError, HarnessError, UnknownNameError
 from harness.parts.fmu import FmuPart
 from harness.parts.guard import Guard

@@ -9,7 +9,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from harness.compiling.library import bytes_of, mirrors
+from harness.compiling.engine_library import bytes_of, mirrors
 from harness.engine.native import Engine
 from harness.errors import ExperimentError
 from harness.parts.part import Values

@@ -13,7 +13,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from harness.compiling.library import library, mirrors
+from harness.compiling.engine_library import library, mirrors
 from harness.errors import HarnessError, PartError, not_whole
 from harness.parts.guard import described_floats
 from harness.parts.part import TYPE_ORDER, Calls, Native, Values

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from harness.compiling.library import bytes_of, mirrors
+from harness.compiling.engine_library import bytes_of, mirrors
 from harness.engine.algorithm import Algorithm, attach_lines
 from harness.engine.native import Engine
 from harness.masters import Master

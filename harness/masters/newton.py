@@ -20,7 +20,7 @@ import numpy as np
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-from harness.compiling.library import bytes_of, library, mirrors
+from harness.compiling.engine_library import bytes_of, library, mirrors
 from harness.engine.algorithm import Algorithm, attach_lines
 from harness.engine.defect import UNRESOLVED, WRONG, contact_of
 from harness.engine.native import Engine

@@ -17,7 +17,7 @@ import fmpy
 from lxml import etree
 
 from harness.errors import FmuError
-from harness.parts.flat import Flat, flatten
+from harness.parts.flat_description import Flat, flatten
 from harness.parts.part import Port, PortType, StartValue
 from harness.storage.zip_file import ZipError, open_file, open_zip, read_zip
 from harness.units import BaseUnit, stated_unit

@@ -1,4 +1,4 @@
-"""FMUs of FMI 3.0 behind the functions of FMI 2.0, which everything else in the harness calls; the C is in fmi3.h."""
+"""FMUs of FMI 3.0 behind the functions of FMI 2.0 that the rest of the harness calls; the C is in fmi3_adapter.h."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ import fmpy
 import fmpy.fmi3
 import numpy as np
 
-from harness.compiling.library import library, mirrors
+from harness.compiling.engine_library import library, mirrors
 from harness.errors import ENDED, PartError, StartValueError
 from harness.parts.archive import Archive
-from harness.parts.flat import TYPES, Flat
+from harness.parts.flat_description import TYPES, Flat
 from harness.parts.fmi2 import Instance, Library
 from harness.parts.part import StartValue
 
@@ -36,26 +36,26 @@ ADAPTED: Final[Mapping[str, str]] = MappingProxyType(
 
 
 @mirrors("Variable3")
-class Variable(ctypes.Structure):
-    """``Variable3`` of fmi3.h."""
+class EngineVariable(ctypes.Structure):
+    """``Variable3`` of fmi3_adapter.h."""
 
 
 @mirrors("Clock3")
 class Clock(ctypes.Structure):
-    """``Clock3`` of fmi3.h."""
+    """``Clock3`` of fmi3_adapter.h."""
 
 
 @mirrors("Fmi3")
 class Adapter(ctypes.Structure):
-    """``Fmi3`` of fmi3.h."""
+    """``Fmi3`` of fmi3_adapter.h."""
 
 
 @mirrors("State3")
 class _State(ctypes.Structure):
-    """``State3`` of fmi3.h."""
+    """``State3`` of fmi3_adapter.h."""
 
 
-class Calls:
+class Fmi2Functions:
     """The functions of FMI 2.0 by name, over those of FMI 3.0; each takes the address of the adapter first."""
 
     def __init__(self, raw: Any, adapter: Adapter, flat: Flat) -> None:
@@ -193,7 +193,7 @@ _REASONS: Final[Mapping[int, str]] = MappingProxyType(
         104: "it ended the step early, which was not allowed",
     }
 )
-"""Reasons for a failure of fmi3.h, and for a status of part.h."""
+"""Reasons for a failure of fmi3_adapter.h, and for a status of part.h."""
 
 _OF_STEPS: Final = (103, 104)  # those of them that are the status of a step
 _SLOPES: Final = "harness_SetInputDerivatives"  # function for time derivatives of inputs, which FMI 3.0 lacks
@@ -288,7 +288,7 @@ class Instance3(Instance):
         self.inner = made
         self._adapter = self._adapt(made)
         self.component = ctypes.addressof(self._adapter)
-        self._own = Calls(self._raw, self._adapter, flat)
+        self._own = Fmi2Functions(self._raw, self._adapter, flat)
 
     def function(self, name: str) -> Callable[..., Any]:
         """Return the function that stands for the one of FMI 2.0."""
@@ -305,7 +305,7 @@ class Instance3(Instance):
         self._clocks = (Clock * max(len(flat.clocks), 1))()
         for place, clock in zip(self._clocks, flat.clocks, strict=False):
             place.reference = clock.valueReference
-        self._rows = (Variable * max(len(rows), 1))(*(Variable(*row) for row in rows))
+        self._rows = (EngineVariable * max(len(rows), 1))(*(EngineVariable(*row) for row in rows))
         self._kept: dict[str, np.ndarray[Any, Any]] = {
             "variable_of": of_element,
             "values": np.array(flat.starts or (0.0,)),

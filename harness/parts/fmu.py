@@ -12,7 +12,7 @@ from typing import Any, Final
 
 from harness.errors import HarnessError, PartError, StartValueError, not_whole
 from harness.parts.archive import Archive, open_archive
-from harness.parts.flat import stated_sizes
+from harness.parts.flat_description import stated_sizes
 from harness.parts.fmi2 import DO_STEP, Instance, Library, State, exchanges
 from harness.parts.fmi3 import Instance3, Library3
 from harness.parts.integrator import TOLERANCE, Integrator
@@ -167,7 +167,7 @@ class FmuPart(Part):
         timeout: float = 10.0,
     ) -> FmuPart:
         """Return an `FmuPart`, or its subclass `IsolatedPart` if ``isolate`` is True."""
-        from harness.parts.isolated.part import IsolatedPart  # a subclass of this class
+        from harness.parts.isolated.isolated_part import IsolatedPart  # a subclass of this class
 
         return super().__new__(IsolatedPart if isolate else cls)
 

@@ -21,7 +21,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
-from harness.compiling.library import library
+from harness.compiling.engine_library import library
 from harness.errors import HarnessError
 from harness.parts.fmi2 import LOADING
 from harness.parts.fmu import FmuPart

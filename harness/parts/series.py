@@ -20,7 +20,7 @@ from harness.storage.files import read_csv, reason
 
 
 @dataclass(frozen=True)
-class Table:
+class SeriesArrays:
     """A recorded series as arrays."""
 
     times: Values  # times of the samples [s]
@@ -135,13 +135,13 @@ class SeriesPart(Part):
         names = "\n".join(port.name for port in self.outputs)
         return names.encode() + self._times.tobytes() + self._values.tobytes()
 
-    def table(self) -> Table:
+    def table(self) -> SeriesArrays:
         """Return the record as arrays."""
         slopes = np.zeros_like(self._values)
         if self.interpolation == "linear":
             slopes[:-1] = np.diff(self._values, axis=0) / np.diff(self._times)[:, None]
         end = self._grid[-1] + self._reach if self.beyond == "error" else math.inf
-        return Table(self._times, self._values, slopes, self._slack, end)
+        return SeriesArrays(self._times, self._values, slopes, self._slack, end)
 
     def enter_initialisation(
         self, start: float, stop: float, tolerance: float | None, values: Mapping[str, StartValue]

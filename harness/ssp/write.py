@@ -10,7 +10,7 @@ from pathlib import Path
 from lxml import etree
 
 from harness.errors import SystemFileError
-from harness.parts.flat import Array, element_names
+from harness.parts.flat_description import Array, element_names
 from harness.parts.fmu import FmuPart
 from harness.parts.part import Port, StartValue
 from harness.ssp.annotations import annotate, write_experiment, write_part, write_step

@@ -39,7 +39,7 @@ def read_toml(path: Path) -> dict[str, Any]:
 
 
 @dataclass(frozen=True)
-class Table:
+class TomlTable:
     """A table of a TOML file whose entries are checked when they are read."""
 
     content: Mapping[str, Any]  # what the file says
@@ -86,10 +86,10 @@ class Table:
         return self.take(key, read, f"one of {', '.join(choices)}" + f" ({hint})" * hint.startswith("did"), *default)
 
 
-def read_table(path: Path, error: type[Exception]) -> Table:
+def read_table(path: Path, error: type[Exception]) -> TomlTable:
     """Read a TOML file as a table."""
     try:
-        return Table(read_toml(path), str(path), error)
+        return TomlTable(read_toml(path), str(path), error)
     except OSError as failure:
         raise error(f"{path} cannot be read ({reason(failure)}); give the path of a readable file") from failure
     except ValueError as failure:

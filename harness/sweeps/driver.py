@@ -206,14 +206,14 @@ def _drive(
     job: Job, samples: Sequence[Sample], queue: Queue, pool: Pool, storage: Storage, progress: Progress | None
 ) -> None:
     """Distribute chunks and store their outcomes until all runs are done."""
-    under_way: dict[Outcomes, list[int]] = {}
-    while under_way or queue.left:
-        while len(under_way) < pool.capacity() and queue.left:
+    running: dict[Outcomes, list[int]] = {}
+    while running or queue.left:
+        while len(running) < pool.capacity() and queue.left:
             chunk = queue.take(pool.capacity())
-            under_way[pool.submit(job, [(run, samples[run]) for run in chunk])] = chunk
-        finished, _ = wait(under_way, LOOK, FIRST_COMPLETED)
+            running[pool.submit(job, [(run, samples[run]) for run in chunk])] = chunk
+        finished, _ = wait(running, LOOK, FIRST_COMPLETED)
         for future in finished:
-            chunk = under_way.pop(future)
+            chunk = running.pop(future)
             try:
                 outcomes: Sequence[Outcome] = future.result()
                 queue.note(outcomes)

@@ -10,7 +10,7 @@ from dataclasses import dataclass, field, replace
 from time import perf_counter
 from typing import Any, Final
 
-from harness.accuracy.numbers import measure_bounds
+from harness.accuracy.measure_bounds import measure_bounds
 from harness.engine.algorithm import Recorder
 from harness.errors import HarnessError, SweepError
 from harness.parts.fmu import FmuPart

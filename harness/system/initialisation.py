@@ -11,7 +11,7 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from harness.compiling.library import RESIDUAL, library
+from harness.compiling.engine_library import RESIDUAL, library
 from harness.errors import AlgebraicLoopError, PartError
 from harness.parts.guard import Guard
 from harness.parts.part import Part, StartValue, Values

@@ -10,7 +10,7 @@ from types import TracebackType
 from typing import TYPE_CHECKING, Any, Literal, Self
 
 from harness.errors import ExperimentError, HarnessError, StartValueError, UnconnectedError, UnknownNameError, WireError
-from harness.parts.flat import element_names
+from harness.parts.flat_description import element_names
 from harness.parts.fmu import FmuPart
 from harness.parts.guard import Guard
 from harness.parts.part import Part, Port, StartValue

@@ -7,7 +7,7 @@ import math
 from ctypes import byref, c_double, c_int
 from typing import Final, Self
 
-from .library import ERROR, RawInstance, RawLibrary, RefusedError
+from .fmi2_library import ERROR, RawInstance, RawLibrary, RefusedError
 
 MOST_ITERATIONS: Final = 100  # largest number of calls of fmi2NewDiscreteStates for one event
 UNSET: Final = -7  # what the results of a call hold before it

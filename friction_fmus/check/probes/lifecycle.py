@@ -7,8 +7,8 @@ import math
 from collections.abc import Callable
 from ctypes import byref, c_void_p
 
-from .host import Report, probe
-from .library import OK, WARNING, MissingError, ProbedVariable, RawInstance, RawLibrary, last_message
+from .fmi2_library import OK, WARNING, MissingError, ProbedVariable, RawInstance, RawLibrary, last_message
+from .probe_process import Report, probe
 
 _TOLERANCE = 1e-14  # relative tolerance: a few units in the last place, as caused by XML numbers with 15 to 17 digits
 

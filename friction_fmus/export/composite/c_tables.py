@@ -9,7 +9,13 @@ from textwrap import shorten
 import numpy as np
 
 from friction_fmus.export.composite.composite_description import provides_derivatives
-from friction_fmus.export.composite.composite_interface import InputsPart, PartCode, Variable, exchange_fault, states
+from friction_fmus.export.composite.composite_interface import (
+    CompositeVariable,
+    InputsPart,
+    PartCode,
+    exchange_fault,
+    states,
+)
 from harness.engine.defect import UNRESOLVED
 from harness.engine.manipulate import delay_length
 from harness.engine.native import Engine
@@ -68,7 +74,7 @@ def table_file(
     plan: Plan,
     start: StartOrder,
     codes: Mapping[str, PartCode],
-    variables: Sequence[Variable],
+    variables: Sequence[CompositeVariable],
     error: float,
     tolerance: float,
     step_tolerance: float,
@@ -118,7 +124,7 @@ class _Writer:
         loops: Loops,
         start: StartOrder,
         codes: Mapping[str, PartCode],
-        variables: Sequence[Variable],
+        variables: Sequence[CompositeVariable],
     ) -> None:
         self._system, self._plan, self._loops, self._start = system, plan, loops, start
         self._codes, self._variables = codes, variables

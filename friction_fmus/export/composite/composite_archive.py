@@ -30,7 +30,7 @@ from friction_fmus.export.composite.composite_interface import (
 )
 from friction_fmus.export.composite.diagram import loop_icon
 from friction_fmus.export.targets import SourceFmu, choose_target
-from harness.compiling.library import sources as engine_sources
+from harness.compiling.engine_library import sources as engine_sources
 from harness.compiling.platforms import Platform, select
 from harness.compiling.toolchain import guid_of, source_folder
 from harness.errors import BuildError, ExperimentError

@@ -318,7 +318,7 @@ def opened(system: Assembled, interface: Interface) -> Assembled:
 
 
 @dataclass(frozen=True)
-class Variable:
+class CompositeVariable:
     """A variable of a composite FMU."""
 
     name: str
@@ -350,9 +350,11 @@ class Variable:
         return f"{self.part}.{self.port.name}" if self.part else self.name
 
 
-def composite_variables(system: Assembly, interface: Interface, *, exchanges: bool) -> list[Variable]:
+def composite_variables(system: Assembly, interface: Interface, *, exchanges: bool) -> list[CompositeVariable]:
     """Return the time, and the inputs, outputs, parameters and local variables of all parts."""
-    found = [Variable("time", "", Port("time", "s", description="simulation time"), 0, "independent", "continuous")]
+    found = [
+        CompositeVariable("time", "", Port("time", "s", description="simulation time"), 0, "independent", "continuous")
+    ]
     wired = {wire.target for wire in system.wires}
     for name, part in system.parts.items():
         if isinstance(part, FmuPart):
@@ -363,7 +365,7 @@ def composite_variables(system: Assembly, interface: Interface, *, exchanges: bo
     for name, port in interface.inputs.items():  # outputs of sources that the FMU does not contain
         if name not in known:
             variability = "continuous" if port.type == "Real" else "discrete"
-            found.append(Variable(name, "", port, 0, "input", variability, start=port.start or 0.0))
+            found.append(CompositeVariable(name, "", port, 0, "input", variability, start=port.start or 0.0))
     inputs = [variable for variable in found if variable.causality == "input"]
     outputs = [variable for variable in found if variable.causality == "output"]
     rest = [variable for variable in found if variable.causality not in ("input", "output")]
@@ -376,16 +378,16 @@ def composite_variables(system: Assembly, interface: Interface, *, exchanges: bo
     ]
 
 
-def _of_series(name: str, part: Part, interface: Interface) -> Iterable[Variable]:
+def _of_series(name: str, part: Part, interface: Interface) -> Iterable[CompositeVariable]:
     for column, port in enumerate(part.outputs):
         causality = "output" if f"{name}.{port.name}" in interface.outputs else "local"
         variability = "discrete" if port.held else "continuous"
-        yield Variable(f"{name}.{port.name}", name, port, column, causality, variability, "calculated")
+        yield CompositeVariable(f"{name}.{port.name}", name, port, column, causality, variability, "calculated")
 
 
 def _of_fmu(
     name: str, part: FmuPart, start: Mapping[str, StartValue], interface: Interface, wired: set[str], exchanges: bool
-) -> Iterable[Variable]:
+) -> Iterable[CompositeVariable]:
     derivatives = states(part) if exchanges else {}
     for own, variable in part.archive.variables.items():
         port, dotted = part.archive.ports[own], inner_name(name, own)
@@ -398,7 +400,7 @@ def _of_fmu(
             continue
         causality, variability, initial, early = role
         value = start.get(dotted, port.start) if initial == "exact" or causality == "input" else None
-        yield Variable(
+        yield CompositeVariable(
             dotted,
             name,
             port,

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from itertools import takewhile
 from typing import NamedTuple, TypeVar
 
-from friction_fmus.lawkit.emit.graph import CALLS, COMPARE, Node
+from friction_fmus.lawkit.emit.operations import CALLS, COMPARE, Node
 
 # Absolute positions in single precision as pairs of floats, so that small motions far from zero keep their accuracy.
 #

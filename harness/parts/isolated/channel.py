@@ -36,7 +36,7 @@ _ERRORS: Final = {error.__name__: error for error in (FmuError, StartValueError,
 _HEAD: Final = struct.Struct("<BI")
 
 
-class Line:
+class ChannelEnd:
     """One end of the channel."""
 
     def __init__(self, end: socket.socket) -> None:

@@ -31,7 +31,7 @@ _ELEMENT: Final = re.compile(r"(?P<name>.*)\[(?P<index>\d+)\](?P<end>\)?)")
 
 
 @dataclass(frozen=True)
-class Variable:
+class Fmi3Variable:
     """A variable of FMI 3.0."""
 
     name: str
@@ -61,13 +61,13 @@ class Variable:
         return self.elements[0][0]
 
 
-def grouped(scalars: Sequence[etree._Element], *, arrays: bool, resizable: bool) -> tuple[Variable, ...]:
+def grouped(scalars: Sequence[etree._Element], *, arrays: bool, resizable: bool) -> tuple[Fmi3Variable, ...]:
     """Return the variables, the structural parameter first, as fmusim 0.0.39 needs it before its arrays."""
     found = _sized(tuple(_arrays(scalars)), resizable) if arrays else tuple(map(_scalar, scalars))
     return tuple(replace(v, reference=k) for k, v in enumerate(found, start=1))
 
 
-def _sized(found: tuple[Variable, ...], resizable: bool) -> tuple[Variable, ...]:
+def _sized(found: tuple[Fmi3Variable, ...], resizable: bool) -> tuple[Fmi3Variable, ...]:
     """Return the variables with the number of elements as structural parameter, if it sizes all arrays."""
     sizes = [v for v in found if v.name == SIZE and v.type == "Int32" and _get(v, "variability") == "fixed"]
     if not resizable or not sizes:
@@ -80,16 +80,16 @@ def _sized(found: tuple[Variable, ...], resizable: bool) -> tuple[Variable, ...]
     return (replace(size, type="UInt64"), *(replace(v, is_sized=v.is_array) for v in found if v is not size))
 
 
-def _scalar(scalar: etree._Element) -> Variable:
-    return Variable(str(scalar.get("name")), int(str(scalar.get("valueReference"))), TYPES[_tag(scalar)], (scalar,))
+def _scalar(scalar: etree._Element) -> Fmi3Variable:
+    return Fmi3Variable(str(scalar.get("name")), int(str(scalar.get("valueReference"))), TYPES[_tag(scalar)], (scalar,))
 
 
-def _arrays(scalars: Sequence[etree._Element]) -> Iterator[Variable]:
+def _arrays(scalars: Sequence[etree._Element]) -> Iterator[Fmi3Variable]:
     for (name, is_element), run in groupby(scalars, key=_base):
         elements = tuple(run)
         reference = int(str(elements[0].get("valueReference")))
         if is_element and _is_array(elements, reference):
-            yield Variable(name, reference, TYPES[_tag(elements[0])], elements, is_array=True)
+            yield Fmi3Variable(name, reference, TYPES[_tag(elements[0])], elements, is_array=True)
         else:
             yield from map(_scalar, elements)
 
@@ -116,7 +116,7 @@ def _is_array(elements: Sequence[etree._Element], first: int) -> bool:
     return all(kind(each) == kind(elements[0]) for each in elements)
 
 
-def _get(variable: Variable, attribute: str) -> str | None:
+def _get(variable: Fmi3Variable, attribute: str) -> str | None:
     value = variable.elements[0].get(attribute)
     return None if value is None else str(value)
 
@@ -148,7 +148,7 @@ class Traits:
     indicators: int  # number of event indicators
 
 
-def description_3(old: etree._Element, variables: Sequence[Variable], traits: Traits) -> bytes:
+def description_3(old: etree._Element, variables: Sequence[Fmi3Variable], traits: Traits) -> bytes:
     """Return the XML file."""
     dropped = ("guid", "numberOfEventIndicators")
     kept = {str(key): str(value) for key, value in old.attrib.items() if key not in dropped}
@@ -223,7 +223,7 @@ def _copied(root: etree._Element, old: etree._Element) -> None:
             root.remove(copy)
 
 
-def _variable(parent: etree._Element, v: Variable, by_index: Sequence[Variable], size: Variable) -> None:
+def _variable(parent: etree._Element, v: Fmi3Variable, by_index: Sequence[Fmi3Variable], size: Fmi3Variable) -> None:
     scalar, typed = v.elements[0], v.typed
     given = {key: scalar.get(key) for key in ("description", "causality", "variability", "initial")}
     attributes = {key: str(value) for key, value in given.items() if value is not None}
@@ -282,7 +282,7 @@ def _clock(parent: etree._Element, traits: Traits, names: set[str]) -> None:
 
 
 def _unknowns(
-    structure: etree._Element, name: str, unknowns: Sequence[etree._Element], by_index: Sequence[Variable]
+    structure: etree._Element, name: str, unknowns: Sequence[etree._Element], by_index: Sequence[Fmi3Variable]
 ) -> None:
     """List each variable once, with the variables on which any of its elements depends."""
     listed: dict[int, set[int] | None] = {}
@@ -432,7 +432,7 @@ def _source(
     old: etree._Element,
     identifier: str,
     token: str,
-    variables: Sequence[Variable],
+    variables: Sequence[Fmi3Variable],
     references: int,
     indicators: int,
     sampled: bool,

@@ -19,7 +19,7 @@ TYPES: Final = (
     *(f"{sign}Int{bits}" for bits in (8, 16, 32, 64) for sign in ("", "U")),
     "Boolean",
 )
-"""Types of FMI 3.0 in the order of ``Type3`` of fmi3.h; an Enumeration is an Int64."""
+"""Types of FMI 3.0 in the order of ``Type3`` of fmi3_numbers.h; an Enumeration is an Int64."""
 
 _PORT: Final[Mapping[str, str]] = MappingProxyType(
     {

@@ -10,7 +10,7 @@ from collections.abc import Callable
 from ctypes import CFUNCTYPE, byref, c_bool, c_char_p, c_double, c_int, c_size_t, c_uint64, c_void_p
 from typing import Any, Final
 
-from .library import ERROR, MissingError, RawLibrary
+from .fmi2_library import ERROR, MissingError, RawLibrary
 
 LOGGER: Final = CFUNCTYPE(None, c_void_p, c_int, c_char_p, c_char_p)
 UPDATE: Final = CFUNCTYPE(

@@ -48,15 +48,15 @@ def crossings(times: Values, values: Values, level: float, band: float) -> tuple
     (turns,) = np.nonzero(sides[ends[1:]] != sides[ends[:-1]])
     if len(turns) > MOST_EVENTS:
         return np.zeros(0), np.zeros(0)
-    ends, ways = ends[turns], sides[ends[turns + 1]]
+    ends, signs = ends[turns], sides[ends[turns + 1]]
     k = np.empty(len(turns), dtype=np.int64)
-    for way, before in ((-1, above > 0.0), (1, above < 0.0)):
+    for direction, before in ((-1, above > 0.0), (1, above < 0.0)):
         rows = np.flatnonzero(before[:-1] & ~before[1:]) + 1
-        mine = ways == way
+        mine = signs == direction
         k[mine] = rows[np.searchsorted(rows, ends[mine], side="right")]
     share = above[k - 1] / (above[k - 1] - above[k])
     found = times[k - 1] + share * (times[k] - times[k - 1])
-    return found, ways.astype(np.float64)
+    return found, signs.astype(np.float64)
 
 
 def align(times: Values, values: Values, other_times: Values, other_values: Values) -> Alignment | None:
@@ -70,8 +70,8 @@ def align(times: Values, values: Values, other_times: Values, other_values: Valu
         level, band = low + share * (high - low), HYSTERESIS * (high - low)
         here, directions = crossings(times, values, level, band)
         there, others = crossings(other_times, other_values, level, band)
-        for way in (1.0, -1.0):
-            ours, theirs = here[directions == way], there[others == way]
+        for direction in (1.0, -1.0):
+            ours, theirs = here[directions == direction], there[others == direction]
             mine, partners = _pairs(ours, theirs)
             if len(mine) < PAIRED * max(len(ours), len(theirs)):
                 continue  # the difference that remains shows it
@@ -276,7 +276,7 @@ class Track:
 
 
 @dataclass(frozen=True)
-class Estimate:
+class ErrorEstimate:
     """The error of a variable."""
 
     bound: NDArray[np.float32]  # error bound at each row, in the unit of the variable, rounded up
@@ -298,12 +298,12 @@ class Estimate:
         return max(self.relative, self.relative_shift)
 
 
-def estimate(tracks: Sequence[Track], *, most: float, noise: float, nominal: float, required: float) -> Estimate:
+def estimate(tracks: Sequence[Track], *, most: float, noise: float, nominal: float, required: float) -> ErrorEstimate:
     """Return the error of a variable of the first run."""
     own = tracks[0]
     if not all(np.abs(track.values).max() < LARGEST for track in tracks):
         never = Convergence(math.nan, math.inf, math.nan)
-        return Estimate(unbounded(len(own.values)), np.inf, 0.0, 0.0, never, "not resolved")
+        return ErrorEstimate(unbounded(len(own.values)), np.inf, 0.0, 0.0, never, "not resolved")
     size = max(size_of(own.values), NOTHING * nominal)
     floor, finer = noise * size, tracks[1].ratio < 1
     pairs = [*pairwise(tracks)]
@@ -323,7 +323,7 @@ def estimate(tracks: Sequence[Track], *, most: float, noise: float, nominal: flo
     return replace(found, verdict="not resolved")
 
 
-def compare(one: Estimate, own: Track, other: Track, *, nominal: float, required: float) -> Estimate:
+def compare(one: ErrorEstimate, own: Track, other: Track, *, nominal: float, required: float) -> ErrorEstimate:
     """Return the estimate, raised to the difference to a run of another master where that exceeds what is required.
 
     A mass that swings several times within each step follows the held force of its contact at any such step: its runs
@@ -385,7 +385,7 @@ def _spread(bounds: Values, many: int, rows: int) -> NDArray[np.float32]:
 
 def _at_equal_times(
     own: Track, pairs: Sequence[tuple[Track, Track]], most: float, size: float, floor: float, *, finer: bool
-) -> Estimate:
+) -> ErrorEstimate:
     """Return the estimate from differences at equal times."""
     differences = []
     for a, b in pairs:
@@ -396,12 +396,12 @@ def _at_equal_times(
     convergence = converge(near, far, most, size, floor, finer=finer)
     many, upper = _upper(near, far, convergence, floor)
     bound = _spread(upper, many * every, len(own.values))
-    return Estimate(bound, float(np.max(upper)) / size, 0.0, 0.0, convergence, "right")
+    return ErrorEstimate(bound, float(np.max(upper)) / size, 0.0, 0.0, convergence, "right")
 
 
 def _at_events(
     own: Track, pairs: Sequence[tuple[Track, Track]], most: float, size: float, floor: float, *, finer: bool
-) -> Estimate | None:
+) -> ErrorEstimate | None:
     """Return the estimate from differences at corresponding events, or None if there are none."""
     found: list[tuple[Alignment, Values]] = []
     for a, b in pairs:
@@ -424,4 +424,4 @@ def _at_events(
     bound = _spread(upper, many, len(own.values))
     shift = float(np.max(_upper(shifts[0], shifts[1], late, own.row)[1]))
     worse = late if not late.resolved or (sizes.resolved and late.expected < sizes.expected) else sizes
-    return Estimate(bound, float(np.max(upper)) / size, shift, shift / events.interval, worse, "right")
+    return ErrorEstimate(bound, float(np.max(upper)) / size, shift, shift / events.interval, worse, "right")

@@ -10,7 +10,7 @@ from typing import Final
 
 import numpy as np
 
-from harness.accuracy.estimate import IRREGULAR, converge
+from harness.accuracy.error_estimate import IRREGULAR, converge
 from harness.accuracy.rungs import by_newton, of_equal_end, others, ratios
 from harness.engine.algorithm import Recorder
 from harness.masters import find_master

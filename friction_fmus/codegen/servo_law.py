@@ -22,23 +22,23 @@ from friction_fmus.blocks.axis_units import words_of
 from friction_fmus.blocks.catalogue import find
 from friction_fmus.codegen.composition import Composition
 from friction_fmus.codegen.laws import law_of, start_values
-from friction_fmus.errors import FrictionError, UnknownNameError, nearest
+from friction_fmus.errors import FrictionError, UnknownNameError, did_you_mean
 from friction_fmus.lawkit.declarations import (
     PARAMETERS,
     VECTORS,
     Command,
     Input,
+    LawVariable,
     Output,
     Parameter,
     SampleTime,
     State,
-    Variable,
 )
 from friction_fmus.lawkit.law import Kind, Law
 from friction_fmus.lawkit.parts import variables
 from friction_fmus.lawkit.parts.expressions import clip, filled
 from friction_fmus.lawkit.quantities import FORCE, LENGTH, NO_UNIT, VELOCITY, Unit
-from harness.storage.toml_file import Table, read_table
+from harness.storage.toml_file import TomlTable, read_table
 from harness.values import finite, flag, text
 
 LOOP_FILE: Final = "loop.toml"  # name of the file that a study writes
@@ -96,7 +96,7 @@ def read_loop(path: Path) -> LoopFile:
             f"out/recommended/{LOOP_FILE}, which the study writes if it recommends a compensation"
         )
     content.known(("loop", *LAWS, "table"), "table")
-    tables = {name: Table(value, f"{path}, [{name}],", FrictionError) for name, value in content.content.items()}
+    tables = {name: TomlTable(value, f"{path}, [{name}],", FrictionError) for name, value in content.content.items()}
     for name in ("loop", "servo"):
         if name not in tables:
             raise FrictionError(f"{path} has no table [{name}]; add it")
@@ -144,7 +144,7 @@ def loop_text(loop: LoopFile, heading: str) -> str:
     return f"# {heading}\n# C code: friction-fmus codegen {loop.path.name} -o c\n\n{tomli_w.dumps(content)}"
 
 
-def _position_map(table: Table) -> PositionMap:
+def _position_map(table: TomlTable) -> PositionMap:
     table.known(("begin", "spacing", "periodic", "v_sign", *_COLUMNS))
     begin, spacing, v_sign = (_finite(table, key) for key in ("begin", "spacing", "v_sign"))
     periodic = table.take("periodic", flag, "true or false")
@@ -152,18 +152,19 @@ def _position_map(table: Table) -> PositionMap:
     return PositionMap(Grid(begin, spacing, len(cogging), periodic), cogging, friction, v_sign)
 
 
-def _numbers(table: Table, key: str) -> tuple[float, ...]:
+def _numbers(table: TomlTable, key: str) -> tuple[float, ...]:
     values = table.take(key, lambda value: value if isinstance(value, list) else None, "a list of numbers")
     elements = {f"{key}[{i}]": value for i, value in enumerate(values, start=1)}
-    return tuple(_finite(Table(elements, table.where, table.error), element) for element in elements)
+    return tuple(_finite(TomlTable(elements, table.where, table.error), element) for element in elements)
 
 
-def _law_table(table: Table, name: str) -> LoopLaw:
+def _law_table(table: TomlTable, name: str) -> LoopLaw:
     table.known(("law", "parameters", "connections", *(("output", "factor") if name != "servo" else ())))
     law = table.take("law", text, "the name of a law")
     output = table.take("output", text, "the name of an output of the law", "u")
     parameters, connections = (
-        Table(table.content.get(key, {}), f"{table.where} {key},", table.error) for key in ("parameters", "connections")
+        TomlTable(table.content.get(key, {}), f"{table.where} {key},", table.error)
+        for key in ("parameters", "connections")
     )
     for own, kind in ((parameters, bool), (connections, str)):
         for key, value in own.content.items():
@@ -173,7 +174,7 @@ def _law_table(table: Table, name: str) -> LoopLaw:
     return LoopLaw(law, parameters.content, connections.content, output, factor)
 
 
-def _finite(table: Table, key: str) -> float:
+def _finite(table: TomlTable, key: str) -> float:
     return table.take(key, finite, "a finite number")
 
 
@@ -214,7 +215,7 @@ class _Loop:
         self._words = words_of(loop.rotary)
         self._equations: list[str] = []
         self._sections: dict[str, str] = {}
-        self._outputs: list[tuple[Variable, SX]] = []
+        self._outputs: list[tuple[LawVariable, SX]] = []
         # all inputs first, in the order of the members of the struct; those without effect are omitted later
         inputs = {name: variable for name, variable in SIGNALS.items() if name != "v" or not loop.window}
         self._signals = {name: self._declared(name, variable) for name, variable in inputs.items()}
@@ -264,7 +265,7 @@ class _Loop:
         self._parts.result(state, force)
         return f"{seen[0]} - {state}", seen[1] - last
 
-    def _declared(self, name: str, variable: Variable) -> SX:
+    def _declared(self, name: str, variable: LawVariable) -> SX:
         (symbol,) = self._parts.declare(_named(name, variable))
         return symbol
 
@@ -313,7 +314,7 @@ class _Loop:
                 found[name] = (f"{name}, or {place} while track is true", if_else(track, value, self._signals[name]))
         return found
 
-    def _signal(self, name: str, variable: Variable) -> SX:
+    def _signal(self, name: str, variable: LawVariable) -> SX:
         """Return an input of the loop, which is declared at its first use."""
         if name not in self._signals:
             self._signals[name] = self._declared(name, variable)
@@ -372,16 +373,18 @@ class _Loop:
             if each not in choices:
                 raise FrictionError(
                     f"{self._where(name)} connects {each}, but {law} has no such input to connect"
-                    f"{nearest(each, choices)}; choose from {', '.join(choices)}"
+                    f"{did_you_mean(each, choices)}; choose from {', '.join(choices)}"
                 )
 
-    def _value(self, name: str, variable: Variable, given: float | str | None, computed: Mapping[str, Named]) -> Named:
+    def _value(
+        self, name: str, variable: LawVariable, given: float | str | None, computed: Mapping[str, Named]
+    ) -> Named:
         """Return an input of a law: as given, computed, connected by its name, constant, or a new input of the loop."""
         if isinstance(given, str) and given != variable.name:
             if given not in self._signals:
                 raise FrictionError(
                     f"{self._where(name)} connects {variable.name} to {given!r}, which is not an input of the loop"
-                    f"{nearest(given, self._signals)}; choose from {', '.join(self._signals)}, or give a number"
+                    f"{did_you_mean(given, self._signals)}; choose from {', '.join(self._signals)}, or give a number"
                 )
             return given, self._signals[given]
         if isinstance(given, float | int):
@@ -435,7 +438,7 @@ def _law(loop: LoopFile, name: str) -> Law:
         known = [v.name for v in law.select(*PARAMETERS) if v.kind is not Kind.SAMPLE_TIME]
         for parameter in entry.parameters:
             if parameter.partition("[")[0] not in known:
-                raise UnknownNameError(f"{law.name} has no parameter {parameter!r}{nearest(parameter, known)}")
+                raise UnknownNameError(f"{law.name} has no parameter {parameter!r}{did_you_mean(parameter, known)}")
         values = start_values(law, {**entry.parameters, "Ts": loop.Ts})
     except FrictionError as error:
         raise FrictionError(f"{where}: {error}") from error
@@ -443,7 +446,7 @@ def _law(loop: LoopFile, name: str) -> Law:
     return replace(law, variables=tuple(replace(v, start=starts.get(v.name, v.start)) for v in law.variables))
 
 
-def _named(name: str, variable: Variable) -> Variable:
+def _named(name: str, variable: LawVariable) -> LawVariable:
     return replace(variable, name=name)
 
 
@@ -451,7 +454,7 @@ def _inputs(law: Law) -> list[str]:
     return [variable.name for variable in law.select(*INPUTS)]
 
 
-def _output(law: Law, name: str) -> Variable:
+def _output(law: Law, name: str) -> LawVariable:
     """Return an output of a law."""
     return next(variable for variable in law.select(Kind.OUTPUT) if variable.name == name)
 

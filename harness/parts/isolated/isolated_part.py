@@ -16,7 +16,7 @@ from typing import Final
 
 from harness.errors import HarnessError, PartError
 from harness.parts.fmu import FmuPart
-from harness.parts.isolated.channel import CALL, FAILED, GET, LOG, SET, STEP, Line, Shared, as_error
+from harness.parts.isolated.channel import CALL, FAILED, GET, LOG, SET, STEP, ChannelEnd, Shared, as_error
 from harness.parts.part import Calls, Native, StartValue, Values
 from harness.storage.files import ScratchFolder
 
@@ -53,7 +53,7 @@ class Process:
                 process_group=0,  # Ctrl-C goes to the harness only
             )
         self.close = weakref.finalize(self, _end, process, ours, folder, timeout)
-        self._process, self._line, self._timeout = process, Line(ours), timeout
+        self._process, self._line, self._timeout = process, ChannelEnd(ours), timeout
         self.last_message = ""  # of the FMU, quoted if the process dies
         ours.settimeout(_START_TIME)
         self._answer(_START_TIME)
