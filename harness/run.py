@@ -159,12 +159,7 @@ class Session:
 
 
 def _loop(
-    ticks: Ticks,
-    readers: Sequence[tuple[int, Reader]],
-    begin: int,
-    plan: Plan,
-    pace: float | None,
-    guard: Guard,
+    ticks: Ticks, readers: Sequence[tuple[int, Reader]], begin: int, plan: Plan, pace: float | None, guard: Guard
 ) -> None:
     """Run the communication steps in spans between readers, short enough for Ctrl-C and for the pace."""
     tick, longest = begin, 100
