@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import ast
 import re
 import sys
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable
 from functools import cache
 from importlib import import_module, metadata
 from importlib.util import find_spec
+from pathlib import Path
 
 from harness.errors import MissingPackageError
 
@@ -51,15 +53,15 @@ def require_main_interpreter() -> None:
         )
 
 
-def lazy_names(
-    package: str, modules: Mapping[str, Sequence[str]]
-) -> tuple[Callable[[str], object], Callable[[], list[str]]]:
-    """Return the functions ``__getattr__`` and ``__dir__`` for a package (PEP 562).
+def lazy_names(package: str, file: str) -> tuple[Callable[[str], object], Callable[[], list[str]]]:
+    """Return ``__getattr__`` and ``__dir__`` (PEP 562) for a package whose file imports names under ``TYPE_CHECKING``.
 
     A public name that is also the name of a submodule must be imported by the package as usual: otherwise, importing
     the submodule sets the attribute to the module.
     """
-    homes = {name: module for module, names in modules.items() for name in names}
+    branches = (node.body for node in ast.parse(Path(file).read_bytes()).body if isinstance(node, ast.If))
+    imports = [line for body in branches for line in body if isinstance(line, ast.ImportFrom)]
+    homes = {name.name: str(line.module) for line in imports for name in line.names}
 
     def getter(name: str) -> object:
         if name not in homes:

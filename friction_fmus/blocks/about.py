@@ -121,8 +121,6 @@ def use_of(code: str) -> Use | None:
 class About:
     """Declarations in the file of a block."""
 
-    portrait: str = ""
-    """Name of the experiment for the figures, see `fmi.portrait.experiments`; if empty, the ports select it."""
     quotes: tuple[str, ...] = ()
     """Functions of `friction_fmus.conditions` that the documentation page quotes. The doctor evaluates them for systems
     with the block."""
@@ -166,7 +164,6 @@ class About:
 def about_c_block(code: str) -> About:
     """Return the declarations in the macros of a C file."""
     about = About(
-        string(code, "PORTRAIT"),
         words(string(code, "QUOTES")),
         identified(code),
         in_loop(code),

@@ -126,6 +126,12 @@ def package_text(name: str) -> str:
     return (inside if inside.is_file() else PACKAGE.parent / name).read_text(encoding="utf-8")
 
 
+def icon_files(path: Path) -> tuple[Path, ...]:
+    """Return the drawn icon beside the file of a block, ``NAME.png`` and ``NAME.svg``, if both exist."""
+    files = path.with_suffix(".png"), path.with_suffix(".svg")
+    return files if all(file.is_file() for file in files) else ()
+
+
 def laws_folder() -> Path:
     """Return the folder of the laws in this package."""
     return PACKAGE / "laws"

@@ -15,6 +15,7 @@ from friction_fmus.blocks.catalogue import (
     PACKAGE,
     Block,
     find,
+    icon_files,
     listing,
     package_text,
     source_folder,
@@ -278,6 +279,7 @@ def _key(sources: Mapping[str, str], block: Block) -> str:
         toolchain.identity(),
         *(block.kind, block.summary, block.source, block.notes),
         *(part for item in sorted(sources.items()) for part in item),
+        *(file.read_bytes().hex() for file in icon_files(block.path)),
     ]
     return _hash(texts)[:24]
 

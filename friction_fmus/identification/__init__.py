@@ -39,49 +39,7 @@ if TYPE_CHECKING:
     from friction_fmus.identification.result import Identification
     from friction_fmus.identification.survey import IdentificationTask, ModelComparison, compare_models
 else:
-    __getattr__, __dir__ = lazy_names(
-        __name__,
-        {
-            "friction_fmus.errors": ["ExcitationError", "FitError", "IdentificationError", "RecordError"],
-            "friction_fmus.identification.fit.estimate": ["Estimate"],
-            "friction_fmus.identification.data.excitation": ["examine", "examine_segments"],
-            "friction_fmus.identification.data.record": ["Finding", "RecordWarning", "Array", "Record"],
-            "friction_fmus.blocks.axis_units": ["LINEAR", "ROTARY", "AxisUnits"],
-            "friction_fmus.identification.fit.grid": ["HysteresisGrid", "identify_hysteresis"],
-            "friction_fmus.identification.identifying": ["identify"],
-            "friction_fmus.identification.fit.idim": [
-                "PUBLISHED_SETTINGS",
-                "InverseModelFit",
-                "InverseModelSettings",
-                "Motion",
-                "decimate",
-                "filtered_motion",
-                "identify_inverse_model",
-                "identify_inverse_stribeck",
-            ],
-            "friction_fmus.identification.data.mapping": [
-                "DataMapping",
-                "load_mapping",
-                "read_mapping",
-                "read_windows",
-            ],
-            "friction_fmus.identification.fit.models": ["identifiable"],
-            "friction_fmus.identification.fit.output_error": [
-                "Mapper",
-                "OutputErrorFit",
-                "Simulator",
-                "Target",
-                "Unknown",
-                "fit_output_error",
-            ],
-            "friction_fmus.identification.fit.presliding": ["PreslidingFit", "identify_presliding"],
-            "friction_fmus.identification.data.reading": ["Measurement", "read_measurement", "read_records"],
-            "friction_fmus.identification.residual": ["LearnedResidual", "ResidualTable", "learn_residual"],
-            "friction_fmus.identification.result": ["Identification"],
-            "friction_fmus.identification.fit.scores": ["Score"],
-            "friction_fmus.identification.survey": ["ModelComparison", "IdentificationTask", "compare_models"],
-        },
-    )
+    __getattr__, __dir__ = lazy_names(__name__, __file__)
 
 __all__ = [
     "LINEAR",

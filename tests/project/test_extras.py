@@ -97,7 +97,9 @@ def test_a_public_name_of_a_module_that_needs_an_extra(tmp_path: Path, monkeypat
     monkeypatch.syspath_prepend(str(tmp_path))
     monkeypatch.setitem(sys.modules, "pyarrow", None)
     monkeypatch.setitem(sys.modules, "package", types.ModuleType("package"))
-    getter, _ = lazy_names("package", {"needy": ["read"]})
+    package = tmp_path / "package.py"
+    package.write_text("if TYPE_CHECKING:\n    from needy import read\n")
+    getter, _ = lazy_names("package", str(package))
     with pytest.raises(
         MissingPackageError, match=r"pyarrow is not installed; .*: pip install 'friction-fmus\[parquet\]'"
     ):

@@ -60,7 +60,7 @@ class Bench:
 
     def __init__(self, block: Block, description: BlockVariables, part: FmuPart) -> None:
         """Sort the variables."""
-        self.portrait = block.about.portrait
+        self.block = block
         self._part = part
         self.kind: Callable[..., Session] = Session
         self.values: Mapping[str, float] = {}
@@ -84,16 +84,6 @@ class Bench:
     def axis(self, name: str) -> tuple[str, str]:
         """Return name and unit of a variable for the axis of a panel."""
         return name, self.variables[name].unit
-
-    @contextmanager
-    def changed(self, values: Mapping[str, float]) -> Iterator[None]:
-        """Run the block with other parameters."""
-        before = self.values
-        self.values = {**before, **values}
-        try:
-            yield
-        finally:
-            self.values = before
 
     @contextmanager
     def session(self, outputs: Sequence[str], start: float = 0.0) -> Iterator[Session]:
