@@ -5,14 +5,16 @@ from __future__ import annotations
 import importlib
 import inspect
 import math
-from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from copy import copy
+from dataclasses import dataclass, field
 from typing import Final, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import expm
 
+from friction_fmus.blocks.axis_units import SLIDING, Words
 from friction_fmus.errors import FrictionError, nearest
 
 
@@ -154,6 +156,29 @@ class Condition:
     why: str
     change: str
     source: str
+    _texts: Mapping[str, str] = field(init=False, repr=False, compare=False)
+
+    def __post_init__(self) -> None:
+        """Keep the texts with their placeholders, such as ``{force}`` and ``{N_m}``, and fill in a linear axis."""
+        vars(self)["_texts"] = {name: getattr(self, name) for name in ("wrong", "why", "change", "source")}
+        vars(self).update(vars(self.in_words(SLIDING)))
+
+    def in_words(self, u: Words) -> Condition:
+        """Return the condition with texts for another axis.
+
+        Parameters
+        ----------
+        u : Words
+            Nouns and units of the axis.
+
+        Returns
+        -------
+        Condition
+            The same numbers.
+        """
+        found = copy(self)
+        vars(found).update({name: u.fill(text) for name, text in self._texts.items()})
+        return found
 
 
 def above(value: float, bound: float, scale: float = 0.0) -> bool:

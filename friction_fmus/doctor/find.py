@@ -328,5 +328,5 @@ def _contacts(system: System, experiment: Experiment, axis: Axis) -> Iterator[Fi
         return
     step = experiment.step * max(system.parts[name].every for name in (axis.plant, friction))
     damping = contact.damping + contact.viscous
-    condition = conditions.contact_step(experiment.master, step, axis.m, contact.stiffness, damping, axis.words)
-    yield Finding((axis.plant, friction), condition)
+    condition = conditions.contact_step(experiment.master, step, axis.m, contact.stiffness, damping)
+    yield Finding((axis.plant, friction), condition.in_words(axis.words))
