@@ -124,14 +124,10 @@ class About:
     quotes: tuple[str, ...] = ()
     """Functions of `friction_fmus.conditions` that the documentation page quotes. The doctor evaluates them for systems
     with the block."""
-    identified: Identified = field(default_factory=Identified)
-    """How a friction model is identified."""
-    in_loop: InLoop = field(default_factory=InLoop)
-    """The role of the block in a control loop."""
-    use: Use | None = None
-    """How a law or controller is used as a compensator; None excludes it from studies."""
-    cites: tuple[str, ...] = ()
-    """Literature: keys of ``bibliography.bib``, or BibTeX entries."""
+    identified: Identified = field(default_factory=Identified)  # how a friction model is identified
+    in_loop: InLoop = field(default_factory=InLoop)  # the role of the block in a control loop
+    use: Use | None = None  # how a law or controller is used as a compensator; None excludes it from studies
+    cites: tuple[str, ...] = ()  # literature: keys of ``bibliography.bib``, or BibTeX entries
 
     @property
     def reads(self) -> frozenset[str]:

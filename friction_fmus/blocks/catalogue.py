@@ -23,11 +23,9 @@ PACKAGE = Path(__file__).parents[1]
 KINDS = {"friction": "friction", "plants": "plant", "controllers": "controller", "signals": "signal"}
 """Kind of the blocks in each folder of ``fmu_src``; laws are in ``friction_fmus/laws``."""
 
-_ORDER = ("friction", "plant", "law", "controller", "signal")
-"""Order of the kinds in the catalogue."""
+_ORDER = ("friction", "plant", "law", "controller", "signal")  # order of the kinds in the catalogue
 
-OWN_BLOCKS = "FRICTION_FMUS_BLOCKS"
-"""Environment variable with folders of user blocks, separated as in PATH."""
+OWN_BLOCKS = "FRICTION_FMUS_BLOCKS"  # environment variable with folders of user blocks, separated as in PATH
 
 FEATURES = {
     "presliding": "the contact is elastic before it slides",

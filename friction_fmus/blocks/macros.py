@@ -18,10 +18,8 @@ INDENT = "    "
 class Paragraph:
     """A paragraph of prose, a block of equations, or an item of a list."""
 
-    lines: tuple[str, ...]
-    """The lines, without the indentation of equations, the hyphen of an item and the lead."""
-    lead: str = ""
-    """One of `LEADS`, or empty."""
+    lines: tuple[str, ...]  # the lines, without the indentation of equations, the hyphen of an item and the lead
+    lead: str = ""  # one of `LEADS`, or empty
     equations: bool = False
     item: bool = False
     """Whether it is a block of equations, which keeps its layout; whether it is an item of a list."""

@@ -51,8 +51,7 @@ class Variable:
     role: int
     type: int
     """Constants of this module."""
-    reference: int
-    """Value reference."""
+    reference: int  # value reference
     origin: int
     """Value reference of the state (for derivatives) or of the parameter with the initial value (for state outputs)."""
 
@@ -61,16 +60,11 @@ class Variable:
 class BlockVariables:
     """Variables of a compiled block."""
 
-    variables: tuple[Variable, ...]
-    """Variables in the order of the XML, time first."""
-    guid: str
-    """Hash of the rows, computed in the library."""
-    sampled: bool
-    """Whether the block acts at sample times."""
-    exchanges: bool
-    """Whether it can be used for model exchange."""
-    events: int
-    """Number of its event indicators."""
+    variables: tuple[Variable, ...]  # variables in the order of the XML, time first
+    guid: str  # hash of the rows, computed in the library
+    sampled: bool  # whether the block acts at sample times
+    exchanges: bool  # whether it can be used for model exchange
+    events: int  # number of its event indicators
 
 
 @dataclass(frozen=True)
@@ -294,10 +288,8 @@ class Entry:
     unit: str
     text: str
     """Name (``k[1...10]`` for a vector), unit or type, and description."""
-    starts: tuple[str, ...]
-    """Start values; one if all are equal, none for computed variables."""
-    limits: str
-    """Range of accepted values; empty if there are no limits."""
+    starts: tuple[str, ...]  # start values; one if all are equal, none for computed variables
+    limits: str  # range of accepted values; empty if there are no limits
 
 
 def variable_groups(rows: BlockVariables) -> dict[str, tuple[Entry, ...]]:

@@ -25,10 +25,8 @@ class Point:
     error: float
     effort: float
     """Worst-case error and drive force above the bandwidth, in the displayed units."""
-    Ms: float | None
-    """Peak of the sensitivity function."""
-    best: bool = False
-    """Whether it is recommended."""
+    Ms: float | None  # peak of the sensitivity function
+    best: bool = False  # whether it is recommended
 
 
 def _effort(point: Point) -> float | None:

@@ -42,18 +42,12 @@ POINTS = 4000
 class Plot:
     """Plot of the page."""
 
-    name: str
-    """Identifier of the HTML element."""
-    figure: go.Figure
-    """Figure to draw."""
-    caption: str
-    """Caption below the plot."""
-    label: str
-    """Label for screen readers."""
-    curves: bool = True
-    """Whether the plot consists of curves; the page then has buttons to zoom."""
-    legend: bool = True
-    """Whether the page has a legend for the curves."""
+    name: str  # identifier of the HTML element
+    figure: go.Figure  # figure to draw
+    caption: str  # caption below the plot
+    label: str  # label for screen readers
+    curves: bool = True  # whether the plot consists of curves; the page then has buttons to zoom
+    legend: bool = True  # whether the page has a legend for the curves
     views: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     """Ranges of the horizontal axis, by label of the button that shows them."""
 
@@ -72,14 +66,12 @@ class Plot:
 class Bar:
     """Row of the bar chart."""
 
-    name: str
-    """Name of the compensator."""
+    name: str  # name of the compensator
     value: float
     low: float
     high: float
     """Tracking error, and the smallest and largest one in the cases."""
-    emphasis: str = ""
-    """"best", "second" or ""."""
+    emphasis: str = ""  # "best", "second" or ""
 
 
 def thinned(curve: StudyCurve, factors: tuple[float, float] = (1.0, 1.0), points: int = POINTS) -> tuple[Array, Array]:

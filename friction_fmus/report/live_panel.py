@@ -25,11 +25,9 @@ from friction_fmus.report.views import NO_COMPENSATION, NONE, reversal
 from friction_fmus.study.result import StudyResult
 from friction_fmus.study.what_if import Knob, WhatIf
 
-POINTS: Final = 1000
-"""Largest number of points of a curve of the picture."""
+POINTS: Final = 1000  # largest number of points of a curve of the picture
 
-DIGITS: Final = 5
-"""Number of digits of a slider's initial value."""
+DIGITS: Final = 5  # number of digits of a slider's initial value
 
 
 @dataclass(frozen=True)
@@ -45,12 +43,9 @@ class ShownRun:
 class LivePanel:
     """Panel for the templates."""
 
-    compensated: str
-    """Name of the compensator; empty if none is recommended."""
-    names: str
-    """What the sliders change."""
-    runs: tuple[ShownRun, ...]
-    """Runs."""
+    compensated: str  # name of the compensator; empty if none is recommended
+    names: str  # what the sliders change
+    runs: tuple[ShownRun, ...]  # runs
     picture: str
     data: str
     script: str
@@ -59,8 +54,7 @@ class LivePanel:
     whole: bool
     same_master: bool
     """Whether the whole record is simulated, and with the master algorithm of the study."""
-    seconds: float
-    """Simulated time [s]."""
+    seconds: float  # simulated time [s]
 
 
 def live_panel(study: StudyResult, axis: WhatIf) -> LivePanel:

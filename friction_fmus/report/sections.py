@@ -325,8 +325,7 @@ class Score:
     aic: str
     bic: str
     """Information criteria minus the lowest one of all models fitted to the same signal."""
-    closed_loop: Mapping[str, str]
-    """Residuals of the co-simulated servo, by signal."""
+    closed_loop: Mapping[str, str]  # residuals of the co-simulated servo, by signal
 
 
 def scores(models: Sequence[ModelResult]) -> dict[str, Score]:

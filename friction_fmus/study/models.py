@@ -70,8 +70,7 @@ ALIKE: Final = 0.05  # relative difference below which errors count as equal; th
 REPRODUCED: Final = 0.5
 """Largest error of a simulated servo that reproduces the record, over the recorded tracking error or rms force."""
 
-QUANTA: Final = 10.0
-"""Smallest tracking error for this comparison, in steps of the encoder: rounding is not reproduced."""
+QUANTA: Final = 10.0  # smallest tracking error for this comparison, in steps of the encoder: rounding is not reproduced
 
 INVERSE: Final = "Coulomb + viscous"  # name of the inverse model in the results
 

@@ -22,8 +22,7 @@ __all__ = ["Figure", "Image", "Portrait", "portray", "terminal_icon"]
 class Figure:
     """A figure of the documentation."""
 
-    svg: bytes
-    """The SVG file."""
+    svg: bytes  # the SVG file
     caption: str
     alternative: str
     """Caption, which describes the experiment; alternative text for readers who cannot see the figure."""

@@ -40,8 +40,7 @@ SYMBOLS: Mapping[str, str] = MappingProxyType(
 
 RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
-SIZE = 2.0
-"""Side of an icon [inch]."""
+SIZE = 2.0  # side of an icon [inch]
 DPI = 100
 WIDTH, HEIGHT = 152.0, 116.0
 """Area of the curves in an icon of size 200."""

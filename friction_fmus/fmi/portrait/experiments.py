@@ -33,11 +33,9 @@ def step_response(bench: Bench) -> tuple[Panel, ...]:
     return (Panel((Curve(times, values),), TIME, bench.axis(answer), caption),)
 
 
-SPEEDS = ("vs", "DV", "vt")
-"""Parameters with a velocity scale of friction."""
+SPEEDS = ("vs", "DV", "vt")  # parameters with a velocity scale of friction
 
-SHARE = 0.9
-"""Share of the largest friction at which a contact is considered to be at the onset of sliding."""
+SHARE = 0.9  # share of the largest friction at which a contact is considered to be at the onset of sliding
 
 
 def friction_panels(bench: Bench) -> tuple[Panel, ...]:
@@ -118,8 +116,7 @@ def path_unit(bench: Bench) -> str:
     return {"m/s": "m", "rad/s": "rad"}.get(bench.variables["v"].unit, "")
 
 
-POINTS = 400
-"""Number of samples in a period of the motion."""
+POINTS = 400  # number of samples in a period of the motion
 
 
 def sample_times(bench: Bench, samples: int) -> Vector:
