@@ -19,6 +19,8 @@ if TYPE_CHECKING:
 SET: Final = 0
 STEP: Final = 1
 GET: Final = 2
+RENEW: Final = 7
+"""Sets the inputs after the step, as `SET` does before it."""
 
 
 @dataclass(frozen=True)
@@ -154,7 +156,7 @@ class Plan:
 
     def fresh_inputs(self, schedule: Schedule) -> dict[int, bool]:
         """Return for each connected input whether it gets its source's value from the end of the step."""
-        place = {operation: index for index, operation in enumerate(schedule.operations)}
+        place = {operation: index for index, operation in reversed(list(enumerate(schedule.operations)))}
         moving = {wire.input for wire in self.moving_wires}
 
         def rank(part: int) -> tuple[int, int]:  # implicit master: sampled, continuous, slow parts
@@ -176,7 +178,7 @@ class Schedule:
     """What a master does at every tick."""
 
     operations: tuple[tuple[int, int], ...] = ()
-    """Pairs (SET | STEP | GET, index of the part), executed in this order."""
+    """Pairs (SET | STEP | GET | RENEW, index of the part), executed in this order."""
     algorithm: Callable[[Engine], Algorithm] | None = None
     """``algorithm(engine)`` returns an `Algorithm` in C, which replaces the operations."""
     implicit: bool = False

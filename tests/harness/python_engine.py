@@ -11,7 +11,7 @@ from harness.engine.manipulate import _BIAS, _DELAY, _LOSS, _NOISE, _OVERRIDE, M
 from harness.masters import find_master
 from harness.run import Options, Session
 from harness.system.assembly import Assembly
-from harness.system.plan import SET, STEP, Plan, Schedule, fetcher, map_of
+from harness.system.plan import RENEW, SET, STEP, Plan, Schedule, fetcher, map_of
 
 
 class PythonSession(Session):
@@ -125,5 +125,5 @@ def _call(plan: Plan, operation: int, part: int) -> Callable[[int, float], None]
         return lambda tick, time: (
             calls.step(plan.time(tick - phase), every * plan.step) if tick % every == phase else None
         )
-    action = fetcher(plan, part) if operation == SET else calls.get
+    action = fetcher(plan, part) if operation in (SET, RENEW) else calls.get
     return lambda tick, time: action() if every == 1 or tick % every == phase else None
