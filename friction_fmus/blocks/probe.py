@@ -97,17 +97,10 @@ def read_variables(library: Path) -> BlockVariables:
 def _read(handle: ctypes.CDLL) -> tuple[BlockVariables, int]:
     """Return the rows, and the number of values of the block."""
     handle.block_rows.restype = ctypes.POINTER(_Row)
-    handle.block_rows.argtypes = (
-        *(ctypes.POINTER(ctypes.c_size_t),) * 2,
-        ctypes.POINTER(ctypes.c_int),
-        ctypes.c_char_p,
-    )
-    count, size, traits, guid = (
-        ctypes.c_size_t(),
-        ctypes.c_size_t(),
-        (ctypes.c_int * 3)(),
-        ctypes.create_string_buffer(64),
-    )
+    number = ctypes.POINTER(ctypes.c_size_t)
+    handle.block_rows.argtypes = (number, number, ctypes.POINTER(ctypes.c_int), ctypes.c_char_p)
+    count, size, traits = ctypes.c_size_t(), ctypes.c_size_t(), (ctypes.c_int * 3)()
+    guid = ctypes.create_string_buffer(64)
     rows = handle.block_rows(ctypes.byref(count), ctypes.byref(size), traits, guid)
 
     variables = []

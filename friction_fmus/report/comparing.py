@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from operator import attrgetter
 
 import numpy as np
 import plotly.graph_objects as go
@@ -29,15 +30,7 @@ class Point:
     best: bool = False  # whether it is recommended
 
 
-def _effort(point: Point) -> float | None:
-    return point.effort
-
-
-def _peak(point: Point) -> float | None:
-    return point.Ms
-
-
-COLUMNS = ((1, _effort), (2, _peak))
+COLUMNS = ((1, attrgetter("effort")), (2, attrgetter("Ms")))
 """Columns of the plot of error against effort and margin, with the coordinate of a point."""
 
 
