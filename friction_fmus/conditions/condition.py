@@ -5,9 +5,9 @@ from __future__ import annotations
 import importlib
 import inspect
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from copy import copy
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Final, TypeAlias
 
 import numpy as np
@@ -156,7 +156,6 @@ class Condition:
     why: str
     change: str
     source: str
-    _texts: Mapping[str, str] = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
         """Keep the texts with their placeholders, such as ``{force}`` and ``{N_m}``, and fill in a linear axis."""
@@ -177,7 +176,7 @@ class Condition:
             The same numbers.
         """
         found = copy(self)
-        vars(found).update({name: u.fill(text) for name, text in self._texts.items()})
+        vars(found).update({name: u.fill(text) for name, text in vars(self)["_texts"].items()})
         return found
 
 

@@ -73,12 +73,12 @@ def unit(name: str) -> str:
     )
 
 
-def quantity(value: float | None, name: str) -> str:
+def quantity(value: float | None, name: str, digits: int = 3) -> str:
     """Return a number with the multiple of its unit in which it is between 1 and 1000."""
     if value is None or not math.isfinite(value):
         return number(value)
     shown, factor = multiple(name, value)
-    return f"{number(factor * value)}{NO_BREAK}{shown}".rstrip()
+    return f"{number(factor * value, digits)}{NO_BREAK}{shown}".rstrip()
 
 
 def multiple(name: str, values: float | Array) -> tuple[str, float]:

@@ -479,8 +479,8 @@ def _check_time(table: DataTable, t: Array, rows: Array, column: Column, path: P
             f'remove duplicate rows, log the time with more digits, or use time = {{ period = "..." }}.'
         )
     raise RecordError(
-        f"The time in {path} decreases from {t[at - 1]:.9g} s to {t[at]:.9g} s in {place} ({_times(wrong.size)} in the file); "
-        "sort the rows, or split the file there if the log was restarted."
+        f"The time in {path} decreases from {t[at - 1]:.9g} s to {t[at]:.9g} s in {place} ({_times(wrong.size)} in the "
+        "file); sort the rows, or split the file there if the log was restarted."
     )
 
 
