@@ -14,6 +14,7 @@ from types import TracebackType
 import numpy as np
 
 from friction_fmus.axis.servo import AxisPlant, Compensator, Servo, Trajectory
+from friction_fmus.blocks.axis_units import domain_of
 from friction_fmus.export.block_fmu import fmu
 from harness import FmuPart, Part, SeriesPart, Wire
 from harness.parts.part import StartValue
@@ -47,7 +48,7 @@ class PartPool:
 
 def block(name: str, rotary: bool = False) -> Path:
     """Return the FMU of a block with its default start values."""
-    return fmu(name, "rotational" if rotary else "translational")
+    return fmu(name, domain_of(rotary))
 
 
 def typed(part: Part, values: Mapping[str, float]) -> dict[str, float | int | bool]:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from friction_fmus.axis.assembly import AxisAssembly, LoopAssembly, PartPool
 from friction_fmus.axis.servo import AxisPlant, Compensator, Servo, Trajectory
-from harness import Experiment, ExperimentError, Result, SeriesPart, System, Wire
+from harness import Experiment, ExperimentError, Result, SeriesPart, System
 from harness.accuracy.numbers import measure_bounds
 from harness.engine.algorithm import Recorder
 from harness.engine.defect import inaccurate
@@ -109,13 +109,10 @@ def closed_loop(
 
 def with_gain(system: System, gain: float) -> System:
     """Return the system with another gain of the compensation; both share their parts, so run one at a time."""
-    wires = [replace(wire, gain=gain) if _of_compensator(wire) else wire for wire in system.wires]
+    into = ("servo.f", "force.u1")  # what adds the force of the compensator
+    own = [wire.source.startswith("compensator.") and wire.target in into for wire in system.wires]
+    wires = [replace(wire, gain=gain) if its else wire for wire, its in zip(system.wires, own, strict=True)]
     return System(system.parts.values(), wires, system.start, system.experiment, system.name)
-
-
-def _of_compensator(wire: Wire) -> bool:
-    """Return whether a connection adds the force of the compensator."""
-    return wire.source.startswith("compensator.") and wire.target in ("servo.f", "force.u1")
 
 
 def accurate(system: System) -> tuple[System, Result]:

@@ -99,22 +99,20 @@ SHAPES_REFERENCE: Final = Use(
 def use_of(code: str) -> Use | None:
     """Return the use that the macro USE of a C file declares, or None without this macro."""
     rows = table(code, "USE", ("KIND", "MODELS", "RENAMED", "TUNED", "OUTPUT", "NEVER", "PERIOD"))
-    if not rows:
-        return None
-    single = dict(rows)
-    try:
-        pairs: dict[str, dict[str, str]] = {"RENAMED": {}, "TUNED": {}}
-        for key, arguments in rows:
-            if key in pairs:
-                name, text = arguments
+    texts: dict[str, str] = {"kind": "other"}
+    models: tuple[str, ...] = ()
+    pairs: dict[str, dict[str, str]] = {"RENAMED": {}, "TUNED": {}}
+    for row in rows:
+        match row:
+            case "MODELS", models:
+                pass
+            case ("RENAMED" | "TUNED") as key, (name, text):
                 pairs[key][name] = text
-        (kind,), (output,), (never,), (period,) = (
-            single.get(key, (otherwise,))
-            for key, otherwise in (("KIND", "other"), ("OUTPUT", "u"), ("NEVER", ""), ("PERIOD", ""))
-        )
-    except ValueError as error:
-        raise FrictionError(f"USE has a row with too few or too many arguments: {single}") from error
-    return Use(kind, single.get("MODELS", ()), pairs["RENAMED"], pairs["TUNED"], output, never, period)
+            case ("KIND" | "OUTPUT" | "NEVER" | "PERIOD") as key, (text,):
+                texts[key.lower()] = text
+            case key, arguments:
+                raise FrictionError(f"USE has the malformed row {key}({', '.join(arguments)})")
+    return Use(**texts, models=models, renamed=pairs["RENAMED"], tuned=pairs["TUNED"]) if rows else None
 
 
 @dataclass(frozen=True)

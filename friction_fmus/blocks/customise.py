@@ -24,10 +24,7 @@ def renamed(code: str, name: str) -> str:
 
 
 def identified(sources: Mapping[str, str], name: str) -> dict[str, str]:
-    """Return the sources with a hash of all of them in the block ``NAME.c``, which becomes part of the GUID.
-
-    An importer that compiles them again gets the same GUID, and a state saved by other code is rejected.
-    """
+    """Return the sources with a hash of them in the block, for the GUID: states saved by other code are rejected."""
     text = "\0".join(part for item in sorted(sources.items()) for part in item)
     line = f'#define IDENTITY "{hashlib.sha256(text.encode()).hexdigest()[:32]}"\n'
     block = f"{name}.c"

@@ -39,18 +39,8 @@ def windowed_sinc(frequency: Array, p: Values) -> Array:
     return np.asarray(np.cos(2.0 * np.pi * np.outer(frequency * Ts, i)) @ (q / q.sum()))
 
 
-def trials_contract(axis: Axis, used: ActiveLaw) -> Iterator[Condition]:
-    """Yield the convergence condition of iterative learning with a position loop."""
-    yield from _contract(axis, used, butterworth_there_and_back)
-
-
-def periods_contract(axis: Axis, used: ActiveLaw) -> Iterator[Condition]:
-    """Yield the convergence condition of repetitive control with a position loop."""
-    yield from _contract(axis, used, windowed_sinc)
-
-
-def _contract(axis: Axis, used: ActiveLaw, lowpass: Lowpass) -> Iterator[Condition]:
-    """Evaluate the condition on the sampled loop, from 1/(N Ts), the lowest frequency that can be learned."""
+def contracts(lowpass: Lowpass, axis: Axis, used: ActiveLaw) -> Iterator[Condition]:
+    """Yield the convergence of learning in a sampled loop, from 1/(N Ts), the lowest frequency that can be learned."""
     gains, p = axis.servo.gains if axis.servo else None, used.values
     if gains is None:
         return
@@ -69,10 +59,7 @@ def share_of(used: ActiveLaw) -> float:
 
 
 def left_of(axis: Axis, side: int, feedforward: bool = False) -> Level:
-    """Return the friction in one direction that remains after compensation.
-
-    Only observers that also act at rest count; with `feedforward`, all compensators count.
-    """
+    """Return the friction in one direction left by laws that act at rest or, with `feedforward`, all compensators."""
     assert axis.contact is not None
     left = axis.contact.levels[side]
     for used in axis.laws:

@@ -7,14 +7,14 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from friction_fmus.axis.assembly import typed
 from friction_fmus.axis.loop import closed_loop, run_loop
 from friction_fmus.axis.servo import AxisPlant, Servo, Trajectory
-from friction_fmus.blocks.axis_units import ROTARY
+from friction_fmus.blocks.axis_units import ROTARY, domain_of
 from friction_fmus.errors import FitError
 from friction_fmus.export.block_fmu import build_record
 from friction_fmus.identification.data.record import Array, MeasuredAxis, Record
@@ -55,16 +55,17 @@ def axis_simulator(
     feedback = Servo("CascadePPI", gains, servo.Ts, servo.force_limit, servo.window, servo.quantum)
     r = record.column("reference")
     t = servo.Ts * np.arange(float(len(r)))
-    rd = np.gradient(r, servo.Ts)
-    domain: Literal["translational", "rotational"] = "rotational" if record.units == ROTARY else "translational"
+    rd, rotary = np.gradient(r, servo.Ts), record.units == ROTARY
 
     def own(values: Mapping[str, float]) -> dict[str, float]:
         return {name: value for name, value in values.items() if name in contact.parameters}
 
     with ScratchFolder() as folder:
-        reference = build_record(t, r, rd, np.gradient(rd, servo.Ts), folder, "MeasuredReference", domain=domain)
-        q0, rotary = float(record.column("q")[0]), record.units == ROTARY
-        trajectory = Trajectory(reference, len(r), q0, float(v[0]), rotary=rotary, injected=record.injected)
+        reference = build_record(
+            t, r, rd, np.gradient(rd, servo.Ts), folder, "MeasuredReference", domain=domain_of(rotary)
+        )
+        start = float(record.column("q")[0]), float(v[0])
+        trajectory = Trajectory(reference, len(r), *start, rotary=rotary, injected=record.injected)
         plant, fmus = AxisPlant(contact.name, own(given), given["M"]), {"friction": contact.path}
         with closed_loop(feedback, plant, trajectory, fmus=fmus, longest=step) as system:
 

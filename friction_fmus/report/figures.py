@@ -128,18 +128,15 @@ def lines(
 
 def bars(rows: Sequence[Bar], title: str) -> go.Figure:
     """Draw bars of the tracking error with whiskers for the cases; names are above the bars."""
-    figure = go.Figure()
-    place = [-float(i) for i in range(len(rows))]
     fill = {"best": ("#0072B2", ""), "second": ("#56B4E9", "/"), "": (FAINT, "")}
     looks: dict[str, Any] = {
         "color": [fill[row.emphasis][0] for row in rows],
         "pattern": {"shape": [fill[row.emphasis][1] for row in rows], "fgcolor": INK, "solidity": 0.25},
     }
-    figure.add_bar(
+    figure = named_bars(
+        [row.name for row in rows],
+        0.0,
         x=[row.value for row in rows],
-        y=place,
-        width=0.36,
-        orientation="h",
         marker=looks,
         error_x={
             "type": "data",
@@ -153,15 +150,19 @@ def bars(rows: Sequence[Bar], title: str) -> go.Figure:
         hovertext=[
             f"{escaped(row.name)}: {number(row.value)} ({number(row.low)} to {number(row.high)})" for row in rows
         ],
-        hoverinfo="text",
     )
-    for row, y in zip(rows, place, strict=True):
-        figure.add_annotation(
-            x=0.0, y=y + 0.16, text=escaped(row.name), showarrow=False, xanchor="left", yanchor="bottom"
-        )
     figure.update_xaxes(rangemode="tozero", title=escaped(title))
-    figure.update_yaxes(showticklabels=False, showgrid=False, zeroline=False, range=[-len(rows) + 0.45, 0.8])
     return finished(figure, 110 + 40 * len(rows))
+
+
+def named_bars(names: Sequence[str], left: float, **looks: Any) -> go.Figure:
+    """Return horizontal bars, each below its name, which begins at `left`."""
+    figure, place = go.Figure(), [-float(i) for i in range(len(names))]
+    figure.add_bar(y=place, width=0.36, orientation="h", hoverinfo="text", **looks)
+    for name, y in zip(names, place, strict=True):
+        figure.add_annotation(x=left, y=y + 0.17, text=escaped(name), showarrow=False, xanchor="left", yanchor="bottom")
+    figure.update_yaxes(showticklabels=False, showgrid=False, zeroline=False, range=[-len(names) + 0.45, 0.8])
+    return figure
 
 
 def sweep(

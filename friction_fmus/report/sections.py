@@ -179,10 +179,7 @@ def _span(picture: Picture) -> tuple[float, float] | None:
 
 
 def friction_table(picture: Picture) -> tuple[list[str], list[list[str]]]:
-    """Return column headings and rows of friction at some velocities, one column for each model.
-
-    The velocities are evenly spaced over the curves, without zero, where friction jumps.
-    """
+    """Return headings and rows of the friction of each model at evenly spaced velocities without 0, where it jumps."""
     (x_title, _), (x_factor, y_factor) = axes(picture)
     curves = {name: (np.asarray(curve.x), np.asarray(curve.y)) for name, curve in picture.models.items()}
     fastest = min((float(np.max(np.abs(x))) for x, _ in curves.values()), default=0.0)
@@ -271,21 +268,8 @@ def residual_plots(study: StudyResult) -> list[Plot]:
     return plots
 
 
-@dataclass(frozen=True)
-class Score:
-    """Formatted scores of a model."""
-
-    validation: str
-    train: str
-    """Residual in percent; a dash if there is none."""
-    aic: str
-    bic: str
-    """Information criteria minus the lowest one of all models fitted to the same signal."""
-    closed_loop: Mapping[str, str]  # residuals of the co-simulated servo, by signal
-
-
-def scores(models: Sequence[ModelResult]) -> dict[str, Score]:
-    """Return the scores of the identified models, by name."""
+def scores(models: Sequence[ModelResult]) -> dict[str, dict[str, Any]]:
+    """Return the formatted scores of the identified models; information criteria less the lowest for a signal."""
     lowest: dict[tuple[str, tuple[str, str]], float] = {}
     for row in models:
         for name, value in (("aic", row.aic), ("bic", row.bic)):
@@ -297,13 +281,13 @@ def scores(models: Sequence[ModelResult]) -> dict[str, Score]:
         return number(None) if value is None else f"{value - lowest[name, _fitted(row)]:.0f}"
 
     return {
-        row.name: Score(
-            _percent(row.validation),
-            _percent(row.train),
-            above(row, "aic", row.aic),
-            above(row, "bic", row.bic),
-            {fit.signal: _residual(fit) for fit in row.closed_loop},
-        )
+        row.name: {
+            "validation": _percent(row.validation),
+            "train": _percent(row.train),
+            "aic": above(row, "aic", row.aic),
+            "bic": above(row, "bic", row.bic),
+            "closed_loop": {fit.signal: _residual(fit) for fit in row.closed_loop},
+        }
         for row in models
         if row.rank is not None
     }

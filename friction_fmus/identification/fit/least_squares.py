@@ -116,10 +116,7 @@ class Problem:
         return force + float(start["Fv"]) * segment.inputs["v"] if self.viscous else force
 
     def error(self, x: Array, index: int) -> Array:
-        """Return predicted minus measured signal of one segment over the magnitude of the signal.
-
-        The result is infinite if the block rejects the values; the search then takes a smaller step.
-        """
+        """Return the error of one segment over the size of the signal; infinite if the block rejects the values."""
         measured = self.segments[index].measured
         try:
             return (self.simulate(x, index) - measured) / self.size
@@ -254,10 +251,7 @@ def coordinate(model: ContactModel, name: str, traits: DataTraits, constraints: 
 def surroundings(
     segments: Sequence[PreparedSegment], traits: DataTraits, constraints: Constraints, viscous: bool
 ) -> list[Coordinate]:
-    """Return the coordinates of the mass of a drive, of the force offset, and of a viscous friction beside the block.
-
-    The offset is identified if motion is in both directions.
-    """
+    """Return the coordinates of mass, force offset (if motion is both ways) and viscous friction beside the block."""
     guesses: dict[str, tuple[float, float]] = {}
     if segments[0].a is not None:
         mass, offset = inertia_guess(segments)
