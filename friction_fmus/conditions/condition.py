@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from scipy.linalg import expm
 
 from friction_fmus.blocks.axis_units import SLIDING, Words
-from friction_fmus.errors import FrictionError, nearest
+from friction_fmus.errors import FrictionError, did_you_mean
 
 
 def quotes(names: Iterable[str]) -> tuple[tuple[str, str], ...]:
@@ -40,7 +40,7 @@ def quotes(names: Iterable[str]) -> tuple[tuple[str, str], ...]:
     found = []
     for name in names:
         if name not in functions.__all__:
-            raise FrictionError(f"There is no condition {name!r} to quote{nearest(name, functions.__all__)}")
+            raise FrictionError(f"There is no condition {name!r} to quote{did_you_mean(name, functions.__all__)}")
         text = inspect.getdoc(getattr(functions, name)) or ""
         found.append((name, " ".join(text.split("\n\n")[0].split())))
     return tuple(found)

@@ -10,7 +10,8 @@ if TYPE_CHECKING:
     from friction_fmus.identification.data.excitation import examine, examine_segments
     from friction_fmus.identification.data.mapping import DataMapping, load_mapping, read_mapping, read_windows
     from friction_fmus.identification.data.reading import Measurement, read_measurement, read_records
-    from friction_fmus.identification.data.record import Array, Finding, Record, RecordWarning
+    from friction_fmus.identification.data.record import Array, Record, RecordFinding, RecordWarning
+    from friction_fmus.identification.fit.contact_model import identifiable
     from friction_fmus.identification.fit.estimate import Estimate
     from friction_fmus.identification.fit.grid import HysteresisGrid, identify_hysteresis
     from friction_fmus.identification.fit.idim import (
@@ -23,21 +24,20 @@ if TYPE_CHECKING:
         identify_inverse_model,
         identify_inverse_stribeck,
     )
-    from friction_fmus.identification.fit.models import identifiable
     from friction_fmus.identification.fit.output_error import (
         Mapper,
         OutputErrorFit,
         Simulator,
-        Target,
+        TargetSignal,
         Unknown,
         fit_output_error,
     )
     from friction_fmus.identification.fit.presliding import PreslidingFit, identify_presliding
     from friction_fmus.identification.fit.scores import Score
+    from friction_fmus.identification.identification_result import Identification
     from friction_fmus.identification.identifying import identify
+    from friction_fmus.identification.model_comparison import IdentificationTask, ModelComparison, compare_models
     from friction_fmus.identification.residual import LearnedResidual, ResidualTable, learn_residual
-    from friction_fmus.identification.result import Identification
-    from friction_fmus.identification.survey import IdentificationTask, ModelComparison, compare_models
 else:
     __getattr__, __dir__ = lazy_names(__name__, __file__)
 
@@ -50,7 +50,6 @@ __all__ = [
     "DataMapping",
     "Estimate",
     "ExcitationError",
-    "Finding",
     "FitError",
     "HysteresisGrid",
     "Identification",
@@ -67,11 +66,12 @@ __all__ = [
     "PreslidingFit",
     "Record",
     "RecordError",
+    "RecordFinding",
     "RecordWarning",
     "ResidualTable",
     "Score",
     "Simulator",
-    "Target",
+    "TargetSignal",
     "Unknown",
     "compare_models",
     "decimate",

@@ -9,13 +9,21 @@ from typing import Any, Final
 import numpy as np
 
 from friction_fmus.blocks.catalogue import catalogue
-from friction_fmus.report.comparing import Point, ladder_bars, panels, tradeoffs
+from friction_fmus.report.comparison_plots import Point, ladder_bars, panels, tradeoffs
 from friction_fmus.report.figures import ROWS, STYLES, Bar, Plot, bars, lines, sweep
-from friction_fmus.report.numbers import multiple, number, quantity, unit
+from friction_fmus.report.formatting import multiple, number, quantity, unit
 from friction_fmus.report.views import NO_COMPENSATION, NONE, axes, label, reversal
-from friction_fmus.study.models import ALIKE
+from friction_fmus.study.model_ranking import ALIKE
 from friction_fmus.study.recommendation import figures
-from friction_fmus.study.result import CompensatorResult, Fit, ModelResult, Picture, StudyCurve, StudyResult, Trial
+from friction_fmus.study.study_result import (
+    CompensatorResult,
+    Fit,
+    ModelResult,
+    Picture,
+    StudyCurve,
+    StudyResult,
+    Trial,
+)
 
 #: Number of compensators whose errors are shown, in addition to the servo without compensation.
 FIRST = 4

@@ -27,12 +27,10 @@ RENEW: Final = 7
 class MovingWire:
     """A connection whose value varies during a step: between two continuous parts that step at every tick."""
 
-    input: int
-    output: int
-    """Indices of the signals at its ends."""
-    source: int
-    target: int
-    """Indices of the parts at its ends."""
+    input: int  # signal at its end
+    output: int  # signal at its beginning
+    source: int  # part at its beginning
+    target: int  # part at its end
 
 
 @dataclass(frozen=True)
@@ -181,8 +179,7 @@ class Schedule:
     """Pairs (SET | STEP | GET | RENEW, index of the part), executed in this order."""
     algorithm: Callable[[Engine], Algorithm] | None = None
     """``algorithm(engine)`` returns an `Algorithm` in C, which replaces the operations."""
-    implicit: bool = False
-    """Whether it solves loops, so that inputs get values from the end of the step."""
+    implicit: bool = False  # whether it solves loops, so that inputs get values from the end of the step
     lines: tuple[MovingWire, ...] = ()
     """Connections whose values the operations pass as lines from the beginning to the end of the step, to FMUs that
     interpolate inputs."""

@@ -13,6 +13,7 @@ import numpy as np
 from friction_fmus.blocks.arithmetic import evaluate
 from friction_fmus.blocks.axis_units import AxisUnits
 from friction_fmus.errors import FitError
+from friction_fmus.identification.fit.contact_model import ContactModel, DataTraits
 from friction_fmus.identification.fit.least_squares import (
     INITIAL_LIMIT,
     Constraints,
@@ -23,7 +24,6 @@ from friction_fmus.identification.fit.least_squares import (
     coordinate,
     surroundings,
 )
-from friction_fmus.identification.fit.models import ContactModel, DataTraits
 from friction_fmus.identification.fit.search import Loss, SearchResult, search
 from friction_fmus.identification.fit.simulation_data import PreparedSegment
 from harness import Drive, FmuPart

@@ -9,6 +9,7 @@ import numpy as np
 
 from friction_fmus.errors import FitError
 from friction_fmus.identification.fit.block_fit import BlockFit, FitData
+from friction_fmus.identification.fit.contact_model import ContactModel
 from friction_fmus.identification.fit.grid import BLOCK_ELEMENTS, INITIAL_FORCES, coarse, fit_grid, with_count
 from friction_fmus.identification.fit.least_squares import (
     Constraints,
@@ -18,7 +19,6 @@ from friction_fmus.identification.fit.least_squares import (
     coordinate,
     surroundings,
 )
-from friction_fmus.identification.fit.models import ContactModel
 from friction_fmus.identification.fit.search import Loss, search
 
 POINTS = 20  # number of points of the grid of break-away distances

@@ -2,10 +2,10 @@
    variable has a number, which is its value reference here; all values are doubles. An array is always set as a whole,
    with the last values of the elements that are not set. */
 
-#ifndef FMI3_H
-#define FMI3_H
+#ifndef FMI3_ADAPTER_H
+#define FMI3_ADAPTER_H
 
-#include "fmi3_values.h"
+#include "fmi3_numbers.h"
 #include "part.h"
 
 #include <stdlib.h>
@@ -131,7 +131,6 @@ static int set_3(Fmi3 *a, const uint32_t *elements, size_t n, const double *valu
 
 static int get_3(Fmi3 *a, const uint32_t *elements, size_t n, double *values)
 {
-    a->failure = 0;
     for (size_t i = 0; i < n;) {
         size_t listed, count;
         const size_t end = run_of(a, elements, n, i, &listed, &count);
