@@ -7,12 +7,12 @@ from typing import Any
 from friction_fmus.fmi.portrait import finite_panels
 from friction_fmus.fmi.portrait.drawing import chart
 from portraits.experiments import shown
-from portraits.recorded import Bench, opened, recorded_figures
+from portraits.recorded import RecordedBench, opened, recorded_figures
 
 __all__ = ["about_block", "opened", "pictures"]
 
 
-def pictures(bench: Bench) -> list[bytes]:
+def pictures(bench: RecordedBench) -> list[bytes]:
     """Return the figures of a block with its start values as SVG."""
     bench.values = {}
     panels = finite_panels(bench, shown(bench))
@@ -20,7 +20,7 @@ def pictures(bench: Bench) -> list[bytes]:
     return [chart(panel, bench.block.name) for panel in panels]
 
 
-def about_block(bench: Bench) -> dict[str, Any]:
+def about_block(bench: RecordedBench) -> dict[str, Any]:
     """Return what a page says of a block beside its variables: texts, and experiments to repeat."""
     block = bench.block
     return {
