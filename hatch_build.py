@@ -12,10 +12,32 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
+from hatchling.build import (
+    build_editable,
+    build_sdist,
+    build_wheel,
+    get_requires_for_build_sdist,
+    get_requires_for_build_wheel,
+)
+from hatchling.builders.constants import EDITABLES_REQUIREMENT
 from hatchling.builders.hooks.plugin.interface import BuildHookInterface
+
+__all__ = [
+    "build_editable",
+    "build_sdist",
+    "build_wheel",
+    "get_requires_for_build_editable",
+    "get_requires_for_build_sdist",
+    "get_requires_for_build_wheel",
+]
 
 ROOT = Path(__file__).parent
 sys.path.insert(0, str(ROOT))  # the packages that are to be packed
+
+
+def get_requires_for_build_editable(config_settings: dict[str, Any] | None = None) -> list[str]:
+    """Nothing but what links to the checkout: pip would install the runtime dependencies of the wheel's hook twice."""
+    return [EDITABLES_REQUIREMENT]
 
 
 def build_fmus(names: list[str], folder: Path) -> None:
@@ -37,7 +59,7 @@ class BinariesHook(BuildHookInterface):  # type: ignore[type-arg]
             build_data["dependencies"] += self.metadata.core.optional_dependencies["study"]
             return
         from friction_fmus.blocks.catalogue import OWN_BLOCKS, catalogue
-        from harness.compiling.library import sources
+        from harness.compiling.engine_library import sources
         from harness.compiling.platforms import PLATFORMS, compiled
 
         folder = Path(self.directory).resolve()

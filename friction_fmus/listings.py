@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING
 from harness.notebook import Listing, counted, html_table
 
 if TYPE_CHECKING:
-    from friction_fmus.identification.result import Identification
-    from friction_fmus.identification.survey import ModelComparison
-    from friction_fmus.study.result import Fit, StudyResult
+    from friction_fmus.identification.identification_result import Identification
+    from friction_fmus.identification.model_comparison import ModelComparison
+    from friction_fmus.study.study_result import Fit, StudyResult
 
 
 def identification_text(result: Identification) -> str:

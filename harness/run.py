@@ -29,26 +29,19 @@ from harness.system.plan import Plan
 
 _LOG = logging.getLogger("harness")
 
-LOOK: Final = 0.1
-"""Time between two checks for changed settings of the process [s]."""
+LOOK: Final = 0.1  # time between two checks for changed settings of the process [s]
 
 
 @dataclass(frozen=True)
 class Options:
     """Options of a run in addition to its experiment."""
 
-    taps: Sequence[Tap] = ()
-    """Functions that receive values during the run."""
-    progress: Progress | None = None
-    """Receives reports of progress."""
-    resume: str | Path | None = None
-    """Checkpoint from which the run continues."""
-    checkpoint: str | Path | None = None
-    """File for the state at the end of the run."""
-    pace: float | None = None
-    """Simulated time per wall-clock time; None runs as fast as possible."""
-    events: bool = False
-    """Whether a second row has the values after events at the time of a row."""
+    taps: Sequence[Tap] = ()  # functions that receive values during the run
+    progress: Progress | None = None  # receives reports of progress
+    resume: str | Path | None = None  # checkpoint from which the run continues
+    checkpoint: str | Path | None = None  # file for the state at the end of the run
+    pace: float | None = None  # simulated time per wall-clock time; None runs as fast as possible
+    events: bool = False  # whether a second row has the values after events at the time of a row
 
     def __post_init__(self) -> None:
         """Check the pace."""
@@ -147,8 +140,8 @@ class Session:
         if self._saved:
             self._saved.restore(plan, ticks.memory)
         readers = [(tap.every, tap_reader(plan, tap)) for tap in options.taps]
-        if options.progress is not None:
-            readers.append(_progress_reader(options.progress, plan.ticks))
+        if (progress := options.progress) is not None:
+            readers.append((max(1, plan.ticks // 100), lambda tick: progress.update(tick, plan.ticks)))
         recording = [(recorder.decimate, recorder.read)] if self._names else []
         events = [(recorder.decimate, event_reader(plan, recorder))] if self._names and options.events else []
         for every, read in (*readers, *recording, *events):
@@ -190,10 +183,6 @@ def _loop(
             sleep(max(0.0, clock + (tick - begin) * plan.step / pace - monotonic()))
         elif monotonic() - before < 0.05:
             longest = min(2 * longest, 10_000_000)
-
-
-def _progress_reader(progress: Progress, ticks: int) -> tuple[int, Reader]:
-    return max(1, ticks // 100), lambda tick: progress.update(tick, ticks)
 
 
 def _warn_of_nonfinite(recorder: Recorder) -> None:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Final
 
 from friction_fmus.blocks.arithmetic import Numbers, evaluate, is_known, names_in
 from friction_fmus.blocks.macros import table
-from friction_fmus.errors import FrictionError, nearest
+from friction_fmus.errors import FrictionError, did_you_mean
 
 if TYPE_CHECKING:
     import numpy as np
@@ -41,7 +41,7 @@ class Level:
 
 
 @dataclass(frozen=True)
-class Contact:
+class AxisFriction:
     """The friction of an axis."""
 
     levels: tuple[Level, Level]
@@ -53,10 +53,10 @@ class Contact:
     viscous: float = 0.0
     """Viscous coefficient that also acts at rest [N.s/m]."""
 
-    def loaded(self, load: float) -> Contact:
+    def loaded(self, load: float) -> AxisFriction:
         """Return the contact under another normal force, which does not affect viscous friction."""
         forward, backward = (replace(level, Fc=load * level.Fc, Fs=load * level.Fs) for level in self.levels)
-        return Contact((forward, backward), load * self.stiffness, load * self.damping, self.viscous)
+        return AxisFriction((forward, backward), load * self.stiffness, load * self.damping, self.viscous)
 
 
 @dataclass(frozen=True)
@@ -112,10 +112,10 @@ class Friction:
             backward = {name: values.get(f"{name}_neg", value) for name, value in values.items()}
         return self.level(values), self.level(backward)
 
-    def contact(self, values: Numbers) -> Contact:
+    def contact(self, values: Numbers) -> AxisFriction:
         """Return the friction in sliding and at rest."""
         at_rest = (self.stiffness, self.damping, self.viscous_at_rest)
-        return Contact(self.levels(values), *(float(evaluate(text, values)) for text in at_rest))
+        return AxisFriction(self.levels(values), *(float(evaluate(text, values)) for text in at_rest))
 
 
 _ROWS = {
@@ -226,7 +226,7 @@ def identified(code: str) -> Identified:
 def _checked(kind: str, name: str, fit: Fitted) -> Fitted:
     if fit.experiment not in MEASURED:
         raise FrictionError(
-            f"{kind}({name}) names the unknown experiment {fit.experiment!r}{nearest(fit.experiment, MEASURED)}"
+            f"{kind}({name}) names the unknown experiment {fit.experiment!r}{did_you_mean(fit.experiment, MEASURED)}"
         )
     if unknown := sorted(names_in(fit.start) - set(SEEN)):
         raise FrictionError(f"{kind}({name}) starts at {fit.start!r}; {unknown[0]} is not one of {', '.join(SEEN)}")

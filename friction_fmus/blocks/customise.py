@@ -9,7 +9,7 @@ from numbers import Integral
 
 from friction_fmus.blocks.block_header import block_header, start_arguments
 from friction_fmus.blocks.macros import table
-from friction_fmus.errors import BuildError, UnknownNameError, nearest
+from friction_fmus.errors import BuildError, UnknownNameError, did_you_mean
 
 Start = Mapping[str, float | int | bool]
 
@@ -78,7 +78,7 @@ def _with_start_value(code: str, variable: str, value: float | int | bool) -> st
     element = re.fullmatch(r"(\w+)\[(\d+)\]", variable)
     name = element.group(1) if element else variable
     if name not in rows or places[rows[name][1]][1] != bool(element):
-        raise UnknownNameError(f"There is no variable {variable!r} with a start value{nearest(variable, rows)}")
+        raise UnknownNameError(f"There is no variable {variable!r} with a start value{did_you_mean(variable, rows)}")
     match = rows[name]
     spans = _arguments(code, match.start(2))
     begin, end = spans[places[match[1]][0]]

@@ -6,7 +6,7 @@ import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from friction_fmus.errors import FrictionError, nearest
+from friction_fmus.errors import FrictionError, did_you_mean
 
 LEADS = ("Use it", "Limits:")
 """First words of the paragraphs that help to choose a model: when to use it, and its limits."""
@@ -76,7 +76,7 @@ def table(code: str, name: str, known: tuple[str, ...]) -> list[tuple[str, tuple
             raise FrictionError(f"{name} contains {rest!r} in place of a row such as {known[0]}(...)")
         if match[1] not in known:
             raise FrictionError(
-                f"{name} contains the unknown row {match[1]}{nearest(match[1], known)}; known rows are "
+                f"{name} contains the unknown row {match[1]}{did_you_mean(match[1], known)}; known rows are "
                 f"{', '.join(known)}"
             )
         end = _end(rest, match.end(), name)

@@ -36,7 +36,7 @@ class _Row(ctypes.Structure):
 
 
 @dataclass(frozen=True)
-class Variable:
+class BlockVariable:
     """One scalar variable of a block."""
 
     name: str
@@ -61,7 +61,7 @@ class Variable:
 class BlockVariables:
     """Variables of a compiled block."""
 
-    variables: tuple[Variable, ...]
+    variables: tuple[BlockVariable, ...]
     """Variables in the order of the XML, time first."""
     guid: str
     """Hash of the rows, computed in the library."""
@@ -125,7 +125,9 @@ def _read(handle: ctypes.CDLL) -> tuple[BlockVariables, int]:
             element = _element(name, k) if row.length else name
             start = row.starts[k] if row.starts else row.start
             limits = (row.min, row.max, row.nominal, row.role, row.type)
-            variables.append(Variable(element, unit, text, start, *limits, row.index + k, getattr(row, "from") + k))
+            variables.append(
+                BlockVariable(element, unit, text, start, *limits, row.index + k, getattr(row, "from") + k)
+            )
     sampled, exchanges, events = traits
     block = BlockVariables(tuple(variables), guid.value.decode(), bool(sampled), bool(exchanges), events)
     return block, size.value
@@ -133,7 +135,7 @@ def _read(handle: ctypes.CDLL) -> tuple[BlockVariables, int]:
 
 def _add(
     dependencies: dict[int, tuple[int, ...]],
-    variables: tuple[Variable, ...],
+    variables: tuple[BlockVariable, ...],
     computed: Mapping[str, Iterable[str]],
     roles: tuple[int, ...],
 ) -> None:
@@ -146,7 +148,7 @@ def _add(
         dependencies[unknown] = tuple(sorted(used.union(dependencies[unknown])))
 
 
-def _follow_limit(dependencies: dict[int, tuple[int, ...]], variables: tuple[Variable, ...]) -> None:
+def _follow_limit(dependencies: dict[int, tuple[int, ...]], variables: tuple[BlockVariable, ...]) -> None:
     """Give u_sat the dependencies of u: it states the active limit of u, which a probe away from the limits misses."""
     references = {v.name: v.reference for v in variables}
     if {"u", "u_sat"} <= references.keys():
@@ -178,7 +180,7 @@ class _Probe:
     FAR = 1e9
     LARGE, FEW_POINTS, MOST_POINTS = 500, 60, 400  # for this number of values, more points would take minutes
 
-    def __init__(self, handle: ctypes.CDLL, size: int, variables: tuple[Variable, ...], sampled: bool) -> None:
+    def __init__(self, handle: ctypes.CDLL, size: int, variables: tuple[BlockVariable, ...], sampled: bool) -> None:
         self._evaluate = handle.block_evaluate
         self._evaluate.restype = None
         self._evaluate.argtypes = (ctypes.POINTER(ctypes.c_double), ctypes.c_int)
@@ -231,7 +233,7 @@ class _Probe:
             values[v.reference] = start if plain else self._drawn(v, start)
         return values
 
-    def _drawn(self, v: Variable, start: float) -> float:
+    def _drawn(self, v: BlockVariable, start: float) -> float:
         draw = self._random
         if v.type == BOOLEAN:
             return float(draw.random() < 0.5)
@@ -249,7 +251,7 @@ class _Probe:
         size = math.pow(10.0, draw.uniform(-6.0, far)) * (v.nominal if v.role in (STATE, STATE_OUTPUT) else 1.0)
         return draw.choice((0.0, 1.0, -1.0, 1.0, -1.0)) * size
 
-    def _moved(self, v: Variable, value: float) -> float:
+    def _moved(self, v: BlockVariable, value: float) -> float:
         if v.type == BOOLEAN:
             return 1.0 - value
         if v.type == INTEGER:
@@ -287,7 +289,7 @@ GROUPS = {
 
 
 @dataclass(frozen=True)
-class Entry:
+class VariableRow:
     """A variable, or the elements of a vector."""
 
     name: str
@@ -300,7 +302,7 @@ class Entry:
     """Range of accepted values; empty if there are no limits."""
 
 
-def variable_groups(rows: BlockVariables) -> dict[str, tuple[Entry, ...]]:
+def variable_groups(rows: BlockVariables) -> dict[str, tuple[VariableRow, ...]]:
     """Return the groups that are not empty, in the order of `GROUPS`."""
     groups = {}
     for title, roles in GROUPS.items():
@@ -310,12 +312,12 @@ def variable_groups(rows: BlockVariables) -> dict[str, tuple[Entry, ...]]:
     return groups
 
 
-def _vector(v: Variable) -> str:
+def _vector(v: BlockVariable) -> str:
     """Return the name without the index of the element."""
     return re.sub(r"\[\d+\]", "[]", v.name)
 
 
-def _entry(elements: list[Variable]) -> Entry:
+def _entry(elements: list[BlockVariable]) -> VariableRow:
     first, last = elements[0], elements[-1]
     name = first.name
     if last is not first:
@@ -324,7 +326,7 @@ def _entry(elements: list[Variable]) -> Entry:
     starts = tuple(_value(v.start, v.type) for v in elements) if given else ()
     low, high = (_value(limit, first.type) if math.isfinite(limit) else "" for limit in (first.min, first.max))
     limits = f"{low} to {high}" if low and high else f"at least {low}" if low else f"at most {high}" if high else ""
-    return Entry(
+    return VariableRow(
         name,
         {INTEGER: "Integer", BOOLEAN: "Boolean"}.get(first.type, first.unit),
         first.text,

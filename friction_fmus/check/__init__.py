@@ -1,7 +1,7 @@
 """Checks of an FMU: the archive, the XML, and the behaviour of the binary in a separate process.
 
 An SSP is read as the harness reads it, and each of its FMUs is checked. The checks apply to any FMU of FMI 2.0 or 3.0.
-The rules are functions in `archive`, `fmi2_rules` and `fmi3_rules`, and probes in `probes`; each rule is one
+The rules are functions in `archive_rules`, `fmi2_rules` and `fmi3_rules`, and probes in `probes`; each rule is one
 function.
 """
 
@@ -14,7 +14,7 @@ from pathlib import Path
 from fmpy.model_description import ValidationError
 from lxml import etree
 
-from friction_fmus.check.archive import (
+from friction_fmus.check.archive_rules import (
     DAMAGED,
     Contents,
     examine_archive,
@@ -36,7 +36,7 @@ from friction_fmus.check.description import (
 from friction_fmus.check.findings import DESCRIPTION, RULES, Finding, Rule, apply, declare
 from friction_fmus.check.fmi2_rules import examine_side_files
 from friction_fmus.check.fmi3_rules import Model3
-from friction_fmus.errors import FrictionError, UnknownNameError, nearest
+from friction_fmus.errors import FrictionError, UnknownNameError, did_you_mean
 from harness.errors import HarnessError
 from harness.parts.archive import parse_description
 from harness.ssp.package import SSD_NAME
@@ -82,7 +82,7 @@ def check(
     """
     for name in ignore:
         if name not in RULES:
-            raise UnknownNameError(f"there is no rule {name!r}{nearest(name, RULES)}; `check --rules` lists them")
+            raise UnknownNameError(f"there is no rule {name!r}{did_you_mean(name, RULES)}; `check --rules` lists them")
     if not time_limit > 0.0:
         raise FrictionError(f"the time limit is {time_limit} s; give a positive number of seconds")
     try:
@@ -110,7 +110,8 @@ def _examine_contents(path: Path, contents: Contents, static: bool, time_limit: 
         return examine_archive(contents)
     data = read_member(contents, DESCRIPTION)
     if isinstance(data, Finding):
-        return _unless_told(examine_archive(contents), data)
+        found = examine_archive(contents)
+        return found if any(finding.file == data.file for finding in found) else [*found, data]
     root = parse(data)
     if isinstance(root, Finding):
         return [*examine_archive(contents), root]
@@ -171,11 +172,6 @@ def _examine_3(contents: Contents, data: bytes, root: etree._Element, static: bo
 
 def _errors(findings: list[Finding]) -> bool:
     return any(finding.severity == "error" for finding in findings)
-
-
-def _unless_told(found: list[Finding], also: Finding) -> list[Finding]:
-    """Return the findings and another one, unless they already contain a finding for the same file."""
-    return found if any(finding.file == also.file for finding in found) else [*found, also]
 
 
 def _libraries(contents: Contents, model: Model | Model3, static: bool, time_limit: float) -> list[Finding]:

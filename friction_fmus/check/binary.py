@@ -16,20 +16,25 @@ from typing import Any, Final
 import fmpy
 from lxml import etree
 
-from friction_fmus.check.archive import Contents
+from friction_fmus.check.archive_rules import Contents
 from friction_fmus.check.description import Model, Variable2, integer, real
 from friction_fmus.check.findings import RULES, Finding, Severity, declare
 from friction_fmus.check.fmi3_rules import FLOATS, INTEGERS, Model3, Variable3
-from friction_fmus.check.probes import arrays, events, lifecycle, stepping, surroundings
-from friction_fmus.check.probes.host import CRASHES, ONLY, PROBES, SEVERAL, WITH
-from friction_fmus.check.probes.library import TRACE_SIZE
+from friction_fmus.check.probes import events, fmi3_features, lifecycle, stepping, surroundings
+from friction_fmus.check.probes.fmi2_library import TRACE_SIZE
+from friction_fmus.check.probes.probe_process import CRASHES, ONLY, PROBES, SEVERAL, WITH
 from friction_fmus.errors import FrictionError
 from harness.compiling.platforms import NATIVE
 from harness.storage.files import ScratchFolder
 from harness.storage.zip_file import unpack_zip
 
-_MODULES: Final = (lifecycle, stepping, events, arrays, surroundings)
-"""Modules that register the probes, in this order."""
+_MODULES: Final = (
+    lifecycle,
+    stepping,
+    events,
+    fmi3_features,
+    surroundings,
+)  # register the probes, in this order
 
 _RULES: Final[dict[str, tuple[Severity, str, str]]] = {
     "binary-not-loadable": ("error", "2.3", "The library for this platform cannot be loaded."),
@@ -115,8 +120,9 @@ _FLAGS: Final = (
     "providesDirectionalDerivative",
 )
 _PROGRAM: Final = (
-    "import sys; sys.path.append({folder!r}); from probes import lifecycle, stepping, events, arrays, surroundings; "
-    "from probes.host import main; main({place!r}, {names!r})"
+    "import sys; sys.path.append({folder!r}); "
+    "from probes import lifecycle, stepping, events, fmi3_features, surroundings; "
+    "from probes.probe_process import main; main({place!r}, {names!r})"
 )
 _DEBUG: Final = "run this call in a debugger"
 _ADVICE: Final = {

@@ -1,4 +1,4 @@
-"""Parameter sets of a sweep, from its command-line options: lists, ranges, random points and files."""
+"""What commands read besides their files: a system, the address of a cluster, and the parameter sets of a sweep."""
 
 from __future__ import annotations
 
@@ -23,8 +23,7 @@ def open_system(path: Path, *, open_inputs: bool = False) -> System:
     return System.from_toml(path, resolve=fmu, open_inputs=open_inputs)
 
 
-PATIENCE = 10.0
-"""Time limit for the answer of a scheduler [s]."""
+PATIENCE = 10.0  # time limit for the answer of a scheduler [s]
 
 
 def connect(address: str) -> Any:

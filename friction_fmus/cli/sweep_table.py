@@ -39,8 +39,7 @@ def sweep_progress() -> Progress:
     return progress_bar(_Rate(), speed_estimate_period=60)
 
 
-ROWS = 10
-"""Number of runs in the table."""
+ROWS = 10  # number of runs in the table
 
 _GAP = 2
 _OTHERS = ("wall_time", "error", "warnings")

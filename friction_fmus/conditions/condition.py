@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import expm
 
-from friction_fmus.errors import FrictionError, nearest
+from friction_fmus.errors import FrictionError, did_you_mean
 
 
 def quotes(names: Iterable[str]) -> tuple[tuple[str, str], ...]:
@@ -38,7 +38,7 @@ def quotes(names: Iterable[str]) -> tuple[tuple[str, str], ...]:
     found = []
     for name in names:
         if name not in functions.__all__:
-            raise FrictionError(f"There is no condition {name!r} to quote{nearest(name, functions.__all__)}")
+            raise FrictionError(f"There is no condition {name!r} to quote{did_you_mean(name, functions.__all__)}")
         text = inspect.getdoc(getattr(functions, name)) or ""
         found.append((name, " ".join(text.split("\n\n")[0].split())))
     return tuple(found)

@@ -6,15 +6,15 @@
 
 from __future__ import annotations
 
-from friction_fmus.doctor.axis import Finding
+from friction_fmus.doctor.examined_axis import LoopFinding
 from friction_fmus.doctor.find import axes, examine_steps, unknown_parts
 from friction_fmus.doctor.rules import examine_axis
 from harness import Experiment, System
 
-__all__ = ["Finding", "axes", "examine", "unknown_parts"]
+__all__ = ["LoopFinding", "axes", "examine", "unknown_parts"]
 
 
-def examine(system: System, experiment: Experiment | None = None) -> list[Finding]:
+def examine(system: System, experiment: Experiment | None = None) -> list[LoopFinding]:
     """Evaluate all conditions that apply to a system, without running it.
 
     Parameters
@@ -27,7 +27,7 @@ def examine(system: System, experiment: Experiment | None = None) -> list[Findin
 
     Returns
     -------
-    list of Finding
+    list of LoopFinding
         One finding for each condition, including those that hold; see `Condition.ok`.
 
     Raises

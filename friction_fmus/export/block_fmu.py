@@ -36,14 +36,12 @@ from harness.storage.zip_file import find_outside
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
-SHIPPED = PACKAGE / "fmus"
-"""Folder of the FMUs for all platforms in an installed package; a checkout has none."""
+SHIPPED = PACKAGE / "fmus"  # folder of the FMUs for all platforms in an installed package; a checkout has none
 
 SHARED_FOLDERS = ("", "numerics", "friction")
 """Folders of ``fmu_src`` with headers for all blocks; in an FMU, all sources are in one folder."""
 
-FMI_HEADER = "fmi2Functions.h"
-"""The header of the FMI standard, which importers provide."""
+FMI_HEADER = "fmi2Functions.h"  # the header of the FMI standard, which importers provide
 
 
 def build(

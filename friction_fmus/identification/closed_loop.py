@@ -10,23 +10,23 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from friction_fmus.axis.assembly import typed
-from friction_fmus.axis.loop import closed_loop, run_loop
+from friction_fmus.axis.loop_assembly import typed
 from friction_fmus.axis.servo import AxisPlant, Servo, Trajectory
+from friction_fmus.axis.servo_loop import closed_loop, run_loop
 from friction_fmus.blocks.axis_units import ROTARY
 from friction_fmus.errors import FitError
 from friction_fmus.export.block_fmu import build_record
 from friction_fmus.identification.data.record import Array, MeasuredAxis, Record
+from friction_fmus.identification.fit.contact_model import ContactModel, contact_model, state_sizes
 from friction_fmus.identification.fit.idim import filtered_motion
 from friction_fmus.identification.fit.least_squares import Constraints
-from friction_fmus.identification.fit.models import ContactModel, contact_model, state_sizes
-from friction_fmus.identification.fit.output_error import Mapper, Target, Unknown, fit_output_error
+from friction_fmus.identification.fit.output_error import Mapper, TargetSignal, Unknown, fit_output_error
 from friction_fmus.identification.fit.scores import criteria, independent_samples, rms, score, weak_parameters
 from harness import System
 from harness.storage.files import ScratchFolder
 
 if TYPE_CHECKING:
-    from friction_fmus.identification.result import Identification
+    from friction_fmus.identification.identification_result import Identification
 
 #: Communication step between mass and friction in the fit [s]; the servo is stepped at the sample time of the record.
 FIT_STEP = 2.5e-4
@@ -125,7 +125,7 @@ def identify_closed_loop(
     rest = {**open_loop.fixed, **{name: open_loop.parameters[name].value for name in (*unseen, *kept)}}
     with ScratchFolder() as folder:
         run = replace(axis_simulator(contact, axis, Path(folder)), fixed=tuple(rest.items()))
-        target = Target(axis.record.column("q"), QUANTA * (axis.servo.quantum or 5e-8))
+        target = TargetSignal(axis.record.column("q"), QUANTA * (axis.servo.quantum or 5e-8))
         lag = round(CORRELATED / axis.servo.Ts)
         fit = fit_output_error(
             run, unknowns, {"q": target}, mapper=mapper, correlation=lag, max_iterations=12, tolerance=1e-4

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from friction_fmus.export.targets.wasm.npm_package import WasmModel, class_script
-from friction_fmus.live.recorded import Bench, opened, recorded_figures
+from friction_fmus.live.recorded_figures import RecordedBench, opened, recorded_figures
 
 __all__ = ["about_block", "assets", "model_script", "opened"]
 
@@ -29,7 +29,7 @@ def model_script(model: WasmModel, about: dict[str, Any]) -> str:
     return f"{model.script()}FrictionLive.about[{name}] = {told};\n"
 
 
-def about_block(bench: Bench) -> dict[str, Any]:
+def about_block(bench: RecordedBench) -> dict[str, Any]:
     """Return what a page says of a block beside its variables: texts, and experiments to repeat."""
     block = bench.block
     return {

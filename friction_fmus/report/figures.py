@@ -12,9 +12,9 @@ import numpy as np
 import plotly.graph_objects as go
 
 from friction_fmus.identification import Array
-from friction_fmus.study.result import StudyCurve
+from friction_fmus.study.study_result import StudyCurve
 
-from .numbers import number
+from .formatting import number
 
 #: Colours of text, background, grid and background curves; page.js has their counterparts for dark mode.
 INK, PAPER, GRID, FAINT = "#222222", "#ffffff", "#dddddd", "#8a8a8a"

@@ -20,9 +20,9 @@ from friction_fmus.fmi.portrait.drawing import chart
 from friction_fmus.identification import Array
 from friction_fmus.live import SCRIPTS, assets
 from friction_fmus.report.figures import thinned
-from friction_fmus.report.numbers import multiple
+from friction_fmus.report.formatting import multiple
 from friction_fmus.report.views import NO_COMPENSATION, NONE, reversal
-from friction_fmus.study.result import StudyResult
+from friction_fmus.study.study_result import StudyResult
 from friction_fmus.study.what_if import Knob, WhatIf
 
 POINTS: Final = 1000

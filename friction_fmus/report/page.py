@@ -13,10 +13,10 @@ from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup
 from plotly.offline import get_plotlyjs
 
-from friction_fmus.report import numbers, views
+from friction_fmus.report import formatting, views
 from friction_fmus.report.live_panel import live_panel
 from friction_fmus.report.sections import SECTIONS, Section
-from friction_fmus.study.result import StudyResult
+from friction_fmus.study.study_result import StudyResult
 from friction_fmus.study.what_if import WhatIf
 from harness.storage.files import atomic_path
 
@@ -95,13 +95,13 @@ def _environment() -> Environment:
         keep_trailing_newline=True,
     )
     environment.filters |= {
-        "brief": numbers.brief,
-        "number": numbers.number,
-        "quantity": numbers.quantity,
-        "unit": numbers.unit,
+        "brief": formatting.brief,
+        "number": formatting.number,
+        "quantity": formatting.quantity,
+        "unit": formatting.unit,
         "label": views.label,
     }
-    environment.globals |= {"with_error": numbers.with_error}
+    environment.globals |= {"with_error": formatting.with_error}
     return environment
 
 

@@ -9,13 +9,21 @@ from typing import Any, Final
 import numpy as np
 
 from friction_fmus.blocks.catalogue import catalogue
-from friction_fmus.report.comparing import Point, ladder_bars, panels, tradeoffs
+from friction_fmus.report.comparison_plots import Point, ladder_bars, panels, tradeoffs
 from friction_fmus.report.figures import ROWS, STYLES, Bar, Plot, bars, lines, sweep
-from friction_fmus.report.numbers import multiple, number, quantity, unit
+from friction_fmus.report.formatting import multiple, number, quantity, unit
 from friction_fmus.report.views import NO_COMPENSATION, NONE, axes, label, reversal
-from friction_fmus.study.models import ALIKE
+from friction_fmus.study.model_ranking import ALIKE
 from friction_fmus.study.recommendation import figures
-from friction_fmus.study.result import CompensatorResult, Fit, ModelResult, Picture, StudyCurve, StudyResult, Trial
+from friction_fmus.study.study_result import (
+    CompensatorResult,
+    Fit,
+    ModelResult,
+    Picture,
+    StudyCurve,
+    StudyResult,
+    Trial,
+)
 
 #: Number of compensators whose errors are shown, in addition to the servo without compensation.
 FIRST = 4
@@ -316,7 +324,7 @@ def residual_plots(study: StudyResult) -> list[Plot]:
 
 
 @dataclass(frozen=True)
-class Score:
+class ScoreRow:
     """Formatted scores of a model."""
 
     validation: str
@@ -329,7 +337,7 @@ class Score:
     """Residuals of the co-simulated servo, by signal."""
 
 
-def scores(models: Sequence[ModelResult]) -> dict[str, Score]:
+def scores(models: Sequence[ModelResult]) -> dict[str, ScoreRow]:
     """Return the scores of the identified models, by name."""
     lowest: dict[tuple[str, tuple[str, str]], float] = {}
     for row in models:
@@ -342,7 +350,7 @@ def scores(models: Sequence[ModelResult]) -> dict[str, Score]:
         return number(None) if value is None else f"{value - lowest[name, _fitted(row)]:.0f}"
 
     return {
-        row.name: Score(
+        row.name: ScoreRow(
             _percent(row.validation),
             _percent(row.train),
             above(row, "aic", row.aic),

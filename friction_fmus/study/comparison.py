@@ -11,7 +11,7 @@ from typing import Any, Final, TypeAlias
 
 import numpy as np
 
-from friction_fmus.axis.assembly import PartPool, block
+from friction_fmus.axis.loop_assembly import PartPool, block
 from friction_fmus.axis.servo import GAINS, Compensator, Servo
 from friction_fmus.blocks.axis_units import Words
 from friction_fmus.blocks.catalogue import catalogue, summary_of
@@ -34,8 +34,8 @@ from friction_fmus.study.config import Compensation
 from friction_fmus.study.evaluation import BAND, AxisBench, Case, Evaluation, Scheme, cases, evaluate, system_of
 from friction_fmus.study.margins import margins_of
 from friction_fmus.study.recommendation import extremes, ladder, rank, recommend
-from friction_fmus.study.result import CompensatorResult, Limits, LoopMargins, Recommendation, Rung
 from friction_fmus.study.steps import Step
+from friction_fmus.study.study_result import CompensatorResult, Limits, LoopMargins, Recommendation, Rung
 from harness.storage.toml_file import read_toml
 
 COST_TABLE: Final = Path(__file__).with_name("cycles.toml")

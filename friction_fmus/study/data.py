@@ -11,8 +11,8 @@ from typing import Final, Literal
 
 import numpy as np
 
-from friction_fmus.axis.loop import closed_loop, run_loop
 from friction_fmus.axis.servo import AxisPlant, Servo, Trajectory
+from friction_fmus.axis.servo_loop import closed_loop, run_loop
 from friction_fmus.data import EMPS_PUBLISHED, load_emps
 from friction_fmus.export.block_fmu import build_record
 from friction_fmus.identification import (
@@ -26,7 +26,7 @@ from friction_fmus.identification import (
 )
 from friction_fmus.identification.data.reading import default_windows
 from friction_fmus.study.config import ConfigError, StudyConfig
-from friction_fmus.study.models import Measured
+from friction_fmus.study.model_ranking import Measured
 
 LUGRE: Final[Mapping[str, float]] = {
     "sigma0": 1e5,

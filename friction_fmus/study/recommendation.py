@@ -19,7 +19,7 @@ from typing import Final
 from friction_fmus.blocks.axis_units import Words
 from friction_fmus.listings import shown
 from friction_fmus.study.compensators import INTEGRAL, TABLE
-from friction_fmus.study.result import CompensatorResult, Metrics, Recommendation, Rung, Weights
+from friction_fmus.study.study_result import CompensatorResult, Metrics, Recommendation, Rung, Weights
 
 WORTH: Final = 0.05  # smallest relative reduction of the error that counts as an improvement
 

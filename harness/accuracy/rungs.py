@@ -10,7 +10,7 @@ from __future__ import annotations
 import logging
 import math
 import threading
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from fractions import Fraction
@@ -18,37 +18,24 @@ from typing import Final
 
 import numpy as np
 
-from harness.accuracy.estimate import Track
+from harness.accuracy.error_estimate import Track
 from harness.engine.algorithm import Progress, Recorder
 from harness.engine.defect import inaccurate
 from harness.errors import ExperimentError, HarnessError, Interrupted
 from harness.masters import find_master
-from harness.parts.part import Part, StartValue
+from harness.parts.part import Part
 from harness.parts.series import SeriesPart
 from harness.result import Result
 from harness.run import Options, Session
-from harness.system.assembly import Assembly
+from harness.system.assembly import Assembly, assembled
 from harness.system.experiment import COUPLING_TOLERANCE, LOOP_TOLERANCE, STEP_TOLERANCE, Experiment
-from harness.system.wire import Delay, DropOut, Manipulator, Noise, Wire
+from harness.system.wire import Delay, DropOut, Manipulator, Noise
 
 COARSER: Final = (Fraction(2), Fraction(4))
 TWICE: Final = (Fraction(2),)
 FINER: Final = (Fraction(1, 2),)
 
-FEWEST_STEPS: Final = 8
-"""Fewest communication steps of a run whose accuracy can be told."""
-
-
-@dataclass(frozen=True)
-class Scaled:
-    """A system whose sampled parts and delays count steps of another length; see `Assembly`."""
-
-    name: str
-    parts: Mapping[str, Part]
-    wires: Sequence[Wire]
-    start: Mapping[str, StartValue]
-    strict: bool
-    experiment: Experiment | None
+FEWEST_STEPS: Final = 8  # fewest communication steps of a run whose accuracy can be told
 
 
 def ratios(system: Assembly, experiment: Experiment) -> tuple[Fraction, ...]:
@@ -105,11 +92,10 @@ def rung(
         step_tolerance=scaled_step_tolerance(experiment, float(ratio)),
         loop_tolerance=scaled_loop_tolerance(experiment, float(ratio)),
     )
-    scaled = Scaled(system.name, system.parts, wires, system.start, system.strict, system.experiment)
     try:
         for part, count in zip(sampled, every, strict=True):
             part.every = int(count / ratio)
-        yield scaled, other
+        yield assembled(system, wires=wires), other
     finally:
         for part, count in zip(sampled, every, strict=True):
             part.every = count
@@ -157,13 +143,10 @@ _LOG = logging.getLogger("harness")
 class Repetition:
     """A run with another step."""
 
-    ratio: Fraction
-    """Its step, relative to that of the run to be judged."""
-    start: float
-    step: float
-    """Start of both runs, and step of the run in question [s]."""
-    recorder: Recorder
-    """What it has recorded."""
+    ratio: Fraction  # its step, relative to that of the run to be judged
+    start: float  # start of both runs [s]
+    step: float  # step of the run in question [s]
+    recorder: Recorder  # what it has recorded
 
     def track(self, name: str) -> Track:
         """One variable of the run."""

@@ -91,8 +91,7 @@ def _object(thing: object) -> list[object]:
 _FORMAT: Final = 3
 _HEADER: Final = "checkpoint.json"
 _HASH: Final = "sha256"
-_LARGEST: Final = 1 << 30
-"""Largest unpacked size of a checkpoint [bytes]."""
+_LARGEST: Final = 1 << 30  # largest unpacked size of a checkpoint [bytes]
 _SETTINGS: Final = (
     *("start", "step", "master", "tolerance", "extrapolation"),
     *("loop_tolerance", "coupling_tolerance", "step_tolerance"),
@@ -107,16 +106,11 @@ Arrays: TypeAlias = Mapping[str, np.ndarray[Any, Any]]
 class Checkpoint:
     """State of a run, read from a file."""
 
-    path: Path
-    """The file."""
-    tick: int
-    """Number of completed communication steps."""
-    signals: Mapping[str, float]
-    """Values by "part.port"."""
-    states: Mapping[str, bytes]
-    """State of each part."""
-    memory: Mapping[str, tuple[str, tuple[int, ...], bytes]]
-    """Internal arrays of the master: type, shape and content of each."""
+    path: Path  # the file
+    tick: int  # number of completed communication steps
+    signals: Mapping[str, float]  # values by "part.port"
+    states: Mapping[str, bytes]  # state of each part
+    memory: Mapping[str, tuple[str, tuple[int, ...], bytes]]  # arrays of the master: type, shape, content
 
     def restore(self, plan: Plan, memory: Arrays) -> None:
         """Restore started parts, their values and the internal arrays of the master to this state."""

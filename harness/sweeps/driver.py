@@ -30,8 +30,7 @@ from harness.system.experiment import Experiment
 from harness.system.graph import find_port, recorded_names, stepping_order
 from harness.system.system import System
 
-TRIES: Final = 3
-"""Number of workers that may die in a run before it counts as failed."""
+TRIES: Final = 3  # number of workers that may die in a run before it counts as failed
 
 
 class Queue:
@@ -108,8 +107,7 @@ def _measure(measure: Measure) -> str:
     return str(measure) if isinstance(measure, Builtin) else f"{label(measure)} {function_identity(measure)}"
 
 
-_MOST_BYTES = 32e6
-"""Largest size of the trajectories in one file [bytes]."""
+_MOST_BYTES = 32e6  # largest size of the trajectories in one file [bytes]
 
 
 def sweep(
@@ -213,14 +211,14 @@ def _drive(
     progress: Progress | None,
 ) -> None:
     """Distribute chunks and store their outcomes until all runs are done."""
-    under_way: dict[Outcomes, list[int]] = {}
-    while under_way or queue.left:
-        while len(under_way) < pool.capacity() and queue.left:
+    running: dict[Outcomes, list[int]] = {}
+    while running or queue.left:
+        while len(running) < pool.capacity() and queue.left:
             chunk = queue.take(pool.capacity())
-            under_way[pool.submit(job, [(run, samples[run]) for run in chunk])] = chunk
-        finished, _ = wait(under_way, LOOK, FIRST_COMPLETED)
+            running[pool.submit(job, [(run, samples[run]) for run in chunk])] = chunk
+        finished, _ = wait(running, LOOK, FIRST_COMPLETED)
         for future in finished:
-            chunk = under_way.pop(future)
+            chunk = running.pop(future)
             try:
                 outcomes: Sequence[Outcome] = future.result()
                 queue.note(outcomes)

@@ -10,7 +10,7 @@ from dataclasses import dataclass, field, replace
 from time import perf_counter
 from typing import Any, Final
 
-from harness.accuracy.numbers import measure_bounds
+from harness.accuracy.measure_bounds import measure_bounds
 from harness.engine.algorithm import Recorder
 from harness.errors import HarnessError, SweepError
 from harness.parts.fmu import FmuPart
@@ -28,8 +28,7 @@ SETTINGS: Final = (
 )
 """Settings of the experiment that can be swept; names of start values contain a dot."""
 
-_PROBED: Final = 1000
-"""Number of communication steps over which a reset FMU is compared with a new one."""
+_PROBED: Final = 1000  # number of communication steps over which a reset FMU is compared with a new one
 
 _LOG = logging.getLogger("harness")
 
@@ -38,53 +37,34 @@ _LOG = logging.getLogger("harness")
 class Job:
     """Data common to all runs of a sweep."""
 
-    key: str
-    """Identifies the sweep; workers keep a system for each."""
-    open: Callable[[], System]
-    """Returns a system for exclusive use."""
-    experiment: Experiment
-    """Settings of each run, with full names of the recorded variables."""
-    measures: tuple[Measure, ...]
-    """Functions of the result of a run."""
-    keep: tuple[str, ...] = ()
-    """Variables whose trajectories are returned."""
-    accuracy: bool = False
-    """Whether each measure gets an error bound."""
+    key: str  # identifies the sweep; workers keep a system for each
+    open: Callable[[], System]  # returns a system for exclusive use
+    experiment: Experiment  # settings of each run, with full names of the recorded variables
+    measures: tuple[Measure, ...]  # functions of the result of a run
+    keep: tuple[str, ...] = ()  # variables whose trajectories are returned
+    accuracy: bool = False  # whether each measure gets an error bound
 
 
 @dataclass
 class Outcome:
     """Outcome of a run."""
 
-    run: int
-    """Number of the run."""
-    wall_time: float = 0.0
-    """Duration of the run [s]."""
-    measures: dict[str, float] = field(default_factory=dict)
-    """Values of the measures; empty if the run failed."""
-    error: str | None = None
-    warnings: str | None = None
-    """Error of the run, and logged warnings."""
-    kept: Result | None = None
-    """Stored trajectories."""
+    run: int  # number of the run
+    wall_time: float = 0.0  # duration of the run [s]
+    measures: dict[str, float] = field(default_factory=dict)  # values of the measures; empty if the run failed
+    error: str | None = None  # error of the run
+    warnings: str | None = None  # logged warnings
+    kept: Result | None = None  # stored trajectories
 
 
 class Runner:
-    """The system of one worker.
-
-    Attributes
-    ----------
-    busy : Lock
-        Held while the system runs or is closed.
-    used : float
-        When it last ran, by `perf_counter` [s].
-    """
+    """The system of one worker."""
 
     def __init__(self, job: Job) -> None:
         """Open the system."""
         self.job = job
-        self.busy = threading.Lock()
-        self.used = perf_counter()
+        self.busy = threading.Lock()  # held while the system runs or is closed
+        self.used = perf_counter()  # when it last ran [s]
         self.system = job.open()
         self._fmus = [part for part in self.system.parts.values() if isinstance(part, FmuPart)]
         self._probed = not self._fmus

@@ -41,7 +41,7 @@ from friction_fmus.conditions import (
     stick_slip_free,
     turned_friction,
 )
-from friction_fmus.lawkit.files import discover_laws
+from friction_fmus.lawkit.law_files import discover_laws
 
 
 def discretised(m: float, damping: float, stiffness: float, Ts: float) -> tuple[np.ndarray, np.ndarray]:

@@ -14,7 +14,7 @@ from scipy.linalg import expm
 from test_harness_masters import two_masses
 
 from harness import CallablePart, ExperimentError, Port, Result, SeriesPart, System
-from harness.accuracy.estimate import Track, estimate
+from harness.accuracy.error_estimate import Track, estimate
 from harness.engine.defect import inaccurate
 
 WIRES = ["bristle.F -> mass.F", "mass.v -> bristle.v"]

@@ -11,7 +11,7 @@ from friction_fmus import identify
 from friction_fmus.data import MeasuredAxis, load_emps
 from friction_fmus.identification import FitError
 from friction_fmus.identification.closed_loop import axis_simulator
-from friction_fmus.identification.fit.models import contact_model
+from friction_fmus.identification.fit.contact_model import contact_model
 
 #: Found by `benchmarks/identification.py`.
 LUGRE = {

@@ -349,7 +349,7 @@ def compiled(file: str, blocks: list[str]) -> int:
     from friction_fmus.blocks.customise import identified
     from friction_fmus.cli.inputs import open_system
     from friction_fmus.export.block_fmu import _sources
-    from harness.compiling.library import library
+    from harness.compiling.engine_library import library
     from harness.compiling.platforms import native_library
 
     try:

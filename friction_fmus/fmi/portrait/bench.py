@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from friction_fmus.blocks.catalogue import Block
-from friction_fmus.blocks.probe import INPUT, OUTPUT, REAL, STATE_OUTPUT, BlockVariables, Variable
+from friction_fmus.blocks.probe import INPUT, OUTPUT, REAL, STATE_OUTPUT, BlockVariable, BlockVariables
 from harness.parts.fmu import FmuPart
 
 Vector = NDArray[np.floating[Any]]
@@ -62,9 +62,9 @@ class Bench:
         """Sort the variables."""
         self.portrait = block.about.portrait
         self._part = part
-        self.kind: Callable[..., Session] = Session
+        self.kind: Callable[..., BenchRun] = BenchRun
         self.values: Mapping[str, float] = {}
-        self.variables: dict[str, Variable] = {v.name: v for v in description.variables}
+        self.variables: dict[str, BlockVariable] = {v.name: v for v in description.variables}
         inputs = sorted((v for v in description.variables if v.role == INPUT), key=lambda v: v.type)
         self._starts = {v.name: v.start for v in inputs}
         self.inputs = tuple(v.name for v in description.variables if v.role == INPUT and v.type == REAL)
@@ -96,7 +96,7 @@ class Bench:
             self.values = before
 
     @contextmanager
-    def session(self, outputs: Sequence[str], start: float = 0.0) -> Iterator[Session]:
+    def session(self, outputs: Sequence[str], start: float = 0.0) -> Iterator[BenchRun]:
         """Open a run of a new instance, step by step."""
         self._part.enter_initialisation(start, math.inf, None, self.values)
         try:
@@ -116,7 +116,7 @@ class Bench:
         return tuple(np.array(values).T)
 
 
-class Session:
+class BenchRun:
     """A run of one instance. Inputs that the block does not have are ignored."""
 
     def __init__(self, part: FmuPart, starts: Mapping[str, float], outputs: Sequence[str]) -> None:

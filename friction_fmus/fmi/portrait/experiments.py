@@ -10,7 +10,7 @@ from typing import Final
 import numpy as np
 
 from friction_fmus.blocks.probe import INPUT
-from friction_fmus.errors import FrictionError, nearest
+from friction_fmus.errors import FrictionError, did_you_mean
 from friction_fmus.fmi.portrait.bench import Bench, Curve, Panel, Vector
 
 TIME = ("time", "s")
@@ -429,7 +429,7 @@ def experiment(bench: Bench) -> Experiment | None:
     named = bench.portrait
     if named:
         if named not in EXPERIMENTS:
-            raise FrictionError(f"There is no portrait {named!r}{nearest(named, EXPERIMENTS)}")
+            raise FrictionError(f"There is no portrait {named!r}{did_you_mean(named, EXPERIMENTS)}")
         return EXPERIMENTS[named]
     by_ports: tuple[tuple[bool, Experiment], ...] = (
         ("v" in bench.inputs and "F" in bench.outputs, friction_panels),

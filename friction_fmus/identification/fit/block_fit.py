@@ -9,8 +9,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from friction_fmus.blocks.axis_units import AxisUnits
+from friction_fmus.identification.fit.contact_model import ContactModel, DataTraits
 from friction_fmus.identification.fit.least_squares import Constraints, Problem, Setup, scalar_setup
-from friction_fmus.identification.fit.models import ContactModel, DataTraits
 from friction_fmus.identification.fit.search import Loss, SearchResult, search
 from friction_fmus.identification.fit.simulation_data import PreparedSegment
 from harness import Drive, FmuPart

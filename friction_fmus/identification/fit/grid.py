@@ -23,7 +23,7 @@ from friction_fmus.errors import ExcitationError
 from friction_fmus.export.block_fmu import fmu
 from friction_fmus.identification.data.record import Array, Record
 from friction_fmus.identification.fit.block_fit import driven
-from friction_fmus.identification.fit.models import contact_model
+from friction_fmus.identification.fit.contact_model import contact_model
 from friction_fmus.identification.fit.simulation_data import PreparedSegment, prepare, signal_of
 
 BLOCK_ELEMENTS = 10  # number of elements of the block `MaxwellSlip`

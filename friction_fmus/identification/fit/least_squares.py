@@ -11,9 +11,9 @@ import numpy as np
 
 from friction_fmus.blocks.arithmetic import evaluate
 from friction_fmus.blocks.axis_units import AxisUnits
-from friction_fmus.errors import FitError, nearest
+from friction_fmus.errors import FitError, did_you_mean
 from friction_fmus.identification.data.record import Array
-from friction_fmus.identification.fit.models import ContactModel, DataTraits
+from friction_fmus.identification.fit.contact_model import ContactModel, DataTraits
 from friction_fmus.identification.fit.simulation_data import PreparedSegment, inertia_guess
 from harness import Drive, PartError, StartValueError
 
@@ -209,7 +209,7 @@ def check_constraints(model: ContactModel, signal: str, constraints: Constraints
         for name in names:
             if name not in known:
                 raise FitError(
-                    f"{kind} contains {name!r}, which is not a parameter of {model.name}{nearest(name, known)}; "
+                    f"{kind} contains {name!r}, which is not a parameter of {model.name}{did_you_mean(name, known)}; "
                     f"`friction-fmus show {model.name}` lists the parameters."
                 )
     if both := set(constraints.fixed) & constraints.named:

@@ -10,6 +10,7 @@ import numpy as np
 from friction_fmus.blocks.axis_units import AxisUnits
 from friction_fmus.errors import FitError
 from friction_fmus.identification.fit.block_fit import BlockFit, FitData
+from friction_fmus.identification.fit.contact_model import ContactModel, DataTraits
 from friction_fmus.identification.fit.grid import BLOCK_ELEMENTS, INITIAL_FORCES, coarse, fit_grid, with_count
 from friction_fmus.identification.fit.least_squares import (
     Constraints,
@@ -19,7 +20,6 @@ from friction_fmus.identification.fit.least_squares import (
     coordinate,
     surroundings,
 )
-from friction_fmus.identification.fit.models import ContactModel, DataTraits
 from friction_fmus.identification.fit.search import Loss, search
 from friction_fmus.identification.fit.simulation_data import PreparedSegment
 

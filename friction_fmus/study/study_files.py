@@ -8,20 +8,20 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final, Literal
 
-from friction_fmus.axis.assembly import block, typed, viscous_beside
-from friction_fmus.axis.loop import RECORDED, accurate, closed_loop, with_gain
+from friction_fmus.axis.loop_assembly import block, typed, viscous_beside
 from friction_fmus.axis.servo import Compensator, Servo, Trajectory
+from friction_fmus.axis.servo_loop import RECORDED, accurate, closed_loop, with_gain
 from friction_fmus.blocks.axis_units import Words
 from friction_fmus.blocks.catalogue import find
-from friction_fmus.codegen.export import export_law
+from friction_fmus.codegen.law_export import export_law
 from friction_fmus.codegen.laws import law_of
-from friction_fmus.codegen.loop import LAWS, LOOP_FILE, SHARED, LoopFile, LoopLaw, loop_text
+from friction_fmus.codegen.servo_law import LAWS, LOOP_FILE, SHARED, LoopFile, LoopLaw, loop_text
 from friction_fmus.export.block_fmu import build
 from friction_fmus.lawkit.law import Kind
 from friction_fmus.study.compensators import TABLE
 from friction_fmus.study.evaluation import AxisBench, Scheme, with_table
-from friction_fmus.study.models import IdentifiedModel
-from friction_fmus.study.result import WrittenFile
+from friction_fmus.study.model_ranking import IdentifiedModel
+from friction_fmus.study.study_result import WrittenFile
 from harness import FmuPart, Parameter, ParameterSet, System, Wire, open_archive, write_ssv
 from harness.storage.files import atomic_path, make_folder
 from harness.system.wire import parse_wire, split_name

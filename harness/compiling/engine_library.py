@@ -17,8 +17,7 @@ from harness.compiling.shared_library import missing_bytes
 
 _POINTER, _INT = ctypes.c_void_p, ctypes.c_int64
 _NUMBERS = ctypes.POINTER(ctypes.c_double)
-RESIDUAL: Final = ctypes.CFUNCTYPE(ctypes.c_bool, _POINTER, _NUMBERS, _NUMBERS)
-"""``Residual`` of fixed_point.h."""
+RESIDUAL: Final = ctypes.CFUNCTYPE(ctypes.c_bool, _POINTER, _NUMBERS, _NUMBERS)  # of fixed_point.h
 
 _MIRRORS: Final[dict[str, type[ctypes.Structure]]] = {}
 _Struct = TypeVar("_Struct", bound=type[ctypes.Structure])
@@ -73,19 +72,9 @@ def sources() -> dict[str, str]:
 
 def _layouts(code: str) -> str:
     """Return C with the names and the offsets of the fields of each struct that is marked by MIRRORED."""
-    code = re.sub(r"/\*.*?\*/", "", code, flags=re.DOTALL)
-    lines = []
+    lines, bodies = [], _bodies(code)
     for name in re.findall(r"^MIRRORED\((\w+)\)", code, re.M):
-        tag = re.search(rf"typedef struct (\w+) {name};", code)
-        start, end = (rf"struct {tag[1]}", "") if tag else (r"typedef struct", rf" {name}")
-        body = re.search(rf"{start} {{([^{{}}]*)}}{end};", code)
-        assert body, f"{name} is marked by MIRRORED, but its struct is not found"
-        fields = [
-            field
-            for declaration in body[1].split(";")
-            for field in re.findall(r"\(\*(\w+)\)", declaration)
-            or re.findall(r"(\w+)(?:\[[^\]]*\])?\s*(?:,|$)", declaration.strip())
-        ]
+        fields = [field for field, _ in _fields(bodies[name])]
         offsets = ", ".join(f"offsetof({name}, {field})" for field in fields)
         lines += [f"EXPORT extern const char fields_of_{name}[];", f"EXPORT extern const int64_t offsets_of_{name}[];"]
         lines += [f'const char fields_of_{name}[] = "{" ".join(fields)}";']
@@ -93,10 +82,43 @@ def _layouts(code: str) -> str:
     return "\n".join(lines) + "\n"
 
 
+_LENGTHS: Final = {"TYPES": 3, "TYPES + 1": 4, "TYPES_3": 11}  # of arrays in structs, which the check covers
+
+
+def _bodies(code: str) -> dict[str, str]:
+    """Return the declarations in each struct by the name of its type."""
+    code = re.sub(r"/\*.*?\*/", "", code, flags=re.DOTALL)
+    tags = dict(re.findall(r"typedef struct (\w+) (\w+);", code))
+    found = re.findall(r"struct (\w*) ?{([^{}]*)} ?(\w*);", code)
+    return {name or tags.get(tag, tag): body for tag, body, name in found}
+
+
+def _fields(body: str) -> list[tuple[str, Any]]:
+    """Return the fields of a struct with their types in ctypes; each pointer is an address."""
+    found: list[tuple[str, Any]] = []
+    declarator = re.compile(r"\(\*(\w+)\).*|(\*?)(\w+)(?:\[([^]]*)\])?(?:,\s*|$)", re.DOTALL)
+    for declaration in body.split(";")[:-1]:
+        kind, declared = re.findall(r"^\s*(?:const |unsigned )*(\w+) (.*)", declaration, re.DOTALL)[0]
+        for function, pointer, field, length in declarator.findall(declared):
+            own = _MIRRORS.get(kind) or getattr(ctypes, f"c_{kind.removesuffix('_t')}", None)
+            plain: Any = _POINTER if function or pointer else own
+            found.append((function or field, plain * _LENGTHS[length] if length else plain))
+    return found
+
+
+@cache
+def _structs() -> dict[str, str]:
+    folder = Path(__file__).parents[1]
+    paths = (*folder.glob("engine/*.h"), *folder.glob("masters/*.h"))
+    return _bodies("\n".join(path.read_text(encoding="utf-8") for path in paths))
+
+
 def mirrors(name: str) -> Callable[[_Struct], _Struct]:
-    """Declare that a ctypes structure has the layout of a C struct; it is checked when the library is loaded."""
+    """Give a ctypes structure the fields of a C struct; their offsets are checked when the library is loaded."""
 
     def declared(struct: _Struct) -> _Struct:
+        if not hasattr(struct, "_fields_"):
+            struct._fields_ = _fields(_structs()[name])
         _MIRRORS[name] = struct
         if library.cache_info().currsize:
             _check_layout(library(), name)

@@ -15,10 +15,9 @@ import numpy as np
 from friction_fmus.blocks.catalogue import Block
 from friction_fmus.blocks.probe import BlockVariables
 from friction_fmus.export.block_fmu import describe_block
-from friction_fmus.fmi.portrait.bench import Bench as PortraitBench
-from friction_fmus.fmi.portrait.bench import Curve, Panel, Session, Vector
+from friction_fmus.fmi.portrait.bench import Bench, BenchRun, Curve, Panel, Vector
 from friction_fmus.fmi.portrait.experiments import elastic_reach, experiment, friction_panels, speed_scale
-from friction_fmus.live.further import BEGIN, FURTHER, idle
+from friction_fmus.live.further_figures import BEGIN, FURTHER, idle
 from harness.errors import HarnessError
 from harness.parts.fmu import FmuPart
 
@@ -34,7 +33,7 @@ class Course:
     fixed: Mapping[str, float] = field(default_factory=dict)
 
 
-class _RecordedSession(Session):
+class _RecordedRun(BenchRun):
     """A session that keeps what it is given and what it returns."""
 
     def __init__(self, course: Course, *given: Any) -> None:
@@ -56,7 +55,7 @@ class _RecordedSession(Session):
         return found
 
 
-class Bench(PortraitBench):
+class RecordedBench(Bench):
     """A test bench that records its runs."""
 
     def __init__(self, block: Block, description: BlockVariables, part: FmuPart) -> None:
@@ -68,26 +67,26 @@ class Bench(PortraitBench):
         self.values = self.begin = BEGIN.get(block.name, {})
 
     @contextmanager
-    def session(self, outputs: Sequence[str], start: float = 0.0) -> Iterator[Session]:
+    def session(self, outputs: Sequence[str], start: float = 0.0) -> Iterator[BenchRun]:
         """Open a run and record it."""
         fixed = {name: value for name, value in self.values.items() if self.begin.get(name) != value}
         self.courses.append(Course([start], names=tuple(outputs), fixed=fixed))
-        self.kind = partial(_RecordedSession, self.courses[-1])
+        self.kind = partial(_RecordedRun, self.courses[-1])
         with super().session(outputs, start) as session:
             yield session
 
 
 @contextmanager
-def opened(block: Block, fmu: Path) -> Iterator[Bench]:
+def opened(block: Block, fmu: Path) -> Iterator[RecordedBench]:
     """Open the FMU of a block on a test bench."""
     part = FmuPart(block.name, fmu)
     try:
-        yield Bench(block, describe_block(block), part)
+        yield RecordedBench(block, describe_block(block), part)
     finally:
         part.close()
 
 
-def recorded_figures(bench: Bench) -> dict[str, Any]:
+def recorded_figures(bench: RecordedBench) -> dict[str, Any]:
     """Return the experiments behind the figures of a block, for JSON.
 
     Friction that follows a velocity is moved by the page itself, which needs only the scales ``speed`` and ``reach`` of

@@ -27,7 +27,7 @@ TYPES: Final = (
     "UInt64",
     "Boolean",
 )
-"""Types of FMI 3.0 in the order of ``Type3`` of fmi3.h; an Enumeration is an Int64."""
+"""Types of FMI 3.0 in the order of ``Type3`` of fmi3_numbers.h; an Enumeration is an Int64."""
 
 _PORT: Final[Mapping[str, str]] = MappingProxyType(
     {
@@ -46,38 +46,26 @@ MOST_ELEMENTS: Final = 1_000_000
 class Array:
     """A variable of FMI 3.0 with its elements."""
 
-    name: str
-    type: str
-    """Name and type."""
-    reference: int
-    """Value reference."""
-    first: int
-    count: int
-    """Number of its first element, and how many there are; strings have elements too."""
-    structural: bool
-    """Whether it is a structural parameter."""
-    shape: tuple[int, ...]
-    """Sizes of its dimensions; () for a scalar."""
+    name: str  # its name
+    type: str  # its type
+    reference: int  # value reference
+    first: int  # number of its first element; strings have elements too
+    count: int  # number of elements
+    structural: bool  # whether it is a structural parameter
+    shape: tuple[int, ...]  # sizes of its dimensions; () for a scalar
 
 
 @dataclass(frozen=True)
 class Flat:
     """What the adapter needs to know."""
 
-    arrays: tuple[Array, ...]
-    """All variables but clocks and binaries."""
-    elements: int
-    """Number of elements."""
-    clocks: tuple[Any, ...]
-    """The periodic clocks that the harness ticks."""
-    starts: tuple[float, ...]
-    """Start value of each element, or 0; NaN if none is stated as the size of the array was changed."""
-    elements_of: Mapping[str, tuple[str, ...]]
-    """Names of the elements of each variable."""
-    others: Mapping[str, str]
-    """Types of the variables that are no ports, clocks and binaries."""
-    exchange: bool
-    """Whether the FMU offers model exchange as well."""
+    arrays: tuple[Array, ...]  # all variables but clocks and binaries
+    elements: int  # number of elements
+    clocks: tuple[Any, ...]  # the periodic clocks that the harness ticks
+    starts: tuple[float, ...]  # start value of each element, or 0; NaN if the array was resized and states none
+    elements_of: Mapping[str, tuple[str, ...]]  # names of the elements of each variable
+    others: Mapping[str, str]  # types of the variables that are no ports, clocks and binaries
+    exchange: bool  # whether the FMU offers model exchange as well
 
     def names(self, array: Array) -> tuple[str, ...]:
         """Return the names of the elements."""

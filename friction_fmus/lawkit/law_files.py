@@ -9,7 +9,7 @@ from functools import cache
 from pathlib import Path
 from types import ModuleType
 
-from friction_fmus.blocks.headings import law_paths
+from friction_fmus.blocks.law_summaries import law_paths
 from friction_fmus.errors import FrictionError
 from friction_fmus.lawkit.law import Law
 from harness.storage.files import LARGEST_TEXT, reason, require_regular

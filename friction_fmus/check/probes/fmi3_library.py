@@ -10,7 +10,7 @@ from collections.abc import Callable
 from ctypes import CFUNCTYPE, byref, c_bool, c_char_p, c_double, c_int, c_size_t, c_uint64, c_void_p
 from typing import Any, Final
 
-from .library import ERROR, MissingError, RawLibrary
+from .fmi2_library import ERROR, MissingError, RawLibrary
 
 LOGGER: Final = CFUNCTYPE(None, c_void_p, c_int, c_char_p, c_char_p)
 UPDATE: Final = CFUNCTYPE(
@@ -63,13 +63,15 @@ class RawLibrary3(RawLibrary):
         """Load the library."""
         super().__init__(job, trace)
         self._special: dict[str, Callable[..., Any]] = {
-            "GetVersion": self._get_version,
+            "GetVersion": lambda: bytes(self.raw("GetVersion", result=c_char_p)),
             "Instantiate": self._instantiate,
-            "FreeInstance": self._free_instance,
+            "FreeInstance": lambda pointer: self.raw("FreeInstance", c_void_p(pointer), result=None),
             "SetupExperiment": self._setup_experiment,
             "EnterInitializationMode": self._enter_initialization_mode,
             "Reset": self._reset,
-            "SetDebugLogging": self._set_debug_logging,
+            "SetDebugLogging": lambda pointer, on, n, categories: int(
+                self.raw("SetDebugLogging", c_void_p(pointer), c_bool(bool(on)), c_size_t(n), categories)
+            ),
             "GetBoolean": self._get_boolean,
             "SetBoolean": self._set_boolean,
             "GetDirectionalDerivative": self._get_directional_derivative,
@@ -77,7 +79,7 @@ class RawLibrary3(RawLibrary):
             "NewDiscreteStates": self._new_discrete_states,
             "CompletedIntegratorStep": self._completed_integrator_step,
         }
-        self._logger3 = LOGGER(self._log3)
+        self._logger3 = LOGGER(lambda _, status, category, message: self._log(None, b"", status, category, message))
         self._experiments: dict[int, tuple[Any, ...] | None] = {}
 
     def _bind(self) -> None:
@@ -88,9 +90,6 @@ class RawLibrary3(RawLibrary):
     def named(self, name: str) -> str:
         """Return the name in FMI 3.0 of what is called so in FMI 2.0."""
         return f"fmi3{_RENAMED.get(name, name)}"
-
-    def _log3(self, _environment: object, status: int, category: bytes, message: bytes) -> None:
-        self._log(None, b"", status, category, message)
 
     def raw(self, function: str, *arguments: object, result: Any = c_int) -> Any:
         """Call a function of FMI 3.0, given without its prefix."""
@@ -115,9 +114,6 @@ class RawLibrary3(RawLibrary):
             raise MissingError(name)
 
     # ---- functions that differ
-
-    def _get_version(self) -> bytes:
-        return bytes(self.raw("GetVersion", result=c_char_p))
 
     def _instantiate(
         self, name: bytes, _kind: int, token: bytes, _folder: bytes, callbacks: int, _visible: int, _on: int
@@ -150,9 +146,6 @@ class RawLibrary3(RawLibrary):
             self._experiments[made] = (0, 0.0, self.start_time, 0, 0.0)
         return int(made) if made else None
 
-    def _free_instance(self, pointer: int | None) -> None:
-        self.raw("FreeInstance", c_void_p(pointer), result=None)
-
     def _setup_experiment(self, pointer: int, *experiment: Any) -> int:
         """Keep the experiment for fmi3EnterInitializationMode."""
         if self._experiments.get(pointer) is None:
@@ -175,9 +168,6 @@ class RawLibrary3(RawLibrary):
         if status <= 1:
             self._experiments[pointer] = (0, 0.0, self.start_time, 0, 0.0)
         return status
-
-    def _set_debug_logging(self, pointer: int, on: int, n: int, categories: Any) -> int:
-        return int(self.raw("SetDebugLogging", c_void_p(pointer), c_bool(bool(on)), c_size_t(n), categories))
 
     def _get_boolean(self, pointer: int, references: Any, n: int, values: Any) -> int:
         found = (c_bool * n)()

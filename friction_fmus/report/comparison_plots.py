@@ -11,8 +11,8 @@ from plotly.subplots import make_subplots
 
 from friction_fmus.identification import Array
 from friction_fmus.report.figures import FAINT, INK, STYLES, escaped, finished, thinned
-from friction_fmus.report.numbers import number
-from friction_fmus.study.result import StudyCurve
+from friction_fmus.report.formatting import number
+from friction_fmus.study.study_result import StudyCurve
 
 
 @dataclass(frozen=True)

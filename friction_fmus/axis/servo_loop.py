@@ -11,10 +11,10 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from friction_fmus.axis.assembly import LoopAssembly, PartPool, block, constant_force, typed, viscous_beside
+from friction_fmus.axis.loop_assembly import LoopAssembly, PartPool, block, constant_force, typed, viscous_beside
 from friction_fmus.axis.servo import AxisPlant, Compensator, Servo, Trajectory
 from harness import Experiment, ExperimentError, FmuPart, Part, Result, SeriesPart, System, Wire
-from harness.accuracy.numbers import measure_bounds
+from harness.accuracy.measure_bounds import measure_bounds
 from harness.engine.algorithm import Recorder
 from harness.engine.defect import inaccurate
 from harness.masters import best_first

@@ -6,9 +6,9 @@ import math
 from ctypes import byref, c_bool, c_double, c_int, c_size_t, c_uint, c_void_p
 from typing import Any
 
-from .host import Report, probe
-from .library import OK, WARNING, RawInstance, RawLibrary, last_message
-from .library3 import BUFFERS, UPDATE, RawLibrary3
+from .fmi2_library import OK, WARNING, RawInstance, RawLibrary, last_message
+from .fmi3_library import BUFFERS, UPDATE, RawLibrary3
+from .probe_process import Report, probe
 
 _MOST_UPDATES = 100
 _GOOD = (OK, WARNING)

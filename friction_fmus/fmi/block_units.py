@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import math
 import re
-from dataclasses import dataclass
 from functools import cache
 
 import pint
 
 from friction_fmus.errors import FrictionError
-from harness.units import LONGEST_UNIT, is_unit_text
+from harness.units import BASE_SYMBOLS, LONGEST_UNIT, BaseUnit, is_unit_text
 
 BASE_UNITS = {
     "kilogram": "kg",
@@ -55,14 +54,6 @@ DISPLAY_UNITS = {
 """Display units of each unit, with factors: displayed value = factor x value."""
 
 
-@dataclass(frozen=True)
-class BaseUnit:
-    """A unit in base units: value in base units = factor x value + offset (offset is 0 here)."""
-
-    exponents: dict[str, int]
-    factor: float
-
-
 @cache
 def _registry() -> pint.UnitRegistry[float]:
     registry: pint.UnitRegistry[float] = pint.UnitRegistry(None)
@@ -104,7 +95,7 @@ def _parsed(text: str, registry: pint.UnitRegistry[float]) -> BaseUnit:
     factor = float(quantity.magnitude)
     if not (all(power.is_integer() for power in powers.values()) and 0.0 < factor < math.inf):
         raise ValueError("it has a fractional power, or a factor that is not a number")
-    return BaseUnit({name: int(powers[name]) for name in BASE_UNITS.values() if name in powers}, factor)
+    return BaseUnit(tuple(int(powers.get(symbol, 0)) for symbol in BASE_SYMBOLS), factor)
 
 
 @cache

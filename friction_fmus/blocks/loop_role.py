@@ -47,7 +47,7 @@ class Sensor:
 
 
 @dataclass(frozen=True)
-class Drive:
+class Actuator:
     """An actuator: expressions of its limits [N], time constant and delay [s]."""
 
     low: str
@@ -131,7 +131,7 @@ class InLoop:
     """Friction of a friction model, or of a plant that contains its own friction."""
     plant: Plant | None = None
     sensor: Sensor | None = None
-    drive: Drive | None = None
+    drive: Actuator | None = None
     cogging: Cogging | None = None
     law: Loop | None = None
     """The role."""
@@ -159,7 +159,7 @@ def in_loop(code: str) -> InLoop:
         if "SENSOR" in rows:
             return InLoop(sensor=Sensor(*rows.get("QUANTUM", ("",)), *rows.get("VELOCITY", ())))
         if "DRIVE" in rows:
-            return InLoop(drive=Drive(*rows["DRIVE"], *rows.get("LAG", ("0",)), *rows.get("DELAY", ("0",))))
+            return InLoop(drive=Actuator(*rows["DRIVE"], *rows.get("LAG", ("0",)), *rows.get("DELAY", ("0",))))
         if "COGGING" in rows:
             return InLoop(cogging=Cogging(*rows["COGGING"]))
         if "LAW" in rows:

@@ -17,10 +17,10 @@ from friction_fmus.export.block_fmu import build
 from friction_fmus.identification.closed_loop import axis_response
 from friction_fmus.identification.data.record import Array, Record
 from friction_fmus.identification.fit.block_fit import driven
+from friction_fmus.identification.fit.contact_model import ContactModel, contact_model, state_sizes
 from friction_fmus.identification.fit.estimate import Estimate
 from friction_fmus.identification.fit.idim import InverseModelSettings
 from friction_fmus.identification.fit.least_squares import INITIAL_LIMIT, Coordinate, Problem
-from friction_fmus.identification.fit.models import ContactModel, contact_model, state_sizes
 from friction_fmus.identification.fit.position import PositionFit, force_on_axis
 from friction_fmus.identification.fit.scores import Score
 from friction_fmus.identification.fit.search import search

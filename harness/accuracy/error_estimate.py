@@ -20,28 +20,19 @@ from harness.parts.part import Values
 # nothing otherwise. The events of a variable are its crossings of three levels, so that no knowledge of the model is
 # needed: a reversal of a velocity, a drop of a force at break-away and a flag that changes are all among them.
 
-LEVELS: Final = (0.2, 0.5, 0.8)
-"""Levels, as shares of the range of the variable."""
-
-HYSTERESIS: Final = 0.05
-"""Half of the band around a level that a value must leave, as a share of the range."""
-
-PAIRED: Final = 0.6
-"""Least share of the crossings of a level that both runs must have."""
-
-MOST_EVENTS: Final = 20_000
-"""Largest number of crossings of a level; a variable with more of them is noise, which has no events."""
+LEVELS: Final = (0.2, 0.5, 0.8)  # levels, as shares of the range of the variable
+HYSTERESIS: Final = 0.05  # half of the band around a level that a value must leave, as a share of the range
+PAIRED: Final = 0.6  # least share of the crossings of a level that both runs must have
+MOST_EVENTS: Final = 20_000  # most crossings of a level; a variable with more is noise, which has no events
 
 
 @dataclass(frozen=True)
 class Alignment:
     """The events of one run in time, and how much later another run has them."""
 
-    times: Values
-    shifts: Values
-    """Times of the events, in order, and by how much the other run is late [s]."""
-    interval: float
-    """Median time between two events of the same kind [s]; the duration of the run if there are too few."""
+    times: Values  # times of the events, in order [s]
+    shifts: Values  # by how much the other run is late [s]
+    interval: float  # median time between two events of the same kind [s]; the duration of the run if there are too few
 
     def at(self, times: Values) -> Values:
         """Return by how much the other run is late at these times [s]."""
@@ -57,15 +48,15 @@ def crossings(times: Values, values: Values, level: float, band: float) -> tuple
     (turns,) = np.nonzero(sides[ends[1:]] != sides[ends[:-1]])
     if len(turns) > MOST_EVENTS:
         return np.zeros(0), np.zeros(0)
-    ends, ways = ends[turns], sides[ends[turns + 1]]
+    ends, signs = ends[turns], sides[ends[turns + 1]]
     k = np.empty(len(turns), dtype=np.int64)
-    for way, before in ((-1, above > 0.0), (1, above < 0.0)):
+    for direction, before in ((-1, above > 0.0), (1, above < 0.0)):
         rows = np.flatnonzero(before[:-1] & ~before[1:]) + 1
-        mine = ways == way
+        mine = signs == direction
         k[mine] = rows[np.searchsorted(rows, ends[mine], side="right")]
     share = above[k - 1] / (above[k - 1] - above[k])
     found = times[k - 1] + share * (times[k] - times[k - 1])
-    return found, ways.astype(np.float64)
+    return found, signs.astype(np.float64)
 
 
 def align(times: Values, values: Values, other_times: Values, other_values: Values) -> Alignment | None:
@@ -79,8 +70,8 @@ def align(times: Values, values: Values, other_times: Values, other_values: Valu
         level, band = low + share * (high - low), HYSTERESIS * (high - low)
         here, directions = crossings(times, values, level, band)
         there, others = crossings(other_times, other_values, level, band)
-        for way in (1.0, -1.0):
-            ours, theirs = here[directions == way], there[others == way]
+        for direction in (1.0, -1.0):
+            ours, theirs = here[directions == direction], there[others == direction]
             mine, partners = _pairs(ours, theirs)
             if len(mine) < PAIRED * max(len(ours), len(theirs)):
                 continue  # the difference that remains shows it
@@ -132,11 +123,8 @@ def aligned_difference(
     return np.asarray(np.maximum(0.0, np.maximum(values - high, low - values)))
 
 
-SETTLED: Final = 1 / 3
-"""Share of a run that may pass until it is periodic."""
-
-FEWEST: Final = 4
-"""Fewest periods of an oscillation."""
+SETTLED: Final = 1 / 3  # share of a run that may pass until it is periodic
+FEWEST: Final = 4  # fewest periods of an oscillation
 
 
 @dataclass(frozen=True)
@@ -192,34 +180,21 @@ def _periods(times: Values, values: Values) -> tuple[Values, Values] | None:
 # The bound is the grid convergence index (Roache 1994): the difference to the next coarser run over 2^p - 1, times a
 # safety factor that is larger where the order is not the expected one.
 
-REGULAR: Final = 2.5
-"""Safety factor for three runs that converge as expected. Roache has 1.25, for smooth solutions."""
-
-IRREGULAR: Final = 3.0
-"""Safety factor for two runs, or for three that converge faster or more slowly than expected."""
-
-SLOWEST: Final = 0.5
-"""Lowest observed order that counts as convergence."""
-
-DEVIATION: Final = 0.7
-"""Largest difference of the observed order from the expected one that is regular."""
-
-ASYMPTOTIC: Final = 0.01
-"""Largest difference over the range of a variable at which an observed order can be relied on."""
+REGULAR: Final = 2.5  # safety factor for three runs that converge as expected. Roache has 1.25, for smooth solutions
+IRREGULAR: Final = 3.0  # safety factor for two runs, or for three that converge faster or more slowly than expected
+SLOWEST: Final = 0.5  # lowest observed order that counts as convergence
+DEVIATION: Final = 0.7  # largest difference of the observed order from the expected one that is regular
+ASYMPTOTIC: Final = 0.01  # largest difference over the range of a variable at which an observed order can be relied on
 
 
 @dataclass(frozen=True)
 class Convergence:
     """How runs with other steps approach this one."""
 
-    order: float
-    """Observed order; NaN if it cannot be observed."""
-    factor: float
-    """Error bound over the difference to the next run; infinite if the runs do not converge."""
-    expected: float
-    """The order that a shorter step can count on."""
-    least: float = 0.0
-    """Least difference that counts: runs that agree much better than the order explains do so by chance."""
+    order: float  # observed order; NaN if it cannot be observed
+    factor: float  # error bound over the difference to the next run; infinite if the runs do not converge
+    expected: float  # the order that a shorter step can count on
+    least: float = 0.0  # least difference that counts: runs that agree much better do so by chance
 
     @property
     def resolved(self) -> bool:
@@ -266,41 +241,24 @@ Verdict: TypeAlias = Literal["right", "sensitive", "too coarse", "not certain", 
 VERDICTS: Final[tuple[Verdict, ...]] = ("right", "sensitive", "too coarse", "not certain", "not resolved", "wrong")
 """From the best to the worst."""
 
-MUCH: Final = 3.0
-"""By what factor events explain a difference, if it is one of time."""
-
-AGREEMENT: Final = 0.05
-"""Largest relative difference of periods and amplitudes of the same motion."""
-
-REMEMBERED: Final = 0.5
-"""Least bound over the largest one until then: a difference that is small by chance proves nothing."""
-
-SMOOTHING: Final = 0.005
-"""Half of the span over which a bound holds the largest difference, as a share of the run: differences pass zero."""
-
-BLOCKS: Final = 8
-"""Number of blocks of rows in that half span; the bound is constant in each block."""
-
-LARGEST: Final = 1e30
-"""Largest value of a run that is compared: beyond it, bounds in single precision overflow."""
-
-NOTHING: Final = 1e-8
-"""Largest value over the nominal value of a variable that counts as zero."""
+MUCH: Final = 3.0  # by what factor events explain a difference, if it is one of time
+AGREEMENT: Final = 0.05  # largest relative difference of periods and amplitudes of the same motion
+REMEMBERED: Final = 0.5  # least bound over the largest one until then: a chance agreement proves nothing
+SMOOTHING: Final = 0.005  # half of the span of a bound, as a share of the run: differences pass zero
+BLOCKS: Final = 8  # number of blocks of rows in that half span; the bound is constant in each block
+LARGEST: Final = 1e30  # largest value of a run that is compared: beyond it, bounds in single precision overflow
+NOTHING: Final = 1e-8  # largest value over the nominal value of a variable that counts as zero
 
 
 @dataclass(frozen=True)
 class Track:
     """One variable in one run."""
 
-    ratio: Fraction
-    """Step of this run, relative to that of the run to be judged."""
-    stride: Fraction
-    """Steps of the run in question between two rows."""
-    start: float
-    row: float
-    """Time of the first row, and from one row to the next [s]."""
-    values: Values
-    """The rows."""
+    ratio: Fraction  # step of this run, relative to that of the run to be judged
+    stride: Fraction  # steps of the run in question between two rows
+    start: float  # time of the first row [s]
+    row: float  # time from one row to the next [s]
+    values: Values  # the rows
 
     @property
     def times(self) -> Values:
@@ -318,23 +276,16 @@ class Track:
 
 
 @dataclass(frozen=True)
-class Estimate:
+class ErrorEstimate:
     """The error of a variable."""
 
-    bound: NDArray[np.float32]
-    """Error bound at each row, in the unit of the variable, rounded up."""
-    relative: float
-    """Its largest value over the range of the variable."""
-    shift: float
-    """Bound of the error of the times of events [s]; 0 if the runs were compared at equal times."""
-    relative_shift: float
-    """The same over the time between two events."""
-    convergence: Convergence
-    """Observed order."""
-    verdict: Verdict
-    """What may be concluded."""
-    oscillation: Oscillation | None = None
-    """Period and amplitude of a motion that no step reproduces at each time."""
+    bound: NDArray[np.float32]  # error bound at each row, in the unit of the variable, rounded up
+    relative: float  # its largest value over the range of the variable
+    shift: float  # bound of the error of the times of events [s]; 0 if the runs were compared at equal times
+    relative_shift: float  # the same over the time between two events
+    convergence: Convergence  # observed order
+    verdict: Verdict  # what may be concluded
+    oscillation: Oscillation | None = None  # period and amplitude of a motion that no step reproduces at each time
 
     @property
     def largest(self) -> float:
@@ -347,12 +298,12 @@ class Estimate:
         return max(self.relative, self.relative_shift)
 
 
-def estimate(tracks: Sequence[Track], *, most: float, noise: float, nominal: float, required: float) -> Estimate:
+def estimate(tracks: Sequence[Track], *, most: float, noise: float, nominal: float, required: float) -> ErrorEstimate:
     """Return the error of a variable of the first run."""
     own = tracks[0]
     if not all(np.abs(track.values).max() < LARGEST for track in tracks):
         never = Convergence(math.nan, math.inf, math.nan)
-        return Estimate(unbounded(len(own.values)), np.inf, 0.0, 0.0, never, "not resolved")
+        return ErrorEstimate(unbounded(len(own.values)), np.inf, 0.0, 0.0, never, "not resolved")
     size = max(size_of(own.values), NOTHING * nominal)
     floor, finer = noise * size, tracks[1].ratio < 1
     pairs = [*pairwise(tracks)]
@@ -372,7 +323,7 @@ def estimate(tracks: Sequence[Track], *, most: float, noise: float, nominal: flo
     return replace(found, verdict="not resolved")
 
 
-def compare(one: Estimate, own: Track, other: Track, *, nominal: float, required: float) -> Estimate:
+def compare(one: ErrorEstimate, own: Track, other: Track, *, nominal: float, required: float) -> ErrorEstimate:
     """Return the estimate, raised to the difference to a run of another master where that exceeds what is required.
 
     A mass that swings several times within each step follows the held force of its contact at any such step: its runs
@@ -434,7 +385,7 @@ def _spread(bounds: Values, many: int, rows: int) -> NDArray[np.float32]:
 
 def _at_equal_times(
     own: Track, pairs: Sequence[tuple[Track, Track]], most: float, size: float, floor: float, *, finer: bool
-) -> Estimate:
+) -> ErrorEstimate:
     """Return the estimate from differences at equal times."""
     differences = []
     for a, b in pairs:
@@ -445,12 +396,12 @@ def _at_equal_times(
     convergence = converge(near, far, most, size, floor, finer=finer)
     many, upper = _upper(near, far, convergence, floor)
     bound = _spread(upper, many * every, len(own.values))
-    return Estimate(bound, float(np.max(upper)) / size, 0.0, 0.0, convergence, "right")
+    return ErrorEstimate(bound, float(np.max(upper)) / size, 0.0, 0.0, convergence, "right")
 
 
 def _at_events(
     own: Track, pairs: Sequence[tuple[Track, Track]], most: float, size: float, floor: float, *, finer: bool
-) -> Estimate | None:
+) -> ErrorEstimate | None:
     """Return the estimate from differences at corresponding events, or None if there are none."""
     found: list[tuple[Alignment, Values]] = []
     for a, b in pairs:
@@ -473,4 +424,4 @@ def _at_events(
     bound = _spread(upper, many, len(own.values))
     shift = float(np.max(_upper(shifts[0], shifts[1], late, own.row)[1]))
     worse = late if not late.resolved or (sizes.resolved and late.expected < sizes.expected) else sizes
-    return Estimate(bound, float(np.max(upper)) / size, shift, shift / events.interval, worse, "right")
+    return ErrorEstimate(bound, float(np.max(upper)) / size, shift, shift / events.interval, worse, "right")

@@ -10,28 +10,23 @@ from typing import Final
 
 import numpy as np
 
-from harness.accuracy.estimate import IRREGULAR, converge
+from harness.accuracy.error_estimate import IRREGULAR, converge
 from harness.accuracy.rungs import by_newton, of_equal_end, others, ratios
 from harness.engine.algorithm import Recorder
 from harness.masters import find_master
 from harness.system.assembly import Assembly
 from harness.system.experiment import LOOP_TOLERANCE, Experiment
 
-ROUNDING: Final = 1e-9
-"""Relative error that rounding leaves in a long run."""
-
-OF_LOOPS: Final = 10.0
-"""Relative error of a variable over the tolerance of the loops."""
+ROUNDING: Final = 1e-9  # relative error that rounding leaves in a long run
+OF_LOOPS: Final = 10.0  # relative error of a variable over the tolerance of the loops
 
 
 @dataclass(frozen=True)
 class Floor:
     """The relative error that no shorter step reduces."""
 
-    error: float
-    """Its size, relative to the range of a variable."""
-    source: str
-    """The setting or the part that leaves it: ``rounding``, ``loop_tolerance`` or ``tolerance of NAME``."""
+    error: float  # its size, relative to the range of a variable
+    source: str  # the setting or the part that leaves it: ``rounding``, ``loop_tolerance`` or ``tolerance of NAME``
 
 
 def order_of(experiment: Experiment) -> float:
@@ -54,11 +49,8 @@ def floor_of(system: Assembly, experiment: Experiment) -> Floor:
     return max(found, key=lambda floor: floor.error)
 
 
-OTHER: Final = 1.5
-"""Error bound over the difference to newton, which has an error of its own."""
-
-BOUND: Final = ".bound"
-"""Suffix of the error bound of a number or a variable."""
+OTHER: Final = 1.5  # error bound over the difference to newton, which has an error of its own
+BOUND: Final = ".bound"  # suffix of the error bound of a number or a variable
 
 
 def measure_bounds(

@@ -2,10 +2,10 @@
    variable has a number, which is its value reference here; all values are doubles. An array is always set as a whole,
    with the last values of the elements that are not set. */
 
-#ifndef FMI3_H
-#define FMI3_H
+#ifndef FMI3_ADAPTER_H
+#define FMI3_ADAPTER_H
 
-#include "fmi3_values.h"
+#include "fmi3_numbers.h"
 #include "part.h"
 
 #include <stdlib.h>

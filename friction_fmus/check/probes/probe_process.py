@@ -10,11 +10,10 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, Final
 
-from .library import MissingError, RawLibrary, RefusedError
-from .library3 import RawLibrary3
+from .fmi2_library import MissingError, RawLibrary, RefusedError
+from .fmi3_library import RawLibrary3
 
-Report = Callable[..., None]
-"""``report(rule, message, variable=None)``"""
+Report = Callable[..., None]  # ``report(rule, message, variable=None)``
 
 Probe = Callable[[RawLibrary, Report], None]
 

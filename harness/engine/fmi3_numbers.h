@@ -1,7 +1,7 @@
 /* The numbers of FMI 3.0 as doubles: all widths of integers, and Boolean. */
 
-#ifndef FMI3_VALUES_H
-#define FMI3_VALUES_H
+#ifndef FMI3_NUMBERS_H
+#define FMI3_NUMBERS_H
 
 #include "engine.h"
 

@@ -21,13 +21,13 @@ from matplotlib.figure import Figure
 from friction_fmus.blocks.axis_units import ROTARY
 from friction_fmus.errors import IdentificationError
 from friction_fmus.identification.data.reading import Measurement
-from friction_fmus.identification.data.record import Finding
+from friction_fmus.identification.data.record import RecordFinding
+from friction_fmus.identification.fit.contact_model import contact_model
 from friction_fmus.identification.fit.estimate import Estimate
-from friction_fmus.identification.fit.models import contact_model
 from friction_fmus.identification.fit.position import PositionFit
 from friction_fmus.identification.fit.scores import Score
-from friction_fmus.identification.result import Identification, name_of, viscous_beside, write_viscous
-from friction_fmus.identification.survey import ModelComparison
+from friction_fmus.identification.identification_result import Identification, name_of, viscous_beside, write_viscous
+from friction_fmus.identification.model_comparison import ModelComparison
 from harness.compiling import toolchain
 
 _LOG = logging.getLogger("friction_fmus")
@@ -39,7 +39,7 @@ DASHES = ("solid", "dashed", "dotted")
 def write_results(
     found: ModelComparison,
     measurement: Measurement,
-    findings: Sequence[Finding],
+    findings: Sequence[RecordFinding],
     windows: Mapping[str, Any],
     out: Path,
     *,
@@ -173,7 +173,7 @@ def toml_entry(value: float, unit: str, description: str, error: float = math.na
 
 
 def _json(
-    found: ModelComparison, measurement: Measurement, findings: Sequence[Finding], windows: Mapping[str, Any]
+    found: ModelComparison, measurement: Measurement, findings: Sequence[RecordFinding], windows: Mapping[str, Any]
 ) -> dict[str, Any]:
     mapping = measurement.mapping
     return {

@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 
 from friction_fmus.blocks.axis_units import AxisUnits
 from friction_fmus.errors import RecordError
-from friction_fmus.identification.data.record import Array, Finding, Record
-from friction_fmus.identification.fit.models import contact_model
+from friction_fmus.identification.data.record import Array, Record, RecordFinding
+from friction_fmus.identification.fit.contact_model import contact_model
 from friction_fmus.identification.fit.scores import independent_samples, rms
 from friction_fmus.identification.fit.simulation_data import prepare
 
@@ -91,7 +91,7 @@ def _equations(records: Sequence[Record]) -> tuple[Array, Array, Array, NDArray[
     return np.concatenate(rows), np.concatenate(forces), np.concatenate(times), np.concatenate(ends)
 
 
-def missing_force(records: Sequence[Record]) -> Finding | None:
+def missing_force(records: Sequence[Record]) -> RecordFinding | None:
     """Return a finding if, in some intervals, the motion needs another force than the recorded one.
 
     Mass and friction are fitted robustly (Tukey's bisquare), so that these intervals do not count. Samples near a
@@ -126,10 +126,10 @@ def missing_force(records: Sequence[Record]) -> Finding | None:
     )
     change = f"Record the {u.force} that acts there and declare its column as injected, or choose windows without it."
     share = rms(np.where(outside, rest, 0.0)) / level
-    return Finding("missing-force" if share > 0.1 else "disturbed-force", what, change)
+    return RecordFinding("missing-force" if share > 0.1 else "disturbed-force", what, change)
 
 
-def contradictions(records: Sequence[Record]) -> tuple[Finding, ...]:
+def contradictions(records: Sequence[Record]) -> tuple[RecordFinding, ...]:
     """Return findings about a drive force that no mass with friction can need for the measured motion."""
     balance = drive_balance(records)
     if balance is None:
@@ -138,7 +138,7 @@ def contradictions(records: Sequence[Record]) -> tuple[Finding, ...]:
     return (*_about_mass(balance, records[0].units), *(() if missing is None else (missing,)))
 
 
-def _about_mass(balance: DriveBalance, units: AxisUnits) -> tuple[Finding, ...]:
+def _about_mass(balance: DriveBalance, units: AxisUnits) -> tuple[RecordFinding, ...]:
     """Return the finding about sign and size of mass and friction."""
     u = units.words
     low, high = MASSES[units.position]
@@ -148,24 +148,24 @@ def _about_mass(balance: DriveBalance, units: AxisUnits) -> tuple[Finding, ...]:
     driving = balance.dissipated < -DRIVING
     if negative and driving:
         what = f"The drive {u.force} has the wrong sign: it fits {fits}, and friction that drives the axis."
-        return (Finding("wrong-sign", what, f"Set sign = -1 for the {u.force} in [columns]."),)
+        return (RecordFinding("wrong-sign", what, f"Set sign = -1 for the {u.force} in [columns]."),)
     if negative:
         what = f"The drive {u.force} fits {fits}, which is negative."
         change = (
             f"Check units and times of {u.force} and position; a spring or a load that depends on position does the "
             "same."
         )
-        return (Finding("negative-mass", what, change),)
+        return (RecordFinding("negative-mass", what, change),)
     if driving:
         what = (
             f"Friction would drive the axis: its power is {100.0 * balance.dissipated:.3g} % of the power of the drive."
         )
         change = f"Check the sign of the {u.force}, and that {u.force} and position are logged in the same sample."
-        return (Finding("driving-friction", what, change),)
+        return (RecordFinding("driving-friction", what, change),)
     if balance.mass < balance.error:
         what = f"The record does not determine the {u.mass} ({shown})."
-        return (Finding("mass-not-identified", what, f"Record faster motion, or give the {u.mass}."),)
+        return (RecordFinding("mass-not-identified", what, f"Record faster motion, or give the {u.mass}."),)
     if not low <= balance.mass <= high:
         what = f"The drive {u.force} fits {fits}; machines have {low:g} to {high:g} {u.kg}."
-        return (Finding("implausible-mass", what, f"Correct the unit of the {u.force} or of the position."),)
+        return (RecordFinding("implausible-mass", what, f"Correct the unit of the {u.force} or of the position."),)
     return ()

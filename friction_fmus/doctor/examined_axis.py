@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import TypeAlias
 
 from friction_fmus.blocks.axis_units import SLIDING, Words
-from friction_fmus.blocks.contact import Contact, Level
+from friction_fmus.blocks.contact import AxisFriction, Level
 from friction_fmus.conditions import Condition, DrivenPlant, PathDynamics, SampledLaw, one_mass, two_masses
 
 Values: TypeAlias = Mapping[str, float]
@@ -124,7 +124,7 @@ class Axis:
     stiffness: float = 0.0
     """Mass [kg], damper [N.s/m] and spring [N/m] to ground."""
     friction: str | None = None  # name of the part with the friction; None if no known part acts as friction
-    contact: Contact | None = None  # friction of the axis
+    contact: AxisFriction | None = None  # friction of the axis
     laws: tuple[ActiveLaw, ...] = ()  # laws that drive the axis, in the order from the plant to the reference
     flexible: tuple[float, float, float, float] | None = None  # m1, m2, k, d of motor and load; None for a single mass
     at_load: bool = False  # whether the friction acts on the load
@@ -149,7 +149,7 @@ class Axis:
 
 
 @dataclass(frozen=True)
-class Finding:
+class LoopFinding:
     """Condition evaluated for some parts of a system; its texts have the words and units of the axis.
 
     Parameters

@@ -22,36 +22,29 @@ from friction_fmus.blocks.axis_units import words_of
 from friction_fmus.blocks.catalogue import find
 from friction_fmus.codegen.composition import Composition
 from friction_fmus.codegen.laws import law_of, start_values
-from friction_fmus.errors import FrictionError, UnknownNameError, nearest
+from friction_fmus.errors import FrictionError, UnknownNameError, did_you_mean
 from friction_fmus.lawkit.declarations import (
     PARAMETERS,
     VECTORS,
     Command,
     Input,
+    LawVariable,
     Output,
     Parameter,
     SampleTime,
     State,
-    Variable,
 )
 from friction_fmus.lawkit.law import Kind, Law
 from friction_fmus.lawkit.parts import variables
 from friction_fmus.lawkit.parts.expressions import clip, filled
 from friction_fmus.lawkit.quantities import FORCE, LENGTH, NO_UNIT, VELOCITY, Unit
-from harness.storage.toml_file import Table, read_table
+from harness.storage.toml_file import TomlTable, read_table
 from harness.values import finite, flag, text
 
-LOOP_FILE: Final = "loop.toml"
-"""Name of the file that a study writes."""
-
-LAWS: Final = ("feedforward", "compensator", "servo")
-"""The tables of the laws, in the order in which the laws are computed."""
-
-SHARED: Final = ("Ts", "u_min", "u_max")
-"""Parameters that all laws have in common, unless the file gives the limit of one."""
-
-MOST: Final = 64
-"""Largest number of samples over which the velocity is computed."""
+LOOP_FILE: Final = "loop.toml"  # name of the file that a study writes
+LAWS: Final = ("feedforward", "compensator", "servo")  # tables of the laws, in the order of computation
+SHARED: Final = ("Ts", "u_min", "u_max")  # of all laws, unless the file gives the limit of one
+MOST: Final = 64  # largest number of samples over which the velocity is computed
 
 Numbers: TypeAlias = Mapping[str, float | bool]
 
@@ -65,43 +58,29 @@ _SETTINGS: Final = ("Ts", "u_min", "u_max", "offset", "window", "v0", *_FLAGS)
 class LoopLaw:
     """A law of a loop."""
 
-    law: str
-    """Its name, or the path of its file."""
-    parameters: Numbers = field(default_factory=dict)
-    """Its parameters; elements of vectors are ``W[1]``. Others have their start values."""
+    law: str  # its name, or the path of its file
+    parameters: Numbers = field(default_factory=dict)  # ``W[1]`` for a vector; others have start values
     connections: Mapping[str, float | str] = field(default_factory=dict)
     """Constant inputs, and inputs that are connected to another input of the loop."""
-    output: str = "u"
-    """The output that is added to the force of the servo."""
-    factor: float | None = None
-    """Factor of this output; None for 1."""
+    output: str = "u"  # the output that is added to the force of the servo
+    factor: float | None = None  # factor of this output; None for 1
 
 
 @dataclass(frozen=True)
 class LoopFile:
     """A servo with compensation."""
 
-    laws: Mapping[str, LoopLaw]
-    """The laws by the name of their table, ``servo`` and optionally ``feedforward`` and ``compensator``."""
-    Ts: float
-    """Sample time [s]."""
-    u_min: float
-    u_max: float
-    """Limits of the force [N]."""
-    offset: float | None = None
-    """Constant force that is added [N]; None for none."""
-    window: int = 0
-    """Number of samples over which the velocity is computed; 0 if it is an input."""
-    v0: float | None = None
-    """Velocity before the first sample [m/s]; None for rest."""
-    rotary: bool = False
-    """Whether the axis is rotary; read m as rad, N as N.m and kg as kg.m2."""
-    known_force: bool = False
-    """Whether the loop has an input for a known force, which is added and hidden from estimators."""
-    table: PositionMap | None = None
-    """Force over position, which is compensated at the reference as a known force."""
-    path: Path = Path(LOOP_FILE)
-    """The file."""
+    laws: Mapping[str, LoopLaw]  # by table: ``servo``, and optionally ``feedforward`` and ``compensator``
+    Ts: float  # sample time [s]
+    u_min: float  # lower limit of the force [N]
+    u_max: float  # upper limit of the force [N]
+    offset: float | None = None  # constant force that is added [N]; None for none
+    window: int = 0  # number of samples over which the velocity is computed; 0 if it is an input
+    v0: float | None = None  # velocity before the first sample [m/s]; None for rest
+    rotary: bool = False  # whether the axis is rotary; read m as rad, N as N.m and kg as kg.m2
+    known_force: bool = False  # whether there is an input for a force that is added and hidden from estimators
+    table: PositionMap | None = None  # force over position, which is compensated at the reference as a known force
+    path: Path = Path(LOOP_FILE)  # the file
 
 
 def read_loop(path: Path) -> LoopFile:
@@ -117,7 +96,7 @@ def read_loop(path: Path) -> LoopFile:
             f"out/recommended/{LOOP_FILE}, which the study writes if it recommends a compensation"
         )
     content.known(("loop", *LAWS, "table"), "table")
-    tables = {name: Table(value, f"{path}, [{name}],", FrictionError) for name, value in content.content.items()}
+    tables = {name: TomlTable(value, f"{path}, [{name}],", FrictionError) for name, value in content.content.items()}
     for name in ("loop", "servo"):
         if name not in tables:
             raise FrictionError(f"{path} has no table [{name}]; add it")
@@ -165,7 +144,7 @@ def loop_text(loop: LoopFile, heading: str) -> str:
     return f"# {heading}\n# C code: friction-fmus codegen {loop.path.name} -o c\n\n{tomli_w.dumps(content)}"
 
 
-def _position_map(table: Table) -> PositionMap:
+def _position_map(table: TomlTable) -> PositionMap:
     table.known(("begin", "spacing", "periodic", "v_sign", *_COLUMNS))
     begin, spacing, v_sign = (_finite(table, key) for key in ("begin", "spacing", "v_sign"))
     periodic = table.take("periodic", flag, "true or false")
@@ -173,18 +152,19 @@ def _position_map(table: Table) -> PositionMap:
     return PositionMap(Grid(begin, spacing, len(cogging), periodic), cogging, friction, v_sign)
 
 
-def _numbers(table: Table, key: str) -> tuple[float, ...]:
+def _numbers(table: TomlTable, key: str) -> tuple[float, ...]:
     values = table.take(key, lambda value: value if isinstance(value, list) else None, "a list of numbers")
     elements = {f"{key}[{i}]": value for i, value in enumerate(values, start=1)}
-    return tuple(_finite(Table(elements, table.where, table.error), element) for element in elements)
+    return tuple(_finite(TomlTable(elements, table.where, table.error), element) for element in elements)
 
 
-def _law_table(table: Table, name: str) -> LoopLaw:
+def _law_table(table: TomlTable, name: str) -> LoopLaw:
     table.known(("law", "parameters", "connections", *(("output", "factor") if name != "servo" else ())))
     law = table.take("law", text, "the name of a law")
     output = table.take("output", text, "the name of an output of the law", "u")
     parameters, connections = (
-        Table(table.content.get(key, {}), f"{table.where} {key},", table.error) for key in ("parameters", "connections")
+        TomlTable(table.content.get(key, {}), f"{table.where} {key},", table.error)
+        for key in ("parameters", "connections")
     )
     for own, kind in ((parameters, bool), (connections, str)):
         for key, value in own.content.items():
@@ -194,7 +174,7 @@ def _law_table(table: Table, name: str) -> LoopLaw:
     return LoopLaw(law, parameters.content, connections.content, output, factor)
 
 
-def _finite(table: Table, key: str) -> float:
+def _finite(table: TomlTable, key: str) -> float:
     return table.take(key, finite, "a finite number")
 
 
@@ -214,11 +194,8 @@ SIGNALS: Final[Mapping[str, Any]] = {
 KNOWN: Final = Input(FORCE, 0.0, "known {force}, which is added to the other {force}s and hidden from the compensator")
 """Input of a loop for a further feedforward, such as a table over position."""
 
-TAKING_OVER: Final = ("track", "u_track")
-"""Inputs with which the servo takes over an axis: its memory then contains the jumps of the other laws, too."""
-
-Named: TypeAlias = tuple[str, SX]
-"""A signal with its name or formula."""
+TAKING_OVER: Final = ("track", "u_track")  # inputs of the servo; its memory then contains the jumps of other laws too
+Named: TypeAlias = tuple[str, SX]  # a signal with its name or formula
 
 EMPTY: Final[Mapping[str, Named]] = MappingProxyType({})
 
@@ -238,7 +215,7 @@ class _Loop:
         self._words = words_of(loop.rotary)
         self._equations: list[str] = []
         self._sections: dict[str, str] = {}
-        self._outputs: list[tuple[Variable, SX]] = []
+        self._outputs: list[tuple[LawVariable, SX]] = []
         # all inputs first, in the order of the members of the struct; those without effect are omitted later
         inputs = {name: variable for name, variable in SIGNALS.items() if name != "v" or not loop.window}
         self._signals = {name: self._declared(name, variable) for name, variable in inputs.items()}
@@ -288,7 +265,7 @@ class _Loop:
         self._parts.result(state, force)
         return f"{seen[0]} - {state}", seen[1] - last
 
-    def _declared(self, name: str, variable: Variable) -> SX:
+    def _declared(self, name: str, variable: LawVariable) -> SX:
         (symbol,) = self._parts.declare(_named(name, variable))
         return symbol
 
@@ -322,7 +299,8 @@ class _Loop:
         has = {*TAKING_OVER}
         if not {"u_prev", *has} <= {*_inputs(law)} or not has <= {*_inputs(self._laws["servo"])} or has & {*taken}:
             return {}
-        track, u_track = (self._signal(name, _input(self._laws["servo"], name)) for name in TAKING_OVER)
+        inputs = {variable.name: variable for variable in self._laws["servo"].select(*INPUTS)}
+        track, u_track = (self._signal(name, inputs[name]) for name in TAKING_OVER)
         force = clip(u_track, self._u_min, self._u_max) - _sum([*(others.values() or [SX(0.0)])])
         text = " - ".join(["u_track", *others])
         gain = next((v for v in law.given if v.name == "gain"), None)
@@ -336,7 +314,7 @@ class _Loop:
                 found[name] = (f"{name}, or {place} while track is true", if_else(track, value, self._signals[name]))
         return found
 
-    def _signal(self, name: str, variable: Variable) -> SX:
+    def _signal(self, name: str, variable: LawVariable) -> SX:
         """Return an input of the loop, which is declared at its first use."""
         if name not in self._signals:
             self._signals[name] = self._declared(name, variable)
@@ -395,16 +373,18 @@ class _Loop:
             if each not in choices:
                 raise FrictionError(
                     f"{self._where(name)} connects {each}, but {law} has no such input to connect"
-                    f"{nearest(each, choices)}; choose from {', '.join(choices)}"
+                    f"{did_you_mean(each, choices)}; choose from {', '.join(choices)}"
                 )
 
-    def _value(self, name: str, variable: Variable, given: float | str | None, computed: Mapping[str, Named]) -> Named:
+    def _value(
+        self, name: str, variable: LawVariable, given: float | str | None, computed: Mapping[str, Named]
+    ) -> Named:
         """Return an input of a law: as given, computed, connected by its name, constant, or a new input of the loop."""
         if isinstance(given, str) and given != variable.name:
             if given not in self._signals:
                 raise FrictionError(
                     f"{self._where(name)} connects {variable.name} to {given!r}, which is not an input of the loop"
-                    f"{nearest(given, self._signals)}; choose from {', '.join(self._signals)}, or give a number"
+                    f"{did_you_mean(given, self._signals)}; choose from {', '.join(self._signals)}, or give a number"
                 )
             return given, self._signals[given]
         if isinstance(given, float | int):
@@ -458,7 +438,7 @@ def _law(loop: LoopFile, name: str) -> Law:
         known = [v.name for v in law.select(*PARAMETERS) if v.kind is not Kind.SAMPLE_TIME]
         for parameter in entry.parameters:
             if parameter.partition("[")[0] not in known:
-                raise UnknownNameError(f"{law.name} has no parameter {parameter!r}{nearest(parameter, known)}")
+                raise UnknownNameError(f"{law.name} has no parameter {parameter!r}{did_you_mean(parameter, known)}")
         values = start_values(law, {**entry.parameters, "Ts": loop.Ts})
     except FrictionError as error:
         raise FrictionError(f"{where}: {error}") from error
@@ -466,7 +446,7 @@ def _law(loop: LoopFile, name: str) -> Law:
     return replace(law, variables=tuple(replace(v, start=starts.get(v.name, v.start)) for v in law.variables))
 
 
-def _named(name: str, variable: Variable) -> Variable:
+def _named(name: str, variable: LawVariable) -> LawVariable:
     return replace(variable, name=name)
 
 
@@ -474,12 +454,7 @@ def _inputs(law: Law) -> list[str]:
     return [variable.name for variable in law.select(*INPUTS)]
 
 
-def _input(law: Law, name: str) -> Variable:
-    """Return an input of a law."""
-    return next(variable for variable in law.select(*INPUTS) if variable.name == name)
-
-
-def _output(law: Law, name: str) -> Variable:
+def _output(law: Law, name: str) -> LawVariable:
     """Return an output of a law."""
     return next(variable for variable in law.select(Kind.OUTPUT) if variable.name == name)
 

@@ -8,10 +8,10 @@ from typing import Final
 
 import numpy as np
 
-from friction_fmus.axis.assembly import constant_force
-from friction_fmus.axis.loop import closed_loop, run_loop
+from friction_fmus.axis.loop_assembly import constant_force
 from friction_fmus.axis.position_map import PositionMap
 from friction_fmus.axis.servo import AxisPlant, Servo, Trajectory
+from friction_fmus.axis.servo_loop import closed_loop, run_loop
 from friction_fmus.blocks.axis_units import AxisUnits
 from friction_fmus.blocks.catalogue import find, summary_of
 from friction_fmus.errors import FrictionError
@@ -25,7 +25,7 @@ from friction_fmus.identification import (
     InverseModelFit,
     Record,
     Score,
-    Target,
+    TargetSignal,
     Unknown,
     filtered_motion,
     fit_output_error,
@@ -33,13 +33,13 @@ from friction_fmus.identification import (
     identify_inverse_model,
 )
 from friction_fmus.identification.fit.block_fit import driven
+from friction_fmus.identification.fit.contact_model import contact_model
 from friction_fmus.identification.fit.idim import default_settings
-from friction_fmus.identification.fit.models import contact_model
 from friction_fmus.identification.fit.position import PositionFit
 from friction_fmus.identification.fit.scores import rms, weak_parameters
 from friction_fmus.identification.fit.simulation_data import prepare
-from friction_fmus.identification.survey import within_reach
-from friction_fmus.study.result import Fit, IdentifiedParameter, ModelResult, PositionPart, StudyCurve, thinned
+from friction_fmus.identification.model_comparison import within_reach
+from friction_fmus.study.study_result import Fit, IdentifiedParameter, ModelResult, PositionPart, StudyCurve, thinned
 from harness import HarnessError
 
 
@@ -396,7 +396,7 @@ def refine(
             moved = {"axis.m": values["M"], **constant_force(found.plant, -values.get("OF", found.offset))}
             return {"q": run_loop(system.with_start({**own, **moved})).q}
 
-        target = Target(measured.q[:last], 1e-6 if found.error is None else max(found.error, 1e-12), first)
+        target = TargetSignal(measured.q[:last], 1e-6 if found.error is None else max(found.error, 1e-12), first)
         try:
             lag = max(1, round(0.2 / measured.servo.Ts))
             # the differences are coarse: with those of the first point, the solution depends on it by some 0.3 %

@@ -14,9 +14,9 @@ from friction_fmus.codegen.cost import Cost, measure
 from friction_fmus.codegen.emulation import COMPILER, CORES, EMULATOR, FLAGS, PACKAGES, RANDOM, missing
 from friction_fmus.codegen.laws import law_of, start_values
 from friction_fmus.codegen.layout import Export
-from friction_fmus.codegen.loop import loop_law, read_loop
+from friction_fmus.codegen.position_table import arguments, table_header, table_source
+from friction_fmus.codegen.servo_law import loop_law, read_loop
 from friction_fmus.codegen.sources import example, header, implementation
-from friction_fmus.codegen.table import arguments, table_header, table_source
 from friction_fmus.codegen.unit_test import unit_test
 from friction_fmus.codegen.vectors import N, vectors
 from friction_fmus.codegen.wrapper import class_name, wrapper
@@ -31,11 +31,8 @@ DEVIATIONS = {
 }
 """Reasons by rule, for rules that cppcheck's addon reports in the header and the implementation of a law."""
 
-TRAVEL = (0.0, 0.1, 1.0, 10.0)
-"""Distances from zero at which float is compared with double [m]."""
-
-ACCURACY = 1e-4
-"""Largest difference of an output at these distances, relative to its rms value."""
+TRAVEL = (0.0, 0.1, 1.0, 10.0)  # distances from zero at which float is compared with double [m]
+ACCURACY = 1e-4  # largest difference of an output at these distances, relative to its rms value
 
 
 def readme(export: Export, costs: Sequence[Cost]) -> str:
@@ -267,7 +264,7 @@ def export_law(
     Parameters
     ----------
     model : str or Path
-        Name of a law, or path of a law file or of the file of a loop, see `friction_fmus.codegen.loop`.
+        Name of a law, or path of a law file or of the file of a loop, see `friction_fmus.codegen.servo_law`.
     out_dir : path-like
         Folder for ``PREFIX.h``, ``PREFIX.c``, ``PREFIX_test.c``, ``PREFIX.hpp``, ``main.c``, ``README.md`` and, for a
         loop with a table over position, ``PREFIX_table.h`` and ``PREFIX_table.c``; it is created if needed.

@@ -12,9 +12,9 @@ from typing import Final
 
 from friction_fmus.blocks.arithmetic import names_in
 from friction_fmus.blocks.contact import Identified, identified
-from friction_fmus.blocks.loop import InLoop, in_loop
+from friction_fmus.blocks.loop_role import InLoop, in_loop
 from friction_fmus.blocks.macros import macro, string, table, words
-from friction_fmus.errors import FrictionError, nearest
+from friction_fmus.errors import FrictionError, did_you_mean
 
 FILE = Path(__file__).with_name("bibliography.bib")
 
@@ -33,8 +33,8 @@ def cited(keys: Iterable[str]) -> tuple[str, ...]:
     for key in keys:
         if not key.startswith("@") and key not in known:
             raise FrictionError(
-                f"the block cites {key!r}, which is not in bibliography.bib{nearest(key, known)}; correct the key, or "
-                "give the BibTeX entry itself"
+                f"the block cites {key!r}, which is not in bibliography.bib{did_you_mean(key, known)}; correct it, "
+                "or give the BibTeX entry itself"
             )
         found.append(known.get(key, key))
     return tuple(found)
@@ -79,7 +79,7 @@ class Use:
     def __post_init__(self) -> None:
         """Raise an error for an unknown kind or a text that is not an expression."""
         if self.kind not in KINDS:
-            raise FrictionError(f"{self.kind!r} is not a kind of compensator{nearest(self.kind, KINDS)}")
+            raise FrictionError(f"{self.kind!r} is not a kind of compensator{did_you_mean(self.kind, KINDS)}")
         for text in self.tuned.values():
             names_in(text)
 
@@ -159,7 +159,7 @@ class About:
         known = set(variables)
         for name in sorted(self.reads - known):
             raise FrictionError(
-                f"the description of the block reads {name}, which is not a variable{nearest(name, known)}"
+                f"the description of the block reads {name}, which is not a variable{did_you_mean(name, known)}"
             )
 
 

@@ -16,7 +16,7 @@ from typing import Final
 
 from harness.errors import HarnessError, PartError
 from harness.parts.fmu import FmuPart
-from harness.parts.isolated.channel import CALL, FAILED, GET, LOG, SET, STEP, Line, Shared, as_error
+from harness.parts.isolated.channel import CALL, FAILED, GET, LOG, SET, STEP, ChannelEnd, Shared, as_error
 from harness.parts.part import Calls, Native, StartValue, Values
 from harness.storage.files import ScratchFolder
 
@@ -29,22 +29,14 @@ class ProcessError(Exception):
 
 
 class Process:
-    """A Python process that serves one FMU, see `harness.parts.isolated.host.serve`.
-
-    Attributes
-    ----------
-    folder : Path
-        Temporary folder of both processes, removed at the end of this one.
-    last_message : str
-        The last log message of the FMU, quoted if the process dies.
-    """
+    """A Python process that serves one FMU, see `harness.parts.isolated.host.serve`."""
 
     def __init__(self, name: str, path: Path, timeout: float) -> None:
         """Start the process and wait until it listens."""
         if os.name != "posix":
             raise HarnessError(f"part '{name}' cannot be isolated on {sys.platform}: leave isolate out")
         folder = ScratchFolder()
-        self.folder = Path(folder.name)
+        self.folder = Path(folder.name)  # temporary folder of both processes
         ours, theirs = socket.socketpair()
         arguments = (theirs.fileno(), name, str(path.absolute()))
         # not multiprocessing, whose new processes run the user's script again
@@ -61,8 +53,8 @@ class Process:
                 process_group=0,  # Ctrl-C goes to the harness only
             )
         self.close = weakref.finalize(self, _end, process, ours, folder, timeout)
-        self._process, self._line, self._timeout = process, Line(ours), timeout
-        self.last_message = ""
+        self._process, self._line, self._timeout = process, ChannelEnd(ours), timeout
+        self.last_message = ""  # of the FMU, quoted if the process dies
         ours.settimeout(_START_TIME)
         self._answer(_START_TIME)
         ours.settimeout(timeout)

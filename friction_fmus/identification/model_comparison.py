@@ -14,9 +14,9 @@ import numpy as np
 
 from friction_fmus.errors import FitError, FrictionError
 from friction_fmus.identification.data.record import Record
-from friction_fmus.identification.fit.models import contact_model
+from friction_fmus.identification.fit.contact_model import contact_model
+from friction_fmus.identification.identification_result import Identification
 from friction_fmus.identification.identifying import identify
-from friction_fmus.identification.result import Identification
 from friction_fmus.listings import comparison_html, comparison_text
 
 FAR: Final = 10.0
