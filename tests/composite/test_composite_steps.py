@@ -114,6 +114,25 @@ def test_a_force_that_jumps_between_grid_points_moves_a_mass_on_rigid_friction(r
         assert run.get("mass.x", "mass.v") == pytest.approx([3.0 * (moved * h) ** 2, 0.0], rel=4e-4, abs=1e-12)
 
 
+@pytest.mark.parametrize("model", ["Stiction", "Tustin", "Karnopp"])
+def test_setting_an_input_keeps_the_holding_force(tmp_path: Path, model: str) -> None:
+    """0.7 N is held by friction of 1 N, also when the force is set again before the outputs are read."""
+    parts = [FmuPart("mass", fmu("Mass")), FmuPart("friction", fmu(model))]
+    wires = ["mass.v -> friction.v", "friction.F -> mass.F_friction", "mass.F_ext -> friction.F_ext"]
+    start = {"mass.F_drive": 0.0, "friction.Fc": 1.0, "friction.Fs": 1.5}
+    with System(parts, wires, start, Experiment(stop=1.0, step=1e-3)) as system:
+        system.to_fmu(tmp_path / "held.fmu")
+    with Instance(load(tmp_path / "held.fmu")) as run:
+        run.initialise()
+        for k in range(5):
+            run.set({"mass.F_drive": 0.7})
+            run.step(k * 1e-3, 1e-3)
+        before = run.get("mass.x", "mass.v", "friction.F", "mass.a")
+        run.set({"mass.F_drive": 0.7})
+        assert run.get("mass.x", "mass.v", "friction.F", "mass.a") == before
+        assert before == pytest.approx([0.0, 0.0, 0.7, 0.0], abs=1e-12)
+
+
 @pytest.fixture(scope="module")
 def rigid(tmp_path_factory: pytest.TempPathFactory) -> Library:
     parts = [FmuPart("mass", fmu("Mass")), FmuPart("friction", fmu("Stiction"))]
