@@ -50,7 +50,7 @@ if TYPE_CHECKING:
     from harness.system.wire import Bias, Delay, DropOut, Freeze, Manipulator, Noise, Override, Wire
     from harness.units import BaseUnit, parse_unit
 else:
-    __getattr__, __dir__ = lazy_names(__name__, __file__)
+    __getattr__, __dir__ = lazy_names(__name__)
 
 __all__ = [
     "AlgebraicLoopError",

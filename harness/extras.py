@@ -53,15 +53,18 @@ def require_main_interpreter() -> None:
         )
 
 
-def lazy_names(package: str, file: str) -> tuple[Callable[[str], object], Callable[[], list[str]]]:
-    """Return ``__getattr__`` and ``__dir__`` (PEP 562) for a package whose file imports names under ``TYPE_CHECKING``.
+def lazy_names(package: str) -> tuple[Callable[[str], object], Callable[[], list[str]]]:
+    """Return ``__getattr__`` and ``__dir__`` for a package that imports its names for type checkers only (PEP 562).
 
     A public name that is also the name of a submodule must be imported by the package as usual: otherwise, importing
     the submodule sets the attribute to the module.
     """
-    branches = (node.body for node in ast.parse(Path(file).read_bytes()).body if isinstance(node, ast.If))
-    imports = [line for body in branches for line in body if isinstance(line, ast.ImportFrom)]
-    homes = {name.name: str(line.module) for line in imports for name in line.names}
+    source = Path(str(sys.modules[package].__file__)).read_text(encoding="utf-8")
+    checked = next(
+        each for each in ast.parse(source).body if isinstance(each, ast.If) and isinstance(each.test, ast.Name)
+    )
+    imports = [each for each in checked.body if isinstance(each, ast.ImportFrom)]
+    homes = {name.name: str(each.module) for each in imports for name in each.names}
 
     def getter(name: str) -> object:
         if name not in homes:

@@ -39,7 +39,7 @@ if TYPE_CHECKING:
     from friction_fmus.identification.model_comparison import IdentificationTask, ModelComparison, compare_models
     from friction_fmus.identification.residual import LearnedResidual, ResidualTable, learn_residual
 else:
-    __getattr__, __dir__ = lazy_names(__name__, __file__)
+    __getattr__, __dir__ = lazy_names(__name__)
 
 __all__ = [
     "LINEAR",

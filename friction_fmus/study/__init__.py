@@ -10,7 +10,7 @@ if TYPE_CHECKING:
     from friction_fmus.study.study import StudyError, run_study
     from friction_fmus.study.study_result import StudyResult
 else:
-    __getattr__, __dir__ = lazy_names(__name__, __file__)
+    __getattr__, __dir__ = lazy_names(__name__)
 
 __all__ = [
     "Compensation",
