@@ -11,19 +11,17 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from friction_fmus.axis.loop_assembly import typed
 from friction_fmus.axis.servo import AxisPlant, Servo, Trajectory
 from friction_fmus.axis.servo_loop import closed_loop, run_loop
 from friction_fmus.blocks.axis_units import ROTARY, domain_of
 from friction_fmus.errors import FitError
 from friction_fmus.export.block_fmu import build_record
 from friction_fmus.identification.data.record import Array, MeasuredAxis, Record
-from friction_fmus.identification.fit.contact_model import ContactModel, contact_model, state_sizes
+from friction_fmus.identification.fit.contact_model import ContactModel, axis_start, contact_model
 from friction_fmus.identification.fit.idim import filtered_motion
 from friction_fmus.identification.fit.least_squares import Constraints
 from friction_fmus.identification.fit.output_error import TargetSignal, Unknown, fit_output_error
 from friction_fmus.identification.fit.scores import criteria, independent_samples, rms, score, weak_parameters
-from harness.parts.part import StartValue
 from harness.storage.files import ScratchFolder
 
 if TYPE_CHECKING:
@@ -56,27 +54,18 @@ def axis_simulator(
     r = record.column("reference")
     t = servo.Ts * np.arange(float(len(r)))
     rd, rotary = np.gradient(r, servo.Ts), record.units == ROTARY
-
-    def own(values: Mapping[str, float]) -> dict[str, float]:
-        return {name: value for name, value in values.items() if name in contact.parameters}
-
+    own = {name: value for name, value in given.items() if name in contact.parameters}
     with ScratchFolder() as folder:
         reference = build_record(
             t, r, rd, np.gradient(rd, servo.Ts), folder, "MeasuredReference", domain=domain_of(rotary)
         )
         start = float(record.column("q")[0]), float(v[0])
         trajectory = Trajectory(reference, len(r), *start, rotary=rotary, injected=record.injected)
-        plant, fmus = AxisPlant(contact.name, own(given), given["M"]), {"friction": contact.path}
+        plant, fmus = AxisPlant(contact.name, own, given["M"]), {"friction": contact.path}
         with closed_loop(feedback, plant, trajectory, fmus=fmus, longest=step) as system:
 
             def simulate(parameters: Mapping[str, float]) -> dict[str, Array]:
-                values = {**given, **parameters}
-                friction: dict[str, StartValue] = {**typed(system.parts["friction"], own(values))}
-                friction |= {name: direction * size for name, size in state_sizes(contact, values).items()}
-                start = {f"friction.{name}": value for name, value in friction.items()}
-                start |= {"axis.m": values["M"], "axis.F_load": -values.get("OF", 0.0)}
-                if "Fv" not in contact.parameters:
-                    start["axis.d"] = values.get("Fv", 0.0)
+                start = axis_start(contact, {**given, **parameters}, direction)
                 trace = run_loop(system.with_start(start))
                 return {"q": trace.q, "force": trace.force}
 

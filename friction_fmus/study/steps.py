@@ -5,7 +5,6 @@ from __future__ import annotations
 import gc
 import hashlib
 import json
-import logging
 import os
 import shutil
 import signal
@@ -24,6 +23,7 @@ import numpy as np
 from cattrs import Converter
 
 import harness
+from friction_fmus.axis.servo_loop import quiet_runs
 from friction_fmus.blocks.catalogue import source_folder
 from friction_fmus.listings import plain
 from friction_fmus.version import VERSION
@@ -142,14 +142,9 @@ def clear_cache(out: Path) -> None:
 
 
 def _quietly(function: Callable[..., Any], arguments: Sequence[Any]) -> Any:
-    """Run a step without log messages of the parts: runs may fail by design, and the result states the reason."""
-    log = logging.getLogger("harness")
-    before = log.level
-    log.setLevel(logging.CRITICAL)
-    try:
+    """Run a step without log messages."""
+    with quiet_runs():
         return function(*arguments)
-    finally:
-        log.setLevel(before)
 
 
 def _ready() -> None:

@@ -20,6 +20,7 @@ from friction_fmus.blocks.contact import NOT_IDENTIFIED, Fitted, Identified
 from friction_fmus.errors import FitError, IdentificationError
 from friction_fmus.export.block_fmu import fmu
 from harness import FmuPart, open_archive
+from harness.parts.part import StartValue
 
 
 @dataclass(frozen=True)
@@ -207,3 +208,15 @@ def _read(model: str | Path, units: AxisUnits) -> ContactModel:
         block.about.identified,
         lacks_viscous=(friction is None or friction.viscous == "0") and all(fit.start != "viscous" for fit in fits),
     )
+
+
+def axis_start(
+    model: ContactModel, values: Mapping[str, float], direction: float, load: str = "axis.F_load"
+) -> dict[str, StartValue]:
+    """Return the start values of an axis with this friction: mass, force offset, parameters, and states in sliding."""
+    start: dict[str, StartValue] = {"axis.m": values["M"], load: -values.get("OF", 0.0)}
+    if "Fv" not in model.parameters:
+        start["axis.d"] = values.get("Fv", 0.0)
+    own = {name: model.parameters[name].typed(value) for name, value in values.items() if name in model.parameters}
+    friction = {**own, **{name: direction * size for name, size in state_sizes(model, values).items()}}
+    return start | {f"friction.{name}": value for name, value in friction.items()}

@@ -6,21 +6,19 @@ the mean force of F moves the axis by F / Fv in each second.
 
 from __future__ import annotations
 
-import logging
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import ExitStack, contextmanager
+from collections.abc import Mapping, Sequence
+from contextlib import ExitStack
 from dataclasses import replace
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from friction_fmus.axis.loop_assembly import constant_force
 from friction_fmus.axis.servo import AxisPlant
-from friction_fmus.axis.servo_loop import FINEST, free_axis, run_free
+from friction_fmus.axis.servo_loop import FINEST, free_axis, quiet_runs, run_free
 from friction_fmus.blocks.axis_units import ROTARY
 from friction_fmus.errors import FitError
 from friction_fmus.identification.data.record import Array, Record
-from friction_fmus.identification.fit.contact_model import contact_model, state_sizes
+from friction_fmus.identification.fit.contact_model import axis_start, contact_model
 from friction_fmus.identification.fit.estimate import Estimate
 from friction_fmus.identification.fit.idim import filtered_motion
 from friction_fmus.identification.fit.scores import criteria, independent_samples, rms, score, weak_parameters
@@ -74,7 +72,7 @@ def identify_free_run(found: Identification) -> Identification:
 def free_response(result: Identification, record: Record) -> Array:
     """Simulate an identified axis along the drive force of a record, from its first state; shape (n,)."""
     values = result.values()
-    with _quiet(), _free(result, record) as system:
+    with quiet_runs(), _free(result, record) as system:
 
         def run(state: Array, samples: int) -> Array:
             return run_free(system, _start(result, values, state), 0.0, record.Ts * (samples - 1))[0]
@@ -118,17 +116,9 @@ def _free(result: Identification, record: Record, longest: float = FINEST) -> Sy
 def _start(result: Identification, values: Mapping[str, float], state: Array) -> dict[str, StartValue]:
     """Return the start values of the free axis for parameters and a first state, in which the contact slides."""
     contact = contact_model(result.block, result.records[0].units)
-    table = None if result.position is None else result.position.table
-    plant = AxisPlant(contact.name, {}, values["M"], 0.0, table)
-    start: dict[str, StartValue] = {"axis.m": values["M"], "axis.x0": float(state[0]), "axis.v0": float(state[1])}
-    start |= {**constant_force(plant, -values.get("OF", 0.0)), "force.gain[2]": -values.get(DRIFT, 0.0)}
-    for name, value in values.items():
-        if name in contact.parameters:
-            start[f"friction.{name}"] = contact.parameters[name].typed(value)
-    if "Fv" not in contact.parameters:
-        start["axis.d"] = values.get("Fv", 0.0)
-    direction = float(np.sign(state[1]))
-    return start | {f"friction.{name}": direction * size for name, size in state_sizes(contact, values).items()}
+    load = "axis.F_load" if result.position is None else "position.F0"
+    start = axis_start(contact, values, float(np.sign(state[1])), load)
+    return start | {"axis.x0": float(state[0]), "axis.v0": float(state[1]), "force.gain[2]": -values.get(DRIFT, 0.0)}
 
 
 def _fit(found: Identification, names: Sequence[str]) -> ShootingResult:
@@ -153,7 +143,7 @@ def _fit(found: Identification, names: Sequence[str]) -> ShootingResult:
     prior = Prior(*(np.array(column) for column in (mean, deviation, lower, upper)))
     arcs, states = _arcs(found.records)
     with ExitStack() as stack:
-        stack.enter_context(_quiet())
+        stack.enter_context(quiet_runs())
         systems = [stack.enter_context(_free(found, record)) for record in found.records]
 
         def simulate(x: Array, arc: Arc, state: Array) -> tuple[Array, Array]:
@@ -193,22 +183,10 @@ def _whole(result: Identification, fitted: ShootingResult, longest: float) -> Ar
     predicted = []
     for index, record in enumerate(result.records):
         first = next(state for arc, state in zip(arcs, fitted.states, strict=True) if arc.record == index)
-        with _quiet(), _free(result, record, longest) as system:
+        with quiet_runs(), _free(result, record, longest) as system:
             start = _start(result, result.values(), first)
             predicted.append(run_free(system, start, 0.0, record.Ts * (len(record) - 1))[0][START:])
     return np.concatenate(predicted)
-
-
-@contextmanager
-def _quiet() -> Iterator[None]:
-    """Suppress the warnings of the master that a step is too long for a reversal; `_result` checks the accuracy."""
-    log = logging.getLogger("harness")
-    before = log.level
-    log.setLevel(logging.CRITICAL)
-    try:
-        yield
-    finally:
-        log.setLevel(before)
 
 
 def _result(found: Identification, names: Sequence[str], fitted: ShootingResult, drifts: bool) -> Identification:
