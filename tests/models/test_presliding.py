@@ -640,6 +640,16 @@ def test_bristles_on_random_ramps(
     assert abs(z - expected) * sigma0 < 3e-7 * max(1.0, ratio)
 
 
+def test_the_elastic_range_ends_where_the_level_passes_it(plastic: Library) -> None:
+    """Braking raises z_max = S/sigma0; up to z_ba, z is at that limit, from there on the law holds with z below it."""
+    v, passed, end, slope = 1.37e-3, 1.18e-3, 1.05e-3, -0.1
+    p = {**P95, "z_ba": steady(passed, P95) / P95["sigma0"]}
+    expected = followed(p["z_ba"], passed, slope, (end - passed) / slope, p)
+    (z,) = ramp(plastic, v, slope, (end - v) / slope, "z", z=steady(v, p) / p["sigma0"], **p)
+    assert abs(z - expected) * p["sigma0"] < 1e-6 * p["Fs"]
+    assert steady(end, p) - z * p["sigma0"] > 1e-3
+
+
 @pytest.mark.parametrize("name", ["LuGre", "ElastoPlastic"])
 @pytest.mark.parametrize("speed", [0.05, 1.0, 50.0])
 def test_a_narrow_stribeck_curve_at_the_end_of_a_long_ramp_is_seen(
