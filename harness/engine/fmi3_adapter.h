@@ -1,4 +1,4 @@
-/* An FMU of FMI 3.0 for co-simulation behind the functions of FMI 2.0 that the engine calls. Each element of each
+/* An FMI 3.0 FMU for co-simulation behind the functions of FMI 2.0 that the engine calls. Each element of each
    variable has a number, which is its value reference here; all values are doubles. An array is always set as a whole,
    with the last values of the elements that are not set. */
 
