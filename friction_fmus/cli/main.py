@@ -49,7 +49,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         stamped()  # libraries read the variable too, but raise errors of their own
         return options.run(options) or 0
     except (FrictionError, HarnessError, ModuleNotFoundError, OSError) as error:
-        if isinstance(error, ModuleNotFoundError):
+        if isinstance(error, ModuleNotFoundError) and not isinstance(error, HarnessError):
             if not error.name or extra_of(error.name) is None:
                 raise
             error = missing(error.name, f"`friction-fmus {options.command}` needs it")
