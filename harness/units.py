@@ -10,8 +10,6 @@ from dataclasses import dataclass
 from harness.errors import UnitError
 
 BASE_SYMBOLS = ("kg", "m", "s", "A", "K", "mol", "cd", "rad")
-
-
 LARGEST_POWER = 99  # largest exponent of a base unit
 
 
@@ -131,18 +129,7 @@ _WHOLE = {
     "Nmm": _unit("kg.m2.s-2", 1e-3),
     "psi": _unit("kg.m-1.s-2", _POUND * _KILOPOND / _INCH**2),
 }
-_PREFIXES = {
-    "n": 1e-9,
-    "u": 1e-6,
-    "µ": 1e-6,
-    "μ": 1e-6,
-    "m": 1e-3,
-    "c": 1e-2,
-    "d": 0.1,
-    "k": 1e3,
-    "M": 1e6,
-    "G": 1e9,
-}
+_PREFIXES = {"n": 1e-9, "u": 1e-6, "µ": 1e-6, "μ": 1e-6, "m": 1e-3, "c": 1e-2, "d": 0.1, "k": 1e3, "M": 1e6, "G": 1e9}
 LONGEST_UNIT = 100  # largest length of a unit name [characters]
 _LETTER = r"[^\W\d_²³¹⁰⁴-⁹]"  # the module re does not count superscripts as digits
 _POWER = r"[-+]?[0-9]{1,2}(?![0-9])|⁻?[²³¹⁰⁴-⁹]{1,2}(?![²³¹⁰⁴-⁹])"

@@ -12,7 +12,6 @@ from dataclasses import replace
 from pathlib import Path
 
 from fmpy.model_description import ValidationError
-from lxml import etree
 
 from friction_fmus.check.archive_rules import (
     DAMAGED,
@@ -22,7 +21,7 @@ from friction_fmus.check.archive_rules import (
     read_member,
     truncated_libraries,
 )
-from friction_fmus.check.binary import examine_binary, examine_binary_3
+from friction_fmus.check.binary import examine_binary
 from friction_fmus.check.description import (
     NO_INTERFACE,
     SCHEMA,
@@ -43,7 +42,6 @@ from harness.ssp.package import SSD_NAME
 from harness.storage.files import ScratchFolder
 
 __all__ = ["RULES", "Finding", "Rule", "check"]
-
 
 _DANGEROUS = ("zip-", "path-outside", "path-backslash", "path-symlink", "path-duplicate", "path-clash", "path-long")
 
@@ -115,23 +113,24 @@ def _examine_contents(path: Path, contents: Contents, static: bool, time_limit: 
     root = parse(data)
     if isinstance(root, Finding):
         return [*examine_archive(contents), root]
-    if root.tag == "fmiModelDescription" and root.get("fmiVersion", "").startswith("3."):
-        return _examine_3(contents, data, root, static, time_limit)
-    model = Model(root)
-    refusals = list(_refusals(model))
-    if refusals:
+    three = root.tag == "fmiModelDescription" and root.get("fmiVersion", "").startswith("3.")
+    model = Model3(root) if three else Model(root)
+    if isinstance(model, Model) and (refusals := list(_refusals(model))):
         return refusals
-    contents = replace(contents, identifier=model.identifier, source_files=model.source_files)
-    findings = examine_archive(contents)
+    sources = model.source_files if isinstance(model, Model) else None
+    contents = replace(contents, identifier=model.identifier, source_files=sources, version=3 if three else 2)
+    findings = [each for each in examine_archive(contents) if not (three and each.rule in _ONLY_FMI_2)]
     findings += wrong_encoding(data, root)
-    findings += [SCHEMA.finding(text, DESCRIPTION, line=line) for text, line in violations(root, _XSD)]
-    findings += apply("description", model)
+    violated, schema = (SCHEMA_3, _XSD_3) if three else (SCHEMA, _XSD)
+    findings += [violated.finding(text, DESCRIPTION, line=line) for text, line in violations(root, schema)]
+    if not (three and _errors(findings)):
+        findings += apply("fmi3" if three else "description", model)
     if not any(finding.rule.startswith(_DANGEROUS) for finding in findings):
         findings += examine_side_files(contents, model)
         if not _errors(findings):
             findings += _fmpy(data)
-        findings += _libraries(contents, model, static, time_limit)
-    return findings
+        findings += _libraries(contents, model, static or (three and _errors(findings)), time_limit)
+    return [replace(finding, standard="FMI 3.0.2") for finding in findings] if three else findings
 
 
 def _examine_ssp(path: Path, contents: Contents, static: bool, time_limit: float) -> list[Finding]:
@@ -153,23 +152,6 @@ def _examine_ssp(path: Path, contents: Contents, static: bool, time_limit: float
     return found
 
 
-def _examine_3(contents: Contents, data: bytes, root: etree._Element, static: bool, time_limit: float) -> list[Finding]:
-    """Return the findings in an FMI 3.0 FMU."""
-    model = Model3(root)
-    contents = replace(contents, identifier=model.identifier, version=3)
-    findings = [finding for finding in examine_archive(contents) if finding.rule not in _ONLY_FMI_2]
-    findings += wrong_encoding(data, root)
-    findings += [SCHEMA_3.finding(text, DESCRIPTION, line=line) for text, line in violations(root, _XSD_3)]
-    if not _errors(findings):
-        findings += apply("fmi3", model)
-    if not any(finding.rule.startswith(_DANGEROUS) for finding in findings):
-        findings += examine_side_files(contents, model)
-        if not _errors(findings):
-            findings += _fmpy(data)
-        findings += _libraries(contents, model, static or _errors(findings), time_limit)
-    return [replace(finding, standard="FMI 3.0.2") for finding in findings]
-
-
 def _errors(findings: list[Finding]) -> bool:
     return any(finding.severity == "error" for finding in findings)
 
@@ -178,8 +160,6 @@ def _libraries(contents: Contents, model: Model | Model3, static: bool, time_lim
     truncated = list(truncated_libraries(contents))
     if static or truncated or not contents.below("binaries"):
         return truncated
-    if isinstance(model, Model3):
-        return examine_binary_3(contents, model, time_limit)
     return examine_binary(contents, model, time_limit)
 
 

@@ -13,12 +13,7 @@ from lxml import etree
 
 from friction_fmus.check.findings import DESCRIPTION, Finding, declare
 
-_INITIAL: Final = {
-    "parameter": "exact",
-    "calculatedParameter": "calculated",
-    "input": None,
-    "independent": None,
-}
+_INITIAL: Final = {"parameter": "exact", "calculatedParameter": "calculated", "input": None, "independent": None}
 """Default of `initial` by causality; for outputs and locals it depends on the variability (section 2.2.7)."""
 
 SECTIONS: Final = ("Outputs", "Derivatives", "InitialUnknowns")  # sections of ModelStructure

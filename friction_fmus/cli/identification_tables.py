@@ -6,14 +6,7 @@ import math
 from collections.abc import Sequence
 
 from friction_fmus.cli.console import console, drawn, styled
-from friction_fmus.identification import (
-    AxisUnits,
-    Identification,
-    LearnedResidual,
-    Measurement,
-    Record,
-    RecordFinding,
-)
+from friction_fmus.identification import AxisUnits, Identification, LearnedResidual, Measurement, Record, RecordFinding
 from friction_fmus.identification.fit.position import PositionFit
 from friction_fmus.identification.identification_result import name_of
 from friction_fmus.identification.model_comparison import ModelComparison

@@ -26,9 +26,7 @@ from friction_fmus.lawkit.emit.c_text import DOUBLE, FLOAT
 from friction_fmus.version import VERSION
 from harness.storage.files import atomic_path, make_folder
 
-DEVIATIONS = {
-    "12.1": "products in a sum have no brackets, as in the equations.",
-}
+DEVIATIONS = {"12.1": "products in a sum have no brackets, as in the equations."}
 """Reasons by rule, for rules that cppcheck's addon reports in the header and the implementation of a law."""
 
 TRAVEL = (0.0, 0.1, 1.0, 10.0)  # distances from zero at which float is compared with double [m]
@@ -216,10 +214,7 @@ _ROWS: tuple[tuple[str, Callable[[Cost], float | None]], ...] = (
 
 
 def _table(costs: Sequence[Cost]) -> str:
-    lines = [
-        f"| | {' | '.join(cost.core.name for cost in costs)} |",
-        f"|---|{'--:|' * len(costs)}",
-    ]
+    lines = [f"| | {' | '.join(cost.core.name for cost in costs)} |", f"|---|{'--:|' * len(costs)}"]
     for title, value in _ROWS:
         cells = [value(cost) for cost in costs]
         if any(cell is not None for cell in cells):

@@ -218,11 +218,6 @@ def _checked(export: Export, pointers: Sequence[str], statements: Sequence[str])
     ]
 
 
-def _wrapped(condition: str) -> str:
-    """Return a chain of conditions, in several lines if it is long."""
-    return condition.replace(" && ", "\n          && ") if len(condition) > 90 else condition
-
-
 def _init(export: Export) -> list[str]:
     """Return the function that sets start values."""
     p = export.prefix

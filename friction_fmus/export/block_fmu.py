@@ -11,20 +11,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 from zipfile import ZipFile
 
-from friction_fmus.blocks.catalogue import (
-    PACKAGE,
-    Block,
-    find,
-    listing,
-    package_text,
-    source_folder,
-    with_room,
-)
+from friction_fmus.blocks.catalogue import PACKAGE, Block, find, listing, package_text, source_folder, with_room
 from friction_fmus.blocks.customise import Start, identified, renamed, rotational, with_start_values
-from friction_fmus.blocks.probe import (
-    BlockVariables,
-    read_variables,
-)
+from friction_fmus.blocks.probe import BlockVariables, read_variables
 from friction_fmus.errors import BuildError
 from friction_fmus.export.targets import Compiling, SourceFmu, choose_target, write_fmu
 from friction_fmus.version import VERSION, build_time

@@ -39,53 +39,7 @@ if TYPE_CHECKING:
     from friction_fmus.identification.model_comparison import IdentificationTask, ModelComparison, compare_models
     from friction_fmus.identification.residual import LearnedResidual, ResidualTable, learn_residual
 else:
-    __getattr__, __dir__ = lazy_names(
-        __name__,
-        {
-            "friction_fmus.errors": ["ExcitationError", "FitError", "IdentificationError", "RecordError"],
-            "friction_fmus.identification.fit.estimate": ["Estimate"],
-            "friction_fmus.identification.data.excitation": ["examine", "examine_segments"],
-            "friction_fmus.identification.data.record": ["RecordFinding", "RecordWarning", "Array", "Record"],
-            "friction_fmus.blocks.axis_units": ["LINEAR", "ROTARY", "AxisUnits"],
-            "friction_fmus.identification.fit.grid": ["HysteresisGrid", "identify_hysteresis"],
-            "friction_fmus.identification.identifying": ["identify"],
-            "friction_fmus.identification.fit.idim": [
-                "PUBLISHED_SETTINGS",
-                "InverseModelFit",
-                "InverseModelSettings",
-                "Motion",
-                "decimate",
-                "filtered_motion",
-                "identify_inverse_model",
-                "identify_inverse_stribeck",
-            ],
-            "friction_fmus.identification.data.mapping": [
-                "DataMapping",
-                "load_mapping",
-                "read_mapping",
-                "read_windows",
-            ],
-            "friction_fmus.identification.fit.contact_model": ["identifiable"],
-            "friction_fmus.identification.fit.output_error": [
-                "Mapper",
-                "OutputErrorFit",
-                "Simulator",
-                "TargetSignal",
-                "Unknown",
-                "fit_output_error",
-            ],
-            "friction_fmus.identification.fit.presliding": ["PreslidingFit", "identify_presliding"],
-            "friction_fmus.identification.data.reading": ["Measurement", "read_measurement", "read_records"],
-            "friction_fmus.identification.residual": ["LearnedResidual", "ResidualTable", "learn_residual"],
-            "friction_fmus.identification.identification_result": ["Identification"],
-            "friction_fmus.identification.fit.scores": ["Score"],
-            "friction_fmus.identification.model_comparison": [
-                "ModelComparison",
-                "IdentificationTask",
-                "compare_models",
-            ],
-        },
-    )
+    __getattr__, __dir__ = lazy_names(__name__)
 
 __all__ = [
     "LINEAR",

@@ -33,10 +33,7 @@ SECOND = (8.0 / 5.0, -1.0 / 5.0, 8.0 / 315.0, -1.0 / 560.0)
         "rd_now": Output(VELOCITY, "velocity of r_now"),
         "rdd_now": Output(ACCELERATION, "acceleration of r_now"),
     },
-    conditions={
-        "Ts Ki < Kp or Ki = 0": settles_slowly,
-        "2 Ts Kp < 4 Kd + Ts^2 Ki": settles_fast,
-    },
+    conditions={"Ts Ki < Kp or Ki = 0": settles_slowly, "2 Ts Kp < 4 Kd + Ts^2 Ki": settles_fast},
 )
 def preview_prefilter(
     r: SX = Input(LENGTH, 0.0, "reference position, four samples in advance"),

@@ -20,10 +20,7 @@ from friction_fmus.lawkit.quantities import DAMPING, FORCE, LENGTH, MASS, NO_UNI
     quotes=variables.POSITION_LOOP,
     loop=Loop(gains={"Kp": "Kp", "Kd": "Kd", "Ki": "Ki", "m": "m"}, linear={}, hunts=False),
     use=REPLACES_SERVO,
-    outputs={
-        **variables.CONTROL,
-        "jumped": Output(NO_UNIT, "1 in a sample in which the integral jumps"),
-    },
+    outputs={**variables.CONTROL, "jumped": Output(NO_UNIT, "1 in a sample in which the integral jumps")},
 )
 def reset_pid(
     r: SX = variables.R,

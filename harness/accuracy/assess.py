@@ -25,7 +25,7 @@ from harness.accuracy.error_estimate import (
     unbounded,
 )
 from harness.accuracy.measure_bounds import BOUND, floor_of, has_lines, order_of
-from harness.accuracy.rungs import by_newton, repeated, scaled_step_tolerance, scaled_tolerance, step_counts
+from harness.accuracy.rungs import by_newton, repeated, scaled_tolerance, step_counts
 from harness.engine.defect import are_power, inaccurate, unit_of
 from harness.errors import ExperimentError, Interrupted
 from harness.masters import find_master
@@ -243,10 +243,9 @@ def _conclusions(
     step = suggested_step([*found.values()], experiment, required, floor)
     if step is not None:
         attributes["suggested_step"] = step
-        if find_master(experiment.master).adapts:
-            attributes["suggested_coupling_tolerance"] = scaled_tolerance(experiment, step / experiment.step)
-        if divided:
-            attributes["suggested_step_tolerance"] = scaled_step_tolerance(experiment, step / experiment.step)
+        shrunk = {"coupling_tolerance": find_master(experiment.master).adapts, "step_tolerance": divided}
+        for name in (each for each, shrinks in shrunk.items() if shrinks):
+            attributes[f"suggested_{name}"] = scaled_tolerance(experiment, name, step / experiment.step)
         if step_counts(system, experiment):
             attributes["suggested_factor"] = round(experiment.step / step)
     return attributes

@@ -28,7 +28,7 @@ from harness.parts.series import SeriesPart
 from harness.result import Result
 from harness.run import Options, Session
 from harness.system.assembly import Assembly, assembled
-from harness.system.experiment import COUPLING_TOLERANCE, LOOP_TOLERANCE, STEP_TOLERANCE, Experiment
+from harness.system.experiment import COUPLING_TOLERANCE, LIMITS, LOOP_TOLERANCE, STEP_TOLERANCE, Experiment
 from harness.system.wire import Delay, DropOut, Manipulator, Noise
 
 COARSER: Final = (Fraction(2), Fraction(4))
@@ -88,9 +88,9 @@ def rung(
         stop=experiment.stop if ticks * ratio == experiment.ticks else experiment.start + ticks * step,
         decimate=1 if dense and experiment.decimate == 1 else rows_apart(experiment, ratio),
         manipulators=tuple(_scaled(each, ratio) for each in experiment.manipulators),
-        coupling_tolerance=scaled_tolerance(experiment, float(ratio)) if adapts else None,
-        step_tolerance=scaled_step_tolerance(experiment, float(ratio)),
-        loop_tolerance=scaled_loop_tolerance(experiment, float(ratio)),
+        coupling_tolerance=scaled_tolerance(experiment, "coupling_tolerance", float(ratio)) if adapts else None,
+        step_tolerance=scaled_tolerance(experiment, "step_tolerance", float(ratio)),
+        loop_tolerance=scaled_tolerance(experiment, "loop_tolerance", float(ratio)),
     )
     try:
         for part, count in zip(sampled, every, strict=True):
@@ -121,19 +121,17 @@ def _scaled(manipulator: Manipulator, ratio: Fraction) -> Manipulator:
     return replace(manipulator, ticks=int(manipulator.ticks / ratio)) if isinstance(manipulator, Delay) else manipulator
 
 
-def scaled_tolerance(experiment: Experiment, ratio: float) -> float:
-    """Return the coupling tolerance with which the inner steps of adaptive grow as the communication step does."""
-    return min(max((experiment.coupling_tolerance or COUPLING_TOLERANCE) * ratio**2, 1e-12), 1e-2)
+_GROWTH: Final = {  # default, and the power of the step with which the tolerance grows
+    "coupling_tolerance": (COUPLING_TOLERANCE, 2),  # the inner steps of adaptive grow as the communication step does
+    "step_tolerance": (STEP_TOLERANCE, 2),  # so do the pieces of divided steps
+    "loop_tolerance": (LOOP_TOLERANCE, 3),  # as the error of a single step of newton, whose order is 2
+}
 
 
-def scaled_loop_tolerance(experiment: Experiment, ratio: float) -> float:
-    """Return the loop tolerance that grows like the error of a single step of newton, whose order is 2."""
-    return min(max((experiment.loop_tolerance or LOOP_TOLERANCE) * ratio**3, 1e-14), 1e-2)
-
-
-def scaled_step_tolerance(experiment: Experiment, ratio: float) -> float:
-    """Return the step tolerance with which the pieces of divided steps grow as the communication step does."""
-    return min(max((experiment.step_tolerance or STEP_TOLERANCE) * ratio**2, 1e-6), 0.5)
+def scaled_tolerance(experiment: Experiment, name: str, ratio: float) -> float:
+    """Return a tolerance for a step of so many times the given one."""
+    (default, power), (_, least, most) = _GROWTH[name], LIMITS[name]
+    return min(max(float(getattr(experiment, name) or default) * ratio**power, float(least)), float(most))
 
 
 _LOG = logging.getLogger("harness")

@@ -21,7 +21,7 @@ from harness.parts.part import Part
 from harness.parts.series import SeriesPart
 from harness.storage.files import atomic_path, reason, require_regular
 from harness.system.assembly import Assembly
-from harness.system.experiment import Experiment
+from harness.system.experiment import SCALARS, Experiment
 from harness.system.plan import Plan
 from harness.values import shown
 
@@ -92,11 +92,6 @@ _FORMAT: Final = 3
 _HEADER: Final = "checkpoint.json"
 _HASH: Final = "sha256"
 _LARGEST: Final = 1 << 30  # largest unpacked size of a checkpoint [bytes]
-_SETTINGS: Final = (
-    *("start", "step", "master", "tolerance", "extrapolation"),
-    *("loop_tolerance", "coupling_tolerance", "step_tolerance"),
-)
-"""Settings of the experiment that decide on values."""
 _REMEDY: Final = "give a checkpoint that a run has written"
 
 Arrays: TypeAlias = Mapping[str, np.ndarray[Any, Any]]
@@ -242,7 +237,7 @@ def identity(system: Assembly, experiment: Experiment) -> dict[str, Any]:
             for text, gain, offset, delay, initial in wires
         ],
         "start values": {name: repr(value) for name, value in sorted(system.start.items())},
-        **{name: getattr(experiment, name) for name in _SETTINGS},
+        **{name: getattr(experiment, name) for name in SCALARS if name not in ("stop", "decimate")},  # decide on values
         "order": list(experiment.order),
         "manipulators": [repr(each) for each in experiment.manipulators],
     }

@@ -187,6 +187,7 @@ MIRRORED(Contact)
 MIRRORED(Group)
 MIRRORED(Moving)
 MIRRORED(Newton)
+MIRRORED(StateOutput)
 MIRRORED(StepCheck)
 
 #endif

@@ -15,16 +15,8 @@ from harness.parts.part import StartValue
 from harness.values import shown
 
 TYPES: Final = (
-    "Float64",
-    "Float32",
-    "Int8",
-    "UInt8",
-    "Int16",
-    "UInt16",
-    "Int32",
-    "UInt32",
-    "Int64",
-    "UInt64",
+    *("Float64", "Float32"),
+    *(f"{sign}Int{bits}" for bits in (8, 16, 32, 64) for sign in ("", "U")),
     "Boolean",
 )
 """Types of FMI 3.0 in the order of ``Type3`` of fmi3_numbers.h; an Enumeration is an Int64."""

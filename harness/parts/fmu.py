@@ -425,12 +425,7 @@ class FmuPart(Part):
         return blocks
 
     def _exchange(
-        self,
-        functions: Mapping[str, Callable[..., int]],
-        verb: str,
-        kind: str,
-        references: list[int],
-        values: Values,
+        self, functions: Mapping[str, Callable[..., int]], verb: str, kind: str, references: list[int], values: Values
     ) -> Callable[[], None]:
         """Return one prepared call of fmi2SetXXX or fmi2GetXXX."""
         instance = self._started()

@@ -34,7 +34,6 @@ EXITED: Final = 2  # exit status of a program that an FMU has ended
 _AT_EXIT = ctypes.CFUNCTYPE(None)
 _ISOLATE: Final = "run it in its own process (isolate = true)"
 
-
 _FLOATS: Final = (
     {
         "the rounding mode": 0x0C006000,

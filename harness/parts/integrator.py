@@ -43,6 +43,11 @@ FUNCTIONS: Final = (
 )
 """Functions for model exchange, in the order of ``failure`` in integrator.h, which begins at 1."""
 
+_FIELDS: Final = (
+    *("enter_event_mode", "new_discrete_states", "enter_continuous_time_mode", "completed_step"),
+    *("set_time", "set_states", "get_states", "get_derivatives", "get_indicators", "get_nominals"),
+)  # their fields in Integrator
+
 _SET_INPUTS, _GET_INPUTS = 11, 12
 _OTHERS: Final = MappingProxyType(
     {
@@ -65,12 +70,13 @@ _SOLVER_REASONS: Final = MappingProxyType(
     }
 )
 
+_TYPES: Final = ("Real", "Integer", "Boolean")
+_STATE: Final = ("Get", "Set", "Free")
 _EXPORTED: Final = MappingProxyType(
     {
-        **{f"{verb}{kind}": f"{verb}_{kind}".lower() for verb in ("Set", "Get") for kind in ("Real", "Integer")},
-        **{f"{verb}Boolean": f"{verb}_boolean".lower() for verb in ("Set", "Get")},
+        **{f"{verb}{kind}": f"{verb}_{kind}".lower() for verb in ("Set", "Get") for kind in _TYPES},
         **{"DoStep": "step", "SetRealInputDerivatives": "set_slopes"},
-        **{f"{verb}FMUstate": f"{verb}_state".lower() for verb in ("Get", "Set", "Free")},
+        **{f"{verb}FMUstate": f"{verb}_state".lower() for verb in _STATE},
     }
 )
 
@@ -106,12 +112,9 @@ class Integrator:
         self.states = states
         data = self.data = IntegratorData()
         data.component = component
-        data.set, data.get = (
-            (_POINTER * 3)(*(addresses[f"{verb}{kind}"] for kind in ("Real", "Integer", "Boolean")))
-            for verb in ("Set", "Get")
-        )
+        data.set, data.get = ((_POINTER * 3)(*(addresses[verb + kind] for kind in _TYPES)) for verb in ("Set", "Get"))
         data.get_state, data.set_state, data.free_state = (addresses[f"{verb}FMUstate"] for verb in _STATE)
-        for field, function in _FIELDS.items():
+        for field, function in zip(_FIELDS, FUNCTIONS, strict=True):
             setattr(data, field, addresses[function])
         data.states, data.indicators, data.most_moving = len(states), indicators, inputs
         size = max(1, len(states), indicators, inputs)
@@ -151,21 +154,6 @@ class Integrator:
             return Failure("its integration", f"the solver CVODE stopped, as {reason}", 3, time)
         name = {_SET_INPUTS: "SetReal", _GET_INPUTS: "GetReal"}.get(code) or FUNCTIONS[code - 1]
         return Failure(f"fmi2{name}", "", int(data.status), time)
-
-
-_STATE: Final = ("Get", "Set", "Free")
-_FIELDS: Final = MappingProxyType(
-    dict(
-        zip(
-            (
-                *("enter_event_mode", "new_discrete_states", "enter_continuous_time_mode", "completed_step"),
-                *("set_time", "set_states", "get_states", "get_derivatives", "get_indicators", "get_nominals"),
-            ),
-            FUNCTIONS,
-            strict=True,
-        )
-    )
-)
 
 
 class _Sundials(NamedTuple):

@@ -56,13 +56,6 @@ DIMENSION: Final = f"{{{SSC}}}Dimension"
 TOOL: Final = "harness"
 
 _ROOTS: Final = MappingProxyType({SSD: "SystemStructureDescription", SSV: "ParameterSet", SSM: "ParameterMapping"})
-_SCHEMAS: Final = MappingProxyType(
-    {
-        SSD: "SystemStructureDescription.xsd",
-        SSV: "SystemStructureParameterValues.xsd",
-        SSM: "SystemStructureParameterMapping.xsd",
-    }
-)
 #: Folder of the schemas by version.
 _FOLDERS: Final = MappingProxyType(
     {"1.0": Path(fmpy.__file__).parent / "ssp" / "schema", "2.0": Path(__file__).parent / "schema"}
@@ -124,7 +117,7 @@ def to_bytes(root: etree._Element) -> bytes:
 
 @cache
 def _schema(space: str, version: str) -> etree.XMLSchema:
-    return etree.XMLSchema(etree.parse(_FOLDERS[version] / _SCHEMAS[space]))
+    return etree.XMLSchema(etree.parse(_FOLDERS[version] / f"{PurePosixPath(space).name}.xsd"))
 
 
 #: Member that describes the system.

@@ -57,7 +57,6 @@ def grouped(wires: Sequence[Wire], arrays: Mapping[str, Array]) -> Iterator[tupl
     while k < len(wires):
         wire = wires[k]
         ends = [(end, arrays[end]) for end in (wire.source, wire.target) if end in arrays]
-        count = 1
         if len(ends) == 2 and ends[0][1].shape == ends[1][1].shape:
             names = [elements[split_name(end)[0], array.name] for end, array in ends]
             run = wires[k : k + len(names[0])]
@@ -68,7 +67,7 @@ def grouped(wires: Sequence[Wire], arrays: Mapping[str, Array]) -> Iterator[tupl
                 k += len(run)
                 continue
         yield wire, False
-        k += count
+        k += 1
 
 
 def start_parameters(

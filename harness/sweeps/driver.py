@@ -25,8 +25,8 @@ from harness.sweeps.columns import Columns, Memory, Storage
 from harness.sweeps.measures import Builtin, Measure, find_measures, label
 from harness.sweeps.pools import LOOK, Outcomes, Pool, ProcessPool, SerialPool, make_pool
 from harness.sweeps.samples import Given, Sample, checked_samples, column_types
-from harness.sweeps.worker import SETTINGS, Job, Outcome
-from harness.system.experiment import Experiment
+from harness.sweeps.worker import Job, Outcome
+from harness.system.experiment import SCALARS, Experiment
 from harness.system.graph import find_port, recorded_names, stepping_order
 from harness.system.system import System
 
@@ -203,12 +203,7 @@ def sweep(
 
 
 def _drive(
-    job: Job,
-    samples: Sequence[Sample],
-    queue: Queue,
-    pool: Pool,
-    storage: Storage,
-    progress: Progress | None,
+    job: Job, samples: Sequence[Sample], queue: Queue, pool: Pool, storage: Storage, progress: Progress | None
 ) -> None:
     """Distribute chunks and store their outcomes until all runs are done."""
     running: dict[Outcomes, list[int]] = {}
@@ -238,12 +233,12 @@ def _check_names(model: System, samples: Iterable[Sample]) -> dict[str, str]:
             continue
         tried.add(names)
         for name in names:
-            if "." not in name and name not in SETTINGS:
+            if "." not in name and name not in SCALARS:
                 raise SweepError(
                     f"'{name}' is neither a variable 'part.port' nor a setting of the experiment: "
-                    f"{nearest(name, SETTINGS)}"
+                    f"{nearest(name, SCALARS)}"
                 )
-        model.with_start({name: value for name, value in sample.items() if name not in SETTINGS})
+        model.with_start({name: value for name, value in sample.items() if name not in SCALARS})
     swept = set().union(*tried)
     ports = {
         f"{owner}.{port.name}": port for owner, part in model.parts.items() for port in (*part.inputs, *part.parameters)

@@ -27,7 +27,6 @@ Given: TypeAlias = WithUnits | ParameterSet
 
 Bounds: TypeAlias = Mapping[str, tuple[float, float]]
 
-
 MOST_RUNS: Final = 10_000_000  # largest number of runs in a sweep, as all parameters are kept in memory
 
 

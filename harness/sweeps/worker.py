@@ -19,14 +19,8 @@ from harness.result import Result
 from harness.run import Session
 from harness.sweeps.measures import Builtin, Measure, label
 from harness.sweeps.samples import Sample
-from harness.system.experiment import Experiment
+from harness.system.experiment import SCALARS, Experiment
 from harness.system.system import System
-
-SETTINGS: Final = (
-    *("start", "stop", "step", "master", "decimate", "tolerance", "extrapolation"),
-    *("loop_tolerance", "coupling_tolerance", "step_tolerance"),
-)
-"""Settings of the experiment that can be swept; names of start values contain a dot."""
 
 _PROBED: Final = 1000  # number of communication steps over which a reset FMU is compared with a new one
 
@@ -106,18 +100,17 @@ class Runner:
         settings, start = _split(values)
         layout = settings, start.keys(), {name: start[name] for name in start.keys() & self._sizes}
         if self._session is None or layout != self._layout:
-            self._session, self._start = self._laid_out(values, self.job.experiment)
-            self._layout = layout
+            system, experiment = self._set(values, self.job.experiment)
+            self._session, self._start, self._layout = Session(system, experiment), system.start, layout
         session = self._session
         if any(part.undeclared for part in self.system.parts.values()):
             self._session = None  # start values decide on which inputs its outputs depend
         return session.run({**self._start, **start})
 
-    def _laid_out(self, values: Sample, experiment: Experiment) -> tuple[Session, Mapping[str, StartValue]]:
-        """A session, and the start values of its system."""
+    def _set(self, values: Sample, experiment: Experiment) -> tuple[System, Experiment]:
+        """Return the system and the experiment with the values of a run."""
         settings, start = _split(values)
-        system = self.system.with_start(start)
-        return Session(system, replace(experiment, **settings)), system.start
+        return self.system.with_start(start), replace(experiment, **settings)
 
     def _measured(self, recorded: Recorder) -> dict[str, float]:
         numbers: dict[str, float] = {}
@@ -140,9 +133,7 @@ class Runner:
 
     def _bounds(self, values: Sample, measured: Mapping[str, float]) -> dict[str, float]:
         """Return the error bound of each measure."""
-        settings, start = _split(values)
-        system, experiment = self.system.with_start(start), replace(self.job.experiment, **settings)
-        bounds = measure_bounds(system, experiment, self._measured, measured, dense=True)
+        bounds = measure_bounds(*self._set(values, self.job.experiment), self._measured, measured, dense=True)
         for name in bounds:
             if name in measured:
                 raise SweepError(f"two measures are called '{name}': rename one of them")
@@ -160,9 +151,7 @@ class Runner:
             for port in (*part.outputs, *part.observables)
         ]
         whole = self.job.experiment
-        settings = {name: float(values[name]) for name in ("start", "step") if name in values}
-        begin, step = settings.get("start", whole.start), settings.get("step", whole.step)
-        stop = float(values.get("stop", whole.stop))
+        begin, stop, step = (float(values.get(name, getattr(whole, name))) for name in ("start", "stop", "step"))
         ticks = min(_PROBED, round((stop - begin) / step))
         short = {**values, "stop": begin + ticks * step, "decimate": 1}
         probe = replace(whole, record=tuple(names))
@@ -177,8 +166,8 @@ class Runner:
     def _outputs(self, values: Sample, experiment: Experiment) -> bytes | str:
         """Return the recorded values as bytes, or the error text of a failed run."""
         try:
-            session, start = self._laid_out(values, experiment)
-            recorded = session.run(start)
+            system, experiment = self._set(values, experiment)
+            recorded = Session(system, experiment).run(system.start)
         except Exception as error:
             return str(error)
         return recorded.rows[: recorded.filled].tobytes()
@@ -190,8 +179,8 @@ class Runner:
 
 def _split(values: Sample) -> tuple[dict[str, Any], dict[str, StartValue]]:
     """Settings of the experiment, and start values."""
-    settings = {name: value for name, value in values.items() if name in SETTINGS}
-    return settings, {name: value for name, value in values.items() if name not in SETTINGS}
+    settings = {name: value for name, value in values.items() if name in SCALARS}
+    return settings, {name: value for name, value in values.items() if name not in SCALARS}
 
 
 _runners: dict[tuple[str, int], Runner] = {}
@@ -199,10 +188,7 @@ _ended: set[str] = set()
 
 
 def run_chunk(
-    job: Job,
-    runs: Sequence[tuple[int, Sample]],
-    stopped: Callable[[], bool] = lambda: False,
-    idle: float | None = None,
+    job: Job, runs: Sequence[tuple[int, Sample]], stopped: Callable[[], bool] = lambda: False, idle: float | None = None
 ) -> list[Outcome]:
     """Execute some runs of a sweep with the system of this thread."""
     key = (job.key, threading.get_ident())

@@ -9,21 +9,14 @@ from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING, Any, Literal, Self
 
-from harness.errors import (
-    ExperimentError,
-    HarnessError,
-    StartValueError,
-    UnconnectedError,
-    UnknownNameError,
-    WireError,
-)
+from harness.errors import ExperimentError, HarnessError, StartValueError, UnconnectedError, UnknownNameError, WireError
 from harness.parts.flat_description import element_names
 from harness.parts.fmu import FmuPart
 from harness.parts.guard import Guard
 from harness.parts.part import Part, Port, StartValue
 from harness.result import Result
 from harness.system.assembly import resize_parts
-from harness.system.experiment import Experiment
+from harness.system.experiment import LISTS, Experiment
 from harness.system.system_file import SystemDescription, read_system, write_system
 from harness.system.wire import Manipulator, Wire, check_wires, find_part, parse_wire, split_name, stated_starts
 from harness.values import is_count, is_line, plain, shown
@@ -439,7 +432,7 @@ class System:
 
         given = locals()  # each field of `Experiment` is an argument
         changes = {key.name: given[key.name] for key in fields(Experiment) if given[key.name] is not None}
-        changes |= {key: tuple(changes[key]) for key in ("record", "order", "manipulators") if key in changes}
+        changes |= {key: tuple(changes[key]) for key in LISTS if key in changes}
 
         if self.experiment is not None:
             experiment = replace(self.experiment, **changes)

@@ -183,11 +183,7 @@ def _part_table(part: Part, path: Path) -> dict[str, Any]:
         isolation = {"isolate": True, "timeout": part.timeout} if part.isolate else {}
         return {**origin, **every, **isolation}
     if isinstance(part, SeriesPart) and part.path is not None:
-        return {
-            "record": _relative(part.path, path),
-            "interpolation": part.interpolation,
-            "beyond": part.beyond,
-        }
+        return {"record": _relative(part.path, path), "interpolation": part.interpolation, "beyond": part.beyond}
     raise SystemFileError(
         f"part '{part.name}' cannot be written to {path}: only FMUs and recorded files have a place in it"
     )

@@ -9,6 +9,7 @@ import sys
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from ctypes import CFUNCTYPE, POINTER, byref, c_char_p, c_double, c_int, c_size_t, c_uint, c_void_p
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final, Self
 
@@ -18,6 +19,7 @@ TRACE_SIZE: Final = 64
 
 _refs, _reals, _ints, _strings = POINTER(c_uint), POINTER(c_double), POINTER(c_int), POINTER(c_char_p)
 _state = c_void_p
+_VALUES: Final = (("Real", _reals), ("Integer", _ints), ("Boolean", _ints), ("String", _strings))
 _COMMON: Final[dict[str, tuple[Any, ...]]] = {
     "GetTypesPlatform": (),
     "GetVersion": (),
@@ -26,14 +28,7 @@ _COMMON: Final[dict[str, tuple[Any, ...]]] = {
     "FreeInstance": (c_void_p,),
     "SetupExperiment": (c_void_p, c_int, c_double, c_double, c_int, c_double),
     **dict.fromkeys(("EnterInitializationMode", "ExitInitializationMode", "Terminate", "Reset"), (c_void_p,)),
-    "GetReal": (c_void_p, _refs, c_size_t, _reals),
-    "GetInteger": (c_void_p, _refs, c_size_t, _ints),
-    "GetBoolean": (c_void_p, _refs, c_size_t, _ints),
-    "GetString": (c_void_p, _refs, c_size_t, _strings),
-    "SetReal": (c_void_p, _refs, c_size_t, _reals),
-    "SetInteger": (c_void_p, _refs, c_size_t, _ints),
-    "SetBoolean": (c_void_p, _refs, c_size_t, _ints),
-    "SetString": (c_void_p, _refs, c_size_t, _strings),
+    **{f"{verb}{kind}": (c_void_p, _refs, c_size_t, values) for verb in ("Get", "Set") for kind, values in _VALUES},
     "GetFMUstate": (c_void_p, POINTER(_state)),
     "SetFMUstate": (c_void_p, _state),
     "FreeFMUstate": (c_void_p, POINTER(_state)),
@@ -47,11 +42,7 @@ _CO_SIMULATION: Final[dict[str, tuple[Any, ...]]] = {
     "GetRealOutputDerivatives": (c_void_p, _refs, c_size_t, _ints, _reals),
     "DoStep": (c_void_p, c_double, c_double, c_int),
     "CancelStep": (c_void_p,),
-    "GetStatus": (c_void_p, c_int, _ints),
-    "GetRealStatus": (c_void_p, c_int, _reals),
-    "GetIntegerStatus": (c_void_p, c_int, _ints),
-    "GetBooleanStatus": (c_void_p, c_int, _ints),
-    "GetStringStatus": (c_void_p, c_int, _strings),
+    **{f"Get{kind}Status": (c_void_p, c_int, value) for kind, value in (("", _ints), *_VALUES)},
 }
 _EXCHANGE: Final[dict[str, tuple[Any, ...]]] = {
     **dict.fromkeys(("EnterEventMode", "EnterContinuousTimeMode"), (c_void_p,)),
@@ -99,21 +90,20 @@ class RefusedError(Exception):
         self.function, self.status, self.message = function, status, message
 
 
+@dataclass
 class ProbedVariable:
-    """Data of a ScalarVariable for the probes."""
+    """Data of a ScalarVariable for the probes, as the check writes them."""
 
-    def __init__(self, row: dict[str, Any]) -> None:
-        """Take the row from the check."""
-        self.name: str = row["name"]
-        self.reference: int = row["reference"]
-        self.type: str = row["type"]
-        self.causality: str = row["causality"]
-        self.variability: str = row["variability"]
-        self.initial: str | None = row["initial"]
-        self.start: Any = row["start"]
-        self.low: float = row["low"]
-        self.high: float = row["high"]
-        self.nominal: float = row["nominal"]
+    name: str
+    reference: int
+    type: str
+    causality: str
+    variability: str
+    initial: str | None
+    start: Any
+    low: float
+    high: float
+    nominal: float
 
 
 class RawLibrary:
@@ -128,7 +118,7 @@ class RawLibrary:
         self.job, self._trace = job, trace
         self.guid: str = job["guid"]
         self.start_time: float = job["start_time"]
-        self.variables = [ProbedVariable(row) for row in job["variables"]]
+        self.variables = [ProbedVariable(**row) for row in job["variables"]]
         self.by_type = _by_type(self.variables)
         self.messages: list[tuple[int, str, str]] = []
         self.categories: set[str] = set()

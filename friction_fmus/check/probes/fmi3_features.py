@@ -195,10 +195,7 @@ def intermediate_update(library: RawLibrary, report: Report) -> None:
     callback = UPDATE(update)
     pointer = library.new(b"checked", library.guid.encode(), update=callback)
     if not pointer:
-        report(
-            "fmi3-intermediate-update",
-            f"intermediateUpdate is rejected{last_message(library)}; accept it",
-        )
+        report("fmi3-intermediate-update", f"intermediateUpdate is rejected{last_message(library)}; accept it")
         return
     h, start = library.job["step"], library.start_time
     try:

@@ -43,10 +43,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     methods = ("auto", *method_names())
     parser.add_argument("--method", choices=methods, default="auto", help="method; auto selects it by the model")
     parser.add_argument(
-        "--loss",
-        choices=LOSSES,
-        default="linear",
-        help="loss function; all except linear are robust against outliers",
+        "--loss", choices=LOSSES, default="linear", help="loss function; all except linear are robust against outliers"
     )
     parser.add_argument(
         "--position-map",

@@ -386,12 +386,7 @@ def _of_series(name: str, part: Part, interface: Interface) -> Iterable[Composit
 
 
 def _of_fmu(
-    name: str,
-    part: FmuPart,
-    start: Mapping[str, StartValue],
-    interface: Interface,
-    wired: set[str],
-    exchanges: bool,
+    name: str, part: FmuPart, start: Mapping[str, StartValue], interface: Interface, wired: set[str], exchanges: bool
 ) -> Iterable[CompositeVariable]:
     derivatives = states(part) if exchanges else {}
     for own, variable in part.archive.variables.items():

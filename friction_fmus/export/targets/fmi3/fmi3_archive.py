@@ -22,12 +22,7 @@ from harness.compiling.toolchain import guid_of, included, source_folder
 from harness.storage.files import cached
 from harness.storage.zip_file import zipped
 
-TYPES: Final[Mapping[str, str]] = {
-    "Real": "Float64",
-    "Integer": "Int32",
-    "Enumeration": "Int32",
-    "Boolean": "Boolean",
-}
+TYPES: Final[Mapping[str, str]] = {"Real": "Float64", "Integer": "Int32", "Enumeration": "Int32", "Boolean": "Boolean"}
 """Type in FMI 3.0 of each type of FMI 2.0."""
 
 SIZE: Final = "N"  # name of the number of elements. Arrays with as many elements as its largest value are sized by it

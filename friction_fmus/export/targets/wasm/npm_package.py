@@ -254,10 +254,7 @@ class WasmModel:
             "version": version("friction-fmus"),
             **{key: self.description[key] for key in ("description", "license") if key in self.description},
             "type": "module",
-            "exports": {
-                ".": {"types": "./index.d.ts", "default": "./index.js"},
-                "./*": "./*",
-            },
+            "exports": {".": {"types": "./index.d.ts", "default": "./index.js"}, "./*": "./*"},
             "types": "./index.d.ts",
             "sideEffects": [f"./{name}.script.js"],
         }
