@@ -1,4 +1,4 @@
-"""Friction models and compensators as FMUs of FMI 2.0 and 3.0."""
+"""Friction models and compensators as FMI 2.0 and 3.0 FMUs."""
 
 import sys
 from importlib.machinery import PathFinder

@@ -27,14 +27,14 @@ def extra_of(package: str) -> str | None:
     return min((extra for name, extra in found if name == package), key=lambda extra: sizes[extra], default=None)
 
 
-def missing(package: str, need: str = "this needs it") -> MissingPackageError:
-    """Return the error for a package of an extra that is not installed."""
+def missing(package: str, need: str) -> MissingPackageError:
+    """Return the error for a package that is not installed; `need` states what needs it."""
     return MissingPackageError(
         f"{package} is not installed; {need}: pip install 'friction-fmus[{extra_of(package)}]'", name=package
     )
 
 
-def require(package: str, need: str = "this needs it") -> None:
+def require(package: str, need: str) -> None:
     """Raise MissingPackageError if a package of an extra is not installed."""
     if find_spec(package) is None:
         raise missing(package, need)
@@ -74,7 +74,7 @@ def lazy_names(package: str) -> tuple[Callable[[str], object], Callable[[], list
         except ModuleNotFoundError as error:
             if not error.name or extra_of(error.name) is None:
                 raise
-            raise missing(error.name) from error
+            raise missing(error.name, f"{name} needs it") from error
         setattr(sys.modules[package], name, value)
         return value
 

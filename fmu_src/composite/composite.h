@@ -898,8 +898,19 @@ static bool known(fmi2ValueReference reference, int type)
     return reference < VARIABLES && variables[reference].type == type;
 }
 
+/* Give the contacts at rest v = 0 exactly, and those that stick the holding force of the last step. */
+static void keep_at_rest(Instance *c)
+{
+    const int64_t jumped = c->newton.jumped;
+    for (int64_t g = 0; g < GROUPS; g++) {
+        c->newton.jumped = c->memory.guards[g].jumped;
+        set_at_rest(&c->engine, &c->newton, &group_data[g]);
+    }
+    c->newton.jumped = jumped;
+}
+
 /* Update the outputs that depend directly on an input or a parameter that was set since the last step. The engine keeps
-   its values until the next step; outputs in algebraic loops keep theirs until then, as FMI allows. */
+   its values until the next step; outputs in algebraic loops and holding forces keep theirs, as FMI allows. */
 static fmi2Status refresh_direct(Instance *c, const char *function)
 {
     Engine *const e = &c->engine;
@@ -924,6 +935,7 @@ static fmi2Status refresh_direct(Instance *c, const char *function)
         status = hand_over(p, signals);
         if (status <= 1)
             status = fetch_outputs(p, signals);
+        keep_at_rest(c);
     }
     memcpy(c->shown, signals, sizeof c->memory.signals);
     memcpy(signals, c->earlier, sizeof c->memory.signals);

@@ -182,7 +182,7 @@ def _told(path: Path, code: str) -> About:
 
 
 def _read_laws(path: Path) -> list[Block]:
-    require("casadi")
+    require("casadi", "a law in a Python file needs it")
     from friction_fmus.lawkit.law import block_source
     from friction_fmus.lawkit.law_files import discover_laws
 

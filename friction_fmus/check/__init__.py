@@ -1,6 +1,6 @@
 """Checks of an FMU: the archive, the XML, and the behaviour of the binary in a separate process.
 
-An SSP is read as the harness reads it, and each of its FMUs is checked. The checks apply to any FMU of FMI 2.0 or 3.0.
+An SSP is read as the harness reads it, and each of its FMUs is checked. The checks apply to any FMI 2.0 or 3.0 FMU.
 The rules are functions in `archive_rules`, `fmi2_rules` and `fmi3_rules`, and probes in `probes`; each rule is one
 function.
 """
@@ -71,7 +71,7 @@ def check(
     Returns
     -------
     list of Finding
-        The findings in order of severity. A file that is not an FMU of FMI 2.0 or 3.0 gives one finding.
+        The findings in order of severity. A file that is not an FMI 2.0 or 3.0 FMU gives one finding.
 
     Raises
     ------

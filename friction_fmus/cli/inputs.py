@@ -29,7 +29,7 @@ PATIENCE = 10.0  # time limit for the answer of a scheduler [s]
 
 def connect(address: str) -> Any:
     """Return a client of the dask cluster at this address."""
-    require("distributed")
+    require("distributed", "a dask cluster needs it")
     from distributed import Client
 
     make: Any = Client

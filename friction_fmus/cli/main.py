@@ -22,11 +22,11 @@ from harness.storage.files import stamped
 def parser() -> argparse.ArgumentParser:
     """Return the parser of all commands and options."""
     top = argparse.ArgumentParser(
-        prog="friction-fmus", description="Friction models and friction compensators as FMUs of FMI 2.0 and 3.0."
+        prog="friction-fmus", description="Friction models and friction compensators as FMI 2.0 and 3.0 FMUs."
     )
     top.add_argument("--version", action="version", version=f"friction-fmus {VERSION}")
     top.add_argument("--debug", action="store_true", help="show the traceback of an error")
-    added = top.add_subparsers(title="commands", metavar="COMMAND", required=True)
+    added = top.add_subparsers(title="commands", metavar="COMMAND", dest="command", required=True)
     for found in pkgutil.iter_modules(commands.__path__):
         module = importlib.import_module(f"{commands.__name__}.{found.name}")
         description = inspect.getdoc(module) or ""
@@ -48,10 +48,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
         stamped()  # libraries read the variable too, but raise errors of their own
         return options.run(options) or 0
     except (FrictionError, HarnessError, ModuleNotFoundError, OSError) as error:
-        if isinstance(error, ModuleNotFoundError):
+        if isinstance(error, ModuleNotFoundError) and not isinstance(error, HarnessError):
             if not error.name or extra_of(error.name) is None:
                 raise
-            error = missing(error.name)
+            error = missing(error.name, f"`friction-fmus {options.command}` needs it")
         if options.debug:
             raise
         text = str(error)

@@ -83,7 +83,7 @@ def build(
         Called before each platform is compiled, with its name and the number of completed platforms, for a progress
         bar. It is not called for an FMU in the cache.
     **options
-        Options of the target. An FMU of FMI 3.0 has a clock for its samples with ``clocks=True``, and arrays for its
+        Options of the target. An FMI 3.0 FMU has a clock for its samples with ``clocks=True``, and arrays for its
         vectors with ``arrays=True``; many importers know neither.
 
     Returns

@@ -185,7 +185,7 @@ class Law:
         Returns `function` with additional results, the intermediate results, and their names.
     prefixes : mapping of int to str
         For a law that consists of others: the prefix of the names of variables that the documentation omits, by the
-        line from which on it does.
+        first line of their code.
     """
 
     name: str

@@ -467,7 +467,7 @@ def run_study(
     MissingPackageError
         If a package of the extra ``study`` is not installed.
     """
-    require("plotly")  # at the start, because the report is written at the end
+    require("plotly", "the report of a study needs it")  # at the start, because the report is written at the end
     toolchain.compiler()
     begin = time.perf_counter()
     config = what if isinstance(what, StudyConfig) else load_config(what)

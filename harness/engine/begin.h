@@ -3,7 +3,7 @@
 #ifndef BEGIN_H
 #define BEGIN_H
 
-#include "part.h"
+#include "newton_data.h"
 
 /* Begin a run at the values of the signals; the guards, the kept copies and the work space are zero. */
 EXPORT void newton_begin(const Engine *e, Newton *newton);

@@ -43,7 +43,7 @@ typedef struct {
     GetState *get_state;
     SetState *set_state;
     SetSlopes *set_slopes;
-    void *instance; /* of an FMU of FMI 3.0, whose adapter is `component`; called directly where these are not NULL: */
+    void *instance; /* of an FMI 3.0 FMU, whose adapter is `component`; called directly where these are not NULL: */
     ExchangeScalars *set_scalars, *get_scalars; /* all Reals are scalars */
     DoStep3 *do_step_3;                         /* it has no clocks; states and slopes without adapter, too */
     void *state, *other_state;                  /* saved at the start of a step and of its second half */

@@ -30,7 +30,7 @@ static int set_whole(EnginePart *p, const double *signals, int type, const uint3
     return p->set[type](p->component, references, (size_t)n, p->whole);
 }
 
-/* ---- FMUs of FMI 3.0, called without their adapter where that is possible: it takes up to 5 ns per call ------- */
+/* ---- FMI 3.0 FMUs, called without their adapter where that is possible: it takes up to 5 ns per call ------- */
 
 /* Statuses of a step that the FMU itself accepted; the texts are in fmi3.py. */
 enum { RUN_ENDED = 103, STEP_ENDED };

@@ -5,6 +5,8 @@
 #ifndef QUASI_NEWTON_H
 #define QUASI_NEWTON_H
 
+#include "span.h"
+
 #define NOISY 10.0 /* largest residual of a solution, over the tolerance, if no iteration reaches the tolerance */
 
 /* inverse += (s - inverse y) s' inverse / (s' inverse y), Broyden 1965, for the step s that changed r by y. */

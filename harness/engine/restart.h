@@ -7,6 +7,8 @@
 
 #include "contacts.h"
 
+#include <float.h>
+
 #define ROUNDED 10.0 /* smallest jump over the tolerance of a solution */
 
 /* The onset of a manipulator is a jump: the inputs begin this step with the manipulated value. */

@@ -1,204 +1,14 @@
 /* The implicit master. In a loop of continuous parts (such as a mass and its friction), the values at the end of the
    step are unknown. The unknowns w are the values of the connections that run against the stepping order. One
    evaluation steps the parts of the loop in order and returns G(w). A quasi-Newton method solves r = G(w) - w = 0; the
-   parts are rolled back between evaluations.
-
-   An input with the value u0 at the start and u1 at the end of the step is passed as the line that ends at u1 and has
-   the mean value of the generalised-alpha method (Jansen, Whiting, Hulbert, Computer Methods in Applied Mechanics and
-   Engineering 190, 2000; first-order systems):
-
-       am q1 + (1 - am) q0 = af u1 + (1 - af) u0,   mean = g q1 + (1 - g) q0
-       am = (3 - rho)/(2 (1 + rho)),  af = 1/(1 + rho),  g = 1/2 + am - af
-
-   The method is of second order for any rho. rho = 1 is the trapezoidal rule, which rings in contacts that are too
-   stiff for the step; rho = 0 is BDF2, which is less accurate. Stiff components decay by the factor rho in each
-   step. */
+   parts are rolled back between evaluations. */
 
 #ifndef NEWTON_H
 #define NEWTON_H
 
-#include "newton_data.h"
-
-#define RHO     0.5
-#define GA_M    (0.5 * (3.0 - RHO) / (1.0 + RHO))
-#define GA_F    (1.0 / (1.0 + RHO))
-#define GA_RATE (0.5 + GA_M - GA_F)
-
-enum { SOLVED = 0, NOT_CONVERGED = 101, BREAKS_AWAY, MOST_EVALUATIONS = 60, MOST_BISECTIONS = 250, MOST_SPLITS = 8 };
-#ifndef MOST_HALVINGS /* fuzzing has fewer */
-#define MOST_HALVINGS 20
-#endif
-
-/* Part of a step: from t to t + h, the fraction [from, to] of the whole step. */
-typedef struct {
-    double t, h, from, to;
-    double ratio; /* of its length to the length of the previous span */
-    bool flat;    /* the values at its end are held from its start */
-} Span;
-
-/* Roles of a line: the velocity of a contact that is held by the sum of the other forces, or within the jump of its
-   friction; its force, which varies linearly while it is held, and which is constant in a step that stops or starts. */
-enum { FREE, AT_REST, IN_JUMP, HOLDING, CHANGING };
-
-static inline bool is_rest(const Moving *m) { return m->role == AT_REST || m->role == IN_JUMP; }
-
-/* Return q0 as if the previous step had the length of this one. q is the value of u at a time that lags by a fixed
-   fraction of the step. */
-static double earlier(const Moving *m, const Span *s) { return m->u0 + (m->q0 - m->u0) * s->ratio; }
-
-static double mean_of(Moving *m, const Span *s)
-{
-    if (!m->inner)
-        return m->u0 + (m->u1 - m->u0) * 0.5 * (s->from + s->to);
-    if (s->flat || m->role >= HOLDING)
-        return m->role == HOLDING && !s->flat ? 0.5 * (m->u0 + m->u1) : m->u1;
-    if (is_rest(m))
-        return 0.5 * m->u0;
-    const double q0 = earlier(m, s);
-    m->q1 = ((1.0 - GA_F) * m->u0 + GA_F * m->u1 - (1.0 - GA_M) * q0) / GA_M;
-    return (1.0 - GA_RATE) * q0 + GA_RATE * m->q1;
-}
-
-/* Return the value of an input at the end of the span. */
-static double end_of(const Moving *m, const Span *s) { return m->inner ? m->u1 : m->u0 + (m->u1 - m->u0) * s->to; }
-
-/* Step one continuous part with inputs that vary linearly. */
-static int move_part(Engine *e, Newton *newton, int64_t index, const Span *s)
-{
-    bool stops = false; /* a contact */
-    fetch_inputs(e, &e->parts[index]);
-    for (int64_t k = e->lines_from[index]; k < e->lines_from[index + 1]; k++) {
-        Line *const l = &e->lines[k];
-        Moving *const m = &newton->moving[k];
-        m->u1 = m->unknown >= 0 ? carried(e, l->input, newton->w[m->unknown]) : arriving(e, l->input);
-        if (is_rest(m)) {
-            m->u1 = 0.0;
-            stops = m->u0 != 0.0;
-        }
-        l->mean = mean_of(m, s);
-        l->end = end_of(m, s);
-    }
-    int status = step_on_lines(e, index, s->t, s->h);
-    if (status <= 1 && stops) /* the end of a line has a rounding error */
-        status = hand_over(&e->parts[index], e->signals);
-    if (status <= 1)
-        status = fetch_outputs(&e->parts[index], e->signals);
-    if (status > 1)
-        failed(e, index, STEP, status, s->t);
-    return status;
-}
-
-static inline const Contact *contacts_of(const Newton *newton, const Group *g) { return newton->contacts + g->contact; }
-
-/* Compute G(w) - w, and in *norm its magnitude over the scales. The residual of a contact at rest is its velocity. */
-static int evaluate(Engine *e, Newton *newton, const Group *g, const Span *s, bool again, double *norm)
-{
-    for (int64_t i = g->first; i < g->first + g->count; i++) {
-        const int64_t index = newton->order[i];
-        int status = again ? restore_part(&e->parts[index]) : 0;
-        if (status > 1) {
-            failed(e, index, RESTORE, status, s->t);
-            return status;
-        }
-        status = move_part(e, newton, index, s);
-        if (status > 1)
-            return status;
-    }
-    newton->evaluations++;
-    *norm = 0.0;
-    for (int64_t j = g->unknown; j < g->unknown + g->unknowns; j++) {
-        const double G = e->signals[newton->unknowns[j]];
-        const double scale = fmax(newton->scale[j], fmin(fabs(newton->w[j]), fabs(G)));
-        newton->r[j] = G - newton->w[j];
-        const double size = newton->r[j] == 0.0 ? 0.0 : scale > 0.0 ? fabs(newton->r[j]) / scale : INFINITY;
-        *norm = size >= *norm ? size : isnan(size) ? INFINITY : *norm;
-    }
-    for (const Contact *c = newton->contacts + g->contact; c < newton->contacts + g->contact + g->contacts; c++)
-        if (is_rest(&newton->moving[c->line]))
-            newton->r[c->unknown] = arriving(e, e->lines[c->line].input);
-    return SOLVED;
-}
-
-/* Return the difference between an unknown and its prediction from the last step. */
-static double prediction_error_of(const Newton *newton, int64_t j, const Span *s)
-{
-    return newton->w[j] - newton->w_last[j] - newton->trend[j] * s->h;
-}
-
-/* Return whether the prediction error has changed its sign and grown since the last step of the same length. */
-static bool turns_and_grows(const Newton *newton, int64_t j, const Span *s, double miss)
-{
-    return miss * newton->prediction_error[j] < 0.0 && fabs(miss) > fabs(newton->prediction_error[j]) &&
-           fabs(s->ratio - 1.0) < 1e-6;
-}
-
-/* The contacts keep their state; a step that stops or starts one is the beginning of another motion. */
-static void accept_contacts(const Engine *e, Newton *newton, const Group *g, const Span *s)
-{
-    for (const Contact *c = contacts_of(newton, g); c < contacts_of(newton, g) + g->contacts; c++) {
-        Moving *const m = &newton->moving[c->line];
-        m->rests = is_rest(m) ? m->role : FREE;
-        m->path += s->h * fabs(e->lines[c->line].mean);
-        if (m->rests)
-            newton->w[c->unknown] = e->signals[newton->unknowns[c->unknown]];
-    }
-}
-
-static void accept(const Engine *e, Newton *newton, const Group *g, int64_t number, const Span *s)
-{
-    accept_contacts(e, newton, g, s);
-    for (int64_t i = g->first; i < g->first + g->count; i++)
-        for (int64_t k = e->lines_from[newton->order[i]]; k < e->lines_from[newton->order[i] + 1]; k++) {
-            Moving *const m = &newton->moving[k];
-            if (m->inner) {
-                m->u0 = m->role == HOLDING || m->role == CHANGING ? arriving(e, e->lines[k].input) : m->u1;
-                m->q0 = m->role == FREE ? m->q1 : m->u0;
-                m->scale = fmax(m->scale, fabs(m->u1));
-            }
-        }
-    for (int64_t j = g->unknown; j < g->unknown + g->unknowns; j++) {
-        const double miss = prediction_error_of(newton, j, s);
-        newton->growth[j] = turns_and_grows(newton, j, s, miss) ? newton->growth[j] + 1.0 : 0.0;
-        newton->prediction_error[j] = miss;
-        newton->trend[j] = (newton->w[j] - newton->w_last[j]) / s->h;
-        newton->w_last[j] = newton->w[j];
-        newton->scale[j] = fmax(newton->scale[j], fabs(newton->w[j]));
-    }
-    for (int64_t i = g->state; i < g->state + g->states; i++)
-        newton->state_sizes[i] = fmax(newton->state_sizes[i], fabs(e->signals[newton->states[i].output]));
-    newton->before[number] = s->h;
-}
-
-/* Return the error of the means over the magnitudes of the values, estimated by comparison with the trapezoidal rule,
-   which is of the same order. */
-static double error_of(const Engine *e, const Newton *newton, const Group *g, const Span *s)
-{
-    double worst = 0.0;
-    for (int64_t i = g->first; i < g->first + g->count; i++)
-        for (int64_t k = e->lines_from[newton->order[i]]; k < e->lines_from[newton->order[i] + 1]; k++) {
-            const Moving *const m = &newton->moving[k];
-            if (m->inner && m->role == FREE) {
-                const double mean = (1.0 - GA_RATE) * earlier(m, s) + GA_RATE * m->q1;
-                const double error = mean - 0.5 * (m->u0 + m->u1);
-                worst = fmax(worst, error != 0.0 ? fabs(error) / fmax(m->scale, fabs(m->u1)) : 0.0);
-            }
-        }
-    return worst;
-}
-
-static int save_loop(Engine *e, const Newton *newton, const Group *g, double t)
-{
-    for (int64_t i = g->first; i < g->first + g->count; i++) {
-        const int status = save_part(&e->parts[newton->order[i]]);
-        if (status > 1) {
-            failed(e, newton->order[i], SAVE, status, t);
-            return status;
-        }
-    }
-    return SOLVED;
-}
-
-#include "contacts.h"
+#include "begin.h"
+#include "fixed_point.h"
+#include "restart.h"
 #include "step_check.h"
 
 /* Progress of a loop within a step. */
@@ -306,8 +116,6 @@ static int step_loop(Engine *e, Newton *newton, int64_t number, int64_t tick, do
     return SOLVED;
 }
 
-#include "restart.h"
-
 static bool moves(const Engine *e, const Newton *newton, const Group *g)
 {
     const int64_t index = newton->order[g->first];
@@ -374,9 +182,6 @@ EXPORT bool newton_tick(Engine *e, int64_t tick)
             m->u0 = m->u1;
     return true;
 }
-
-#include "begin.h"
-#include "fixed_point.h"
 
 MIRRORED(Contact)
 MIRRORED(Group)

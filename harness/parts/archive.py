@@ -24,7 +24,7 @@ from harness.units import BaseUnit, stated_unit
 
 _MOST_INDICATORS: Final = 1_000_000
 _TRAITS: Final = ("VendorAnnotations/Tool[@name='harness']/Part", "Annotations/Annotation[@type='harness']/Part")
-"""Where FMUs of FMI 2.0 and 3.0 declare traits."""
+"""Where FMI 2.0 and 3.0 FMUs declare traits."""
 
 
 @dataclass(frozen=True)
@@ -94,7 +94,7 @@ def open_archive(path: Path, sizes: Mapping[str, int] = MappingProxyType({})) ->
     Raises
     ------
     FmuError
-        If the file is missing, is not a zip archive or not an FMU of FMI 2.0 or 3.0, has no binary for this
+        If the file is missing, is not a zip archive or not an FMI 2.0 or 3.0 FMU, has no binary for this
         platform, has members that are unsafe to unpack (see `harness.storage.zip_file`), or has a DOCTYPE in its XML.
     """
     state = path.stat() if path.is_file() else None
@@ -149,9 +149,7 @@ def _root(path: Path, data: bytes) -> etree._Element:
 
 def _unreadable(path: Path, error: Exception) -> FmuError:
     reason = " ".join(str(error).split()) or type(error).__name__
-    return FmuError(
-        f"cannot read modelDescription.xml of {path}: {reason}; correct it, or give an FMU of FMI 2.0 or 3.0"
-    )
+    return FmuError(f"cannot read modelDescription.xml of {path}: {reason}; correct it, or give an FMI 2.0 or 3.0 FMU")
 
 
 def _traits(root: etree._Element) -> frozenset[str]:

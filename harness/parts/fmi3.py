@@ -1,4 +1,4 @@
-"""FMUs of FMI 3.0 behind the functions of FMI 2.0 that the rest of the harness calls; the C is in fmi3_adapter.h."""
+"""FMI 3.0 FMUs behind the functions of FMI 2.0 that the rest of the harness calls; the C is in fmi3_adapter.h."""
 
 from __future__ import annotations
 

@@ -120,7 +120,7 @@ LONGEST_TIMEOUT: Final = 1e6  # longest timeout [s]; the clocks of some systems 
 
 
 class FmuPart(Part):
-    """A part that is an FMU of FMI 2.0, or of FMI 3.0 for co-simulation.
+    """A part that is an FMI 2.0 FMU, or an FMI 3.0 FMU for co-simulation.
 
     The file is checked immediately. It is unpacked to a temporary folder at the start of its first run. An FMU that
     offers model exchange only is integrated by the harness, see `harness.parts.integrator`.

@@ -30,7 +30,7 @@ def to_parquet(result: Result, path: str | Path) -> None:
     OutputError
         If the file cannot be written.
     """
-    require("pyarrow")
+    require("pyarrow", "writing Parquet files needs it")
     import pyarrow as pa
     import pyarrow.parquet as pq
 
@@ -50,7 +50,7 @@ def to_parquet(result: Result, path: str | Path) -> None:
 
 def from_parquet(path: Path) -> Result:
     """Read a result from Parquet."""
-    require("pyarrow")
+    require("pyarrow", "reading Parquet files needs it")
     import pyarrow.parquet as pq
 
     table = pq.read_table(path, page_checksum_verification=True)

@@ -182,7 +182,7 @@ def sweep(
                 raise SweepError("keep names trajectories to store, but there is no folder: give an output folder")
             storage: Storage = Memory(Columns(types, units))
         else:
-            require("pyarrow")
+            require("pyarrow", "the folder of a sweep, which has Parquet files, needs it")
             from harness.sweeps.folder import SweepFolder, sole_writer
 
             folder = Path(output).absolute()  # an FMU may change the working directory

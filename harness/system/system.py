@@ -411,7 +411,7 @@ class System:
             Simulated time per wall-clock time, 1 for real time; None runs as fast as possible.
         events : bool
             Whether a row is followed by another one at the same time with the values after the events of FMUs for model
-            exchange and of those with clocks, if they change a value. FMUs of FMI 2.0 for co-simulation show no events.
+            exchange and of those with clocks, if they change a value. FMI 2.0 FMUs for co-simulation show no events.
         accuracy : bool or float
             Whether the run is repeated with other steps to tell how far each variable is off; a number is the required
             accuracy relative to the range of each variable, instead of 0.01. See `run_with_accuracy` for the result.

@@ -229,6 +229,7 @@ def test_help_of_run_names_every_format(capsys: pytest.CaptureFixture[str]) -> N
 
 def test_unknown_model_suggests_the_nearest(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert "did you mean LuGre?" in fails(capsys, "build", "lugree", "-o", tmp_path / "new")
+    assert "did you mean" not in fails(capsys, "build", "Nope", "-o", tmp_path / "new")
     assert not (tmp_path / "new").exists()
 
 

@@ -63,8 +63,8 @@ def without(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.mark.usefixtures("without")
 def test_a_missing_package_is_one_sentence(package: str) -> None:
     with pytest.raises(MissingPackageError) as caught:
-        require(package)
-    assert str(caught.value).startswith(f"{package} is not installed; ")
+        require(package, "a law needs it")
+    assert str(caught.value).startswith(f"{package} is not installed; a law needs it")
     assert str(caught.value).endswith(f": pip install 'friction-fmus[{EXTRAS[package]}]'")
     assert isinstance(caught.value, ModuleNotFoundError)
     assert caught.value.name == package
@@ -73,7 +73,7 @@ def test_a_missing_package_is_one_sentence(package: str) -> None:
 @pytest.mark.usefixtures("without")
 def test_a_command_ends_with_this_sentence(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     assert main(["study", "demo", "-o", str(tmp_path / "out")]) == 2
-    assert capsys.readouterr().err.endswith("needs it: pip install 'friction-fmus[study]'\n")
+    assert capsys.readouterr().err.endswith("the report of a study needs it: pip install 'friction-fmus[study]'\n")
 
 
 @pytest.mark.parametrize(("name", "status"), [("casadi", 2), ("colours", None)])
@@ -89,7 +89,7 @@ def test_an_import_that_fails_in_a_command(
             main(["study", "demo", "-o", "out"])
     else:
         assert main(["study", "demo", "-o", "out"]) == status
-        assert "pip install 'friction-fmus[build]'" in capsys.readouterr().err
+        assert "`friction-fmus study` needs it: pip install 'friction-fmus[build]'" in capsys.readouterr().err
 
 
 def test_a_public_name_of_a_module_that_needs_an_extra(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -102,6 +102,6 @@ def test_a_public_name_of_a_module_that_needs_an_extra(tmp_path: Path, monkeypat
     monkeypatch.setitem(sys.modules, "package", package)
     getter, _ = lazy_names("package")
     with pytest.raises(
-        MissingPackageError, match=r"pyarrow is not installed; .*: pip install 'friction-fmus\[parquet\]'"
+        MissingPackageError, match=r"pyarrow is not installed; read needs it: pip install 'friction-fmus\[parquet\]'"
     ):
         getter("read")

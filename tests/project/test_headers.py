@@ -11,7 +11,10 @@ import pytest
 from harness.compiling.toolchain import header_folder
 
 ROOT = Path(__file__).parents[2]
-FOLDERS = [path for path in (ROOT / "fmu_src", *(ROOT / "fmu_src").iterdir()) if path.is_dir()]
+SOURCES = ROOT / "fmu_src"
+FOLDERS = [
+    path for path in (SOURCES, *SOURCES.iterdir(), ROOT / "harness/engine", ROOT / "harness/masters") if path.is_dir()
+]
 HEADERS = {path.name: path for folder in FOLDERS for path in sorted(folder.glob("*.h"))}
 BLOCKS = sorted(path for folder in FOLDERS for path in folder.glob("*.c") if folder.name not in ("fmu_src", "wasm"))
 SHELLS = {"composite.h", "composite_parts.h", "fmi3.h", "fmi3_values.h"}

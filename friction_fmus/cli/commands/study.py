@@ -47,7 +47,7 @@ def run(options: argparse.Namespace) -> int:
 
         write_configuration(Path(options.config), options.output or Path())
         return 0
-    require("plotly")
+    require("plotly", "the report of a study needs it")
     from friction_fmus.cli.console import RunBar, console, progress_bar
     from friction_fmus.cli.inputs import connect
     from friction_fmus.cli.study_tables import show_study

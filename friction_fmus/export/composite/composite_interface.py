@@ -146,7 +146,7 @@ def _read(part: FmuPart) -> tuple[str, str, dict[str, str], tuple[str, ...], boo
     version = root.get("fmiVersion")
     if version != "2.0":
         raise BuildError(
-            f"'{part.name}' is an FMU of FMI {version}, but a composite FMU is made of FMUs of FMI 2.0: export "
+            f"'{part.name}' is an FMI {version} FMU, but a composite FMU is made of FMI 2.0 FMUs: export "
             f"{part.path.name} as FMI 2.0"
         )
     simulation = root.find("CoSimulation")

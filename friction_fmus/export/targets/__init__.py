@@ -24,7 +24,7 @@ Compiling = Callable[[str, int], None]  # called before each platform: its name,
 
 @dataclass(frozen=True)
 class SourceFmu:
-    """An FMU of FMI 2.0 with its C files, description, documentation and pictures: a block or a system."""
+    """An FMI 2.0 FMU with its C files, description, documentation and pictures: a block or a system."""
 
     identifier: str
     content: bytes

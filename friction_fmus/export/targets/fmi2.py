@@ -30,4 +30,4 @@ def write(source: SourceFmu, path: Path) -> None:
     write_fmu(content, path)
 
 
-TARGET = Target("an FMU of FMI 2.0", "fmu", write, ".fmu")
+TARGET = Target("an FMI 2.0 FMU", "fmu", write, ".fmu")

@@ -14,4 +14,4 @@ def write(source: SourceFmu, path: Path, *, clocks: bool = False, arrays: bool =
 
 CLOCKS = Option("clocks", "FMI 3.0: sampled blocks have a clock")
 ARRAYS = Option("arrays", "FMI 3.0: vectors are arrays")
-TARGET = Target("an FMU of FMI 3.0", "fmu", write, ".fmu", (CLOCKS, ARRAYS))
+TARGET = Target("an FMI 3.0 FMU", "fmu", write, ".fmu", (CLOCKS, ARRAYS))

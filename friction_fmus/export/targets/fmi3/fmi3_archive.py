@@ -368,7 +368,7 @@ static const uint32_t state_variables[STATE_VARIABLES + 1] = {{{states}}};
 
 
 def fmi_3(source: SourceFmu, *, clocks: bool = False, arrays: bool = False) -> bytes:
-    """Return the FMU of FMI 3.0, from the cache or compiled."""
+    """Return the FMI 3.0 FMU, from the cache or compiled."""
     shell = {path.name: path.read_text("utf-8") for path in sorted((source_folder() / "fmi3").glob("*.h"))}
     digest = hashlib.sha256(source.content)
     modules = (path.read_text(encoding="utf-8") for path in sorted(Path(__file__).parent.glob("*.py")))

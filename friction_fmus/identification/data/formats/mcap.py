@@ -32,7 +32,7 @@ def read(path: Path) -> DataTable:
     ``/joint_states/axis1/position``. The time is that of the header of the message if it has one, otherwise the time of
     the log, in s since the first message of the file.
     """
-    require("mcap")
+    require("mcap", "reading MCAP files needs it")
     from mcap.reader import make_reader
     from mcap_ros2.decoder import DecoderFactory
 

@@ -13,7 +13,7 @@ SUFFIXES: Final = (".parquet", ".pq")
 
 def read(path: Path) -> DataTable:
     """Read a file without unpacking one of gigabytes."""
-    require("pyarrow")
+    require("pyarrow", "reading Parquet files needs it")
     import pyarrow.parquet as pq
 
     with pq.ParquetFile(path) as file:
