@@ -38,11 +38,11 @@
    sharpest part of the error at reversals remains. Choose fq below the frequency up to which m, Kp, Kd and Ki describe
    the loop. u_min must not exceed u_max. */
 
-#define MODEL    IterativeLearning
-#define SUMMARY  "Iterative learning of the {force} for a repeated motion"
-#define SOURCE   "Arimoto, Kawamura, Miyazaki, Journal of Robotic Systems 1(2), 1984"
-#define CITES    "Arimoto1984, Bristow2006"
-#define QUOTES   "contraction"
+#define MODEL   IterativeLearning
+#define SUMMARY "Iterative learning of the {force} for a repeated motion"
+#define SOURCE  "Arimoto, Kawamura, Miyazaki, Journal of Robotic Systems 1(2), 1984"
+#define CITES   "Arimoto1984, Bristow2006"
+#define QUOTES  "contraction"
 
 /* clang-format off */
 #define VARIABLES                                                                                                                \

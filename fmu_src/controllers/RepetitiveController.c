@@ -36,11 +36,11 @@
    period differs from N Ts, the highest harmonics are affected first. Q is not 1 at harmonics near fq, so they are
    suppressed only partly. u_min must not exceed u_max. */
 
-#define MODEL    RepetitiveController
-#define SUMMARY  "Repetitive learning of the {force} against a periodic error during operation"
-#define SOURCE   "Hara, Yamamoto, Omata, Nakano, IEEE Trans. Automatic Control 33(7), 1988"
-#define CITES    "Hara1988, Tomizuka1989"
-#define QUOTES   "contraction"
+#define MODEL   RepetitiveController
+#define SUMMARY "Repetitive learning of the {force} against a periodic error during operation"
+#define SOURCE  "Hara, Yamamoto, Omata, Nakano, IEEE Trans. Automatic Control 33(7), 1988"
+#define CITES   "Hara1988, Tomizuka1989"
+#define QUOTES  "contraction"
 
 /* clang-format off */
 #define VARIABLES                                                                                                                \

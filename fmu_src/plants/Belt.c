@@ -22,11 +22,11 @@
    force over a step: the step must be short compared with the time constants of friction, or the master must
    iterate. */
 
-#define MODEL    Belt
-#define SUMMARY  "Mass on a moving belt, with a spring and a damper to the wall"
-#define SOURCE   "Leine, van Campen, de Kraker, van den Steen, Nonlinear Dynamics 16, 1998"
-#define CITES    "Leine1998"
-#define QUOTES   "belt"
+#define MODEL   Belt
+#define SUMMARY "Mass on a moving belt, with a spring and a damper to the wall"
+#define SOURCE  "Leine, van Campen, de Kraker, van den Steen, Nonlinear Dynamics 16, 1998"
+#define CITES   "Leine1998"
+#define QUOTES  "belt"
 
 /* clang-format off */
 #define VARIABLES                                                                                                            \

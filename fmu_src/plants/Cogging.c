@@ -17,11 +17,11 @@
    Limits: no current-dependent force (reluctance ripple) and no end effects of the magnet track. If x is large compared
    with the pitch, F contains the rounding error of x, 1e-16 x. */
 
-#define MODEL    Cogging
-#define SUMMARY  "Position-dependent conservative {force}: harmonics of the magnet pitch"
-#define SOURCE   "Otten et al., IEEE/ASME Transactions on Mechatronics 2(3), 1997"
-#define CITES    "Otten1997"
-#define QUOTES   "cogging"
+#define MODEL   Cogging
+#define SUMMARY "Position-dependent conservative {force}: harmonics of the magnet pitch"
+#define SOURCE  "Otten et al., IEEE/ASME Transactions on Mechatronics 2(3), 1997"
+#define CITES   "Otten1997"
+#define QUOTES  "cogging"
 
 /* clang-format off */
 #define VARIABLES                                                                                                                           \

@@ -21,11 +21,11 @@
    Limits: outside the table the force at its end holds, unless the table is periodic. No dependence on speed, current
    or load. Below v_sign, where D is negative, the force drives the mass; the friction model must be larger. */
 
-#define MODEL    PositionMap
-#define SUMMARY  "{Force} over position: cogging and position-dependent friction from a table"
-#define SOURCE   "Otten et al., IEEE/ASME Transactions on Mechatronics 2(3), 1997; table in map.h"
-#define CITES    "Otten1997"
-#define QUOTES   "cogging"
+#define MODEL   PositionMap
+#define SUMMARY "{Force} over position: cogging and position-dependent friction from a table"
+#define SOURCE  "Otten et al., IEEE/ASME Transactions on Mechatronics 2(3), 1997; table in map.h"
+#define CITES   "Otten1997"
+#define QUOTES  "cogging"
 
 /* clang-format off */
 #define VARIABLES                                                                                              \

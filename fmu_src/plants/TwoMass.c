@@ -27,11 +27,11 @@
    x1: 1e-8 N for k = 1e8 N/m at 1 m. A connected friction model holds its force over a step: the step must be short
    compared with the time constants of friction, or the master must iterate. */
 
-#define MODEL    TwoMass
-#define SUMMARY  "Flexible drive: motor and load connected by a spring and a damper"
-#define SOURCE   "Munnig Schmidt, Schitter, Rankers, van Eijk: The Design of High Performance Mechatronics, 2020"
-#define CITES    "MunnigSchmidt2020"
-#define QUOTES   "loop_poles"
+#define MODEL   TwoMass
+#define SUMMARY "Flexible drive: motor and load connected by a spring and a damper"
+#define SOURCE  "Munnig Schmidt, Schitter, Rankers, van Eijk: The Design of High Performance Mechatronics, 2020"
+#define CITES   "MunnigSchmidt2020"
+#define QUOTES  "loop_poles"
 
 /* clang-format off */
 #define VARIABLES                                                                                                    \

@@ -27,10 +27,10 @@
    parameter changes during a motion, the whole motion is replanned, and x and y may jump. At late times, the angle
    contains a rounding error of 1e-16 feed t / radius. */
 
-#define MODEL    Circle
-#define SUMMARY  "Circle of two axes at constant feed with smooth start and stop"
-#define SOURCE   "ISO 230-4; Biagiotti, Melchiorri: Trajectory Planning for Automatic Machines and Robots, 2008"
-#define CITES    "ISO2304, BiagiottiMelchiorri2008"
+#define MODEL   Circle
+#define SUMMARY "Circle of two axes at constant feed with smooth start and stop"
+#define SOURCE  "ISO 230-4; Biagiotti, Melchiorri: Trajectory Planning for Automatic Machines and Robots, 2008"
+#define CITES   "ISO2304, BiagiottiMelchiorri2008"
 
 /* clang-format off */
 #define VARIABLES                                                                                            \

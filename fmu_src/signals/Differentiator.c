@@ -15,10 +15,10 @@
    Limits: v lags by n Ts/2 + tau (the slope of a ramp is exact after n samples, or once the low-pass filter has
    settled), x_mean by (n - 1) Ts/2. With a quantised x, v has steps of quantum / (n Ts). */
 
-#define MODEL    Differentiator
-#define SUMMARY  "Sampled velocity estimate: moving average, difference, low-pass filter"
-#define SOURCE   "Janot, Gautier, Brunot: Data set and reference models of EMPS, 2019"
-#define CITES    "Janot2019"
+#define MODEL   Differentiator
+#define SUMMARY "Sampled velocity estimate: moving average, difference, low-pass filter"
+#define SOURCE  "Janot, Gautier, Brunot: Data set and reference models of EMPS, 2019"
+#define CITES   "Janot2019"
 
 /* clang-format off */
 #define VARIABLES                                                                                       \

@@ -19,11 +19,11 @@
    position at rest halfway between two counts flickers with its last bit. The velocity is taken as constant within the
    jitter, with an error of a jitter^2 / 2; the jitter must be short compared with Ts. */
 
-#define MODEL    Encoder
-#define SUMMARY  "Sampled, quantised position with velocity by difference, optionally with jitter"
-#define SOURCE   "Widrow, Kollar, 2008; Brown, Schneider, Mulligan, IEEE TIE 39(1), 1992"
-#define CITES    "WidrowKollar2008, Brown1992"
-#define QUOTES   "encoder_count, loop_poles"
+#define MODEL   Encoder
+#define SUMMARY "Sampled, quantised position with velocity by difference, optionally with jitter"
+#define SOURCE  "Widrow, Kollar, 2008; Brown, Schneider, Mulligan, IEEE TIE 39(1), 1992"
+#define CITES   "WidrowKollar2008, Brown1992"
+#define QUOTES  "encoder_count, loop_poles"
 
 /* clang-format off */
 #define VARIABLES                                                                                      \

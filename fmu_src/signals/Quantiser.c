@@ -7,10 +7,10 @@
    Limits: no saturation and no hysteresis: a position at rest halfway between two multiples flickers with the last bit
    of x. The error is at most q/2. */
 
-#define MODEL    Quantiser
-#define SUMMARY  "Rounding to the nearest multiple of a step"
-#define SOURCE   "Widrow, Kollar: Quantization Noise, 2008"
-#define CITES    "WidrowKollar2008"
+#define MODEL   Quantiser
+#define SUMMARY "Rounding to the nearest multiple of a step"
+#define SOURCE  "Widrow, Kollar: Quantization Noise, 2008"
+#define CITES   "WidrowKollar2008"
 
 /* clang-format off */
 #define VARIABLES                                                            \
