@@ -54,7 +54,7 @@ def pytest_unconfigure() -> None:
 @pytest.hookimpl(wrapper=True)
 def pytest_runtest_protocol(item: pytest.Item) -> Iterator[None]:
     """Build what a test needs quickly, see quick.py."""
-    with quick_builds(item.path.relative_to(Path(__file__).parent).parts[0]):
+    with quick_builds(item.path.relative_to(Path(__file__).parent)):
         return (yield)
 
 
