@@ -1,7 +1,7 @@
 """Compiles the engine of the harness and all FMUs into the wheel, for all platforms.
 
-``FRICTION_FMUS_PLATFORMS=linux64,win64`` and ``FRICTION_FMUS_BLOCKS=LuGre,PID`` limit the FMUs to some, for a wheel that
-is built sooner.
+For a wheel that is built sooner, ``FRICTION_FMUS_PLATFORMS=linux64,win64`` limits the platforms of the FMUs and
+``FRICTION_FMUS_BLOCKS=LuGre,PID`` the blocks.
 """
 
 from __future__ import annotations
