@@ -32,7 +32,8 @@ PLACES = (
     "slow/test_fmi3_of_every_block.py",
 )
 """Folders and files of tests that look neither at figures nor at compiled code."""
-
+LONG = ("LeuvenFeedforward", "ModifiedLeuvenFeedforward")
+"""Blocks whose code is evaluated for seconds when they are built, to find what depends on what."""
 
 _PLAIN: set[int] = set()
 """Threads that build what users get; 0 for all threads."""
@@ -83,8 +84,8 @@ def quick_builds(path: Path) -> Iterator[None]:
     keep, compile_unit = platforms._kept, platforms._object
 
     def kept(target: Any, suffix: str, sources: Any, name: str, headers: bool) -> Any:
-        engine = not headers
-        return (_optimised(keep) if engine else keep)(target, suffix, sources, name, headers)
+        slow = not headers or name in LONG  # without headers, it is the engine
+        return (_optimised(keep) if slow else keep)(target, suffix, sources, name, headers)
 
     def unit(target: str | None, *rest: Any, **named: Any) -> Any:
         slow = "wasm" in (target or "")  # without optimisation, a module needs what no browser has
