@@ -9,7 +9,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field, fields, is_dataclass
 from math import inf
 from typing import Any, Final, TypeAlias
 
@@ -481,11 +481,13 @@ class StudyResult:
         str
             JSON text, with null for missing numbers.
         """
-        return json.dumps(plain(asdict(self)), indent=1, ensure_ascii=False, allow_nan=False) + "\n"
+        return json.dumps(plain(self), indent=1, ensure_ascii=False, allow_nan=False) + "\n"
 
 
 def plain(content: Any) -> Any:
-    """Return content for JSON, with None for numbers that are not finite."""
+    """Return content and dataclasses in it for JSON, with None for numbers that are not finite."""
+    if is_dataclass(content):  # `asdict` copies each number
+        return {each.name: plain(getattr(content, each.name)) for each in fields(content)}
     if isinstance(content, Mapping):
         return {key: plain(value) for key, value in content.items()}
     if isinstance(content, (list, tuple)):
