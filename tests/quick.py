@@ -32,6 +32,8 @@ PLACES = (
     "slow/test_fmi3_of_every_block.py",
 )
 """Folders and files of tests that look neither at figures nor at compiled code."""
+FIGURES = "every_block/test_block_documentation.py"
+"""A file of tests in these folders that looks at figures."""
 LONG = ("LeuvenFeedforward", "ModifiedLeuvenFeedforward")
 """Blocks whose code is evaluated for seconds when they are built, to find what depends on what."""
 
@@ -49,6 +51,11 @@ class _Flags(tuple[str, ...]):
     def __iter__(self) -> Iterator[str]:
         plain = _is_plain()
         return (flag for each in super().__iter__() for flag in ((each,) if plain or each != "-O2" else UNOPTIMISED))
+
+
+def is_quick() -> bool:
+    """Whether this test builds quickly."""
+    return isinstance(toolchain.FLAGS, _Flags)
 
 
 def _optimised(make: Callable[..., Any]) -> Callable[..., Any]:
@@ -78,7 +85,7 @@ def builds_for_users() -> Iterator[None]:
 @contextmanager
 def quick_builds(path: Path) -> Iterator[None]:
     """Build quickly in a test of such a file."""
-    if THOROUGH or not any(path.is_relative_to(place) for place in PLACES):
+    if THOROUGH or path == Path(FIGURES) or not any(path.is_relative_to(place) for place in PLACES):
         yield
         return
     keep, compile_unit = platforms._kept, platforms._object
