@@ -60,7 +60,7 @@ class BinariesHook(BuildHookInterface):  # type: ignore[type-arg]
             build_data["dependencies"] += self.metadata.core.optional_dependencies["study"]
             return
         from friction_fmus.blocks.catalogue import OWN_BLOCKS, catalogue
-        from harness.compiling.library import sources
+        from harness.compiling.engine_library import sources
         from harness.compiling.platforms import PLATFORMS, compiled
 
         folder = Path(self.directory).resolve()

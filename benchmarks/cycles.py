@@ -17,7 +17,7 @@ import tomli_w
 from friction_fmus.blocks.catalogue import catalogue
 from friction_fmus.codegen import measure
 from friction_fmus.codegen.emulation import EMULATOR, M4F, PACKAGES
-from friction_fmus.codegen.export import make_export
+from friction_fmus.codegen.law_export import make_export
 from friction_fmus.study.comparison import TABLE
 from harness.storage.files import atomic_path
 

@@ -15,7 +15,7 @@ import numpy as np
 from friction_fmus import build
 from friction_fmus.codegen.layout import INPUTS, STATES, Export, is_flag
 from friction_fmus.codegen.sources import header, implementation
-from friction_fmus.lawkit.law import BOOLEANS, VECTORS, Kind, Law, Variable
+from friction_fmus.lawkit.law import BOOLEANS, VECTORS, Kind, Law, LawVariable
 from harness.compiling.toolchain import FLAGS, compiler, header_folder
 
 Columns = Mapping[str, np.ndarray]
@@ -115,7 +115,7 @@ def _driver(export: Export, step: str, others: Sequence[Path]) -> str:
     p, groups = export.prefix, export.groups
     arguments = f"const {p}_parameters *, {p}_states *, const {p}_inputs *, {p}_outputs *"
 
-    def assigned(variable: Variable, places: Sequence[str], source: str, first: int) -> list[str]:
+    def assigned(variable: LawVariable, places: Sequence[str], source: str, first: int) -> list[str]:
         begin, end = ("", " != 0.0") if is_flag(variable) else (f"({export.real.name})", "")
         highs = [f"            {place} = {begin}{source}[{first + i}]{end};" for i, place in enumerate(places)]
         return highs + [

@@ -9,7 +9,7 @@ import casadi
 from casadi import MX, exp, expm1, fabs, if_else
 
 from benchmarks.law_runs import LawC
-from friction_fmus.codegen.export import make_export
+from friction_fmus.codegen.law_export import make_export
 from friction_fmus.codegen.layout import Export, is_flag
 from friction_fmus.lawkit.emit import branches
 from friction_fmus.lawkit.law import Law

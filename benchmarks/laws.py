@@ -24,7 +24,7 @@ from benchmarks.law_variants import variants
 from benchmarks.rows import Row, arguments, report
 from friction_fmus import catalogue
 from friction_fmus.codegen.emulation import samples
-from friction_fmus.codegen.export import make_export
+from friction_fmus.codegen.law_export import make_export
 
 TARGETS = {"LuGreObserver": 1.1, "GMSFeedforward": 1.25}
 """Laws that are written by hand, and what the exported C may take over the faster one by hand."""

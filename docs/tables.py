@@ -22,8 +22,8 @@ from friction_fmus.blocks.probe import (
     PARAMETER,
     STATE,
     STATE_OUTPUT,
+    BlockVariable,
     BlockVariables,
-    Variable,
 )
 from friction_fmus.export.block_fmu import describe_block
 from friction_fmus.fmi.documentation import markdown
@@ -53,7 +53,7 @@ def required(name: str) -> frozenset[str]:
     return frozenset(v.name for v in _inputs(name) if not v.text.startswith("optional"))
 
 
-def _inputs(name: str) -> list[Variable]:
+def _inputs(name: str) -> list[BlockVariable]:
     return [v for v in described(name).variables if v.role == INPUT and v.name not in SWITCHES]
 
 

@@ -22,13 +22,7 @@ if TYPE_CHECKING:
     from friction_fmus.export.block_fmu import build, build_record, fmu
     from friction_fmus.identification import identify
 else:
-    __getattr__, __dir__ = lazy_names(
-        __name__,
-        {
-            "friction_fmus.identification": ["identify"],
-            "friction_fmus.export.block_fmu": ["build", "build_record", "fmu"],
-        },
-    )
+    __getattr__, __dir__ = lazy_names(__name__)
 
 __version__ = VERSION
 

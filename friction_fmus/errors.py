@@ -2,28 +2,26 @@
 
 from __future__ import annotations
 
-import difflib
 from collections.abc import Iterable
 
-from harness.errors import BuildError
+from harness import errors
+from harness.errors import BuildError, closest
 
-__all__ = ["BuildError", "FrictionError", "UnknownNameError", "nearest"]
+__all__ = ["BuildError", "FrictionError", "UnknownNameError", "did_you_mean"]
 
 
 class FrictionError(Exception):
     """Base class of errors that the user can correct; the message says how."""
 
 
-class UnknownNameError(FrictionError):
-    """Unknown name of a model, variable or command."""
+class UnknownNameError(FrictionError, errors.UnknownNameError):
+    """Unknown name of a model, variable or rule; the error of this name in the harness catches it, too."""
 
 
-def nearest(name: str, names: Iterable[str]) -> str:
-    """Return a hint for a misspelt name."""
-    candidates = list(names)
-    lowered = {candidate.lower(): candidate for candidate in candidates}
-    found = difflib.get_close_matches(name.lower(), lowered, n=1, cutoff=0.5)
-    return f" (did you mean {lowered[found[0]]}?)" if found else ""
+def did_you_mean(name: str, names: Iterable[str]) -> str:
+    """Return a hint for a misspelt name; empty if no name is similar."""
+    found = closest(name, names)
+    return f" (did you mean {found}?)" if found else ""
 
 
 class IdentificationError(FrictionError):

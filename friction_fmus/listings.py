@@ -1,17 +1,19 @@
-"""Results as one line and as tables, for terminal, notebook and report."""
+"""Results as one line and as tables, for terminal, notebook and report, and as JSON."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
+from dataclasses import fields, is_dataclass
 from html import escape
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from harness.notebook import Listing, counted, html_table
 
 if TYPE_CHECKING:
-    from friction_fmus.identification.result import Identification
-    from friction_fmus.identification.survey import ModelComparison
-    from friction_fmus.study.result import Fit, StudyResult
+    from friction_fmus.identification.identification_result import Identification
+    from friction_fmus.identification.model_comparison import ModelComparison
+    from friction_fmus.study.study_result import Fit, StudyResult
 
 
 def identification_text(result: Identification) -> str:
@@ -186,3 +188,14 @@ def _digits(value: float, error: float) -> str:
     if not (math.isfinite(error) and error > 0.0 and value):
         return f"{value:.6g}"
     return f"{value:.{min(6, max(2, math.floor(math.log10(abs(value) / error)) + 3))}g}"
+
+
+def plain(content: Any) -> Any:
+    """Return content and dataclasses in it for JSON, with None for numbers that are not finite."""
+    if is_dataclass(content):  # `asdict` copies each number
+        return {each.name: plain(getattr(content, each.name)) for each in fields(content)}
+    if isinstance(content, Mapping):
+        return {key: plain(value) for key, value in content.items()}
+    if isinstance(content, (list, tuple)):
+        return [plain(value) for value in content]
+    return None if isinstance(content, float) and not math.isfinite(content) else content

@@ -50,27 +50,7 @@ if TYPE_CHECKING:
     from harness.system.wire import Bias, Delay, DropOut, Freeze, Manipulator, Noise, Override, Wire
     from harness.units import BaseUnit, parse_unit
 else:
-    __getattr__, __dir__ = lazy_names(
-        __name__,
-        {
-            "harness.parts.archive": ["open_archive"],
-            "harness.parts.callable_part": ["CallablePart"],
-            "harness.engine.drive": ["Drive"],
-            "harness.system.experiment": ["Experiment"],
-            "harness.parts.fmu": ["FmuPart"],
-            "harness.system.wire": ["Bias", "Delay", "DropOut", "Freeze", "Manipulator", "Noise", "Override", "Wire"],
-            "harness.parts.part": ["Calls", "Part", "Port"],
-            "harness.system.plan": ["Plan"],
-            "harness.result": ["Result", "select"],
-            "harness.results": ["load_result", "save_result", "to_csv", "to_mat", "to_netcdf", "to_parquet"],
-            "harness.parts.series": ["SeriesPart"],
-            "harness.ssp": ["Parameter", "ParameterSet", "read_ssv", "write_ssv"],
-            "harness.sweeps": ["grid", "latin_hypercube", "read_samples", "read_sweep", "sobol", "sweep"],
-            "harness.system.system": ["System"],
-            "harness.engine.algorithm": ["Progress", "Tap"],
-            "harness.units": ["BaseUnit", "parse_unit"],
-        },
-    )
+    __getattr__, __dir__ = lazy_names(__name__)
 
 __all__ = [
     "AlgebraicLoopError",

@@ -94,8 +94,7 @@ class BuildError(HarnessError):
     """C sources do not compile, or the result cannot be packaged."""
 
 
-ENDED: Final = "it ended the simulation"
-"""Reason for the end of a run that is no failure."""
+ENDED: Final = "it ended the simulation"  # reason for the end of a run that is no failure
 
 
 class PartError(HarnessError):
@@ -133,26 +132,18 @@ class PartError(HarnessError):
         return f"part '{self.part}' failed in {self.function}{when}: {self.reason}"
 
 
-def nearest(name: str, known: Iterable[str]) -> str:
-    """Return a remedy for a misspelt name: the most similar known name, or a list if none is similar.
-
-    Parameters
-    ----------
-    name : str
-        The unknown name.
-    known : iterable of str
-        The known names.
-
-    Returns
-    -------
-    str
-        End of a sentence, for example ``did you mean 'sigma0'?``.
-    """
-    names = sorted(known)
-    lowered = {other.lower(): other for other in names}
+def closest(name: str, known: Iterable[str]) -> str | None:
+    """Return the known name that is most similar to a misspelt one, or None if none is similar."""
+    lowered = {other.lower(): other for other in known}
     match = difflib.get_close_matches(name.lower(), lowered, n=1, cutoff=0.6)
-    if match:
-        return f"did you mean '{lowered[match[0]]}'?"
+    return lowered[match[0]] if match else None
+
+
+def nearest(name: str, known: Iterable[str]) -> str:
+    """Return a remedy for a misspelt name: the most similar known name, or a list if none is similar."""
+    names = sorted(known)
+    if match := closest(name, names):
+        return f"did you mean '{match}'?"
     if not names:
         return "none exist"
     shown = ", ".join(names[:12])

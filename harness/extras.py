@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import ast
 import re
 import sys
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable
 from functools import cache
 from importlib import import_module, metadata
 from importlib.util import find_spec
+from pathlib import Path
 
 from harness.errors import MissingPackageError
 
@@ -51,15 +53,18 @@ def require_main_interpreter() -> None:
         )
 
 
-def lazy_names(
-    package: str, modules: Mapping[str, Sequence[str]]
-) -> tuple[Callable[[str], object], Callable[[], list[str]]]:
-    """Return the functions ``__getattr__`` and ``__dir__`` for a package (PEP 562).
+def lazy_names(package: str) -> tuple[Callable[[str], object], Callable[[], list[str]]]:
+    """Return ``__getattr__`` and ``__dir__`` for a package that imports its names for type checkers only (PEP 562).
 
     A public name that is also the name of a submodule must be imported by the package as usual: otherwise, importing
     the submodule sets the attribute to the module.
     """
-    homes = {name: module for module, names in modules.items() for name in names}
+    source = Path(str(sys.modules[package].__file__)).read_text(encoding="utf-8")
+    checked = next(
+        each for each in ast.parse(source).body if isinstance(each, ast.If) and isinstance(each.test, ast.Name)
+    )
+    imports = [each for each in checked.body if isinstance(each, ast.ImportFrom)]
+    homes = {name.name: str(each.module) for each in imports for name in each.names}
 
     def getter(name: str) -> object:
         if name not in homes:

@@ -33,11 +33,7 @@ def make_result(
         values = rows[:, index]
         if port.type != "Real" and np.isfinite(values).all():
             values = values.astype(_DTYPES[port.type])
-        variables[name] = (
-            "time",
-            np.ascontiguousarray(values),
-            {key: text for key, text in attrs.items() if text},
-        )
+        variables[name] = ("time", np.ascontiguousarray(values), {key: text for key, text in attrs.items() if text})
     return xr.Dataset(variables, coords={"time": ("time", times, {"units": "s"})}, attrs=dict(attributes))
 
 

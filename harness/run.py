@@ -23,32 +23,25 @@ from harness.result import Result
 from harness.system.assembly import Assembly, resize_parts
 from harness.system.experiment import Experiment
 from harness.system.feedthrough import find_feedthrough
-from harness.system.graph import check_loops, find_port, make_plan, recorded_names
+from harness.system.graph import check_loops, find_port, make_plan, recorded_names, state_outputs
 from harness.system.initialisation import Initialisation
 from harness.system.plan import Plan
 
 _LOG = logging.getLogger("harness")
 
-LOOK: Final = 0.1
-"""Time between two checks for changed settings of the process [s]."""
+LOOK: Final = 0.1  # time between two checks for changed settings of the process [s]
 
 
 @dataclass(frozen=True)
 class Options:
     """Options of a run in addition to its experiment."""
 
-    taps: Sequence[Tap] = ()
-    """Functions that receive values during the run."""
-    progress: Progress | None = None
-    """Receives reports of progress."""
-    resume: str | Path | None = None
-    """Checkpoint from which the run continues."""
-    checkpoint: str | Path | None = None
-    """File for the state at the end of the run."""
-    pace: float | None = None
-    """Simulated time per wall-clock time; None runs as fast as possible."""
-    events: bool = False
-    """Whether a second row has the values after events at the time of a row."""
+    taps: Sequence[Tap] = ()  # functions that receive values during the run
+    progress: Progress | None = None  # receives reports of progress
+    resume: str | Path | None = None  # checkpoint from which the run continues
+    checkpoint: str | Path | None = None  # file for the state at the end of the run
+    pace: float | None = None  # simulated time per wall-clock time; None runs as fast as possible
+    events: bool = False  # whether a second row has the values after events at the time of a row
 
     def __post_init__(self) -> None:
         """Check the pace."""
@@ -91,8 +84,10 @@ class Session:
                 _LOG.warning("'%s' cannot save its state: its values after events have no rows", part.name)
         with self._guard.running():
             find_feedthrough(system, experiment)
-        plan = self._plan = make_plan(system, experiment, [*self._names, *tapped])
-        schedule = find_master(experiment.master).schedule(plan, experiment)
+        master = find_master(experiment.master)
+        compared = state_outputs(system.parts) if master.implicit else []
+        plan = self._plan = make_plan(system, experiment, [*self._names, *tapped, *compared])
+        schedule = master.schedule(plan, experiment)
         check_loops(system.parts, system.wires, implicit=schedule.implicit)
         open_end = bool(self._options.resume or self._options.checkpoint)
         self._initialisation = Initialisation(plan, system, experiment, self._guard, open_end=open_end)
@@ -147,8 +142,8 @@ class Session:
         if self._saved:
             self._saved.restore(plan, ticks.memory)
         readers = [(tap.every, tap_reader(plan, tap)) for tap in options.taps]
-        if options.progress is not None:
-            readers.append(_progress_reader(options.progress, plan.ticks))
+        if (progress := options.progress) is not None:
+            readers.append((max(1, plan.ticks // 100), lambda tick: progress.update(tick, plan.ticks)))
         recording = [(recorder.decimate, recorder.read)] if self._names else []
         events = [(recorder.decimate, event_reader(plan, recorder))] if self._names and options.events else []
         for every, read in (*readers, *recording, *events):
@@ -164,12 +159,7 @@ class Session:
 
 
 def _loop(
-    ticks: Ticks,
-    readers: Sequence[tuple[int, Reader]],
-    begin: int,
-    plan: Plan,
-    pace: float | None,
-    guard: Guard,
+    ticks: Ticks, readers: Sequence[tuple[int, Reader]], begin: int, plan: Plan, pace: float | None, guard: Guard
 ) -> None:
     """Run the communication steps in spans between readers, short enough for Ctrl-C and for the pace."""
     tick, longest = begin, 100
@@ -190,10 +180,6 @@ def _loop(
             sleep(max(0.0, clock + (tick - begin) * plan.step / pace - monotonic()))
         elif monotonic() - before < 0.05:
             longest = min(2 * longest, 10_000_000)
-
-
-def _progress_reader(progress: Progress, ticks: int) -> tuple[int, Reader]:
-    return max(1, ticks // 100), lambda tick: progress.update(tick, ticks)
 
 
 def _warn_of_nonfinite(recorder: Recorder) -> None:

@@ -10,10 +10,7 @@ from dataclasses import dataclass
 from harness.errors import UnitError
 
 BASE_SYMBOLS = ("kg", "m", "s", "A", "K", "mol", "cd", "rad")
-
-
-LARGEST_POWER = 99
-"""Largest exponent of a base unit."""
+LARGEST_POWER = 99  # largest exponent of a base unit
 
 
 @dataclass(frozen=True)
@@ -132,32 +129,17 @@ _WHOLE = {
     "Nmm": _unit("kg.m2.s-2", 1e-3),
     "psi": _unit("kg.m-1.s-2", _POUND * _KILOPOND / _INCH**2),
 }
-_PREFIXES = {
-    "n": 1e-9,
-    "u": 1e-6,
-    "µ": 1e-6,
-    "μ": 1e-6,
-    "m": 1e-3,
-    "c": 1e-2,
-    "d": 0.1,
-    "k": 1e3,
-    "M": 1e6,
-    "G": 1e9,
-}
-LONGEST_UNIT = 100
-"""Largest length of a unit name [characters]."""
-
+_PREFIXES = {"n": 1e-9, "u": 1e-6, "µ": 1e-6, "μ": 1e-6, "m": 1e-3, "c": 1e-2, "d": 0.1, "k": 1e3, "M": 1e6, "G": 1e9}
+LONGEST_UNIT = 100  # largest length of a unit name [characters]
 _LETTER = r"[^\W\d_²³¹⁰⁴-⁹]"  # the module re does not count superscripts as digits
 _POWER = r"[-+]?[0-9]{1,2}(?![0-9])|⁻?[²³¹⁰⁴-⁹]{1,2}(?![²³¹⁰⁴-⁹])"
 _PIECE = re.compile(
     rf"(?P<space>\s*)(?:(?P<symbol>(?:{_LETTER}|[°%])(?:{_LETTER}|_)*|1(?![0-9]))(?P<power>(?:\^|\*\*)?(?:{_POWER}))?"
     rf"|(?P<open>\()|(?P<close>\))(?P<outer>(?:\^|\*\*)(?:{_POWER}))?|(?P<operator>[./*·]))"
 )
-_POWER_WORDS = {"square", "sq", "squared", "cubic", "cubed"}
-"""Words that pint reads as powers."""
+_POWER_WORDS = {"square", "sq", "squared", "cubic", "cubed"}  # words that pint reads as powers
 
 _SUPERSCRIPTS = str.maketrans("⁰¹²³⁴⁵⁶⁷⁸⁹⁻", "0123456789-")
-_TOKEN = re.compile(r"\s*(?:([A-Za-zµμΩ°%]+|1)(?:\^|\*\*)?(-?\d+)?|([./*·()]))")
 
 
 def is_unit_text(text: str) -> bool:
@@ -168,21 +150,21 @@ def is_unit_text(text: str) -> bool:
     bracket may have an integer power of at most two digits (``m2``, ``m^2``, ``m**2``, ``m²``), but powers are not
     nested. The only number is 1.
     """
-    text = text.strip()
-    pieces = _pieces(text) if len(text) <= LONGEST_UNIT else None
-    return pieces is not None and _is_product(pieces) and not _has_nested_power(pieces)
+    return _unit_pieces(text) is not None
 
 
-def _pieces(text: str) -> list[dict[str, str]] | None:
-    """Return symbols, brackets and operators in order, or None if the text contains anything else."""
-    found, position = [], 0
+def _unit_pieces(text: str) -> list[dict[str, str]] | None:
+    """Return symbols, brackets and operators in order, or None if the text does not have the form of a unit name."""
+    found, position, text = [], 0, text.strip()
+    if len(text) > LONGEST_UNIT:
+        return None
     while position < len(text):
         match = _PIECE.match(text, position)
         if match is None:
             return None
         found.append(match.groupdict(default=""))
         position = match.end()
-    return found
+    return found if _is_product(found) and not _has_nested_power(found) else None
 
 
 def _is_product(pieces: list[dict[str, str]]) -> bool:
@@ -237,36 +219,22 @@ def _times(a: BaseUnit, b: BaseUnit, power: int) -> BaseUnit | None:
     return BaseUnit(exponents, factor) if 0.0 < factor < math.inf else None
 
 
-def _tokens(text: str) -> list[tuple[str, str, str]] | None:
-    """Return (symbol, exponent, operator) triples, or None if the text is not a unit."""
-    found = []
-    position = 0
-    while position < len(text):
-        match = _TOKEN.match(text, position)
-        if match is None:
-            return None
-        found.append((match[1] or "", match[2] or "", match[3] or ""))
-        position = match.end()
-    return found
-
-
-def _product(tokens: list[tuple[str, str, str]], nested: bool) -> BaseUnit | None:
-    """Evaluate tokens from the left to the end or to the closing bracket, and remove them."""
+def _product(pieces: list[dict[str, str]], nested: bool) -> BaseUnit | None:
+    """Evaluate pieces from the left to the end or to the closing bracket, and remove them."""
     total = BaseUnit()
     sign, expect_symbol = 1, True
-    while tokens:
-        symbol, exponent, operator = tokens.pop(0)
-        if operator == ")":
-            return total if nested and not expect_symbol else None
-        if operator and operator != "(":
+    while pieces:
+        piece = pieces.pop(0)
+        if piece["close"]:
+            return total if nested and not expect_symbol and not piece["outer"] else None
+        if piece["operator"]:
             if expect_symbol:
                 return None
-            sign, expect_symbol = (-1 if operator == "/" else 1), True
+            sign, expect_symbol = (-1 if piece["operator"] == "/" else 1), True
             continue
-        factor = _product(tokens, nested=True) if operator == "(" else _symbol(symbol)
-        if factor is None or not expect_symbol:
-            return None
-        product = _times(total, factor, sign * int(exponent or 1))
+        factor = _product(pieces, nested=True) if piece["open"] else _symbol(piece["symbol"])
+        power = int(piece["power"].lstrip("^*").translate(_SUPERSCRIPTS) or 1)
+        product = _times(total, factor, sign * power) if factor is not None and expect_symbol else None
         if product is None:
             return None
         total = product
@@ -291,8 +259,8 @@ def parse_unit(text: str) -> BaseUnit | None:
     alone = _WHOLE.get(text.strip()) or _SYMBOLS.get(text.strip())
     if alone is not None:
         return alone  # keeps the offset of degC
-    tokens = _tokens(text.strip().translate(_SUPERSCRIPTS)) if is_unit_text(text) else None
-    return _product(tokens, nested=False) if tokens else None
+    pieces = _unit_pieces(text)
+    return _product(pieces, nested=False) if pieces else None
 
 
 def needed_unit(name: str | None, base: BaseUnit | None, where: str) -> BaseUnit | None:

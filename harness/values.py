@@ -27,8 +27,7 @@ def matching(pattern: str, names: Iterable[str]) -> list[str]:
     return [name for name in names if matches(name)]
 
 
-MOST_TICKS: Final = 1 << 62
-"""Largest number of ticks of a run, so that sums fit into 64 bits."""
+MOST_TICKS: Final = 1 << 62  # largest number of ticks of a run, so that sums fit into 64 bits
 
 _CONTROL = re.compile(r"[\x00-\x1f\x7f-\x9f\u2028\u2029]")
 

@@ -22,7 +22,7 @@ import numpy as np
 from _effect import Check, Effect, command_line, near
 from _loop import BLACK, BLUE, FC, GAINS, RED, TS, Array, panels, save
 from friction_fmus import build
-from friction_fmus.procedures import Loop, separate, train
+from friction_fmus.procedures import PidLoop, separate, train
 from harness import FmuPart, Part, SeriesPart, System
 
 COGGING, PITCH, VISCOUS = 0.7, 0.024, 0.4  # [N], [m], [N s/m]
@@ -59,7 +59,7 @@ def learned_over_position(speed: float) -> Array:
     with TemporaryDirectory() as folder:
         training = train(
             lambda part: axis(part, speed, times, Path(folder)),
-            Loop(GAINS["m"], GAINS["Kp"], GAINS["Kd"], GAINS["Ki"]),
+            PidLoop(GAINS["m"], GAINS["Kp"], GAINS["Kd"], GAINS["Ki"]),
             reference="reference.r",
             position="mass.x",
             samples=samples,

@@ -27,7 +27,7 @@ import numpy as np
 from _effect import Check, Effect, command_line, near
 from _loop import BLACK, BLUE, GAINS, GREY, RED, TS, Array, panels, rms, save
 from friction_fmus import build
-from friction_fmus.procedures import Loop, Training, train
+from friction_fmus.procedures import PidLoop, Training, train
 from harness import CallablePart, FmuPart, Part, Port, System
 
 TRIALS, SAMPLES, FQ = 15, 2000, 200.0  # learning steps, samples of a trial (1 s), corner of the filter Q [Hz]
@@ -60,7 +60,7 @@ def axis(learner: Part, amplitude: float, folder: Path) -> System:
 
 def learn(amplitude: float, gamma: float, stiffness: float = 0.0) -> Training:
     """All trials, with a stiffness [N/m] that L knows of."""
-    loop = Loop(GAINS["m"], GAINS["Kp"] + stiffness, GAINS["Kd"], GAINS["Ki"])
+    loop = PidLoop(GAINS["m"], GAINS["Kp"] + stiffness, GAINS["Kd"], GAINS["Ki"])
     with TemporaryDirectory() as folder:
         return train(
             lambda learned: axis(learned, amplitude, Path(folder)),

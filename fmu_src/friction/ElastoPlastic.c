@@ -216,7 +216,7 @@ static double path_between(const Ramp *r, double s, double end)
 
 /* Functions for relaxation.h: dz/dt in general, for z < z_ba and for z > z_max; z_max; and the point at which z reaches
    z_max from below or from above. */
-static double stretching(double s, double z, const void *law)
+static double deflection_rate(double s, double z, const void *law)
 {
     const Ramp *const r = (const Ramp *)law;
     return speed_at(r, s) * (1.0 - plastic(z, level_at(r, s) / r->m->sigma0, r->m->z_ba));
@@ -324,7 +324,7 @@ static bool piece_of(Ramp *r, double end)
         r->deflection = arrival < end ? z_ba : r->deflection + path_between(r, r->t, end);
         r->t = arrival < end ? arrival : end;
     } else
-        return integrate_ramp(r, end, stretching, falls ? over_z_max : NULL);
+        return integrate_ramp(r, end, deflection_rate, falls ? over_z_max : NULL);
     return true;
 }
 

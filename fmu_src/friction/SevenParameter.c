@@ -296,7 +296,6 @@ static double first_rise(const double *c, double h)
         if (late > 0.0 && late < h)
             ends[n++] = late;
     }
-    ends[n] = h;
     for (int i = 0; i < n; i++)
         if (cubic(c, ends[i + 1]).value > 0.0) {
             double low = ends[i], high = ends[i + 1];

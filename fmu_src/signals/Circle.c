@@ -5,7 +5,7 @@
    polynomial of fifth order, whose first two derivatives are zero at its ends, as in Biagiotti, Melchiorri: Trajectory
    Planning for Automatic Machines and Robots, Springer 2008.
 
-       angle = start_angle + way p / radius,   way = 1, or -1 if clockwise
+       angle = start_angle + direction p / radius,   direction = 1, or -1 if clockwise
        x = x_centre + radius cos(angle),   y = y_centre + radius sin(angle)
        dp/dt = V b(s / T),   b(u) = 10 u^3 - 15 u^4 + 6 u^5
        T = t_ramp, s = time since t_start
@@ -31,7 +31,6 @@
 #define SUMMARY  "Circle of two axes at constant feed with smooth start and stop"
 #define SOURCE   "ISO 230-4; Biagiotti, Melchiorri: Trajectory Planning for Automatic Machines and Robots, 2008"
 #define CITES    "ISO2304, BiagiottiMelchiorri2008"
-#define PORTRAIT "circle"
 
 /* clang-format off */
 #define VARIABLES                                                                                            \
@@ -109,8 +108,9 @@ static void equations(Model *m)
     const double L = turns > 0.0 ? TWO_PI * radius * turns : INF;
     const double V = t_ramp > 0.0 ? fmin(feed, L / t_ramp) : feed;
     const Motion now = along(V, t_ramp, L, m->time - t_start);
-    const double way = clockwise ? -1.0 : 1.0;
-    const double turned = way * now.p / radius, rate = way * now.v / radius, rate_dot = way * now.a / radius;
+    const double direction = clockwise ? -1.0 : 1.0;
+    const double turned = direction * now.p / radius, rate = direction * now.v / radius,
+                 rate_dot = direction * now.a / radius;
 
     m->angle = start_angle + turned;
     const double c = cos(m->angle), s = sin(m->angle);
@@ -120,7 +120,7 @@ static void equations(Model *m)
     m->yd = radius * c * rate;
     m->xdd = -radius * (s * rate_dot + c * rate * rate);
     m->ydd = radius * (c * rate_dot - s * rate * rate);
-    const double passed = quadrant(way * m->angle) - quadrant(way * start_angle);
+    const double passed = quadrant(direction * m->angle) - quadrant(direction * start_angle);
     m->reversals = m->run.frozen ? m->memory.reversals : fmin(passed, COUNTS);
 }
 
@@ -129,8 +129,8 @@ static bool is_passed(const Model *m) { return is_count(m->memory.reversals, COU
 /* Return the quadrants passed at the angle of the last evaluation. */
 static double place(const Model *m)
 {
-    const double way = m->clockwise != 0.0 ? -1.0 : 1.0;
-    return way * m->angle / HALF_PI - quadrant(way * m->start_angle);
+    const double direction = m->clockwise != 0.0 ? -1.0 : 1.0;
+    return direction * m->angle / HALF_PI - quadrant(direction * m->start_angle);
 }
 
 static void indicators(const Model *m, double *left) { left[0] = m->memory.reversals + 1.0 - place(m); }

@@ -116,11 +116,11 @@ static void equations(Model *m)
         return;
 
     /* in motion: the second half is the first half backwards */
-    const double way = sign(to - from);
+    const double direction = sign(to - from);
     const bool late = s > 0.5 * by.T;
     const Motion now = first_half(by, L, j_max, late ? by.T - s : s);
-    m->r = late ? to - way * now.p : from + way * now.p;
-    m->rd = way * now.v;
-    m->rdd = late ? -way * now.a : way * now.a;
-    m->rddd = way * now.j;
+    m->r = late ? to - direction * now.p : from + direction * now.p;
+    m->rd = direction * now.v;
+    m->rdd = late ? -direction * now.a : direction * now.a;
+    m->rddd = direction * now.j;
 }

@@ -10,11 +10,11 @@ from functools import cache
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from friction_fmus.blocks.about import About, about_c_block, cited
 from friction_fmus.blocks.axis_units import SLIDING, TURNING, Words
+from friction_fmus.blocks.block_declarations import About, about_c_block, cited
 from friction_fmus.blocks.customise import with_long_arrays
-from friction_fmus.blocks.headings import law_paths, read_headings
-from friction_fmus.errors import FrictionError, UnknownNameError, nearest
+from friction_fmus.blocks.law_summaries import law_paths, read_headings
+from friction_fmus.errors import FrictionError, UnknownNameError, did_you_mean
 from harness.extras import require
 from harness.storage.files import read_source, reason
 
@@ -23,11 +23,9 @@ PACKAGE = Path(__file__).parents[1]
 KINDS = {"friction": "friction", "plants": "plant", "controllers": "controller", "signals": "signal"}
 """Kind of the blocks in each folder of ``fmu_src``; laws are in ``friction_fmus/laws``."""
 
-_ORDER = ("friction", "plant", "law", "controller", "signal")
-"""Order of the kinds in the catalogue."""
+_ORDER = ("friction", "plant", "law", "controller", "signal")  # order of the kinds in the catalogue
 
-OWN_BLOCKS = "FRICTION_FMUS_BLOCKS"
-"""Environment variable with folders of user blocks, separated as in PATH."""
+OWN_BLOCKS = "FRICTION_FMUS_BLOCKS"  # environment variable with folders of user blocks, separated as in PATH
 
 FEATURES = {
     "presliding": "the contact is elastic before it slides",
@@ -126,6 +124,12 @@ def package_text(name: str) -> str:
     return (inside if inside.is_file() else PACKAGE.parent / name).read_text(encoding="utf-8")
 
 
+def icon_files(path: Path) -> tuple[Path, ...]:
+    """Return the drawn icon beside the file of a block, ``NAME.png`` and ``NAME.svg``, if both exist."""
+    files = path.with_suffix(".png"), path.with_suffix(".svg")
+    return files if all(file.is_file() for file in files) else ()
+
+
 def laws_folder() -> Path:
     """Return the folder of the laws in this package."""
     return PACKAGE / "laws"
@@ -179,8 +183,8 @@ def _told(path: Path, code: str) -> About:
 
 def _read_laws(path: Path) -> list[Block]:
     require("casadi")
-    from friction_fmus.lawkit.files import discover_laws
     from friction_fmus.lawkit.law import block_source
+    from friction_fmus.lawkit.law_files import discover_laws
 
     return [
         Block(
@@ -291,7 +295,7 @@ def find(model: str | Path) -> Block:
     path = Path(model)
     if path.suffix not in (".c", ".py"):
         raise UnknownNameError(
-            f"There is no model {str(model)!r}{nearest(str(model), known)} (`friction-fmus list` lists all models)"
+            f"There is no model {str(model)!r}{did_you_mean(str(model), known)} (`friction-fmus list` lists all models)"
         )
     if not path.is_file():
         raise UnknownNameError(
@@ -311,8 +315,8 @@ def with_room(block: Block, start: Mapping[str, Any]) -> Block:
         return replace(block, code=with_long_arrays(block.code, block.name, start))
     if not start:
         return block
-    from friction_fmus.lawkit.files import discover_laws
     from friction_fmus.lawkit.law import block_source
+    from friction_fmus.lawkit.law_files import discover_laws
 
     law = next(law for law in discover_laws(block.path) if law.name == block.name)
     grown = law.with_room(start)

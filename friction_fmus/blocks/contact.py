@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Final
 
 from friction_fmus.blocks.arithmetic import Numbers, evaluate, is_known, names_in
 from friction_fmus.blocks.macros import table
-from friction_fmus.errors import FrictionError, nearest
+from friction_fmus.errors import FrictionError, did_you_mean
 
 if TYPE_CHECKING:
     import numpy as np
@@ -23,10 +23,8 @@ class Level:
     Fs: float
     viscous: float = 0.0
     """Coulomb and static friction [N], viscous coefficient [N.s/m]."""
-    vs: float | None = None
-    """Stribeck velocity [m/s]; with None or 0, static friction acts at rest only."""
-    delta: float = 2.0
-    """Stribeck exponent."""
+    vs: float | None = None  # Stribeck velocity [m/s]; with None or 0, static friction acts at rest only
+    delta: float = 2.0  # Stribeck exponent
 
     def at(self, speeds: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the level g at positive speeds [N]."""
@@ -41,22 +39,20 @@ class Level:
 
 
 @dataclass(frozen=True)
-class Contact:
+class AxisFriction:
     """The friction of an axis."""
 
-    levels: tuple[Level, Level]
-    """Forward and backward."""
+    levels: tuple[Level, Level]  # forward and backward
     stiffness: float = 0.0
     damping: float = 0.0
     """Stiffness and damping of the contact at rest [N/m, N.s/m], proportional to the normal force; stiffness 0 if
     rigid."""
-    viscous: float = 0.0
-    """Viscous coefficient that also acts at rest [N.s/m]."""
+    viscous: float = 0.0  # viscous coefficient that also acts at rest [N.s/m]
 
-    def loaded(self, load: float) -> Contact:
+    def loaded(self, load: float) -> AxisFriction:
         """Return the contact under another normal force, which does not affect viscous friction."""
         forward, backward = (replace(level, Fc=load * level.Fc, Fs=load * level.Fs) for level in self.levels)
-        return Contact((forward, backward), load * self.stiffness, load * self.damping, self.viscous)
+        return AxisFriction((forward, backward), load * self.stiffness, load * self.damping, self.viscous)
 
 
 @dataclass(frozen=True)
@@ -112,10 +108,10 @@ class Friction:
             backward = {name: values.get(f"{name}_neg", value) for name, value in values.items()}
         return self.level(values), self.level(backward)
 
-    def contact(self, values: Numbers) -> Contact:
+    def contact(self, values: Numbers) -> AxisFriction:
         """Return the friction in sliding and at rest."""
         at_rest = (self.stiffness, self.damping, self.viscous_at_rest)
-        return Contact(self.levels(values), *(float(evaluate(text, values)) for text in at_rest))
+        return AxisFriction(self.levels(values), *(float(evaluate(text, values)) for text in at_rest))
 
 
 _ROWS = {
@@ -139,8 +135,7 @@ def friction_of(code: str) -> Friction | None:
     return Friction(**found) if found else None
 
 
-NOT_IDENTIFIED: Final = "none"
-"""Method of a model that cannot be identified from motion and force."""
+NOT_IDENTIFIED: Final = "none"  # method of a model that cannot be identified from motion and force
 
 SEEN: Final = ("level", "peak", "viscous", "stiffness", "damping", "speed", "distance")
 """Names in the start value of a parameter: properties of the measured friction, see `identification.Traits`."""
@@ -164,10 +159,8 @@ MEASURED: Final[Mapping[str, str]] = {
 class Fitted:
     """How a parameter is identified."""
 
-    start: str
-    """Start value of the search, an expression of the names in `SEEN`."""
-    experiment: str
-    """Key in `MEASURED` of the experiment to run if the parameter is poorly identifiable."""
+    start: str  # start value of the search, an expression of the names in `SEEN`
+    experiment: str  # key in `MEASURED` of the experiment to run if the parameter is poorly identifiable
     held: bool = False
     """Whether the parameter keeps its default value unless the user gives a start value or bounds: it is correlated
     with others, or most records do not show its effect."""
@@ -226,7 +219,7 @@ def identified(code: str) -> Identified:
 def _checked(kind: str, name: str, fit: Fitted) -> Fitted:
     if fit.experiment not in MEASURED:
         raise FrictionError(
-            f"{kind}({name}) names the unknown experiment {fit.experiment!r}{nearest(fit.experiment, MEASURED)}"
+            f"{kind}({name}) names the unknown experiment {fit.experiment!r}{did_you_mean(fit.experiment, MEASURED)}"
         )
     if unknown := sorted(names_in(fit.start) - set(SEEN)):
         raise FrictionError(f"{kind}({name}) starts at {fit.start!r}; {unknown[0]} is not one of {', '.join(SEEN)}")

@@ -36,7 +36,7 @@ class _Row(ctypes.Structure):
 
 
 @dataclass(frozen=True)
-class Variable:
+class BlockVariable:
     """One scalar variable of a block."""
 
     name: str
@@ -51,8 +51,7 @@ class Variable:
     role: int
     type: int
     """Constants of this module."""
-    reference: int
-    """Value reference."""
+    reference: int  # value reference
     origin: int
     """Value reference of the state (for derivatives) or of the parameter with the initial value (for state outputs)."""
 
@@ -61,16 +60,11 @@ class Variable:
 class BlockVariables:
     """Variables of a compiled block."""
 
-    variables: tuple[Variable, ...]
-    """Variables in the order of the XML, time first."""
-    guid: str
-    """Hash of the rows, computed in the library."""
-    sampled: bool
-    """Whether the block acts at sample times."""
-    exchanges: bool
-    """Whether it can be used for model exchange."""
-    events: int
-    """Number of its event indicators."""
+    variables: tuple[BlockVariable, ...]  # variables in the order of the XML, time first
+    guid: str  # hash of the rows, computed in the library
+    sampled: bool  # whether the block acts at sample times
+    exchanges: bool  # whether it can be used for model exchange
+    events: int  # number of its event indicators
 
 
 @dataclass(frozen=True)
@@ -103,17 +97,10 @@ def read_variables(library: Path) -> BlockVariables:
 def _read(handle: ctypes.CDLL) -> tuple[BlockVariables, int]:
     """Return the rows, and the number of values of the block."""
     handle.block_rows.restype = ctypes.POINTER(_Row)
-    handle.block_rows.argtypes = (
-        *(ctypes.POINTER(ctypes.c_size_t),) * 2,
-        ctypes.POINTER(ctypes.c_int),
-        ctypes.c_char_p,
-    )
-    count, size, traits, guid = (
-        ctypes.c_size_t(),
-        ctypes.c_size_t(),
-        (ctypes.c_int * 3)(),
-        ctypes.create_string_buffer(64),
-    )
+    number = ctypes.POINTER(ctypes.c_size_t)
+    handle.block_rows.argtypes = (number, number, ctypes.POINTER(ctypes.c_int), ctypes.c_char_p)
+    count, size, traits = ctypes.c_size_t(), ctypes.c_size_t(), (ctypes.c_int * 3)()
+    guid = ctypes.create_string_buffer(64)
     rows = handle.block_rows(ctypes.byref(count), ctypes.byref(size), traits, guid)
 
     variables = []
@@ -125,7 +112,9 @@ def _read(handle: ctypes.CDLL) -> tuple[BlockVariables, int]:
             element = _element(name, k) if row.length else name
             start = row.starts[k] if row.starts else row.start
             limits = (row.min, row.max, row.nominal, row.role, row.type)
-            variables.append(Variable(element, unit, text, start, *limits, row.index + k, getattr(row, "from") + k))
+            variables.append(
+                BlockVariable(element, unit, text, start, *limits, row.index + k, getattr(row, "from") + k)
+            )
     sampled, exchanges, events = traits
     block = BlockVariables(tuple(variables), guid.value.decode(), bool(sampled), bool(exchanges), events)
     return block, size.value
@@ -133,7 +122,7 @@ def _read(handle: ctypes.CDLL) -> tuple[BlockVariables, int]:
 
 def _add(
     dependencies: dict[int, tuple[int, ...]],
-    variables: tuple[Variable, ...],
+    variables: tuple[BlockVariable, ...],
     computed: Mapping[str, Iterable[str]],
     roles: tuple[int, ...],
 ) -> None:
@@ -146,7 +135,7 @@ def _add(
         dependencies[unknown] = tuple(sorted(used.union(dependencies[unknown])))
 
 
-def _follow_limit(dependencies: dict[int, tuple[int, ...]], variables: tuple[Variable, ...]) -> None:
+def _follow_limit(dependencies: dict[int, tuple[int, ...]], variables: tuple[BlockVariable, ...]) -> None:
     """Give u_sat the dependencies of u: it states the active limit of u, which a probe away from the limits misses."""
     references = {v.name: v.reference for v in variables}
     if {"u", "u_sat"} <= references.keys():
@@ -178,7 +167,7 @@ class _Probe:
     FAR = 1e9
     LARGE, FEW_POINTS, MOST_POINTS = 500, 60, 400  # for this number of values, more points would take minutes
 
-    def __init__(self, handle: ctypes.CDLL, size: int, variables: tuple[Variable, ...], sampled: bool) -> None:
+    def __init__(self, handle: ctypes.CDLL, size: int, variables: tuple[BlockVariable, ...], sampled: bool) -> None:
         self._evaluate = handle.block_evaluate
         self._evaluate.restype = None
         self._evaluate.argtypes = (ctypes.POINTER(ctypes.c_double), ctypes.c_int)
@@ -231,7 +220,7 @@ class _Probe:
             values[v.reference] = start if plain else self._drawn(v, start)
         return values
 
-    def _drawn(self, v: Variable, start: float) -> float:
+    def _drawn(self, v: BlockVariable, start: float) -> float:
         draw = self._random
         if v.type == BOOLEAN:
             return float(draw.random() < 0.5)
@@ -249,7 +238,7 @@ class _Probe:
         size = math.pow(10.0, draw.uniform(-6.0, far)) * (v.nominal if v.role in (STATE, STATE_OUTPUT) else 1.0)
         return draw.choice((0.0, 1.0, -1.0, 1.0, -1.0)) * size
 
-    def _moved(self, v: Variable, value: float) -> float:
+    def _moved(self, v: BlockVariable, value: float) -> float:
         if v.type == BOOLEAN:
             return 1.0 - value
         if v.type == INTEGER:
@@ -287,20 +276,18 @@ GROUPS = {
 
 
 @dataclass(frozen=True)
-class Entry:
+class VariableRow:
     """A variable, or the elements of a vector."""
 
     name: str
     unit: str
     text: str
     """Name (``k[1...10]`` for a vector), unit or type, and description."""
-    starts: tuple[str, ...]
-    """Start values; one if all are equal, none for computed variables."""
-    limits: str
-    """Range of accepted values; empty if there are no limits."""
+    starts: tuple[str, ...]  # start values; one if all are equal, none for computed variables
+    limits: str  # range of accepted values; empty if there are no limits
 
 
-def variable_groups(rows: BlockVariables) -> dict[str, tuple[Entry, ...]]:
+def variable_groups(rows: BlockVariables) -> dict[str, tuple[VariableRow, ...]]:
     """Return the groups that are not empty, in the order of `GROUPS`."""
     groups = {}
     for title, roles in GROUPS.items():
@@ -310,12 +297,12 @@ def variable_groups(rows: BlockVariables) -> dict[str, tuple[Entry, ...]]:
     return groups
 
 
-def _vector(v: Variable) -> str:
+def _vector(v: BlockVariable) -> str:
     """Return the name without the index of the element."""
     return re.sub(r"\[\d+\]", "[]", v.name)
 
 
-def _entry(elements: list[Variable]) -> Entry:
+def _entry(elements: list[BlockVariable]) -> VariableRow:
     first, last = elements[0], elements[-1]
     name = first.name
     if last is not first:
@@ -324,7 +311,7 @@ def _entry(elements: list[Variable]) -> Entry:
     starts = tuple(_value(v.start, v.type) for v in elements) if given else ()
     low, high = (_value(limit, first.type) if math.isfinite(limit) else "" for limit in (first.min, first.max))
     limits = f"{low} to {high}" if low and high else f"at least {low}" if low else f"at most {high}" if high else ""
-    return Entry(
+    return VariableRow(
         name,
         {INTEGER: "Integer", BOOLEAN: "Boolean"}.get(first.type, first.unit),
         first.text,

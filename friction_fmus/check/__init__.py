@@ -1,7 +1,7 @@
 """Checks of an FMU: the archive, the XML, and the behaviour of the binary in a separate process.
 
 An SSP is read as the harness reads it, and each of its FMUs is checked. The checks apply to any FMU of FMI 2.0 or 3.0.
-The rules are functions in `archive`, `fmi2_rules` and `fmi3_rules`, and probes in `probes`; each rule is one
+The rules are functions in `archive_rules`, `fmi2_rules` and `fmi3_rules`, and probes in `probes`; each rule is one
 function.
 """
 
@@ -12,9 +12,8 @@ from dataclasses import replace
 from pathlib import Path
 
 from fmpy.model_description import ValidationError
-from lxml import etree
 
-from friction_fmus.check.archive import (
+from friction_fmus.check.archive_rules import (
     DAMAGED,
     Contents,
     examine_archive,
@@ -22,7 +21,7 @@ from friction_fmus.check.archive import (
     read_member,
     truncated_libraries,
 )
-from friction_fmus.check.binary import examine_binary, examine_binary_3
+from friction_fmus.check.binary import examine_binary
 from friction_fmus.check.description import (
     NO_INTERFACE,
     SCHEMA,
@@ -36,14 +35,13 @@ from friction_fmus.check.description import (
 from friction_fmus.check.findings import DESCRIPTION, RULES, Finding, Rule, apply, declare
 from friction_fmus.check.fmi2_rules import examine_side_files
 from friction_fmus.check.fmi3_rules import Model3
-from friction_fmus.errors import FrictionError, UnknownNameError, nearest
+from friction_fmus.errors import FrictionError, UnknownNameError, did_you_mean
 from harness.errors import HarnessError
 from harness.parts.archive import parse_description
 from harness.ssp.package import SSD_NAME
 from harness.storage.files import ScratchFolder
 
 __all__ = ["RULES", "Finding", "Rule", "check"]
-
 
 _DANGEROUS = ("zip-", "path-outside", "path-backslash", "path-symlink", "path-duplicate", "path-clash", "path-long")
 
@@ -82,7 +80,7 @@ def check(
     """
     for name in ignore:
         if name not in RULES:
-            raise UnknownNameError(f"there is no rule {name!r}{nearest(name, RULES)}; `check --rules` lists them")
+            raise UnknownNameError(f"there is no rule {name!r}{did_you_mean(name, RULES)}; `check --rules` lists them")
     if not time_limit > 0.0:
         raise FrictionError(f"the time limit is {time_limit} s; give a positive number of seconds")
     try:
@@ -110,27 +108,29 @@ def _examine_contents(path: Path, contents: Contents, static: bool, time_limit: 
         return examine_archive(contents)
     data = read_member(contents, DESCRIPTION)
     if isinstance(data, Finding):
-        return _unless_told(examine_archive(contents), data)
+        found = examine_archive(contents)
+        return found if any(finding.file == data.file for finding in found) else [*found, data]
     root = parse(data)
     if isinstance(root, Finding):
         return [*examine_archive(contents), root]
-    if root.tag == "fmiModelDescription" and root.get("fmiVersion", "").startswith("3."):
-        return _examine_3(contents, data, root, static, time_limit)
-    model = Model(root)
-    refusals = list(_refusals(model))
-    if refusals:
+    three = root.tag == "fmiModelDescription" and root.get("fmiVersion", "").startswith("3.")
+    model = Model3(root) if three else Model(root)
+    if isinstance(model, Model) and (refusals := list(_refusals(model))):
         return refusals
-    contents = replace(contents, identifier=model.identifier, source_files=model.source_files)
-    findings = examine_archive(contents)
+    sources = model.source_files if isinstance(model, Model) else None
+    contents = replace(contents, identifier=model.identifier, source_files=sources, version=3 if three else 2)
+    findings = [each for each in examine_archive(contents) if not (three and each.rule in _ONLY_FMI_2)]
     findings += wrong_encoding(data, root)
-    findings += [SCHEMA.finding(text, DESCRIPTION, line=line) for text, line in violations(root, _XSD)]
-    findings += apply("description", model)
+    violated, schema = (SCHEMA_3, _XSD_3) if three else (SCHEMA, _XSD)
+    findings += [violated.finding(text, DESCRIPTION, line=line) for text, line in violations(root, schema)]
+    if not (three and _errors(findings)):
+        findings += apply("fmi3" if three else "description", model)
     if not any(finding.rule.startswith(_DANGEROUS) for finding in findings):
         findings += examine_side_files(contents, model)
         if not _errors(findings):
             findings += _fmpy(data)
-        findings += _libraries(contents, model, static, time_limit)
-    return findings
+        findings += _libraries(contents, model, static or (three and _errors(findings)), time_limit)
+    return [replace(finding, standard="FMI 3.0.2") for finding in findings] if three else findings
 
 
 def _examine_ssp(path: Path, contents: Contents, static: bool, time_limit: float) -> list[Finding]:
@@ -152,38 +152,14 @@ def _examine_ssp(path: Path, contents: Contents, static: bool, time_limit: float
     return found
 
 
-def _examine_3(contents: Contents, data: bytes, root: etree._Element, static: bool, time_limit: float) -> list[Finding]:
-    """Return the findings in an FMI 3.0 FMU."""
-    model = Model3(root)
-    contents = replace(contents, identifier=model.identifier, version=3)
-    findings = [finding for finding in examine_archive(contents) if finding.rule not in _ONLY_FMI_2]
-    findings += wrong_encoding(data, root)
-    findings += [SCHEMA_3.finding(text, DESCRIPTION, line=line) for text, line in violations(root, _XSD_3)]
-    if not _errors(findings):
-        findings += apply("fmi3", model)
-    if not any(finding.rule.startswith(_DANGEROUS) for finding in findings):
-        findings += examine_side_files(contents, model)
-        if not _errors(findings):
-            findings += _fmpy(data)
-        findings += _libraries(contents, model, static or _errors(findings), time_limit)
-    return [replace(finding, standard="FMI 3.0.2") for finding in findings]
-
-
 def _errors(findings: list[Finding]) -> bool:
     return any(finding.severity == "error" for finding in findings)
-
-
-def _unless_told(found: list[Finding], also: Finding) -> list[Finding]:
-    """Return the findings and another one, unless they already contain a finding for the same file."""
-    return found if any(finding.file == also.file for finding in found) else [*found, also]
 
 
 def _libraries(contents: Contents, model: Model | Model3, static: bool, time_limit: float) -> list[Finding]:
     truncated = list(truncated_libraries(contents))
     if static or truncated or not contents.below("binaries"):
         return truncated
-    if isinstance(model, Model3):
-        return examine_binary_3(contents, model, time_limit)
     return examine_binary(contents, model, time_limit)
 
 

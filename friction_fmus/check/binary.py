@@ -16,31 +16,32 @@ from typing import Any, Final
 import fmpy
 from lxml import etree
 
-from friction_fmus.check.archive import Contents
+from friction_fmus.check.archive_rules import Contents
 from friction_fmus.check.description import Model, Variable2, integer, real
 from friction_fmus.check.findings import RULES, Finding, Severity, declare
 from friction_fmus.check.fmi3_rules import FLOATS, INTEGERS, Model3, Variable3
-from friction_fmus.check.probes import arrays, events, lifecycle, stepping, surroundings
-from friction_fmus.check.probes.host import CRASHES, ONLY, PROBES, SEVERAL, WITH
-from friction_fmus.check.probes.library import TRACE_SIZE
+from friction_fmus.check.probes import events, fmi3_features, lifecycle, stepping, surroundings
+from friction_fmus.check.probes.fmi2_library import TRACE_SIZE
+from friction_fmus.check.probes.probe_process import CRASHES, ONLY, PROBES, SEVERAL, WITH
 from friction_fmus.errors import FrictionError
 from harness.compiling.platforms import NATIVE
 from harness.storage.files import ScratchFolder
 from harness.storage.zip_file import unpack_zip
 
-_MODULES: Final = (lifecycle, stepping, events, arrays, surroundings)
-"""Modules that register the probes, in this order."""
+_MODULES: Final = (
+    lifecycle,
+    stepping,
+    events,
+    fmi3_features,
+    surroundings,
+)  # register the probes, in this order
 
 _RULES: Final[dict[str, tuple[Severity, str, str]]] = {
     "binary-not-loadable": ("error", "2.3", "The library for this platform cannot be loaded."),
     "binary-crashes": ("error", "2.1.3", "A legal call ends the process."),
     "binary-hangs": ("error", "2.1.3", "A legal call does not return within the time limit."),
     "free-null": ("warning", "2.1.5", "fmi2FreeInstance does not ignore a null pointer."),
-    "misuse-crashes": (
-        "warning",
-        "4.2.4",
-        "A call in a state in which it is not allowed ends the process or hangs.",
-    ),
+    "misuse-crashes": ("warning", "4.2.4", "A call in a state in which it is not allowed ends the process or hangs."),
     "function-missing": ("error", "2.3", "The library does not export a function of the standard."),
     "version-answer": ("error", "2.1.4", "fmi2GetVersion or fmi2GetTypesPlatform returns a wrong result."),
     "instantiate-fails": ("error", "2.1.5", "fmi2Instantiate returns no instance for the guid of the XML."),
@@ -88,11 +89,7 @@ _RULES: Final[dict[str, tuple[Severity, str, str]]] = {
 """Rules of the binary: severity, section of FMI 2.0.5, and a description of the error."""
 
 _RULES_3: Final[dict[str, tuple[Severity, str, str]]] = {
-    "fmi3-configuration": (
-        "error",
-        "2.2.1",
-        "A structural parameter cannot be set in its mode, or elsewhere too.",
-    ),
+    "fmi3-configuration": ("error", "2.2.1", "A structural parameter cannot be set in its mode, or elsewhere too."),
     "fmi3-adjoint": ("error", "2.2.11", "An adjoint derivative disagrees with a directional derivative."),
     "fmi3-event-mode": ("error", "4.2.2", "A co-simulation with events fails."),
     "fmi3-intermediate-update": ("error", "4.2.2", "Intermediate updates are out of order or end a step."),
@@ -115,8 +112,9 @@ _FLAGS: Final = (
     "providesDirectionalDerivative",
 )
 _PROGRAM: Final = (
-    "import sys; sys.path.append({folder!r}); from probes import lifecycle, stepping, events, arrays, surroundings; "
-    "from probes.host import main; main({place!r}, {names!r})"
+    "import sys; sys.path.append({folder!r}); "
+    "from probes import lifecycle, stepping, events, fmi3_features, surroundings; "
+    "from probes.probe_process import main; main({place!r}, {names!r})"
 )
 _DEBUG: Final = "run this call in a debugger"
 _ADVICE: Final = {
@@ -128,19 +126,21 @@ _START_TIME: Final = 30.0
 """Longest time until the first probe begins, as a slow start on a busy machine is not the fault of the FMU [s]."""
 
 
-def examine_binary(contents: Contents, model: Model, time_limit: float) -> list[Finding]:
-    """Run the probes and return their findings."""
+def examine_binary(contents: Contents, model: Model | Model3, time_limit: float) -> list[Finding]:
+    """Run the probes of co-simulation and model exchange, and return their findings."""
     findings: list[Finding] = []
     for interface in model.interfaces:
-        findings += _examine(contents, model, interface, time_limit)
+        if interface.tag == "ScheduledExecution":
+            continue
+        folder, job = (
+            (NATIVE.folder, _job(model, interface))
+            if isinstance(model, Model)
+            else (fmpy.platform_tuple, _job_3(model, interface))
+        )
+        once = _flag(interface, "canBeInstantiatedOnlyOncePerProcess")
+        binary = f"binaries/{folder}/{interface.get('modelIdentifier', '')}{NATIVE.suffix}"
+        findings += run_probes(contents, binary, job, _probes(model, interface, once), once, time_limit)
     return list(dict.fromkeys(findings))
-
-
-def _examine(contents: Contents, model: Model, interface: etree._Element, time_limit: float) -> list[Finding]:
-    """Run the probes of one interface."""
-    binary = f"binaries/{NATIVE.folder}/{interface.get('modelIdentifier', '')}{NATIVE.suffix}"
-    once = _flag(interface, "canBeInstantiatedOnlyOncePerProcess")
-    return run_probes(contents, binary, _job(model, interface), _probes(model, interface, once), once, time_limit)
 
 
 def run_probes(
@@ -166,11 +166,12 @@ def run_probes(
         return list(_supervise(folder, names, once, binary, time_limit))
 
 
-def _probes(model: Model, interface: etree._Element, once: bool) -> list[str]:
-    """Return the probes of an interface. Those of both run once, apart from those of saved states."""
+def _probes(model: Model | Model3, interface: etree._Element, once: bool) -> list[str]:
+    """Return the probes of an interface. Those of both run once in FMI 2.0, apart from those of saved states."""
     kind = "model exchange" if interface.tag == "ModelExchange" else "co-simulation"
-    names = [name for name in PROBES if ONLY.get(name, kind) == kind and not (once and name in SEVERAL)]
-    if interface is model.interfaces[0]:
+    wanted = {kind} if isinstance(model, Model) else {kind, "FMI 3.0", f"FMI 3.0 {kind}"}
+    names = [name for name in PROBES if ONLY.get(name, kind) in wanted and not (once and name in SEVERAL)]
+    if interface is model.interfaces[0] or isinstance(model, Model3):
         return names
     return [name for name in names if name in ONLY or name in _REPEATED]
 
@@ -283,22 +284,6 @@ _FLAGS_3: Final = {
     "providesDirectionalDerivative": "providesDirectionalDerivatives",
 }
 """Capabilities of FMI 2.0, and their names in FMI 3.0."""
-
-
-def examine_binary_3(contents: Contents, model: Model3, time_limit: float) -> list[Finding]:
-    """Run the probes of co-simulation and model exchange; see `examine_binary`."""
-    found: list[Finding] = []
-    for element in model.interfaces:
-        if element.tag == "ScheduledExecution":
-            continue
-        kind = "model exchange" if element.tag == "ModelExchange" else "co-simulation"
-        once = _flag(element, "canBeInstantiatedOnlyOncePerProcess")
-        wanted = {kind, "FMI 3.0", f"FMI 3.0 {kind}"}
-        names = [name for name in PROBES if ONLY.get(name, kind) in wanted and not (once and name in SEVERAL)]
-        identifier = element.get("modelIdentifier", "")
-        binary = f"binaries/{fmpy.platform_tuple}/{identifier}{NATIVE.suffix}"
-        found += run_probes(contents, binary, _job_3(model, element), names, once, time_limit)
-    return list(dict.fromkeys(found))
 
 
 def _job_3(model: Model3, element: etree._Element) -> dict[str, Any]:

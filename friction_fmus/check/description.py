@@ -13,12 +13,7 @@ from lxml import etree
 
 from friction_fmus.check.findings import DESCRIPTION, Finding, declare
 
-_INITIAL: Final = {
-    "parameter": "exact",
-    "calculatedParameter": "calculated",
-    "input": None,
-    "independent": None,
-}
+_INITIAL: Final = {"parameter": "exact", "calculatedParameter": "calculated", "input": None, "independent": None}
 """Default of `initial` by causality; for outputs and locals it depends on the variability (section 2.2.7)."""
 
 SECTIONS: Final = ("Outputs", "Derivatives", "InitialUnknowns")  # sections of ModelStructure
@@ -41,8 +36,7 @@ class ListedUnknown:
 
     line: int  # line in the XML
     index: int  # index of the variable, from 1
-    dependencies: tuple[int, ...] | None
-    """Indices of the dependencies. None if the attribute is missing, which means a dependence on all knowns."""
+    dependencies: tuple[int, ...] | None  # indices; None if the attribute is missing: it depends on all knowns
     kinds: tuple[str, ...] | None  # the attribute dependenciesKind
 
 
@@ -126,8 +120,7 @@ class DescribedModel:
     """What modelDescription.xml has in both versions of FMI."""
 
     kinds: ClassVar[tuple[str, ...]] = ("CoSimulation", "ModelExchange")
-    root: etree._Element
-    """The element fmiModelDescription."""
+    root: etree._Element  # the element fmiModelDescription
 
     @cached_property
     def interfaces(self) -> list[etree._Element]:
@@ -187,17 +180,13 @@ class Model(DescribedModel):
 
 
 def _unknown(element: etree._Element) -> ListedUnknown:
-    kinds = element.get("dependenciesKind")
+    kinds, listed = element.get("dependenciesKind"), element.get("dependencies")
     return ListedUnknown(
         line_of(element),
         integer(element.get("index")) or 0,
-        _indices(element.get("dependencies")),
+        None if listed is None else tuple(integer(word) or 0 for word in listed.split()),
         None if kinds is None else tuple(kinds.split()),
     )
-
-
-def _indices(text: str | None) -> tuple[int, ...] | None:
-    return None if text is None else tuple(integer(word) or 0 for word in text.split())
 
 
 def name_of(element: etree._Element) -> str:

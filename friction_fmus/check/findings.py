@@ -115,9 +115,8 @@ class Fault:
     """An error yielded by a rule's function, from which the rule makes a `Finding`."""
 
     message: str
-    line: int | None = None
-    variable: str | None = None
-    """See `Finding`."""
+    line: int | None = None  # see `Finding`
+    variable: str | None = None  # see `Finding`
     file: str = DESCRIPTION
 
 
@@ -180,8 +179,7 @@ def apply(kind: Kind, subject: object) -> Iterator[Finding]:
                 yield known.finding(fault.message, fault.file, line=fault.line, variable=fault.variable)
 
 
-Results = Mapping[Path, Sequence[Finding]]
-"""Findings of each FMU."""
+Results = Mapping[Path, Sequence[Finding]]  # findings of each FMU
 
 _STYLE = {"error": "bold red", "warning": "yellow", "note": "cyan"}
 

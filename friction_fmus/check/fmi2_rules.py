@@ -11,7 +11,7 @@ from typing import Final
 
 from lxml import etree
 
-from friction_fmus.check.archive import Contents, read_member
+from friction_fmus.check.archive_rules import Contents, read_member
 from friction_fmus.check.description import (
     SECTIONS,
     ListedUnknown,

@@ -304,8 +304,7 @@ def _clocked(model: Model3) -> Iterator[Fault]:
             yield at(v, f"{v.name} names the previous value {previous}, which does not exist")
         elif value is v or value.type != v.type or value.variability != "discrete" or value.causality == "input":
             yield at(
-                v,
-                f"{v.name} names {value.name} as its previous value; name another discrete {v.type} that is no input",
+                v, f"{v.name} names {value.name} as its previous value; name another discrete {v.type} that is no input"
             )
         elif owner := owners.get(reference or 0):
             yield at(v, f"{v.name} and {owner} have the same previous value {value.name}; give each its own")

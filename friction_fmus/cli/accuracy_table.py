@@ -9,7 +9,7 @@ from rich.table import Table
 from friction_fmus.cli.console import console, styled
 from harness import Result
 from harness.accuracy.assess import MARGIN
-from harness.accuracy.numbers import OF_LOOPS
+from harness.accuracy.measure_bounds import OF_LOOPS
 from harness.masters import find_master
 
 _STYLES = {"right": "green", "sensitive": "yellow", "too coarse": "yellow", "wrong": "bold red"}

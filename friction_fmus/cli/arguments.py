@@ -17,18 +17,24 @@ def listed(words: Sequence[str]) -> str:
     return f"{', '.join(words[:-1])} or {words[-1]}"
 
 
+def parse_value(text: str) -> float | bool | str:
+    """Return a number, a Boolean, or the text itself, such as the name of a master."""
+    text = text.strip()
+    if text.lower() in ("true", "false"):
+        return text.lower() == "true"
+    try:
+        return float(text)
+    except ValueError:
+        return text
+
+
 def parse_assignment(text: str) -> tuple[str, float | bool]:
     """Return name and value of ``NAME=VALUE``, with a number, true or false as value."""
-    name, equals, value = text.partition("=")
-    if equals and value.strip().lower() in ("true", "false"):
-        return name.strip(), value.strip().lower() == "true"
-    try:
-        number = float(value)
-    except ValueError:
-        equals = ""
-    if not equals:
+    name, equals, given = text.partition("=")
+    value = parse_value(given)
+    if not equals or isinstance(value, str):
         raise FrictionError(f"--set {text!r} is not NAME=VALUE; use a number, true or false as VALUE")
-    return name.strip(), number
+    return name.strip(), value
 
 
 def parse_assignments(texts: Sequence[str] | None) -> dict[str, float | bool]:

@@ -10,10 +10,9 @@ from rich.text import Text
 
 from friction_fmus.blocks.catalogue import FEATURES, Block
 from friction_fmus.blocks.macros import INDENT, Paragraph, paragraphs
-from friction_fmus.blocks.probe import BlockVariables, Entry, variable_groups
+from friction_fmus.blocks.probe import BlockVariables, VariableRow, variable_groups
 
-WIDE = 100
-"""Width of the terminal, in characters, from which the table of variables includes ranges."""
+WIDE = 100  # width of the terminal, in characters, from which the table of variables includes ranges
 
 
 def show_block(console: Console, block: Block, rows: BlockVariables) -> None:
@@ -72,5 +71,5 @@ def _variables(rows: BlockVariables, ranges: bool) -> Table:
     return table
 
 
-def _starts(entry: Entry) -> str:
+def _starts(entry: VariableRow) -> str:
     return " ... ".join(entry.starts[:: len(entry.starts) - 1]) if len(entry.starts) > 1 else "".join(entry.starts)

@@ -60,5 +60,7 @@ class RunBar:
         self._task = bar.add_task(description, total=None)
 
     def update(self, done: int, total: int) -> None:
-        """Show the progress; called by the harness."""
+        """Show the progress; what an earlier call has done does not count for the speed."""
+        if self._bar.tasks[0].total is None:
+            self._bar.reset(self._task, completed=done, total=total)
         self._bar.update(self._task, completed=done, total=total)

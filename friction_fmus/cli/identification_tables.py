@@ -6,22 +6,15 @@ import math
 from collections.abc import Sequence
 
 from friction_fmus.cli.console import console, drawn, styled
-from friction_fmus.identification import (
-    AxisUnits,
-    Finding,
-    Identification,
-    LearnedResidual,
-    Measurement,
-    Record,
-)
+from friction_fmus.identification import AxisUnits, Identification, LearnedResidual, Measurement, Record, RecordFinding
 from friction_fmus.identification.fit.position import PositionFit
-from friction_fmus.identification.result import name_of
-from friction_fmus.identification.survey import ModelComparison
+from friction_fmus.identification.identification_result import name_of
+from friction_fmus.identification.model_comparison import ModelComparison
 from friction_fmus.listings import parameter_listing, ranking_listing
 
 
 def show_data(
-    measurement: Measurement, train: Sequence[Record], validation: Sequence[Record], findings: Sequence[Finding]
+    measurement: Measurement, train: Sequence[Record], validation: Sequence[Record], findings: Sequence[RecordFinding]
 ) -> None:
     """Print training data, validation data and findings."""
 

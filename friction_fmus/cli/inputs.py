@@ -1,4 +1,4 @@
-"""Parameter sets of a sweep, from its command-line options: lists, ranges, random points and files."""
+"""What commands read besides their files: a system, the address of a cluster, and the parameter sets of a sweep."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from friction_fmus.cli.arguments import parse_value
 from friction_fmus.errors import FrictionError
 from friction_fmus.export.block_fmu import fmu
 from harness import System, grid, latin_hypercube, read_samples, sobol
@@ -23,8 +24,7 @@ def open_system(path: Path, *, open_inputs: bool = False) -> System:
     return System.from_toml(path, resolve=fmu, open_inputs=open_inputs)
 
 
-PATIENCE = 10.0
-"""Time limit for the answer of a scheduler [s]."""
+PATIENCE = 10.0  # time limit for the answer of a scheduler [s]
 
 
 def connect(address: str) -> Any:
@@ -54,7 +54,7 @@ def parameter_sets(options: argparse.Namespace) -> list[WithUnits]:
         if name in listed or name in ranges:
             raise FrictionError(f"--vary names {name} twice; combine its values in one option")
         if ":" not in values:
-            listed[name] = [_value(value) for value in values.split(",")]
+            listed[name] = [parse_value(value) for value in values.split(",")]
             continue
         first, last, count, log = _range(text, values)
         if count is not None:
@@ -102,14 +102,3 @@ def _range(text: str, values: str) -> tuple[float, float, int | None, bool]:
     if log and min(ends) <= 0.0:
         raise FrictionError(f"--vary {text!r} has a logarithmic scale; use values above 0")
     return *ends, count, log
-
-
-def _value(text: str) -> float | bool | str:
-    """Return a number, a Boolean, or the text itself, such as the name of a master."""
-    text = text.strip()
-    if text.lower() in ("true", "false"):
-        return text.lower() == "true"
-    try:
-        return float(text)
-    except ValueError:
-        return text

@@ -22,8 +22,7 @@ from harness.storage.files import stamped
 def parser() -> argparse.ArgumentParser:
     """Return the parser of all commands and options."""
     top = argparse.ArgumentParser(
-        prog="friction-fmus",
-        description="Friction models and friction compensators as FMUs of FMI 2.0 and 3.0.",
+        prog="friction-fmus", description="Friction models and friction compensators as FMUs of FMI 2.0 and 3.0."
     )
     top.add_argument("--version", action="version", version=f"friction-fmus {VERSION}")
     top.add_argument("--debug", action="store_true", help="show the traceback of an error")

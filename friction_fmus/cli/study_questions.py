@@ -10,10 +10,10 @@ from pathlib import Path
 from friction_fmus.axis.servo import GAIN_UNITS, GAINS
 from friction_fmus.blocks.axis_units import Words, words_of
 from friction_fmus.cli.console import console
-from friction_fmus.errors import FrictionError, nearest
+from friction_fmus.errors import FrictionError, did_you_mean
 from friction_fmus.identification import RecordError, read_measurement
+from friction_fmus.identification.data.column_headings import NEEDED, Guess, guess_columns
 from friction_fmus.identification.data.formats import read_table
-from friction_fmus.identification.data.guessing import NEEDED, Guess, guess_columns
 from friction_fmus.identification.data.mapping import MISSING, Column, DataMapping, combined_unit
 from friction_fmus.identification.data.record import ROLES, fits, parse_quantity, unit_of
 from friction_fmus.identification.data.tables import DataTable
@@ -25,8 +25,7 @@ BLANK = f'"{MISSING}"'
 OTHER_UNITS = {"position": ", or 1 for counts", "force": ", or V for a command", "reference": ", or 1 for counts"}
 """Units that need a factor."""
 
-Check = Callable[[str], str]
-"""Returns what is wrong with an answer; empty if nothing is."""
+Check = Callable[[str], str]  # returns what is wrong with an answer; empty if nothing is
 
 
 def write_configuration(data: Path, folder: Path) -> None:
@@ -85,7 +84,7 @@ def _ask_column(table: DataTable, guess: Guess, role: str, optional: bool) -> No
     known = (*table.columns, *(("none",) if optional else ()))
 
     def named(answer: str) -> str:
-        return "" if answer in known else f"there is no column {answer!r}{nearest(answer, known)}"
+        return "" if answer in known else f"there is no column {answer!r}{did_you_mean(answer, known)}"
 
     default = suggested.column or ("none" if optional else "")
     heading = _ask(f"Column of the {role}" + (" (none if there is none)" if optional else ""), default, named)

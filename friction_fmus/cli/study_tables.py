@@ -6,7 +6,7 @@ from rich.console import Console
 
 from friction_fmus.cli.console import drawn, styled
 from friction_fmus.listings import compensator_listing, ladder_listing, model_listing
-from friction_fmus.study.result import StudyResult
+from friction_fmus.study.study_result import StudyResult
 
 
 def show_study(console: Console, result: StudyResult) -> None:

@@ -19,28 +19,12 @@ class _Rate(ProgressColumn):
         return Text(f"{task.speed:.3g} runs/s" if task.speed else "")
 
 
-class SweepBar:
-    """Progress of a sweep on a progress bar."""
-
-    def __init__(self, bar: Progress) -> None:
-        """Add a task to the bar."""
-        self._bar = bar
-        self._task = bar.add_task("sweep", total=None)
-
-    def update(self, done: int, total: int) -> None:
-        """Show the progress; runs cached by an earlier call do not count for the rate."""
-        if self._bar.tasks[0].total is None:
-            self._bar.reset(self._task, completed=done, total=total)
-        self._bar.update(self._task, completed=done, total=total)
-
-
 def sweep_progress() -> Progress:
     """Return the progress bar of a sweep."""
     return progress_bar(_Rate(), speed_estimate_period=60)
 
 
-ROWS = 10
-"""Number of runs in the table."""
+ROWS = 10  # number of runs in the table
 
 _GAP = 2
 _OTHERS = ("wall_time", "error", "warnings")

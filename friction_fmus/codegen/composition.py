@@ -9,9 +9,9 @@ from pathlib import Path
 
 from casadi import SX, Function, symvar
 
-from friction_fmus.blocks.about import About
+from friction_fmus.blocks.block_declarations import About
 from friction_fmus.errors import FrictionError
-from friction_fmus.lawkit.declarations import PARAMETERS, Conditions, Kind, Variable
+from friction_fmus.lawkit.declarations import PARAMETERS, Conditions, Kind, LawVariable
 from friction_fmus.lawkit.law import Law, check_variables
 from friction_fmus.lawkit.results import Label, Results, function_of
 
@@ -23,13 +23,13 @@ class Composition:
 
     def __init__(self) -> None:
         """Begin without variables."""
-        self._variables: dict[str, Variable] = {}
+        self._variables: dict[str, LawVariable] = {}
         self._symbols: dict[str, list[SX]] = {}
         self._results: dict[str, list[SX]] = {}
         self._labels: list[Label] = []
         self._held: dict[str, SX] = {}
 
-    def declare(self, variable: Variable) -> list[SX]:
+    def declare(self, variable: LawVariable) -> list[SX]:
         """Add a variable and return its symbols."""
         if variable.name in self._variables:
             raise FrictionError(f"Two variables of the composed law are called {variable.name}; rename one in its law")
@@ -46,7 +46,7 @@ class Composition:
         """Set the next value of a state, or of all its elements, or the value of an output."""
         self._results[name] = list(values)
 
-    def output(self, variable: Variable, value: SX) -> None:
+    def output(self, variable: LawVariable, value: SX) -> None:
         """Add an output."""
         self.declare(variable)
         self.result(variable.name, value)
@@ -135,7 +135,7 @@ class Composition:
             new |= {scalar for state in states for scalar in self._variables[state].scalars} - found
         return found
 
-    def _in_table_order(self, needed: set[str]) -> tuple[Variable, ...]:
+    def _in_table_order(self, needed: set[str]) -> tuple[LawVariable, ...]:
         """Return inputs, outputs, then states and parameters, the sample time last."""
         kinds = ((Kind.INPUT, Kind.OPTIONAL), (Kind.COMMAND,), (Kind.OUTPUT,))
         first = {kind for group in kinds for kind in group} | {Kind.SAMPLE_TIME}
@@ -145,7 +145,7 @@ class Composition:
         kept = (Kind.OUTPUT, Kind.SAMPLE_TIME)
         return tuple(v for group in groups for v in group if v.kind in kept or needed & {*v.scalars})
 
-    def _conditions(self, variables: tuple[Variable, ...], needed: set[str]) -> Conditions:
+    def _conditions(self, variables: tuple[LawVariable, ...], needed: set[str]) -> Conditions:
         """Return the conditions on the remaining parameters."""
         held = {text: value for text, value in self._held.items() if _symbols_in([value]) <= needed}
         parameters = tuple(variable for variable in variables if variable.kind in PARAMETERS)

@@ -38,12 +38,10 @@ from harness.storage.files import ScratchFolder
 class Durations:
     """Durations of the instructions of a core."""
 
-    taken: int
-    """Additional cycles of a taken branch."""
+    taken: int  # additional cycles of a taken branch
     cycles: tuple[tuple[str, int], ...]
     """Patterns of mnemonics without width, and their cycles; all others take one cycle. The first match counts."""
-    lists: str
-    """Pattern of instructions that take one cycle, and one more for each register of their list."""
+    lists: str  # pattern of instructions that take one cycle, and one more for each register of their list
 
     def of(self, text: str) -> int:
         """Return the cycles of one instruction without those of a taken branch."""
@@ -220,10 +218,8 @@ def _covered(found: Trace, functions: frozenset[str]) -> float:
 class CallGraph:
     """Calls and stack use of the functions of one file."""
 
-    frames: dict[str, int]
-    """Stack of each function that the file defines [bytes]."""
-    calls: dict[str, set[str]]
-    """Functions that a function calls."""
+    frames: dict[str, int]  # stack of each function that the file defines [bytes]
+    calls: dict[str, set[str]]  # functions that a function calls
 
     @classmethod
     def read(cls, text: str) -> CallGraph:

@@ -16,7 +16,7 @@ from friction_fmus.codegen.layout import INPUTS, Export
 from friction_fmus.codegen.sources import header, implementation, unit_text
 from friction_fmus.codegen.vectors import inputs
 from friction_fmus.errors import FrictionError
-from friction_fmus.lawkit.law import BOOLEANS, Variable
+from friction_fmus.lawkit.law import BOOLEANS, LawVariable
 from harness.storage.files import ScratchFolder
 
 COMPILER: Final = "arm-none-eabi-gcc"
@@ -106,15 +106,14 @@ def assembly(export: Export, core: Core, *flags: str) -> str:
 _SIZES = {"m": 1e-3, "m/s": 1e-2, "m/s2": 1.0, "rad": 1e-3, "rad/s": 1e-2}
 """Magnitude of the samples by unit, for which friction and control are neither at rest nor saturated."""
 
-STACK = 4096
-"""Size of the monitored stack [bytes]."""
+STACK = 4096  # size of the monitored stack [bytes]
 
 
 def samples(export: Export, n: int, seed: int = 1) -> dict[str, np.ndarray]:
     """Return n random samples of the inputs around their start values, with some zeros; Booleans rarely change."""
     random = np.random.default_rng(seed)
 
-    def draw(variable: Variable) -> np.ndarray:
+    def draw(variable: LawVariable) -> np.ndarray:
         start = export.start[variable.name][0]
         if variable.kind in BOOLEANS:
             return np.where(random.random(n) < 0.1, 1.0 - start, start)
@@ -189,7 +188,7 @@ def program(export: Export, given: Mapping[str, np.ndarray], restart: int = 0) -
     )
 
 
-def _cells(export: Export, variable: Variable, values: np.ndarray) -> list[tuple[str, list[str]]]:
+def _cells(export: Export, variable: LawVariable, values: np.ndarray) -> list[tuple[str, list[str]]]:
     """Return the assignment of column %d to each member of an input, and the samples of this member."""
     name, columns = variable.name, {variable.name: values}
     if name in export.pairs:
@@ -225,8 +224,7 @@ static void hex(const void *bytes, unsigned n)
 }
 """
 
-RANDOM = 50
-"""Number of counted samples with random inputs, before the samples of the unit test."""
+RANDOM = 50  # number of counted samples with random inputs, before the samples of the unit test
 
 _LOG = re.compile(rb"^(?:Trace \d+: \S+ \[[0-9a-f]+/([0-9a-f]+)/|0x([0-9a-f]+): |(IN):)", re.M)
 
@@ -235,26 +233,19 @@ _LOG = re.compile(rb"^(?:Trace \d+: \S+ \[[0-9a-f]+/([0-9a-f]+)/|0x([0-9a-f]+): 
 class Instruction:
     """An instruction of a program."""
 
-    size: int
-    """Size [bytes]."""
-    text: str
-    """Mnemonic, tab and operands as objdump prints them."""
-    function: str
-    """The function that contains it."""
+    size: int  # size [bytes]
+    text: str  # mnemonic, tab and operands as objdump prints them
+    function: str  # the function that contains it
 
 
 @dataclass(frozen=True)
 class Trace:
     """The instructions that a program executes in steps of the law, from entry to return."""
 
-    code: Mapping[int, Instruction]
-    """Instructions of the program by address."""
-    blocks: tuple[tuple[int, ...], ...]
-    """Addresses of the instructions of blocks that are executed from the first to the last."""
-    steps: tuple[tuple[int, ...], ...]
-    """Indices of the blocks that each step executes: first `RANDOM` steps with random inputs, then the unit test."""
-    stack: int
-    """Depth of the stack below the caller of the law [bytes]."""
+    code: Mapping[int, Instruction]  # instructions of the program by address
+    blocks: tuple[tuple[int, ...], ...]  # instructions of blocks that are executed from the first to the last
+    steps: tuple[tuple[int, ...], ...]  # blocks of each step: `RANDOM` with random inputs, then the unit test
+    stack: int  # depth of the stack below the caller of the law [bytes]
 
     @property
     def counts(self) -> list[int]:

@@ -7,9 +7,9 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from friction_fmus.blocks.catalogue import find
-from friction_fmus.errors import FrictionError, UnknownNameError, nearest
-from friction_fmus.lawkit.files import discover_laws
+from friction_fmus.errors import FrictionError, UnknownNameError, did_you_mean
 from friction_fmus.lawkit.law import BOOLEANS, VECTORS, Law
+from friction_fmus.lawkit.law_files import discover_laws
 
 
 def law_of(model: str | Path) -> Law:
@@ -36,7 +36,7 @@ def _set(law: Law, values: dict[str, tuple[float, ...]], name: str, value: float
     variable = next((v for v in law.given if v.name == plain), None)
     if variable is None or (variable.kind in VECTORS) != bool(element):
         names = [v.name for v in law.given]
-        raise UnknownNameError(f"{law.name} has no variable {name!r} with a start value{nearest(plain, names)}")
+        raise UnknownNameError(f"{law.name} has no variable {name!r} with a start value{did_you_mean(plain, names)}")
     place = int(element[2]) - 1 if element else 0
     if not 0 <= place < len(variable.starts):
         raise UnknownNameError(

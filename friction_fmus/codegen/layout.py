@@ -15,9 +15,9 @@ from friction_fmus.blocks.axis_units import Words, words_of
 from friction_fmus.lawkit.declarations import FAULT, PARAMETERS
 from friction_fmus.lawkit.emit.branches import Weight, in_pairs, positions, rounded
 from friction_fmus.lawkit.emit.c_text import DOUBLE, Kernel, Lows, Real, kernel
-from friction_fmus.lawkit.emit.graph import CONDITIONS, LIBM, Node, graph
 from friction_fmus.lawkit.emit.names import Named, comment_lines
-from friction_fmus.lawkit.law import ANGLE, BOOLEANS, LENGTH, NO_UNIT, VECTORS, Kind, Law, Variable
+from friction_fmus.lawkit.emit.operations import CONDITIONS, LIBM, Node, graph
+from friction_fmus.lawkit.law import ANGLE, BOOLEANS, LENGTH, NO_UNIT, VECTORS, Kind, Law, LawVariable
 
 NONE: Mapping[int, str] = MappingProxyType({})
 
@@ -29,16 +29,11 @@ _START = re.compile(r"(?:[\w ]+:\s+)?([A-Za-z]\w*?)_?(?:\([^)]*\)|\[[^\]]*\])?'*
 class Equation:
     """An equation."""
 
-    number: int
-    """Its number, counted from 1."""
-    name: str
-    """The variable on its left-hand side."""
-    lines: tuple[str, ...]
-    """Its text."""
-    last: int
-    """Index of its last line in the documentation."""
-    prefix: str = ""
-    """Prefix of the variable in the code."""
+    number: int  # its number, counted from 1
+    name: str  # the variable on its left-hand side
+    lines: tuple[str, ...]  # its text
+    last: int  # index of its last line in the documentation
+    prefix: str = ""  # prefix of the variable in the code
 
     @property
     def text(self) -> str:
@@ -166,7 +161,7 @@ class Export:
         return words_of(self.rotary)
 
     @property
-    def groups(self) -> dict[str, tuple[Variable, ...]]:
+    def groups(self) -> dict[str, tuple[LawVariable, ...]]:
         """Members of the structs by the name of the struct, in the order of the arguments of ``step``."""
         return {
             "parameters": self.law.select(*PARAMETERS),
@@ -223,7 +218,7 @@ class Export:
         return frozenset([read[i][0].name for i in wide] + [results[i][0].name for i in written])
 
     @property
-    def overflowing(self) -> tuple[Variable, ...]:
+    def overflowing(self) -> tuple[LawVariable, ...]:
         """The results that may overflow: all but truth values and those that select among arguments and constants."""
         nodes, results = graph(self.law.function)
         bounded: list[bool] = []
@@ -236,7 +231,7 @@ class Export:
         return tuple(v for v in self.law.results if v.name in found)
 
     @property
-    def positions(self) -> tuple[Variable, ...]:
+    def positions(self) -> tuple[LawVariable, ...]:
         """The inputs that are absolute positions."""
         return tuple(v for v in self.law.select(Kind.INPUT, Kind.OPTIONAL) if _is_length(v))
 
@@ -275,7 +270,7 @@ class Export:
     def _lows(self) -> Lows | None:
         """Return the lower parts by index of the argument and of the result."""
 
-        def by_number(variables: Sequence[Variable]) -> dict[int, str]:
+        def by_number(variables: Sequence[LawVariable]) -> dict[int, str]:
             scalars = [low for variable in variables for low in self.lows(variable) or [""] * len(variable.starts)]
             return {i: low for i, low in enumerate(scalars) if low}
 
@@ -283,7 +278,7 @@ class Export:
             return None
         return Lows(self._positions[0], by_number(self.law.given), by_number(self.law.results))
 
-    def lows(self, variable: Variable) -> list[str]:
+    def lows(self, variable: LawVariable) -> list[str]:
         """Return the C expressions of the lower parts of a variable's scalars; empty unless it is a pair."""
         places = self.places(variable) if variable.name in self.pairs else []
         return [re.sub(r"\w+(?=\[|$)", r"\g<0>_low", place, count=1) for place in places]
@@ -296,7 +291,7 @@ class Export:
     def statements(
         self,
         function: Function,
-        given: Sequence[Variable],
+        given: Sequence[LawVariable],
         writes: Sequence[str],
         lows: Lows | None = None,
         named: Sequence[Named] = (),
@@ -319,28 +314,28 @@ class Export:
             flags=[*flags, *(place for v in self.groups["states"] if v.flag for place in self.places(v))],
         )
 
-    def places(self, variable: Variable) -> list[str]:
+    def places(self, variable: LawVariable) -> list[str]:
         """Return the C expressions of a variable's scalars, by way of pointers with the names of the structs."""
         group = next(name for name, members in self.groups.items() if variable in members)
         name = f"{group}->{variable.name}"
         return [f"{name}[{i}]" for i in range(len(variable.starts))] if variable.kind in VECTORS else [name]
 
-    def member(self, variable: Variable) -> str:
+    def member(self, variable: LawVariable) -> str:
         """Return the declaration of a member."""
         kind = "bool" if is_flag(variable) else self.real.name
         return f"{kind} {variable.name}{f'[{len(variable.starts)}]' if variable.kind in VECTORS else ''}"
 
 
-def _scalars(variables: Sequence[Variable]) -> list[tuple[Variable, int]]:
+def _scalars(variables: Sequence[LawVariable]) -> list[tuple[LawVariable, int]]:
     """Return every variable once per scalar, with the index of the element."""
     return [(variable, element) for variable in variables for element in range(len(variable.starts))]
 
 
-def is_flag(variable: Variable) -> bool:
+def is_flag(variable: LawVariable) -> bool:
     """Return whether a variable is a truth value."""
     return variable.flag or variable.kind in (*BOOLEANS, Kind.FLAG)
 
 
-def _is_length(variable: Variable) -> bool:
+def _is_length(variable: LawVariable) -> bool:
     """Return whether a variable may be an absolute position."""
     return variable.unit in (LENGTH, ANGLE)

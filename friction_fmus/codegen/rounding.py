@@ -9,11 +9,10 @@ import numpy as np
 
 from friction_fmus.codegen.layout import STATES, Export
 from friction_fmus.lawkit.emit.c_text import DOUBLE
-from friction_fmus.lawkit.emit.graph import CALLS, COMPARE, LOGIC, Node, graph
+from friction_fmus.lawkit.emit.operations import CALLS, COMPARE, LOGIC, Node, graph
 from friction_fmus.lawkit.law import Kind
 
-RUNS = 17
-"""Number of runs; the first one is exact."""
+RUNS = 17  # number of runs; the first one is exact
 
 Other = Callable[["Node", np.ndarray, int], Any]
 _MARGIN = 4.0  # of a decision over the largest deviation of its sides

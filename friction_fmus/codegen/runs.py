@@ -13,12 +13,10 @@ from friction_fmus.codegen.layout import INPUTS, STATES, Export, Values
 from friction_fmus.codegen.rounding import Rounding
 from friction_fmus.lawkit.declarations import PARAMETERS
 from friction_fmus.lawkit.emit.c_text import DOUBLE
-from friction_fmus.lawkit.emit.graph import Node
-from friction_fmus.lawkit.law import BOOLEANS, Kind, Law, Variable
+from friction_fmus.lawkit.emit.operations import Node
+from friction_fmus.lawkit.law import BOOLEANS, Kind, Law, LawVariable
 
-LOST: Final = 2
-"""Number of samples with an invalid input, one after the other."""
-
+LOST: Final = 2  # number of samples with an invalid input, one after the other
 _CELLS: Final = 2**19  # of a table in memory
 _CHANGE: Final = 0.01  # of a parameter
 _WRONG: Final[Mapping[str, Callable[..., Any]]] = {
@@ -68,16 +66,11 @@ class Run:
 class Samples:
     """Samples of a run."""
 
-    run: Run
-    """The run."""
-    given: Mapping[str, np.ndarray]
-    """Inputs by name, as the type of the export holds them."""
-    expected: np.ndarray
-    """Outputs in double."""
-    allowed: np.ndarray
-    """Largest difference of an output from its expected value."""
-    doubtful: tuple[int, ...] = ()
-    """Samples, counted from 1, in which rounding makes a decision that matters."""
+    run: Run  # the run
+    given: Mapping[str, np.ndarray]  # inputs by name, as the type of the export holds them
+    expected: np.ndarray  # outputs in double
+    allowed: np.ndarray  # largest difference of an output from its expected value
+    doubtful: tuple[int, ...] = ()  # samples, counted from 1, in which rounding makes a decision that matters
 
     def first(self, count: int) -> Samples:
         """Return the first samples."""
@@ -141,7 +134,7 @@ def _other(node: Node, values: np.ndarray, _: int) -> Any:
     return _WRONG[node.operation](*(values[argument] for argument in node.arguments))
 
 
-def held(export: Export, variable: Variable, values: np.ndarray) -> np.ndarray:
+def held(export: Export, variable: LawVariable, values: np.ndarray) -> np.ndarray:
     """Return values as the export holds them: in double, in float, or in a pair of floats."""
     if export.real is DOUBLE or variable.kind in BOOLEANS:
         return values

@@ -15,23 +15,23 @@ from friction_fmus.lawkit.declarations import PARAMETERS
 from friction_fmus.lawkit.emit.c_text import DOUBLE
 from friction_fmus.lawkit.emit.chains import INDEX, LEAST
 from friction_fmus.lawkit.emit.names import comment
-from friction_fmus.lawkit.law import BOOLEANS, Kind, Variable
+from friction_fmus.lawkit.law import BOOLEANS, Kind, LawVariable
 from friction_fmus.version import VERSION
 
 
-def unit_text(variable: Variable, *, rotary: bool = False) -> str:
+def unit_text(variable: LawVariable, *, rotary: bool = False) -> str:
     """Return the unit of a variable, such as ``N/m``; empty for a dimensionless one."""
     units = si_units(rotary=rotary)
     words = re.findall(r'"[^"]*"|\w+', variable.unit.c)
     return "".join(word[1:-1] if word.startswith('"') else units[word] for word in words)
 
 
-def number(export: Export, variable: Variable, value: float) -> str:
+def number(export: Export, variable: LawVariable, value: float) -> str:
     """Return a value of the variable as a C literal."""
     return ("true" if value else "false") if is_flag(variable) else export.real.literal(value)
 
 
-def _range(variable: Variable) -> str:
+def _range(variable: LawVariable) -> str:
     low, high = (math.isfinite(limit) for limit in (variable.min, variable.max))
     if low and high:
         return f", {variable.min:g} to {variable.max:g}"
@@ -137,7 +137,7 @@ def _rules(export: Export) -> list[tuple[str, str]]:
     return rules + [(text, f"holds[{i}]") for i, text in enumerate(export.law.conditions.texts)]
 
 
-def _valid(export: Export, variable: Variable) -> list[str]:
+def _valid(export: Export, variable: LawVariable) -> list[str]:
     """Return the conditions on a parameter, on a long vector those on the element with the index of a loop."""
     parts = [f"isfinite({low})" for low in export.lows(variable)]
     for place in export.places(variable):
@@ -151,7 +151,7 @@ def _valid(export: Export, variable: Variable) -> list[str]:
     return parts
 
 
-def _is_long(variable: Variable) -> bool:
+def _is_long(variable: LawVariable) -> bool:
     return len(variable.starts) >= LEAST
 
 
@@ -218,11 +218,6 @@ def _checked(export: Export, pointers: Sequence[str], statements: Sequence[str])
     ]
 
 
-def _wrapped(condition: str) -> str:
-    """Return a chain of conditions, in several lines if it is long."""
-    return condition.replace(" && ", "\n          && ") if len(condition) > 90 else condition
-
-
 def _init(export: Export) -> list[str]:
     """Return the function that sets start values."""
     p = export.prefix
@@ -242,7 +237,7 @@ def _init(export: Export) -> list[str]:
     ]
 
 
-def _start(export: Export, variable: Variable) -> list[str]:
+def _start(export: Export, variable: LawVariable) -> list[str]:
     """Return the assignments of the start values of a variable."""
     values = export.start[variable.name]
     lows = [value - float(np.float32(value)) for value in values]

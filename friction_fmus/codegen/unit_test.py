@@ -15,7 +15,7 @@ from friction_fmus.codegen.sources import number
 from friction_fmus.codegen.vectors import EXACT, N, Vectors, parts
 from friction_fmus.lawkit.emit.c_text import DOUBLE
 from friction_fmus.lawkit.emit.names import comment
-from friction_fmus.lawkit.law import BOOLEANS, VECTORS, Kind, Variable
+from friction_fmus.lawkit.law import BOOLEANS, VECTORS, Kind, LawVariable
 from friction_fmus.version import VERSION
 
 
@@ -56,7 +56,8 @@ def unit_test(export: Export, samples: Vectors) -> str:
             f"int {p}_test(void)",
             "{",
             *variables,
-            *_volatile(export),
+            # the compiler cannot divide by it itself
+            *([f"    volatile {export.real.name} zero = 0;"] if _first_real(export) else []),
             "    int k;",
             "",
             f"    {p}_init(&parameters, &states, &inputs, &outputs);",
@@ -171,7 +172,7 @@ def _literal(export: Export, value: float) -> str:
     return f"{np.float32(value)!s}{export.real.suffix}"
 
 
-def _cells(export: Export, variable: Variable, value: float) -> list[str]:
+def _cells(export: Export, variable: LawVariable, value: float) -> list[str]:
     """Return the members of a variable in an initialiser: one, or two for a pair."""
     if variable.kind in BOOLEANS:
         return [number(export, variable, value)]
@@ -211,7 +212,7 @@ def _agrees(real: str) -> list[str]:
     ]
 
 
-def _comparison(export: Export, outputs: Sequence[Variable], *, exact: bool) -> list[str]:
+def _comparison(export: Export, outputs: Sequence[LawVariable], *, exact: bool) -> list[str]:
     """Return the comparison of all outputs."""
     calls = []
     for i, variable in enumerate(outputs):
@@ -223,13 +224,8 @@ def _comparison(export: Export, outputs: Sequence[Variable], *, exact: bool) -> 
     return ["    return " + "\n           && ".join(calls) + ";"]
 
 
-def _first_real(export: Export) -> Variable | None:
+def _first_real(export: Export) -> LawVariable | None:
     return next(iter(export.law.select(Kind.INPUT, Kind.OPTIONAL)), None)
-
-
-def _volatile(export: Export) -> list[str]:
-    """Return a zero that the compiler cannot divide by itself."""
-    return [f"    volatile {export.real.name} zero = 0;"] if _first_real(export) else []
 
 
 def _loop(prefix: str, first: str, last: str, offset: int) -> list[str]:

@@ -16,7 +16,7 @@ from friction_fmus.codegen.sources import unit_text
 from friction_fmus.errors import FrictionError
 from friction_fmus.lawkit.declarations import PARAMETERS
 from friction_fmus.lawkit.emit.c_text import DOUBLE
-from friction_fmus.lawkit.law import BOOLEANS, VECTORS, Kind, Variable
+from friction_fmus.lawkit.law import BOOLEANS, VECTORS, Kind, LawVariable
 
 SEGMENTS: Final = (
     ("at rest", 2, 0.0),
@@ -41,9 +41,7 @@ SEGMENTS: Final = (
 EXACT: Final = frozenset({"fabs", "floor", "ceil", "sqrt", "fma", "copysign"})
 """Functions of the C library that IEEE 754 determines to the last bit."""
 
-N: Final = sum(count for _, count, _ in SEGMENTS)
-"""Number of samples."""
-
+N: Final = sum(count for _, count, _ in SEGMENTS)  # number of samples
 _ORIGIN: Final = 0.3  # m; far enough from zero to need the lower part of a pair
 _REACH: Final = (1.0, 1e1, 1e2, 1e3, 1e4, 1e5, 1e6)  # factors of the inputs on the way to a limit
 _FACTORS: Final = (1.0, 0.9, 1.1, 0.7, 1.3, 0.5, 0.0)  # of the change of inputs, for another decision
@@ -67,16 +65,11 @@ _SLOW: Final = (1.0, 1.0, 1.0, 1.0, 1e-5)
 class Vectors:
     """Samples of runs from the start on, the first one with the start values of the export."""
 
-    runs: tuple[Samples, ...]
-    """The samples."""
-    relative: float
-    """Smallest tolerance relative to an output; 0 if outputs must equal the expected values."""
-    limited: bool
-    """Whether outputs reach ``u_min`` and ``u_max``."""
-    untested: tuple[str, ...]
-    """Parameters whose change by 1 % no output shows."""
-    repeated: tuple[int, ...]
-    """Samples of the first run that repeat the inputs before because an output would not be finite, from 1 on."""
+    runs: tuple[Samples, ...]  # the samples
+    relative: float  # smallest tolerance relative to an output; 0 if outputs must equal the expected values
+    limited: bool  # whether outputs reach ``u_min`` and ``u_max``
+    untested: tuple[str, ...]  # parameters whose change by 1 % no output shows
+    repeated: tuple[int, ...]  # samples of run 1 with the inputs before, as an output is not finite; from 1
 
     @property
     def exact(self) -> bool:
@@ -182,7 +175,7 @@ def _scaled(export: Export, moved: Mapping[str, np.ndarray], random: np.random.G
     return found
 
 
-def _other(variable: Variable, start: float, random: np.random.Generator) -> float:
+def _other(variable: LawVariable, start: float, random: np.random.Generator) -> float:
     """Return another value of a parameter."""
     if variable.kind in BOOLEANS:
         return float(random.random() < 0.5)

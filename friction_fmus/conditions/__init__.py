@@ -4,7 +4,6 @@ Each function returns a `Condition`: whether it holds, the two numbers compared,
 why, and what to change. ``friction-fmus doctor`` evaluates the conditions on a system, see docs/conditions.md.
 """
 
-from .axis import belt, cogging, cogging_slope, critical_speed, encoder_count, fed_back_stiffness, pulled_mass
 from .chain import DrivenPlant, PathDynamics, SampledLaw, chain, loop_poles, on_bristles, one_mass, two_masses
 from .compensation import (
     adaptation,
@@ -25,6 +24,7 @@ from .compensation import (
 from .condition import Condition, quotes
 from .coupling import contact_step, longest_step, output_delay, sample_step
 from .learning import contraction, learning_filter, process_sensitivity, sampled_sensitivity
+from .mechanics import belt, cogging, cogging_slope, critical_speed, encoder_count, fed_back_stiffness, pulled_mass
 from .position_loop import (
     closed_loop,
     dead_band,

@@ -6,6 +6,7 @@ import importlib
 import inspect
 import math
 from collections.abc import Callable, Iterable, Sequence
+from copy import copy
 from dataclasses import dataclass
 from typing import Final, TypeAlias
 
@@ -13,7 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import expm
 
-from friction_fmus.errors import FrictionError, nearest
+from friction_fmus.blocks.axis_units import SLIDING, Words
+from friction_fmus.errors import FrictionError, did_you_mean
 
 
 def quotes(names: Iterable[str]) -> tuple[tuple[str, str], ...]:
@@ -38,7 +40,7 @@ def quotes(names: Iterable[str]) -> tuple[tuple[str, str], ...]:
     found = []
     for name in names:
         if name not in functions.__all__:
-            raise FrictionError(f"There is no condition {name!r} to quote{nearest(name, functions.__all__)}")
+            raise FrictionError(f"There is no condition {name!r} to quote{did_you_mean(name, functions.__all__)}")
         text = inspect.getdoc(getattr(functions, name)) or ""
         found.append((name, " ".join(text.split("\n\n")[0].split())))
     return tuple(found)
@@ -154,6 +156,28 @@ class Condition:
     why: str
     change: str
     source: str
+
+    def __post_init__(self) -> None:
+        """Keep the texts with their placeholders, such as ``{force}`` and ``{N_m}``, and fill in a linear axis."""
+        vars(self)["_texts"] = {name: getattr(self, name) for name in ("wrong", "why", "change", "source")}
+        vars(self).update(vars(self.in_words(SLIDING)))
+
+    def in_words(self, u: Words) -> Condition:
+        """Return the condition with texts for another axis.
+
+        Parameters
+        ----------
+        u : Words
+            Nouns and units of the axis.
+
+        Returns
+        -------
+        Condition
+            The same numbers.
+        """
+        found = copy(self)
+        vars(found).update({name: u.fill(text) for name, text in vars(self)["_texts"].items()})
+        return found
 
 
 def above(value: float, bound: float, scale: float = 0.0) -> bool:

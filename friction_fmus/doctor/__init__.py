@@ -6,15 +6,17 @@
 
 from __future__ import annotations
 
-from friction_fmus.doctor.axis import Finding
+from dataclasses import replace
+
+from friction_fmus.doctor.examined_axis import LoopFinding
 from friction_fmus.doctor.find import axes, examine_steps, unknown_parts
 from friction_fmus.doctor.rules import examine_axis
 from harness import Experiment, System
 
-__all__ = ["Finding", "axes", "examine", "unknown_parts"]
+__all__ = ["LoopFinding", "axes", "examine", "unknown_parts"]
 
 
-def examine(system: System, experiment: Experiment | None = None) -> list[Finding]:
+def examine(system: System, experiment: Experiment | None = None) -> list[LoopFinding]:
     """Evaluate all conditions that apply to a system, without running it.
 
     Parameters
@@ -27,7 +29,7 @@ def examine(system: System, experiment: Experiment | None = None) -> list[Findin
 
     Returns
     -------
-    list of Finding
+    list of LoopFinding
         One finding for each condition, including those that hold; see `Condition.ok`.
 
     Raises
@@ -36,7 +38,11 @@ def examine(system: System, experiment: Experiment | None = None) -> list[Findin
         If an FMU cannot be read.
     """
     found = axes(system)
-    results = [finding for axis in found for finding in examine_axis(axis)]
+    results = [
+        replace(finding, condition=finding.condition.in_words(axis.words))
+        for axis in found
+        for finding in examine_axis(axis)
+    ]
     plan = experiment or system.experiment
     if plan is not None:
         results += examine_steps(system, plan, found)

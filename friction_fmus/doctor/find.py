@@ -11,10 +11,10 @@ from friction_fmus import conditions
 from friction_fmus.blocks.arithmetic import evaluate
 from friction_fmus.blocks.axis_units import words_of
 from friction_fmus.blocks.catalogue import catalogue
-from friction_fmus.blocks.contact import Contact
-from friction_fmus.blocks.loop import InLoop, Plant
+from friction_fmus.blocks.contact import AxisFriction
+from friction_fmus.blocks.loop_role import InLoop, Plant
 from friction_fmus.conditions import cogging_slope
-from friction_fmus.doctor.axis import ActiveLaw, Axis, Finding, Shaper, SignalPath, Values
+from friction_fmus.doctor.examined_axis import ActiveLaw, Axis, LoopFinding, Shaper, SignalPath, Values
 from friction_fmus.doctor.roles import known_blocks, law_of
 from harness import Experiment, FmuPart, Part, System, Wire
 from harness.errors import StartValueError
@@ -172,7 +172,7 @@ def _flexible(plant: Plant, p: Values) -> tuple[float, float, float, float] | No
     return m1, m2, k, d
 
 
-def _contact(among: Searched, name: str, plant: Plant) -> tuple[str | None, Contact | None, bool]:
+def _contact(among: Searched, name: str, plant: Plant) -> tuple[str | None, AxisFriction | None, bool]:
     """Return the friction on a mass at the initial normal force, and whether it acts on the load."""
     wired = [(among.drivers[name, port], port) for port in plant.friction if (name, port) in among.drivers]
     for part, port in [(wire.ends[0][0], port) for wire, port in wired] or [(name, "")]:
@@ -213,10 +213,7 @@ def _shapers(among: Searched, laws: Iterable[ActiveLaw]) -> Iterator[Shaper]:
 
 
 def _laws(among: Searched, plant: str, names: Plant) -> Iterator[ActiveLaw]:
-    """Yield the laws upstream of the force inputs of a plant.
-
-    The search continues through the input f of a law and through all inputs of other parts.
-    """
+    """Yield the laws upstream of a plant's force inputs, through inputs f of laws and all inputs of other parts."""
     waiting = [
         (among.drivers[plant, port], 1.0, SignalPath()) for port in names.forces if (plant, port) in among.drivers
     ]
@@ -260,10 +257,7 @@ def _measured(among: Searched, plant: str, part: str, path: SignalPath) -> tuple
 
 
 def _traced(among: Searched, plant: str, port: tuple[str, str], path: SignalPath) -> tuple[float, SignalPath, str]:
-    """Return the gain from the plant to an input, the path with the sensors in between, and the plant's output.
-
-    A sensor of an unknown block counts as exact.
-    """
+    """Return the gain from plant to input, the path with its sensors (unknown ones are exact), and the output."""
     gain, wire = 1.0, among.drivers.get(port)
     while wire is not None:
         (source, output), _ = wire.ends
@@ -283,7 +277,7 @@ def _traced(among: Searched, plant: str, port: tuple[str, str], path: SignalPath
     return 1.0, path, ""
 
 
-def examine_steps(system: System, experiment: Experiment, axes: Sequence[Axis]) -> Iterator[Finding]:
+def examine_steps(system: System, experiment: Experiment, axes: Sequence[Axis]) -> Iterator[LoopFinding]:
     """Yield the conditions on the communication step and on delayed outputs, including those that hold."""
     yield from _samples(system, experiment)
     yield from _late(system, experiment)
@@ -291,14 +285,14 @@ def examine_steps(system: System, experiment: Experiment, axes: Sequence[Axis]) 
         yield from _contacts(system, experiment, axis)
 
 
-def _samples(system: System, experiment: Experiment) -> Iterator[Finding]:
+def _samples(system: System, experiment: Experiment) -> Iterator[LoopFinding]:
     for name, part in system.parts.items():
         Ts = values_of(system, part).get("Ts")
         if part.sampled and Ts is not None and Ts > 0.0:
-            yield Finding((name,), conditions.sample_step(Ts, part.every * experiment.step))
+            yield LoopFinding((name,), conditions.sample_step(Ts, part.every * experiment.step))
 
 
-def _late(system: System, experiment: Experiment) -> Iterator[Finding]:
+def _late(system: System, experiment: Experiment) -> Iterator[LoopFinding]:
     """Yield the delay between a sampled part and the next part in the stepping order.
 
     Connections with a specified delay are skipped, as are the inputs u_prev and f_prev, which expect the value of the
@@ -316,10 +310,12 @@ def _late(system: System, experiment: Experiment) -> Iterator[Finding]:
         master = find_master(experiment.master)
         late = master.together or (place[source] > place[target] and (other.sampled or not master.implicit))
         Ts = values_of(system, one).get("Ts", one.every * experiment.step)
-        yield Finding((source, target), conditions.output_delay(experiment.step if late else 0.0, Ts, source, target))
+        yield LoopFinding(
+            (source, target), conditions.output_delay(experiment.step if late else 0.0, Ts, source, target)
+        )
 
 
-def _contacts(system: System, experiment: Experiment, axis: Axis) -> Iterator[Finding]:
+def _contacts(system: System, experiment: Experiment, axis: Axis) -> Iterator[LoopFinding]:
     """Yield the condition on the step if mass and contact are separate parts coupled by held values."""
     contact, friction = axis.contact, axis.friction
     if contact is None or friction is None or friction == axis.plant or not contact.stiffness:
@@ -328,5 +324,5 @@ def _contacts(system: System, experiment: Experiment, axis: Axis) -> Iterator[Fi
         return
     step = experiment.step * max(system.parts[name].every for name in (axis.plant, friction))
     damping = contact.damping + contact.viscous
-    condition = conditions.contact_step(experiment.master, step, axis.m, contact.stiffness, damping, axis.words)
-    yield Finding((axis.plant, friction), condition)
+    condition = conditions.contact_step(experiment.master, step, axis.m, contact.stiffness, damping)
+    yield LoopFinding((axis.plant, friction), condition.in_words(axis.words))

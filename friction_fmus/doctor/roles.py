@@ -12,13 +12,13 @@ from casadi import Function
 
 from friction_fmus.blocks.arithmetic import evaluate, is_known
 from friction_fmus.blocks.catalogue import catalogue
-from friction_fmus.blocks.loop import InLoop, Loop
+from friction_fmus.blocks.loop_role import InLoop, Loop
 from friction_fmus.conditions import SampledLaw
 from friction_fmus.doctor import rules
-from friction_fmus.doctor.axis import Gains, LawProperties, Rule, Values
-from friction_fmus.errors import FrictionError, nearest
-from friction_fmus.lawkit.files import discover_laws
+from friction_fmus.doctor.examined_axis import Gains, LawProperties, Rule, Values
+from friction_fmus.errors import FrictionError, did_you_mean
 from friction_fmus.lawkit.law import Kind, Law
+from friction_fmus.lawkit.law_files import discover_laws
 
 NUDGE = 1e-15
 """Position error about which a law is linearised [m]; not 0, where the root in super-twisting has no derivative."""
@@ -105,18 +105,20 @@ def local_function(p: Mapping[str, float], Ts: float) -> SampledLaw:
 Named = TypeVar("Named")
 
 RULES: Final[Mapping[str, Rule]] = {
-    rule.__name__: rule
-    for rule in (
-        rules.covers_friction,
-        rules.dithers,
-        rules.feeds_stiffness_back,
-        rules.follows_friction,
-        rules.injection_of_error,
-        rules.looks_ahead,
-        rules.pushes,
-        rules.periods_contract,
-        rules.trials_contract,
-    )
+    "periods_contract": partial(rules.contracts, rules.windowed_sinc),
+    "trials_contract": partial(rules.contracts, rules.butterworth_there_and_back),
+    **{
+        rule.__name__: rule
+        for rule in (
+            rules.covers_friction,
+            rules.dithers,
+            rules.feeds_stiffness_back,
+            rules.follows_friction,
+            rules.injection_of_error,
+            rules.looks_ahead,
+            rules.pushes,
+        )
+    },
 }
 """Rules that the file of a law or controller can name."""
 
@@ -175,5 +177,5 @@ def _linear(name: str, loop: Loop) -> Callable[[Values, float], SampledLaw] | No
 
 def _named(name: str, known: Mapping[str, Named], what: str) -> Named:
     if name not in known:
-        raise FrictionError(f"There is no {name!r}, {what}{nearest(name, known)}")
+        raise FrictionError(f"There is no {name!r}, {what}{did_you_mean(name, known)}")
     return known[name]

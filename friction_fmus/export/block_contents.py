@@ -61,8 +61,8 @@ def computed(block: Block) -> dict[str, tuple[str, ...]]:
     """Return the dependencies of a law's outputs as casadi finds them; empty for other blocks."""
     if block.kind != "law":
         return {}
-    from friction_fmus.lawkit.files import discover_laws
     from friction_fmus.lawkit.law import Kind
+    from friction_fmus.lawkit.law_files import discover_laws
 
     (law,) = discover_laws(block.path)
     return {variable.name: law.dependencies(variable.name) for variable in law.select(Kind.OUTPUT)}

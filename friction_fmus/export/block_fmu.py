@@ -15,16 +15,14 @@ from friction_fmus.blocks.catalogue import (
     PACKAGE,
     Block,
     find,
+    icon_files,
     listing,
     package_text,
     source_folder,
     with_room,
 )
 from friction_fmus.blocks.customise import Start, identified, renamed, rotational, with_start_values
-from friction_fmus.blocks.probe import (
-    BlockVariables,
-    read_variables,
-)
+from friction_fmus.blocks.probe import BlockVariables, read_variables
 from friction_fmus.errors import BuildError
 from friction_fmus.export.targets import Compiling, SourceFmu, choose_target, write_fmu
 from friction_fmus.version import VERSION, build_time
@@ -36,14 +34,12 @@ from harness.storage.zip_file import find_outside
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
-SHIPPED = PACKAGE / "fmus"
-"""Folder of the FMUs for all platforms in an installed package; a checkout has none."""
+SHIPPED = PACKAGE / "fmus"  # folder of the FMUs for all platforms in an installed package; a checkout has none
 
 SHARED_FOLDERS = ("", "numerics", "friction")
 """Folders of ``fmu_src`` with headers for all blocks; in an FMU, all sources are in one folder."""
 
-FMI_HEADER = "fmi2Functions.h"
-"""The header of the FMI standard, which importers provide."""
+FMI_HEADER = "fmi2Functions.h"  # the header of the FMI standard, which importers provide
 
 
 def build(
@@ -278,6 +274,7 @@ def _key(sources: Mapping[str, str], block: Block) -> str:
         toolchain.identity(),
         *(block.kind, block.summary, block.source, block.notes),
         *(part for item in sorted(sources.items()) for part in item),
+        *(file.read_bytes().hex() for file in icon_files(block.path)),
     ]
     return _hash(texts)[:24]
 

@@ -14,7 +14,7 @@ from friction_fmus.blocks.catalogue import FEATURES, Block, package_text
 from friction_fmus.blocks.macros import INDENT, Paragraph, paragraphs
 from friction_fmus.blocks.probe import Description, variable_groups
 from friction_fmus.conditions import quotes
-from friction_fmus.fmi.html_page import page, row, table
+from friction_fmus.fmi.html_page import flags_table, page, row, table
 from friction_fmus.fmi.model_description import CAPABILITIES, Terminal
 from friction_fmus.fmi.portrait import Figure
 from friction_fmus.version import VERSION
@@ -127,9 +127,7 @@ def _capabilities(block: Block, description: Description) -> str:
         kinds = f"FMI 2.0 for co-simulation, with sources. Not for model exchange: {escape(block.no_exchange)}."
     else:
         kinds = "FMI 2.0 for co-simulation and model exchange, with sources."
-    rows = "".join(row(name, value, text) for name, (value, text) in CAPABILITIES.items())
-    flags = table("Capability flags", ("attribute", "value", "meaning"), rows)
-    return f"<h2>FMI features</h2>\n<p>{kinds} {steps}</p>\n{flags}"
+    return f"<h2>FMI features</h2>\n<p>{kinds} {steps}</p>\n{flags_table(CAPABILITIES)}"
 
 
 def _source(block: Block) -> str:

@@ -23,12 +23,13 @@ from friction_fmus.blocks.probe import (
     STATE,
     STATE_OUTPUT,
     TIME,
+    BlockVariable,
     Description,
-    Variable,
 )
-from friction_fmus.fmi.units import DISPLAY_UNITS, QUANTITIES, base_unit
+from friction_fmus.fmi.block_units import DISPLAY_UNITS, QUANTITIES, base_unit
 from friction_fmus.version import VERSION, build_time
 from harness.parts.log_categories import LOG_CATEGORIES
+from harness.units import BASE_SYMBOLS
 
 FLANGES = (
     ("v", "F", "inflow"),
@@ -70,28 +71,21 @@ COLOURS: Mapping[str, str] = MappingProxyType({"square": "0 127 0", "circle": "0
 class Member:
     """A variable in a terminal."""
 
-    name: str
-    variable: str
-    """Name in the terminal, by which members are matched, and name in the block."""
-    kind: str = "signal"
-    """``signal``, ``inflow`` or ``outflow``."""
+    name: str  # name in the terminal, by which members are matched
+    variable: str  # name in the block
+    kind: str = "signal"  # ``signal``, ``inflow`` or ``outflow``
 
 
 @dataclass(frozen=True)
 class Terminal:
     """A group of variables that are connected in one step."""
 
-    name: str
-    description: str
-    """Name and description."""
-    domain: str
-    """``translational``, ``rotational``, ``dimensionless`` or ``reference``."""
-    rule: str
-    """``plug`` connects all members, ``bus`` those that both sides have."""
-    members: tuple[Member, ...]
-    """The variables."""
-    right: bool
-    """Whether the terminal is on the right side of the icon."""
+    name: str  # its name
+    description: str  # its description
+    domain: str  # ``translational``, ``rotational``, ``dimensionless`` or ``reference``
+    rule: str  # ``plug`` connects all members, ``bus`` those that both sides have
+    members: tuple[Member, ...]  # the variables
+    right: bool  # whether the terminal is on the right side of the icon
 
     @property
     def shape(self) -> str:
@@ -105,7 +99,7 @@ def terminals(description: Description) -> tuple[Terminal, ...]:
     return tuple(chain(_flanges(ports), _references(ports)))
 
 
-def _flanges(ports: Mapping[str, Variable]) -> Iterator[Terminal]:
+def _flanges(ports: Mapping[str, BlockVariable]) -> Iterator[Terminal]:
     for name, side in SIDES:
         for velocity, force, direction in FLANGES:
             v, F = ports.get(velocity + side), ports.get(force + side)
@@ -118,7 +112,7 @@ def _flanges(ports: Mapping[str, Variable]) -> Iterator[Terminal]:
                 break
 
 
-def _references(ports: Mapping[str, Variable]) -> Iterator[Terminal]:
+def _references(ports: Mapping[str, BlockVariable]) -> Iterator[Terminal]:
     for name, variables in REFERENCES.items():
         present = {member: ports[variable] for member, variable in variables.items() if variable in ports}
         if len(present) > 1 and len({v.role == INPUT for v in present.values()}) == 1:
@@ -285,7 +279,7 @@ def _unit_definitions(root: etree._Element, units: list[str]) -> None:
     for unit in units:
         element = etree.SubElement(definitions, "Unit", name=unit)
         base = base_unit(unit)
-        attributes = {name: str(power) for name, power in base.exponents.items()}
+        attributes = {name: str(power) for name, power in zip(BASE_SYMBOLS, base.exponents, strict=True) if power}
         if base.factor != 1.0:
             attributes["factor"] = _number(base.factor)
         etree.SubElement(element, "BaseUnit", attributes)
@@ -302,7 +296,9 @@ def _type_definitions(root: etree._Element, units: list[str]) -> None:
             etree.SubElement(simple, "Real", quantity=QUANTITIES[unit], unit=unit)
 
 
-def _scalar_variable(parent: etree._Element, v: Variable, index: dict[int, int], sampled: bool, jumps: bool) -> None:
+def _scalar_variable(
+    parent: etree._Element, v: BlockVariable, index: dict[int, int], sampled: bool, jumps: bool
+) -> None:
     causality, variability, initial = ROLE[v.role]
     if variability == "continuous" and (v.type != 0 or (sampled and v.role in (OUTPUT, LOCAL, STATE, STATE_OUTPUT))):
         variability = "discrete"
@@ -336,7 +332,7 @@ def _scalar_variable(parent: etree._Element, v: Variable, index: dict[int, int],
 def _unknowns(
     structure: etree._Element,
     name: str,
-    unknowns: list[Variable],
+    unknowns: list[BlockVariable],
     dependencies: dict[int, tuple[int, ...]],
     index: dict[int, int],
 ) -> None:

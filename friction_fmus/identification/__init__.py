@@ -10,7 +10,8 @@ if TYPE_CHECKING:
     from friction_fmus.identification.data.excitation import examine, examine_segments
     from friction_fmus.identification.data.mapping import DataMapping, load_mapping, read_mapping, read_windows
     from friction_fmus.identification.data.reading import Measurement, read_measurement, read_records
-    from friction_fmus.identification.data.record import Array, Finding, Record, RecordWarning
+    from friction_fmus.identification.data.record import Array, Record, RecordFinding, RecordWarning
+    from friction_fmus.identification.fit.contact_model import identifiable
     from friction_fmus.identification.fit.estimate import Estimate
     from friction_fmus.identification.fit.grid import HysteresisGrid, identify_hysteresis
     from friction_fmus.identification.fit.idim import (
@@ -23,65 +24,22 @@ if TYPE_CHECKING:
         identify_inverse_model,
         identify_inverse_stribeck,
     )
-    from friction_fmus.identification.fit.models import identifiable
     from friction_fmus.identification.fit.output_error import (
         Mapper,
         OutputErrorFit,
         Simulator,
-        Target,
+        TargetSignal,
         Unknown,
         fit_output_error,
     )
     from friction_fmus.identification.fit.presliding import PreslidingFit, identify_presliding
     from friction_fmus.identification.fit.scores import Score
+    from friction_fmus.identification.identification_result import Identification
     from friction_fmus.identification.identifying import identify
+    from friction_fmus.identification.model_comparison import IdentificationTask, ModelComparison, compare_models
     from friction_fmus.identification.residual import LearnedResidual, ResidualTable, learn_residual
-    from friction_fmus.identification.result import Identification
-    from friction_fmus.identification.survey import IdentificationTask, ModelComparison, compare_models
 else:
-    __getattr__, __dir__ = lazy_names(
-        __name__,
-        {
-            "friction_fmus.errors": ["ExcitationError", "FitError", "IdentificationError", "RecordError"],
-            "friction_fmus.identification.fit.estimate": ["Estimate"],
-            "friction_fmus.identification.data.excitation": ["examine", "examine_segments"],
-            "friction_fmus.identification.data.record": ["Finding", "RecordWarning", "Array", "Record"],
-            "friction_fmus.blocks.axis_units": ["LINEAR", "ROTARY", "AxisUnits"],
-            "friction_fmus.identification.fit.grid": ["HysteresisGrid", "identify_hysteresis"],
-            "friction_fmus.identification.identifying": ["identify"],
-            "friction_fmus.identification.fit.idim": [
-                "PUBLISHED_SETTINGS",
-                "InverseModelFit",
-                "InverseModelSettings",
-                "Motion",
-                "decimate",
-                "filtered_motion",
-                "identify_inverse_model",
-                "identify_inverse_stribeck",
-            ],
-            "friction_fmus.identification.data.mapping": [
-                "DataMapping",
-                "load_mapping",
-                "read_mapping",
-                "read_windows",
-            ],
-            "friction_fmus.identification.fit.models": ["identifiable"],
-            "friction_fmus.identification.fit.output_error": [
-                "Mapper",
-                "OutputErrorFit",
-                "Simulator",
-                "Target",
-                "Unknown",
-                "fit_output_error",
-            ],
-            "friction_fmus.identification.fit.presliding": ["PreslidingFit", "identify_presliding"],
-            "friction_fmus.identification.data.reading": ["Measurement", "read_measurement", "read_records"],
-            "friction_fmus.identification.residual": ["LearnedResidual", "ResidualTable", "learn_residual"],
-            "friction_fmus.identification.result": ["Identification"],
-            "friction_fmus.identification.fit.scores": ["Score"],
-            "friction_fmus.identification.survey": ["ModelComparison", "IdentificationTask", "compare_models"],
-        },
-    )
+    __getattr__, __dir__ = lazy_names(__name__)
 
 __all__ = [
     "LINEAR",
@@ -92,7 +50,6 @@ __all__ = [
     "DataMapping",
     "Estimate",
     "ExcitationError",
-    "Finding",
     "FitError",
     "HysteresisGrid",
     "Identification",
@@ -109,11 +66,12 @@ __all__ = [
     "PreslidingFit",
     "Record",
     "RecordError",
+    "RecordFinding",
     "RecordWarning",
     "ResidualTable",
     "Score",
     "Simulator",
-    "Target",
+    "TargetSignal",
     "Unknown",
     "compare_models",
     "decimate",

@@ -15,17 +15,17 @@ from friction_fmus.errors import FitError
 from friction_fmus.identification.closed_loop import identify_closed_loop
 from friction_fmus.identification.data.record import Array, MeasuredAxis, Record
 from friction_fmus.identification.fit.block_fit import BlockFit, FitData, driven
+from friction_fmus.identification.fit.contact_model import ContactModel, contact_model
 from friction_fmus.identification.fit.estimate import Estimate
 from friction_fmus.identification.fit.idim import InverseModelSettings
 from friction_fmus.identification.fit.least_squares import Constraints, Problem, Setup, check_constraints
-from friction_fmus.identification.fit.models import ContactModel, contact_model
 from friction_fmus.identification.fit.position import fit_with_table
 from friction_fmus.identification.fit.scores import Score, criteria, independent_samples, score, weak_parameters
 from friction_fmus.identification.fit.search import Loss, SearchResult, covariance, unseen
 from friction_fmus.identification.fit.simulation_data import PreparedSegment, prepare, signal_of, traits
+from friction_fmus.identification.identification_result import Identification
 from friction_fmus.identification.methods import find_method
 from friction_fmus.identification.methods.free_run import FREE_RUN, identify_free_run
-from friction_fmus.identification.result import Identification
 
 #: Factor of the estimated bias, because delays and filters are not its only causes. It is chosen so that intervals of
 #: 95 % cover the true parameters of nine in ten simulated axes (`tests/slow/test_intervals.py`).

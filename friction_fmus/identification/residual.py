@@ -8,11 +8,12 @@ from pathlib import Path
 
 import numpy as np
 
+from friction_fmus.blocks.axis_units import domain_of
 from friction_fmus.errors import FitError
 from friction_fmus.export.block_fmu import build
 from friction_fmus.identification.data.record import Array, Record
 from friction_fmus.identification.fit.scores import rms
-from friction_fmus.identification.result import Identification, known_force, simulated
+from friction_fmus.identification.identification_result import Identification, known_force, simulated
 from friction_fmus.lawkit.residual_grid import POSITIONS, SPEEDS
 
 BLOCK = "FrictionResidual"  # law that adds the residual to the force of a model
@@ -104,7 +105,7 @@ class ResidualTable:
         BuildError
             If the FMU cannot be built.
         """
-        return build(BLOCK, folder, self.start_values(), name, domain="rotational" if rotary else "translational")
+        return build(BLOCK, folder, self.start_values(), name, domain=domain_of(rotary))
 
     @property
     def _limits(self) -> tuple[float, float]:

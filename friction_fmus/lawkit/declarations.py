@@ -13,7 +13,7 @@ from typing import Any
 
 from casadi import SX, Function, vertcat
 
-from friction_fmus.errors import FrictionError, nearest
+from friction_fmus.errors import FrictionError, did_you_mean
 from friction_fmus.lawkit.quantities import NO_UNIT, TIME, Unit, unit_of
 
 # ---- variables ------------------------------------------------------------------------------------------------------
@@ -35,14 +35,12 @@ class Kind(Enum):
     SAMPLE_TIME = "FIXED"
 
 
-VECTORS = (Kind.VECTOR, Kind.STATES)
-"""Kinds with a tuple of numbers as value, written as ``k[0]``, ``k[1]``, ... in expressions."""
-
+VECTORS = (Kind.VECTOR, Kind.STATES)  # a tuple of numbers as value, in expressions ``k[0]``, ``k[1]``, ...
 BOOLEANS = (Kind.COMMAND, Kind.SWITCH)  # kinds with a Boolean value, 1 or 0 in expressions
 
 
 @dataclass(frozen=True)
-class Variable:
+class LawVariable:
     """One variable of a law.
 
     Attributes
@@ -97,12 +95,12 @@ class Variable:
 
 def Input(unit: Unit | str, start: float, text: str, *, optional: bool = False) -> Any:  # noqa: N802
     """Declare a Real input; an optional one may stay unconnected."""
-    return Variable(Kind.OPTIONAL if optional else Kind.INPUT, unit_of(unit), float(start), text)
+    return LawVariable(Kind.OPTIONAL if optional else Kind.INPUT, unit_of(unit), float(start), text)
 
 
 def Command(start: bool, text: str) -> Any:  # noqa: N802
     """Declare a Boolean input, 0 or 1 in expressions."""
-    return Variable(Kind.COMMAND, NO_UNIT, float(start), text)
+    return LawVariable(Kind.COMMAND, NO_UNIT, float(start), text)
 
 
 def State(  # noqa: N802
@@ -120,10 +118,10 @@ def State(  # noqa: N802
     is 0 or 1 has ``flag=True``, an integral ``sums=True``.
     """
     if isinstance(start, tuple):
-        return Variable(
+        return LawVariable(
             Kind.STATES, unit_of(unit), tuple(map(float, start)), text, nominal=nominal, flag=flag, sums=sums
         )
-    return Variable(Kind.STATE, unit_of(unit), float(start), text, nominal=nominal, flag=flag, sums=sums)
+    return LawVariable(Kind.STATE, unit_of(unit), float(start), text, nominal=nominal, flag=flag, sums=sums)
 
 
 def Parameter(  # noqa: N802
@@ -131,26 +129,26 @@ def Parameter(  # noqa: N802
 ) -> Any:
     """Declare a tunable Real parameter; a tuple of start values declares a vector ``k[0]``, ``k[1]``, ..."""
     if isinstance(start, tuple):
-        return Variable(Kind.VECTOR, unit_of(unit), tuple(map(float, start)), text, min, max)
-    return Variable(Kind.PARAMETER, unit_of(unit), float(start), text, min, max)
+        return LawVariable(Kind.VECTOR, unit_of(unit), tuple(map(float, start)), text, min, max)
+    return LawVariable(Kind.PARAMETER, unit_of(unit), float(start), text, min, max)
 
 
 def Switch(start: bool, text: str) -> Any:  # noqa: N802
     """Declare a tunable Boolean parameter, 0 or 1 in expressions."""
-    return Variable(Kind.SWITCH, NO_UNIT, float(start), text)
+    return LawVariable(Kind.SWITCH, NO_UNIT, float(start), text)
 
 
 def SampleTime() -> Any:  # noqa: N802
     """Declare that the equations use the sample time ``Ts``, a fixed parameter of every law."""
-    return Variable(Kind.SAMPLE_TIME, TIME, math.nan, "sample time", min=1e-9)
+    return LawVariable(Kind.SAMPLE_TIME, TIME, math.nan, "sample time", min=1e-9)
 
 
-def Output(unit: Unit | str, text: str) -> Variable:  # noqa: N802
+def Output(unit: Unit | str, text: str) -> LawVariable:  # noqa: N802
     """Declare a Real output."""
-    return Variable(Kind.OUTPUT, unit_of(unit), 0.0, text)
+    return LawVariable(Kind.OUTPUT, unit_of(unit), 0.0, text)
 
 
-FAULT = Variable(
+FAULT = LawVariable(
     Kind.FLAG,
     NO_UNIT,
     0.0,
@@ -223,7 +221,7 @@ class Conditions:
     """Relations between the parameters of a law without which the law is singular."""
 
     texts: tuple[str, ...]  # each relation as shown to the user, such as ``u_min <= u_max``
-    parameters: tuple[Variable, ...]  # all parameters of the law
+    parameters: tuple[LawVariable, ...]  # all parameters of the law
     function: Function  # maps the scalars of the parameters to one truth value per relation
 
     def violated(self, values: Mapping[str, float | tuple[float, ...]]) -> tuple[str, ...]:
@@ -236,7 +234,7 @@ class Conditions:
         return tuple(text for text, holds in zip(self.texts, held, strict=True) if not float(holds))
 
 
-def conditions_of(where: str, relations: Mapping[str, Relation], variables: tuple[Variable, ...]) -> Conditions:
+def conditions_of(where: str, relations: Mapping[str, Relation], variables: tuple[LawVariable, ...]) -> Conditions:
     """Return the relations as a casadi function."""
     parameters = tuple(variable for variable in variables if variable.kind in PARAMETERS)
     elements = {variable.name: [SX.sym(scalar) for scalar in variable.scalars] for variable in parameters}
@@ -248,7 +246,8 @@ def conditions_of(where: str, relations: Mapping[str, Relation], variables: tupl
         for name in names:
             if name not in elements:
                 raise FrictionError(
-                    f"{where}: the condition {text!r} reads {name}, which is not a parameter{nearest(name, elements)}"
+                    f"{where}: the condition {text!r} reads {name}, which is not a parameter"
+                    f"{did_you_mean(name, elements)}"
                 )
         result = SX(relation(*(vertcat(*elements[name]) for name in names)))
         if result.shape != (1, 1):

@@ -26,11 +26,11 @@ from typing import Any
 
 from casadi import SX, Function, symvar, vertcat
 
-from friction_fmus.blocks.about import REPLACES_SERVO, SHAPES_REFERENCE, About, Use
 from friction_fmus.blocks.axis_units import SLIDING
+from friction_fmus.blocks.block_declarations import REPLACES_SERVO, SHAPES_REFERENCE, About, Use
 from friction_fmus.blocks.contact import Friction
-from friction_fmus.blocks.loop import InLoop, Loop
-from friction_fmus.errors import FrictionError, nearest
+from friction_fmus.blocks.loop_role import InLoop, Loop
+from friction_fmus.errors import FrictionError, did_you_mean
 from friction_fmus.lawkit.declarations import (
     BOOLEANS,
     FAULT,
@@ -40,13 +40,13 @@ from friction_fmus.lawkit.declarations import (
     Conditions,
     Input,
     Kind,
+    LawVariable,
     Output,
     Parameter,
     Relation,
     SampleTime,
     State,
     Switch,
-    Variable,
     check_identifier,
     check_line,
     conditions_of,
@@ -94,6 +94,7 @@ __all__ = [
     "Input",
     "Kind",
     "Law",
+    "LawVariable",
     "Loop",
     "Output",
     "Parameter",
@@ -103,7 +104,6 @@ __all__ = [
     "Switch",
     "Unit",
     "Use",
-    "Variable",
     "law",
 ]
 
@@ -143,8 +143,8 @@ def wanted_sizes(
 
 
 def resized(
-    variables: tuple[Variable, ...], sizes: Mapping[str, Size], wanted: Mapping[str, int]
-) -> tuple[Variable, ...]:
+    variables: tuple[LawVariable, ...], sizes: Mapping[str, Size], wanted: Mapping[str, int]
+) -> tuple[LawVariable, ...]:
     """Return the variables with parameters fixed to these sizes and vectors of matching length."""
     by_name = {variable.name: variable for variable in variables}
     for parameter, size in wanted.items():
@@ -166,7 +166,7 @@ class Law:
         Model identifier; one-line description; literature.
     documentation : str
         The documentation page as plain text; paragraphs indented by four spaces are equations.
-    variables : tuple of Variable
+    variables : tuple of LawVariable
         Variables in declaration order: outputs follow the last input, the sample time is last.
     function : casadi.Function
         One sample: maps the scalars of `given` to the outputs, then to the next states (named ``<state>_next``, for a
@@ -192,7 +192,7 @@ class Law:
     summary: str
     source: str
     documentation: str
-    variables: tuple[Variable, ...]
+    variables: tuple[LawVariable, ...]
     function: Function
     path: Path
     conditions: Conditions
@@ -214,21 +214,21 @@ class Law:
         wanted = wanted_sizes(self.name, self.sizes, maxima, start)
         return self.remade(wanted) if wanted else self
 
-    def select(self, *kinds: Kind) -> tuple[Variable, ...]:
+    def select(self, *kinds: Kind) -> tuple[LawVariable, ...]:
         """Return the variables of these kinds."""
         return tuple(variable for variable in self.variables if variable.kind in kinds)
 
     @property
-    def given(self) -> tuple[Variable, ...]:
+    def given(self) -> tuple[LawVariable, ...]:
         """Variables that a sample reads, in the order of the function's arguments."""
         return tuple(variable for variable in self.variables if variable.kind is not Kind.OUTPUT)
 
     @property
-    def results(self) -> tuple[Variable, ...]:
+    def results(self) -> tuple[LawVariable, ...]:
         """Variables that a sample writes, in the order of the function's results."""
         return self.select(Kind.OUTPUT) + self.select(Kind.STATE, Kind.STATES)
 
-    def disabled(self) -> tuple[Function, tuple[Variable, ...]]:
+    def disabled(self) -> tuple[Function, tuple[LawVariable, ...]]:
         """Return the results that `enable` = false sets to a value of parameters only, as a function of `given`."""
         owners = _by_scalar(self.given)
         symbols = [SX.sym(scalar) for variable in self.given for scalar in variable.scalars]
@@ -261,7 +261,7 @@ class Law:
         """
         names = [variable.name for variable in self.results]
         if result not in names:
-            raise FrictionError(f"{self.name} has no result {result!r}{nearest(result, names)}")
+            raise FrictionError(f"{self.name} has no result {result!r}{did_you_mean(result, names)}")
         owners = [variable.name for variable in _by_scalar(self.given)]
         columns = [i for i, variable in enumerate(_by_scalar(self.results)) if variable.name == result]
         used = {
@@ -292,7 +292,7 @@ class Law:
         known = {variable.name for variable in self.given}
         for name in values:
             if name not in known:
-                raise FrictionError(f"{self.name} has no variable {name!r} to set{nearest(name, known)}")
+                raise FrictionError(f"{self.name} has no variable {name!r} to set{did_you_mean(name, known)}")
         arguments: list[float] = []
         for variable in self.given:
             value = values.get(variable.name, variable.start)
@@ -310,7 +310,7 @@ class Law:
         }
 
 
-def _by_scalar(variables: tuple[Variable, ...]) -> list[Variable]:
+def _by_scalar(variables: tuple[LawVariable, ...]) -> list[LawVariable]:
     """Return every variable once per scalar."""
     return [variable for variable in variables for _ in variable.starts]
 
@@ -322,10 +322,9 @@ def law(
     source: str,
     cites: Sequence[str] = (),
     Ts: float,
-    outputs: Mapping[str, Variable],
+    outputs: Mapping[str, LawVariable],
     conditions: Mapping[str, Relation] | None = None,
     sizes: Mapping[str, Size] | None = None,
-    portrait: str = "",
     quotes: Sequence[str] = (),
     loop: Loop | None = None,
     use: Use | None = None,
@@ -340,7 +339,7 @@ def law(
         One-line description; literature (author, journal, year).
     Ts : float
         Default of the fixed parameter ``Ts``, the sample time [s].
-    outputs : mapping of str to Variable
+    outputs : mapping of str to LawVariable
         Outputs, declared by `Output`.
     conditions : mapping of str to callable, optional
         Relations without which the law is singular: ``{"w Ts < 2": lambda w, Ts: w * Ts < 2.0}``, as functions of
@@ -348,7 +347,7 @@ def law(
         relation u_min <= u_max is added automatically.
     sizes : mapping of str to Size, optional
         Parameters whose start values determine the length of vectors when the FMU is built.
-    portrait, quotes, cites : optional
+    quotes, cites : optional
         See `About`.
     loop : Loop, optional
         Role of the law in a control loop, for ``friction-fmus doctor``; None if the doctor need not know the law.
@@ -367,7 +366,7 @@ def law(
         If the law is invalid; the message says why in one sentence.
     """
 
-    about = About(portrait, tuple(quotes), in_loop=InLoop(law=loop), use=use, cites=tuple(cites))
+    about = About(tuple(quotes), in_loop=InLoop(law=loop), use=use, cites=tuple(cites))
 
     def decorate(equations: Equations) -> Law:
         code = getattr(equations, "__code__", None)
@@ -406,12 +405,12 @@ def law(
     return decorate
 
 
-def _declared(where: str, equations: Equations) -> tuple[Variable, ...]:
+def _declared(where: str, equations: Equations) -> tuple[LawVariable, ...]:
     """Return the arguments of the function as named variables."""
     declared = []
     for name, argument in inspect.signature(equations).parameters.items():
         plain = argument.kind in (argument.POSITIONAL_OR_KEYWORD, argument.KEYWORD_ONLY)
-        if not plain or not isinstance(argument.default, Variable) or argument.default.kind is Kind.OUTPUT:
+        if not plain or not isinstance(argument.default, LawVariable) or argument.default.kind is Kind.OUTPUT:
             raise FrictionError(
                 f"{where}: the argument {name} needs one of Input(...), Command(...), State(...), Parameter(...), "
                 "Switch(...), SampleTime() as its default"
@@ -425,16 +424,16 @@ def _declared(where: str, equations: Equations) -> tuple[Variable, ...]:
 
 
 def _in_table_order(
-    declared: tuple[Variable, ...], outputs: Mapping[str, Variable], sample_time: float
-) -> tuple[Variable, ...]:
+    declared: tuple[LawVariable, ...], outputs: Mapping[str, LawVariable], sample_time: float
+) -> tuple[LawVariable, ...]:
     inputs = [variable for variable in declared if variable.kind in (Kind.INPUT, Kind.OPTIONAL, Kind.COMMAND)]
     others = [variable for variable in declared if variable not in inputs and variable.kind is not Kind.SAMPLE_TIME]
     results = [replace(output, name=name) for name, output in outputs.items()]
-    ts: Variable = SampleTime()
+    ts: LawVariable = SampleTime()
     return (*inputs, *results, *others, replace(ts, name="Ts", start=float(sample_time)))
 
 
-def check_variables(where: str, variables: tuple[Variable, ...], about: About) -> None:
+def check_variables(where: str, variables: tuple[LawVariable, ...], about: About) -> None:
     if not any(variable.kind is Kind.OUTPUT for variable in variables):
         raise FrictionError(f"{where} has no output; declare one by outputs={{'u': Output(...)}}")
     seen: set[str] = set()
@@ -506,7 +505,7 @@ def block_source(law: Law) -> str:
     )
 
 
-def _statements(function: Function, given: Sequence[Variable], writes: Sequence[str]) -> tuple[str, ...]:
+def _statements(function: Function, given: Sequence[LawVariable], writes: Sequence[str]) -> tuple[str, ...]:
     """Return the C statements of a function of these variables, which are available as constants."""
     # GIVEN copies scalars, but has only pointers to vectors: a state vector is named as where results are stored
     places = [("model->" if variable.kind is Kind.STATES else "", variable) for variable in given]
@@ -547,7 +546,7 @@ def _relations(law: Law) -> list[str]:
     ]
 
 
-def _elements(variable: Variable) -> list[str]:
+def _elements(variable: LawVariable) -> list[str]:
     """Return the C names of the scalars of a variable."""
     if variable.kind in VECTORS:
         return [f"{variable.name}[{i}]" for i in range(len(variable.starts))]
@@ -559,7 +558,7 @@ def _limit(value: float) -> str:
     return repr(float(value)) if math.isfinite(value) else "INF" if value > 0.0 else "-INF"
 
 
-def _table(variables: Sequence[Variable]) -> list[str]:
+def _table(variables: Sequence[LawVariable]) -> list[str]:
     """Return the rows of VARIABLES in columns."""
     rows = [_row(variable) for variable in variables]
     widths = [max(len(cells[column]) for _, cells, _ in rows) for column in range(len(rows[0][1]))]
@@ -572,7 +571,7 @@ def _table(variables: Sequence[Variable]) -> list[str]:
     return [*(f"{line.ljust(width)} \\" for line in lines[:-1]), lines[-1]]
 
 
-def _row(variable: Variable) -> tuple[str, list[str], str]:
+def _row(variable: LawVariable) -> tuple[str, list[str], str]:
     """Return macro, cells (name, number of elements, unit, start, min or nominal, max) and text of a variable."""
     kind = variable.kind
     unit = "" if kind in (*BOOLEANS, Kind.FLAG) else variable.unit.c

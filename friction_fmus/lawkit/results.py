@@ -12,8 +12,8 @@ from typing import Any
 import casadi
 from casadi import SX, Function, vertcat
 
-from friction_fmus.errors import FrictionError, nearest
-from friction_fmus.lawkit.declarations import Kind, Variable
+from friction_fmus.errors import FrictionError, did_you_mean
+from friction_fmus.lawkit.declarations import Kind, LawVariable
 
 # Names of the intermediate results of a law: the local variables of its function and of the functions that it calls.
 #
@@ -125,7 +125,7 @@ def function_of(where: str, name: str, results: Results) -> Function:
 
 
 def intermediate_results(
-    where: str, equations: Equations, declared: tuple[Variable, ...], variables: tuple[Variable, ...]
+    where: str, equations: Equations, declared: tuple[LawVariable, ...], variables: tuple[LawVariable, ...]
 ) -> tuple[Function, tuple[Label, ...]]:
     """Return the intermediate results of a law."""
     labels: list[Label] = []
@@ -141,7 +141,7 @@ def intermediate_results(
 
 
 def results_of(
-    where: str, equations: Equations, declared: tuple[Variable, ...], variables: tuple[Variable, ...]
+    where: str, equations: Equations, declared: tuple[LawVariable, ...], variables: tuple[LawVariable, ...]
 ) -> Results:
     """Call the equations with symbols and check what they return."""
     given = [variable for variable in variables if variable.kind is not Kind.OUTPUT]
@@ -164,7 +164,8 @@ def results_of(
     for key in returned:
         if key not in results:
             raise FrictionError(
-                f"{where} returns {key!r}, which is neither a declared output nor a state{nearest(str(key), results)}"
+                f"{where} returns {key!r}, which is neither a declared output nor a state"
+                f"{did_you_mean(str(key), results)}"
             )
     expressions, names = [], []
     for variable in sorted(results.values(), key=lambda v: v.kind is not Kind.OUTPUT):
@@ -180,7 +181,7 @@ def results_of(
     return Results(tuple(arguments), tuple(expressions), tuple(labels), tuple(names))
 
 
-def scalars(where: str, variable: Variable, value: Any) -> list[SX]:
+def scalars(where: str, variable: LawVariable, value: Any) -> list[SX]:
     """Return the elements that the equations return for a variable."""
     if variable.kind is not Kind.STATES:
         return [_scalar(where, variable.name, value)]

@@ -34,7 +34,7 @@ from friction_fmus.lawkit.quantities import DAMPING, FORCE, LENGTH, NO_UNIT
     conditions={
         "theta_min <= theta0 <= theta_max": lambda theta_min, theta0, theta_max: logic_and(
             theta_min <= theta0, theta0 <= theta_max
-        ),
+        )
     },
 )
 def adaptive_lugre(

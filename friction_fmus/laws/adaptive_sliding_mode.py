@@ -28,10 +28,7 @@ from friction_fmus.lawkit.quantities import DAMPING, FORCE, LENGTH, MASS, VELOCI
         "Fc_hat": Output(FORCE, "estimated Coulomb friction"),
         "Fv_hat": Output(DAMPING, "estimated viscous coefficient"),
     },
-    conditions={
-        "Fc0 <= Fc_max": lambda Fc0, Fc_max: Fc0 <= Fc_max,
-        "Fv0 <= Fv_max": lambda Fv0, Fv_max: Fv0 <= Fv_max,
-    },
+    conditions={"Fc0 <= Fc_max": lambda Fc0, Fc_max: Fc0 <= Fc_max, "Fv0 <= Fv_max": lambda Fv0, Fv_max: Fv0 <= Fv_max},
 )
 def adaptive_sliding_mode(
     r: SX = variables.R,

@@ -18,17 +18,11 @@ from friction_fmus.lawkit.quantities import FORCE, FREQUENCY, NO_UNIT
     source="Armstrong-Helouvry, Dupont, Canudas de Wit, Automatica 30(7), 1994",
     cites=("ArmstrongHelouvry1994",),
     Ts=1e-4,
-    portrait="own_course",
     quotes=("dither_stroke", "dither_frequency"),
     loop=Loop(rules=("dithers",)),
     use=Use("dither", tuned={"Ad": "1.5 * level", "frequency": "0.1 / Ts"}),
-    outputs={
-        "u": Output(FORCE, "f with the dither, within u_min and u_max"),
-        "u_sat": variables.U_SAT,
-    },
-    conditions={
-        "frequency < 1/(2 Ts)": lambda frequency, Ts: 2.0 * frequency * Ts < 1.0,
-    },
+    outputs={"u": Output(FORCE, "f with the dither, within u_min and u_max"), "u_sat": variables.U_SAT},
+    conditions={"frequency < 1/(2 Ts)": lambda frequency, Ts: 2.0 * frequency * Ts < 1.0},
 )
 def dither(
     f: SX = Input(FORCE, 0.0, "{force} to which the dither is added before the limits", optional=True),
@@ -78,9 +72,7 @@ def dither(
     square = if_else(now < 0.5, 1.0, -1.0)
     triangle = 1.0 - 4.0 * fabs(now - 0.25)
     wave = if_else(
-        shape < 0.5,
-        sin(2.0 * pi * now),
-        if_else(shape < 1.5, square, if_else(now < 0.75, triangle, 4.0 * now - 4.0)),
+        shape < 0.5, sin(2.0 * pi * now), if_else(shape < 1.5, square, if_else(now < 0.75, triangle, 4.0 * now - 4.0))
     )
     wanted = f + gain * Ad * wave
     later = now + frequency * Ts

@@ -19,10 +19,7 @@ from friction_fmus.lawkit.quantities import FORCE, VELOCITY
     quotes=("loop_poles", "disturbance_observer", "break_away"),
     loop=Loop(gains={"Kp": "m * wc**2", "Kd": "2 * m * wc"}, linear={}, estimates=True),
     use=Use("estimator", tuned={"m": "m", "wo": "observed", "wc": "bandwidth"}, output="F_hat"),
-    outputs={
-        **variables.TRACKING,
-        "v_est": Output(VELOCITY, "estimated velocity"),
-    },
+    outputs={**variables.TRACKING, "v_est": Output(VELOCITY, "estimated velocity")},
 )
 def extended_state_observer(
     r: SX = variables.R,

@@ -27,10 +27,7 @@ def hat(distance: SX) -> SX:
     cites=("FrictionFmus2026",),
     Ts=1e-3,
     use=Use("other", never="It corrects the {force} of a friction model."),
-    outputs={
-        "u": Output(FORCE, "{force} with the residual"),
-        "residual": Output(FORCE, "residual, u - f"),
-    },
+    outputs={"u": Output(FORCE, "{force} with the residual"), "residual": Output(FORCE, "residual, u - f")},
 )
 def friction_residual(
     f: SX = Input(FORCE, 0.0, "{force} of the friction model, or of a feedforward law"),

@@ -16,7 +16,6 @@ from friction_fmus.lawkit.quantities import DAMPING, FORCE, LENGTH, NO_UNIT, STI
     source="Identity C R r = C r + F r",
     cites=("FrictionFmus2026",),
     Ts=1e-3,
-    portrait="shaping",
     quotes=("prefilter", "prefilter_match"),
     loop=Loop(shapes=True),
     use=SHAPES_REFERENCE,
@@ -25,10 +24,7 @@ from friction_fmus.lawkit.quantities import DAMPING, FORCE, LENGTH, NO_UNIT, STI
         "rd_out": Output(VELOCITY, "reference velocity for the controller"),
         "u_hat": Output(FORCE, "equivalent feedforward {force}"),
     },
-    conditions={
-        "Ts Ki < Kp or Ki = 0": settles_slowly,
-        "2 Ts Kp < 4 Kd + Ts^2 Ki": settles_fast,
-    },
+    conditions={"Ts Ki < Kp or Ki = 0": settles_slowly, "2 Ts Kp < 4 Kd + Ts^2 Ki": settles_fast},
 )
 def prefilter(
     r: SX = variables.R,

@@ -21,7 +21,6 @@ SECOND = (8.0 / 5.0, -1.0 / 5.0, 8.0 / 315.0, -1.0 / 560.0)
     source="Identity C R r = C r + F r; Fornberg, Mathematics of Computation 51(184), 1988 (differences)",
     cites=("Fornberg1988",),
     Ts=1e-3,
-    portrait="shaping",
     quotes=("prefilter", "prefilter_match"),
     loop=Loop(shapes=True),
     use=SHAPES_REFERENCE,
@@ -33,10 +32,7 @@ SECOND = (8.0 / 5.0, -1.0 / 5.0, 8.0 / 315.0, -1.0 / 560.0)
         "rd_now": Output(VELOCITY, "velocity of r_now"),
         "rdd_now": Output(ACCELERATION, "acceleration of r_now"),
     },
-    conditions={
-        "Ts Ki < Kp or Ki = 0": settles_slowly,
-        "2 Ts Kp < 4 Kd + Ts^2 Ki": settles_fast,
-    },
+    conditions={"Ts Ki < Kp or Ki = 0": settles_slowly, "2 Ts Kp < 4 Kd + Ts^2 Ki": settles_fast},
 )
 def preview_prefilter(
     r: SX = Input(LENGTH, 0.0, "reference position, four samples in advance"),

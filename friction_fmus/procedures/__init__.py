@@ -1,7 +1,7 @@
 """Procedures that run a system of FMUs repeatedly: iterative learning, identification from feedback, break-away."""
 
 from friction_fmus.procedures.ilc import (
-    Loop,
+    PidLoop,
     PositionTables,
     Training,
     inverse_process_sensitivity,
@@ -21,7 +21,7 @@ from friction_fmus.procedures.static_friction import (
 __all__ = [
     "BreakAways",
     "FrictionTable",
-    "Loop",
+    "PidLoop",
     "PositionTables",
     "Training",
     "break_away",

@@ -127,7 +127,7 @@ def separate(x: ArrayLike, speeds: ArrayLike, forward: ArrayLike, backward: Arra
 
 
 @dataclass(frozen=True)
-class Loop:
+class PidLoop:
     """Mass under PID control, whose process sensitivity the learning filter inverts.
 
     Attributes
@@ -165,7 +165,7 @@ class Training:
         return np.asarray(np.sqrt(np.mean(self.errors**2, axis=1)), dtype=np.float64)
 
 
-def inverse_process_sensitivity(error: ArrayLike, Ts: float, loop: Loop) -> Array:
+def inverse_process_sensitivity(error: ArrayLike, Ts: float, loop: PidLoop) -> Array:
     """Return the force that would have cancelled an error: m e'' + Kd e' + Kp e + Ki int e, by central differences.
 
     Parameters
@@ -174,7 +174,7 @@ def inverse_process_sensitivity(error: ArrayLike, Ts: float, loop: Loop) -> Arra
         Error of a trial [m]; assumed constant beyond its ends.
     Ts : float
         Sample time [s].
-    loop : Loop
+    loop : PidLoop
         Loop in which the force acts.
 
     Returns
@@ -217,7 +217,7 @@ def zero_phase(force: ArrayLike, Ts: float, fq: float) -> Array:
     return np.asarray(values, dtype=np.float64)
 
 
-def learning_step(force: ArrayLike, error: ArrayLike, Ts: float, loop: Loop, *, rate: float, fq: float) -> Array:
+def learning_step(force: ArrayLike, error: ArrayLike, Ts: float, loop: PidLoop, *, rate: float, fq: float) -> Array:
     """Return the force of the next trial, Q (force + rate L error).
 
     Parameters
@@ -228,7 +228,7 @@ def learning_step(force: ArrayLike, error: ArrayLike, Ts: float, loop: Loop, *, 
         Error of this trial [m].
     Ts : float
         Sample time [s].
-    loop : Loop
+    loop : PidLoop
         Loop that the learning filter L inverts, see `inverse_process_sensitivity`.
     rate : float
         Learning rate.
@@ -245,7 +245,7 @@ def learning_step(force: ArrayLike, error: ArrayLike, Ts: float, loop: Loop, *, 
 
 def train(
     system: Callable[[Part], System],
-    loop: Loop,
+    loop: PidLoop,
     *,
     reference: str,
     position: str,
@@ -264,7 +264,7 @@ def train(
     system : callable
         ``system(learned) -> System``: returns the system including the part ``learned``, whose output ``F`` [N] must
         be connected to the input of the controller that is added to its force. It is called for each trial.
-    loop : Loop
+    loop : PidLoop
         Loop that the learning filter inverts.
     reference, position : str
         Names of the signals whose difference is the error, ``"part.port"``.

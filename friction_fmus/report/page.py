@@ -13,10 +13,10 @@ from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup
 from plotly.offline import get_plotlyjs
 
-from friction_fmus.report import numbers, views
+from friction_fmus.report import formatting, views
 from friction_fmus.report.live_panel import live_panel
 from friction_fmus.report.sections import SECTIONS, Section
-from friction_fmus.study.result import StudyResult
+from friction_fmus.study.study_result import StudyResult
 from friction_fmus.study.what_if import WhatIf
 from harness.storage.files import atomic_path
 
@@ -62,7 +62,7 @@ def report_html(study: StudyResult, panel: WhatIf | str = "") -> str:
     """
     script = (FOLDER / "page.js").read_text(encoding="utf-8")
     live = None if isinstance(panel, str) else live_panel(study, panel)
-    style = (FOLDER / "page.css").read_text(encoding="utf-8") + (live.style if live else "")
+    style = (FOLDER / "page.css").read_text(encoding="utf-8") + (live["style"] if live else "")
     environment = _environment()
     environment.globals["words"] = study.units.words
 
@@ -78,7 +78,7 @@ def report_html(study: StudyResult, panel: WhatIf | str = "") -> str:
         script=script,
         live=live,
         library=_library(),
-        hashes=[_hash(text) for text in (script, get_plotlyjs(), *([live.script] if live else []))],
+        hashes=[_hash(text) for text in (script, get_plotlyjs(), *([live["script"]] if live else []))],
         sections=[
             {"name": name, "title": section.title, "body": body(name, section)} for name, section in SECTIONS.items()
         ],
@@ -95,13 +95,13 @@ def _environment() -> Environment:
         keep_trailing_newline=True,
     )
     environment.filters |= {
-        "brief": numbers.brief,
-        "number": numbers.number,
-        "quantity": numbers.quantity,
-        "unit": numbers.unit,
+        "brief": formatting.brief,
+        "number": formatting.number,
+        "quantity": formatting.quantity,
+        "unit": formatting.unit,
         "label": views.label,
     }
-    environment.globals |= {"with_error": numbers.with_error}
+    environment.globals |= {"with_error": formatting.with_error}
     return environment
 
 

@@ -8,8 +8,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from friction_fmus.report.numbers import multiple
-from friction_fmus.study.result import Picture
+from friction_fmus.report.formatting import multiple
+from friction_fmus.study.study_result import Picture
 
 NONE = "none"
 NO_COMPENSATION = "no compensation"

@@ -7,18 +7,10 @@ from harness.extras import lazy_names
 if TYPE_CHECKING:
     from friction_fmus.axis.servo import Servo
     from friction_fmus.study.config import Compensation, ConfigError, StudyConfig, load_config, parse_config
-    from friction_fmus.study.result import StudyResult
     from friction_fmus.study.study import StudyError, run_study
+    from friction_fmus.study.study_result import StudyResult
 else:
-    __getattr__, __dir__ = lazy_names(
-        __name__,
-        {
-            "friction_fmus.axis.servo": ["Servo"],
-            "friction_fmus.study.config": ["Compensation", "ConfigError", "StudyConfig", "load_config", "parse_config"],
-            "friction_fmus.study.result": ["StudyResult"],
-            "friction_fmus.study.study": ["StudyError", "run_study"],
-        },
-    )
+    __getattr__, __dir__ = lazy_names(__name__)
 
 __all__ = [
     "Compensation",

@@ -1,6 +1,6 @@
 """Compensators that apply to an axis, and their parameters, derived from the identified axis.
 
-The file of each law and controller states how it is used and tuned, see `friction_fmus.blocks.about`.
+The file of each law and controller states how it is used and tuned, see `friction_fmus.blocks.block_declarations`.
 """
 
 from __future__ import annotations
@@ -12,13 +12,13 @@ from typing import Final, TypeAlias
 
 import numpy as np
 
-from friction_fmus.axis.assembly import block, typed
+from friction_fmus.axis.loop_assembly import block, typed
 from friction_fmus.axis.servo import AxisPlant, Compensator, Servo
-from friction_fmus.blocks.about import KINDS, Use
 from friction_fmus.blocks.arithmetic import Number, evaluate, names_in, vectors_in
 from friction_fmus.blocks.axis_units import Words, words_of
+from friction_fmus.blocks.block_declarations import KINDS, Use
 from friction_fmus.blocks.catalogue import catalogue
-from friction_fmus.errors import nearest
+from friction_fmus.errors import did_you_mean
 from friction_fmus.identification import Array
 from friction_fmus.study.config import ALL, ConfigError
 from harness import FmuPart, open_archive
@@ -208,7 +208,7 @@ def check_names(wanted: Sequence[str] | str) -> None:
     known = [*compensators(), INTEGRAL.name, TABLE.name]
     for name in () if isinstance(wanted, str) else wanted:
         if name not in known:
-            hint = nearest(name, known)
+            hint = did_you_mean(name, known)
             raise ConfigError(
                 f"[compensation], compensators: there is no compensator {name!r}{hint}; correct the name."
             )

@@ -9,9 +9,9 @@ from pathlib import Path
 from typing import Any, Final
 
 from friction_fmus.axis.servo import GAINS, Servo
-from friction_fmus.errors import FrictionError, nearest
-from friction_fmus.study.result import Limits, Weights
-from harness.storage.toml_file import Table, read_table
+from friction_fmus.errors import FrictionError, did_you_mean
+from friction_fmus.study.study_result import Limits, Weights
+from harness.storage.toml_file import TomlTable, read_table
 from harness.values import finite, flag, texts
 
 OPTIONAL_GAINS: Final[Mapping[str, tuple[float, ...]]] = {"ki": (0.0,)}
@@ -127,7 +127,7 @@ def load_config(what: str | Path) -> StudyConfig:
     known = str(what) in RECORDS
     path = Path(__file__).with_name("axes") / f"{what}.toml" if known else Path(what)
     if not path.is_file():
-        hint = nearest(str(what), RECORDS)
+        hint = did_you_mean(str(what), RECORDS)
         choice = ", ".join(RECORDS)
         raise ConfigError(
             f"There is no file {what}{hint}; give the path of a data file or of a configuration, or one of {choice}."
@@ -159,7 +159,7 @@ def parse_config(content: Mapping[str, Any], folder: Path = Path(), origin: str 
     ConfigError
         If an entry is missing, invalid or unknown.
     """
-    Table(content, origin, ConfigError).known(_TABLES, "table")
+    TomlTable(content, origin, ConfigError).known(_TABLES, "table")
     tables = {name: _table(content, name, origin) for name in _TABLES}
     data = tables["data"].content
     record = tables["data"].choice("record", RECORDS) if "record" in data else ""
@@ -193,7 +193,7 @@ def read_models(path: Path) -> list[str]:
     return [names] if isinstance(names, str) else list(names)
 
 
-def _servo(table: Table) -> Servo:
+def _servo(table: TomlTable) -> Servo:
     law = table.choice("law", GAINS)
     names = GAINS[law]
     other = ("law", "Ts", "force_limit", "window", "quantum", "velocity_feedforward", "inertia_feedforward", "mass")
@@ -214,14 +214,14 @@ def _servo(table: Table) -> Servo:
     )
 
 
-def _period(table: Table) -> float:
+def _period(table: TomlTable) -> float:
     """Return the sample time; outside of `PERIODS` a record could be neither simulated nor evaluated."""
     least, most = PERIODS
     remedy = f"a sample time from {least:g} to {most:g} s"
     return table.take("Ts", lambda value: Ts if (Ts := finite(value)) and least <= Ts <= most else None, remedy)
 
 
-def _compensation(table: Table) -> Compensation:
+def _compensation(table: TomlTable) -> Compensation:
     known = ("compensators", "gains", "mismatch", "motion_feedforward", "duration", "delays", "Ms", "delay_margin")
     table.known((*known, "weights"))
     default = Compensation()
@@ -244,7 +244,7 @@ def _compensation(table: Table) -> Compensation:
     )
 
 
-def _delays(table: Table) -> tuple[int, ...]:
+def _delays(table: TomlTable) -> tuple[int, ...]:
     def read(value: object) -> tuple[int, ...] | None:
         found = _list(value, lambda each: each == int(each) and 1 <= each <= LONGEST_DELAY)
         return () if value == [] else None if found is None else tuple(int(each) for each in found)
@@ -252,19 +252,21 @@ def _delays(table: Table) -> tuple[int, ...]:
     return table.take("delays", read, f"a list of integers from 1 to {LONGEST_DELAY}", Compensation.delays)
 
 
-def _weights(table: Table) -> Weights:
-    weights = Table(table.content.get("weights", {}), f"{table.where} weights,", ConfigError)
+def _weights(table: TomlTable) -> Weights:
+    weights = TomlTable(table.content.get("weights", {}), f"{table.where} weights,", ConfigError)
     names = tuple(each.name for each in fields(Weights))
     weights.known(names)
     default = Weights()
     return Weights(**{name: _number(weights, name, getattr(default, name), low=0.0) for name in names})
 
 
-def _table(content: Mapping[str, Any], name: str, origin: str) -> Table:
-    return Table(content.get(name, {}), f"{origin}, [{name}],", ConfigError)
+def _table(content: Mapping[str, Any], name: str, origin: str) -> TomlTable:
+    return TomlTable(content.get(name, {}), f"{origin}, [{name}],", ConfigError)
 
 
-def _number(table: Table, key: str, *default: float, low: float, high: float = math.inf, above: bool = False) -> float:
+def _number(
+    table: TomlTable, key: str, *default: float, low: float, high: float = math.inf, above: bool = False
+) -> float:
     def read(value: object) -> float | None:
         found = finite(value)
         return None if found is None or not low <= found <= high or (above and found == low) else found
@@ -273,7 +275,7 @@ def _number(table: Table, key: str, *default: float, low: float, high: float = m
     return table.take(key, read, f"a number {limits}", *default)
 
 
-def _whole(table: Table, key: str, default: int, *, low: int, high: int) -> int:
+def _whole(table: TomlTable, key: str, default: int, *, low: int, high: int) -> int:
     def read(value: object) -> int | None:
         found = finite(value)
         return int(found) if found is not None and found == int(found) and low <= found <= high else None
@@ -281,7 +283,7 @@ def _whole(table: Table, key: str, default: int, *, low: int, high: int) -> int:
     return table.take(key, read, f"an integer number of samples from {low} to {high}", default)
 
 
-def _flag(table: Table, key: str, default: bool) -> bool:
+def _flag(table: TomlTable, key: str, default: bool) -> bool:
     return table.take(key, flag, "true or false", default)
 
 
@@ -292,7 +294,7 @@ def _list(value: object, fits: Callable[[float], bool]) -> tuple[float, ...] | N
     return tuple(sorted(set(good))) if found and len(good) == len(found) else None
 
 
-def _names(table: Table, key: str) -> tuple[str, ...] | str:
+def _names(table: TomlTable, key: str) -> tuple[str, ...] | str:
     if table.content.get(key, ALL) == ALL:
         return ALL
     return table.take(key, lambda value: tuple(dict.fromkeys(texts(value) or ())) or None, '"all" or a list of names')

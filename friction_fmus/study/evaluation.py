@@ -12,13 +12,13 @@ from typing import Final
 import numpy as np
 from scipy import signal
 
-from friction_fmus.axis.assembly import PartPool
-from friction_fmus.axis.loop import LoopTrace, closed_loop, numerical_error, run_loop, with_gain
+from friction_fmus.axis.loop_assembly import PartPool
 from friction_fmus.axis.servo import AxisPlant, Compensator, Servo, Trajectory
+from friction_fmus.axis.servo_loop import LoopTrace, closed_loop, numerical_error, run_loop, with_gain
 from friction_fmus.blocks.axis_units import SLIDING, Words
 from friction_fmus.identification import Array
 from friction_fmus.identification.fit.scores import rms
-from friction_fmus.study.result import Corner, LoopMargins, Metrics, StudyCurve, Trial, thinned
+from friction_fmus.study.study_result import Corner, LoopMargins, Metrics, StudyCurve, Trial, thinned
 from harness import HarnessError, System
 
 HIGH: Final = 5.0  # lower limit of high-frequency effort over the natural frequency of the position loop
@@ -77,10 +77,7 @@ def judge(trace: LoopTrace, bench: AxisBench) -> tuple[Metrics | None, Array | N
 
 
 def high_frequency(force: Array, bench: AxisBench) -> Array:
-    """Return the part of a force above `HIGH` times the natural frequency of the position loop, with zero phase.
-
-    The frequency is at least one period over the whole signal, and at most half of the Nyquist frequency.
-    """
+    """Return the part of a force above `HIGH` times the natural frequency of the position loop, with zero phase."""
     natural = bench.bandwidth / (2.0 * pi)
     corner = min(max(HIGH * natural, 1.0 / (len(force) * bench.servo.Ts)), 0.25 / bench.servo.Ts)
     sections = signal.butter(2, corner, "highpass", fs=1.0 / bench.servo.Ts, output="sos")

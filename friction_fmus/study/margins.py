@@ -8,13 +8,13 @@ from typing import Final
 
 import numpy as np
 
-from friction_fmus.axis.assembly import block
+from friction_fmus.axis.loop_assembly import block
 from friction_fmus.axis.servo import AxisPlant, Compensator, Servo
 from friction_fmus.blocks.catalogue import find
 from friction_fmus.conditions import DrivenPlant, SampledLaw, on_bristles, one_mass
 from friction_fmus.conditions.chain import Margins, loop_margins
 from friction_fmus.doctor.roles import law_of, linearised
-from friction_fmus.study.result import LoopMargins
+from friction_fmus.study.study_result import LoopMargins
 from harness import FmuPart
 
 OPEN_LOOP: Final = ("feedforward", "dither")

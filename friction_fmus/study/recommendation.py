@@ -19,7 +19,7 @@ from typing import Final
 from friction_fmus.blocks.axis_units import Words
 from friction_fmus.listings import shown
 from friction_fmus.study.compensators import INTEGRAL, TABLE
-from friction_fmus.study.result import CompensatorResult, Metrics, Recommendation, Rung, Weights
+from friction_fmus.study.study_result import CompensatorResult, Metrics, Recommendation, Rung, Weights
 
 WORTH: Final = 0.05  # smallest relative reduction of the error that counts as an improvement
 
@@ -42,10 +42,7 @@ def rank(
 
 
 def extremes(row: CompensatorResult, none: CompensatorResult) -> CompensatorResult:
-    """Return the result with its smallest and largest error over the cases that count.
-
-    The largest is None if a run failed that succeeds without compensation.
-    """
+    """Return the result with its extreme errors over the cases that count; no largest if a run fails only with it."""
     possible = zip(none.corners, row.corners, strict=True)
     runs = [row.metrics, *(own.metrics for alone, own in possible if own.counts and alone.metrics is not None)]
     errors = [run.rms for run in runs if run is not None]

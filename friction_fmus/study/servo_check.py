@@ -15,12 +15,12 @@ from typing import Final, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from friction_fmus.axis.assembly import block
+from friction_fmus.axis.loop_assembly import block
 from friction_fmus.axis.servo import GAIN_UNITS, GAINS, Servo
 from friction_fmus.blocks.axis_units import Words
 from friction_fmus.identification import ROTARY, Array, Record
 from friction_fmus.identification.fit.scores import independent_samples, rms
-from friction_fmus.study.result import Fit, IdentifiedParameter, ServoCheck, StudyFinding, thinned
+from friction_fmus.study.study_result import Fit, IdentifiedParameter, ServoCheck, StudyFinding, thinned
 from harness import Experiment, FmuPart, SeriesPart, System
 
 
@@ -63,10 +63,7 @@ class LinearFit:
 
 
 def fitted(compared: ComparedForce, columns: Mapping[str, Array], target: Array) -> LinearFit:
-    """Fit a target of shape (n,) by columns over the compared samples.
-
-    The covariance is that of least squares with as many samples as the residual has independent ones.
-    """
+    """Fit a target of shape (n,) by columns; the covariance counts the independent samples of the residual."""
     y = target[compared.used]
     if not columns:
         return LinearFit({}, np.zeros((0, 0)), compared.left(target))

@@ -11,14 +11,14 @@ from typing import Final
 from friction_fmus.axis.servo import GAIN_UNITS, GAINS
 from friction_fmus.blocks.axis_units import SLIDING
 from friction_fmus.identification import Measurement
+from friction_fmus.identification.data.column_headings import columns_text, quoted
 from friction_fmus.identification.data.formats import read_table
-from friction_fmus.identification.data.guessing import columns_text, quoted
 from friction_fmus.identification.data.mapping import MISSING, Column
 from friction_fmus.identification.data.reading import default_windows
 from friction_fmus.identification.data.tables import DataTable
 from friction_fmus.study.config import OPTIONAL_GAINS, StudyConfig
 from friction_fmus.study.data import Data
-from friction_fmus.study.result import WrittenFile
+from friction_fmus.study.study_result import WrittenFile
 from harness.storage.files import atomic_path
 
 SETTINGS_FILE: Final = "study.toml"

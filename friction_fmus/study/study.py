@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 import platform
 import time
@@ -13,9 +14,9 @@ from typing import Any, Final
 
 import numpy as np
 
-from friction_fmus.axis.assembly import block, typed, viscous_beside
-from friction_fmus.axis.loop import from_rest
+from friction_fmus.axis.loop_assembly import block, typed, viscous_beside
 from friction_fmus.axis.servo import GAINS, Servo, Trajectory
+from friction_fmus.axis.servo_loop import from_rest
 from friction_fmus.blocks.axis_units import Words
 from friction_fmus.blocks.catalogue import catalogue
 from friction_fmus.conditions import PathDynamics, SampledLaw, chain, one_mass
@@ -23,15 +24,14 @@ from friction_fmus.conditions.condition import spectral_radius
 from friction_fmus.doctor import examine
 from friction_fmus.errors import FrictionError
 from friction_fmus.identification import Array, AxisUnits, Record, decimate, filtered_motion, identifiable
-from friction_fmus.identification.physics import FORBIDDING, contradictions
+from friction_fmus.identification.force_findings import FORBIDDING, contradictions
 from friction_fmus.listings import shown
 from friction_fmus.study.comparison import Comparison, compare
 from friction_fmus.study.compensators import AxisKnowledge, check_names, period_of
 from friction_fmus.study.config import ALL, ConfigError, StudyConfig, load_config
 from friction_fmus.study.data import Data, build_reference, load_data, measured_servo
 from friction_fmus.study.evaluation import AxisBench, Scheme
-from friction_fmus.study.export import OWN, Figures, export_models, export_recommended
-from friction_fmus.study.models import (
+from friction_fmus.study.model_ranking import (
     INVERSE,
     IdentifiedModel,
     identify_model,
@@ -40,7 +40,11 @@ from friction_fmus.study.models import (
     ranked,
     refine,
 )
-from friction_fmus.study.result import (
+from friction_fmus.study.servo_check import CheckedServo, check_servo
+from friction_fmus.study.settings_file import SETTINGS_FILE, settings_of
+from friction_fmus.study.steps import CACHE, Step, StepCache, run_steps, workers
+from friction_fmus.study.study_files import OWN, Figures, export_models, export_recommended
+from friction_fmus.study.study_result import (
     CompensatorResult,
     ConditionResult,
     ModelResult,
@@ -53,9 +57,6 @@ from friction_fmus.study.result import (
     curve,
     thinned,
 )
-from friction_fmus.study.servo_check import CheckedServo, check_servo
-from friction_fmus.study.settings_file import SETTINGS_FILE, settings_of
-from friction_fmus.study.steps import CACHE, Step, StepCache, run_steps, workers
 from friction_fmus.study.what_if import WhatIf, panel_of
 from friction_fmus.version import VERSION
 from harness import Experiment, FmuPart, Progress, SeriesPart, System
@@ -217,14 +218,8 @@ class ProgressReporter:
 
     def steps(self, begin: float, end: float, count: int) -> Callable[[Step], None]:
         """Return a callback for each of `count` steps between two fractions."""
-        done = 0
-
-        def one(step: Step) -> None:
-            nonlocal done
-            done += 1
-            self(begin + (end - begin) * done / max(1, count))
-
-        return one
+        done = itertools.count(1)
+        return lambda step: self(begin + (end - begin) * next(done) / max(1, count))
 
 
 def overview(config: StudyConfig, data: Data) -> dict[str, str]:
@@ -305,10 +300,7 @@ def mass_findings(servo: Servo | None, model: IdentifiedModel, u: Words) -> tupl
 
 
 def loop_growth(servo: Servo, mass: float, viscous: float) -> float:
-    """Return the largest magnitude of the poles of the sampled loop of a mass without Coulomb friction.
-
-    Integral action is left out, as it is slow.
-    """
+    """Return the largest magnitude of the poles of a sampled loop without Coulomb friction and slow integral action."""
     Kp, Kd, _ = servo.pid
     feedback = SampledLaw(np.zeros((0, 0)), np.zeros((0, 3)), np.zeros(0), np.array([-Kp, -Kd, 0.0]))
     path = PathDynamics(delay=servo.delay * servo.Ts, window=servo.window)

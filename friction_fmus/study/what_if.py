@@ -10,14 +10,14 @@ from typing import Final
 
 import numpy as np
 
-from friction_fmus.axis.assembly import PartPool, block
-from friction_fmus.axis.loop import RECORDED
+from friction_fmus.axis.loop_assembly import PartPool, block
 from friction_fmus.axis.servo import GAINS, Servo
+from friction_fmus.axis.servo_loop import RECORDED
 from friction_fmus.export.composite.composite_archive import composite_source
 from friction_fmus.export.targets.wasm.npm_package import WasmModel, wasm_model
 from friction_fmus.identification import Array
 from friction_fmus.study.evaluation import AxisBench, Scheme, off_by, system_of
-from friction_fmus.study.result import CompensatorResult, Metrics
+from friction_fmus.study.study_result import CompensatorResult, Metrics
 from harness import FmuPart, HarnessError, System, Wire
 from harness.compiling.platforms import WASM
 from harness.masters import find_master

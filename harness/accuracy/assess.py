@@ -12,11 +12,11 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from harness.accuracy.estimate import (
+from harness.accuracy.error_estimate import (
     NOTHING,
     REMEMBERED,
     VERDICTS,
-    Estimate,
+    ErrorEstimate,
     Track,
     compare,
     converge,
@@ -24,8 +24,8 @@ from harness.accuracy.estimate import (
     size_of,
     unbounded,
 )
-from harness.accuracy.numbers import BOUND, floor_of, has_lines, order_of
-from harness.accuracy.rungs import by_newton, repeated, scaled_step_tolerance, scaled_tolerance, step_counts
+from harness.accuracy.measure_bounds import BOUND, floor_of, has_lines, order_of
+from harness.accuracy.rungs import by_newton, repeated, scaled_tolerance, step_counts
 from harness.engine.defect import are_power, inaccurate, unit_of
 from harness.errors import ExperimentError, Interrupted
 from harness.masters import find_master
@@ -37,14 +37,13 @@ from harness.system.experiment import Experiment
 from harness.system.graph import find_port, recorded_names
 from harness.system.wire import Wire, wire_map
 
-MARGIN: Final = 0.8
-"""Share of the required accuracy at which a suggestion aims."""
-
-SHORTEST: Final = 4096
-"""Largest quotient of the present and the suggested step: beyond it, the observed order says nothing."""
+MARGIN: Final = 0.8  # share of the required accuracy at which a suggestion aims
+SHORTEST: Final = 4096  # largest quotient of present and suggested step: beyond, the order says nothing
 
 
-def suggested_step(found: Sequence[Estimate], experiment: Experiment, required: float, floor: float) -> float | None:
+def suggested_step(
+    found: Sequence[ErrorEstimate], experiment: Experiment, required: float, floor: float
+) -> float | None:
     """Return the step with which all variables have the required accuracy [s].
 
     It is the present step over a whole number, so that sampled parts keep their sample times.
@@ -72,8 +71,7 @@ class Energy:
     net: float
     passed: float
     """Integral of the power and of its magnitude [J]."""
-    error: float
-    """Bound of the error of the net energy at any time [J]."""
+    error: float  # bound of the error of the net energy at any time [J]
 
     @property
     def relative(self) -> float:
@@ -146,13 +144,13 @@ def _integral(row: float, values: Values) -> Values:
     return np.cumsum(found, out=found)
 
 
-REQUIRED: Final = 0.01
-"""Required accuracy relative to the range of each variable, unless another one is given."""
+REQUIRED: Final = 0.01  # required accuracy relative to the range of each variable, unless another one is given
 
 
 def run_with_accuracy(system: Assembly, experiment: Experiment, options: Options, required: float) -> Result:
     """Run a system and tell how far the result is off."""
-    check_required(required)
+    if not 1e-12 <= required < 1.0:
+        raise ExperimentError(f"the required accuracy is {required}: give a number from 1e-12 to below 1, such as 1e-3")
     names = recorded_names(system.parts, experiment.record)
     wires = [wire for wire in system.wires if _moves(system.parts, wire)]
     every = tuple(dict.fromkeys((*names, *(wire.source for wire in wires))))
@@ -175,7 +173,9 @@ def run_with_accuracy(system: Assembly, experiment: Experiment, options: Options
     for name in names:
         nominal = find_port(system.parts, name, "record").nominal
         one = estimate(tracks(name), most=most, noise=floor.error, nominal=nominal, required=required)
-        found[name] = replace(one, verdict="wrong", **_unbounded(one)) if wrong else one
+        if wrong:  # which other steps cannot tell
+            one = replace(one, verdict="wrong", bound=unbounded(len(one.bound)), relative=np.inf, shift=0.0)
+        found[name] = one
     believed = [name for name in names if found[name].verdict == "right"]
     try:
         newton = by_newton(system, replace(experiment, record=tuple(believed)), runs) if believed else None
@@ -186,31 +186,23 @@ def run_with_accuracy(system: Assembly, experiment: Experiment, options: Options
         for name in believed:
             nominal = find_port(system.parts, name, "record").nominal
             found[name] = compare(found[name], tracks(name)[0], newton.track(name), nominal=nominal, required=required)
-    doubtful = any(one.verdict == "not certain" for one in found.values())
+    uncertain = any(one.verdict == "not certain" for one in found.values())
     for name in names:
         bounds[name + BOUND] = _attach(result, name, found[name])
     result = result.assign(bounds)
-    for pair in power_pairs(system.parts, wires) if not doubtful else ():
+    for pair in power_pairs(system.parts, wires) if not uncertain else ():
         each = energy(system.parts, pair, tracks(pair[0].source), tracks(pair[1].source), most, floor.error)
         if pair[0].source in found:
             result[pair[0].source].attrs |= {"energy": each.net, "energy_error": each.error}
     if wires:
         lines = has_lines(experiment)
-        lost = {wire: missed(tracks(wire.source)[0], lines, _nominal(system, wire)) for wire in wires}
+        lost = {
+            wire: missed(tracks(wire.source)[0], lines, find_port(system.parts, wire.source, "connection").nominal)
+            for wire in wires
+        }
         result.attrs["largest_coupling_error"] = str(max(lost, key=lambda wire: lost[wire]))
     divided = int(whole.attrs.get("rejected", 0)) > 0
     return result.assign_attrs(_conclusions(system, found, experiment, required, floor.error, divided=divided))
-
-
-def check_required(required: float) -> None:
-    """Raise an error if an accuracy cannot be required."""
-    if not 1e-12 <= required < 1.0:
-        raise ExperimentError(f"the required accuracy is {required}: give a number from 1e-12 to below 1, such as 1e-3")
-
-
-def _unbounded(estimate: Estimate) -> dict[str, Any]:
-    """Return the bound of a result that is known to be wrong, which other steps cannot tell."""
-    return {"bound": unbounded(len(estimate.bound)), "relative": np.inf, "shift": 0.0}
 
 
 def _moves(parts: Mapping[str, Part], wire: Wire) -> bool:
@@ -220,11 +212,7 @@ def _moves(parts: Mapping[str, Part], wire: Wire) -> bool:
     return port.type == "Real" and parts[name].moves and parts[target].moves
 
 
-def _nominal(system: Assembly, wire: Wire) -> float:
-    return find_port(system.parts, wire.source, "connection").nominal
-
-
-def _attach(result: Result, name: str, one: Estimate) -> tuple[str, NDArray[np.float32], dict[str, str]]:
+def _attach(result: Result, name: str, one: ErrorEstimate) -> tuple[str, NDArray[np.float32], dict[str, str]]:
     """Attach its error to a variable of a result, and return the companion with the bound."""
     variable = result[name]
     variable.attrs |= {"relative_error": one.relative, "observed_order": one.convergence.order}
@@ -241,7 +229,7 @@ def _attach(result: Result, name: str, one: Estimate) -> tuple[str, NDArray[np.f
 
 def _conclusions(
     system: Assembly,
-    found: Mapping[str, Estimate],
+    found: Mapping[str, ErrorEstimate],
     experiment: Experiment,
     required: float,
     floor: float,
@@ -255,10 +243,9 @@ def _conclusions(
     step = suggested_step([*found.values()], experiment, required, floor)
     if step is not None:
         attributes["suggested_step"] = step
-        if find_master(experiment.master).adapts:
-            attributes["suggested_coupling_tolerance"] = scaled_tolerance(experiment, step / experiment.step)
-        if divided:
-            attributes["suggested_step_tolerance"] = scaled_step_tolerance(experiment, step / experiment.step)
+        shrunk = {"coupling_tolerance": find_master(experiment.master).adapts, "step_tolerance": divided}
+        for name in (each for each, shrinks in shrunk.items() if shrinks):
+            attributes[f"suggested_{name}"] = scaled_tolerance(experiment, name, step / experiment.step)
         if step_counts(system, experiment):
             attributes["suggested_factor"] = round(experiment.step / step)
     return attributes

@@ -10,7 +10,7 @@ from __future__ import annotations
 import logging
 import math
 import threading
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from fractions import Fraction
@@ -18,37 +18,24 @@ from typing import Final
 
 import numpy as np
 
-from harness.accuracy.estimate import Track
+from harness.accuracy.error_estimate import Track
 from harness.engine.algorithm import Progress, Recorder
 from harness.engine.defect import inaccurate
 from harness.errors import ExperimentError, HarnessError, Interrupted
 from harness.masters import find_master
-from harness.parts.part import Part, StartValue
+from harness.parts.part import Part
 from harness.parts.series import SeriesPart
 from harness.result import Result
 from harness.run import Options, Session
-from harness.system.assembly import Assembly
-from harness.system.experiment import COUPLING_TOLERANCE, LOOP_TOLERANCE, STEP_TOLERANCE, Experiment
-from harness.system.wire import Delay, DropOut, Manipulator, Noise, Wire
+from harness.system.assembly import Assembly, assembled
+from harness.system.experiment import COUPLING_TOLERANCE, LIMITS, LOOP_TOLERANCE, STEP_TOLERANCE, Experiment
+from harness.system.wire import Delay, DropOut, Manipulator, Noise
 
 COARSER: Final = (Fraction(2), Fraction(4))
 TWICE: Final = (Fraction(2),)
 FINER: Final = (Fraction(1, 2),)
 
-FEWEST_STEPS: Final = 8
-"""Fewest communication steps of a run whose accuracy can be told."""
-
-
-@dataclass(frozen=True)
-class Scaled:
-    """A system whose sampled parts and delays count steps of another length; see `Assembly`."""
-
-    name: str
-    parts: Mapping[str, Part]
-    wires: Sequence[Wire]
-    start: Mapping[str, StartValue]
-    strict: bool
-    experiment: Experiment | None
+FEWEST_STEPS: Final = 8  # fewest communication steps of a run whose accuracy can be told
 
 
 def ratios(system: Assembly, experiment: Experiment) -> tuple[Fraction, ...]:
@@ -101,15 +88,14 @@ def rung(
         stop=experiment.stop if ticks * ratio == experiment.ticks else experiment.start + ticks * step,
         decimate=1 if dense and experiment.decimate == 1 else rows_apart(experiment, ratio),
         manipulators=tuple(_scaled(each, ratio) for each in experiment.manipulators),
-        coupling_tolerance=scaled_tolerance(experiment, float(ratio)) if adapts else None,
-        step_tolerance=scaled_step_tolerance(experiment, float(ratio)),
-        loop_tolerance=scaled_loop_tolerance(experiment, float(ratio)),
+        coupling_tolerance=scaled_tolerance(experiment, "coupling_tolerance", float(ratio)) if adapts else None,
+        step_tolerance=scaled_tolerance(experiment, "step_tolerance", float(ratio)),
+        loop_tolerance=scaled_tolerance(experiment, "loop_tolerance", float(ratio)),
     )
-    scaled = Scaled(system.name, system.parts, wires, system.start, system.strict, system.experiment)
     try:
         for part, count in zip(sampled, every, strict=True):
             part.every = int(count / ratio)
-        yield scaled, other
+        yield assembled(system, wires=wires), other
     finally:
         for part, count in zip(sampled, every, strict=True):
             part.every = count
@@ -135,19 +121,17 @@ def _scaled(manipulator: Manipulator, ratio: Fraction) -> Manipulator:
     return replace(manipulator, ticks=int(manipulator.ticks / ratio)) if isinstance(manipulator, Delay) else manipulator
 
 
-def scaled_tolerance(experiment: Experiment, ratio: float) -> float:
-    """Return the coupling tolerance with which the inner steps of adaptive grow as the communication step does."""
-    return min(max((experiment.coupling_tolerance or COUPLING_TOLERANCE) * ratio**2, 1e-12), 1e-2)
+_GROWTH: Final = {  # default, and the power of the step with which the tolerance grows
+    "coupling_tolerance": (COUPLING_TOLERANCE, 2),  # the inner steps of adaptive grow as the communication step does
+    "step_tolerance": (STEP_TOLERANCE, 2),  # so do the pieces of divided steps
+    "loop_tolerance": (LOOP_TOLERANCE, 3),  # as the error of a single step of newton, whose order is 2
+}
 
 
-def scaled_loop_tolerance(experiment: Experiment, ratio: float) -> float:
-    """Return the loop tolerance that grows like the error of a single step of newton, whose order is 2."""
-    return min(max((experiment.loop_tolerance or LOOP_TOLERANCE) * ratio**3, 1e-14), 1e-2)
-
-
-def scaled_step_tolerance(experiment: Experiment, ratio: float) -> float:
-    """Return the step tolerance with which the pieces of divided steps grow as the communication step does."""
-    return min(max((experiment.step_tolerance or STEP_TOLERANCE) * ratio**2, 1e-6), 0.5)
+def scaled_tolerance(experiment: Experiment, name: str, ratio: float) -> float:
+    """Return a tolerance for a step of so many times the given one."""
+    (default, power), (_, least, most) = _GROWTH[name], LIMITS[name]
+    return min(max(float(getattr(experiment, name) or default) * ratio**power, float(least)), float(most))
 
 
 _LOG = logging.getLogger("harness")
@@ -157,13 +141,10 @@ _LOG = logging.getLogger("harness")
 class Repetition:
     """A run with another step."""
 
-    ratio: Fraction
-    """Its step, relative to that of the run to be judged."""
-    start: float
-    step: float
-    """Start of both runs, and step of the run in question [s]."""
-    recorder: Recorder
-    """What it has recorded."""
+    ratio: Fraction  # its step, relative to that of the run to be judged
+    start: float  # start of both runs [s]
+    step: float  # step of the run in question [s]
+    recorder: Recorder  # what it has recorded
 
     def track(self, name: str) -> Track:
         """One variable of the run."""

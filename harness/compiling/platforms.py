@@ -21,10 +21,8 @@ from harness.storage.files import ScratchFolder, cached
 # ``mach-o/fat.h`` defines the format: a big-endian table of the slices, followed by the slices, each aligned to a page.
 
 MAGIC = 0xCAFEBABE
-SLICE_MAGIC = 0xFEEDFACF
-"""Magic number of a 64-bit Mach-O file of a little-endian machine."""
-PAGE_BITS = 14
-"""Alignment of the slices as a power of 2: pages of Apple silicon have 16 kB."""
+SLICE_MAGIC = 0xFEEDFACF  # magic number of a 64-bit Mach-O file of a little-endian machine
+PAGE_BITS = 14  # alignment of the slices as a power of 2: pages of Apple silicon have 16 kB
 
 
 def universal(slices: Sequence[bytes]) -> bytes:
@@ -45,18 +43,15 @@ def universal(slices: Sequence[bytes]) -> bytes:
 class Platform(NamedTuple):
     """A platform: a folder in the binaries of an FMU."""
 
-    folder: str
-    """Name of the folder in FMI 2.0 or, if FMI 2.0 has none, the platform tuple of FMI 3.0."""
-    suffix: str
-    """Suffix of a shared library."""
+    folder: str  # name of the folder in FMI 2.0 or, if FMI 2.0 has none, the platform tuple of FMI 3.0
+    suffix: str  # suffix of a shared library
     targets: tuple[str | None, ...]
     """Target of zig, or the targets of the slices of a universal binary. None stands for this machine and the compiler
     ``CC`` if that is set."""
 
 
 _SYSTEM, _SUFFIX = {"win32": ("win", ".dll"), "darwin": ("darwin", ".dylib")}.get(sys.platform, ("linux", ".so"))
-NATIVE: Final = Platform(f"{_SYSTEM}{64 if sys.maxsize > 1 << 32 else 32}", _SUFFIX, (None,))
-"""The platform of this machine."""
+NATIVE: Final = Platform(f"{_SYSTEM}{64 if sys.maxsize > 1 << 32 else 32}", _SUFFIX, (None,))  # this machine
 
 _CROSS = (
     Platform("linux64", ".so", ("x86_64-linux-gnu.2.17",)),
@@ -66,8 +61,7 @@ _CROSS = (
     Platform("aarch64-linux", ".so", ("aarch64-linux-gnu.2.17",)),
     Platform("aarch64-darwin", ".dylib", ("aarch64-macos",)),
 )
-PLATFORMS: Final[Mapping[str, Platform]] = {platform.folder: platform for platform in _CROSS}
-"""All platforms by name."""
+PLATFORMS: Final[Mapping[str, Platform]] = {platform.folder: platform for platform in _CROSS}  # by name
 
 WASM: Final = Platform("wasm32", ".wasm", ("wasm32-wasi",))
 """A WebAssembly module. FMI has no such platform, so that it is not in `PLATFORMS`."""

@@ -10,9 +10,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Final
 
-LONGEST_TABLE: Final = 1 << 20
-"""Length of the beginning of a file in which its tables are searched [bytes]."""
-
+LONGEST_TABLE: Final = 1 << 20  # length of the beginning of a file in which its tables are searched [bytes]
 _ELF_LOADED: Final = (1, 2)  # PT_LOAD, PT_DYNAMIC
 _SEGMENT, _SEGMENT_64 = 0x1, 0x19
 _MACH = {0xFEEDFACE: (28, _SEGMENT, "<II", 32), 0xFEEDFACF: (32, _SEGMENT_64, "<QQ", 40)}

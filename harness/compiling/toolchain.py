@@ -54,10 +54,8 @@ FLAGS = (
     *("-DFMI2_OVERRIDE_FUNCTION_PREFIX", "-DFMI3_OVERRIDE_FUNCTION_PREFIX"),
 )
 LINK_FLAGS = ("-shared", "-s", "-lm")
-SECTIONS = ("-ffunction-sections", "-fdata-sections")
-"""Flags of object files, so that the linker can remove what nothing calls."""
-QUIET = ("-w", "-std=gnu11")
-"""Flags for files of other tools, which may use what C99 lacks."""
+SECTIONS = ("-ffunction-sections", "-fdata-sections")  # so that the linker can remove what nothing calls
+QUIET = ("-w", "-std=gnu11")  # flags for files of other tools, which may use what C99 lacks
 
 _EXPORTS = (
     *("malloc", "free", "fmi2FreeInstance", "fmi2SetupExperiment", "fmi2EnterInitializationMode"),

@@ -10,7 +10,7 @@ from typing import Any, Protocol, TypeAlias
 
 import numpy as np
 
-from harness.compiling.library import mirrors
+from harness.compiling.engine_library import mirrors
 from harness.engine.defect import Coupling
 from harness.engine.manipulate import Manipulations
 from harness.engine.native import NOT_CONVERGED, Engine
@@ -102,19 +102,7 @@ def event_reader(plan: Plan, recorder: Recorder) -> Reader:
 
 
 class Recorder:
-    """Recorder that copies values to a preallocated table after every ``decimate`` ticks.
-
-    Attributes
-    ----------
-    attributes : dict
-        The same, to which the run adds what it has measured.
-    filled : int
-        Number of rows recorded so far.
-    rows : float64 array, shape (R, C)
-        The table.
-    columns : list of int, length C
-        Recorded signals.
-    """
+    """Recorder that copies values to a preallocated table after every ``decimate`` ticks."""
 
     def __init__(
         self,
@@ -127,10 +115,10 @@ class Recorder:
         """Allocate the table."""
         self._first = -(-begin // decimate)
         self.names = tuple(names)
-        self.attributes = dict(attributes or {})
+        self.attributes = dict(attributes or {})  # the run adds what it has measured
         self.decimate = decimate
         self._plan = plan
-        self.filled = 0
+        self.filled = 0  # number of rows recorded so far
         self._end: float | None = None
         self._after: list[tuple[int, Values]] = []
         rows = plan.ticks // decimate + 1 - self._first
@@ -203,14 +191,9 @@ class Recorder:
         return make_result(times, rows, {name: self._plan.ports[name] for name in self.names}, self.attributes)
 
 
-_POINTER, _INT, _REAL = ctypes.c_void_p, ctypes.c_int64, ctypes.c_double
-
-
 @mirrors("Line")
 class Line(ctypes.Structure):
     """``Line`` of line.h."""
-
-    _fields_ = (("input", _INT), *((name, _REAL) for name in ("mean", "end")))
 
 
 def attach_lines(engine: Engine, wires: Sequence[MovingWire]) -> None:
@@ -241,13 +224,7 @@ class Algorithm(ABC):
 
 
 class Ticks:
-    """The ticks of a run, in C.
-
-    Attributes
-    ----------
-    memory : dict of str to array
-        What the mechanisms of the present run remember from step to step, for a checkpoint.
-    """
+    """The ticks of a run, in C."""
 
     def __init__(self, plan: Plan, schedule: Schedule, experiment: Experiment) -> None:
         """Lay out what all runs have in common."""

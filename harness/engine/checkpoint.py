@@ -21,7 +21,7 @@ from harness.parts.part import Part
 from harness.parts.series import SeriesPart
 from harness.storage.files import atomic_path, reason, require_regular
 from harness.system.assembly import Assembly
-from harness.system.experiment import Experiment
+from harness.system.experiment import SCALARS, Experiment
 from harness.system.plan import Plan
 from harness.values import shown
 
@@ -91,13 +91,7 @@ def _object(thing: object) -> list[object]:
 _FORMAT: Final = 3
 _HEADER: Final = "checkpoint.json"
 _HASH: Final = "sha256"
-_LARGEST: Final = 1 << 30
-"""Largest unpacked size of a checkpoint [bytes]."""
-_SETTINGS: Final = (
-    *("start", "step", "master", "tolerance", "extrapolation"),
-    *("loop_tolerance", "coupling_tolerance", "step_tolerance"),
-)
-"""Settings of the experiment that decide on values."""
+_LARGEST: Final = 1 << 30  # largest unpacked size of a checkpoint [bytes]
 _REMEDY: Final = "give a checkpoint that a run has written"
 
 Arrays: TypeAlias = Mapping[str, np.ndarray[Any, Any]]
@@ -107,16 +101,11 @@ Arrays: TypeAlias = Mapping[str, np.ndarray[Any, Any]]
 class Checkpoint:
     """State of a run, read from a file."""
 
-    path: Path
-    """The file."""
-    tick: int
-    """Number of completed communication steps."""
-    signals: Mapping[str, float]
-    """Values by "part.port"."""
-    states: Mapping[str, bytes]
-    """State of each part."""
-    memory: Mapping[str, tuple[str, tuple[int, ...], bytes]]
-    """Internal arrays of the master: type, shape and content of each."""
+    path: Path  # the file
+    tick: int  # number of completed communication steps
+    signals: Mapping[str, float]  # values by "part.port"
+    states: Mapping[str, bytes]  # state of each part
+    memory: Mapping[str, tuple[str, tuple[int, ...], bytes]]  # arrays of the master: type, shape, content
 
     def restore(self, plan: Plan, memory: Arrays) -> None:
         """Restore started parts, their values and the internal arrays of the master to this state."""
@@ -248,7 +237,7 @@ def identity(system: Assembly, experiment: Experiment) -> dict[str, Any]:
             for text, gain, offset, delay, initial in wires
         ],
         "start values": {name: repr(value) for name, value in sorted(system.start.items())},
-        **{name: getattr(experiment, name) for name in _SETTINGS},
+        **{name: getattr(experiment, name) for name in SCALARS if name not in ("stop", "decimate")},  # decide on values
         "order": list(experiment.order),
         "manipulators": [repr(each) for each in experiment.manipulators],
     }

@@ -170,10 +170,12 @@ static int test(Engine *e, Newton *newton, const Contact *c, const Span *s, bool
 {
     Moving *const m = velocity_of(newton, c);
     const double force = newton->w[c->unknown], rest = e->signals[newton->unknowns[c->unknown]];
+    /* a normal force is a force, too: friction at rest tells which is the load, or, if it is to stay at rest, the force */
+    const double sought = m->rests || m->u0 == 0.0 ? force : rest;
     double load = INFINITY, up = 0.0, down = 0.0, again = 0.0;
     for (int64_t k = c->first_load; k < c->first_load + c->load_count; k++) {
         const double value = e->signals[newton->loads[k]];
-        if (fabs(value - force) < fabs(load - force))
+        if (fabs(value - sought) < fabs(load - sought))
             load = value;
     }
     const bool by_load = isfinite(load) && (m->u0 != 0.0 || held_at_start(e, newton, c)) &&

@@ -9,13 +9,11 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from harness.compiling.library import library, mirrors
+from harness.compiling.engine_library import library, mirrors
 from harness.errors import ExperimentError, HarnessError, UnknownNameError
 from harness.parts.fmu import FmuPart
 from harness.parts.guard import Guard
 from harness.parts.part import Native, StartValue, Values
-
-_POINTER, _INT, _REAL = ctypes.c_void_p, ctypes.c_int64, ctypes.c_double
 
 _FUNCTION = {0: "fmi2SetReal", 1: "fmi2DoStep", 2: "fmi2GetReal", 5: "fmi2SetRealInputDerivatives"}
 """FMI function called in each operation of engine.h."""
@@ -24,15 +22,6 @@ _FUNCTION = {0: "fmi2SetReal", 1: "fmi2DoStep", 2: "fmi2GetReal", 5: "fmi2SetRea
 @mirrors("Drive")
 class _DriveData(ctypes.Structure):
     """``Drive`` of drive.h."""
-
-    _fields_ = (
-        *((name, _POINTER) for name in ("component", "set", "get", "do_step", "set_slopes")),
-        *((name, _POINTER) for name in ("input_references", "output_references", "orders")),
-        *((name, _INT) for name in ("input_count", "output_count")),
-        *((name, _POINTER) for name in ("inputs", "slopes", "outputs")),
-        *((name, _REAL) for name in ("start", "step")),
-        *((name, _INT) for name in ("failed_operation", "status")),
-    )
 
 
 class Drive:

@@ -5,7 +5,7 @@
 #include "defect.h"
 #include "drive.h"
 #include "floats.h"
-#include "fmi3.h"
+#include "fmi3_adapter.h"
 #include "integrator.h"
 #include "masters.h" /* generated: it includes the header of each master */
 #include "tick.h"

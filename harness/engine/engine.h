@@ -23,7 +23,7 @@
 #endif
 
 enum type { REAL, INTEGER, BOOLEAN, TYPES };
-enum operation { SET, STEP, GET, SAVE, RESTORE, SLOPES, SWAP };
+enum operation { SET, STEP, GET, SAVE, RESTORE, SLOPES, SWAP, RENEW };
 
 typedef int Exchange(void *component, const uint32_t *references, size_t n, void *values);
 typedef int ExchangeScalars(void *instance, const uint32_t *references, size_t n, void *values, size_t count);

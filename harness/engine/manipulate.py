@@ -5,19 +5,17 @@ from __future__ import annotations
 import ctypes
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
 
-from harness.compiling.library import bytes_of, mirrors
+from harness.compiling.engine_library import bytes_of, mirrors
 from harness.engine.native import Engine
 from harness.errors import ExperimentError
 from harness.parts.part import Values
 from harness.system.plan import Plan, Schedule
 from harness.system.wire import Bias, Delay, DropOut, Freeze, Manipulator, Noise, Override
 
-_POINTER, _INT, _REAL = ctypes.c_void_p, ctypes.c_int64, ctypes.c_double
 _OVERRIDE, _BIAS, _NOISE, _LOSS, _DELAY = range(5)
 _EVER: Final = 2**62
 
@@ -25,33 +23,6 @@ _EVER: Final = 2**62
 @mirrors("Manipulator")
 class ManipulatorData(ctypes.Structure):
     """``Manipulator`` of manipulate.h."""
-
-    _fields_ = (
-        *((name, _INT) for name in ("kind", "input", "first", "last")),
-        ("value", _REAL),
-        *((name, _POINTER) for name in ("samples", "past")),
-        *((name, _INT) for name in ("length", "fresh", "every", "phase")),
-        *((name, _REAL) for name in ("gain", "offset", "held")),
-        ("lost", _INT),
-    )
-
-
-@dataclass(frozen=True)
-class Manipulation:
-    """One manipulator during a run; engine/manipulate.h explains its fields."""
-
-    kind: int
-    input: int
-    first: int
-    last: int
-    value: float
-    samples: Values | None
-    past: Values
-    fresh: bool
-    every: int
-    phase: int
-    gain: float
-    offset: float
 
 
 class Manipulations:
@@ -66,31 +37,32 @@ class Manipulations:
 
     def begin(self) -> None:
         """Lay out all manipulators for a run of the plan, whose parts have been started."""
-        self.all = [_lay_out(self.plan, manipulator, self._fresh) for manipulator in self._given]
-        for m in self.all[: np.count_nonzero(self.plan.delays)]:
+        found = [_lay_out(self.plan, manipulator, self._fresh) for manipulator in self._given]
+        self.data = (ManipulatorData * len(found))(*(data for data, _, _ in found))
+        self.samples, self.past = [samples for _, samples, _ in found], [past for _, _, past in found]
+        for m, past in zip(self.data, self.past[: np.count_nonzero(self.plan.delays)], strict=False):
             if not math.isnan(self.plan.initials[m.input]):
-                m.past[:] = self.plan.initials[m.input]
-        self.data = (ManipulatorData * len(self.all))()
+                past[:] = self.plan.initials[m.input]
 
     def memory(self) -> dict[str, np.ndarray[Any, Any]]:
         """Return the values kept from step to step for a checkpoint, as views of the engine's data."""
-        past = {f"past of manipulator {number}": m.past for number, m in enumerate(self.all)}
+        past = {f"past of manipulator {number}": values for number, values in enumerate(self.past)}
         values = bytes_of(self.data).reshape(-1, ctypes.sizeof(ManipulatorData))
-        return {**past, "manipulators": values[:, ManipulatorData.gain.offset :]} if self.all else {}
+        return {**past, "manipulators": values[:, ManipulatorData.gain.offset :]} if past else {}
 
     def attach(self, engine: Engine) -> None:
         """Pass the manipulators to the compiled engine."""
         keep = engine.keep
-        for data, m in zip(self.data, self.all, strict=True):
-            for name in ("kind", "input", "first", "last", "value", "fresh", "every", "phase", "gain", "offset"):
-                setattr(data, name, getattr(m, name))
-            data.samples = keep(m.samples) if m.samples is not None else None
-            data.past, data.length = keep(m.past), m.past.size
-        engine.data.manipulators, engine.data.manipulator_count = ctypes.addressof(self.data), len(self.all)
+        for m, samples, past in zip(self.data, self.samples, self.past, strict=True):
+            m.samples, m.past = None if samples is None else keep(samples), keep(past)
+        engine.data.manipulators, engine.data.manipulator_count = ctypes.addressof(self.data), len(self.data)
         engine.data.wire_gains, engine.data.wire_offsets = keep(self.plan.wire_gains), keep(self.plan.wire_offsets)
 
 
-def _lay_out(plan: Plan, manipulator: Manipulator, fresh: dict[int, bool]) -> Manipulation:
+def _lay_out(
+    plan: Plan, manipulator: Manipulator, fresh: dict[int, bool]
+) -> tuple[ManipulatorData, Values | None, Values]:
+    """Return a manipulator, its random numbers, and room for the past values of its connection."""
     index = plan.columns.get(manipulator.input, -1)
     if index not in fresh:
         raise ExperimentError(f"the {manipulator} acts on an input without a connection: name a connected input")
@@ -119,20 +91,10 @@ def _lay_out(plan: Plan, manipulator: Manipulator, fresh: dict[int, bool]) -> Ma
             kind, length = _DELAY, delay_length(plan, index, manipulator.ticks)
         case _:
             raise TypeError(manipulator)
-    return Manipulation(
-        kind=kind,
-        input=index,
-        first=max(first, 0),
-        last=last,
-        value=value,
-        samples=samples,
-        past=np.full(length, output),
-        fresh=fresh[index],
-        every=int(plan.every[target]),
-        phase=int(plan.phase[target]),
-        gain=float(plan.gains[index]),
-        offset=float(plan.offsets[index]),
-    )
+    data = ManipulatorData(kind=kind, input=index, first=max(first, 0), last=last, value=value, length=length)
+    data.fresh, data.every, data.phase = fresh[index], int(plan.every[target]), int(plan.phase[target])
+    data.gain, data.offset = float(plan.gains[index]), float(plan.offsets[index])
+    return data, samples, np.full(length, output)
 
 
 def delay_length(plan: Plan, signal: int, ticks: int) -> int:

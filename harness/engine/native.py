@@ -13,7 +13,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from harness.compiling.library import library, mirrors
+from harness.compiling.engine_library import library, mirrors
 from harness.errors import HarnessError, PartError, not_whole
 from harness.parts.guard import described_floats
 from harness.parts.part import TYPE_ORDER, Calls, Native, Values
@@ -29,7 +29,7 @@ FLOATS_CHANGED: Final = 102
 _TYPES = TYPE_ORDER[:3]
 _CALL = ctypes.CFUNCTYPE(ctypes.c_int, ctypes.c_int, ctypes.c_double, ctypes.c_double)
 
-_POINTER, _INT, _REAL = ctypes.c_void_p, ctypes.c_int64, ctypes.c_double
+_POINTER = ctypes.c_void_p
 _FREE = ctypes.CFUNCTYPE(ctypes.c_int, _POINTER, _POINTER)
 
 
@@ -37,72 +37,29 @@ _FREE = ctypes.CFUNCTYPE(ctypes.c_int, _POINTER, _POINTER)
 class EnginePart(ctypes.Structure):
     """``EnginePart`` of engine.h."""
 
-    _fields_ = (
-        ("call", _POINTER),
-        ("component", _POINTER),
-        *((name, _POINTER * 3) for name in ("set", "get")),
-        *((name, _POINTER) for name in ("do_step", "get_state", "set_state", "set_slopes")),
-        *((name, _POINTER) for name in ("instance", "set_scalars", "get_scalars", "do_step_3", "state", "other_state")),
-        *((name, _POINTER) for name in ("input_references", "output_references")),
-        *((name, _INT * 4) for name in ("inputs", "outputs")),
-        *((name, _POINTER) for name in ("whole", "orders", "slopes")),
-        *((name, _INT) for name in ("every", "phase", "sampled")),
-        ("ended", _REAL),
-    )
-
 
 @mirrors("Engine")
 class EngineData(ctypes.Structure):
     """``Engine`` of engine.h."""
-
-    _fields_ = (
-        ("parts", _POINTER),
-        ("part_count", _INT),
-        *((name, _POINTER) for name in ("signals", "sources")),
-        *((name, _POINTER) for name in ("gains", "offsets", "wire_gains", "wire_offsets", "manipulators")),
-        ("manipulator_count", _INT),
-        ("program", _POINTER),
-        ("program_length", _INT),
-        *((name, _REAL) for name in ("start", "step", "time", "length")),
-        *((name, _INT) for name in ("begins", "ends")),
-        *((name, _POINTER) for name in ("rows", "columns")),
-        *((name, _INT) for name in ("width", "decimate", "filled")),
-        ("defects", _POINTER),
-        ("defect_count", _INT),
-        ("pairs", _POINTER),
-        ("pair_count", _INT),
-        *((name, _POINTER) for name in ("lines", "lines_from", "advance", "algorithm")),
-        *((name, _INT) for name in ("failed_part", "failed_operation", "status", "float_change")),
-        ("failed_time", _REAL),
-    )
 
 
 @dataclass(frozen=True)
 class _Bound:
     """A part with the addresses that the compiled loop calls."""
 
-    calls: Calls
-    """Operations of the plan for which it was bound; a part with other operations is bound again."""
-    native: Native | None
-    """The functions of an FMU; None for a part in Python."""
-    kept: list[object]
-    """Objects that the addresses in its struct point to."""
+    calls: Calls  # operations of the plan for which it was bound; a part with other operations is bound again
+    native: Native | None  # the functions of an FMU; None for a part in Python
+    kept: list[object]  # objects that the addresses in its struct point to
 
 
 class Engine:
-    """A plan as the data of the compiled loop.
-
-    Attributes
-    ----------
-    data : EngineData
-        Data of the compiled loop, new for each run.
-    """
+    """A plan as the data of the compiled loop."""
 
     def __init__(self, plan: Plan, program: Sequence[tuple[int, int]]) -> None:
         """Prepare what all runs share."""
         self.plan = plan
         self.error: BaseException | None = None
-        self.data = EngineData()
+        self.data = EngineData()  # new for each run
         self.parts = (EnginePart * len(plan.parts))()
         self._program = np.array(program, dtype=np.int64).reshape(-1, 2)
         self._bound: dict[int, _Bound] = {}
@@ -247,7 +204,7 @@ class Engine:
         for side, block in zip(("inputs", "outputs"), ranges, strict=True):
             types = [plan.ports[name].type for name in names[block]]
             places = np.cumsum([block.start, *(types.count(kind) for kind in _TYPES)])
-            setattr(part, side, (_INT * 4)(*(int(place) for place in places)))
+            setattr(part, side, (ctypes.c_int64 * 4)(*(int(place) for place in places)))
         if native is None:
             function = self._callback(index)
             bound.kept.append(function)

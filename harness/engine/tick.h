@@ -35,6 +35,10 @@ static bool operate(Engine *e, int operation, int64_t index, int64_t tick)
             continue_lines(e, index);
         fetch_inputs(e, p);
         status = on_lines ? 0 : hand_over(p, e->signals);
+    } else if (operation == RENEW) {
+        fetch_inputs(e, p);
+        operation = SET;
+        status = hand_over(p, e->signals);
     } else if (operation == STEP) {
         double t = 0.0, h = 0.0;
         interval_of(e, p, tick, &t, &h);

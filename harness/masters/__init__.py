@@ -20,20 +20,13 @@ if TYPE_CHECKING:
 class Master:
     """A master algorithm: what it does at every tick, and what others need to know of it."""
 
-    schedule: Callable[[Plan, Experiment], Schedule]
-    """Returns the schedule of a plan, which the engine executes."""
-    order: float = 1.0
-    """Order with which the errors of a run decrease with the communication step, at best."""
-    implicit: bool = False
-    """Whether it solves loops, so that inputs get lines with values from the end of the step."""
-    adapts: bool = False
-    """Whether it chooses inner steps by `Experiment.coupling_tolerance`."""
-    composed: bool = False
-    """Whether a composite FMU can contain it."""
-    together: bool = False
-    """Whether all parts are stepped with outputs from the beginning of the step."""
-    extrapolates: bool = False
-    """Whether it can extrapolate inputs from earlier outputs."""
+    schedule: Callable[[Plan, Experiment], Schedule]  # returns the schedule of a plan, which the engine executes
+    order: float = 1.0  # order with which the errors of a run decrease with the communication step, at best
+    implicit: bool = False  # whether it solves loops, so that inputs get lines with values from the end of the step
+    adapts: bool = False  # whether it chooses inner steps by `Experiment.coupling_tolerance`
+    composed: bool = False  # whether a composite FMU can contain it
+    together: bool = False  # whether all parts are stepped with outputs from the beginning of the step
+    extrapolates: bool = False  # whether it can extrapolate inputs from earlier outputs
 
 
 def master_names() -> tuple[str, ...]:

@@ -11,14 +11,12 @@ from typing import Any
 
 import numpy as np
 
-from harness.compiling.library import bytes_of, mirrors
+from harness.compiling.engine_library import bytes_of, mirrors
 from harness.engine.algorithm import Algorithm, attach_lines
 from harness.engine.native import Engine
 from harness.masters import Master
 from harness.system.experiment import Experiment
 from harness.system.plan import GET, SET, STEP, Plan, Schedule
-
-_POINTER, _INT = ctypes.c_void_p, ctypes.c_int64
 
 
 def _schedule(plan: Plan, experiment: Experiment) -> Schedule:
@@ -38,8 +36,6 @@ master = Master(_schedule, together=True, extrapolates=True)
 @mirrors("Extrapolation")
 class Extrapolation(ctypes.Structure):
     """``Extrapolation`` of jacobi.h."""
-
-    _fields_ = (*((name, _INT) for name in ("order", "known")), *((name, _POINTER) for name in ("before", "earlier")))
 
 
 class Extrapolated(Algorithm):

@@ -20,26 +20,21 @@ import numpy as np
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-from harness.compiling.library import bytes_of, library, mirrors
+from harness.compiling.engine_library import bytes_of, library, mirrors
 from harness.engine.algorithm import Algorithm, attach_lines
 from harness.engine.defect import UNRESOLVED, WRONG, contact_of
 from harness.engine.native import Engine
 from harness.errors import ExperimentError
 from harness.masters import Master
 from harness.system.experiment import LOOP_TOLERANCE, STEP_TOLERANCE, Experiment
+from harness.system.graph import state_outputs
 from harness.system.plan import MovingWire, Plan, Schedule
 
 _LOG = logging.getLogger("harness")
-_POINTER, _INT, _REAL = ctypes.c_void_p, ctypes.c_int64, ctypes.c_double
 
-FINEST: Final = 512.0
-"""Largest number of inner steps per communication step in the master newton, where a check finds an error."""
-
-FINEST_ADAPTIVE: Final = 1024.0
-"""Largest number of inner steps per communication step in the master adaptive."""
-
-ABANDONED: Final = 30.0
-"""Remaining error over the magnitude of the value at which checks end, as in step_check.h."""
+FINEST: Final = 512.0  # most inner steps per communication step of newton, where a check finds an error
+FINEST_ADAPTIVE: Final = 1024.0  # largest number of inner steps per communication step in the master adaptive
+ABANDONED: Final = 30.0  # remaining error over the magnitude of the value at which checks end, as in step_check.h
 
 
 def _schedule(plan: Plan, experiment: Experiment) -> Schedule:
@@ -62,86 +57,30 @@ def implicit(experiment: Experiment, error: float = 0.0) -> Schedule:
 class Moving(ctypes.Structure):
     """``Moving`` of newton_data.h."""
 
-    _fields_ = (
-        *((name, _INT) for name in ("inner", "unknown", "from_rest", "role")),
-        *(
-            (name, _REAL)
-            for name in (
-                "u0",
-                "q0",
-                "u1",
-                "q1",
-                "scale",
-                "outside",
-                "accumulated_error",
-                "gain",
-                "offset",
-                "path",
-                "distance_error",
-            )
-        ),
-        *((name, _INT) for name in ("rests", "rigid")),
-    )
-
 
 @mirrors("Contact")
 class Contact(ctypes.Structure):
     """``Contact`` of newton_data.h."""
-
-    _fields_ = tuple((name, _INT) for name in ("part", "line", "unknown", "first_load", "load_count"))
 
 
 @mirrors("Group")
 class Group(ctypes.Structure):
     """``Group`` of newton_data.h."""
 
-    _fields_ = tuple(
-        (name, _INT)
-        for name in (
-            *("first", "count", "is_loop", "unknown", "unknowns", "held", "held_count"),
-            *("contact", "contacts"),
-        )
-    )
+
+@mirrors("StateOutput")
+class StateOutput(ctypes.Structure):
+    """``StateOutput`` of newton_data.h."""
 
 
 @mirrors("StepCheck")
 class StepCheck(ctypes.Structure):
     """``StepCheck`` of newton_data.h."""
 
-    _fields_ = (
-        *(
-            (name, _INT)
-            for name in ("line", "contact", "checks_due", "cooldown", "next", "last", "recurrences", "limited_ticks")
-        ),
-        *((name, _INT) for name in ("checks", "abandoned", "resolves", "jumped")),
-        *((name, _REAL) for name in ("jump", "apart", "distance_error", "limit", "unresolved", "time")),
-    )
-
 
 @mirrors("Newton")
 class NewtonData(ctypes.Structure):
     """``Newton`` of newton_data.h."""
-
-    _fields_ = (
-        ("groups", _POINTER),
-        ("group_count", _INT),
-        *(
-            (name, _POINTER)
-            for name in ("order", "continuous", "moving", "unknowns", "held", "held_values", "held_sizes")
-        ),
-        *((name, _POINTER) for name in ("contacts", "loads")),
-        *(
-            (name, _POINTER)
-            for name in ("w", "w_last", "trend", "scale", "prediction_error", "growth", "r", "work", "inverse")
-        ),
-        ("most_unknowns", _INT),
-        *((name, _REAL) for name in ("tolerance", "error", "step_tolerance", "finest")),
-        *((name, _POINTER) for name in ("proposed", "before", "guards", "kept_lines", "kept")),
-        ("worst_residual", _REAL),
-        *((name, _INT) for name in ("jumped", "splits")),
-        ("share", _REAL),
-        *((name, _INT) for name in ("evaluations", "substeps", "rejected")),
-    )
 
 
 def groups_of(plan: Plan, wires: Sequence[MovingWire]) -> list[list[int]]:
@@ -200,6 +139,9 @@ class Loops(Algorithm):
         forces = {contact[1] for contact in contacts.values() if contact[2]}
         self.contacts: list[tuple[int, int, int, int, int]] = []
         self.loads: list[int] = []
+        self.states: list[tuple[int, int]] = []
+        driving = {wire.output for wire in inner}
+        compared = set(state_outputs({part.name: part for part in plan.parts}))
         for number, group in enumerate(groups):
             mine = [wire for wire in inner if group_of[wire.source] == number]
             begin = len(unknowns)
@@ -215,7 +157,15 @@ class Loops(Algorithm):
                 if force in numbers:
                     self.contacts.append((part, wires.index(inner[line]), numbers[force], len(self.loads), len(loads)))
                     self.loads += loads
-            self.rows.append(Group(*row, known, len(self.contacts) - known))
+            states = [
+                (signal, next(i for i, wire in enumerate(wires) if wire in inner and wire.target == part))
+                for part in group
+                if mine
+                for signal in range(*plan.outputs[part])
+                if signal not in driving and plan.names[signal] in compared
+            ]
+            self.rows.append(Group(*row, known, len(self.contacts) - known, len(self.states), len(states)))
+            self.states += states
             first += len(group)
             self.held += held
             if mine:
@@ -238,6 +188,7 @@ class Loops(Algorithm):
         n = len(self.unknowns)
         self._memory = {name: np.zeros(n) for name in ("w", "w_last", "trend", "scale", "prediction_error", "growth")}
         self._memory |= {name: np.zeros(len(self.held)) for name in ("held_values", "held_sizes")}
+        self._memory["state_sizes"] = np.zeros(len(self.states))
         self._memory["inverse"] = np.zeros((len(rows) * most, most))
         self._memory["proposed"], self._memory["before"] = np.zeros(len(rows)), np.zeros(len(rows))
         data = self.data = NewtonData()
@@ -259,6 +210,8 @@ class Loops(Algorithm):
         data.unknowns = keep(np.array(self.unknowns, dtype=np.int64))
         data.contacts = keep(np.array(self.contacts, dtype=np.int64))
         data.loads = keep(np.array(self.loads, dtype=np.int64))
+        data.states = keep(np.array(self.states, dtype=np.int64))
+        data.kept_states = keep(np.zeros(len(self.states)))
         data.held = keep(np.array(self.held, dtype=np.int64))
         for name, array in self._memory.items():
             setattr(data, name, keep(array))

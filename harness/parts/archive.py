@@ -17,7 +17,7 @@ import fmpy
 from lxml import etree
 
 from harness.errors import FmuError
-from harness.parts.flat import Flat, flatten
+from harness.parts.flat_description import Flat, flatten
 from harness.parts.part import Port, PortType, StartValue
 from harness.storage.zip_file import ZipError, open_file, open_zip, read_zip
 from harness.units import BaseUnit, stated_unit
@@ -31,20 +31,13 @@ _TRAITS: Final = ("VendorAnnotations/Tool[@name='harness']/Part", "Annotations/A
 class Archive:
     """A checked FMU file."""
 
-    path: Path
-    """The FMU."""
-    description: Any
-    """The parsed modelDescription.xml."""
-    ports: Mapping[str, Port]
-    """All variables by name, as ports."""
-    variables: Mapping[str, Any]
-    """All variables by name, with value reference, causality, variability and initial."""
-    root: etree._Element
-    """The root of modelDescription.xml, with what fmpy does not read."""
-    names: tuple[str, ...]
-    """All members."""
-    flat: Flat | None = None
-    """For FMI 3.0: its arrays and clocks; description and variables are in terms of FMI 2.0."""
+    path: Path  # the FMU
+    description: Any  # the parsed modelDescription.xml
+    ports: Mapping[str, Port]  # all variables by name, as ports
+    variables: Mapping[str, Any]  # all variables by name, with value reference, causality, variability and initial
+    root: etree._Element  # the root of modelDescription.xml, with what fmpy does not read
+    names: tuple[str, ...]  # all members
+    flat: Flat | None = None  # for FMI 3.0: its arrays and clocks; description and variables are in terms of FMI 2.0
 
     @property
     def traits(self) -> frozenset[str]:

@@ -114,9 +114,6 @@ class CallablePart(Part):
 
         return Calls(set_, self._step, get)
 
-    def exit_initialisation(self) -> None:
-        """Do nothing."""
-
     def save(self, state: object | None = None) -> object:
         """Copy time, state, inputs and held outputs."""
         return self._time, self._x.copy(), self._u.copy(), None if self._held is None else self._held.copy()
@@ -140,9 +137,6 @@ class CallablePart(Part):
             raise PartError(self.name, "deserialise", f"the state has {len(data)} bytes and belongs to another part")
         clock, x, u, held = np.split(values, np.cumsum(sizes))
         self.restore((float(clock[0]), x, u, held if clock[1] else None))
-
-    def terminate(self) -> None:
-        """Do nothing."""
 
     def _step(self, t: float, h: float) -> None:
         self._time = t

@@ -24,8 +24,7 @@ from harness.storage.zip_file import ZipError, open_zip, unpack_zip
 
 _DISCARD, FATAL = 2, 4
 _LAST_SUCCESSFUL_TIME: Final = 2
-_TERMINATED: Final = 3
-"""fmi2Terminated of fmi2StatusKind."""
+_TERMINATED: Final = 3  # of fmi2StatusKind
 
 _STATUS = ("OK", "Warning", "Discard", "Error", "Fatal", "Pending")
 _LEVEL = (logging.DEBUG, logging.WARNING, logging.WARNING, logging.ERROR, logging.CRITICAL, logging.DEBUG)
@@ -36,15 +35,13 @@ _COMMON = (
     *("GetFMUstate", "SetFMUstate", "FreeFMUstate"),
 )
 
-LOADING = threading.Lock()
-"""Guards the working directory, which all threads share and which fmpy changes while it loads a library."""
+LOADING = threading.Lock()  # guards the working directory of all threads, which fmpy changes to load a library
 
 _POINTER = ctypes.c_void_p
 _REAL = ctypes.c_double
 _INT = ctypes.c_int
 _EXCHANGE: Any = ctypes.CFUNCTYPE(_INT, _POINTER, _POINTER, ctypes.c_size_t, _POINTER)
-DO_STEP: Final = ctypes.CFUNCTYPE(_INT, _POINTER, _REAL, _REAL, _INT)
-"""Type of fmi2DoStep, with addresses as integers."""
+DO_STEP: Final = ctypes.CFUNCTYPE(_INT, _POINTER, _REAL, _REAL, _INT)  # fmi2DoStep, addresses as integers
 
 
 class Library:
@@ -124,42 +121,16 @@ def _unload(handle: int, folder: ScratchFolder) -> None:
 
 
 class State:
-    """Handle of a saved state of an FMU.
-
-    Attributes
-    ----------
-    pointer : c_void_p
-        The state.
-    time : float
-        Time of an FMU for model exchange [s], which does not tell it.
-    """
+    """Handle of a saved state of an FMU."""
 
     def __init__(self) -> None:
         """Refer to no state yet."""
         self.pointer = ctypes.c_void_p()
-        self.time = math.nan
+        self.time = math.nan  # of an FMU for model exchange [s], which does not tell it
 
 
 class Instance:
-    """One instance of an FMU for co-simulation, from instantiation to release.
-
-    Attributes
-    ----------
-    component : int
-        Address of the instance.
-    stepped : int
-        What is passed to the following functions in its place.
-    inner : int or None
-        Address of the instance itself, if it is of FMI 3.0.
-    functions : mapping of str to int
-        Addresses of the functions that the engine calls, by name without ``fmi2``.
-    set_, get : dict of str to callable
-        fmi2SetXXX and fmi2GetXXX by type.
-    do_step : callable
-        ``do_step(stepped, t, h, 1)`` returns a status.
-    interpolates : bool
-        Whether the inputs may change linearly during a step.
-    """
+    """One instance of an FMU for co-simulation, from instantiation to release."""
 
     def __init__(self, library: Library, archive: Archive, name: str) -> None:
         """Instantiate the FMU with logging on."""
@@ -171,16 +142,16 @@ class Instance:
         self._failed = False
         self._fatal = False
         self._log = logging.getLogger(f"harness.{name}")
-        self.component = 0
-        self.inner: int | None = None
-        self.interpolates = False
+        self.component = 0  # address of the instance
+        self.inner: int | None = None  # address of the instance itself, if it is of FMI 3.0
+        self.interpolates = False  # whether the inputs may change linearly during a step
         try:
             self._instantiate(library, archive)
         except Exception as error:
             reason = "it returned no instance and logged " + self._quoted_message()
             raise PartError(name, f"fmi{archive.description.fmiVersion[0]}Instantiate", reason) from error
-        self.stepped = self.component
-        self.functions: Mapping[str, int] = library.addresses
+        self.stepped = self.component  # what is passed to the following functions in its place
+        self.functions: Mapping[str, int] = library.addresses  # by name without ``fmi2``
         if not archive.exchange:
             self.set_, self.get = exchanges(library.addresses)
             self.do_step: Callable[..., int] = DO_STEP(library.addresses["DoStep"])

@@ -1,4 +1,4 @@
-"""FMUs of FMI 3.0 behind the functions of FMI 2.0, which everything else in the harness calls; the C is in fmi3.h."""
+"""FMUs of FMI 3.0 behind the functions of FMI 2.0 that the rest of the harness calls; the C is in fmi3_adapter.h."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ import fmpy
 import fmpy.fmi3
 import numpy as np
 
-from harness.compiling.library import library, mirrors
+from harness.compiling.engine_library import library, mirrors
 from harness.errors import ENDED, PartError, StartValueError
 from harness.parts.archive import Archive
-from harness.parts.flat import TYPES, Flat
+from harness.parts.flat_description import TYPES, Flat
 from harness.parts.fmi2 import Instance, Library
 from harness.parts.part import StartValue
 
-_POINTER, _INT, _REAL = ctypes.c_void_p, ctypes.c_int64, ctypes.c_double
+_POINTER, _REAL = ctypes.c_void_p, ctypes.c_double
 _NEXT = struct.Struct("<dq")
 
 ADAPTED: Final[Mapping[str, str]] = MappingProxyType(
@@ -36,46 +36,26 @@ ADAPTED: Final[Mapping[str, str]] = MappingProxyType(
 
 
 @mirrors("Variable3")
-class Variable(ctypes.Structure):
-    """``Variable3`` of fmi3.h."""
-
-    _fields_ = (("reference", ctypes.c_uint32), ("type", ctypes.c_int32), ("first", _INT), ("count", _INT))
+class EngineVariable(ctypes.Structure):
+    """``Variable3`` of fmi3_adapter.h."""
 
 
 @mirrors("Clock3")
 class Clock(ctypes.Structure):
-    """``Clock3`` of fmi3.h."""
-
-    _fields_ = (("reference", ctypes.c_uint32), ("interval", _REAL), ("shift", _REAL))
+    """``Clock3`` of fmi3_adapter.h."""
 
 
 @mirrors("Fmi3")
 class Adapter(ctypes.Structure):
-    """``Fmi3`` of fmi3.h."""
-
-    _fields_ = (
-        ("instance", _POINTER),
-        *((name, _POINTER * len(TYPES)) for name in ("set", "get")),
-        *((name, _POINTER) for name in ("do_step", "enter_event_mode", "enter_step_mode", "set_clock", "update")),
-        *((name, _POINTER) for name in ("get_state", "set_state", "free_state", "set_slopes")),
-        *((name, _POINTER) for name in ("variables", "variable_of", "values", "numbers", "packed", "places")),
-        ("references", _POINTER),
-        ("elements", _INT),
-        ("clocks", _POINTER),
-        *((name, _INT) for name in ("clock_count", "uses_events")),
-        *((name, _REAL) for name in ("start", "next", "ended")),
-        *((name, _INT) for name in ("pending", "failure", "failed")),
-    )
+    """``Fmi3`` of fmi3_adapter.h."""
 
 
 @mirrors("State3")
 class _State(ctypes.Structure):
-    """``State3`` of fmi3.h."""
-
-    _fields_ = (("state", _POINTER), ("next", _REAL), ("pending", _INT))
+    """``State3`` of fmi3_adapter.h."""
 
 
-class Calls:
+class Fmi2Functions:
     """The functions of FMI 2.0 by name, over those of FMI 3.0; each takes the address of the adapter first."""
 
     def __init__(self, raw: Any, adapter: Adapter, flat: Flat) -> None:
@@ -88,11 +68,13 @@ class Calls:
         self.functions: dict[str, Callable[..., int]] = {
             "SetupExperiment": self._setup,
             "EnterInitializationMode": self._enter,
-            "ExitInitializationMode": self._exit,
-            "Terminate": self._terminate,
+            "ExitInitializationMode": lambda _: self._call("ExitInitializationMode"),
+            "Terminate": lambda _: self._call("Terminate"),
             "Reset": self._reset,
-            "FreeInstance": self._release,
-            "SetDebugLogging": self._set_logging,
+            "FreeInstance": lambda _: self._call("FreeInstance"),
+            "SetDebugLogging": lambda _, on, count, categories: self._call(
+                "SetDebugLogging", ctypes.c_bool(bool(on)), ctypes.c_size_t(count), categories
+            ),
             "SetString": self._set_text,
             "SerializedFMUstateSize": self._serialised_size,
             "SerializeFMUstate": self._serialise,
@@ -126,13 +108,8 @@ class Calls:
         for place, clock in zip(clocks, self._flat.clocks, strict=False):
             reference, value, qualifier = ctypes.c_uint32(clock.valueReference), _REAL(), ctypes.c_int()
             one = ctypes.c_size_t(1)
-            status = self._call(
-                "GetIntervalDecimal",
-                ctypes.byref(reference),
-                one,
-                ctypes.byref(value),
-                ctypes.byref(qualifier),
-            )
+            places = ctypes.byref(value), ctypes.byref(qualifier)
+            status = self._call("GetIntervalDecimal", ctypes.byref(reference), one, *places)
             stated = float(clock.intervalDecimal or 0.0)
             if clock.intervalCounter is not None and clock.resolution:
                 stated = float(clock.intervalCounter) / float(clock.resolution)
@@ -157,28 +134,11 @@ class Calls:
         flags = ctypes.c_bool(bool(given)), ctypes.c_bool(bool(stop_given))
         return self._call("EnterInitializationMode", flags[0], _REAL(tolerance), _REAL(start), flags[1], _REAL(stop))
 
-    def _exit(self, _: int) -> int:
-        """Call fmi3ExitInitializationMode."""
-        return self._call("ExitInitializationMode")
-
-    def _terminate(self, _: int) -> int:
-        """Call fmi3Terminate."""
-        return self._call("Terminate")
-
     def _reset(self, _: int) -> int:
         """Call fmi3Reset, and forget the values that were set."""
         starts = (_REAL * len(self._flat.starts))(*self._flat.starts)
         ctypes.memmove(self._adapter.values, starts, ctypes.sizeof(starts))
         return self._call("Reset")
-
-    def _release(self, _: int) -> int:
-        """Call fmi3FreeInstance, which returns nothing."""
-        self._call("FreeInstance")
-        return 0
-
-    def _set_logging(self, _: int, on: int, count: int, categories: Any) -> int:
-        """Call fmi3SetDebugLogging."""
-        return self._call("SetDebugLogging", ctypes.c_bool(bool(on)), ctypes.c_size_t(count), categories)
 
     def _set_text(self, _: int, references: Any, count: int, values: Any) -> int:
         """Call fmi3SetString for a scalar."""
@@ -223,8 +183,6 @@ class Calls:
         return status
 
 
-_POINTER = ctypes.c_void_p
-
 _REASONS: Final[Mapping[int, str]] = MappingProxyType(
     {
         1: "the value of {name} is not a whole number in the range of {type}",
@@ -235,13 +193,10 @@ _REASONS: Final[Mapping[int, str]] = MappingProxyType(
         104: "it ended the step early, which was not allowed",
     }
 )
-"""Reasons for a failure of fmi3.h, and for a status of part.h."""
+"""Reasons for a failure of fmi3_adapter.h, and for a status of part.h."""
 
-_OF_STEPS: Final = (103, 104)
-"""Those of them that are the status of a step."""
-
-_SLOPES: Final = "harness_SetInputDerivatives"
-"""Function that an FMU may have for time derivatives of inputs, which FMI 3.0 does not have."""
+_OF_STEPS: Final = (103, 104)  # those of them that are the status of a step
+_SLOPES: Final = "harness_SetInputDerivatives"  # function for time derivatives of inputs, which FMI 3.0 lacks
 
 _NEEDED: Final = (
     *("InstantiateCoSimulation", "FreeInstance", "EnterInitializationMode", "ExitInitializationMode"),
@@ -298,7 +253,11 @@ class Library3(Library):
         self.slave: Any = _Slave(archive, name, Path(folder))
         assert archive.flat is not None
         needed = [f"{verb}{_stored(array.type)}" for array in archive.flat.arrays for verb in ("Set", "Get")]
-        needed += [*_NEEDED, *(_EVENTS if archive.flat.clocks else ()), *(_STATES if _saves(archive) else ())]
+        needed += [
+            *_NEEDED,
+            *(_EVENTS if archive.flat.clocks else ()),
+            *(_STATES if archive.interface.canGetAndSetFMUstate else ()),
+        ]
         for function in needed:
             if not hasattr(self.slave.dll, f"fmi3{function}"):
                 raise ValueError(f"its library has no function fmi3{function}")
@@ -309,10 +268,6 @@ class Library3(Library):
 def _address(dll: Any, function: str) -> int:
     """Return the address of a function; 0 if the library does not have it, as it is not called then."""
     return ctypes.cast(getattr(dll, function), _POINTER).value or 0 if hasattr(dll, function) else 0
-
-
-def _saves(archive: Archive) -> bool:
-    return bool(archive.interface.canGetAndSetFMUstate)
 
 
 class Instance3(Instance):
@@ -333,7 +288,7 @@ class Instance3(Instance):
         self.inner = made
         self._adapter = self._adapt(made)
         self.component = ctypes.addressof(self._adapter)
-        self._own = Calls(self._raw, self._adapter, flat)
+        self._own = Fmi2Functions(self._raw, self._adapter, flat)
 
     def function(self, name: str) -> Callable[..., Any]:
         """Return the function that stands for the one of FMI 2.0."""
@@ -350,7 +305,7 @@ class Instance3(Instance):
         self._clocks = (Clock * max(len(flat.clocks), 1))()
         for place, clock in zip(self._clocks, flat.clocks, strict=False):
             place.reference = clock.valueReference
-        self._rows = (Variable * max(len(rows), 1))(*(Variable(*row) for row in rows))
+        self._rows = (EngineVariable * max(len(rows), 1))(*(EngineVariable(*row) for row in rows))
         self._kept: dict[str, np.ndarray[Any, Any]] = {
             "variable_of": of_element,
             "values": np.array(flat.starts or (0.0,)),

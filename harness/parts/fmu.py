@@ -12,7 +12,7 @@ from typing import Any, Final
 
 from harness.errors import HarnessError, PartError, StartValueError, not_whole
 from harness.parts.archive import Archive, open_archive
-from harness.parts.flat import stated_sizes
+from harness.parts.flat_description import stated_sizes
 from harness.parts.fmi2 import DO_STEP, Instance, Library, State, exchanges
 from harness.parts.fmi3 import Instance3, Library3
 from harness.parts.integrator import TOLERANCE, Integrator
@@ -116,8 +116,7 @@ def _state_name(derivative: object) -> str:
     return str(getattr(state, "name", None) or getattr(derivative, "name", derivative))
 
 
-LONGEST_TIMEOUT: Final = 1e6
-"""Longest timeout [s]; the clocks of some systems cannot represent more."""
+LONGEST_TIMEOUT: Final = 1e6  # longest timeout [s]; the clocks of some systems cannot represent more
 
 
 class FmuPart(Part):
@@ -168,7 +167,7 @@ class FmuPart(Part):
         timeout: float = 10.0,
     ) -> FmuPart:
         """Return an `FmuPart`, or its subclass `IsolatedPart` if ``isolate`` is True."""
-        from harness.parts.isolated.part import IsolatedPart  # a subclass of this class
+        from harness.parts.isolated.isolated_part import IsolatedPart  # a subclass of this class
 
         return super().__new__(IsolatedPart if isolate else cls)
 
@@ -213,7 +212,9 @@ class FmuPart(Part):
         self.inputs = tuple(ports[name] for name in numeric if variables[name].causality == "input")
         self.outputs = tuple(ports[name] for name in numeric if variables[name].causality == "output")
         self.parameters = tuple(
-            port for name, port in ports.items() if _is_parameter(variables[name]) or _is_text_input(variables[name])
+            port
+            for name, port in ports.items()  # a String input is set once, like a parameter
+            if _is_parameter(variables[name]) or (variables[name].causality == "input" and port.type == "String")
         )
         self.observables = tuple(
             ports[name] for name in numeric if variables[name].causality not in ("input", "output")
@@ -424,12 +425,7 @@ class FmuPart(Part):
         return blocks
 
     def _exchange(
-        self,
-        functions: Mapping[str, Callable[..., int]],
-        verb: str,
-        kind: str,
-        references: list[int],
-        values: Values,
+        self, functions: Mapping[str, Callable[..., int]], verb: str, kind: str, references: list[int], values: Values
     ) -> Callable[[], None]:
         """Return one prepared call of fmi2SetXXX or fmi2GetXXX."""
         instance = self._started()
@@ -495,8 +491,3 @@ def _is_parameter(variable: Any) -> bool:
     return variable.causality not in {"input", "independent"} and (
         variable.variability != "constant" and variable.initial in {"exact", "approx"}
     )
-
-
-def _is_text_input(variable: Any) -> bool:
-    """Return whether this is a String input: it cannot be connected and is set once, like a parameter."""
-    return bool(variable.causality == "input" and variable.type == "String")

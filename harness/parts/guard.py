@@ -21,7 +21,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
-from harness.compiling.library import library
+from harness.compiling.engine_library import library
 from harness.errors import HarnessError
 from harness.parts.fmi2 import LOADING
 from harness.parts.fmu import FmuPart
@@ -29,12 +29,10 @@ from harness.parts.part import Part
 
 _LOG = logging.getLogger("harness")
 
-EXITED: Final = 2
-"""Exit status of a program that an FMU has ended."""
+EXITED: Final = 2  # exit status of a program that an FMU has ended
 
 _AT_EXIT = ctypes.CFUNCTYPE(None)
 _ISOLATE: Final = "run it in its own process (isolate = true)"
-
 
 _FLOATS: Final = (
     {

@@ -19,20 +19,18 @@ from typing import Any, Final, NamedTuple
 
 import numpy as np
 
-from harness.compiling.library import library, mirrors
+from harness.compiling.engine_library import library, mirrors
 from harness.errors import ENDED, HarnessError
 
 _POINTER, _INT, _REAL, _FLAG = ctypes.c_void_p, ctypes.c_int64, ctypes.c_double, ctypes.c_int
 
-TOLERANCE: Final = 1e-8
-"""Relative tolerance of a run that states none."""
+TOLERANCE: Final = 1e-8  # relative tolerance of a run that states none
 
 _SHARE: Final = 0.01
 """Tolerance of the solver over that of the run: an undamped oscillator gains the errors of all its starts, 3.5 times
 this tolerance in each communication step."""
 
-_FINEST: Final = 1e-13
-"""Finest tolerance of the solver: a finer one is rounding."""
+_FINEST: Final = 1e-13  # finest tolerance of the solver: a finer one is rounding
 
 _SUNDIALS: Final = 7
 _BDF: Final = 2
@@ -44,6 +42,11 @@ FUNCTIONS: Final = (
     "GetNominalsOfContinuousStates",
 )
 """Functions for model exchange, in the order of ``failure`` in integrator.h, which begins at 1."""
+
+_FIELDS: Final = (
+    *("enter_event_mode", "new_discrete_states", "enter_continuous_time_mode", "completed_step"),
+    *("set_time", "set_states", "get_states", "get_derivatives", "get_indicators", "get_nominals"),
+)  # their fields in Integrator
 
 _SET_INPUTS, _GET_INPUTS = 11, 12
 _OTHERS: Final = MappingProxyType(
@@ -67,12 +70,13 @@ _SOLVER_REASONS: Final = MappingProxyType(
     }
 )
 
+_TYPES: Final = ("Real", "Integer", "Boolean")
+_STATE: Final = ("Get", "Set", "Free")
 _EXPORTED: Final = MappingProxyType(
     {
-        **{f"{verb}{kind}": f"{verb}_{kind}".lower() for verb in ("Set", "Get") for kind in ("Real", "Integer")},
-        **{f"{verb}Boolean": f"{verb}_boolean".lower() for verb in ("Set", "Get")},
+        **{f"{verb}{kind}": f"{verb}_{kind}".lower() for verb in ("Set", "Get") for kind in _TYPES},
         **{"DoStep": "step", "SetRealInputDerivatives": "set_slopes"},
-        **{f"{verb}FMUstate": f"{verb}_state".lower() for verb in ("Get", "Set", "Free")},
+        **{f"{verb}FMUstate": f"{verb}_state".lower() for verb in _STATE},
     }
 )
 
@@ -81,60 +85,23 @@ _EXPORTED: Final = MappingProxyType(
 class _EventInfo(ctypes.Structure):
     """``EventInfo`` of integrator.h."""
 
-    _fields_ = (
-        *((name, _FLAG) for name in ("iterate", "terminate", "nominals_changed", "values_changed", "has_next")),
-        ("next", _REAL),
-    )
-
 
 @mirrors("Integrator")
 class IntegratorData(ctypes.Structure):
     """``Integrator`` of integrator.h."""
 
-    _fields_ = (
-        ("component", _POINTER),
-        *((name, _POINTER * 3) for name in ("set", "get")),
-        *((name, _POINTER) for name in ("get_state", "set_state", "free_state")),
-        *((name, _POINTER) for name in ("enter_event_mode", "enter_continuous_time_mode", "new_discrete_states")),
-        *((name, _POINTER) for name in ("completed_step", "set_time", "set_states", "get_states")),
-        *((name, _POINTER) for name in ("get_derivatives", "get_indicators", "get_nominals")),
-        *((name, _INT) for name in ("states", "indicators")),
-        *((name, _POINTER) for name in ("solver", "restart", "set_stop", "set_tolerances", "solve", "values_of")),
-        *((name, _POINTER) for name in ("vector", "absolute_vector", "x", "absolute")),
-        ("tolerance", _REAL),
-        *((name, _POINTER) for name in ("nominals", "z", "above", "references", "begin", "slopes", "u")),
-        *((name, _INT) for name in ("moving", "most_moving")),
-        ("from", _REAL),
-        ("event", _EventInfo),
-        ("time", _REAL),
-        *((name, _INT) for name in ("continuous", "failure", "status", "index")),
-        ("failed_at", _REAL),
-    )
-
 
 class Failure(NamedTuple):
     """Why a step of an `Integrator` failed."""
 
-    function: str
-    """Function of the FMU that failed, or ``"its integration"``."""
-    reason: str
-    """What went wrong; empty if the function returned a status."""
-    status: int
-    """This status."""
-    time: float
-    """Time of the failure [s]."""
+    function: str  # function of the FMU that failed, or ``"its integration"``
+    reason: str  # what went wrong; empty if the function returned a status
+    status: int  # this status
+    time: float  # time of the failure [s]
 
 
 class Integrator:
-    """An FMU for model exchange together with its solver; the engine calls it like an FMU for co-simulation.
-
-    Attributes
-    ----------
-    data : IntegratorData
-        Its data in C; its address takes the place of the instance.
-    functions : mapping of str to int
-        Addresses of the functions that take the place of the FMU's.
-    """
+    """An FMU for model exchange together with its solver; the engine calls it like an FMU for co-simulation."""
 
     def __init__(
         self, component: int, addresses: Mapping[str, int], states: tuple[str, ...], indicators: int, inputs: int
@@ -145,12 +112,9 @@ class Integrator:
         self.states = states
         data = self.data = IntegratorData()
         data.component = component
-        data.set, data.get = (
-            (_POINTER * 3)(*(addresses[f"{verb}{kind}"] for kind in ("Real", "Integer", "Boolean")))
-            for verb in ("Set", "Get")
-        )
+        data.set, data.get = ((_POINTER * 3)(*(addresses[verb + kind] for kind in _TYPES)) for verb in ("Set", "Get"))
         data.get_state, data.set_state, data.free_state = (addresses[f"{verb}FMUstate"] for verb in _STATE)
-        for field, function in _FIELDS.items():
+        for field, function in zip(_FIELDS, FUNCTIONS, strict=True):
             setattr(data, field, addresses[function])
         data.states, data.indicators, data.most_moving = len(states), indicators, inputs
         size = max(1, len(states), indicators, inputs)
@@ -190,21 +154,6 @@ class Integrator:
             return Failure("its integration", f"the solver CVODE stopped, as {reason}", 3, time)
         name = {_SET_INPUTS: "SetReal", _GET_INPUTS: "GetReal"}.get(code) or FUNCTIONS[code - 1]
         return Failure(f"fmi2{name}", "", int(data.status), time)
-
-
-_STATE: Final = ("Get", "Set", "Free")
-_FIELDS: Final = MappingProxyType(
-    dict(
-        zip(
-            (
-                *("enter_event_mode", "new_discrete_states", "enter_continuous_time_mode", "completed_step"),
-                *("set_time", "set_states", "get_states", "get_derivatives", "get_indicators", "get_nominals"),
-            ),
-            FUNCTIONS,
-            strict=True,
-        )
-    )
-)
 
 
 class _Sundials(NamedTuple):

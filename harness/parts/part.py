@@ -94,25 +94,18 @@ class Calls:
 class Native:
     """Data with which the native engine calls a running FMU without Python."""
 
-    component: int
-    """Address of the instance; of its adapter for an FMI 3.0 FMU."""
-    instance: int | None
-    """Address of the instance of an FMI 3.0 FMU."""
+    component: int  # address of the instance; of its adapter for an FMI 3.0 FMU
+    instance: int | None  # address of the instance of an FMI 3.0 FMU
     functions: Mapping[str, int]
     """Address of each function of FMI 2.0, by its name without ``fmi2``, and of those of FMI 3.0 that are called
     directly, with ``instance``."""
-    inputs: Sequence[int]
-    outputs: Sequence[int]
-    """Value references, in the order in which the ports were bound."""
-    input_types: Sequence[PortType]
-    output_types: Sequence[PortType]
-    """Types of the ports."""
-    interpolates: bool
-    """Whether the FMU accepts input derivatives."""
-    saves: bool
-    """Whether the state can be saved and restored."""
-    failure: Callable[[str, int, float], Exception]
-    """``failure(function, status, time)`` returns the error for a failed call."""
+    inputs: Sequence[int]  # value references, in the order in which the ports were bound
+    outputs: Sequence[int]  # value references
+    input_types: Sequence[PortType]  # types of the ports
+    output_types: Sequence[PortType]  # types of the ports
+    interpolates: bool  # whether the FMU accepts input derivatives
+    saves: bool  # whether the state can be saved and restored
+    failure: Callable[[str, int, float], Exception]  # ``failure(function, status, time)`` returns the error
 
 
 class Part(ABC):
@@ -258,8 +251,7 @@ class Part(ABC):
         """
         return None
 
-    @abstractmethod
-    def exit_initialisation(self) -> None:
+    def exit_initialisation(self) -> None:  # noqa: B027, some parts have no modes
         """Leave initialisation mode; the part is then at the start time."""
 
     def event(self, time: float) -> None:  # noqa: B027, most parts have none
@@ -326,8 +318,7 @@ class Part(ABC):
             A state from `save`.
         """
 
-    @abstractmethod
-    def terminate(self) -> None:
+    def terminate(self) -> None:  # noqa: B027, some parts hold nothing
         """End the run; without a run this has no effect."""
 
     def close(self) -> None:

@@ -20,18 +20,15 @@ from harness.storage.files import read_csv, reason
 
 
 @dataclass(frozen=True)
-class Table:
+class SeriesArrays:
     """A recorded series as arrays."""
 
-    times: Values
-    """Times of the samples [s]."""
+    times: Values  # times of the samples [s]
     values: Values
     slopes: Values
     """Row k applies from sample k on; its values change by ``slopes`` per second."""
-    slack: float
-    """Time by which rounding may put a communication point before its sample [s]."""
-    end: float
-    """Last time that a step may reach [s]."""
+    slack: float  # time by which rounding may put a communication point before its sample [s]
+    end: float  # last time that a step may reach [s]
 
 
 class SeriesPart(Part):
@@ -138,13 +135,13 @@ class SeriesPart(Part):
         names = "\n".join(port.name for port in self.outputs)
         return names.encode() + self._times.tobytes() + self._values.tobytes()
 
-    def table(self) -> Table:
+    def table(self) -> SeriesArrays:
         """Return the record as arrays."""
         slopes = np.zeros_like(self._values)
         if self.interpolation == "linear":
             slopes[:-1] = np.diff(self._values, axis=0) / np.diff(self._times)[:, None]
         end = self._grid[-1] + self._reach if self.beyond == "error" else math.inf
-        return Table(self._times, self._values, slopes, self._slack, end)
+        return SeriesArrays(self._times, self._values, slopes, self._slack, end)
 
     def enter_initialisation(
         self, start: float, stop: float, tolerance: float | None, values: Mapping[str, StartValue]
@@ -177,9 +174,6 @@ class SeriesPart(Part):
 
         return Calls(_nothing, self._step, get)
 
-    def exit_initialisation(self) -> None:
-        """Do nothing."""
-
     def save(self, state: object | None = None) -> object:
         """Return the current time, which is the complete state."""
         return self._now
@@ -204,9 +198,6 @@ class SeriesPart(Part):
         if not math.isfinite(now):
             raise PartError(self.name, "deserialise", f"the state has the time {now} and belongs to another part")
         self._now = now
-
-    def terminate(self) -> None:
-        """Do nothing."""
 
     def _step(self, t: float, h: float) -> None:
         self._now = t + h

@@ -17,15 +17,7 @@ if TYPE_CHECKING:
     from harness.results.netcdf_file import to_netcdf
     from harness.results.parquet_file import to_parquet
 else:
-    __getattr__, __dir__ = lazy_names(
-        __name__,
-        {
-            "harness.results.csv_file": ["to_csv"],
-            "harness.results.mat_file": ["to_mat"],
-            "harness.results.netcdf_file": ["to_netcdf"],
-            "harness.results.parquet_file": ["to_parquet"],
-        },
-    )
+    __getattr__, __dir__ = lazy_names(__name__)
 
 __all__ = ["FORMATS", "load_result", "save_result", "to_csv", "to_mat", "to_netcdf", "to_parquet"]
 

@@ -7,8 +7,8 @@ from dataclasses import replace
 from typing import TypeAlias
 
 from harness.errors import SystemFileError
-from harness.parts.flat import MOST_ELEMENTS, element_names
-from harness.ssp.structure import Connector, Edge, Node, Structure
+from harness.parts.flat_description import MOST_ELEMENTS, element_names
+from harness.ssp.structure import Connector, Edge, Endpoint, Structure
 
 #: Sizes of the dimensions of an array; () for a scalar.
 Shape: TypeAlias = tuple[int, ...]
@@ -25,7 +25,7 @@ def scalars(structure: Structure) -> Structure:
     return replace(structure, connectors=connectors, edges=tuple(edges))
 
 
-def split(structure: Structure, variables: Mapping[Node, Shape], where: str) -> Structure:
+def split(structure: Structure, variables: Mapping[Endpoint, Shape], where: str) -> Structure:
     """Return the structure with a connector and a connection for each element of an array."""
     shapes = dict(variables)
     joined = {node for edge in structure.edges for node in (edge.source, edge.target)}
@@ -40,7 +40,7 @@ def split(structure: Structure, variables: Mapping[Node, Shape], where: str) -> 
                 f"'{node}' is {shown(connector.shape)} in {where} but {shown(known)} in its FMU: correct its Dimension"
             )
     _spread(structure, shapes)
-    connectors: dict[Node, Connector] = {}
+    connectors: dict[Endpoint, Connector] = {}
     edges: list[Edge] = []
     for node, connector in structure.connectors.items():
         if node not in shapes and node in joined:
@@ -82,7 +82,7 @@ def _agree(stated: Sequence[int | None], known: Shape) -> bool:
     )
 
 
-def _spread(structure: Structure, shapes: dict[Node, Shape]) -> None:
+def _spread(structure: Structure, shapes: dict[Endpoint, Shape]) -> None:
     """Add the shapes of connectors without stated sizes that are connected to others as a whole."""
     whole = [edge for edge in structure.edges if not (edge.source_index or edge.target_index)]
     found = True
@@ -95,7 +95,7 @@ def _spread(structure: Structure, shapes: dict[Node, Shape]) -> None:
                     found = True
 
 
-def _elements(edge: Edge, shapes: Mapping[Node, Shape], where: str) -> list[Edge]:
+def _elements(edge: Edge, shapes: Mapping[Endpoint, Shape], where: str) -> list[Edge]:
     source, target = shapes[edge.source], shapes[edge.target]
     for node, index, shape in ((edge.source, edge.source_index, source), (edge.target, edge.target_index, target)):
         valid = len(index) == len(shape) and all(1 <= k <= size for k, size in zip(index, shape, strict=True))
@@ -117,7 +117,7 @@ def _elements(edge: Edge, shapes: Mapping[Node, Shape], where: str) -> list[Edge
     ]
 
 
-def _nodes(node: Node, index: Shape, shape: Shape) -> list[Node]:
+def _nodes(node: Endpoint, index: Shape, shape: Shape) -> list[Endpoint]:
     if index:
-        return [Node(node.path, f"{node.name}[{','.join(map(str, index))}]")]
-    return [Node(node.path, name) for name in element_names(node.name, shape)]
+        return [Endpoint(node.path, f"{node.name}[{','.join(map(str, index))}]")]
+    return [Endpoint(node.path, name) for name in element_names(node.name, shape)]

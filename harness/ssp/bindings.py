@@ -15,26 +15,23 @@ from harness.ssp.flatten import Network
 from harness.ssp.package import SPACES, SSM, SSV, Package, check_element, parse_document
 from harness.ssp.parameter import Parameter
 from harness.ssp.ssv import MEDIA_TYPE, ParameterSet, parse_ssv
-from harness.ssp.structure import Linear, Node, Path, Structure, Transformation, flag, read_transformation
+from harness.ssp.structure import Endpoint, Linear, Path, Structure, Transformation, flag, read_transformation
 from harness.units import BaseUnit
 
 
 @dataclass(frozen=True)
-class Entry:
+class ParameterMapping:
     """Mapping of a source parameter to a variable."""
 
-    target: str
-    """Name of the variable."""
-    transformation: Transformation
-    """Transformation of the value, after its unit conversion."""
-    suppress: bool
-    """Whether unit conversion is suppressed."""
+    target: str  # name of the variable
+    transformation: Transformation  # transformation of the value, after its unit conversion
+    suppress: bool  # whether unit conversion is suppressed
 
 
-def parse_ssm(root: etree._Element, where: str) -> dict[str, list[Entry]]:
+def parse_ssm(root: etree._Element, where: str) -> dict[str, list[ParameterMapping]]:
     """Return the entries of an element ParameterMapping by the name of the source."""
     check_element(root, SSM, where)
-    entries: dict[str, list[Entry]] = {}
+    entries: dict[str, list[ParameterMapping]] = {}
     targets: set[str] = set()
     for element in root.iterfind("ssm:MappingEntry", SPACES):
         target = element.get("target", "")
@@ -42,7 +39,7 @@ def parse_ssm(root: etree._Element, where: str) -> dict[str, list[Entry]]:
             raise SystemFileError(f"{where} maps two parameters to '{target}': remove one")
         targets.add(target)
         transformation = read_transformation(element, f"the entry of '{target}' in {where}")
-        entry = Entry(target, transformation, flag(element, "suppressUnitConversion"))
+        entry = ParameterMapping(target, transformation, flag(element, "suppressUnitConversion"))
         entries.setdefault(element.get("source", ""), []).append(entry)
     return entries
 
@@ -55,25 +52,20 @@ _LOG = logging.getLogger("harness")
 class Binding:
     """A parameter binding with the files that it names."""
 
-    path: Path
-    """The element to which it belongs."""
-    parameters: ParameterSet
-    """The parameters."""
-    mapping: Mapping[str, list[Entry]] | None
-    """Entries by the name of the source; None if every parameter keeps its name."""
-    prefix: str
-    """Prefix of all names in the parameter set."""
-    where: str
-    """Name of the binding, for messages."""
+    path: Path  # the element to which it belongs
+    parameters: ParameterSet  # the parameters
+    mapping: Mapping[str, list[ParameterMapping]] | None  # by source; None if all parameters keep their names
+    prefix: str  # prefix of all names in the parameter set
+    where: str  # name of the binding, for messages
 
-    def entries(self) -> Iterator[tuple[Parameter, tuple[int, ...], str, Entry]]:
+    def entries(self) -> Iterator[tuple[Parameter, tuple[int, ...], str, ParameterMapping]]:
         """Return each value with the shape of its array, its index such as ``[1,2]``, and its target."""
         origins = self.parameters.origins()
         for bare, parameter in self.parameters.parameters.items():
             array = origins.get(bare, bare)
             shape, name, index = self.parameters.arrays.get(array, ()), self.prefix + array, bare[len(array) :]
             if self.mapping is None:
-                yield parameter, shape, index, Entry(name, Linear(), False)
+                yield parameter, shape, index, ParameterMapping(name, Linear(), False)
             else:
                 for entry in self.mapping.get(name, ()):
                     yield parameter, shape, index, entry
@@ -90,17 +82,17 @@ def read_bindings(package: Package, structure: Structure) -> list[Binding]:
 
 
 def bound_values(
-    bindings: Sequence[Binding], structure: Structure, network: Network, only: Container[Node] | None = None
-) -> dict[Node, StartValue]:
+    bindings: Sequence[Binding], structure: Structure, network: Network, only: Container[Endpoint] | None = None
+) -> dict[Endpoint, StartValue]:
     """Return the start values of all parts, in the units of their variables.
 
     A later binding overrides an earlier one, and a binding of a system overrides the bindings of its elements. An
     unknown name is ignored with a warning, as SSP requires.
     """
-    values: dict[Node, Parameter] = {}
+    values: dict[Endpoint, Parameter] = {}
     for binding in bindings:
         values |= _bound(binding, structure, network, quiet=only is not None)
-    start: dict[Node, StartValue] = {}
+    start: dict[Endpoint, StartValue] = {}
     for node, parameter in values.items():
         port = network.settable(node)
         assert port is not None  # only nodes with a port are found
@@ -109,9 +101,9 @@ def bound_values(
     return start
 
 
-def _bound(binding: Binding, structure: Structure, network: Network, *, quiet: bool) -> dict[Node, Parameter]:
+def _bound(binding: Binding, structure: Structure, network: Network, *, quiet: bool) -> dict[Endpoint, Parameter]:
     """Return the values of one binding."""
-    values: dict[Node, Parameter] = {}
+    values: dict[Endpoint, Parameter] = {}
     for parameter, shape, index, entry in binding.entries():
         for node in _named(structure, binding.path, entry.target):
             known = structure.shapes.get(node, shape)
@@ -144,16 +136,16 @@ def _binding(package: Package, structure: Structure, path: Path, binding: etree.
     return Binding(path, parameters, mapping, binding.get("prefix", ""), where)
 
 
-def _named(structure: Structure, path: Path, name: str) -> list[Node]:
+def _named(structure: Structure, path: Path, name: str) -> list[Endpoint]:
     """Return the nodes that a hierarchical name can mean in the element at the path; names may contain dots."""
-    found = [Node(path, name)]
+    found = [Endpoint(path, name)]
     for inner in (*structure.systems, *structure.components):
         if inner and inner[:-1] == path and name.startswith(inner[-1] + "."):
             found += _named(structure, inner, name[len(inner[-1]) + 1 :])
     return found
 
 
-def _exists(structure: Structure, network: Network, node: Node) -> bool:
+def _exists(structure: Structure, network: Network, node: Endpoint) -> bool:
     if node.path in structure.components:
         return network.settable(node) is not None
     return node in structure.connectors
@@ -175,7 +167,7 @@ def _parameters(
 
 def _mapping(
     package: Package, component: etree._Element | None, binding: etree._Element, where: str
-) -> dict[str, list[Entry]] | None:
+) -> dict[str, list[ParameterMapping]] | None:
     """Return the entries by the name of the source, or None if there is no mapping."""
     element = binding.find("ssd:ParameterMapping", SPACES)
     if element is None:

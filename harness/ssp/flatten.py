@@ -9,7 +9,7 @@ from harness.parts.part import Part, Port
 from harness.ssp.annotations import read_wire
 from harness.ssp.package import Signal, known_unit
 from harness.ssp.parameter import Parameter
-from harness.ssp.structure import Edge, Linear, Node, Path, Structure, Transformation
+from harness.ssp.structure import Edge, Endpoint, Linear, Path, Structure, Transformation
 from harness.system.wire import Wire
 from harness.units import BaseUnit, needed_unit
 
@@ -23,12 +23,12 @@ class Network:
         self.parts = parts
         self.where = where
         self._settable = {
-            Node(path, port.name): port for path, part in parts.items() for port in (*part.inputs, *part.parameters)
+            Endpoint(path, port.name): port for path, part in parts.items() for port in (*part.inputs, *part.parameters)
         }
-        outputs = {Node(path, port.name): port for path, part in parts.items() for port in part.outputs}
+        outputs = {Endpoint(path, port.name): port for path, part in parts.items() for port in part.outputs}
         self._ports = outputs | self._settable
-        self._into: dict[Node, Edge] = {}
-        self._out_of: dict[Node, list[Edge]] = {}
+        self._into: dict[Endpoint, Edge] = {}
+        self._out_of: dict[Endpoint, list[Edge]] = {}
         for edge in structure.edges:
             if edge.target in self._into:
                 raise SystemFileError(f"{where} drives '{edge.target}' twice: remove one of the connections")
@@ -42,11 +42,11 @@ class Network:
         chains = (self._chain(edge) for edge in self.structure.edges if edge.target.path in self.parts)
         return [self._wire(chain) for chain in chains if chain[0].source.path in self.parts]
 
-    def spread(self, node: Node, parameter: Parameter) -> dict[Node, Parameter]:
+    def spread(self, node: Endpoint, parameter: Parameter) -> dict[Endpoint, Parameter]:
         """Return the FMU variables that receive a parameter of this node, with converted values."""
         if node in self._settable:
             return {node: parameter}
-        landed: dict[Node, Parameter] = {}
+        landed: dict[Endpoint, Parameter] = {}
         for edge in self._out_of.get(node, ()):
             landed |= self.spread(
                 edge.target, self.land(parameter, edge.target, str(edge), edge.suppress, edge.transformation)
@@ -54,36 +54,36 @@ class Network:
         return landed
 
     def land(
-        self, parameter: Parameter, node: Node, where: str, suppress: bool, transformation: Transformation
+        self, parameter: Parameter, node: Endpoint, where: str, suppress: bool, transformation: Transformation
     ) -> Parameter:
         """Return a parameter at a connector or variable, in its unit; see `Parameter.landed`."""
         port, connector = self._ports.get(node), self.structure.connectors.get(node)
         name = (port.unit if port else None) or (connector.unit_name if connector else None)
         return parameter.landed(self.unit(node), where, unit=name, suppress=suppress, transformation=transformation)
 
-    def elements(self, node: Node) -> int:
+    def elements(self, node: Endpoint) -> int:
         """Return the number of FMU variables that are elements of an array with this name."""
         return sum(other.path == node.path and other.name.startswith(f"{node.name}[") for other in self._settable)
 
-    def settable(self, node: Node) -> Port | None:
+    def settable(self, node: Endpoint) -> Port | None:
         """Return the FMU variable that the node stands for, if it accepts a start value."""
         return self._settable.get(node)
 
-    def name(self, node: Node) -> str:
+    def name(self, node: Endpoint) -> str:
         """Return the name ``part.variable`` of an FMU variable."""
         return f"{self.parts[node.path].name}.{node.name}"
 
-    def unit(self, node: Node) -> BaseUnit | None:
+    def unit(self, node: Endpoint) -> BaseUnit | None:
         """Return the unit of a connector or variable: from the FMU, else from the file."""
         own = self._own_unit(node)
         connector = self.structure.connectors.get(node)
         return own or (connector.unit if connector else None)
 
-    def _own_unit(self, node: Node) -> BaseUnit | None:
+    def _own_unit(self, node: Endpoint) -> BaseUnit | None:
         port = self._ports.get(node)
         return known_unit(port.unit, port.base) if port else None
 
-    def _check_connector(self, node: Node) -> None:
+    def _check_connector(self, node: Endpoint) -> None:
         own, connector, port = self._own_unit(node), self.structure.connectors[node], self._ports.get(node)
         stated = connector.unit
         if port is None or port.unit != connector.unit_name:

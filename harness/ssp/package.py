@@ -56,13 +56,6 @@ DIMENSION: Final = f"{{{SSC}}}Dimension"
 TOOL: Final = "harness"
 
 _ROOTS: Final = MappingProxyType({SSD: "SystemStructureDescription", SSV: "ParameterSet", SSM: "ParameterMapping"})
-_SCHEMAS: Final = MappingProxyType(
-    {
-        SSD: "SystemStructureDescription.xsd",
-        SSV: "SystemStructureParameterValues.xsd",
-        SSM: "SystemStructureParameterMapping.xsd",
-    }
-)
 #: Folder of the schemas by version.
 _FOLDERS: Final = MappingProxyType(
     {"1.0": Path(fmpy.__file__).parent / "ssp" / "schema", "2.0": Path(__file__).parent / "schema"}
@@ -124,7 +117,7 @@ def to_bytes(root: etree._Element) -> bytes:
 
 @cache
 def _schema(space: str, version: str) -> etree.XMLSchema:
-    return etree.XMLSchema(etree.parse(_FOLDERS[version] / _SCHEMAS[space]))
+    return etree.XMLSchema(etree.parse(_FOLDERS[version] / f"{PurePosixPath(space).name}.xsd"))
 
 
 #: Member that describes the system.
@@ -197,13 +190,7 @@ class Package:
 
 
 class TemporaryFolder:
-    """A folder that is removed with the last reference to this object.
-
-    Attributes
-    ----------
-    path : Path
-        The folder.
-    """
+    """A folder that is removed with the last reference to this object."""
 
     def __init__(self) -> None:
         """Make the folder."""
@@ -291,13 +278,10 @@ def converted(source: BaseUnit, target: BaseUnit, where: str) -> tuple[float, fl
 class Signal:
     """A value along a chain of connections: gain * (source value in the current unit) + offset."""
 
-    source: BaseUnit | None
-    """The first known unit of the chain."""
-    unit: BaseUnit | None
-    """The current unit."""
-    gain: float = 1.0
-    offset: float = 0.0
-    """Transformation by the connections so far, without unit conversion."""
+    source: BaseUnit | None  # the first known unit of the chain
+    unit: BaseUnit | None  # the current unit
+    gain: float = 1.0  # factor of the connections so far, without unit conversion
+    offset: float = 0.0  # their offset
 
     def passed(self, unit: BaseUnit | None, factor: float, offset: float, suppress: bool, where: str) -> Signal:
         """Return the signal after a connection: first converted, then transformed, as SSP 1.0 requires."""

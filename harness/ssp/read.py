@@ -13,7 +13,7 @@ from harness.ssp.arrays import scalars, split
 from harness.ssp.bindings import Binding, bound_values, read_bindings
 from harness.ssp.flatten import Network
 from harness.ssp.package import SSD, SSD_NAME, Package, TemporaryFolder, member_name, parse_document, read_units
-from harness.ssp.structure import Node, Structure, read_structure
+from harness.ssp.structure import Endpoint, Structure, read_structure
 from harness.ssp.structure import Path as SystemPath
 from harness.system.system_file import SystemDescription
 from harness.system.wire import stated_starts
@@ -73,7 +73,10 @@ def _parts(package: Package, structure: Structure, folder: Path | None) -> dict[
 def _resize(parts: Mapping[SystemPath, FmuPart], bindings: Sequence[Binding], structure: Structure, where: str) -> None:
     """Give the arrays of FMI 3.0 the sizes that the parameter bindings state."""
     sizes = {
-        Node(path, name) for path, part in parts.items() if part.archive.flat for name in part.archive.flat.structural
+        Endpoint(path, name)
+        for path, part in parts.items()
+        if part.archive.flat
+        for name in part.archive.flat.structural
     }
     if sizes:
         stated = bound_values(bindings, structure, Network(structure, parts, where), sizes)
@@ -81,10 +84,12 @@ def _resize(parts: Mapping[SystemPath, FmuPart], bindings: Sequence[Binding], st
             part.resize({node.name: value for node, value in stated.items() if node.path == path})
 
 
-def _shapes(parts: Mapping[SystemPath, FmuPart]) -> dict[Node, tuple[int, ...]]:
+def _shapes(parts: Mapping[SystemPath, FmuPart]) -> dict[Endpoint, tuple[int, ...]]:
     """Return the shapes of all variables of FMI 3.0."""
     flats = ((path, part.archive.flat) for path, part in parts.items())
-    return {Node(path, array.name): array.shape for path, flat in flats if flat is not None for array in flat.arrays}
+    return {
+        Endpoint(path, array.name): array.shape for path, flat in flats if flat is not None for array in flat.arrays
+    }
 
 
 def _check_implementation(wanted: str, part: FmuPart, where: str) -> None:

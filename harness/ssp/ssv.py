@@ -13,7 +13,7 @@ import numpy as np
 from lxml import etree
 
 from harness.errors import SystemFileError, UnitError
-from harness.parts.flat import MOST_ELEMENTS, TYPES, element_names
+from harness.parts.flat_description import MOST_ELEMENTS, TYPES, element_names
 from harness.ssp.arrays import count, shown
 from harness.ssp.package import (
     SPACES,

@@ -33,7 +33,7 @@ class Linear:
 
 
 @dataclass(frozen=True)
-class Table:
+class MappingTable:
     """A table with a target for each source: Booleans, Integers, or names of enumeration items."""
 
     entries: Mapping[StartValue, StartValue]
@@ -46,7 +46,7 @@ class Table:
         raise StartValueError(f"{where} is {value!r}, which its mapping does not contain: add an entry for it")
 
 
-Transformation: TypeAlias = Linear | Table
+Transformation: TypeAlias = Linear | MappingTable
 
 
 def read_transformation(element: etree._Element, where: str) -> Transformation:
@@ -60,7 +60,7 @@ def read_transformation(element: etree._Element, where: str) -> Transformation:
             table = {_entry(kind, row.get("source", "")): _entry(kind, row.get("target", "")) for row in rows}
             if len(table) < len(rows):
                 raise SystemFileError(f"{where} has a mapping with two entries for one source: remove one of them")
-            return Table(table)
+            return MappingTable(table)
     return Linear()
 
 
@@ -83,7 +83,7 @@ FMU_TYPE: Final = "application/x-fmu-sharedlibrary"
 
 
 @dataclass(frozen=True)
-class Node:
+class Endpoint:
     """A connector of an element, or a variable without a connector."""
 
     path: Path
@@ -98,34 +98,24 @@ class Node:
 class Connector:
     """A connector as described in the file."""
 
-    kind: str
-    """Such as ``input``, ``output``, ``parameter`` or ``calculatedParameter``."""
-    unit: BaseUnit | None
-    """The unit, if it is stated and known."""
-    unit_name: str = ""
-    """Name of the unit; empty if none is stated."""
-    type: str = ""
-    """Type of its values, such as ``Real``; empty if it is not stated."""
-    shape: tuple[int | None, ...] = ()
-    """Sizes of an array; None where the file states none."""
+    kind: str  # such as ``input``, ``output``, ``parameter`` or ``calculatedParameter``
+    unit: BaseUnit | None  # the unit, if it is stated and known
+    unit_name: str = ""  # name of the unit; empty if none is stated
+    type: str = ""  # type of its values, such as ``Real``; empty if it is not stated
+    shape: tuple[int | None, ...] = ()  # sizes of an array; None where the file states none
 
 
 @dataclass(frozen=True)
 class Edge:
     """A connection, in signal direction."""
 
-    source: Node
-    target: Node
-    """Ends of the connection."""
-    transformation: Transformation
-    """Transformation of a value, after its unit conversion."""
-    suppress: bool
-    """Whether unit conversion is suppressed."""
-    element: etree._Element
-    """The XML element, with its annotations."""
-    source_index: tuple[int, ...] = ()
-    target_index: tuple[int, ...] = ()
-    """Indices of the connected element of an array; () if everything is connected."""
+    source: Endpoint  # where the connection begins
+    target: Endpoint  # where it ends
+    transformation: Transformation  # transformation of a value, after its unit conversion
+    suppress: bool  # whether unit conversion is suppressed
+    element: etree._Element  # the XML element, with its annotations
+    source_index: tuple[int, ...] = ()  # index of the connected element of an array; () for all
+    target_index: tuple[int, ...] = ()  # the same of the target
 
     def __str__(self) -> str:
         """Return a text with both ends."""
@@ -136,18 +126,12 @@ class Edge:
 class Structure:
     """All elements of an SSD."""
 
-    systems: Mapping[Path, etree._Element]
-    """All systems, each before its subsystems."""
-    components: Mapping[Path, etree._Element]
-    """All FMUs, in the order of the file."""
-    connectors: Mapping[Node, Connector]
-    """All connectors."""
-    edges: tuple[Edge, ...]
-    """All connections."""
-    units: Mapping[str, BaseUnit] = field(default_factory=dict)
-    """Units that the document defines."""
-    shapes: Mapping[Node, tuple[int, ...]] = field(default_factory=dict)
-    """Sizes of the arrays before they were split into elements; () for a scalar."""
+    systems: Mapping[Path, etree._Element]  # all systems, each before its subsystems
+    components: Mapping[Path, etree._Element]  # all FMUs, in the order of the file
+    connectors: Mapping[Endpoint, Connector]  # all connectors
+    edges: tuple[Edge, ...]  # all connections
+    units: Mapping[str, BaseUnit] = field(default_factory=dict)  # units that the document defines
+    shapes: Mapping[Endpoint, tuple[int, ...]] = field(default_factory=dict)  # of arrays before the split
 
 
 def read_structure(root: etree._Element, units: Mapping[str, BaseUnit], where: str) -> Structure:
@@ -166,10 +150,10 @@ def read_structure(root: etree._Element, units: Mapping[str, BaseUnit], where: s
         if path in components or path in systems:
             raise SystemFileError(f"{where} has two elements '{'.'.join(path)}': rename one")
         found[path] = element
-    connectors: dict[Node, Connector] = {}
+    connectors: dict[Endpoint, Connector] = {}
     for path, element in (*systems.items(), *components.items()):
         for item in element.iterfind("ssd:Connectors/ssd:Connector", SPACES):
-            node = Node(path, item.get("name", ""))
+            node = Endpoint(path, item.get("name", ""))
             connectors[node] = _connector(item, units, f"the connector '{node}' in {where}")
     edges = [
         _edge(path, element, connectors, where)
@@ -214,13 +198,13 @@ def _check_component(element: etree._Element, where: str) -> None:
         )
 
 
-def _edge(path: Path, element: etree._Element, connectors: Mapping[Node, Connector], where: str) -> Edge:
+def _edge(path: Path, element: etree._Element, connectors: Mapping[Endpoint, Connector], where: str) -> Edge:
     """Return a connection in the system at the path; the file may name its ends in either order."""
     ends = []
     for end in ("start", "end"):
         inner = element.get(f"{end}Element")
         # OMSimulator writes an empty name for a connector of the system itself
-        node = Node((*path, inner) if inner else path, element.get(f"{end}Connector", ""))
+        node = Endpoint((*path, inner) if inner else path, element.get(f"{end}Connector", ""))
         if node not in connectors:
             raise SystemFileError(f"{where} connects '{node}', which is not a connector: correct the connection")
         if connectors[node].kind in ("inout", "unspecified"):
@@ -242,7 +226,7 @@ def _edge(path: Path, element: etree._Element, connectors: Mapping[Node, Connect
     return Edge(second, first, transformation, suppress, element, second_index, first_index)
 
 
-def _gives(path: Path, node: Node, connectors: Mapping[Node, Connector]) -> bool:
+def _gives(path: Path, node: Endpoint, connectors: Mapping[Endpoint, Connector]) -> bool:
     """Return whether a connector provides values to the inside of the system at the path."""
     own, inner = ("input", "parameter", "structuralParameter"), ("output", "calculatedParameter", "constant", "local")
     return connectors[node].kind in (own if node.path == path else inner)

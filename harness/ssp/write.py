@@ -10,7 +10,7 @@ from pathlib import Path
 from lxml import etree
 
 from harness.errors import SystemFileError
-from harness.parts.flat import Array, element_names
+from harness.parts.flat_description import Array, element_names
 from harness.parts.fmu import FmuPart
 from harness.parts.part import Port, StartValue
 from harness.ssp.annotations import annotate, write_experiment, write_part, write_step
@@ -43,11 +43,6 @@ def arrays_of(part: FmuPart) -> dict[str, Array]:
     return {} if flat is None else {name: array for array in flat.arrays for name in flat.names(array)}
 
 
-def needs_two(array: Array) -> bool:
-    """Return whether only SSP 2.0 can state the variable."""
-    return bool(array.shape) or array.type not in _OLD
-
-
 def indices(element: str) -> str:
     """Return the indices of an element such as ``k[1,2]`` as SSP 2.0 writes them."""
     return element[element.rindex("[") + 1 : -1].replace(",", " ")
@@ -62,7 +57,6 @@ def grouped(wires: Sequence[Wire], arrays: Mapping[str, Array]) -> Iterator[tupl
     while k < len(wires):
         wire = wires[k]
         ends = [(end, arrays[end]) for end in (wire.source, wire.target) if end in arrays]
-        count = 1
         if len(ends) == 2 and ends[0][1].shape == ends[1][1].shape:
             names = [elements[split_name(end)[0], array.name] for end, array in ends]
             run = wires[k : k + len(names[0])]
@@ -73,7 +67,7 @@ def grouped(wires: Sequence[Wire], arrays: Mapping[str, Array]) -> Iterator[tupl
                 k += len(run)
                 continue
         yield wire, False
-        k += count
+        k += 1
 
 
 def start_parameters(
@@ -130,11 +124,8 @@ def _parameter(part: str, port: Port, value: StartValue, kind: str) -> Parameter
             return Parameter({number: item for item, number in port.items}[number], item=True)
         return Parameter(bool(number) if port.type == "Boolean" else number, type=kind)
     except (KeyError, OverflowError, ValueError) as error:
-        raise SystemFileError(f"{where} has the wrong type: give {_expected(port)}") from error
-
-
-def _expected(port: Port) -> str:
-    return f"one of {', '.join(str(number) for _, number in port.items)}" if port.items else f"a {port.type}"
+        one = f"one of {', '.join(str(number) for _, number in port.items)}" if port.items else f"a {port.type}"
+        raise SystemFileError(f"{where} has the wrong type: give {one}") from error
 
 
 #: Name of the parameter set of every component, as ecos requires one.
@@ -175,7 +166,8 @@ def _sources(fmus: Mapping[str, FmuPart]) -> dict[str, str]:
 def _document(system: Assembly, fmus: Mapping[str, FmuPart], sources: Mapping[str, str]) -> etree._Element:
     written = {name: _written(system, part) for name, part in fmus.items()}
     arrays = {name: arrays_of(part) for name, part in fmus.items()}
-    two = any(needs_two(arrays[name][each]) for name in fmus for each in written[name] if each in arrays[name])
+    stated = (arrays[name][each] for name in fmus for each in written[name] if each in arrays[name])
+    two = any(array.shape or array.type not in _OLD for array in stated)  # only SSP 2.0 can state them
     arrays = arrays if two else {name: {} for name in fmus}
     # all namespaces are declared here, as libcosim reads a nested declaration as an attribute
     root = etree.Element(f"{{{SSD}}}SystemStructureDescription", nsmap=dict(SPACES))

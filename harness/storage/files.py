@@ -38,23 +38,7 @@ def make_folder(path: Path) -> None:
 
 @contextmanager
 def atomic_path(path: Path) -> Iterator[Path]:
-    """Yield the path of a temporary file that replaces ``path`` if the block succeeds and is removed if it fails.
-
-    Parameters
-    ----------
-    path : Path
-        The file to write.
-
-    Yields
-    ------
-    Path
-        An existing empty file in the same folder, with the same suffix.
-
-    Raises
-    ------
-    OutputError
-        If the folder does not exist or is not writable, or if the disk is full.
-    """
+    """Yield an empty file beside a path, which replaces it if the block succeeds and is removed if it fails."""
     try:
         handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.stem}-", suffix=path.suffix)
     except OSError as error:
@@ -90,8 +74,7 @@ def _remedy(error: OSError) -> str:
     return "give a path in an existing writable folder"
 
 
-PREFIX: Final = "harness-"
-"""Beginning of the names of all temporary folders."""
+PREFIX: Final = "harness-"  # beginning of the names of all temporary folders
 
 _OWNER: Final = ".owner"
 
@@ -216,11 +199,8 @@ def stamped() -> str | None:
         ) from error
 
 
-LARGEST_TEXT: Final = 1 << 22
-"""Largest size of a handwritten file, such as a system file or a C file [bytes]."""
-
-LARGEST_DATA: Final = 1 << 30
-"""Largest size of a table, or of the content of a compressed table [bytes]."""
+LARGEST_TEXT: Final = 1 << 22  # largest size of a handwritten file, such as a system file or a C file [bytes]
+LARGEST_DATA: Final = 1 << 30  # largest size of a table, or of the content of a compressed table [bytes]
 
 
 def require_regular(path: Path, largest: int | None = None) -> None:

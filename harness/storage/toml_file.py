@@ -15,11 +15,8 @@ from harness.values import is_line, shown
 
 _Value = TypeVar("_Value")
 
-DEEPEST: Final = 20
-"""Largest depth of nested tables and lists."""
-
-LONGEST: Final = 4096
-"""Largest length of a text [characters]; no path on Linux is longer."""
+DEEPEST: Final = 20  # largest depth of nested tables and lists
+LONGEST: Final = 4096  # largest length of a text [characters]; no path on Linux is longer
 
 _PART = r"""(?:[A-Za-z0-9_-]++|"[^"\n]*+"|'[^'\n]*+')"""
 # time and memory of tomllib grow with the square of the number of parts of a key
@@ -42,14 +39,12 @@ def read_toml(path: Path) -> dict[str, Any]:
 
 
 @dataclass(frozen=True)
-class Table:
+class TomlTable:
     """A table of a TOML file whose entries are checked when they are read."""
 
-    content: Mapping[str, Any]
-    where: str
-    """Start of the messages, such as ``[servo] in axis.toml``."""
-    error: type[Exception]
-    """Class of the errors."""
+    content: Mapping[str, Any]  # what the file says
+    where: str  # start of the messages, such as ``[servo] in axis.toml``
+    error: type[Exception]  # class of the errors
 
     def __post_init__(self) -> None:
         """Refuse what is not a table."""
@@ -91,10 +86,10 @@ class Table:
         return self.take(key, read, f"one of {', '.join(choices)}" + f" ({hint})" * hint.startswith("did"), *default)
 
 
-def read_table(path: Path, error: type[Exception]) -> Table:
+def read_table(path: Path, error: type[Exception]) -> TomlTable:
     """Read a TOML file as a table."""
     try:
-        return Table(read_toml(path), str(path), error)
+        return TomlTable(read_toml(path), str(path), error)
     except OSError as failure:
         raise error(f"{path} cannot be read ({reason(failure)}); give the path of a readable file") from failure
     except ValueError as failure:

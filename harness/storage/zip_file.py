@@ -12,14 +12,9 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path, PurePosixPath
 from typing import IO, Final
 
-LARGEST: Final = 1 << 28
-"""Unpacked size that every archive may have, however small its file [bytes] ..."""
-
-RATIO: Final = 200
-"""... and, beyond that, the largest ratio to the size of its file; deflate reaches 1030 at most, text about 20."""
-
-LONGEST: Final = (255, 1024)
-"""Largest length of a name and of a path [bytes]; Linux allows 4096 in a path, including the target folder."""
+LARGEST: Final = 1 << 28  # unpacked size that every archive may have, however small its file [bytes] ...
+RATIO: Final = 200  # ... and beyond, the largest ratio to the size of its file; deflate reaches 1030, text about 20
+LONGEST: Final = (255, 1024)  # longest name and path [bytes]; Linux allows 4096 in a path, including the target folder
 
 METHODS: Final = {9: "deflate64", 12: "bzip2", 14: "LZMA", 93: "Zstandard", 95: "XZ", 98: "PPMd"}
 """Names of compression methods."""
@@ -53,7 +48,7 @@ def find_absence(path: Path) -> str | None:
 def open_zip(source: Path | IO[bytes], size: int | None = None) -> zipfile.ZipFile:
     """Open an archive after checking that it is safe to unpack."""
     archive = open_unchecked(source)
-    danger = find_danger(archive.infolist(), size_of(archive) if size is None else size)
+    danger = next(_dangers(archive.infolist(), size_of(archive) if size is None else size), None)
     if danger is not None:
         archive.close()
         raise ZipError(danger)
@@ -88,12 +83,8 @@ def size_of(archive: zipfile.ZipFile) -> int:
     return archive.fp.seek(0, 2)
 
 
-def find_danger(entries: Sequence[zipfile.ZipInfo], size: int) -> str | None:
-    """Return why an archive is unsafe to unpack, as the end of a sentence, or None."""
-    return next(_dangers(entries, size), None)
-
-
 def _dangers(entries: Sequence[zipfile.ZipInfo], size: int) -> Iterator[str]:
+    """Yield why an archive is unsafe to unpack, each as the end of a sentence."""
     for entry in entries:
         if find_outside([entry.orig_filename]) is not None:
             yield f"its member '{entry.orig_filename}' points outside the archive; {_MISUSE}"

@@ -10,7 +10,7 @@ from harness.sweeps.samples import Given, Sample, WithUnits, grid, latin_hypercu
 if TYPE_CHECKING:
     from harness.sweeps.folder import read_sweep
 else:
-    __getattr__, __dir__ = lazy_names(__name__, {"harness.sweeps.folder": ["read_sweep"]})
+    __getattr__, __dir__ = lazy_names(__name__)
 
 __all__ = [
     "Given",

@@ -31,19 +31,13 @@ class Storage(Protocol):
 
 
 class Columns:
-    """The columns of the table; the first run that is measured says which measures there are.
-
-    Attributes
-    ----------
-    measures : list of str or None
-        Names of the measures; None before a run was measured.
-    """
+    """The columns of the table; the first run that is measured says which measures there are."""
 
     def __init__(self, parameters: Mapping[str, PortType], units: Mapping[str, str]) -> None:
         """Begin without measures."""
         self.parameters = parameters
         self.units = {**units, "wall_time": "s"}
-        self.measures: list[str] | None = None
+        self.measures: list[str] | None = None  # None before a run was measured
 
     def begin(self, outcomes: Sequence[Outcome]) -> bool:
         """Return whether the measures become known with these outcomes."""

@@ -25,13 +25,12 @@ from harness.sweeps.columns import Columns, Memory, Storage
 from harness.sweeps.measures import Builtin, Measure, find_measures, label
 from harness.sweeps.pools import LOOK, Outcomes, Pool, ProcessPool, SerialPool, make_pool
 from harness.sweeps.samples import Given, Sample, checked_samples, column_types
-from harness.sweeps.worker import SETTINGS, Job, Outcome
-from harness.system.experiment import Experiment
+from harness.sweeps.worker import Job, Outcome
+from harness.system.experiment import SCALARS, Experiment
 from harness.system.graph import find_port, recorded_names, stepping_order
 from harness.system.system import System
 
-TRIES: Final = 3
-"""Number of workers that may die in a run before it counts as failed."""
+TRIES: Final = 3  # number of workers that may die in a run before it counts as failed
 
 
 class Queue:
@@ -108,8 +107,7 @@ def _measure(measure: Measure) -> str:
     return str(measure) if isinstance(measure, Builtin) else f"{label(measure)} {function_identity(measure)}"
 
 
-_MOST_BYTES = 32e6
-"""Largest size of the trajectories in one file [bytes]."""
+_MOST_BYTES = 32e6  # largest size of the trajectories in one file [bytes]
 
 
 def sweep(
@@ -205,22 +203,17 @@ def sweep(
 
 
 def _drive(
-    job: Job,
-    samples: Sequence[Sample],
-    queue: Queue,
-    pool: Pool,
-    storage: Storage,
-    progress: Progress | None,
+    job: Job, samples: Sequence[Sample], queue: Queue, pool: Pool, storage: Storage, progress: Progress | None
 ) -> None:
     """Distribute chunks and store their outcomes until all runs are done."""
-    under_way: dict[Outcomes, list[int]] = {}
-    while under_way or queue.left:
-        while len(under_way) < pool.capacity() and queue.left:
+    running: dict[Outcomes, list[int]] = {}
+    while running or queue.left:
+        while len(running) < pool.capacity() and queue.left:
             chunk = queue.take(pool.capacity())
-            under_way[pool.submit(job, [(run, samples[run]) for run in chunk])] = chunk
-        finished, _ = wait(under_way, LOOK, FIRST_COMPLETED)
+            running[pool.submit(job, [(run, samples[run]) for run in chunk])] = chunk
+        finished, _ = wait(running, LOOK, FIRST_COMPLETED)
         for future in finished:
-            chunk = under_way.pop(future)
+            chunk = running.pop(future)
             try:
                 outcomes: Sequence[Outcome] = future.result()
                 queue.note(outcomes)
@@ -240,12 +233,12 @@ def _check_names(model: System, samples: Iterable[Sample]) -> dict[str, str]:
             continue
         tried.add(names)
         for name in names:
-            if "." not in name and name not in SETTINGS:
+            if "." not in name and name not in SCALARS:
                 raise SweepError(
                     f"'{name}' is neither a variable 'part.port' nor a setting of the experiment: "
-                    f"{nearest(name, SETTINGS)}"
+                    f"{nearest(name, SCALARS)}"
                 )
-        model.with_start({name: value for name, value in sample.items() if name not in SETTINGS})
+        model.with_start({name: value for name, value in sample.items() if name not in SCALARS})
     swept = set().union(*tried)
     ports = {
         f"{owner}.{port.name}": port for owner, part in model.parts.items() for port in (*part.inputs, *part.parameters)

@@ -23,8 +23,7 @@ from harness.sweeps.columns import DTYPES, Columns
 from harness.sweeps.samples import Sample
 from harness.sweeps.worker import Outcome
 
-MANIFEST: Final = "_sweep.json"
-"""Name of the description; readers of Parquet datasets ignore files that begin with an underscore."""
+MANIFEST: Final = "_sweep.json"  # readers of Parquet datasets ignore files that begin with an underscore
 
 TRAJECTORIES: Final = "_trajectories"
 FORMAT: Final = 1
@@ -41,13 +40,7 @@ _FORMAT: Final = pds.ParquetFileFormat(
 
 
 class SweepFolder:
-    """A sweep on disk.
-
-    Attributes
-    ----------
-    done : set of int
-        Numbers of the completed runs.
-    """
+    """A sweep on disk."""
 
     def __init__(
         self,
@@ -84,7 +77,7 @@ class SweepFolder:
         for left in (path / TRAJECTORIES).glob("runs-*.parquet"):
             if left.name not in written:  # the process was killed before it wrote the table of these runs
                 left.unlink(missing_ok=True)
-        self.done = self._runs_done(int(description["runs"]))
+        self.done = self._runs_done(int(description["runs"]))  # numbers of the completed runs
 
     def add(self, outcomes: Sequence[Outcome], samples: Sequence[Sample]) -> None:
         """Write the outcomes of some runs to one file, completely or not at all."""

@@ -33,10 +33,8 @@ _PATTERN = re.compile(r"\s*(?P<kind>\w+)\((?P<name>.+)\)\s*")
 class Builtin:
     """A built-in measure of one variable, for example ``rms(pid.u)``."""
 
-    kind: str
-    """Key of `KINDS`."""
-    name: str
-    """``part.port``."""
+    kind: str  # key of `KINDS`
+    name: str  # ``part.port``
 
     def __str__(self) -> str:
         """Return the heading of the column."""

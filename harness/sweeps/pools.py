@@ -31,17 +31,10 @@ _LOG = logging.getLogger("harness")
 Chunk: TypeAlias = Sequence[tuple[int, Sample]]
 Outcomes: TypeAlias = "Future[list[Outcome]]"
 
-
+# pauses before each attempt to start a worker process, as a killed fork server takes time to end [s]
 _PAUSES: Final = (0.0, 0.1, 0.3, 1.0, 3.0)
-"""Pauses before each attempt to start a worker process, as a killed fork server takes time to end [s]."""
-
-
-IDLE: Final = 60.0
-"""Time after which a worker of a cluster closes a system that is not used [s]."""
-
-
-LOOK: Final = 10.0
-"""Longest time between two looks at the workers [s]."""
+IDLE: Final = 60.0  # time after which a worker of a cluster closes a system that is not used [s]
+LOOK: Final = 10.0  # longest time between two looks at the workers [s]
 
 
 class Pool(Protocol):

@@ -27,9 +27,7 @@ Given: TypeAlias = WithUnits | ParameterSet
 
 Bounds: TypeAlias = Mapping[str, tuple[float, float]]
 
-
-MOST_RUNS: Final = 10_000_000
-"""Largest number of runs in a sweep, as all parameters are kept in memory."""
+MOST_RUNS: Final = 10_000_000  # largest number of runs in a sweep, as all parameters are kept in memory
 
 
 def check_runs(count: int) -> None:
@@ -149,12 +147,10 @@ def read_csv_samples(path: Path) -> list[dict[str, StartValue]]:
     return [{name: _parsed(cell) for name, cell in zip(names, line, strict=True) if cell.strip()} for line in lines[1:]]
 
 
-def read_ssv_samples(path: Path) -> list[WithUnits]:
-    """Return the parameter set of an SSV file, with its units."""
-    return [read_ssv(path).parameters]
-
-
-READERS: Final[dict[str, Callable[[Path], Sequence[WithUnits]]]] = {".csv": read_csv_samples, ".ssv": read_ssv_samples}
+READERS: Final[dict[str, Callable[[Path], Sequence[WithUnits]]]] = {
+    ".csv": read_csv_samples,
+    ".ssv": lambda path: [read_ssv(path).parameters],
+}
 """Readers of parameter sets by file suffix."""
 
 

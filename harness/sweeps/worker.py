@@ -10,7 +10,7 @@ from dataclasses import dataclass, field, replace
 from time import perf_counter
 from typing import Any, Final
 
-from harness.accuracy.numbers import measure_bounds
+from harness.accuracy.measure_bounds import measure_bounds
 from harness.engine.algorithm import Recorder
 from harness.errors import HarnessError, SweepError
 from harness.parts.fmu import FmuPart
@@ -19,17 +19,10 @@ from harness.result import Result
 from harness.run import Session
 from harness.sweeps.measures import Builtin, Measure, label
 from harness.sweeps.samples import Sample
-from harness.system.experiment import Experiment
+from harness.system.experiment import SCALARS, Experiment
 from harness.system.system import System
 
-SETTINGS: Final = (
-    *("start", "stop", "step", "master", "decimate", "tolerance", "extrapolation"),
-    *("loop_tolerance", "coupling_tolerance", "step_tolerance"),
-)
-"""Settings of the experiment that can be swept; names of start values contain a dot."""
-
-_PROBED: Final = 1000
-"""Number of communication steps over which a reset FMU is compared with a new one."""
+_PROBED: Final = 1000  # number of communication steps over which a reset FMU is compared with a new one
 
 _LOG = logging.getLogger("harness")
 
@@ -38,53 +31,34 @@ _LOG = logging.getLogger("harness")
 class Job:
     """Data common to all runs of a sweep."""
 
-    key: str
-    """Identifies the sweep; workers keep a system for each."""
-    open: Callable[[], System]
-    """Returns a system for exclusive use."""
-    experiment: Experiment
-    """Settings of each run, with full names of the recorded variables."""
-    measures: tuple[Measure, ...]
-    """Functions of the result of a run."""
-    keep: tuple[str, ...] = ()
-    """Variables whose trajectories are returned."""
-    accuracy: bool = False
-    """Whether each measure gets an error bound."""
+    key: str  # identifies the sweep; workers keep a system for each
+    open: Callable[[], System]  # returns a system for exclusive use
+    experiment: Experiment  # settings of each run, with full names of the recorded variables
+    measures: tuple[Measure, ...]  # functions of the result of a run
+    keep: tuple[str, ...] = ()  # variables whose trajectories are returned
+    accuracy: bool = False  # whether each measure gets an error bound
 
 
 @dataclass
 class Outcome:
     """Outcome of a run."""
 
-    run: int
-    """Number of the run."""
-    wall_time: float = 0.0
-    """Duration of the run [s]."""
-    measures: dict[str, float] = field(default_factory=dict)
-    """Values of the measures; empty if the run failed."""
-    error: str | None = None
-    warnings: str | None = None
-    """Error of the run, and logged warnings."""
-    kept: Result | None = None
-    """Stored trajectories."""
+    run: int  # number of the run
+    wall_time: float = 0.0  # duration of the run [s]
+    measures: dict[str, float] = field(default_factory=dict)  # values of the measures; empty if the run failed
+    error: str | None = None  # error of the run
+    warnings: str | None = None  # logged warnings
+    kept: Result | None = None  # stored trajectories
 
 
 class Runner:
-    """The system of one worker.
-
-    Attributes
-    ----------
-    busy : Lock
-        Held while the system runs or is closed.
-    used : float
-        When it last ran, by `perf_counter` [s].
-    """
+    """The system of one worker."""
 
     def __init__(self, job: Job) -> None:
         """Open the system."""
         self.job = job
-        self.busy = threading.Lock()
-        self.used = perf_counter()
+        self.busy = threading.Lock()  # held while the system runs or is closed
+        self.used = perf_counter()  # when it last ran [s]
         self.system = job.open()
         self._fmus = [part for part in self.system.parts.values() if isinstance(part, FmuPart)]
         self._probed = not self._fmus
@@ -126,18 +100,17 @@ class Runner:
         settings, start = _split(values)
         layout = settings, start.keys(), {name: start[name] for name in start.keys() & self._sizes}
         if self._session is None or layout != self._layout:
-            self._session, self._start = self._laid_out(values, self.job.experiment)
-            self._layout = layout
+            system, experiment = self._set(values, self.job.experiment)
+            self._session, self._start, self._layout = Session(system, experiment), system.start, layout
         session = self._session
         if any(part.undeclared for part in self.system.parts.values()):
             self._session = None  # start values decide on which inputs its outputs depend
         return session.run({**self._start, **start})
 
-    def _laid_out(self, values: Sample, experiment: Experiment) -> tuple[Session, Mapping[str, StartValue]]:
-        """A session, and the start values of its system."""
+    def _set(self, values: Sample, experiment: Experiment) -> tuple[System, Experiment]:
+        """Return the system and the experiment with the values of a run."""
         settings, start = _split(values)
-        system = self.system.with_start(start)
-        return Session(system, replace(experiment, **settings)), system.start
+        return self.system.with_start(start), replace(experiment, **settings)
 
     def _measured(self, recorded: Recorder) -> dict[str, float]:
         numbers: dict[str, float] = {}
@@ -160,9 +133,7 @@ class Runner:
 
     def _bounds(self, values: Sample, measured: Mapping[str, float]) -> dict[str, float]:
         """Return the error bound of each measure."""
-        settings, start = _split(values)
-        system, experiment = self.system.with_start(start), replace(self.job.experiment, **settings)
-        bounds = measure_bounds(system, experiment, self._measured, measured, dense=True)
+        bounds = measure_bounds(*self._set(values, self.job.experiment), self._measured, measured, dense=True)
         for name in bounds:
             if name in measured:
                 raise SweepError(f"two measures are called '{name}': rename one of them")
@@ -180,9 +151,7 @@ class Runner:
             for port in (*part.outputs, *part.observables)
         ]
         whole = self.job.experiment
-        settings = {name: float(values[name]) for name in ("start", "step") if name in values}
-        begin, step = settings.get("start", whole.start), settings.get("step", whole.step)
-        stop = float(values.get("stop", whole.stop))
+        begin, stop, step = (float(values.get(name, getattr(whole, name))) for name in ("start", "stop", "step"))
         ticks = min(_PROBED, round((stop - begin) / step))
         short = {**values, "stop": begin + ticks * step, "decimate": 1}
         probe = replace(whole, record=tuple(names))
@@ -197,8 +166,8 @@ class Runner:
     def _outputs(self, values: Sample, experiment: Experiment) -> bytes | str:
         """Return the recorded values as bytes, or the error text of a failed run."""
         try:
-            session, start = self._laid_out(values, experiment)
-            recorded = session.run(start)
+            system, experiment = self._set(values, experiment)
+            recorded = Session(system, experiment).run(system.start)
         except Exception as error:
             return str(error)
         return recorded.rows[: recorded.filled].tobytes()
@@ -210,8 +179,8 @@ class Runner:
 
 def _split(values: Sample) -> tuple[dict[str, Any], dict[str, StartValue]]:
     """Settings of the experiment, and start values."""
-    settings = {name: value for name, value in values.items() if name in SETTINGS}
-    return settings, {name: value for name, value in values.items() if name not in SETTINGS}
+    settings = {name: value for name, value in values.items() if name in SCALARS}
+    return settings, {name: value for name, value in values.items() if name not in SCALARS}
 
 
 _runners: dict[tuple[str, int], Runner] = {}
@@ -219,10 +188,7 @@ _ended: set[str] = set()
 
 
 def run_chunk(
-    job: Job,
-    runs: Sequence[tuple[int, Sample]],
-    stopped: Callable[[], bool] = lambda: False,
-    idle: float | None = None,
+    job: Job, runs: Sequence[tuple[int, Sample]], stopped: Callable[[], bool] = lambda: False, idle: float | None = None
 ) -> list[Outcome]:
     """Execute some runs of a sweep with the system of this thread."""
     key = (job.key, threading.get_ident())

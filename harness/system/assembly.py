@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Protocol
+from dataclasses import dataclass, fields
+from typing import Any, Protocol
 
 from harness.parts.part import Part, StartValue
 from harness.system.experiment import Experiment
@@ -36,6 +37,23 @@ class Assembly(Protocol):
     @property
     def experiment(self) -> Experiment | None:
         """Default settings of a run."""
+
+
+@dataclass(frozen=True)
+class Assembled:
+    """An `Assembly` whose parts and connections have been checked."""
+
+    name: str
+    parts: Mapping[str, Part]
+    wires: Sequence[Wire]
+    start: Mapping[str, StartValue]
+    strict: bool
+    experiment: Experiment | None
+
+
+def assembled(system: Assembly, **changes: Any) -> Assembled:
+    """Return a system with changes."""
+    return Assembled(**{each.name: getattr(system, each.name) for each in fields(Assembled)} | changes)
 
 
 def resize_parts(system: Assembly) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Final
 
 from harness.errors import ExperimentError
@@ -14,12 +14,13 @@ LOOP_TOLERANCE: Final = 3e-8
 """Default of `Experiment.loop_tolerance`. It needs at most 9 % more evaluations than 1e-7; 1e-8 needs up to 12 %
 more."""
 
-
-COUPLING_TOLERANCE: Final = 1e-5
-"""Default of `Experiment.coupling_tolerance`."""
-
-STEP_TOLERANCE: Final = 0.02
-"""Default of `Experiment.step_tolerance`."""
+COUPLING_TOLERANCE: Final = 1e-5  # default of `Experiment.coupling_tolerance`
+STEP_TOLERANCE: Final = 0.02  # default of `Experiment.step_tolerance`
+LIMITS: Final = {  # what it is, and the numbers as a message shows them
+    "loop_tolerance": ("tolerance of loops", "1e-14", "0.01"),
+    "coupling_tolerance": ("coupling tolerance", "1e-12", "0.01"),
+    "step_tolerance": ("tolerance of steps", "1e-6", "0.5"),
+}
 
 
 @dataclass(frozen=True)
@@ -97,29 +98,15 @@ class Experiment:
             raise ExperimentError(f"the tolerance is {shown(self.tolerance)}: give a positive number, or leave it out")
         if self.extrapolation not in (0, 1, 2):
             raise ExperimentError(f"the extrapolation is of order {shown(self.extrapolation)}: give 0, 1 or 2")
-        if self.loop_tolerance is not None and not (
-            is_number(self.loop_tolerance) and 1e-14 <= self.loop_tolerance <= 1e-2
-        ):
-            raise ExperimentError(
-                f"the tolerance of loops is {shown(self.loop_tolerance)}: give a number from 1e-14 to 0.01"
-            )
+        for name, (what, least, most) in LIMITS.items():
+            value = getattr(self, name)
+            if value is not None and not (is_number(value) and float(least) <= value <= float(most)):
+                raise ExperimentError(f"the {what} is {shown(value)}: give a number from {least} to {most}")
         from harness.masters import best_first, find_master  # they import this module
 
         if self.extrapolation and not find_master(self.master).extrapolates:
             others = " or ".join(best_first(lambda master: master.extrapolates))
             raise ExperimentError(f"the master {self.master} does not extrapolate: use {others} or leave it out")
-        if self.coupling_tolerance is not None and not (
-            is_number(self.coupling_tolerance) and 1e-12 <= self.coupling_tolerance <= 1e-2
-        ):
-            raise ExperimentError(
-                f"the coupling tolerance is {shown(self.coupling_tolerance)}: give a number from 1e-12 to 0.01"
-            )
-        if self.step_tolerance is not None and not (
-            is_number(self.step_tolerance) and 1e-6 <= self.step_tolerance <= 0.5
-        ):
-            raise ExperimentError(
-                f"the tolerance of steps is {shown(self.step_tolerance)}: give a number from 1e-6 to 0.5"
-            )
         ratio = (self.stop - self.start) / self.step
         if ratio > MOST_TICKS:
             raise ExperimentError(
@@ -138,6 +125,10 @@ class Experiment:
     def ticks(self) -> int:
         """Number of communication steps."""
         return round((self.stop - self.start) / self.step)
+
+
+LISTS: Final = ("record", "order", "manipulators")
+SCALARS: Final = tuple(each.name for each in fields(Experiment) if each.name not in LISTS)  # the other settings
 
 
 def _seconds(name: str, value: object) -> float:

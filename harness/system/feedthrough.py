@@ -20,8 +20,7 @@ from harness.system.graph import direct_edges, find_loop
 
 _LOG = logging.getLogger("harness")
 
-_STEPS: Final = (1e-3, -1e-3, 0.1, -0.1, 1.0, -1.0)
-"""Trial changes of a Real input, relative to its nominal value."""
+_STEPS: Final = (1e-3, -1e-3, 0.1, -0.1, 1.0, -1.0)  # trial changes of a Real input, relative to its nominal value
 
 _SHIFTS: Final = (0.0, 0.37, -0.61)
 """Offsets from the start values at which inputs are tried, relative to their nominal values: a product with 0 hides its

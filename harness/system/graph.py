@@ -103,13 +103,25 @@ def stepping_order(parts: Mapping[str, Part], wires: Sequence[Wire]) -> list[str
     Sampled parts come first, as they take their sample at the beginning of the step, an estimator before the controller
     that reads it. Continuous parts follow: a part whose outputs are states (a plant) comes before the sensors and
     friction models with direct feedthrough from it, so that their outputs are correct at the end of the step. A part
-    without inputs (a reference, a series of held values) comes last, so that plants read its value at the beginning of
-    the step, unless an output depends on it directly. A series of linear values comes first, as its values at both
-    ends of the step are used.
+    without inputs (a reference) comes last, so that plants read its value at the beginning of the step, unless an
+    output depends on it directly; one of held values only if all outputs do, as they jump at the end of the step and a
+    state does not. A series of linear values comes first, as its values at both ends of the step are used.
     """
     sampled = [name for name, part in parts.items() if part.sampled]
     continuous = [name for name, part in parts.items() if not part.sampled]
-    return _sort(parts, wires, sampled) + _sort(parts, wires, continuous)
+    return _sort(parts, wires, sampled) + _sort(parts, [wire for wire in wires if not _jumps(parts, wire)], continuous)
+
+
+def is_held_source(part: Part) -> bool:
+    """Return whether the values of a part come from outside and jump at the end of a step."""
+    return not (part.inputs or part.sampled or part.moves)
+
+
+def _jumps(parts: Mapping[str, Part], wire: Wire) -> bool:
+    """Return whether a part of which not all outputs depend directly on it gets a held value from outside."""
+    target, port = wire.ends[1]
+    directly = parts[target].dependencies.values()
+    return is_held_source(parts[wire.ends[0][0]]) and any(port not in names for names in directly)
 
 
 def propagation_order(parts: Mapping[str, Part], wires: Sequence[Wire]) -> list[str]:
@@ -213,6 +225,17 @@ def find_port(parts: Mapping[str, Part], dotted: str, context: str) -> Port:
             f"'{part_name}' has no variable '{port_name}' (in {context}): {part.hint(port_name, ports)}"
         )
     return ports[port_name]
+
+
+def state_outputs(parts: Mapping[str, Part]) -> list[str]:
+    """Return the full names of the Real outputs that depend on no input directly, of parts that move."""
+    return [
+        f"{name}.{port.name}"
+        for name, part in parts.items()
+        if part.moves and part.inputs
+        for port in part.outputs
+        if port.type == "Real" and not port.held and not part.dependencies[port.name]
+    ]
 
 
 def make_plan(system: Assembly, experiment: Experiment, read: Sequence[str]) -> Plan:

@@ -11,7 +11,7 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from harness.compiling.library import RESIDUAL, library
+from harness.compiling.engine_library import RESIDUAL, library
 from harness.errors import AlgebraicLoopError, PartError
 from harness.parts.guard import Guard
 from harness.parts.part import Part, StartValue, Values
@@ -54,15 +54,11 @@ _TOLERANCE = 1e-10
 class StartOrder:
     """How start values spread through the connections."""
 
-    order: tuple[int, ...]
-    """The parts in the order in which values spread."""
-    roots: tuple[int, ...]
-    """Outputs whose values the algebraic loops determine, as indices of signals."""
-    is_loop: bool
-    is_late_loop: bool
-    """Whether there is an algebraic loop; whether there is one through a sampled part or a delay."""
-    loop: str
-    """The connections of the algebraic loops."""
+    order: tuple[int, ...]  # the parts in the order in which values spread
+    roots: tuple[int, ...]  # outputs whose values the algebraic loops determine, as indices of signals
+    is_loop: bool  # whether there is an algebraic loop
+    is_late_loop: bool  # whether there is one through a sampled part or a delay
+    loop: str  # the connections of the algebraic loops
 
 
 def start_order(plan: Plan, parts: Mapping[str, Part], wires: Sequence[Wire]) -> StartOrder:

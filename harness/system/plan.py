@@ -19,18 +19,18 @@ if TYPE_CHECKING:
 SET: Final = 0
 STEP: Final = 1
 GET: Final = 2
+RENEW: Final = 7
+"""Sets the inputs after the step, as `SET` does before it."""
 
 
 @dataclass(frozen=True)
 class MovingWire:
     """A connection whose value varies during a step: between two continuous parts that step at every tick."""
 
-    input: int
-    output: int
-    """Indices of the signals at its ends."""
-    source: int
-    target: int
-    """Indices of the parts at its ends."""
+    input: int  # signal at its end
+    output: int  # signal at its beginning
+    source: int  # part at its beginning
+    target: int  # part at its end
 
 
 @dataclass(frozen=True)
@@ -154,7 +154,7 @@ class Plan:
 
     def fresh_inputs(self, schedule: Schedule) -> dict[int, bool]:
         """Return for each connected input whether it gets its source's value from the end of the step."""
-        place = {operation: index for index, operation in enumerate(schedule.operations)}
+        place = {operation: index for index, operation in reversed(list(enumerate(schedule.operations)))}
         moving = {wire.input for wire in self.moving_wires}
 
         def rank(part: int) -> tuple[int, int]:  # implicit master: sampled, continuous, slow parts
@@ -176,11 +176,10 @@ class Schedule:
     """What a master does at every tick."""
 
     operations: tuple[tuple[int, int], ...] = ()
-    """Pairs (SET | STEP | GET, index of the part), executed in this order."""
+    """Pairs (SET | STEP | GET | RENEW, index of the part), executed in this order."""
     algorithm: Callable[[Engine], Algorithm] | None = None
     """``algorithm(engine)`` returns an `Algorithm` in C, which replaces the operations."""
-    implicit: bool = False
-    """Whether it solves loops, so that inputs get values from the end of the step."""
+    implicit: bool = False  # whether it solves loops, so that inputs get values from the end of the step
     lines: tuple[MovingWire, ...] = ()
     """Connections whose values the operations pass as lines from the beginning to the end of the step, to FMUs that
     interpolate inputs."""

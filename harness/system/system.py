@@ -4,26 +4,19 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import fields, replace
 from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING, Any, Literal, Self
 
-from harness.errors import (
-    ExperimentError,
-    HarnessError,
-    StartValueError,
-    UnconnectedError,
-    UnknownNameError,
-    WireError,
-)
-from harness.parts.flat import element_names
+from harness.errors import ExperimentError, HarnessError, StartValueError, UnconnectedError, UnknownNameError, WireError
+from harness.parts.flat_description import element_names
 from harness.parts.fmu import FmuPart
 from harness.parts.guard import Guard
 from harness.parts.part import Part, Port, StartValue
 from harness.result import Result
 from harness.system.assembly import resize_parts
-from harness.system.experiment import Experiment
+from harness.system.experiment import LISTS, Experiment
 from harness.system.system_file import SystemDescription, read_system, write_system
 from harness.system.wire import Manipulator, Wire, check_wires, find_part, parse_wire, split_name, stated_starts
 from harness.values import is_count, is_line, plain, shown
@@ -33,15 +26,79 @@ if TYPE_CHECKING:
     from harness.ssp import Parameter, ParameterSet
 
 
-class StoredSystem:
-    """Base class of `System` that reads and writes its files."""
+_LOG = logging.getLogger("harness")
 
-    name: str
-    parts: dict[str, Part]
-    wires: tuple[Wire, ...]
-    start: dict[str, StartValue]
-    strict: bool
-    experiment: Experiment | None
+
+class System:
+    """A system of connected parts; all names, types, units and values are checked when it is made.
+
+    Parameters
+    ----------
+    parts : iterable of Part
+        The parts; their names must differ.
+    wires : iterable of str, (str, str) or Wire
+        The connections, such as ``"a.y -> b.u"``.
+    start : mapping of str to value
+        Start values of parameters, and constants for unconnected inputs, such as ``{"mass.m": 2.0}``.
+    experiment : Experiment or None
+        Default settings of a run.
+    name : str
+        Name of the system.
+    strict : bool
+        Whether every input needs a connection or a value. Otherwise, inputs of FMUs of other tools that have neither
+        keep the start values of their FMUs, and a warning lists them.
+
+    Attributes
+    ----------
+    parts : dict of str to Part
+        The parts by name.
+    wires : tuple of Wire
+        The connections.
+    start : dict of str to value
+        The start values, including those kept from FMUs.
+
+    Raises
+    ------
+    HarnessError
+        The first error found: `UnknownNameError`, `WireError`, `UnitError`, `UnconnectedError` or `StartValueError`.
+    """
+
+    def __init__(
+        self,
+        parts: Iterable[Part],
+        wires: Iterable[str | tuple[str, str] | Wire] = (),
+        start: Mapping[str, StartValue] | None = None,
+        experiment: Experiment | None = None,
+        name: str = "system",
+        strict: bool = False,
+    ) -> None:
+        """Check the system."""
+        self.name = name
+        self.strict = strict
+        self.parts: dict[str, Part] = {}
+        for part in parts:
+            if not part.name or "." in part.name or part.name != part.name.strip() or not is_line(part.name):
+                raise HarnessError(
+                    f"{shown(part.name)} cannot be the name of a part: use letters, digits and _, no dot"
+                )
+            if part.name in self.parts:
+                raise HarnessError(f"two parts are called '{part.name}': rename one")
+            if not is_count(part.every):
+                raise ExperimentError(
+                    f"'{part.name}' has every = {shown(part.every)}: give an integer number of communication steps, 1 "
+                    "or more"
+                )
+            part.every = int(part.every)
+            self.parts[part.name] = part
+        self.wires = tuple(parse_wire(wire) for wire in wires)
+        self.start = {name: plain(value) for name, value in (start or {}).items()}
+        self.experiment = experiment
+        resize_parts(self)
+        check_wires(self.parts, self.wires)
+        self._check_start()
+        if not strict:
+            self._keep_stated()
+        self._check_connected()
 
     @classmethod
     def from_toml(
@@ -205,81 +262,6 @@ class StoredSystem:
             for part in description.parts:
                 part.close()
             raise
-
-
-_LOG = logging.getLogger("harness")
-
-
-class System(StoredSystem):
-    """A system of connected parts; all names, types, units and values are checked when it is made.
-
-    Parameters
-    ----------
-    parts : iterable of Part
-        The parts; their names must differ.
-    wires : iterable of str, (str, str) or Wire
-        The connections, such as ``"a.y -> b.u"``.
-    start : mapping of str to value
-        Start values of parameters, and constants for unconnected inputs, such as ``{"mass.m": 2.0}``.
-    experiment : Experiment or None
-        Default settings of a run.
-    name : str
-        Name of the system.
-    strict : bool
-        Whether every input needs a connection or a value. Otherwise, inputs of FMUs of other tools that have neither
-        keep the start values of their FMUs, and a warning lists them.
-
-    Attributes
-    ----------
-    parts : dict of str to Part
-        The parts by name.
-    wires : tuple of Wire
-        The connections.
-    start : dict of str to value
-        The start values, including those kept from FMUs.
-
-    Raises
-    ------
-    HarnessError
-        The first error found: `UnknownNameError`, `WireError`, `UnitError`, `UnconnectedError` or `StartValueError`.
-    """
-
-    def __init__(
-        self,
-        parts: Iterable[Part],
-        wires: Iterable[str | tuple[str, str] | Wire] = (),
-        start: Mapping[str, StartValue] | None = None,
-        experiment: Experiment | None = None,
-        name: str = "system",
-        strict: bool = False,
-    ) -> None:
-        """Check the system."""
-        self.name = name
-        self.strict = strict
-        self.parts: dict[str, Part] = {}
-        for part in parts:
-            if not part.name or "." in part.name or part.name != part.name.strip() or not is_line(part.name):
-                raise HarnessError(
-                    f"{shown(part.name)} cannot be the name of a part: use letters, digits and _, no dot"
-                )
-            if part.name in self.parts:
-                raise HarnessError(f"two parts are called '{part.name}': rename one")
-            if not is_count(part.every):
-                raise ExperimentError(
-                    f"'{part.name}' has every = {shown(part.every)}: give an integer number of communication steps, 1 "
-                    "or more"
-                )
-            part.every = int(part.every)
-            self.parts[part.name] = part
-        self.wires = tuple(parse_wire(wire) for wire in wires)
-        self.start = {name: plain(value) for name, value in (start or {}).items()}
-        self.experiment = experiment
-        resize_parts(self)
-        check_wires(self.parts, self.wires)
-        self._check_start()
-        if not strict:
-            self._keep_stated()
-        self._check_connected()
 
     def __repr__(self) -> str:
         """Return the name, the parts and the number of connections."""
@@ -446,22 +428,11 @@ class System(StoredSystem):
         HarnessError
             If a part fails; the ``result`` of the error holds the values recorded until then.
         """
-        given = {
-            "start": start,
-            "stop": stop,
-            "step": step,
-            "master": master,
-            "decimate": decimate,
-            "tolerance": tolerance,
-            "extrapolation": extrapolation,
-            "loop_tolerance": loop_tolerance,
-            "coupling_tolerance": coupling_tolerance,
-            "step_tolerance": step_tolerance,
-        }
-        lists = {"record": record, "order": order, "manipulators": manipulators}
-        changes: dict[str, Any] = {key: value for key, value in given.items() if value is not None}
-        changes |= {key: tuple(value) for key, value in lists.items() if value is not None}
         from harness.run import Options, run
+
+        given = locals()  # each field of `Experiment` is an argument
+        changes = {key.name: given[key.name] for key in fields(Experiment) if given[key.name] is not None}
+        changes |= {key: tuple(changes[key]) for key in LISTS if key in changes}
 
         if self.experiment is not None:
             experiment = replace(self.experiment, **changes)

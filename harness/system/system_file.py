@@ -15,7 +15,7 @@ from harness.parts.fmu import FmuPart
 from harness.parts.part import Part, StartValue
 from harness.parts.series import SeriesPart
 from harness.storage.files import atomic_path
-from harness.storage.toml_file import Table, read_table
+from harness.storage.toml_file import TomlTable, read_table
 from harness.system.assembly import Assembly
 from harness.system.experiment import Experiment
 from harness.system.wire import Wire, manipulator_table, parse_wire, read_manipulator, split_name
@@ -69,7 +69,7 @@ def read_system(path: Path, resolve: Callable[[str], Path] | None) -> SystemDesc
     try:
         entries = _table(document, "parts", path)
         for name in entries:
-            entry = Table(entries.content[name], f"part '{name}' in {path}", SystemFileError)
+            entry = TomlTable(entries.content[name], f"part '{name}' in {path}", SystemFileError)
             start |= {f"{name}.{key}": value for key, value in _start_values(entry, name, path).items()}
             parts.append(_read_part(name, entry, path, resolve))
         wires: list[object] = document.take("wires", _list, 'a list, such as wires = ["a.y -> b.u"]', [])
@@ -104,7 +104,7 @@ def write_system(system: Assembly, path: Path) -> None:
         temporary.write_text(tomli_w.dumps(document), encoding="utf-8")
 
 
-def _read_part(name: str, entry: Table, path: Path, resolve: Callable[[str], Path] | None) -> Part:
+def _read_part(name: str, entry: TomlTable, path: Path, resolve: Callable[[str], Path] | None) -> Part:
     kinds, where = [kind for kind in ("model", "fmu", "record") if kind in entry], entry.where
     if len(kinds) != 1:
         raise SystemFileError(f"{where} has {' and '.join(kinds) or 'no source'}: give one of model, fmu, record")
@@ -138,7 +138,7 @@ def _read_wire(entry: object, path: Path) -> Wire:
     wire = parse_wire(ends)
     if not isinstance(entry, dict):
         return wire
-    table = Table(entry, f"the connection {wire} in {path}", SystemFileError)
+    table = TomlTable(entry, f"the connection {wire} in {path}", SystemFileError)
     table.known(("wire", *_WIRE_KINDS))
     return replace(wire, **{key: table.take(key, *_WIRE_KINDS[key]) for key in table if key != "wire"})
 
@@ -149,7 +149,7 @@ def _wire_entry(wire: Wire) -> str | dict[str, Any]:
     return {"wire": str(wire), **changed} if changed else str(wire)
 
 
-def _read_experiment(table: Table) -> Experiment:
+def _read_experiment(table: TomlTable) -> Experiment:
     table.known(_EXPERIMENT_KINDS)
     settings = {key: table.take(key, *_EXPERIMENT_KINDS[key]) for key in dict.fromkeys(("stop", "step", *table))}
     try:
@@ -159,16 +159,16 @@ def _read_experiment(table: Table) -> Experiment:
     return Experiment(**settings)
 
 
-def _table(document: Table, key: str, path: Path) -> Table:
-    return Table(document.content.get(key, {}), f"[{key}] in {path}", SystemFileError)
+def _table(document: TomlTable, key: str, path: Path) -> TomlTable:
+    return TomlTable(document.content.get(key, {}), f"[{key}] in {path}", SystemFileError)
 
 
 def _list(value: object) -> list[object] | None:
     return value if isinstance(value, list) else None
 
 
-def _start_values(entry: Table, part: str, path: Path) -> dict[str, StartValue]:
-    table = Table(entry.content.get("start", {}), f"[parts.{part}.start] in {path}", SystemFileError)
+def _start_values(entry: TomlTable, part: str, path: Path) -> dict[str, StartValue]:
+    table = TomlTable(entry.content.get("start", {}), f"[parts.{part}.start] in {path}", SystemFileError)
     return {key: table.take(key, _start_value, "a number, a text, true or false") for key in table}
 
 
@@ -183,11 +183,7 @@ def _part_table(part: Part, path: Path) -> dict[str, Any]:
         isolation = {"isolate": True, "timeout": part.timeout} if part.isolate else {}
         return {**origin, **every, **isolation}
     if isinstance(part, SeriesPart) and part.path is not None:
-        return {
-            "record": _relative(part.path, path),
-            "interpolation": part.interpolation,
-            "beyond": part.beyond,
-        }
+        return {"record": _relative(part.path, path), "interpolation": part.interpolation, "beyond": part.beyond}
     raise SystemFileError(
         f"part '{part.name}' cannot be written to {path}: only FMUs and recorded files have a place in it"
     )

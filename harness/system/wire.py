@@ -11,12 +11,11 @@ from typing import Any, ClassVar, Final
 
 from harness.errors import ExperimentError, UnitError, UnknownNameError, WireError, nearest
 from harness.parts.part import TYPE_ORDER, Part, Port, StartValue
-from harness.storage.toml_file import Table
+from harness.storage.toml_file import TomlTable
 from harness.units import conversion, needed_unit, parse_unit, units_agree
 from harness.values import is_count, is_number, make_plain, number, shown, text
 
-LONGEST_DELAY: Final = 10_000_000
-"""Largest delay in communication steps, as all values in between are stored."""
+LONGEST_DELAY: Final = 10_000_000  # largest delay in communication steps, as all values in between are stored
 
 
 @dataclass(frozen=True)
@@ -214,8 +213,8 @@ def _check_seed(manipulator: Manipulator, seed: object) -> None:
 
 def read_manipulator(table: Mapping[str, Any]) -> Manipulator:
     """Return a manipulator from a table such as ``{"kind": "bias", "input": "pid.x", "value": 1e-3, "start": 0.5}``."""
-    kind = Table(table, "a manipulator", ExperimentError).choice("kind", _KINDS)
-    given = Table(table, f"a {kind}", ExperimentError)
+    kind = TomlTable(table, "a manipulator", ExperimentError).choice("kind", _KINDS)
+    given = TomlTable(table, f"a {kind}", ExperimentError)
     keys = {item.name: item for item in fields(_KINDS[kind])}
     given.known(("kind", *keys))
     wanted = [key for key, item in keys.items() if key in given or item.default is MISSING]

@@ -11,7 +11,7 @@ from accuracy.known import damped, decay, driven, exact_damped, sampled
 from thorough import nightly
 
 from harness import CallablePart, Experiment, FmuPart, Noise, System, sweep
-from harness.accuracy.numbers import number_bound
+from harness.accuracy.measure_bounds import number_bound
 
 
 @nightly

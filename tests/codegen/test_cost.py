@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from friction_fmus.codegen import Cost
 from friction_fmus.codegen.emulation import M4F, Instruction, _steps
-from friction_fmus.codegen.export import make_export, readme
+from friction_fmus.codegen.law_export import make_export, readme
 
 
 def test_a_readme_without_the_emulator_has_the_sizes() -> None:

@@ -16,10 +16,10 @@ import pytest
 
 from friction_fmus.__main__ import main
 from friction_fmus.blocks.catalogue import laws_folder
-from friction_fmus.codegen import CORES, emulation, export, export_law, measure
-from friction_fmus.codegen.export import make_export
+from friction_fmus.codegen import CORES, emulation, export_law, law_export, measure
+from friction_fmus.codegen.law_export import make_export
 from friction_fmus.errors import FrictionError, UnknownNameError
-from friction_fmus.lawkit.files import discover_laws
+from friction_fmus.lawkit.law_files import discover_laws
 from harness import OutputError
 from harness.compiling import toolchain
 
@@ -46,7 +46,7 @@ def elements(
 @pytest.fixture(autouse=True)
 def without_target(monkeypatch: pytest.MonkeyPatch) -> None:
     """Nothing is measured: that is test_cost.py."""
-    monkeypatch.setattr(export, "missing", lambda: list(emulation.PACKAGES))
+    monkeypatch.setattr(law_export, "missing", lambda: list(emulation.PACKAGES))
 
 
 @pytest.fixture

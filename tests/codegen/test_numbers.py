@@ -16,10 +16,10 @@ sys.path.insert(0, str(Path(__file__).parents[2]))
 from benchmarks.law_runs import LawC, LawFmu, casadi_by_rows, rows_of, run_casadi
 from friction_fmus.blocks.catalogue import laws_folder
 from friction_fmus.codegen.emulation import samples
-from friction_fmus.codegen.export import make_export
+from friction_fmus.codegen.law_export import make_export
 from friction_fmus.codegen.layout import STATES
-from friction_fmus.lawkit.files import discover_laws
 from friction_fmus.lawkit.law import Kind
+from friction_fmus.lawkit.law_files import discover_laws
 
 LAWS = [law.name for law in discover_laws(laws_folder())]
 SAMPLES = 20_000 if THOROUGH else 3_000

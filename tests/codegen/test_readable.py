@@ -12,10 +12,10 @@ from shell.selection import EACH_FEATURE
 from thorough import some
 
 from friction_fmus.blocks.catalogue import laws_folder
-from friction_fmus.codegen.export import make_export
+from friction_fmus.codegen.law_export import make_export
 from friction_fmus.codegen.layout import equations_of, numbered
 from friction_fmus.codegen.sources import header, implementation
-from friction_fmus.lawkit.files import discover_laws
+from friction_fmus.lawkit.law_files import discover_laws
 from friction_fmus.lawkit.results import labelled
 
 LAWS = [law.name for law in discover_laws(laws_folder())]

@@ -19,15 +19,15 @@ sys.path.insert(0, str(Path(__file__).parents[2]))
 
 from benchmarks.law_runs import compile_
 from friction_fmus.blocks.catalogue import laws_folder
-from friction_fmus.codegen.export import make_export
+from friction_fmus.codegen.law_export import make_export
 from friction_fmus.codegen.layout import Export
 from friction_fmus.codegen.sources import header, implementation
 from friction_fmus.codegen.unit_test import unit_test
 from friction_fmus.codegen.vectors import N, vectors
 from friction_fmus.errors import FrictionError
 from friction_fmus.lawkit.declarations import PARAMETERS
-from friction_fmus.lawkit.files import discover_laws
 from friction_fmus.lawkit.law import BOOLEANS
+from friction_fmus.lawkit.law_files import discover_laws
 from harness.compiling import toolchain
 
 LAWS = [law.name for law in discover_laws(laws_folder())]

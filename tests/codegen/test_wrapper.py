@@ -11,7 +11,7 @@ from typing import Literal
 import pytest
 from thorough import some
 
-from friction_fmus.codegen.export import make_export
+from friction_fmus.codegen.law_export import make_export
 from friction_fmus.codegen.layout import Export
 from friction_fmus.codegen.sources import header, implementation
 from friction_fmus.codegen.unit_test import unit_test

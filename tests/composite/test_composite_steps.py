@@ -358,3 +358,25 @@ def test_a_law_inside_reports_a_fault(compose: Callable[[str], Path]) -> None:
         run.step(1e-3, 0.5e-3)
         assert run.get1("pid.fault") == 0.0
         assert run.try_set({"axis.F_load": math.nan}) == [DISCARD]
+
+
+def test_a_slow_part_is_stepped_at_the_end_of_its_last_inner_step(tmp_path: Path) -> None:
+    """A free mass, v = 0.2 t, that is stepped every two inner steps, by an importer with half of that.
+
+    Beside it, a mass of 1 kg with v = 0.2 m/s stops after 0.2 s under 1 N, so that an inner step is solved in parts.
+    """
+    parts = [FmuPart("stopping", fmu("Mass")), FmuPart("friction", fmu("Coulomb"))]
+    parts.append(FmuPart("mass", fmu("Mass"), every=2))
+    wires = ["stopping.v -> friction.v", "friction.F -> stopping.F_friction", "stopping.F_ext -> friction.F_ext"]
+    start = {"mass.F_drive": 0.2, "mass.F_friction": 0.0, "mass.m": 1.0}
+    start |= {"stopping.F_drive": 0.0, "stopping.v0": 0.2, "stopping.m": 1.0, "friction.Fc": 1.0}
+    with System(parts, wires, start, Experiment(stop=1.0, step=0.125)) as system:
+        system.to_fmu(tmp_path / "slow.fmu")
+    with Instance(load(tmp_path / "slow.fmu")) as run:
+        run.initialise()
+        found = []
+        for k in range(16):
+            run.step(0.0625 * k, 0.0625)
+            found.append(run.get1("mass.v"))
+        assert run.get1("stopping.x") == pytest.approx(0.02, rel=1e-6)
+    assert found == pytest.approx([0.2 * 0.25 * ((k + 1) // 4) for k in range(16)], abs=1e-15)

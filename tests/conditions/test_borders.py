@@ -13,10 +13,10 @@ import pytest
 from thorough import some
 
 from friction_fmus import conditions
-from friction_fmus.blocks.contact import Contact, Level
+from friction_fmus.blocks.contact import AxisFriction, Level
 from friction_fmus.conditions import Condition, SampledLaw, chain, loop_poles, one_mass
 from friction_fmus.conditions.condition import is_stable
-from friction_fmus.doctor.axis import ActiveLaw, Axis, LawProperties
+from friction_fmus.doctor.examined_axis import ActiveLaw, Axis, LawProperties
 from friction_fmus.doctor.roles import law_of
 from friction_fmus.doctor.rules import examine_axis, left_of
 
@@ -188,7 +188,7 @@ def test_friction_that_is_compensated_exactly_leaves_none(gains: tuple[float, ..
     level = Level(1.0, 1.5, 0.4, 1e-3)
     servo = ActiveLaw("pid", named("PID"), {"Kp": 12e3, "Kd": 190.0, "Ki": 1e5, "m": 0.0, "Ts": 1e-3})
     laws = [ActiveLaw(f"law{i}", named("LuGreObserver"), known | {"gain": gain}) for i, gain in enumerate(gains)]
-    axis = Axis("mass", 1.0, friction="fric", contact=Contact((level, level), 1e5, 316.0), laws=(servo, *laws))
+    axis = Axis("mass", 1.0, friction="fric", contact=AxisFriction((level, level), 1e5, 316.0), laws=(servo, *laws))
     left = left_of(axis, 0)
     assert (left.Fc, left.Fs, left.viscous) == (0.0, 0.0, 0.0)
     wrong = {found.condition.name for found in examine_axis(axis) if not found.condition.ok}

@@ -20,8 +20,8 @@ from friction_fmus.conditions import (
 )
 from friction_fmus.conditions.condition import spectral_radius
 from friction_fmus.doctor.roles import linearised, local_function
-from friction_fmus.lawkit.files import discover_laws
 from friction_fmus.lawkit.law import Kind
+from friction_fmus.lawkit.law_files import discover_laws
 
 KNOWN_LAWS = {law.name: law for law in discover_laws(laws_folder())}
 TS, FINE = 1e-3, 20

@@ -17,13 +17,13 @@ from thorough import nightly, some
 from friction_fmus import build
 from friction_fmus.__main__ import main
 from friction_fmus.blocks.catalogue import catalogue, laws_folder
-from friction_fmus.blocks.contact import Contact, Level
+from friction_fmus.blocks.contact import AxisFriction, Level
 from friction_fmus.doctor import examine
-from friction_fmus.doctor.axis import ActiveLaw, Axis, LawProperties
+from friction_fmus.doctor.examined_axis import ActiveLaw, Axis, LawProperties
 from friction_fmus.doctor.find import axes
 from friction_fmus.doctor.roles import known_blocks, law_of
 from friction_fmus.doctor.rules import butterworth_there_and_back, examine_axis, windowed_sinc
-from friction_fmus.lawkit.files import discover_laws
+from friction_fmus.lawkit.law_files import discover_laws
 from harness import CallablePart, Experiment, FmuPart, System, Wire
 from harness.errors import StartValueError
 
@@ -167,7 +167,9 @@ def test_two_compensators_together_are_too_much(build_fmu: BlockFmu, loop: Calla
     observer = ActiveLaw("observer", named("LuGreObserver"), {"Fc": 1.0, "Fs": 1.5, "vs": 1e-3, "gain": 0.5, "k": 0.0})
     forward = ActiveLaw("ff", named("StaticFeedforward"), {"Fc": 1.0, "Fs": 1.5, "vs": 1e-3, "gain": 0.7, "m": 0.0})
     level = Level(1.0, 1.5, 0.4, 1e-3)
-    axis = Axis("mass", 1.0, friction="fric", contact=Contact((level, level), 1e5, 316.0), laws=(observer, forward))
+    axis = Axis(
+        "mass", 1.0, friction="fric", contact=AxisFriction((level, level), 1e5, 316.0), laws=(observer, forward)
+    )
     (found,) = examine_axis(axis)
     assert found.parts == ("observer", "ff", "fric")
     assert found.condition.value == pytest.approx(1.2)
@@ -253,7 +255,7 @@ def test_an_adaptive_law_closes_the_position_loop_and_leaves_no_stick_slip() -> 
 
     def examined(**other: float) -> tuple[ActiveLaw, list[str]]:
         used = ActiveLaw("law", named("AdaptiveLuGre"), values | other)
-        axis = Axis("mass", 1.0, friction="fric", contact=Contact((level, level), 1e5, 316.0, 0.4), laws=(used,))
+        axis = Axis("mass", 1.0, friction="fric", contact=AxisFriction((level, level), 1e5, 316.0, 0.4), laws=(used,))
         return used, [found.condition.name for found in examine_axis(axis) if not found.condition.ok]
 
     used, names = examined()
@@ -266,7 +268,7 @@ def test_an_adaptive_law_closes_the_position_loop_and_leaves_no_stick_slip() -> 
 def test_a_dead_band_narrower_than_a_slip() -> None:
     """At the level of the axis, as it does not matter which law has the dead-band."""
     level = Level(1.0, 1.5, 0.4, 1e-3)
-    contact = Contact((level, level), 1e5, 316.0)
+    contact = AxisFriction((level, level), 1e5, 316.0)
 
     def names(db: float) -> list[str]:
         values = {"Kp": 3.0, "Kd": 600.0, "Ki": 4.0, "m": 0.0, "db": db}
@@ -476,7 +478,7 @@ def test_rows_of_laws_name_their_parameters(law) -> None:  # type: ignore[no-unt
     servo = ActiveLaw("pid", named("PID"), {"Kp": 12e3, "Kd": 600.0, "Ki": 0.0, "m": 0.0, "Ts": 1e-3})
     level = Level(1.0, 1.5, 0.4, 1e-3)
     used = ActiveLaw("law", named(law.name), values)
-    axis = Axis("mass", 1.0, friction="fric", contact=Contact((level, level), 1e5, 316.0), laws=(servo, used))
+    axis = Axis("mass", 1.0, friction="fric", contact=AxisFriction((level, level), 1e5, 316.0), laws=(servo, used))
     assert list(examine_axis(axis))
     if used.law.gains is not None:
         assert used.gains is not None

@@ -36,7 +36,7 @@ from friction_fmus.conditions import (
 )
 from friction_fmus.doctor.roles import known_blocks
 from friction_fmus.errors import FrictionError
-from friction_fmus.lawkit.files import discover_laws
+from friction_fmus.lawkit.law_files import discover_laws
 
 KNOWN_LAWS = {law.name: law for law in discover_laws(laws_folder())}
 

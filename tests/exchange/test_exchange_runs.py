@@ -92,3 +92,26 @@ def test_a_reversal_is_one_event_or_a_rest(name: str, F_ext: float, each: int, b
     zeros = nodes[before] + 0.01 * v[before] / (v[before] - v[before + 1])
     assert len(zeros) == 6
     assert events == pytest.approx(np.repeat(zeros, each), abs=1e-8)
+
+
+@pytest.mark.parametrize("name", ["Karnopp", "Stiction"])
+def test_a_load_that_reaches_static_friction_is_an_event(name: str, build_fmu: Callable[..., Path]) -> None:
+    """F_ext grows by 3 N/s, from 0 to 3 N, at v = 0; static friction is 1.5 N, and 2.4 N with Fn = 1.6 N."""
+    fmu = build_fmu(name)
+    nodes = np.array([0.0, 1.0])
+    extracted = Path(extract(str(fmu), str(fmu.with_suffix(".loaded"))))
+    for Fn, breaks in ((1.0, 0.5), (1.6, 0.8)):
+        lines = {"v": np.zeros(2), "F_ext": np.array([0.0, 3.0]), "Fn": np.full(2, Fn)}
+        _, events = Exchange(extracted, nodes, lines, {"Fs": 1.5}).model_exchange(["F"])
+        assert events == pytest.approx([breaks], abs=1e-8)
+
+
+def test_a_deflection_beyond_the_level_comes_back_to_it(build_fmu: Callable[..., Path]) -> None:
+    """With n = 0, dz/dt is -|v| from three times the level Fc/sigma = 10 um on: F = 3 N, 2 N, then 1 N."""
+    fmu, nodes = build_fmu("Dahl"), np.array([0.0, 0.01, 0.03])
+    lines = {"v": np.full(3, 1e-3), "Fn": np.ones(3)}
+    start = {"n": 0.0, "Fc": 1.0, "sigma": 1e5, "z": 3e-5}
+    run = Exchange(Path(extract(str(fmu), str(fmu.with_suffix(".beyond")))), nodes, lines, start)
+    forces, events = run.model_exchange(["F"])
+    assert forces[:, 0] == pytest.approx([3.0, 2.0, 1.0], abs=1e-6)
+    assert events == pytest.approx([0.02], abs=1e-6)

@@ -382,12 +382,46 @@ def test_updates_change_no_number() -> None:
         assert one.get("u") == other.get("u")
 
 
-# ---- adjoint derivatives
+# ---- derivatives
 
 
 @pytest.mark.parametrize("name", some(SHELL_BLOCKS, ("LuGre", "GMS", "PID")))
 def test_adjoint_is_the_transpose_of_directional(name: str) -> None:
     check_adjoint(name)
+
+
+def test_derivatives_of_nothing_need_no_arrays() -> None:
+    nothing = (None, 0) * 4
+    with Slave(three("LuGre")) as one:
+        one.initialise()
+        one.fmi3GetDirectionalDerivative(one.component, *nothing)
+        one.fmi3GetAdjointDerivative(one.component, *nothing)
+        one.fmi3GetOutputDerivatives(one.component, None, 0, None, None, 0)
+
+
+def test_scalars_may_be_repeated_up_to_the_number_of_variables(build_fmu: Callable[..., Path]) -> None:
+    """With more, they are certainly repeated. F = sigma0 z + ..., so dF/dz = sigma0 at v = 0."""
+    most = len(fmpy.read_model_description(str(build_fmu("LuGre"))).modelVariables)
+    with Slave(three("LuGre")) as one:
+        one.initialise(v=0.0, sigma0=2e4)
+        z, F = one.reference("z"), one.reference("F")
+        for given in (most, most + 1):
+
+            def differentiate(count: int = given) -> list[float]:
+                return list(one.getDirectionalDerivative([F] * (count - 1), [z], [1.0]))
+
+            def derive(count: int = given) -> list[float]:
+                found = (c_double * count)()
+                references, orders = (ctypes.c_uint * count)(*[F] * count), (ctypes.c_int * count)(*[1] * count)
+                one.fmi3GetOutputDerivatives(one.component, references, count, orders, found, count)
+                return list(found)
+
+            if given == most:
+                assert differentiate() == pytest.approx([2e4] * (most - 1))
+                assert derive() == [0.0] * most
+            else:
+                one.refuses(differentiate, "more than once")
+                one.refuses(derive, "more than once")
 
 
 # ---- states

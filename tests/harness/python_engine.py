@@ -7,11 +7,12 @@ from dataclasses import dataclass
 
 from harness import Experiment, PartError, Result, Tap
 from harness.engine.algorithm import Progress, Recorder, Ticks
-from harness.engine.manipulate import _BIAS, _DELAY, _LOSS, _NOISE, _OVERRIDE, Manipulation, Manipulations
+from harness.engine.manipulate import _BIAS, _DELAY, _LOSS, _NOISE, _OVERRIDE, Manipulations, ManipulatorData
 from harness.masters import find_master
+from harness.parts.part import Values
 from harness.run import Options, Session
 from harness.system.assembly import Assembly
-from harness.system.plan import SET, STEP, Plan, Schedule, fetcher, map_of
+from harness.system.plan import RENEW, SET, STEP, Plan, Schedule, fetcher, map_of
 
 
 class PythonSession(Session):
@@ -50,7 +51,7 @@ class PythonTicks(Ticks):
     def begin(self, recorder: Recorder) -> None:
         self._manipulations.begin()
         self.memory = self._manipulations.memory()
-        self._losses = [Loss(m.gain, m.offset) for m in self._manipulations.all]
+        self._losses = [Loss(m.gain, m.offset) for m in self._manipulations.data]
         self._calls = [_call(self._plan, operation, part) for operation, part in self._operations]
         self._read, self._decimate = recorder.read if recorder.names else None, recorder.decimate
 
@@ -73,22 +74,23 @@ class PythonTicks(Ticks):
         """Set gains and offsets for a tick."""
         plan = self._plan
         gains, offsets, signals = plan.gains, plan.offsets, plan.signals
-        for m in self._manipulations.all:
+        for m in self._manipulations.data:
             gains[m.input], offsets[m.input] = plan.wire_gains[m.input], plan.wire_offsets[m.input]
-        for m, loss in zip(self._manipulations.all, self._losses, strict=True):
+        all_of_them = (self._manipulations.data, self._manipulations.samples, self._manipulations.past, self._losses)
+        for m, samples, past, loss in zip(*all_of_them, strict=True):
             active = m.first <= tick < m.last
             output = float(signals[plan.sources[m.input]])
             gain, offset = float(gains[m.input]), float(offsets[m.input])
             if m.kind == _LOSS:
-                gain, offset = _lose(m, loss, active, tick, output, gain, offset)
+                gain, offset = _lose(m, samples, past, loss, active, tick, output, gain, offset)
             if m.kind == _DELAY:
-                m.past[tick % m.past.size] = output
+                past[tick % past.size] = output
             if active and m.kind == _BIAS:
                 offset += m.value
-            if active and m.kind == _NOISE and m.samples is not None:
-                offset += m.value * float(m.samples[tick - m.first])
+            if active and m.kind == _NOISE and samples is not None:
+                offset += m.value * float(samples[tick - m.first])
             if active and m.kind == _DELAY:
-                gain, offset = 0.0, map_of(gain, offset, float(m.past[(tick + 1) % m.past.size]))
+                gain, offset = 0.0, map_of(gain, offset, float(past[(tick + 1) % past.size]))
             if active and m.kind == _OVERRIDE:
                 gain, offset = 0.0, m.value
             gains[m.input], offsets[m.input] = gain, offset
@@ -101,17 +103,25 @@ class PythonTicks(Ticks):
 
 
 def _lose(
-    m: Manipulation, loss: Loss, active: bool, tick: int, output: float, gain: float, offset: float
+    m: ManipulatorData,
+    samples: Values | None,
+    past: Values,
+    loss: Loss,
+    active: bool,
+    tick: int,
+    output: float,
+    gain: float,
+    offset: float,
 ) -> tuple[float, float]:
     def asks(tick: int) -> bool:
         """Return whether the part at the end of the connection fetches its inputs at this tick."""
         return m.every == 1 or tick % m.every == m.phase
 
     if not loss.lost and (tick == 0 or asks(tick - 1)):
-        loss.held = map_of(loss.gain, loss.offset, output if m.fresh else float(m.past[0]))
-    m.past[0] = output
+        loss.held = map_of(loss.gain, loss.offset, output if m.fresh else float(past[0]))
+    past[0] = output
     if asks(tick):
-        loss.lost = active and (m.samples is None or float(m.samples[tick - m.first]) < m.value)
+        loss.lost = active and (samples is None or float(samples[tick - m.first]) < m.value)
         loss.gain, loss.offset = gain, offset
     return (0.0, loss.held) if loss.lost else (gain, offset)
 
@@ -125,5 +135,5 @@ def _call(plan: Plan, operation: int, part: int) -> Callable[[int, float], None]
         return lambda tick, time: (
             calls.step(plan.time(tick - phase), every * plan.step) if tick % every == phase else None
         )
-    action = fetcher(plan, part) if operation == SET else calls.get
+    action = fetcher(plan, part) if operation in (SET, RENEW) else calls.get
     return lambda tick, time: action() if every == 1 or tick % every == phase else None

@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from harness.compiling.library import RESIDUAL, library
+from harness.compiling.engine_library import RESIDUAL, library
 
 Equations = Callable[[np.ndarray], np.ndarray]
 MATRIX = np.array([[0.5, 2.0, -1.0], [0.0, -3.0, 0.7], [1.5, 0.2, 4.0]])

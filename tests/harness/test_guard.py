@@ -18,7 +18,7 @@ import pytest
 from thorough import nightly, some
 
 from harness import CallablePart, Drive, FmuPart, HarnessError, PartError, Result, System
-from harness.compiling.library import library
+from harness.compiling.engine_library import library
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="the probe calls POSIX functions")
 

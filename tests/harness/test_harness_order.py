@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from harness_parts import bristle, linear, mass, memoryless, plant
 
-from harness import AlgebraicLoopError, CallablePart, ExperimentError, System, UnknownNameError
+from harness import AlgebraicLoopError, CallablePart, ExperimentError, SeriesPart, System, UnknownNameError
 from harness.system.graph import propagation_order, stepping_order
 
 
@@ -189,3 +189,22 @@ def test_order_must_name_every_part_once() -> None:
 def test_rate_must_be_positive() -> None:
     with pytest.raises(ExperimentError, match="every = 0: give"):
         System([mass(every=0)], start={"mass.F": 0.0})
+
+
+def test_a_held_force_acts_from_its_sample_on_even_if_an_output_depends_on_it_directly() -> None:
+    body = CallablePart(
+        "body",
+        lambda t, u, x: [x[0], u[0]],
+        ["F"],
+        ["v", "a"],
+        advance=lambda t, h, u, x: x + h * u[0],
+        state=[0.0],
+        dependencies={"v": (), "a": ("F",)},
+    )
+    scale = CallablePart("scale", lambda t, u, x: [2.0 * u[0]], ["a"], ["F"])
+    force = SeriesPart("force", [0.0, 1.0, 2.0, 3.0], {"F": [1.0, 10.0, 0.0, 0.0]}, interpolation="previous")
+    system = System([body, scale, force], ["force.F -> body.F", "body.a -> scale.a"])
+    result = system.run(stop=3.0, step=1.0)
+    np.testing.assert_array_equal(result["body.v"], [0.0, 1.0, 11.0, 11.0])
+    np.testing.assert_array_equal(result["body.a"], [1.0, 10.0, 0.0, 0.0])
+    np.testing.assert_array_equal(result["scale.F"], [2.0, 20.0, 0.0, 0.0])

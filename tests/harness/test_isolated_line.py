@@ -14,16 +14,16 @@ from types import SimpleNamespace
 import pytest
 
 from harness import FmuError, HarnessError, PartError, StartValueError
-from harness.parts.isolated.channel import BYTES, CALL, DONE, FAILED, LOG, Line, as_error, as_plain
-from harness.parts.isolated.part import Process, ProcessError
+from harness.parts.isolated.channel import BYTES, CALL, DONE, FAILED, LOG, ChannelEnd, as_error, as_plain
+from harness.parts.isolated.isolated_part import Process, ProcessError
 
 
 @pytest.fixture
-def ends() -> Iterator[tuple[Line, socket.socket]]:
+def ends() -> Iterator[tuple[ChannelEnd, socket.socket]]:
     ours, theirs = socket.socketpair()
     ours.settimeout(5.0)
     with ours, theirs:
-        yield Line(ours), theirs
+        yield ChannelEnd(ours), theirs
 
 
 class Evil:
@@ -41,7 +41,7 @@ def message(kind: int, data: bytes) -> bytes:
 
 
 @pytest.mark.parametrize("kind", [DONE, FAILED, LOG, BYTES, CALL])
-def test_nothing_is_unpickled(kind: int, ends: tuple[Line, socket.socket], tmp_path: Path) -> None:
+def test_nothing_is_unpickled(kind: int, ends: tuple[ChannelEnd, socket.socket], tmp_path: Path) -> None:
     line, theirs = ends
     theirs.sendall(message(kind, pickle.dumps(Evil(tmp_path / "made"))))
     if kind == BYTES:  # bytes stay bytes
@@ -65,7 +65,7 @@ BAD = {
 
 
 @pytest.mark.parametrize("name", BAD)
-def test_what_is_no_answer_ends_the_process(name: str, ends: tuple[Line, socket.socket]) -> None:
+def test_what_is_no_answer_ends_the_process(name: str, ends: tuple[ChannelEnd, socket.socket]) -> None:
     line, theirs = ends
     theirs.sendall(BAD[name])
     killed: list[bool] = []

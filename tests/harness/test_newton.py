@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Callable
 from fractions import Fraction
 
@@ -13,7 +14,7 @@ from scipy.linalg import expm
 from test_harness_masters import two_masses
 
 from harness import CallablePart, ExperimentError, Port, Result, SeriesPart, System
-from harness.accuracy.estimate import Track, estimate
+from harness.accuracy.error_estimate import Track, estimate
 from harness.engine.defect import inaccurate
 
 WIRES = ["bristle.F -> mass.F", "mass.v -> bristle.v"]
@@ -114,6 +115,41 @@ def test_what_drives_a_loop_is_stepped_once_and_handed_over_as_a_line() -> None:
     np.testing.assert_allclose(np.log2(errors[0] / errors[1]), 2.0, atol=0.2)
 
 
+def test_a_line_within_a_loop_begins_after_the_jump_of_a_held_input() -> None:
+    """A meter in the loop integrates the net force, which depends directly on a held one: q = v = the impulse."""
+    plant = CallablePart(
+        "mass",
+        lambda t, u, x: [x[0], u[0] - u[1]],
+        ["F", "f"],
+        ["v", "net"],
+        advance=lambda t, h, u, x: x + h * (u[0] - u[1]),
+        state=[0.0],
+        dependencies={"v": (), "net": ("F", "f")},
+    )
+    meter = CallablePart(
+        "meter",
+        lambda t, u, x: [0.0 * u[0], x[0]],
+        ["v", "net"],
+        ["f", "q"],
+        advance=lambda t, h, u, x: x + h * u[1],
+        state=[0.0],
+        dependencies={"f": ("v",), "q": ()},
+    )
+    drive = SeriesPart("drive", [0.0, 0.2, 0.4], {"F": [1.0, -3.0, 4.0]}, interpolation="previous", beyond="hold")
+    wires = ["drive.F -> mass.F", "mass.v -> meter.v", "mass.net -> meter.net", "meter.f -> mass.f"]
+    result = System([plant, meter, drive], wires).run(stop=0.6, step=0.1, master="newton")
+    exact = [0.0, 0.1, 0.2, -0.1, -0.4, 0.0, 0.4]
+    np.testing.assert_allclose(result["mass.v"], exact, atol=1e-12)
+    np.testing.assert_allclose(result["meter.q"], exact, atol=1e-12)
+
+
+def test_at_rest_no_step_is_divided() -> None:
+    """All values stay 0, so that differences have no size."""
+    result = System([mass(v0=0.0), bristle()], WIRES).run(stop=0.1, step=1e-3, master="newton")
+    assert (result.attrs["substeps"], result.attrs["rejected"]) == (100, 0)
+    assert result.attrs["checks"] > 0
+
+
 def test_sampled_controller_takes_its_sample_first_and_once() -> None:
     samples: list[float] = []
 
@@ -183,19 +219,37 @@ def test_a_part_with_noisy_outputs_is_solved_to_ten_times_the_tolerance() -> Non
 
 
 @pytest.mark.parametrize(
-    "residual",
+    ("residual", "least"),
     [
-        pytest.param(lambda w, c: c - 1.0 + math.sqrt(1.0 - w) if w <= 1.0 else math.nan, id="edge of the domain"),
-        pytest.param(lambda w, c: w - 0.7 + 1.0 / (w - 0.7) if c > 0.0 else -w, id="pole"),
+        pytest.param(lambda w, c: c - 1.0 + math.sqrt(1.0 - w) if w <= 1.0 else math.nan, 0.1, id="edge of the domain"),
+        pytest.param(lambda w, c: w - 0.7 + 1.0 / (w - 0.7) if c > 0.0 else -w, 1.0, id="pole"),
+        pytest.param(lambda w, c: 1.0 / (0.7 - w) if c > 0.0 else -w, 1e3, id="simple pole"),
     ],
 )
-def test_where_a_residual_is_no_number_or_has_a_pole_is_no_solution(residual: Callable[[float, float], float]) -> None:
-    """w = 0 solves the loop at t = 0. From the first step on, the least residual is 0.1, or 2 beside a pole."""
+def test_where_a_residual_is_no_number_or_has_a_pole_is_no_solution(
+    residual: Callable[[float, float], float], least: float
+) -> None:
+    """w = 0 solves the loop at t = 0. From the first step on, the least residual is 0.1, or 2 beside a pole.
+
+    A simple pole has small residuals far from it, but is between those of opposite sign.
+    """
     steep = CallablePart("steep", lambda t, u, x: u[0] + residual(u[0], 1.1 if t > 0.0 else 0.0), ["u"], ["y"])
     back = CallablePart("back", lambda t, u, x: u[0], ["u"], ["y"])
     system = System([steep, back], ["steep.y -> back.u", "back.y -> steep.u"])
-    with pytest.raises(ExperimentError, match="does not converge"):
+    with pytest.raises(ExperimentError, match="does not converge") as caught:
         system.run(stop=0.01, step=1e-3, master="newton")
+    found = re.search(r"its residual is (\S+) of the size", str(caught.value))
+    assert found and float(found[1]) >= least
+
+
+def test_a_linear_loop_takes_twice_as_many_steps_as_unknowns() -> None:
+    """Broyden's method ends after 2 n of them (Gay, SIAM J. Numerical Analysis 16, 1979), also where y grows with u."""
+    M, u, y = np.array([[3.0, 1.0], [1.0, 3.0]]), ["u0", "u1"], ["y0", "y1"]
+    parts = [CallablePart("a", lambda t, u, x: M @ u + 1.0 + t, u, y), CallablePart("b", lambda t, u, x: u, u, y)]
+    wires = [f"{one}.y{i} -> {other}.u{i}" for one, other in ("ab", "ba") for i in range(2)]
+    result = System(parts, wires).run(stop=1.0, step=0.1, master="newton")
+    np.testing.assert_allclose(result["b.y0"], -(1.0 + result["time"]) / 3.0, rtol=1e-6)
+    assert result.attrs["evaluations"] <= 10 * (1 + 2 * 2)
 
 
 def test_a_contact_without_known_load_holds_within_its_jump() -> None:

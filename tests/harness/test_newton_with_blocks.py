@@ -82,3 +82,16 @@ def test_a_force_that_jumps_at_samples_moves_a_sliding_mass_exactly(build_fmu: B
         atol = 0.02 if sample == 5 else 1e-6  # after the stop, the friction rings about its mean
         np.testing.assert_allclose(inside, friction[sample], atol=atol, err_msg=f"sample {sample}")
     assert result.attrs["unresolved_error"] < 1e-3
+
+
+@pytest.mark.parametrize("master", ["newton", "adaptive"])
+@pytest.mark.parametrize(("Fn", "Fc"), [(1.0, 1.0), (2.0, 1.0), (1.0, 0.8)])
+def test_a_mass_stops_whatever_its_normal_force(build_fmu: BuildFmu, master: str, Fn: float, Fc: float) -> None:
+    """x = v0^2 m/(2 Fc Fn/Fn0): the normal force, which may be as large as friction, is not the load at rest."""
+    normal = SeriesPart("normal", [0.0, 1.0], {"Fn": [Fn, Fn]}, {"Fn": "N"})
+    parts = [FmuPart("mass", build_fmu("Mass")), FmuPart("friction", build_fmu("Coulomb")), normal]
+    wires = ["mass.v -> friction.v", "friction.F -> mass.F_friction", "mass.F_ext -> friction.F_ext"]
+    start = {"mass.F_drive": 0.0, "mass.v0": 0.2, "mass.m": 1.0, "friction.Fc": Fc}
+    with System(parts, [*wires, "normal.Fn -> friction.Fn"], start) as system:
+        result = system.run(stop=1.0, step=0.125, master=master, record=["mass.x"])
+    assert float(result["mass.x"][-1]) == pytest.approx(0.02 / (Fc * Fn), rel=1e-9)

@@ -7,7 +7,7 @@ import pytest
 
 import harness.engine.drive
 import harness.run  # noqa: F401  # it imports every other mechanism of the engine
-from harness.compiling import library
+from harness.compiling import engine_library
 from harness.masters import masters
 
 
@@ -25,38 +25,38 @@ def swapped(struct: type[ctypes.Structure], first: int) -> type[ctypes.Structure
 @pytest.fixture(autouse=True)
 def mirrors_are_kept(monkeypatch: pytest.MonkeyPatch) -> None:
     masters()
-    monkeypatch.setattr(library, "_MIRRORS", dict(library._MIRRORS))
+    monkeypatch.setattr(engine_library, "_MIRRORS", dict(engine_library._MIRRORS))
 
 
 def test_every_struct_that_crosses_is_compared() -> None:
-    declared = re.findall(r"^MIRRORED\((\w+)\)", "\n".join(library.sources().values()), re.M)
-    assert sorted(library._MIRRORS) == sorted(declared)
+    declared = re.findall(r"^MIRRORED\((\w+)\)", "\n".join(engine_library.sources().values()), re.M)
+    assert sorted(engine_library._MIRRORS) == sorted(declared)
 
 
 def test_two_fields_of_one_size_that_are_exchanged_are_found() -> None:
-    library.library()
-    line = library._MIRRORS["Line"]
-    for name, struct in [*library._MIRRORS.items()]:
+    engine_library.library()
+    line = engine_library._MIRRORS["Line"]
+    for name, struct in [*engine_library._MIRRORS.items()]:
         for first in range(len(struct._fields_) - 1):
             with pytest.raises(AssertionError, match=rf"{name} has .* in C and .* in Python"):
-                library.mirrors(name)(swapped(struct, first))
+                engine_library.mirrors(name)(swapped(struct, first))
     with pytest.raises(AssertionError, match="Line has mean at byte 8 in C and end at byte 8 in Python"):
-        library.mirrors("Line")(swapped(line, 1))
+        engine_library.mirrors("Line")(swapped(line, 1))
 
 
 def test_fields_that_are_exchanged_in_c_are_found(monkeypatch: pytest.MonkeyPatch) -> None:
-    texts = library.sources()
+    texts = engine_library.sources()
     code = texts["line.h"].replace("double mean, end;", "double end, mean;")
     assert code != texts["line.h"]
-    exchanged = library._layouts("\n".join({**texts, "line.h": code}.values()))
+    exchanged = engine_library._layouts("\n".join({**texts, "line.h": code}.values()))
     assert 'fields_of_Line[] = "input end mean"' in exchanged
 
 
 def test_a_struct_of_another_size_is_refused_when_the_library_is_loaded(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(library._MIRRORS, "Line", Shorter)
-    library.library.cache_clear()
+    monkeypatch.setitem(engine_library._MIRRORS, "Line", Shorter)
+    engine_library.library.cache_clear()
     try:
         with pytest.raises(AssertionError, match="Line has mean at byte 8 in C and size at byte 8 in Python"):
-            library.library()
+            engine_library.library()
     finally:
-        library.library.cache_clear()
+        engine_library.library.cache_clear()

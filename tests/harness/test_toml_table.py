@@ -9,10 +9,10 @@ from pathlib import Path
 import pytest
 
 from harness.errors import SystemFileError
-from harness.storage.toml_file import Table, read_table
+from harness.storage.toml_file import TomlTable, read_table
 from harness.values import finite, flag, text
 
-SERVO = Table({"Ts": 1e-3, "law": "PID", "enable": 1}, "[servo] in axis.toml", SystemFileError)
+SERVO = TomlTable({"Ts": 1e-3, "law": "PID", "enable": 1}, "[servo] in axis.toml", SystemFileError)
 
 
 def refused(message: str) -> AbstractContextManager[object]:
@@ -40,7 +40,7 @@ def test_errors_name_place_key_and_remedy() -> None:
     with refused("has law = 'PID'; give one of PI, P (did you mean 'PI'?)"):
         SERVO.choice("law", ("PI", "P"))
     with refused("is 3, not a table; make it a table"):
-        Table(3, SERVO.where, SERVO.error)  # type: ignore[arg-type]
+        TomlTable(3, SERVO.where, SERVO.error)  # type: ignore[arg-type]
 
 
 def test_files_that_cannot_be_read(tmp_path: Path) -> None:

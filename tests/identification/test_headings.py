@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from friction_fmus.identification import ROTARY, RecordError, read_measurement, read_records
-from friction_fmus.identification.data.guessing import Meaning, meaning_of
+from friction_fmus.identification.data.column_headings import Meaning, meaning_of
 
 T = np.arange(100) * 2e-3
 X = 5.0 * np.sin(2 * np.pi * 10 * T)  # mm

@@ -19,7 +19,7 @@ from pyarrow import parquet
 from thorough import THOROUGH, few, nightly
 
 from friction_fmus.errors import FrictionError
-from friction_fmus.fmi.units import base_unit
+from friction_fmus.fmi.block_units import base_unit
 from friction_fmus.identification import RecordError, read_measurement
 from friction_fmus.identification.data.record import parse_quantity, unit_of
 from harness import BaseUnit
@@ -182,8 +182,8 @@ def test_pint_parses_in_one_place_only() -> None:
             names += [node.module or ""] if isinstance(node, ast.ImportFrom) else []
             if any(name.split(".")[0] == "pint" for name in names):
                 found.add(file.relative_to(ROOT).as_posix())
-    assert found == {"friction_fmus/fmi/units.py"}
-    text = (ROOT / "friction_fmus" / "fmi" / "units.py").read_text(encoding="utf-8")
+    assert found == {"friction_fmus/fmi/block_units.py"}
+    text = (ROOT / "friction_fmus" / "fmi" / "block_units.py").read_text(encoding="utf-8")
     (parsing,) = (
         node for node in ast.walk(ast.parse(text)) if isinstance(node, ast.FunctionDef) and node.name == "_parsed"
     )

@@ -23,7 +23,7 @@ from friction_fmus.identification import (
     RecordError,
     identifiable,
 )
-from friction_fmus.identification.fit.models import contact_model
+from friction_fmus.identification.fit.contact_model import contact_model
 from harness import Drive, FmuPart, read_ssv
 
 STEP = 1e-3

@@ -20,7 +20,7 @@ from thorough import nightly
 from friction_fmus.__main__ import main
 from friction_fmus.blocks.catalogue import catalogue
 from friction_fmus.identification import FitError, Identification, compare_models, identify, read_measurement
-from friction_fmus.identification.survey import IdentificationTask, _in_parallel
+from friction_fmus.identification.model_comparison import IdentificationTask, _in_parallel
 from harness import open_archive, read_ssv
 
 ROOT = Path(__file__).parents[2]
@@ -168,7 +168,7 @@ def test_a_model_that_fails_is_named_and_the_others_go_on(
     def some(model: str, *data: Any, **options: Any) -> Identification:
         return identify(model, *data, **options) if model == "Coulomb" else failing(model)
 
-    monkeypatch.setattr("friction_fmus.identification.survey.identify", some)
+    monkeypatch.setattr("friction_fmus.identification.model_comparison.identify", some)
     models = ["--model", "Dahl", "--model", "Viscous", "--model", "Coulomb", "--workers", "1"]
     assert main([*short, *models]) == 0
     printed = capsys.readouterr().out
@@ -195,7 +195,7 @@ def test_a_process_that_dies_is_a_reason_too(log: Path) -> None:
 def test_nothing_is_written_if_no_model_can_be_identified(
     short: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr("friction_fmus.identification.survey.identify", failing)
+    monkeypatch.setattr("friction_fmus.identification.model_comparison.identify", failing)
     assert main([*short, "--model", "Dahl", "--model", "LuGre", "--workers", "1"]) == 2
     assert "No model could be identified (Dahl: Dahl does not fit.; LuGre: " in capsys.readouterr().err
     assert not (tmp_path / "out").exists()
@@ -224,7 +224,7 @@ def test_all_means_every_model_that_can_be_identified(short: list[str], monkeypa
         asked.append(model)
         raise FitError("not now")
 
-    monkeypatch.setattr("friction_fmus.identification.survey.identify", note)
+    monkeypatch.setattr("friction_fmus.identification.model_comparison.identify", note)
     assert main([*short, "--model", "all", "--workers", "1"]) == 2
     assert {"Coulomb", "Stribeck", "Dahl", "LuGre", "ElastoPlastic", "MaxwellSlip", "GMS"} <= set(asked)
     assert set(asked) <= set(catalogue())

@@ -12,7 +12,7 @@ import tomli_w
 from fmpy.ssp.ssd import read_ssv
 from lxml import etree
 
-from friction_fmus.identification.export import toml_entry
+from friction_fmus.identification.result_files import toml_entry
 from harness import HarnessError, Parameter, ParameterSet
 from harness.ssp.ssv import ssv_bytes
 

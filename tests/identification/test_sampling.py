@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from friction_fmus.identification import Finding, RecordError, read_measurement
+from friction_fmus.identification import RecordError, RecordFinding, read_measurement
 from friction_fmus.identification.data.record import Array
 
 HZ = 5.0
@@ -30,7 +30,7 @@ def axis(folder: Path, t: Array, q: Array, force: Array, v: Array | None = None,
     return path
 
 
-def named(findings: tuple[Finding, ...]) -> list[str]:
+def named(findings: tuple[RecordFinding, ...]) -> list[str]:
     return [finding.name for finding in findings]
 
 

@@ -11,9 +11,9 @@ from thorough import nightly
 
 from friction_fmus.identification import LINEAR, Record, compare_models, identify
 from friction_fmus.identification.identifying import explanation
-from friction_fmus.identification.survey import IdentificationTask
-from friction_fmus.study.models import IdentifiedModel, ranked
-from friction_fmus.study.result import IdentifiedParameter, ModelResult
+from friction_fmus.identification.model_comparison import IdentificationTask
+from friction_fmus.study.model_ranking import IdentifiedModel, ranked
+from friction_fmus.study.study_result import IdentifiedParameter, ModelResult
 
 V = np.linspace(-0.1, 0.1, 4001)
 CURVE = {"Fc": 10.0, "Fs": 6.0, "vs": 0.02, "Fv": 30.0}

@@ -11,7 +11,7 @@ from friction_fmus.identification.fit.estimate import dependent_columns
 from friction_fmus.identification.fit.grid import HysteresisGrid, with_count
 from friction_fmus.identification.fit.search import SearchResult, covariance
 from friction_fmus.study.recommendation import extremes, rank
-from friction_fmus.study.result import CompensatorResult, Corner, Metrics, Weights
+from friction_fmus.study.study_result import CompensatorResult, Corner, Metrics, Weights
 
 
 @pytest.mark.parametrize("seed", range(20))

@@ -11,11 +11,11 @@ import pytest
 from contacts import dahl_force, noise
 from thorough import nightly
 
-from friction_fmus.axis.loop import closed_loop, run_loop
 from friction_fmus.axis.servo import AxisPlant, Servo, Trajectory
+from friction_fmus.axis.servo_loop import closed_loop, run_loop
 from friction_fmus.cli.main import main
 from friction_fmus.identification import LINEAR, FitError, Record, identifiable, identify
-from friction_fmus.identification.fit.models import contact_model
+from friction_fmus.identification.fit.contact_model import contact_model
 from friction_fmus.study.data import build_reference
 from friction_fmus.study.evaluation import off_by
 from harness import read_ssv

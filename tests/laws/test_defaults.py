@@ -15,8 +15,8 @@ from friction_fmus.blocks.probe import FIXED, PARAMETER
 from friction_fmus.errors import FrictionError
 from friction_fmus.export.block_fmu import describe_block
 from friction_fmus.lawkit.declarations import PARAMETERS
-from friction_fmus.lawkit.files import discover_laws
 from friction_fmus.lawkit.law import Law
+from friction_fmus.lawkit.law_files import discover_laws
 from friction_fmus.procedures import ilc
 from friction_fmus.study.config import parse_config
 
@@ -88,7 +88,7 @@ def test_procedures_have_the_defaults_of_the_block() -> None:
     block = starts("IterativeLearning")
     train = {name: p.default for name, p in inspect.signature(ilc.train).parameters.items()}
     assert {name: train[name] for name in ("rate", "fq")} == {name: block[name] for name in ("rate", "fq")}
-    loop = {field.name: field.default for field in fields(ilc.Loop) if field.default is not MISSING}
+    loop = {field.name: field.default for field in fields(ilc.PidLoop) if field.default is not MISSING}
     assert loop == {name: block[name] for name in loop}
 
 

@@ -14,9 +14,9 @@ from thorough import few, nightly, some
 from friction_fmus.blocks.axis_units import SLIDING
 from friction_fmus.blocks.catalogue import laws_folder
 from friction_fmus.blocks.probe import read_variables
-from friction_fmus.fmi.units import base_unit
-from friction_fmus.lawkit.files import discover_laws
-from friction_fmus.lawkit.law import BOOLEANS, VECTORS, Kind, Law, Unit, Variable, block_source
+from friction_fmus.fmi.block_units import base_unit
+from friction_fmus.lawkit.law import BOOLEANS, VECTORS, Kind, Law, LawVariable, Unit, block_source
+from friction_fmus.lawkit.law_files import discover_laws
 
 LAWS = discover_laws(laws_folder())
 SOME_LAWS = [law for law in LAWS if law.name in EACH_FEATURE]
@@ -46,7 +46,7 @@ def elements(
 '''
 
 
-def element(variable: Variable, i: int) -> str:
+def element(variable: LawVariable, i: int) -> str:
     """Name of a scalar in the block."""
     return f"{variable.name}[{i + 1}]" if variable.kind in VECTORS else variable.name
 

@@ -11,7 +11,7 @@ import pytest
 from casadi import SX
 from thorough import some
 
-from friction_fmus.codegen.export import make_export
+from friction_fmus.codegen.law_export import make_export
 from friction_fmus.lawkit.emit.c_text import kernel
 
 N = 5

@@ -17,7 +17,7 @@ sys.path.insert(0, str(Path(__file__).parents[2]))
 from benchmarks.law_runs import LawC, rows_of
 from friction_fmus import build
 from friction_fmus.__main__ import main
-from friction_fmus.codegen.export import make_export
+from friction_fmus.codegen.law_export import make_export
 from friction_fmus.codegen.layout import Export
 from friction_fmus.errors import FrictionError
 

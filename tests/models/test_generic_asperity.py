@@ -146,6 +146,31 @@ def test_break_away_grows_with_the_logarithm_of_the_time_at_rest(asperities: Lib
             assert run.get("F", "slipping") == pytest.approx([W, 20.0], rel=1e-8)
 
 
+def test_young_bonds_that_spread_fast_break_when_the_spring_reaches_them(asperities: Library) -> None:
+    """Friction bends most where both effects of age are strong: bonds of the age tau, with an area grown twentyfold."""
+    mu0, dmu, tau, creep, t0, age = 1e-3, 0.1, 0.1, 1.0, 1e-9, 0.1
+    normal = 20 * K_N * HEIGHT
+    v = 20.0 * normal / (20 * K_T)
+
+    def overload(s: float) -> float:
+        bond = (mu0 + dmu * -math.expm1(-(age + s) / tau)) * (1.0 + creep * math.log1p((age + s) / t0))
+        return mu0 + 20.0 * s - bond
+
+    breaks = brentq(overload, 1e-3, 1.0, xtol=1e-16, rtol=1e-14)
+    with Instance(asperities) as run:
+        run.initialise(v=v, height_spread=0.0, mu0=mu0, dmu=dmu, tau=tau, creep=creep, t0=t0, **FLAT)
+        run.step(0.0, 1.0)
+        now = steps(run, [(0.0, age)])
+        state = run.serialised()
+        run.set({"v": v})
+        run.step(now, breaks * (1.0 - 1e-9))
+        assert run.get("F", "stuck") == pytest.approx([normal * (mu0 + 20.0 * breaks), 20.0], rel=1e-8)
+        run.restore(state)
+        run.set({"v": v})
+        run.step(now, breaks * (1.0 + 1e-9))
+        assert run.get("F", "slipping") == pytest.approx([normal * mu0, 20.0], rel=1e-8)
+
+
 def test_adhesion_saturates(asperities: Library) -> None:
     with Instance(asperities) as run:
         run.initialise(age0=0.0, creep=0.0, **FLAT, **EQUAL)

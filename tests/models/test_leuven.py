@@ -570,6 +570,22 @@ def test_steady_sliding_does_not_chatter(modified: Library) -> None:
         assert max(seen) - min(seen) < 1e-12
 
 
+def test_the_unit_of_force_does_not_matter(modified: Library) -> None:
+    """2^-26 N in place of 1 N, in sliding on a Stribeck curve in steps that hardly change the level."""
+    found = []
+    for unit in (1.0, 2.0**-26):
+        forces = {"Fc": 1.0, "Fs": 1.5, "sigma1": 300.0, "sigma2": 0.4} | vector(k=ELEMENTS[0], W=ELEMENTS[1])
+        with Instance(modified) as run:
+            run.initialise(v=2e-3, **{name: value * (1.0 if name == "N" else unit) for name, value in forces.items()})
+            run.step(0.0, 1.0)
+            for k in range(100):
+                run.set({"v": 2e-3 - 1e-5 * k})
+                assert run.input_derivatives({"v": -0.1}) == OK
+                run.step(1.0 + 1e-4 * k, 1e-4)
+            found.append(run.get1("F") / unit)
+    assert found[1] == pytest.approx(found[0], rel=1e-12)
+
+
 def test_one_element_has_a_closed_form(modified: Library) -> None:
     """Below saturation k dz/dx = k (1 - r^n): an exponential for n = 1, tan and tanh for n = 2."""
     S, k = level(1e-3, P), 1e5

@@ -14,9 +14,9 @@ from scipy.interpolate import CubicHermiteSpline
 from thorough import nightly
 
 from friction_fmus import fmu
-from friction_fmus.axis.loop import closed_loop, run_loop
 from friction_fmus.axis.position_map import Grid, PositionMap
 from friction_fmus.axis.servo import AxisPlant, Servo, Trajectory
+from friction_fmus.axis.servo_loop import closed_loop, run_loop
 from friction_fmus.blocks.catalogue import source_folder
 from friction_fmus.errors import BuildError
 from friction_fmus.study.data import build_reference

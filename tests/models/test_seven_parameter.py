@@ -462,6 +462,18 @@ def test_held_steps_and_ramps_take_one_piece_each(seven: Library) -> None:
         assert run.get1("v_delayed") == pytest.approx(2e-3 + 0.5 * 2e-3, rel=1e-9)
 
 
+def test_a_rest_takes_one_piece(seven: Library) -> None:
+    with Instance(seven) as run:
+        run.initialise(tauL=5.0)
+        for k in range(1100):
+            run.must("DoStep", 1e-3 * k, 1e-3, 1)
+        run.set({"v": 2e-3})
+        run.step(run.get1("time"), 0.01)
+        run.set({"v": 0.0})
+        run.step(run.get1("time"), 4.995)
+        assert run.get1("v_delayed") == 2e-3
+
+
 def test_the_delay_line_is_part_of_the_state(seven: Library) -> None:
     draw = np.random.default_rng(3)
     v = draw.uniform(-5e-3, 5e-3, 200)

@@ -11,10 +11,10 @@ from scipy.signal import butter, filtfilt
 from thorough import nightly
 
 from friction_fmus.errors import FrictionError
-from friction_fmus.procedures import Loop, inverse_process_sensitivity, learning_step, train, zero_phase
+from friction_fmus.procedures import PidLoop, inverse_process_sensitivity, learning_step, train, zero_phase
 from harness import CallablePart, FmuPart, Part, Port, System
 
-LOOP = Loop(m=1.0, Kp=12e3, Kd=190.0, Ki=250e3)
+LOOP = PidLoop(m=1.0, Kp=12e3, Kd=190.0, Ki=250e3)
 Ts = 1e-3
 MakeSystem = Callable[[Part], System]
 
@@ -47,7 +47,7 @@ def back_and_forth(A: float) -> dict[str, float]:
     return {"reference.offset": A, "reference.amplitude[1]": -A, "reference.phase[1]": np.pi / 2.0}
 
 
-def run(make: MakeSystem, loop: Loop = LOOP, **settings: float) -> np.ndarray:
+def run(make: MakeSystem, loop: PidLoop = LOOP, **settings: float) -> np.ndarray:
     """The root mean square errors of 16 trials of one second."""
     settings = {"samples": 1000, "Ts": Ts, "fq": 100.0} | settings
     return train(make, loop, reference="reference.r", position="mass.x", **settings).rms
@@ -72,7 +72,7 @@ def test_sliding_friction_is_learned(axis):
 def test_presliding_is_learned_with_the_stiffness_of_the_contact(axis):
     """Then L is exact again; without it the contraction is 1 - rate |L S_p| with the stiffness in S_p alone."""
     make = axis("LuGre", {"friction.Fs": 1.0, "friction.sigma0": 1e5} | back_and_forth(2e-6), every=10)
-    rms = run(make, Loop(LOOP.m, LOOP.Kp + 1e5, LOOP.Kd, LOOP.Ki), step=1e-4)
+    rms = run(make, PidLoop(LOOP.m, LOOP.Kp + 1e5, LOOP.Kd, LOOP.Ki), step=1e-4)
     assert rms[-1] < rms[0] / 20.0
     assert (np.diff(rms) < 0.0).all()
     assert run(make, step=1e-4, trials=1)[1] > 0.75 * rms[0]
@@ -80,7 +80,7 @@ def test_presliding_is_learned_with_the_stiffness_of_the_contact(axis):
 
 def test_trials_diverge_where_the_condition_is_violated(axis):
     """L five times too large: |1 - 0.5 5| = 1.5."""
-    wrong = Loop(5.0 * LOOP.m, 5.0 * LOOP.Kp, 5.0 * LOOP.Kd, 5.0 * LOOP.Ki)
+    wrong = PidLoop(5.0 * LOOP.m, 5.0 * LOOP.Kp, 5.0 * LOOP.Kd, 5.0 * LOOP.Ki)
     rms = run(axis("Viscous", {"friction.Fv": 20.0} | back_and_forth(0.01)), wrong, trials=4)
     assert rms[1:] / rms[:-1] == pytest.approx([1.5] * 4, rel=0.1)
 

@@ -9,7 +9,7 @@ import pytest
 from pybtex.database import Entry, parse_string
 
 from friction_fmus import FrictionError, catalogue
-from friction_fmus.blocks.about import FILE, bibliography, cited
+from friction_fmus.blocks.block_declarations import FILE, bibliography, cited
 from friction_fmus.blocks.catalogue import Block, find
 from friction_fmus.cli.main import main
 

@@ -96,8 +96,11 @@ def test_a_public_name_of_a_module_that_needs_an_extra(tmp_path: Path, monkeypat
     (tmp_path / "needy.py").write_text("import pyarrow\n")
     monkeypatch.syspath_prepend(str(tmp_path))
     monkeypatch.setitem(sys.modules, "pyarrow", None)
-    monkeypatch.setitem(sys.modules, "package", types.ModuleType("package"))
-    getter, _ = lazy_names("package", {"needy": ["read"]})
+    package = types.ModuleType("package")
+    package.__file__ = str(tmp_path / "package.py")
+    (tmp_path / "package.py").write_text("if TYPE_CHECKING:\n    from needy import read\n")
+    monkeypatch.setitem(sys.modules, "package", package)
+    getter, _ = lazy_names("package")
     with pytest.raises(
         MissingPackageError, match=r"pyarrow is not installed; .*: pip install 'friction-fmus\[parquet\]'"
     ):

@@ -10,7 +10,7 @@ from importlib.util import resolve_name
 from pathlib import Path
 
 ROOT = Path(__file__).parents[2]
-ALLOWED = {("harness.parts.fmu", "harness.parts.isolated.part")}
+ALLOWED = {("harness.parts.fmu", "harness.parts.isolated.isolated_part")}
 """`FmuPart(..., isolate=True)` makes an object of its subclass, as `pathlib.Path` does."""
 
 
@@ -65,8 +65,8 @@ def folder(name: str) -> str:
     return ".".join(name.split(".")[:2])
 
 
-def test_folders_import_downwards() -> None:
-    """Only functions that users call, such as `System.to_fmu`, import from folders above their own."""
+def folder_imports() -> dict[str, set[str]]:
+    """What the modules of each folder import when they are imported, from other folders."""
     files = modules()
     graph: dict[str, set[str]] = {}
     for name, file in files.items():
@@ -76,10 +76,37 @@ def test_folders_import_downwards() -> None:
             if source in files and folder(source) != folder(name):
                 graph.setdefault(folder(name), set()).add(folder(source))
     assert sum(map(len, graph.values())) > 100
+    return graph
+
+
+def test_folders_import_downwards() -> None:
+    """Only functions that users call, such as `System.to_fmu`, import from folders above their own."""
     try:
-        TopologicalSorter(graph).prepare()
+        TopologicalSorter(folder_imports()).prepare()
     except CycleError as error:
         raise AssertionError(" <- ".join(error.args[1])) from error
+
+
+def test_the_architecture_shows_the_layers() -> None:
+    page = (ROOT / "docs" / "architecture.md").read_text(encoding="utf-8")
+    (drawing,) = re.findall(r"^friction_fmus +harness\n.*?(?=^```)", page, re.M | re.S)
+    columns = {"friction_fmus": 0, "harness": drawing.index("harness")}
+    lines = {
+        f"{'harness' if found.start() >= columns['harness'] else 'friction_fmus'}.{found[1]}": number
+        for number, line in enumerate(drawing.splitlines()[2:])
+        for found in re.finditer(r"(\w+)(?:/|\.py)", line)
+    }
+    folders = {
+        f"{package}.{path.parent.name}" for package in columns for path in (ROOT / package).glob("*/__init__.py")
+    }
+    assert folders | {"friction_fmus.laws"} == {name for name in lines if (ROOT / name.replace(".", "/")).is_dir()}
+    for upper, below in folder_imports().items():
+        for lower in below:
+            if upper in lines and "." in lower:
+                assert lower in lines, f"{upper} imports {lower}, which the drawing does not show"
+                assert columns[lower.split(".")[0]] >= columns[upper.split(".")[0]], f"{upper} imports {lower}"
+                across = lower.split(".")[0] != upper.split(".")[0]
+                assert across or lines[lower] > lines[upper], f"{upper} imports {lower}, which is not below it"
 
 
 NAMED = {

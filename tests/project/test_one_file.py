@@ -18,7 +18,7 @@ from friction_fmus import build
 from friction_fmus.__main__ import main
 from friction_fmus.blocks.catalogue import OWN_BLOCKS, catalogue
 from friction_fmus.check import check
-from friction_fmus.codegen.export import export_law
+from friction_fmus.codegen.law_export import export_law
 from friction_fmus.doctor import examine, unknown_parts
 from friction_fmus.errors import BuildError, FrictionError
 from friction_fmus.export import targets

@@ -18,7 +18,7 @@ from thorough import nightly, some
 from friction_fmus import build, fmu
 from friction_fmus.study.steps import CACHE, StepCache
 from harness import FmuError, FmuPart, System
-from harness.compiling import library
+from harness.compiling import engine_library
 from harness.compiling.platforms import NATIVE, Platform, compiled
 
 ROOT = Path(__file__).parents[2]
@@ -43,7 +43,7 @@ def cache(tmp_path_factory: pytest.TempPathFactory) -> Path:
     os.environ["FRICTION_FMUS_CACHE"] = str(folder)
     try:
         build("Coulomb", folder / "out")
-        library.library.__wrapped__()
+        engine_library.library.__wrapped__()
     finally:
         os.environ.pop("FRICTION_FMUS_CACHE") if before is None else os.environ.update(FRICTION_FMUS_CACHE=before)
     return folder
@@ -205,7 +205,7 @@ def test_a_truncated_library_beside_it_and_an_isolated_one(build_fmu: Callable[.
 def check_end_of_library(platform: Platform, folder: Path) -> None:
     from harness.compiling.shared_library import missing_bytes
 
-    content = compiled(platform, library.sources(), "engine", headers=False)
+    content = compiled(platform, engine_library.sources(), "engine", headers=False)
     path = folder / f"engine{platform.suffix}"
     path.write_bytes(content)
     ends = segment_ends(path)

@@ -14,8 +14,8 @@ import numpy as np
 from thorough import nightly
 
 from friction_fmus import identify
-from friction_fmus.axis.loop import closed_loop, run_loop
 from friction_fmus.axis.servo import AxisPlant, Servo, Trajectory
+from friction_fmus.axis.servo_loop import closed_loop, run_loop
 from friction_fmus.identification import Record
 from friction_fmus.study.data import build_reference
 

@@ -12,7 +12,7 @@ import pytest
 from codegen.test_unit_test import LAWS, write
 from thorough import some
 
-from friction_fmus.codegen.export import make_export
+from friction_fmus.codegen.law_export import make_export
 from friction_fmus.codegen.sources import implementation
 
 OPERATORS = {

@@ -19,17 +19,17 @@ import pytest
 from thorough import nightly, some
 
 from friction_fmus.__main__ import main
-from friction_fmus.axis.assembly import block
-from friction_fmus.axis.loop import LoopTrace, run_loop
+from friction_fmus.axis.loop_assembly import block
 from friction_fmus.axis.position_map import Grid, PositionMap
 from friction_fmus.axis.servo import AxisPlant, Compensator, Trajectory
+from friction_fmus.axis.servo_loop import LoopTrace, run_loop
 from friction_fmus.identification import LINEAR, identifiable
-from friction_fmus.identification.fit.models import contact_model
+from friction_fmus.identification.fit.contact_model import contact_model
 from friction_fmus.study import Servo
 from friction_fmus.study.compensators import AxisKnowledge, candidates, compensators
 from friction_fmus.study.data import LUGRE, build_reference
 from friction_fmus.study.evaluation import AxisBench, Scheme, evaluate, judge
-from friction_fmus.study.export import Figures, export_recommended
+from friction_fmus.study.study_files import Figures, export_recommended
 from harness import CallablePart, Experiment, FmuPart, Part, Port, System, Wire
 
 TS = 1e-3

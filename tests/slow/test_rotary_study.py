@@ -12,13 +12,13 @@ import numpy as np
 import pytest
 from thorough import nightly
 
-from friction_fmus.axis.loop import closed_loop, run_loop
 from friction_fmus.axis.servo import AxisPlant, Servo, Trajectory
+from friction_fmus.axis.servo_loop import closed_loop, run_loop
 from friction_fmus.cli.main import main
 from friction_fmus.identification import compare_models, identify, read_measurement
-from friction_fmus.identification.survey import IdentificationTask
+from friction_fmus.identification.model_comparison import IdentificationTask
 from friction_fmus.study.data import build_reference
-from friction_fmus.study.models import identify_model
+from friction_fmus.study.model_ranking import identify_model
 
 LUGRE = {"sigma0": 50.0, "sigma1": 0.3, "sigma2": 0.01, "Fc": 0.05, "Fs": 0.075, "vs": 0.02, "delta": 2.0}
 INERTIA = 2e-3

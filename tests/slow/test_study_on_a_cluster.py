@@ -84,7 +84,7 @@ def test_the_study_on_two_workers_is_that_of_one_process(tmp_path: Path, schedul
     there, here = tmp_path / "there", tmp_path / "here"
     assert main(["study", str(settings), "-o", str(there), "--scheduler", scheduler]) == 0
     with distributed.Client(scheduler, timeout=60) as client:
-        worked = client.run(lambda: "friction_fmus.study.models" in sys.modules)
+        worked = client.run(lambda: "friction_fmus.study.model_ranking" in sys.modules)
     assert len(worked) == 2
     assert all(worked.values()), "one of the workers did nothing"
     assert main(["study", str(settings), "-o", str(here), "--workers", "1"]) == 0

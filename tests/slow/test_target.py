@@ -35,7 +35,7 @@ from friction_fmus.codegen.emulation import (
     samples,
     trace,
 )
-from friction_fmus.codegen.export import ACCURACY, TRAVEL, make_export
+from friction_fmus.codegen.law_export import ACCURACY, TRAVEL, make_export
 from friction_fmus.codegen.unit_test import unit_test
 from friction_fmus.codegen.vectors import EXACT as EXACT_FUNCTIONS
 from friction_fmus.codegen.vectors import N, vectors

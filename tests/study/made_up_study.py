@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from friction_fmus.identification import LINEAR
-from friction_fmus.study.result import (
+from friction_fmus.study.study_result import (
     CompensatorResult,
     ConditionResult,
     Corner,

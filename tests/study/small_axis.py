@@ -11,7 +11,7 @@ from friction_fmus.axis.servo import AxisPlant, Compensator, Trajectory
 from friction_fmus.study import Servo
 from friction_fmus.study.data import LUGRE, build_reference
 from friction_fmus.study.evaluation import AxisBench, Scheme, evaluate
-from friction_fmus.study.result import CompensatorResult
+from friction_fmus.study.study_result import CompensatorResult
 
 TS = 1e-3
 SERVO = Servo("PID", {"Kp": 12e3, "Kd": 190.0, "Ki": 900.0}, TS, 100.0, quantum=1e-7, noise=1e-7, delay=1)

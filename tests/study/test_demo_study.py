@@ -16,7 +16,7 @@ import pytest
 from thorough import THOROUGH, nightly, some
 
 from friction_fmus.__main__ import main
-from friction_fmus.axis.loop import run_loop
+from friction_fmus.axis.servo_loop import run_loop
 from friction_fmus.study import Compensation, StudyResult, load_config, run_study
 from friction_fmus.study.steps import CACHE, rebuild
 from harness import System
@@ -58,9 +58,9 @@ def study(tmp_path_factory: pytest.TempPathFactory) -> Study:
         with pytest.MonkeyPatch.context() as patch:  # test_what_if.py tests the axis in the browser
             patch.setattr("friction_fmus.study.study.panel_of", lambda *_: "It is not compiled here.")
             patch.setattr(
-                "friction_fmus.study.export.export_composites", lambda *_: ()
+                "friction_fmus.study.study_files.export_composites", lambda *_: ()
             )  # see slow/test_recommended_files.py
-            patch.setattr("friction_fmus.codegen.export.CORES", ())  # see slow/test_target.py
+            patch.setattr("friction_fmus.codegen.law_export.CORES", ())  # see slow/test_target.py
             return Study(out, run_study(config, out, processes=1, progress=listener), {}, listener.told)
     command = [sys.executable, "-m", *blocks("demo")[0].replace("-", "_", 1).replace("-o out", f"-o {out}").split()]
     with subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE) as process:

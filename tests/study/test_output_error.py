@@ -13,7 +13,7 @@ from friction_fmus.identification import (
     ExcitationError,
     FitError,
     OutputErrorFit,
-    Target,
+    TargetSignal,
     Unknown,
     fit_output_error,
 )
@@ -28,9 +28,9 @@ def decay(parameters: Mapping[str, float]) -> dict[str, Array]:
     return {"x": x, "v": -x / parameters["tau"]}
 
 
-def target(noise: float = 0.0, seed: int = 0) -> Target:
+def target(noise: float = 0.0, seed: int = 0) -> TargetSignal:
     error = noise * np.random.default_rng(seed).standard_normal(len(T))
-    return Target(decay(TRUTH)["x"] + error, 1.0)
+    return TargetSignal(decay(TRUTH)["x"] + error, 1.0)
 
 
 def fit(noise: float = 0.0, seed: int = 0) -> OutputErrorFit:
@@ -45,7 +45,7 @@ def test_the_truth_is_found() -> None:
 
 
 def test_two_targets_are_weighed_by_their_scales() -> None:
-    targets = {"x": target(), "v": Target(decay({"a": 2.0, "tau": 0.8})["v"], 1e3)}
+    targets = {"x": target(), "v": TargetSignal(decay({"a": 2.0, "tau": 0.8})["v"], 1e3)}
     assert fit_output_error(decay, UNKNOWNS, targets).values() == pytest.approx(TRUTH, rel=1e-2)
 
 
@@ -62,7 +62,7 @@ def test_standard_errors_are_the_scatter_of_the_estimates() -> None:
 
 def test_robust_errors_see_that_neighbouring_residuals_are_alike() -> None:
     slow = np.repeat(np.random.default_rng(3).standard_normal(41), 15)[: len(T)]
-    targets = {"x": Target(decay(TRUTH)["x"] + 0.05 * slow, 1.0)}
+    targets = {"x": TargetSignal(decay(TRUTH)["x"] + 0.05 * slow, 1.0)}
     found = fit_output_error(decay, UNKNOWNS, targets, correlation=60)
     assert found.parameters["a"].standard_error > 2.0 * found.classic_errors["a"]
 
@@ -90,7 +90,7 @@ def test_the_mapper_gets_the_runs_of_the_jacobian() -> None:
 def test_samples_before_the_first_do_not_count() -> None:
     spoiled = target().measured.copy()
     spoiled[:50] += 100.0
-    found = fit_output_error(decay, UNKNOWNS, {"x": Target(spoiled, 1.0, first=50)})
+    found = fit_output_error(decay, UNKNOWNS, {"x": TargetSignal(spoiled, 1.0, first=50)})
     assert found.values() == pytest.approx(TRUTH, rel=1e-2)
 
 
@@ -116,13 +116,13 @@ def test_parameters_that_cannot_be_told_apart_are_refused() -> None:
         ([UNKNOWNS[0], UNKNOWNS[0]], {"x": target()}, "contain a name twice"),
         ([replace(UNKNOWNS[0], step=0.0)], {"x": target()}, "step of a"),
         ([replace(UNKNOWNS[0], lower=5.0)], {"x": target()}, "start value 1.4 of a is outside"),
-        (UNKNOWNS, {"x": Target(target().measured, 0.0)}, "scale of the target 'x'"),
-        (UNKNOWNS, {"x": Target(target().measured, 1.0, first=601)}, "sample 601, but has only 601"),
+        (UNKNOWNS, {"x": TargetSignal(target().measured, 0.0)}, "scale of the target 'x'"),
+        (UNKNOWNS, {"x": TargetSignal(target().measured, 1.0, first=601)}, "sample 601, but has only 601"),
         (UNKNOWNS, {"y": target()}, "returned x, v, but not 'y'"),
-        (UNKNOWNS, {"x": Target(np.zeros(5), 1.0)}, "shape"),
+        (UNKNOWNS, {"x": TargetSignal(np.zeros(5), 1.0)}, "shape"),
     ],
 )
-def test_wrong_set_ups_are_refused(unknowns: list[Unknown], targets: dict[str, Target], complaint: str) -> None:
+def test_wrong_set_ups_are_refused(unknowns: list[Unknown], targets: dict[str, TargetSignal], complaint: str) -> None:
     with pytest.raises(FitError, match=complaint):
         fit_output_error(decay, unknowns, targets)
 

@@ -9,14 +9,14 @@ import numpy as np
 import pytest
 from thorough import nightly, some
 
-from friction_fmus.axis.loop import closed_loop, run_loop
 from friction_fmus.axis.position_map import Grid, PositionMap
 from friction_fmus.axis.servo import AxisPlant, Compensator, Servo, Trajectory
+from friction_fmus.axis.servo_loop import closed_loop, run_loop
 from friction_fmus.identification import Array
 from friction_fmus.study.compensators import TABLE, AxisKnowledge, candidates
 from friction_fmus.study.data import build_reference
 from friction_fmus.study.evaluation import AxisBench, Scheme, evaluate
-from friction_fmus.study.export import export_recommended
+from friction_fmus.study.study_files import export_recommended
 from harness import System
 
 T = 1e-3 * np.arange(1001.0)

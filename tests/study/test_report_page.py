@@ -22,8 +22,8 @@ from thorough import nightly, some
 from friction_fmus.identification import ROTARY
 from friction_fmus.report import report_html, write_report
 from friction_fmus.report.figures import thinned
-from friction_fmus.report.numbers import brief, multiple, number, quantity, unit, with_error
-from friction_fmus.study.result import Recommendation, StudyCurve, StudyResult
+from friction_fmus.report.formatting import brief, multiple, number, quantity, unit, with_error
+from friction_fmus.study.study_result import Recommendation, StudyCurve, StudyResult
 from harness.errors import OutputError
 
 HOSTILE = '<script>alert("x")</script><b>&amp;'

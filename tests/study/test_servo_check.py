@@ -16,8 +16,8 @@ from friction_fmus.axis.servo import Servo
 from friction_fmus.data import load_emps
 from friction_fmus.identification import ROTARY, Record
 from friction_fmus.study import load_config
-from friction_fmus.study.result import ServoCheck
 from friction_fmus.study.servo_check import check_servo, commanded
+from friction_fmus.study.study_result import ServoCheck
 
 EMPS = load_emps().record.window(0.0, 8.0)
 T = EMPS.t

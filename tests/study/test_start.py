@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from thorough import some
 
-from friction_fmus.axis.loop import REST, closed_loop, from_rest, run_loop
 from friction_fmus.axis.servo import AxisPlant, Trajectory
+from friction_fmus.axis.servo_loop import REST, closed_loop, from_rest, run_loop
 from friction_fmus.data import load_emps
 from friction_fmus.study import load_config
 from friction_fmus.study.compensators import AxisKnowledge, candidates

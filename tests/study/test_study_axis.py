@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 from thorough import nightly, some
 
-from friction_fmus.axis.loop import LoopTrace, closed_loop
 from friction_fmus.axis.servo import AxisPlant, Compensator, Trajectory
+from friction_fmus.axis.servo_loop import LoopTrace, closed_loop
 from friction_fmus.data import load_emps
 from friction_fmus.identification import LINEAR, identifiable
-from friction_fmus.identification.fit.models import contact_model
+from friction_fmus.identification.fit.contact_model import contact_model
 from friction_fmus.study import Servo, load_config, run_study
 from friction_fmus.study.comparison import trials, with_integral
 from friction_fmus.study.compensators import AxisKnowledge, candidates, compensators, period_of
@@ -33,7 +33,7 @@ from friction_fmus.study.evaluation import (
     reversals,
     settling,
 )
-from friction_fmus.study.result import Limits, thinned
+from friction_fmus.study.study_result import Limits, thinned
 
 SERVO = Servo("PID", {"Kp": 12e3, "Kd": 190.0, "Ki": 0.0}, 1e-3, 20.0)
 PLANT = AxisPlant("LuGre", LUGRE, 1.0, 0.2)

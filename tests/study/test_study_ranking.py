@@ -8,7 +8,7 @@ import pytest
 
 from friction_fmus.blocks.axis_units import SLIDING
 from friction_fmus.study.recommendation import extremes, figures, ladder, largest_step, rank, recommend, shown
-from friction_fmus.study.result import CompensatorResult, Corner, Limits, LoopMargins, Metrics, Weights
+from friction_fmus.study.study_result import CompensatorResult, Corner, Limits, LoopMargins, Metrics, Weights
 
 
 def row(

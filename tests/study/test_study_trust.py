@@ -17,10 +17,10 @@ from friction_fmus.__main__ import main
 from friction_fmus.axis.servo import Servo
 from friction_fmus.data import load_emps
 from friction_fmus.identification import Record
-from friction_fmus.identification.physics import contradictions, drive_balance
+from friction_fmus.identification.force_findings import contradictions, drive_balance
 from friction_fmus.study import load_config
 from friction_fmus.study.data import load_data, measured_servo
-from friction_fmus.study.models import IdentifiedModel, Measured, identify_model, in_closed_loop, refine
+from friction_fmus.study.model_ranking import IdentifiedModel, Measured, identify_model, in_closed_loop, refine
 from friction_fmus.study.servo_check import check_servo
 from friction_fmus.study.study import force_findings, loop_growth
 from harness import System

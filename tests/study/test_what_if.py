@@ -13,9 +13,9 @@ from made_up_study import made_up_study
 from small_axis import LAW, NOISE, SERVO, bench_of, runs_of
 from thorough import nightly, some
 
-from friction_fmus.axis.assembly import PartPool
-from friction_fmus.axis.loop import run_loop
+from friction_fmus.axis.loop_assembly import PartPool
 from friction_fmus.axis.servo import Compensator
+from friction_fmus.axis.servo_loop import run_loop
 from friction_fmus.report import report_html
 from friction_fmus.study.evaluation import Case, Scheme, changed, off_by, system_of
 from friction_fmus.study.what_if import knobs_of, panel_of, variable_system

@@ -8,9 +8,9 @@ from ctypes import byref, c_double, c_int, c_size_t, c_uint
 from typing import Any, Final
 
 from .exchange import MOST_ITERATIONS, EventInfo, RawExchange
-from .host import Report, probe
-from .library import OK, WARNING, ProbedVariable, RawInstance, RawLibrary, RefusedError, last_message
+from .fmi2_library import OK, WARNING, ProbedVariable, RawInstance, RawLibrary, RefusedError, last_message
 from .lifecycle import report_accepted, report_refused
+from .probe_process import Report, probe
 
 _ONLY: Final = "model exchange"
 _GUARD: Final = 4

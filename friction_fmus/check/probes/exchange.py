@@ -7,14 +7,13 @@ import math
 from ctypes import byref, c_double, c_int
 from typing import Final, Self
 
-from .library import ERROR, RawInstance, RawLibrary, RefusedError
+from .fmi2_library import ERROR, RawInstance, RawLibrary, RefusedError
 
 MOST_ITERATIONS: Final = 100  # largest number of calls of fmi2NewDiscreteStates for one event
 UNSET: Final = -7  # what the results of a call hold before it
 
 _SUBSTEPS: Final = 4
-_LARGEST: Final = 0.1
-"""Largest change of a state in a substep, relative to its nominal value; the steps are not accurate, but plausible."""
+_LARGEST: Final = 0.1  # largest change of a state in a substep over its nominal value: plausible, not accurate
 
 
 class EventInfo(ctypes.Structure):

@@ -7,8 +7,8 @@ import math
 from collections.abc import Callable
 from ctypes import byref, c_void_p
 
-from .host import Report, probe
-from .library import OK, WARNING, MissingError, ProbedVariable, RawInstance, RawLibrary, last_message
+from .fmi2_library import OK, WARNING, MissingError, ProbedVariable, RawInstance, RawLibrary, last_message
+from .probe_process import Report, probe
 
 _TOLERANCE = 1e-14  # relative tolerance: a few units in the last place, as caused by XML numbers with 15 to 17 digits
 
@@ -73,14 +73,10 @@ def start_values(library: RawLibrary, report: Report) -> None:
                 message = f"{v.name} rejects its start value {v.start}{last_message(library)}; accept it"
                 report("variable-not-settable", message, v.name)
         run.must("ExitInitializationMode")
-        _check_outputs(library, report, run)
-
-
-def _check_outputs(library: RawLibrary, report: Report, run: RawInstance) -> None:
-    for v in library.variables:
-        if v.causality == "output" and v.type == "Real" and not math.isfinite(run.read_status(v)[1]):
-            message = f"{v.name} is not finite after initialisation; choose valid start values"
-            report("value-not-finite", message, v.name)
+        for v in library.variables:
+            if v.causality == "output" and v.type == "Real" and not math.isfinite(run.read_status(v)[1]):
+                message = f"{v.name} is not finite after initialisation; choose valid start values"
+                report("value-not-finite", message, v.name)
 
 
 # ---- the order of calls (section 4.2.4)
@@ -92,8 +88,7 @@ _MODES = {
     "T": "the state terminated",
 }
 
-InMode = Callable[[RawLibrary, str], RawInstance]
-"""Returns an instance in a mode, given by its letter."""
+InMode = Callable[[RawLibrary, str], RawInstance]  # returns an instance in a mode, given by its letter
 
 
 def report_refused(
@@ -163,18 +158,15 @@ def _set(run: RawInstance, v: ProbedVariable | None) -> int:
     return OK if v is None else run.write_status(v, v.start)
 
 
-def _any_real(library: RawLibrary) -> ProbedVariable | None:
-    return next((v for v in library.variables if v.type == "Real"), None)
-
-
 @probe(several=True, only="co-simulation")
 def allowed(library: RawLibrary, report: Report) -> None:
     """Check that calls are accepted in each state in which the standard allows them."""
+    real = next((v for v in library.variables if v.type == "Real"), None)
     calls: dict[str, tuple[str, Callable[[RawInstance], int]]] = {
         "SetDebugLogging": ("INCT", lambda run: run.status("SetDebugLogging", 1, 0, None)),
         "SetReal of an input": ("NC", lambda run: _set(run, _real(library, "input"))),
         "SetReal of a parameter": ("IN", lambda run: _set(run, _real(library, "parameter"))),
-        "GetReal": ("NCT", lambda run: _get(run, _any_real(library))),
+        "GetReal": ("NCT", lambda run: _get(run, real)),
         "Terminate": ("C", lambda run: run.status("Terminate")),
         "Reset": ("INCT", lambda run: run.status("Reset")),
     }

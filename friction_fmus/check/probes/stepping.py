@@ -9,8 +9,7 @@ from time import perf_counter
 from typing import Any
 
 from .exchange import start
-from .host import Report, probe
-from .library import (
+from .fmi2_library import (
     DISCARD,
     OK,
     WARNING,
@@ -21,9 +20,9 @@ from .library import (
     last_message,
     references,
 )
+from .probe_process import Report, probe
 
-_ODD = (1.0 / 3.0, 1.0 / 0.06, 1.0, 0.1)
-"""Steps that are not binary fractions, as multiples of the preferred step of the XML."""
+_ODD = (1.0 / 3.0, 1.0 / 0.06, 1.0, 0.1)  # multiples of the preferred step of the XML that are no binary fractions
 
 Trajectory = list[dict[str, Any]]
 

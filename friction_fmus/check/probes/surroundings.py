@@ -10,8 +10,8 @@ from pathlib import Path
 from time import perf_counter
 
 from .exchange import start
-from .host import Report, probe
-from .library import OK, WARNING, RawLibrary, settings_now
+from .fmi2_library import OK, WARNING, RawLibrary, settings_now
+from .probe_process import Report, probe
 
 _BLOCK = 0.4  # duration of a block of repetitions [s]
 _MOST = 2000

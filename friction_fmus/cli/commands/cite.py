@@ -15,7 +15,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> None:
     """Print the entries, each once."""
-    from friction_fmus.blocks.about import bibliography
+    from friction_fmus.blocks.block_declarations import bibliography
     from friction_fmus.blocks.catalogue import find
 
     entries = [] if options.names else list(bibliography().values())

@@ -18,7 +18,7 @@ from harness.errors import ExperimentError
 from harness.masters import master_names
 
 if TYPE_CHECKING:
-    from friction_fmus.doctor import Finding
+    from friction_fmus.doctor import LoopFinding
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -70,14 +70,14 @@ def _experiment(system: harness.System, options: argparse.Namespace) -> harness.
     return replace(experiment, master=options.master) if options.master else experiment
 
 
-def _plain(finding: Finding) -> dict[str, object]:
+def _plain(finding: LoopFinding) -> dict[str, object]:
     """Return a finding for JSON, which has no infinity: such numbers become null."""
     values = asdict(finding.condition)
     numbers = {key: values[key] if math.isfinite(values[key]) else None for key in ("value", "bound")}
     return {"parts": list(finding.parts), **values, **numbers}
 
 
-def _show(finding: Finding) -> None:
+def _show(finding: LoopFinding) -> None:
     from friction_fmus.cli.console import console, styled
 
     condition, parts = finding.condition, ", ".join(finding.parts)

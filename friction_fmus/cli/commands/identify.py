@@ -20,8 +20,7 @@ if TYPE_CHECKING:
     from friction_fmus.identification import Identification, Measurement, Record
 
 LOSSES = ("linear", "soft_l1", "huber", "cauchy", "arctan")
-SHOWN = 3
-"""Largest number of models whose parameters are all printed; with more models, only those of the best are printed."""
+SHOWN = 3  # most models whose parameters are all printed; with more models, only those of the best are
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -44,10 +43,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     methods = ("auto", *method_names())
     parser.add_argument("--method", choices=methods, default="auto", help="method; auto selects it by the model")
     parser.add_argument(
-        "--loss",
-        choices=LOSSES,
-        default="linear",
-        help="loss function; all except linear are robust against outliers",
+        "--loss", choices=LOSSES, default="linear", help="loss function; all except linear are robust against outliers"
     )
     parser.add_argument(
         "--position-map",
@@ -80,9 +76,9 @@ def run(options: argparse.Namespace) -> int:
     from friction_fmus.cli.identification_tables import show_data, show_parameters, show_ranking
     from friction_fmus.identification import examine_segments, read_measurement
     from friction_fmus.identification.data.reading import default_windows
-    from friction_fmus.identification.export import write_results
-    from friction_fmus.identification.physics import FORBIDDING, contradictions
-    from friction_fmus.identification.survey import IdentificationTask, compare_models
+    from friction_fmus.identification.force_findings import FORBIDDING, contradictions
+    from friction_fmus.identification.model_comparison import IdentificationTask, compare_models
+    from friction_fmus.identification.result_files import write_results
 
     models = _models(options.model or _configured(options.data))
     if options.residual and options.method == "free-run":

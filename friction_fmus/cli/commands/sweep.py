@@ -63,9 +63,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Run the sweep, and print the first results and the folder."""
-    from friction_fmus.cli.console import console
+    from friction_fmus.cli.console import RunBar, console
     from friction_fmus.cli.inputs import connect, open_system, parameter_sets
-    from friction_fmus.cli.sweep_table import SweepBar, show_sweep, sweep_progress
+    from friction_fmus.cli.sweep_table import show_sweep, sweep_progress
     from harness.engine.defect import WRONG
 
     samples = parameter_sets(options)
@@ -82,7 +82,7 @@ def run(options: argparse.Namespace) -> int:
             workers=options.workers,
             experiment=_experiment(system, options),
             keep=options.keep,
-            progress=SweepBar(bar),
+            progress=RunBar(bar, "sweep"),
             accuracy=options.accuracy,
         )
     errors = [str(error) for error in result["error"].to_numpy() if error]

@@ -7,14 +7,12 @@ from collections.abc import Iterable, Mapping, Sequence
 from textwrap import shorten
 
 import numpy as np
-from numpy.typing import NDArray
 
 from friction_fmus.export.composite.composite_description import provides_derivatives
 from friction_fmus.export.composite.composite_interface import (
+    CompositeVariable,
     InputsPart,
-    OpenSystem,
     PartCode,
-    Variable,
     exchange_fault,
     states,
 )
@@ -25,6 +23,7 @@ from harness.masters.newton import FINEST, FINEST_ADAPTIVE, Loops
 from harness.parts.fmu import FmuPart
 from harness.parts.part import TYPE_ORDER, Part
 from harness.parts.series import SeriesPart
+from harness.system.assembly import Assembled
 from harness.system.graph import instantaneous
 from harness.system.initialisation import StartOrder
 from harness.system.plan import Plan, Schedule
@@ -71,11 +70,11 @@ _SETTINGS = {True: "SET_EARLY", False: "SET_ALWAYS"}
 def table_file(
     name: str,
     guid: str,
-    system: OpenSystem,
+    system: Assembled,
     plan: Plan,
     start: StartOrder,
     codes: Mapping[str, PartCode],
-    variables: Sequence[Variable],
+    variables: Sequence[CompositeVariable],
     error: float,
     tolerance: float,
     step_tolerance: float,
@@ -120,12 +119,12 @@ class _Writer:
 
     def __init__(
         self,
-        system: OpenSystem,
+        system: Assembled,
         plan: Plan,
         loops: Loops,
         start: StartOrder,
         codes: Mapping[str, PartCode],
-        variables: Sequence[Variable],
+        variables: Sequence[CompositeVariable],
     ) -> None:
         self._system, self._plan, self._loops, self._start = system, plan, loops, start
         self._codes, self._variables = codes, variables
@@ -157,6 +156,7 @@ class _Writer:
             "UNKNOWNS": len(loops.unknowns),
             "MOST": max((row.unknowns for row in loops.rows), default=0),
             "HELD": len(loops.held),
+            "STATE_OUTPUTS": len(loops.states),
             "ROOTS": len(self._start.roots),
             "START_LOOP": int(self._start.is_loop),
             "LATE_LOOP": int(self._start.is_late_loop),
@@ -231,7 +231,7 @@ class _Writer:
         plan, loops = self._plan, self._loops
         delays = []
         for i in self._lengths:
-            target = self._owner(plan.inputs, i)
+            target = next(part for part, (first, last) in enumerate(plan.inputs) if first <= i < last)
             fresh = plan.fresh_inputs(Schedule(implicit=True))[i]
             row = (i, self._lengths[i], plan.every[target], plan.phase[target], fresh)
             first = plan.initials[i]
@@ -254,14 +254,16 @@ class _Writer:
         plan, loops = self._plan, self._loops
         groups = [f"    {{{', '.join(str(getattr(row, field)) for field, *_ in row._fields_)}}}," for row in loops.rows]
         contacts = [f"    {{{', '.join(map(str, contact))}}}," for contact in loops.contacts]
+        states = [f"    {{{output}, {line}}}," for output, line in loops.states]
         names = [f"    {c_string(_brief(loops.shown(number)))}," for number in range(len(loops.rows))]
         lines = [f"    {c_string(f'{plan.names[wire.output]} -> {plan.names[wire.input]}')}," for wire in loops.wires]
         group_of = {part: number for number, group in enumerate(loops.groups) for part in group}
         groups_of_lines = [group_of[wire.target] for wire in loops.wires]
         return [
-            *c_rows("Group group_data", groups, "{0, 0, 0, 0, 0, 0, 0, 0, 0}"),
+            *c_rows("Group group_data", groups, "{0}"),
             *c_rows("Contact contact_data", contacts, "{0, 0, 0, 0, 0}"),
             *c_integers("load_inputs", loops.loads),
+            *c_rows("StateOutput state_data", states, "{0, 0}"),
             *c_rows("char *const loop_names", names, '""'),
             *c_integers("line_groups", groups_of_lines),
             *c_rows("char *const line_names", lines, '""'),
@@ -357,9 +359,6 @@ class _Writer:
         types = [self._plan.ports[name].type for name in self._plan.names[first:last]]
         places = np.cumsum([first, *(types.count(kind) for kind in TYPE_ORDER[:3])])
         return "{" + ", ".join(str(int(place)) for place in places) + "}"
-
-    def _owner(self, ranges: NDArray[np.int64], signal: int) -> int:
-        return next(part for part, (first, last) in enumerate(ranges) if first <= signal < last)
 
     def _from_outside(self, signal: int) -> bool:
         """Return whether a connected input is driven by a part without inputs of its own."""

@@ -20,7 +20,6 @@ from friction_fmus.export.composite.composite_description import (
     step_dependencies,
 )
 from friction_fmus.export.composite.composite_interface import (
-    OpenSystem,
     check_parts,
     choose_interface,
     composite_variables,
@@ -31,7 +30,7 @@ from friction_fmus.export.composite.composite_interface import (
 )
 from friction_fmus.export.composite.diagram import loop_icon
 from friction_fmus.export.targets import SourceFmu, choose_target
-from harness.compiling.library import sources as engine_sources
+from harness.compiling.engine_library import sources as engine_sources
 from harness.compiling.platforms import Platform, select
 from harness.compiling.toolchain import guid_of, source_folder
 from harness.errors import BuildError, ExperimentError
@@ -40,10 +39,10 @@ from harness.parts.fmu import FmuPart
 from harness.run import run
 from harness.storage.files import stamped
 from harness.storage.zip_file import zipped
-from harness.system.assembly import Assembly
+from harness.system.assembly import Assembled, Assembly
 from harness.system.experiment import COUPLING_TOLERANCE, LOOP_TOLERANCE, STEP_TOLERANCE, Experiment
 from harness.system.feedthrough import find_feedthrough
-from harness.system.graph import check_loops, make_plan, stepping_order
+from harness.system.graph import check_loops, make_plan, state_outputs, stepping_order
 from harness.system.initialisation import start_order
 from harness.values import is_number
 
@@ -98,7 +97,7 @@ def composite_source(
     source = next((part for part in whole.parts if part not in inner.parts), None)
     order = [part for part in experiment.order or stepping_order(system.parts, system.wires) if part in inner.parts]
     order += [source] if source is not None else []
-    plan = make_plan(whole, replace(experiment, order=tuple(order)), [])
+    plan = make_plan(whole, replace(experiment, order=tuple(order)), state_outputs(whole.parts))
     check_loops(whole.parts, whole.wires, implicit=True)
     start = start_order(plan, inner.parts, [wire for wire in inner.wires if wire.ends[0][0] in inner.parts])
     if source is not None:
@@ -151,7 +150,7 @@ def _check_path(path: Path, system: Assembly, ending: str) -> None:
             raise BuildError(f"{path} is the part '{part.name}' of the system: give the FMU another name")
 
 
-def _start(system: OpenSystem, experiment: Experiment) -> None:
+def _start(system: Assembled, experiment: Experiment) -> None:
     """Start the parts once: an FMU with start values that a part rejects could not be used."""
     inner = [wire for wire in system.wires if wire.ends[0][0] in system.parts]
     run(replace(system, wires=inner), replace(experiment, stop=experiment.start, order=(), record=()))

@@ -13,7 +13,7 @@ from typing import Any
 
 from lxml import etree, html
 
-from friction_fmus.export.composite.composite_interface import PartCode, Variable, reinitialised, states
+from friction_fmus.export.composite.composite_interface import CompositeVariable, PartCode, reinitialised, states
 from friction_fmus.export.composite.diagram import diagram
 from friction_fmus.fmi.html_page import page, row, table
 from friction_fmus.fmi.model_description import declare_traits, icon_root
@@ -29,7 +29,7 @@ from harness.units import BASE_SYMBOLS, BaseUnit, parse_unit
 from harness.values import STRUCTURED
 
 
-def step_dependencies(system: Assembly, variables: Sequence[Variable]) -> dict[str, list[int]]:
+def step_dependencies(system: Assembly, variables: Sequence[CompositeVariable]) -> dict[str, list[int]]:
     """Return for each output and derivative the indices of the inputs and states on which it depends directly.
 
     States count if the FMU is for model exchange too.
@@ -67,7 +67,7 @@ def _direct(part: Part, *, exchanges: bool) -> Mapping[str, Iterable[str]]:
     }
 
 
-def start_dependencies(system: Assembly, variables: Sequence[Variable]) -> dict[str, list[int] | None]:
+def start_dependencies(system: Assembly, variables: Sequence[CompositeVariable]) -> dict[str, list[int] | None]:
     """Return for each calculated variable the indices of those on which its start value depends; None: on all."""
     drivers = _drivers(system.wires)
     knowns = {v.inner: i for i, v in enumerate(variables, start=1) if v.causality == "input" or v.initial == "exact"}
@@ -120,7 +120,7 @@ def documentation(
     identifier: str,
     summary: str,
     codes: Mapping[str, PartCode],
-    variables: Sequence[Variable],
+    variables: Sequence[CompositeVariable],
 ) -> dict[str, bytes]:
     """Return the files by their place in the FMU."""
     found: dict[str, bytes] = {}
@@ -138,7 +138,9 @@ def documentation(
     return found
 
 
-def _page(system: Assembly, identifier: str, summary: str, variables: Sequence[Variable], drawing: bytes) -> str:
+def _page(
+    system: Assembly, identifier: str, summary: str, variables: Sequence[CompositeVariable], drawing: bytes
+) -> str:
     width, height = (
         round(float(size) * 4.0 / 3.0) for size in re.findall(rb'(?:width|height)="([\d.]+)pt"', drawing)[:2]
     )
@@ -202,7 +204,7 @@ TERMINALS = "terminalsAndIcons"
 MEMBER = f"{TERMINALS}/terminalsAndIcons.xml"
 
 
-def composite_terminals(system: Assembly, variables: Sequence[Variable]) -> bytes:
+def composite_terminals(system: Assembly, variables: Sequence[CompositeVariable]) -> bytes:
     """Return the XML file."""
     shown = {variable.name for variable in variables if variable.causality in ("input", "output")}
     root = icon_root()
@@ -240,20 +242,16 @@ class Texts:
     identifier: str
     guid: str
     """Model identifier and GUID."""
-    summary: str
-    """One line on the system."""
-    made: str
-    """Time stamp."""
-    sources: tuple[str, ...]
-    """The files to compile."""
-    exchanges: bool
-    """Whether the FMU is for model exchange too."""
+    summary: str  # one line on the system
+    made: str  # time stamp
+    sources: tuple[str, ...]  # the files to compile
+    exchanges: bool  # whether the FMU is for model exchange too
 
 
 def composite_description(
     texts: Texts,
     parts: Mapping[str, Part],
-    variables: Sequence[Variable],
+    variables: Sequence[CompositeVariable],
     dependencies: Mapping[str, Sequence[int]],
     initial: Mapping[str, Sequence[int] | None],
     experiment: Experiment,
@@ -366,7 +364,7 @@ def _number(value: float) -> str:
     return repr(float(value)).removesuffix(".0")
 
 
-def _units(root: etree._Element, fmus: Iterable[FmuPart], variables: Sequence[Variable]) -> None:
+def _units(root: etree._Element, fmus: Iterable[FmuPart], variables: Sequence[CompositeVariable]) -> None:
     used = dict.fromkeys(variable.port.unit for variable in variables if variable.port.unit)
     stated: dict[str, Any] = {}
     for fmu in fmus:
@@ -398,7 +396,7 @@ def _units(root: etree._Element, fmus: Iterable[FmuPart], variables: Sequence[Va
             etree.SubElement(element, "DisplayUnit", attributes)
 
 
-def _types(root: etree._Element, variables: Sequence[Variable]) -> set[str]:
+def _types(root: etree._Element, variables: Sequence[CompositeVariable]) -> set[str]:
     """Write the types of the Reals and return their names; a name with two meanings is left out."""
     found: dict[str, tuple[str | None, str | None]] = {}
     names = {variable.name for variable in variables}
@@ -417,7 +415,7 @@ def _types(root: etree._Element, variables: Sequence[Variable]) -> set[str]:
 
 def _variable(
     parent: etree._Element,
-    variable: Variable,
+    variable: CompositeVariable,
     reference: int,
     types: set[str],
     places: Mapping[str, int],

@@ -9,14 +9,16 @@ from dataclasses import dataclass, replace
 from pathlib import Path, PurePosixPath
 from typing import Any, Final
 
+import numpy as np
+
 from harness.compiling.platforms import Platform, assembly
 from harness.compiling.toolchain import included
-from harness.errors import BuildError, HarnessError, UnknownNameError, nearest
+from harness.errors import BuildError, UnknownNameError, nearest
+from harness.parts.callable_part import CallablePart
 from harness.parts.fmu import FmuPart
-from harness.parts.part import Calls, Part, Port, StartValue, Values
+from harness.parts.part import Part, Port, StartValue
 from harness.parts.series import SeriesPart
-from harness.system.assembly import Assembly
-from harness.system.experiment import Experiment
+from harness.system.assembly import Assembled, Assembly, assembled
 from harness.system.graph import recorded_names
 from harness.system.wire import Wire, find_part, split_name
 
@@ -42,23 +44,15 @@ _WRITABLE: Final = re.compile(
 class PartCode:
     """The sources of an FMU, which several parts may use."""
 
-    folder: str
-    """Folder of the sources, which distinguishes this FMU from others in the composite."""
-    prefix: str
-    """Prefix of its functions."""
-    identifier: str
-    guid: str
-    """Model identifier and GUID."""
-    files: Mapping[str, str]
-    """Text of each source file."""
-    compiled: tuple[str, ...]
-    """The files to compile."""
-    own: bool
-    """Whether this project has generated the FMU; warnings of the compiler are errors then."""
-    single: bool
-    """Whether each part needs its own copy of the code, because the FMU keeps data outside of its instances."""
-    symbols: tuple[str, ...] = ()
-    """Symbols that get the prefix, as other parts may define symbols of the same name."""
+    folder: str  # folder of the sources, which distinguishes this FMU from others in the composite
+    prefix: str  # prefix of its functions
+    identifier: str  # model identifier
+    guid: str  # GUID
+    files: Mapping[str, str]  # text of each source file
+    compiled: tuple[str, ...]  # the files to compile
+    own: bool  # whether this project has generated the FMU; warnings of the compiler are errors then
+    single: bool  # whether each part needs a copy of the code: it has data outside of instances
+    symbols: tuple[str, ...] = ()  # symbols that get the prefix, as other parts may define symbols of the same name
 
     @property
     def sources(self) -> dict[str, str]:
@@ -219,63 +213,23 @@ def inner_name(part: str, own: str) -> str:
     return "der(" * depth + f"{part}.{own}" + ")" * depth
 
 
-class InputsPart(Part):
-    """The inputs of a composite FMU, as outputs of a part."""
+class InputsPart(CallablePart):
+    """The inputs of a composite FMU, as outputs of a part that exists in C only."""
 
     def __init__(self, name: str, ports: Sequence[Port]) -> None:
         """Make a part with these outputs."""
-        self.name = name
-        self.inputs = ()
-        self.outputs = tuple(ports)
-        self.dependencies = {port.name: frozenset() for port in ports}
-
-    def enter_initialisation(
-        self, start: float, stop: float, tolerance: float | None, values: Mapping[str, StartValue]
-    ) -> None:
-        """Raise an error: the part exists in C only."""
-        raise HarnessError("the inputs of a composite FMU exist in the FMU only")
-
-    def bind(self, inputs: Sequence[str], outputs: Sequence[str], u: Values, y: Values) -> Calls:
-        """Raise an error, as `enter_initialisation`."""
-        raise HarnessError("the inputs of a composite FMU exist in the FMU only")
-
-    def exit_initialisation(self) -> None:
-        """Do nothing."""
-
-    def save(self, state: object | None = None) -> object:
-        """Return nothing, as there is no state."""
-        return None
-
-    def restore(self, state: object) -> None:
-        """Do nothing."""
-
-    def terminate(self) -> None:
-        """Do nothing."""
+        super().__init__(name, lambda t, u, x: np.full(len(ports), np.nan), outputs=ports)
 
 
 @dataclass(frozen=True)
 class Interface:
     """What a composite FMU shows of its system."""
 
-    inputs: Mapping[str, Port]
-    """The inputs by name: inputs of parts, and outputs of sources that the FMU does not contain."""
-    outputs: tuple[str, ...]
-    """Outputs of parts that are outputs of the FMU."""
+    inputs: Mapping[str, Port]  # inputs of parts, and outputs of sources that the FMU does not contain
+    outputs: tuple[str, ...]  # outputs of parts that are outputs of the FMU
 
 
-@dataclass(frozen=True)
-class OpenSystem:
-    """A system as it is inside the FMU; an `Assembly`."""
-
-    name: str
-    parts: Mapping[str, Part]
-    wires: Sequence[Wire]
-    start: Mapping[str, StartValue]
-    strict: bool
-    experiment: Experiment | None
-
-
-def without_sources(system: Assembly, inputs: Sequence[str] | None) -> tuple[OpenSystem, dict[str, Port]]:
+def without_sources(system: Assembly, inputs: Sequence[str] | None) -> tuple[Assembled, dict[str, Port]]:
     """Return the system without the parts whose outputs are inputs of the FMU, and these inputs."""
     chosen = list(inputs or ())
     outputs = {
@@ -289,19 +243,13 @@ def without_sources(system: Assembly, inputs: Sequence[str] | None) -> tuple[Ope
                 f"'{wire.ends[0][0]}' becomes inputs of the FMU, but {wire.source} also drives {wire.target}: list "
                 f"{wire.source} among the inputs too"
             )
-    kept = OpenSystem(
-        system.name,
-        {name: part for name, part in system.parts.items() if name not in removed},
-        system.wires,
-        {name: value for name, value in system.start.items() if split_name(name)[0] not in removed},
-        system.strict,
-        system.experiment,
-    )
-    return kept, taken
+    parts = {name: part for name, part in system.parts.items() if name not in removed}
+    start = {name: value for name, value in system.start.items() if split_name(name)[0] not in removed}
+    return assembled(system, parts=parts, start=start), taken
 
 
 def choose_interface(
-    system: OpenSystem, taken: Mapping[str, Port], inputs: Sequence[str] | None, outputs: Sequence[str] | None
+    system: Assembled, taken: Mapping[str, Port], inputs: Sequence[str] | None, outputs: Sequence[str] | None
 ) -> Interface:
     """Return the inputs and outputs of a composite FMU."""
     driven = {wire.target: wire.source for wire in system.wires}
@@ -328,7 +276,7 @@ def choose_interface(
     return Interface({name: free[name] for name in chosen}, tuple(shown))
 
 
-def check_parts(system: OpenSystem) -> None:
+def check_parts(system: Assembled) -> None:
     """Raise an error for a part that cannot be compiled into an FMU."""
     if not any(isinstance(part, FmuPart) for part in system.parts.values()):
         raise BuildError(f"the system '{system.name}' contains no FMU: add one")
@@ -348,7 +296,7 @@ def check_parts(system: OpenSystem) -> None:
             )
 
 
-def opened(system: OpenSystem, interface: Interface) -> OpenSystem:
+def opened(system: Assembled, interface: Interface) -> Assembled:
     """Return the system with a part that drives the inputs, if there are any."""
     if not interface.inputs:
         return system
@@ -366,12 +314,11 @@ def opened(system: OpenSystem, interface: Interface) -> OpenSystem:
     ]
     wires += [Wire(f"{name}.{dotted}", dotted) for dotted in interface.inputs if dotted in inner]
     start = {key: value for key, value in system.start.items() if key not in interface.inputs}
-    parts = {**system.parts, name: InputsPart(name, ports)}
-    return OpenSystem(system.name, parts, wires, start, system.strict, system.experiment)
+    return replace(system, parts={**system.parts, name: InputsPart(name, ports)}, wires=wires, start=start)
 
 
 @dataclass(frozen=True)
-class Variable:
+class CompositeVariable:
     """A variable of a composite FMU."""
 
     name: str
@@ -403,9 +350,11 @@ class Variable:
         return f"{self.part}.{self.port.name}" if self.part else self.name
 
 
-def composite_variables(system: Assembly, interface: Interface, *, exchanges: bool) -> list[Variable]:
+def composite_variables(system: Assembly, interface: Interface, *, exchanges: bool) -> list[CompositeVariable]:
     """Return the time, and the inputs, outputs, parameters and local variables of all parts."""
-    found = [Variable("time", "", Port("time", "s", description="simulation time"), 0, "independent", "continuous")]
+    found = [
+        CompositeVariable("time", "", Port("time", "s", description="simulation time"), 0, "independent", "continuous")
+    ]
     wired = {wire.target for wire in system.wires}
     for name, part in system.parts.items():
         if isinstance(part, FmuPart):
@@ -416,7 +365,7 @@ def composite_variables(system: Assembly, interface: Interface, *, exchanges: bo
     for name, port in interface.inputs.items():  # outputs of sources that the FMU does not contain
         if name not in known:
             variability = "continuous" if port.type == "Real" else "discrete"
-            found.append(Variable(name, "", port, 0, "input", variability, start=port.start or 0.0))
+            found.append(CompositeVariable(name, "", port, 0, "input", variability, start=port.start or 0.0))
     inputs = [variable for variable in found if variable.causality == "input"]
     outputs = [variable for variable in found if variable.causality == "output"]
     rest = [variable for variable in found if variable.causality not in ("input", "output")]
@@ -429,21 +378,16 @@ def composite_variables(system: Assembly, interface: Interface, *, exchanges: bo
     ]
 
 
-def _of_series(name: str, part: Part, interface: Interface) -> Iterable[Variable]:
+def _of_series(name: str, part: Part, interface: Interface) -> Iterable[CompositeVariable]:
     for column, port in enumerate(part.outputs):
         causality = "output" if f"{name}.{port.name}" in interface.outputs else "local"
         variability = "discrete" if port.held else "continuous"
-        yield Variable(f"{name}.{port.name}", name, port, column, causality, variability, "calculated")
+        yield CompositeVariable(f"{name}.{port.name}", name, port, column, causality, variability, "calculated")
 
 
 def _of_fmu(
-    name: str,
-    part: FmuPart,
-    start: Mapping[str, StartValue],
-    interface: Interface,
-    wired: set[str],
-    exchanges: bool,
-) -> Iterable[Variable]:
+    name: str, part: FmuPart, start: Mapping[str, StartValue], interface: Interface, wired: set[str], exchanges: bool
+) -> Iterable[CompositeVariable]:
     derivatives = states(part) if exchanges else {}
     for own, variable in part.archive.variables.items():
         port, dotted = part.archive.ports[own], inner_name(name, own)
@@ -456,7 +400,7 @@ def _of_fmu(
             continue
         causality, variability, initial, early = role
         value = start.get(dotted, port.start) if initial == "exact" or causality == "input" else None
-        yield Variable(
+        yield CompositeVariable(
             dotted,
             name,
             port,

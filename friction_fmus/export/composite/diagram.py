@@ -29,13 +29,10 @@ SWEEPS = 8
 class Layout:
     """A block diagram on a grid."""
 
-    places: Mapping[str, Point]
-    """Column and row of each part; row 0 is the middle."""
-    routes: Mapping[Pair, tuple[Point, ...]]
-    """Columns and rows that the connection between two parts passes, from its source to its target."""
-    columns: int
-    rows: int
-    """Size of the grid."""
+    places: Mapping[str, Point]  # column and row of each part; row 0 is the middle
+    routes: Mapping[Pair, tuple[Point, ...]]  # columns and rows on the way from source to target
+    columns: int  # size of the grid: its columns
+    rows: int  # its rows
 
 
 def arrange(parts: Sequence[str], pairs: Iterable[Pair]) -> Layout:
@@ -123,12 +120,9 @@ def _untangle(columns: Sequence[list[str]], links: Sequence[Pair]) -> None:
 
 
 COLOUR: Final = "#1f4e79"
-BACK: Final = "#d9730d"
-"""Colour of feedback."""
-BOX: Final = (0.62, 0.42)
-"""Size of a box, where columns are 1 apart and rows 1."""
-LONGEST: Final = 16
-"""Letters of a name or of signals that are shown."""
+BACK: Final = "#d9730d"  # colour of feedback
+BOX: Final = (0.62, 0.42)  # size of a box, where columns are 1 apart and rows 1
+LONGEST: Final = 16  # letters of a name or of signals that are shown
 
 
 def diagram(system: Assembly, title: str) -> bytes:
@@ -206,15 +200,11 @@ def _lines(layout: Layout) -> dict[Pair, list[Point]]:
     for (part, side), found in ends.items():
         x, y = layout.places[part]
         for number, (_, end, pair) in enumerate(
-            sorted(found, key=lambda each: (each[0], _leads_back(layout, each[2])))
+            sorted(found, key=lambda each: (each[0], layout.places[each[2][1]][0] < layout.places[each[2][0]][0]))
         ):
             spread = (number + 1) / (len(found) + 1) - 0.5
             places[end, pair] = (x + side * 0.5 * BOX[0], y + 1.1 * spread * BOX[1])
     return {pair: [places[0, pair], *route[1:-1], places[1, pair]] for pair, route in layout.routes.items()}
-
-
-def _leads_back(layout: Layout, pair: Pair) -> bool:
-    return layout.places[pair[1]][0] < layout.places[pair[0]][0]
 
 
 def _label(axes: Any, points: Sequence[Point], text: str) -> None:

@@ -19,8 +19,7 @@ if TYPE_CHECKING:
 
     from harness.compiling.platforms import Platform
 
-Compiling = Callable[[str, int], None]
-"""Called before each platform is compiled, with its name and the number of completed platforms."""
+Compiling = Callable[[str, int], None]  # called before each platform: its name, and the number of those done
 
 
 @dataclass(frozen=True)
@@ -34,8 +33,7 @@ class SourceFmu:
     compiling: Compiling | None = None
     complete: Collection[tuple[Platform, ...]] = ()
     """Platforms for which the content has all libraries."""
-    quiet: Collection[str] = ()
-    """C files of other tools, which are compiled without warnings."""
+    quiet: Collection[str] = ()  # C files of other tools, which are compiled without warnings
 
     @cached_property
     def members(self) -> dict[str, bytes]:
@@ -98,24 +96,18 @@ class Option:
 class Target:
     """A form in which something is written. Its module must load fast: `write` imports what it needs."""
 
-    summary: str
-    """What is written, for the help of the command line."""
-    takes: Literal["fmu", "law"]
-    """Of what: of a `SourceFmu`, or of the name or file of a law or loop."""
+    summary: str  # what is written, for the help of the command line
+    takes: Literal["fmu", "law"]  # of what: of a `SourceFmu`, or of the name or file of a law or loop
     write: Callable[..., Any]
     """``write(source, path, **options)`` writes to a path completely or not at all;
     ``write(model, folder, start=..., prefix=..., **options)`` writes a law and returns the paths."""
-    ending: str = ""
-    """End of the name of what is written of a `SourceFmu`."""
+    ending: str = ""  # end of the name of what is written of a `SourceFmu`
     options: tuple[Option, ...] = ()
-    platform: str = ""
-    """Platform that stands for this target alone."""
-    remark: Callable[[], str] = str
-    """Returns what a user should know after it was written."""
+    platform: str = ""  # platform that stands for this target alone
+    remark: Callable[[], str] = str  # returns what a user should know after it was written
 
 
-DEFAULT: Final = {"fmu": "fmi2", "law": "c"}
-"""Target of what is written without a choice."""
+DEFAULT: Final = {"fmu": "fmi2", "law": "c"}  # target of what is written without a choice
 
 
 @cache

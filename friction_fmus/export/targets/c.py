@@ -8,7 +8,7 @@ from friction_fmus.export.targets import Option, Target
 
 def write(model: str | Path, folder: Path, **options: Any) -> tuple[Path, ...]:
     """Write the files and return their paths."""
-    from friction_fmus.codegen.export import export_law
+    from friction_fmus.codegen.law_export import export_law
 
     return export_law(model, folder, **options)
 

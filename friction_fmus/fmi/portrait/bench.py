@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from friction_fmus.blocks.catalogue import Block
-from friction_fmus.blocks.probe import INPUT, OUTPUT, REAL, STATE_OUTPUT, BlockVariables, Variable
+from friction_fmus.blocks.probe import INPUT, OUTPUT, REAL, STATE_OUTPUT, BlockVariable, BlockVariables
 from harness.parts.fmu import FmuPart
 
 Vector = NDArray[np.floating[Any]]
@@ -26,27 +26,21 @@ class Curve:
     x: Vector
     y: Vector
     """Points in the units of the panel."""
-    label: str = ""
-    """Label, if the panel has several curves; else empty."""
-    aside: bool = False
-    """Whether the curve is an input of the block, shown for comparison."""
-    detail: bool = False
-    """Whether the icon omits the curve."""
+    label: str = ""  # label, if the panel has several curves; else empty
+    aside: bool = False  # whether the curve is an input of the block, shown for comparison
+    detail: bool = False  # whether the icon omits the curve
 
 
 @dataclass(frozen=True)
 class Panel:
     """A plot with its curves, axes and caption."""
 
-    curves: tuple[Curve, ...]
-    """At least one."""
+    curves: tuple[Curve, ...]  # at least one
     x: tuple[str, str]
     y: tuple[str, str]
     """Name and unit of each axis."""
-    caption: str
-    """Description of the experiment, for the documentation."""
-    equal: bool = False
-    """Whether both axes have the same scale."""
+    caption: str  # description of the experiment, for the documentation
+    equal: bool = False  # whether both axes have the same scale
 
 
 class Bench:
@@ -60,11 +54,11 @@ class Bench:
 
     def __init__(self, block: Block, description: BlockVariables, part: FmuPart) -> None:
         """Sort the variables."""
-        self.portrait = block.about.portrait
+        self.block = block
         self._part = part
-        self.kind: Callable[..., Session] = Session
+        self.kind: Callable[..., BenchRun] = BenchRun
         self.values: Mapping[str, float] = {}
-        self.variables: dict[str, Variable] = {v.name: v for v in description.variables}
+        self.variables: dict[str, BlockVariable] = {v.name: v for v in description.variables}
         inputs = sorted((v for v in description.variables if v.role == INPUT), key=lambda v: v.type)
         self._starts = {v.name: v.start for v in inputs}
         self.inputs = tuple(v.name for v in description.variables if v.role == INPUT and v.type == REAL)
@@ -86,17 +80,7 @@ class Bench:
         return name, self.variables[name].unit
 
     @contextmanager
-    def changed(self, values: Mapping[str, float]) -> Iterator[None]:
-        """Run the block with other parameters."""
-        before = self.values
-        self.values = {**before, **values}
-        try:
-            yield
-        finally:
-            self.values = before
-
-    @contextmanager
-    def session(self, outputs: Sequence[str], start: float = 0.0) -> Iterator[Session]:
+    def session(self, outputs: Sequence[str], start: float = 0.0) -> Iterator[BenchRun]:
         """Open a run of a new instance, step by step."""
         self._part.enter_initialisation(start, math.inf, None, self.values)
         try:
@@ -116,7 +100,7 @@ class Bench:
         return tuple(np.array(values).T)
 
 
-class Session:
+class BenchRun:
     """A run of one instance. Inputs that the block does not have are ignored."""
 
     def __init__(self, part: FmuPart, starts: Mapping[str, float], outputs: Sequence[str]) -> None:

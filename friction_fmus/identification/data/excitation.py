@@ -10,7 +10,7 @@ import numpy as np
 from scipy.integrate import cumulative_trapezoid
 from scipy.signal import butter, find_peaks, sosfiltfilt
 
-from friction_fmus.identification.data.record import Array, Finding, Record
+from friction_fmus.identification.data.record import Array, Record, RecordFinding
 
 #: Bandwidth of the smoothed position over its median frequency, below which half of the power of the velocity is.
 BANDWIDTH = 30.0
@@ -98,7 +98,7 @@ class _ExaminedRecord:
         return PRESLIDING[self.record.units.position]
 
 
-def examine(record: Record) -> tuple[Finding, ...]:
+def examine(record: Record) -> tuple[RecordFinding, ...]:
     """Check whether a record contains the motion needed to identify friction.
 
     Parameters
@@ -108,7 +108,7 @@ def examine(record: Record) -> tuple[Finding, ...]:
 
     Returns
     -------
-    tuple of Finding
+    tuple of RecordFinding
         Findings that apply: ``constant-column``, ``no-motion``, ``no-reversal``, ``few-reversals``, ``one-speed``,
         ``no-low-speed``, ``no-presliding``, ``coarse-position``, ``slow-sampling``, ``no-acceleration``,
         ``force-saturated``.
@@ -126,8 +126,11 @@ def examine(record: Record) -> tuple[Finding, ...]:
     data = _ExaminedRecord(record, motion, float(np.quantile(np.abs(motion.v), 0.99)))
     if np.ptp(motion.q) <= 10.0 * max(motion.noise, record.quantum):
         what = f"The axis moves by {data.length(float(np.ptp(motion.q)))}, which is within the measurement noise."
-        return (*constant, Finding("no-motion", what, "Move the axis back and forth at several speeds and amplitudes."))
-    checks: tuple[Callable[[_ExaminedRecord], Iterator[Finding]], ...] = (
+        return (
+            *constant,
+            RecordFinding("no-motion", what, "Move the axis back and forth at several speeds and amplitudes."),
+        )
+    checks: tuple[Callable[[_ExaminedRecord], Iterator[RecordFinding]], ...] = (
         _reversals,
         _one_speed,
         _low_speed,
@@ -140,7 +143,7 @@ def examine(record: Record) -> tuple[Finding, ...]:
     return (*constant, *(finding for check in checks for finding in check(data)))
 
 
-def examine_segments(records: Sequence[Record]) -> tuple[Finding, ...]:
+def examine_segments(records: Sequence[Record]) -> tuple[RecordFinding, ...]:
     """Check whether any segment of a measurement contains the motion needed to identify friction.
 
     Parameters
@@ -150,7 +153,7 @@ def examine_segments(records: Sequence[Record]) -> tuple[Finding, ...]:
 
     Returns
     -------
-    tuple of Finding
+    tuple of RecordFinding
         Findings that apply to all segments, with the numbers of the longest one; see `examine`.
     """
     found = [(len(record), examine(record)) for record in records]
@@ -159,44 +162,46 @@ def examine_segments(records: Sequence[Record]) -> tuple[Finding, ...]:
     return tuple(finding for finding in longest if finding.name in common)
 
 
-def _constant(record: Record) -> Iterator[Finding]:
+def _constant(record: Record) -> Iterator[RecordFinding]:
     names = {"q": "position", "v": "velocity", "force": record.units.words.force, "friction": "friction"}
     for column, name in names.items():
         values: Array | None = getattr(record, column)
         if values is not None and np.ptp(values) == 0.0:
             what = f"The {name} is {values[0]:.4g} in all {len(values)} samples."
-            yield Finding("constant-column", what, "Check its column, its sensor, and whether the axis was enabled.")
+            yield RecordFinding(
+                "constant-column", what, "Check its column, its sensor, and whether the axis was enabled."
+            )
 
 
-def _reversals(data: _ExaminedRecord) -> Iterator[Finding]:
+def _reversals(data: _ExaminedRecord) -> Iterator[RecordFinding]:
     reversals = len(data.motion.reversals)
     length = f"{data.record.t[-1] - data.record.t[0]:.3g} s"
     if reversals == 0:
         force = data.record.units.words.force
         what = f"The motion never reverses in {length}, so Coulomb friction cannot be separated from a {force} offset."
-        yield Finding("no-reversal", what, f"Move back and forth, with {FEW_REVERSALS} reversals or more.")
+        yield RecordFinding("no-reversal", what, f"Move back and forth, with {FEW_REVERSALS} reversals or more.")
     elif reversals < FEW_REVERSALS:
         what = f"The motion reverses only {reversals} time{'s' * (reversals > 1)} in {length}."
-        yield Finding(
+        yield RecordFinding(
             "few-reversals", what, f"Move back and forth, with {FEW_REVERSALS} reversals or more in each window."
         )
 
 
-def _one_speed(data: _ExaminedRecord) -> Iterator[Finding]:
+def _one_speed(data: _ExaminedRecord) -> Iterator[RecordFinding]:
     speed = np.abs(data.motion.v)
     moving = speed[speed > 0.05 * data.top]
     usual = float(np.median(moving))
     share = float(np.mean(np.abs(moving / usual - 1.0) < 0.1))
     if share > ONE_SPEED:
         what = f"{100 * share:.0f} % of the motion is within 10 % of one speed, {data.speed(usual)}."
-        yield Finding(
+        yield RecordFinding(
             "one-speed",
             what,
             f"Move at 5 speeds or more, from {data.speed(0.01 * usual)} to {data.speed(usual)}.",
         )
 
 
-def _low_speed(data: _ExaminedRecord) -> Iterator[Finding]:
+def _low_speed(data: _ExaminedRecord) -> Iterator[RecordFinding]:
     """Check for slow sliding: a distance of 1 % of the longest stroke, entirely below a tenth of the top speed."""
     v, Ts = data.motion.v, data.record.Ts
     slow = np.abs(v) < LOW_SPEED * data.top
@@ -210,10 +215,10 @@ def _low_speed(data: _ExaminedRecord) -> Iterator[Finding]:
             "speed, so Stribeck parameters (Fs, vs) are poorly identifiable."
         )
         slowest = data.speed(0.01 * data.top)
-        yield Finding("no-low-speed", what, f"Add slow strokes at constant speeds from {slowest} upwards.")
+        yield RecordFinding("no-low-speed", what, f"Add slow strokes at constant speeds from {slowest} upwards.")
 
 
-def _presliding(data: _ExaminedRecord) -> Iterator[Finding]:
+def _presliding(data: _ExaminedRecord) -> Iterator[RecordFinding]:
     strokes = data.motion.strokes[data.motion.strokes > 10.0 * data.record.quantum]
     if not strokes.size:
         return  # covered by no-reversal or coarse-position
@@ -225,10 +230,10 @@ def _presliding(data: _ExaminedRecord) -> Iterator[Finding]:
         f"{data.length(data.presliding)}, so only a small part of the record depends on its stiffness (sigma0)."
     )
     small, large = data.length(0.02 * data.presliding), data.length(data.presliding)
-    yield Finding("no-presliding", what, f"Add slow sines with amplitudes from {small} to {large}.")
+    yield RecordFinding("no-presliding", what, f"Add slow sines with amplitudes from {small} to {large}.")
 
 
-def _resolution(data: _ExaminedRecord) -> Iterator[Finding]:
+def _resolution(data: _ExaminedRecord) -> Iterator[RecordFinding]:
     quantum, motion = data.record.quantum, float(np.ptp(data.motion.q))
     if quantum <= 0.1 * data.presliding and quantum <= 0.02 * motion:
         return
@@ -237,10 +242,10 @@ def _resolution(data: _ExaminedRecord) -> Iterator[Finding]:
         f"contact slides after at most {data.length(data.presliding)}."
     )
     finer = data.length(min(0.02 * data.presliding, 0.01 * motion))
-    yield Finding("coarse-position", what, f"Measure the position with a resolution of {finer} or better.")
+    yield RecordFinding("coarse-position", what, f"Measure the position with a resolution of {finer} or better.")
 
 
-def _sampling(data: _ExaminedRecord) -> Iterator[Finding]:
+def _sampling(data: _ExaminedRecord) -> Iterator[RecordFinding]:
     """Count the samples within the presliding distance after each reversal."""
     q, reversals = data.motion.q, data.motion.reversals
     counts = []
@@ -258,10 +263,10 @@ def _sampling(data: _ExaminedRecord) -> Iterator[Finding]:
         "damping (sigma1) are not resolved."
     )
     rate = SAMPLES / max(count, 1.0) * 2.0 / data.record.Ts
-    yield Finding("slow-sampling", what, f"Sample at {rate:.2g} Hz or more, or reverse more slowly.")
+    yield RecordFinding("slow-sampling", what, f"Sample at {rate:.2g} Hz or more, or reverse more slowly.")
 
 
-def _inertia(data: _ExaminedRecord) -> Iterator[Finding]:
+def _inertia(data: _ExaminedRecord) -> Iterator[RecordFinding]:
     """Check the contribution of inertia by a regression of the force on acceleration, velocity and its sign."""
     record, v = data.record, data.motion.v
     if record.force is None or not np.ptp(record.force):
@@ -279,10 +284,12 @@ def _inertia(data: _ExaminedRecord) -> Iterator[Finding]:
             f"The acceleration, {data.speed(float(scale[0]))}² rms, explains {100 * share:.2g} % of the "
             f"{record.units.words.force}, so the {record.units.words.moved_mass} is not determined."
         )
-        yield Finding("no-acceleration", what, "Add fast strokes, such as sines of several Hz, or give M as fixed.")
+        yield RecordFinding(
+            "no-acceleration", what, "Add fast strokes, such as sines of several Hz, or give M as fixed."
+        )
 
 
-def _saturation(data: _ExaminedRecord) -> Iterator[Finding]:
+def _saturation(data: _ExaminedRecord) -> Iterator[RecordFinding]:
     force = data.record.force
     if force is None or not np.ptp(force):
         return
@@ -298,5 +305,7 @@ def _saturation(data: _ExaminedRecord) -> Iterator[Finding]:
                 f"{100 * share:.2g} % of the samples are exactly the {word} {u.force}, {limit:.4g} {u.N}, "
                 f"which indicates saturation."
             )
-            yield Finding("force-saturated", what, f"Reduce the acceleration, or log the {u.force} after saturation.")
+            yield RecordFinding(
+                "force-saturated", what, f"Reduce the acceleration, or log the {u.force} after saturation."
+            )
             return

@@ -9,7 +9,7 @@ from typing import Any
 
 from friction_fmus.errors import RecordError
 from friction_fmus.identification.data.record import ROLES, fits, parse_quantity, times, unit_of
-from harness.storage.toml_file import Table, read_table
+from harness.storage.toml_file import TomlTable, read_table
 from harness.values import flag, number, shown, text
 
 WINDOWS = ("train", "validation")
@@ -107,9 +107,9 @@ def read_mapping(table: Mapping[str, Any], folder: Path, origin: str = "The mapp
     RecordError
         If an entry is unknown, missing or of the wrong type.
     """
-    Table(table, origin, RecordError).known(("data", "columns", "windows"), "table")
+    TomlTable(table, origin, RecordError).known(("data", "columns", "windows"), "table")
     about, headings, times = (
-        Table(table.get(name, {}), f"{origin}, [{name}],", RecordError) for name in ("data", "columns", "windows")
+        TomlTable(table.get(name, {}), f"{origin}, [{name}],", RecordError) for name in ("data", "columns", "windows")
     )
     about.known(("file", "name", "citation"))
     data = {key: about.take(key, text if key == "file" else _string, "a string") for key in about}
@@ -145,7 +145,7 @@ def read_windows(table: Mapping[str, Any], where: str) -> dict[str, tuple[float,
     RecordError
         If a window is not a pair of increasing times, windows overlap, or only ``validation`` is given.
     """
-    given = Table(table, where, RecordError)
+    given = TomlTable(table, where, RecordError)
     given.known(WINDOWS, "window")
     windows = {name: given.take(name, _pair, "start and end in s, the earlier one first") for name in given}
     if set(windows) == {"validation"}:
@@ -181,7 +181,7 @@ def _column(role: str, value: Any, origin: str) -> Column:
         return Column(value)
     if not isinstance(value, Mapping):
         raise RecordError(f'{where} is {shown(value)}; use {{ column = "heading", unit = "..." }}.')
-    table = Table(value, where, RecordError)
+    table = TomlTable(value, where, RecordError)
     own = {"time": ("period",), "force": ("held",)}.get(role, ())
     table.known(("column", "unit", "gain", "sign", *own))
     if ("column" in value) == ("period" in value):

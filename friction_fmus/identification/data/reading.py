@@ -15,15 +15,15 @@ from scipy.interpolate import CubicSpline
 
 from friction_fmus.blocks.axis_units import LINEAR, SLIDING, AxisUnits, Words
 from friction_fmus.errors import RecordError
+from friction_fmus.identification.data.column_headings import guess_mapping
 from friction_fmus.identification.data.formats import read_table
-from friction_fmus.identification.data.guessing import guess_mapping
 from friction_fmus.identification.data.mapping import Column, DataMapping, combined_unit, load_mapping, read_mapping
 from friction_fmus.identification.data.record import (
     JITTER,
     ROLES,
     Array,
-    Finding,
     Record,
+    RecordFinding,
     RecordWarning,
     axis_units,
     factor,
@@ -47,7 +47,7 @@ class SampledSegment:
 
 def equally_spaced(
     t: Array, columns: Mapping[str, Array], u: Words = SLIDING
-) -> tuple[list[SampledSegment], list[Finding]]:
+) -> tuple[list[SampledSegment], list[RecordFinding]]:
     """Split a measurement at gaps, and convert each segment to equal intervals.
 
     A segment whose intervals deviate by more than 1 % from their mean gets a new time grid. If the times are equally
@@ -65,14 +65,14 @@ def equally_spaced(
             f"The record has {cuts.size} gap{'s' * (cuts.size > 1)}, the longest of {longest:.4g} s after "
             f"t = {t[int(np.argmax(steps))]:.6g} s (median interval {usual:.4g} s); it is split at each gap."
         )
-        findings.append(Finding("gaps", what, "Log without pauses: each segment needs its own initial state."))
+        findings.append(RecordFinding("gaps", what, "Log without pauses: each segment needs its own initial state."))
     starts = np.concatenate([[0], cuts + 1, [len(t)]])
     spans = [slice(int(a), int(b)) for a, b in pairwise(starts)]
     long_enough = [span for span in spans if span.stop - span.start >= SHORTEST]
     if len(long_enough) < len(spans):
         lost = sum(span.stop - span.start for span in spans if span not in long_enough)
         what = f"{len(spans) - len(long_enough)} segments with {lost} samples in total are too short and are ignored."
-        findings.append(Finding("short-pieces", what, f"Log at least {SHORTEST} samples without a gap."))
+        findings.append(RecordFinding("short-pieces", what, f"Log at least {SHORTEST} samples without a gap."))
     segments, rounded, resampled = [], [], []
     for span in long_enough:
         part = {name: values[span] for name, values in columns.items()}
@@ -85,7 +85,7 @@ def equally_spaced(
         segments.append(SampledSegment(grid, part))
     if rounded:
         what = f"The times are rounded to {max(rounded):.3g} s; they are replaced by equally spaced times."
-        findings.append(Finding("rounded-time", what, "Log the time with more digits."))
+        findings.append(RecordFinding("rounded-time", what, "Log the time with more digits."))
     if resampled:
         off = np.abs(steps[steps <= GAP * usual] / usual - 1.0) > JITTER
         first, longest = t[:-1][steps <= GAP * usual][off][0], max(resampled)
@@ -95,7 +95,7 @@ def equally_spaced(
             f"cubic spline, {u.force}s linearly. With the longest interval, {longest:.4g} s, the record has no "
             f"information above {0.5 / longest:.4g} Hz."
         )
-        findings.append(Finding("irregular-sampling", what, "Log at equal intervals, from a real-time task."))
+        findings.append(RecordFinding("irregular-sampling", what, "Log at equal intervals, from a real-time task."))
     return segments, findings
 
 
@@ -152,7 +152,7 @@ LARGEST_PLAUSIBLE = {"m": (100.0, 100.0), "rad": (1e6, 1e5)}
 FACTOR = 3.0  # ratio of two columns above which one of their units counts as wrong
 
 
-def plausible(records: Sequence[Record], columns: Mapping[str, Column]) -> Iterator[Finding]:
+def plausible(records: Sequence[Record], columns: Mapping[str, Column]) -> Iterator[RecordFinding]:
     """Yield findings about units and signs of a measurement."""
     longest = max(records, key=len).with_total_force()
     yield from _velocity(longest)
@@ -162,7 +162,7 @@ def plausible(records: Sequence[Record], columns: Mapping[str, Column]) -> Itera
     yield from _sign(longest, columns)
 
 
-def _velocity(record: Record) -> Iterator[Finding]:
+def _velocity(record: Record) -> Iterator[RecordFinding]:
     if record.q is None or record.v is None:
         return
     travelled = cumulative_trapezoid(record.v, record.t, initial=0)
@@ -176,20 +176,22 @@ def _velocity(record: Record) -> Iterator[Finding]:
     what = (
         f"The position [{units.position}] changes by {ratio:.3g} times the integral of the velocity [{units.velocity}]."
     )
-    yield Finding("position-and-velocity-disagree", what, "Correct the unit or the sign of one of the two columns.")
+    yield RecordFinding(
+        "position-and-velocity-disagree", what, "Correct the unit or the sign of one of the two columns."
+    )
 
 
-def _reference(record: Record) -> Iterator[Finding]:
+def _reference(record: Record) -> Iterator[RecordFinding]:
     if record.q is None or record.reference is None or not np.ptp(record.reference):
         return
     ratio = float(np.ptp(record.q) / np.ptp(record.reference))
     if 0.1 < ratio < 10.0:
         return
     what = f"The range of the position is {ratio:.3g} times the range of its reference."
-    yield Finding("position-and-reference-disagree", what, "Correct the unit of one of the two columns.")
+    yield RecordFinding("position-and-reference-disagree", what, "Correct the unit of one of the two columns.")
 
 
-def _size(record: Record) -> Iterator[Finding]:
+def _size(record: Record) -> Iterator[RecordFinding]:
     distance, speed = LARGEST_PLAUSIBLE[record.units.position]
     found = float(np.ptp(record.q)) if record.q is not None else 0.0
     v = record.v if record.v is not None else np.gradient(record.column("q"), record.Ts)
@@ -200,27 +202,21 @@ def _size(record: Record) -> Iterator[Finding]:
         f"The axis moves by {found:.3g} {record.units.position} at up to {fast:.3g} {record.units.velocity}, which is "
         "implausible."
     )
-    yield Finding("implausible-motion", what, "Correct the unit of the position, of the velocity or of the time.")
+    yield RecordFinding("implausible-motion", what, "Correct the unit of the position, of the velocity or of the time.")
 
 
-def _turns(record: Record) -> Iterator[Finding]:
+def _turns(record: Record) -> Iterator[RecordFinding]:
     """Yield a finding about an angle that wraps around after each turn, as from absolute encoders and resolvers."""
     if record.q is None or record.units.position != "rad":
         return
     jumps = np.abs(np.diff(record.q))
     jumps = jumps[jumps > np.pi]
     if jumps.size:
-        what = (
-            f"The position jumps by {jumps.max():.4g} rad from one sample to the next, {_plausible_times(jumps.size)}."
-        )
-        yield Finding("position-jumps", what, "Log a multi-turn position, or unwrap the angle.")
+        what = f"The position jumps by {jumps.max():.4g} rad from one sample to the next, {_times(jumps.size)}."
+        yield RecordFinding("position-jumps", what, "Log a multi-turn position, or unwrap the angle.")
 
 
-def _plausible_times(count: int) -> str:
-    return "once" if count == 1 else f"{count} times"
-
-
-def _sign(record: Record, columns: Mapping[str, Column]) -> Iterator[Finding]:
+def _sign(record: Record, columns: Mapping[str, Column]) -> Iterator[RecordFinding]:
     """Yield findings about signs: over whole cycles, the mean of drive or friction force times velocity is positive."""
     v = record.v if record.v is not None else np.gradient(record.column("q"), record.Ts)
     for role, force in (("force", record.force), ("friction", record.friction)):
@@ -235,7 +231,7 @@ def _sign(record: Record, columns: Mapping[str, Column]) -> Iterator[Finding]:
                 f"({lost:.3g} W on average)."
             )
             other = -columns[role].sign if role in columns else -1
-            yield Finding(f"{role}-of-other-sign", what, f"Set sign = {other} for this column.")
+            yield RecordFinding(f"{role}-of-other-sign", what, f"Set sign = {other} for this column.")
 
 
 def _without_line(values: Array, t: Array) -> Array:
@@ -259,13 +255,13 @@ class Measurement:
         Segments between gaps; a single record if there are no gaps.
     mapping : DataMapping
         Mapping of the columns, as given or derived from the headings.
-    findings : tuple of Finding
+    findings : tuple of RecordFinding
         Problems found in the data; for the excitation, see `examine`.
     """
 
     records: tuple[Record, ...]
     mapping: DataMapping
-    findings: tuple[Finding, ...]
+    findings: tuple[RecordFinding, ...]
 
     def window(self, begin: float, end: float) -> tuple[Record, ...]:
         """Return the parts of the records with begin <= t <= end.
@@ -368,7 +364,7 @@ def read_measurement(
         windows = {w: (a - shift, b - shift) if a > EPOCH else (a, b) for w, (a, b) in known.windows.items()}
         known = replace(known, windows=windows)
         what = f"The time starts at {shift:.0f} s."
-        findings.append(Finding("absolute-time", what, "It is counted from the first sample on."))
+        findings.append(RecordFinding("absolute-time", what, "It is counted from the first sample on."))
     quantum = _quantum(columns["q"]) if "q" in columns else 0.0
     held = "force" in known.columns and known.columns["force"].held
     segments, about_time = equally_spaced(t, columns, units.words)
@@ -406,7 +402,7 @@ def _located(
 
 
 def _converted(
-    table: DataTable, known: DataMapping, path: Path, findings: list[Finding]
+    table: DataTable, known: DataMapping, path: Path, findings: list[RecordFinding]
 ) -> tuple[dict[str, Array], AxisUnits]:
     """Return the columns converted to the units of the record, with all rows of the file."""
     units: AxisUnits | None = None
@@ -442,7 +438,7 @@ def _converted(
 
 
 def _complete(
-    table: DataTable, columns: dict[str, Array], findings: list[Finding], path: Path
+    table: DataTable, columns: dict[str, Array], findings: list[RecordFinding], path: Path
 ) -> tuple[Array, dict[str, Array]]:
     """Return the rows without missing values."""
     good = np.all([np.isfinite(values) for values in columns.values()], axis=0)
@@ -458,7 +454,7 @@ def _complete(
             f"{np.count_nonzero(~good)} of {len(good)} rows have empty, NaN or infinite cells, the first one in "
             f"{table.place(int(np.argmin(good)))}; these rows are ignored."
         )
-        findings.append(Finding("missing-samples", what, "Log all columns at the same times."))
+        findings.append(RecordFinding("missing-samples", what, "Log all columns at the same times."))
     kept = {name: values[good] for name, values in columns.items()}
     for name, values in kept.items():
         largest = float(np.max(np.abs(values), initial=0.0))
@@ -481,17 +477,17 @@ def _check_time(table: DataTable, t: Array, rows: Array, column: Column, path: P
     place = table.place(int(rows[at]))
     if t[at] == t[at - 1]:
         raise RecordError(
-            f"{path} has the time {t[at]:.9g} s twice, the second time in {place} ({_times(wrong.size)}); remove "
-            f'duplicate rows, log the time with more digits, or use time = {{ period = "..." }}.'
+            f"{path} has the time {t[at]:.9g} s twice, the second time in {place} ({_times(wrong.size)} in the file); "
+            f'remove duplicate rows, log the time with more digits, or use time = {{ period = "..." }}.'
         )
     raise RecordError(
-        f"The time in {path} decreases from {t[at - 1]:.9g} s to {t[at]:.9g} s in {place} ({_times(wrong.size)}); sort "
-        "the rows, or split the file there if the log was restarted."
+        f"The time in {path} decreases from {t[at - 1]:.9g} s to {t[at]:.9g} s in {place} ({_times(wrong.size)} in the "
+        "file); sort the rows, or split the file there if the log was restarted."
     )
 
 
 def _times(count: int) -> str:
-    return "once in the file" if count == 1 else f"{count} times in the file"
+    return "once" if count == 1 else f"{count} times"
 
 
 def _quantum(q: Array) -> float:

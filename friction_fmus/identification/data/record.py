@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 
 from friction_fmus.blocks.axis_units import LINEAR, ROTARY, AxisUnits
 from friction_fmus.errors import RecordError
-from friction_fmus.fmi.units import everyday_unit
-from harness.units import BASE_SYMBOLS, LONGEST_UNIT, BaseUnit, parse_unit
+from friction_fmus.fmi.block_units import everyday_unit
+from harness.units import LONGEST_UNIT, BaseUnit, parse_unit
 
 
 class RecordWarning(UserWarning):
@@ -22,7 +22,7 @@ class RecordWarning(UserWarning):
 
 
 @dataclass(frozen=True)
-class Finding:
+class RecordFinding:
     """Finding about a record.
 
     Attributes
@@ -323,8 +323,7 @@ def unit_of(text: str) -> BaseUnit | None:
     known = parse_unit(symbol)
     if known is not None or not symbol.strip():
         return known
-    rare = everyday_unit(symbol)
-    return None if rare is None else BaseUnit(tuple(rare.exponents.get(s, 0) for s in BASE_SYMBOLS), rare.factor)
+    return everyday_unit(symbol)
 
 
 def wanted_unit(role: str, units: AxisUnits) -> str:

@@ -11,13 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from friction_fmus.errors import RecordError
-from friction_fmus.identification.data.record import Array, Finding
+from friction_fmus.identification.data.record import Array, RecordFinding
 
 EXACT = 2**53  # largest integer below which all integers are exact as floating-point numbers
 
 
-UNPACKED: Final = 2**30
-"""Largest size of the numbers in a file [bytes]."""
+UNPACKED: Final = 2**30  # largest size of the numbers in a file [bytes]
 
 
 def limit_size(path: Path, size: int) -> None:
@@ -39,8 +38,10 @@ class DataTable:
     texts: Mapping[str, str] = field(default_factory=dict)
     """First non-numeric cell of each other column and its location, by heading."""
     lines: NDArray[np.int64] | None = None  # line number of each row in the file
-    findings: tuple[Finding, ...] = ()  # problems found in the file
-    notes: Mapping[str, Finding] = field(default_factory=dict)  # problems that concern one column only, by heading
+    findings: tuple[RecordFinding, ...] = ()  # problems found in the file
+    notes: Mapping[str, RecordFinding] = field(
+        default_factory=dict
+    )  # problems that concern one column only, by heading
 
     def place(self, row: int) -> str:
         """Return the location of a row in the file, for messages."""
@@ -121,5 +122,5 @@ def on_one_clock(path: Path, groups: Sequence[ChannelGroup], time: str, unit: st
             if not same:
                 columns[name] = np.interp(base.t, group.t, values, left=np.nan, right=np.nan)
                 what = f"{name!r} was sampled at other times than most signals of {path.name}, and is interpolated."
-                notes[name] = Finding("other-clock", what, "Log all signals of the axis with one sample time.")
+                notes[name] = RecordFinding("other-clock", what, "Log all signals of the axis with one sample time.")
     return DataTable(path, columns, {time: unit}, notes=notes)

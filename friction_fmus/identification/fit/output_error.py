@@ -61,7 +61,7 @@ class Unknown:
 
 
 @dataclass(frozen=True, eq=False)
-class Target:
+class TargetSignal:
     """Measured signal to be reproduced by the simulation.
 
     Attributes
@@ -110,7 +110,7 @@ class OutputErrorFit(Estimated):
 def fit_output_error(
     simulate: Simulator,
     unknowns: Sequence[Unknown],
-    targets: Mapping[str, Target],
+    targets: Mapping[str, TargetSignal],
     *,
     mapper: Mapper = map,
     tolerance: float = 1e-3,
@@ -126,7 +126,7 @@ def fit_output_error(
         Function of parameter values that returns signals.
     unknowns : sequence of Unknown
         Parameters to fit.
-    targets : mapping of str to Target
+    targets : mapping of str to TargetSignal
         Measured signals, by the name of the simulated signal.
     mapper : callable, optional
         Map function for the simulations of one Jacobian; the `map` method of a pool runs them in parallel.
@@ -246,7 +246,7 @@ def fit_output_error(
     )
 
 
-def _error(signals: Mapping[str, Array], name: str, target: Target) -> Array:
+def _error(signals: Mapping[str, Array], name: str, target: TargetSignal) -> Array:
     if name not in signals:
         raise FitError(
             f"The simulation returned {', '.join(signals) or 'nothing'}, but not {name!r}; correct the target's name."
@@ -282,7 +282,7 @@ def _require_excitation(J: Array, names: Sequence[str]) -> None:
         )
 
 
-def _check(unknowns: Sequence[Unknown], targets: Mapping[str, Target]) -> None:
+def _check(unknowns: Sequence[Unknown], targets: Mapping[str, TargetSignal]) -> None:
     if not unknowns or not targets:
         raise FitError("A fit needs at least one unknown and one target.")
     names = [unknown.name for unknown in unknowns]

@@ -9,9 +9,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from friction_fmus.identification.data.record import Array
+from friction_fmus.identification.fit.contact_model import ContactModel
 from friction_fmus.identification.fit.estimate import autocovariance
 from friction_fmus.identification.fit.least_squares import advice
-from friction_fmus.identification.fit.models import ContactModel
 
 WEAK = 0.25  # relative standard error above which a parameter counts as poorly identifiable
 TOGETHER = 0.98  # correlation of two estimates above which they count as poorly identifiable

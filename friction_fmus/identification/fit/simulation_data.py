@@ -10,8 +10,8 @@ import numpy as np
 
 from friction_fmus.errors import RecordError
 from friction_fmus.identification.data.record import Array, Record
+from friction_fmus.identification.fit.contact_model import ContactModel, DataTraits
 from friction_fmus.identification.fit.idim import InverseModelSettings, default_settings, derivative, filtered_motion
-from friction_fmus.identification.fit.models import ContactModel, DataTraits
 from harness import Drive
 from harness.parts.part import StartValue
 

@@ -11,11 +11,11 @@ from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Protocol, cast
 
-from friction_fmus.errors import FitError, nearest
+from friction_fmus.errors import FitError, did_you_mean
 
 if TYPE_CHECKING:
     from friction_fmus.identification.fit.block_fit import BlockFit, FitData
-    from friction_fmus.identification.fit.models import ContactModel
+    from friction_fmus.identification.fit.contact_model import ContactModel
     from friction_fmus.identification.fit.search import Loss
 
 
@@ -36,7 +36,7 @@ def find_method(model: ContactModel, name: str = "auto") -> tuple[str, Method]:
     natural = model.identified_by.method or ("inverse" if model.static else "output-error")
     if natural not in method_names():
         raise FitError(
-            f"the file of {model.name} names the unknown method {natural!r}{nearest(natural, method_names())}"
+            f"the file of {model.name} names the unknown method {natural!r}{did_you_mean(natural, method_names())}"
         )
     if name not in ("auto", natural):
         raise FitError(f"{model.name} is identified with the method {natural!r}, not {name!r}; omit method.")

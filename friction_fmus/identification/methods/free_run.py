@@ -14,22 +14,22 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from friction_fmus.axis.assembly import constant_force
-from friction_fmus.axis.loop import FINEST, free_axis, run_free
+from friction_fmus.axis.loop_assembly import constant_force
 from friction_fmus.axis.servo import AxisPlant
+from friction_fmus.axis.servo_loop import FINEST, free_axis, run_free
 from friction_fmus.blocks.axis_units import ROTARY
 from friction_fmus.errors import FitError
 from friction_fmus.identification.data.record import Array, Record
+from friction_fmus.identification.fit.contact_model import contact_model, state_sizes
 from friction_fmus.identification.fit.estimate import Estimate
 from friction_fmus.identification.fit.idim import filtered_motion
-from friction_fmus.identification.fit.models import contact_model, state_sizes
 from friction_fmus.identification.fit.scores import criteria, independent_samples, rms, score, weak_parameters
 from friction_fmus.identification.fit.shooting import Arc, Prior, ShootingResult, shoot
 from harness import HarnessError, System
 from harness.parts.part import StartValue
 
 if TYPE_CHECKING:
-    from friction_fmus.identification.result import Identification
+    from friction_fmus.identification.identification_result import Identification
 
 FREE_RUN: Final = "free-run"  # name of the method
 DRIFT: Final = "OF_rate"  # parameter of the drift: change of the constant force OF per second

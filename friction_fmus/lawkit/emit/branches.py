@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from itertools import takewhile
 from typing import NamedTuple, TypeVar
 
-from friction_fmus.lawkit.emit.graph import CALLS, COMPARE, Node
+from friction_fmus.lawkit.emit.operations import CALLS, COMPARE, Node
 
 # Absolute positions in single precision as pairs of floats, so that small motions far from zero keep their accuracy.
 #
@@ -21,9 +21,7 @@ from friction_fmus.lawkit.emit.graph import CALLS, COMPARE, Node
 
 SUMS = {"ADD": 1.0, "SUB": -1.0}
 SUMMED = "SUMMED"  # factor of a sum of small increments, which is not a position
-
-Pair = tuple[int, int | None]
-"""Nodes of the upper and of the lower part; None for a lower part of 0."""
+Pair = tuple[int, int | None]  # nodes of the upper and of the lower part; None for a lower part of 0
 
 
 class Weight(NamedTuple):
@@ -54,7 +52,8 @@ def positions(
             weights = _weights(nodes, wide)
             found = {states[i]: Weight(1.0) for i in states if _among(weights[results[i]], kept)}
             if not kept:
-                found |= {i: _of_parameter(i) for i in _operands(nodes, weights, allowed)}
+                # the weight of a parameter does not cancel against a position
+                found |= {i: Weight(1.0, (("PARAMETER", i),)) for i in _operands(nodes, weights, allowed)}
             if found.keys() <= wide.keys():
                 break
             wide |= found
@@ -81,11 +80,6 @@ def _needed_pairs(nodes: Sequence[Node], weights: Sequence[Weight | None], writt
 def in_pairs(nodes: Sequence[Node], wide: Mapping[int, Weight], written: set[int]) -> list[bool]:
     """Return which nodes are pairs; arguments as for `split`, with the nodes of the results that are pairs."""
     return [weight is not None for weight in _needed_pairs(nodes, _weights(nodes, wide), written)]
-
-
-def _of_parameter(argument: int) -> Weight:
-    """Return the weight of a parameter, which does not cancel against a position."""
-    return Weight(1.0, (("PARAMETER", argument),))
 
 
 def _among(weight: Weight | None, kept: tuple[Weight, ...] | None) -> bool:
@@ -391,7 +385,6 @@ def _with_users(wanted: Collection[Key], possible: Sequence[Key], waits: Mapping
 
 DECIDES = ("SELECT", "IF_ELSE_ZERO")
 PAYS = 6  # smallest number of operations saved by a branch; for fewer, both sides are computed
-
 _ITSELF = -1  # stands for a node outside all groups of selects
 _CALL = 10  # cost of a call of the C library in operations
 
@@ -413,8 +406,7 @@ class CountedLoop:
     items: tuple[int | Decision, ...]  # operations on one element, and sums over the elements
 
 
-Block = tuple["int | Decision | CountedLoop", ...]
-"""Nodes, decisions and loops in the order of computation."""
+Block = tuple["int | Decision | CountedLoop", ...]  # nodes, decisions and loops in the order of computation
 
 
 class _Edge(NamedTuple):
@@ -568,18 +560,16 @@ class _Scheduler:
         lanes = {key: self._lanes(key[0]) for key in ordered}
         if not any(lanes.values()) or len(_outside_loops(self._nodes, path)) < len(path):
             return tuple(map(item, ordered))
+        sums = {key for key in ordered if self._nodes[key[0]].operation == "SUM"}
         return tuple(
             CountedLoop(lanes[step[0]], tuple(map(item, step))) if lanes[step[0]] else item(step[0])
-            for step in in_loops(ordered, waits, lanes, {key for key in ordered if self._is_sum(key[0])})
+            for step in in_loops(ordered, waits, lanes, sums)
         )
 
     def _lanes(self, number: int) -> int:
         """Return the number of elements that a node, or a decision on it, has in a loop; 0 outside loops."""
         node = self._nodes[number]
         return self._nodes[node.arguments[0]].lanes if node.operation == "SUM" else node.lanes
-
-    def _is_sum(self, number: int) -> bool:
-        return self._nodes[number].operation == "SUM"
 
 
 def _ordered(

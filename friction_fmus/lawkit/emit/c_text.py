@@ -15,8 +15,8 @@ from casadi import Function
 
 from friction_fmus.lawkit.emit.branches import DECIDES, Block, CountedLoop, Decision, Weight, plan, split
 from friction_fmus.lawkit.emit.chains import INDEX, Rolled, roll
-from friction_fmus.lawkit.emit.graph import COMPARE, CONDITIONS, INFIX, LIBM, LOGIC, Node, Zeros, graph
 from friction_fmus.lawkit.emit.names import DOUBLE, FLOAT, Named, Names, Real, comment_lines, place_name
+from friction_fmus.lawkit.emit.operations import COMPARE, CONDITIONS, INFIX, LIBM, LOGIC, Node, Zeros, graph
 
 __all__ = ["DOUBLE", "FLOAT", "Kernel", "Lows", "Real", "kernel"]
 
@@ -289,21 +289,15 @@ class Values:
         condition = self._nodes[number].arguments[0]
         decided = self._decided.get(condition)
         value = self._true_side if self._is_condition(number) else self._side
-        if decided and all(map(self._is_dispensable, self._others(number, decided))):
+        others = [n for i, n in enumerate(self._nodes[number].arguments) if decided and i not in (0, decided)]
+        # an argument, a number and what is also used elsewhere can be dispensed with
+        if decided and all(self._nodes[n].is_leaf or len(self._users[n]) > 1 for n in others):
             return value(number, decided)
         opposite = self._opposite(condition)
         sides = value(number, 1), value(number, 2)
         if opposite >= 0:
             condition, sides = opposite, sides[::-1]
         return (either if self._is_condition(number) else choice)(self._truth(condition), *sides)
-
-    def _others(self, number: int, side: int) -> list[int]:
-        """Return the value of a select on the other side, unless it is 0."""
-        return [value for i, value in enumerate(self._nodes[number].arguments) if i not in (0, side)]
-
-    def _is_dispensable(self, number: int) -> bool:
-        """Return whether a value is an argument, a number, or also used elsewhere."""
-        return self._nodes[number].is_leaf or len(self._users[number]) > 1
 
     def _opposite(self, condition: int) -> int:
         """Return the node that a condition negates, or -1 if it is not a negation or has a name."""

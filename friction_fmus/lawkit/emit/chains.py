@@ -8,7 +8,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import combinations
 
-from friction_fmus.lawkit.emit.graph import CONDITIONS, Node
+from friction_fmus.lawkit.emit.operations import CONDITIONS, Node
 
 LEAST = 3  # smallest number of elements for which a loop is written
 INDEX = "i"  # index of the element in generated C
@@ -17,8 +17,7 @@ _ELEMENT = re.compile(r"(.+)\[(\d+)\]")
 _BRIEF = 2  # comparisons and choices that are repeated instead of being stored
 _REPEATED = {*CONDITIONS, "SELECT", "IF_ELSE_ZERO"}
 
-Chain = tuple[int, ...]
-"""Corresponding nodes of consecutive elements."""
+Chain = tuple[int, ...]  # corresponding nodes of consecutive elements
 
 
 class Search:

@@ -12,7 +12,7 @@ from typing import NamedTuple
 from friction_fmus.errors import FrictionError
 from friction_fmus.lawkit.declarations import check_identifier
 from friction_fmus.lawkit.emit.chains import INDEX
-from friction_fmus.lawkit.emit.graph import COMPARE, LIBM, Node
+from friction_fmus.lawkit.emit.operations import COMPARE, LIBM, Node
 
 
 @dataclass(frozen=True)

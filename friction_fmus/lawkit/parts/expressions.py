@@ -92,14 +92,7 @@ def corrected(
 
 
 def limited(
-    rest: SX,
-    F_hat: SX,
-    gain: SX,
-    enable: SX,
-    u_min: SX,
-    u_max: SX,
-    track: SX | None = None,
-    u_track: SX | None = None,
+    rest: SX, F_hat: SX, gain: SX, enable: SX, u_min: SX, u_max: SX, track: SX | None = None, u_track: SX | None = None
 ) -> dict[str, SX]:
     """Return u, F_hat and u_sat, with u from a fraction of the friction and other terms; all 0 unless enabled."""
     wanted = rest + gain * F_hat

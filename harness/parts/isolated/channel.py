@@ -36,7 +36,7 @@ _ERRORS: Final = {error.__name__: error for error in (FmuError, StartValueError,
 _HEAD: Final = struct.Struct("<BI")
 
 
-class Line:
+class ChannelEnd:
     """One end of the channel."""
 
     def __init__(self, end: socket.socket) -> None:
@@ -101,15 +101,7 @@ def as_error(plain: Mapping[str, Any]) -> HarnessError:
 
 
 class Shared:
-    """Values in memory shared by both processes.
-
-    Attributes
-    ----------
-    head : memoryview of 3 doubles
-        The current operation (SET, STEP or GET), and t and h [s] of the step.
-    u, y : float64 array, shapes (inputs,) and (outputs,)
-        The values.
-    """
+    """Values in memory shared by both processes."""
 
     def __init__(self, path: Path, inputs: int, outputs: int) -> None:
         """Map the file, and make it if it does not exist."""
@@ -117,6 +109,7 @@ class Shared:
         with path.open("a+b") as file:
             file.truncate(size)
             memory = mmap.mmap(file.fileno(), size)
-        self.head = memoryview(memory)[:24].cast("d")  # ten times as fast for single values as an array
+        # SET, STEP or GET, and t and h [s] of the step; for single values ten times as fast as an array
+        self.head = memoryview(memory)[:24].cast("d")
         values: Values = np.frombuffer(memory, dtype=np.float64)[3:]
         self.u, self.y = values[:inputs], values[inputs:]

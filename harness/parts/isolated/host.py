@@ -11,14 +11,14 @@ from pathlib import Path
 
 from harness.errors import HarnessError, PartError
 from harness.parts.fmu import FmuPart
-from harness.parts.isolated.channel import CALL, DONE, FAILED, GET, LOG, SET, STEP, Line, Shared, as_plain
+from harness.parts.isolated.channel import CALL, DONE, FAILED, GET, LOG, SET, STEP, ChannelEnd, Shared, as_plain
 from harness.parts.part import Calls
 
 
 def serve(descriptor: int, name: str, path: str) -> None:
     """Serve requests for an FMU until the other end of the channel is closed."""
     threading.Thread(target=_end_with_the_harness, daemon=True).start()
-    line = Line(socket.socket(fileno=descriptor))
+    line = ChannelEnd(socket.socket(fileno=descriptor))
     logger = logging.getLogger("harness")
     logger.setLevel(logging.DEBUG)
     logger.propagate = False
@@ -94,7 +94,7 @@ _OWN = ("bind", "save", "restore")
 class _Forward(logging.Handler):
     """Log handler that sends messages to the harness."""
 
-    def __init__(self, line: Line) -> None:
+    def __init__(self, line: ChannelEnd) -> None:
         super().__init__()
         self._line = line
 

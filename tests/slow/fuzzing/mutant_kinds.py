@@ -20,9 +20,10 @@ sys.path.insert(0, str(Path(__file__).parents[2]))
 
 from robustness.mutate import BYTES, TEXT, damaged, damaged_archive, members, odd_values, odd_xml, zipped
 
+import friction_fmus.identification.model_comparison
+
 # all that the commands import on their way, once for all processes
-import friction_fmus.identification.export
-import friction_fmus.identification.survey
+import friction_fmus.identification.result_files
 import friction_fmus.study.study  # noqa: F401
 from friction_fmus.__main__ import main
 from harness import HarnessError, load_result

@@ -9,34 +9,29 @@ from copy import deepcopy
 from dataclasses import dataclass, replace
 from itertools import groupby
 from pathlib import Path
-from types import MappingProxyType
 from typing import Final
 
 from lxml import etree
 
 from friction_fmus.export.targets import SourceFmu
+from friction_fmus.fmi.html_page import flags_table
+from friction_fmus.fmi.model_description import CAPABILITIES
 from harness.compiling import toolchain
 from harness.compiling.platforms import Platform, linked
 from harness.compiling.toolchain import guid_of, included, source_folder
 from harness.storage.files import cached
 from harness.storage.zip_file import zipped
 
-TYPES: Final[Mapping[str, str]] = {
-    "Real": "Float64",
-    "Integer": "Int32",
-    "Enumeration": "Int32",
-    "Boolean": "Boolean",
-}
+TYPES: Final[Mapping[str, str]] = {"Real": "Float64", "Integer": "Int32", "Enumeration": "Int32", "Boolean": "Boolean"}
 """Type in FMI 3.0 of each type of FMI 2.0."""
 
-SIZE: Final = "N"
-"""Name of the number of elements. Arrays with as many elements as its largest value are sized by it."""
+SIZE: Final = "N"  # name of the number of elements. Arrays with as many elements as its largest value are sized by it
 
 _ELEMENT: Final = re.compile(r"(?P<name>.*)\[(?P<index>\d+)\](?P<end>\)?)")
 
 
 @dataclass(frozen=True)
-class Variable:
+class Fmi3Variable:
     """A variable of FMI 3.0."""
 
     name: str
@@ -66,13 +61,13 @@ class Variable:
         return self.elements[0][0]
 
 
-def grouped(scalars: Sequence[etree._Element], *, arrays: bool, resizable: bool) -> tuple[Variable, ...]:
+def grouped(scalars: Sequence[etree._Element], *, arrays: bool, resizable: bool) -> tuple[Fmi3Variable, ...]:
     """Return the variables, the structural parameter first, as fmusim 0.0.39 needs it before its arrays."""
     found = _sized(tuple(_arrays(scalars)), resizable) if arrays else tuple(map(_scalar, scalars))
     return tuple(replace(v, reference=k) for k, v in enumerate(found, start=1))
 
 
-def _sized(found: tuple[Variable, ...], resizable: bool) -> tuple[Variable, ...]:
+def _sized(found: tuple[Fmi3Variable, ...], resizable: bool) -> tuple[Fmi3Variable, ...]:
     """Return the variables with the number of elements as structural parameter, if it sizes all arrays."""
     sizes = [v for v in found if v.name == SIZE and v.type == "Int32" and _get(v, "variability") == "fixed"]
     if not resizable or not sizes:
@@ -85,16 +80,16 @@ def _sized(found: tuple[Variable, ...], resizable: bool) -> tuple[Variable, ...]
     return (replace(size, type="UInt64"), *(replace(v, is_sized=v.is_array) for v in found if v is not size))
 
 
-def _scalar(scalar: etree._Element) -> Variable:
-    return Variable(str(scalar.get("name")), int(str(scalar.get("valueReference"))), TYPES[_tag(scalar)], (scalar,))
+def _scalar(scalar: etree._Element) -> Fmi3Variable:
+    return Fmi3Variable(str(scalar.get("name")), int(str(scalar.get("valueReference"))), TYPES[_tag(scalar)], (scalar,))
 
 
-def _arrays(scalars: Sequence[etree._Element]) -> Iterator[Variable]:
+def _arrays(scalars: Sequence[etree._Element]) -> Iterator[Fmi3Variable]:
     for (name, is_element), run in groupby(scalars, key=_base):
         elements = tuple(run)
         reference = int(str(elements[0].get("valueReference")))
         if is_element and _is_array(elements, reference):
-            yield Variable(name, reference, TYPES[_tag(elements[0])], elements, is_array=True)
+            yield Fmi3Variable(name, reference, TYPES[_tag(elements[0])], elements, is_array=True)
         else:
             yield from map(_scalar, elements)
 
@@ -121,7 +116,7 @@ def _is_array(elements: Sequence[etree._Element], first: int) -> bool:
     return all(kind(each) == kind(elements[0]) for each in elements)
 
 
-def _get(variable: Variable, attribute: str) -> str | None:
+def _get(variable: Fmi3Variable, attribute: str) -> str | None:
     value = variable.elements[0].get(attribute)
     return None if value is None else str(value)
 
@@ -147,17 +142,13 @@ _SIMULATION: Final[Mapping[str, str]] = {
 class Traits:
     """What FMI 3.0 adds."""
 
-    token: str
-    """Instantiation token."""
-    sampled: bool
-    """Whether the FMU takes its samples at the ticks of a clock."""
-    references: int
-    """Largest value reference of the variables. The event indicators and the clock have the next ones."""
-    indicators: int
-    """Number of event indicators."""
+    token: str  # instantiation token
+    sampled: bool  # whether the FMU takes its samples at the ticks of a clock
+    references: int  # largest value reference of the variables. The event indicators and the clock have the next ones
+    indicators: int  # number of event indicators
 
 
-def description_3(old: etree._Element, variables: Sequence[Variable], traits: Traits) -> bytes:
+def description_3(old: etree._Element, variables: Sequence[Fmi3Variable], traits: Traits) -> bytes:
     """Return the XML file."""
     dropped = ("guid", "numberOfEventIndicators")
     kept = {str(key): str(value) for key, value in old.attrib.items() if key not in dropped}
@@ -232,7 +223,7 @@ def _copied(root: etree._Element, old: etree._Element) -> None:
             root.remove(copy)
 
 
-def _variable(parent: etree._Element, v: Variable, by_index: Sequence[Variable], size: Variable) -> None:
+def _variable(parent: etree._Element, v: Fmi3Variable, by_index: Sequence[Fmi3Variable], size: Fmi3Variable) -> None:
     scalar, typed = v.elements[0], v.typed
     given = {key: scalar.get(key) for key in ("description", "causality", "variability", "initial")}
     attributes = {key: str(value) for key, value in given.items() if value is not None}
@@ -291,7 +282,7 @@ def _clock(parent: etree._Element, traits: Traits, names: set[str]) -> None:
 
 
 def _unknowns(
-    structure: etree._Element, name: str, unknowns: Sequence[etree._Element], by_index: Sequence[Variable]
+    structure: etree._Element, name: str, unknowns: Sequence[etree._Element], by_index: Sequence[Fmi3Variable]
 ) -> None:
     """List each variable once, with the variables on which any of its elements depends."""
     listed: dict[int, set[int] | None] = {}
@@ -310,41 +301,26 @@ def _unknowns(
 
 PAGE: Final = "documentation/index.html"
 
-_MEANINGS: Final[Mapping[str, str]] = MappingProxyType(
-    {
-        "canHandleVariableCommunicationStepSize": "Communication steps may have any length and may vary.",
-        "maxOutputDerivativeOrder": "First time derivatives of the outputs are available at the end of a step.",
-        "canGetAndSetFMUState": "The state can be saved and restored, so that steps can be repeated.",
-        "canSerializeFMUState": "The saved state can be written to a file.",
-        "providesDirectionalDerivatives": "Directional derivatives are available, for implicit masters.",
-        "providesAdjointDerivatives": "Adjoint derivatives are available.",
-        "providesIntermediateUpdate": "The importer can be called at the end of each internal step.",
-        "canReturnEarlyAfterIntermediateUpdate": "The importer can end the communication step there.",
-        "hasEventMode": "The importer can activate the clock of the samples in event mode.",
-        "mightReturnEarlyFromDoStep": "In event mode, a communication step ends at the next sample.",
-        "needsCompletedIntegratorStep": "The importer has to call fmi3CompletedIntegratorStep.",
-    }
-)
-
-_SECTION: Final = re.compile(
-    r"(<h2>FMI features</h2>\n<p>)FMI 2\.0 (.*?<caption>Capability flags</caption>.*?</thead>\n).*?(</table>)", re.S
-)
+_MEANINGS: Final[Mapping[str, str]] = {
+    **{new: CAPABILITIES[old][1] for old, new in _SIMULATION.items()},
+    "providesAdjointDerivatives": "Adjoint derivatives are available.",
+    "providesIntermediateUpdate": "The importer can be called at the end of each internal step.",
+    "canReturnEarlyAfterIntermediateUpdate": "The importer can end the communication step there.",
+    "hasEventMode": "The importer can activate the clock of the samples in event mode.",
+    "mightReturnEarlyFromDoStep": "In event mode, a communication step ends at the next sample.",
+    "needsCompletedIntegratorStep": "The importer has to call fmi3CompletedIntegratorStep.",
+}
 
 
 def page_3(page: str, description: bytes) -> str:
-    """Return the page with the capability flags of FMI 3.0; a page without the section is unchanged."""
+    """Return the page of a block in FMI 2.0 with the version and the capability flags of FMI 3.0."""
     root = etree.fromstring(description)
-    flags = {
-        str(k): str(v)
-        for kind in ("CoSimulation", "ModelExchange")
-        for k, v in getattr(root.find(kind), "attrib", {}).items()
-    }
-    rows = "".join(
-        f'<tr><th scope="row">{name}</th><td>{value}</td><td>{_MEANINGS[name]}</td></tr>\n'
-        for name, value in flags.items()
-        if name in _MEANINGS
-    )
-    return _SECTION.sub(lambda found: f"{found[1]}FMI 3.0 {found[2]}{rows}{found[3]}", page)
+    stated = [
+        each for kind in ("CoSimulation", "ModelExchange") for found in root.iterfind(kind) for each in found.items()
+    ]
+    flags = {str(name): (str(value), _MEANINGS[str(name)]) for name, value in stated if name in _MEANINGS}
+    page = page.replace("<p>FMI 2.0 for co-simulation", "<p>FMI 3.0 for co-simulation")
+    return page.replace(flags_table(CAPABILITIES), flags_table(flags))
 
 
 _FMI_2_HEADERS: Final = ("fmi2Functions.h", "fmi2FunctionTypes.h", "fmi2TypesPlatform.h")
@@ -393,7 +369,7 @@ static const uint32_t state_variables[STATE_VARIABLES + 1] = {{{states}}};
 
 def fmi_3(source: SourceFmu, *, clocks: bool = False, arrays: bool = False) -> bytes:
     """Return the FMU of FMI 3.0, from the cache or compiled."""
-    shell = _shell()
+    shell = {path.name: path.read_text("utf-8") for path in sorted((source_folder() / "fmi3").glob("*.h"))}
     digest = hashlib.sha256(source.content)
     modules = (path.read_text(encoding="utf-8") for path in sorted(Path(__file__).parent.glob("*.py")))
     identities = (text for each in source.platforms for text in (each.folder, *map(toolchain.identity, each.targets)))
@@ -456,7 +432,7 @@ def _source(
     old: etree._Element,
     identifier: str,
     token: str,
-    variables: Sequence[Variable],
+    variables: Sequence[Fmi3Variable],
     references: int,
     indicators: int,
     sampled: bool,
@@ -538,7 +514,3 @@ def _fmi_header(name: str) -> str:
 def _prefixed(found: re.Match[str]) -> str:
     hidden = "fmi2FullName(name) PASTE(FMI2_FUNCTION_PREFIX, name)" if "fmi2FullName" in found[0] else "FMI2_Export"
     return f"#ifdef FMI2_FUNCTION_PREFIX\n#define {hidden}\n#else\n{found[0]}#endif\n"
-
-
-def _shell() -> dict[str, str]:
-    return {path.name: path.read_text(encoding="utf-8") for path in sorted((source_folder() / "fmi3").glob("*.h"))}

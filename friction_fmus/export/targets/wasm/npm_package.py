@@ -68,37 +68,17 @@ def _variable(scalar: etree._Element, types: Mapping[str, etree._Element]) -> di
 _IMPORTS = 2
 
 
-def imports(module: bytes) -> tuple[str, ...]:
-    """Return the functions and memories that a module needs, as "module.name"."""
+def first_import(module: bytes) -> str | None:
+    """Return a function or memory that a module needs, as "module.name"; None if it needs nothing."""
     for section, data in _sections(module):
         if section == _IMPORTS:
-            found: list[str] = []
-            count, place = _number(data, 0)
-            while len(found) < count:
-                names = []
-                for _ in range(2):
-                    length, place = _number(data, place)
-                    names.append(data[place : place + length].decode())
-                    place += length
-                found.append(".".join(names))
-                place = _after_type(data, place)
-            return tuple(found)
-    return ()
-
-
-def _after_type(data: bytes, place: int) -> int:
-    """Return the place after the type of an import: function, table, memory or global."""
-    kind = data[place]
-    place += 1
-    if kind == 0:
-        return _number(data, place)[1]
-    if kind == 3:
-        return place + 2
-    place += kind == 1
-    flags, place = _number(data, place)
-    for _ in range(1 + (flags & 1)):
-        _, place = _number(data, place)
-    return place
+            names, place = [], _number(data, 0)[1]
+            for _ in range(2):
+                length, place = _number(data, place)
+                names.append(data[place : place + length].decode())
+                place += length
+            return ".".join(names)
+    return None
 
 
 def _sections(module: bytes) -> Iterator[tuple[int, bytes]]:
@@ -180,11 +160,6 @@ A page without modules, such as one opened as a file, uses `<script src="{name}.
 """
 
 
-def index_script(name: str, description: str) -> str:
-    """Return index.js; the description is JSON."""
-    return _INDEX.format(name=name, description=description)
-
-
 def types_of(description: Mapping[str, Any]) -> str:
     """Return index.d.ts."""
     variables = description["variables"]
@@ -249,18 +224,15 @@ def _key(name: str) -> str:
 
 
 _FOLDER: Final = Path(__file__).parent
-CLASS: Final = "model.js"
-"""The JavaScript class that all packages contain."""
+CLASS: Final = "model.js"  # the JavaScript class that all packages contain
 
 
 @dataclass(frozen=True)
 class WasmModel:
     """A module with the description of its variables."""
 
-    module: bytes
-    """The WebAssembly module, which has no imports."""
-    description: Mapping[str, Any]
-    """What JavaScript knows about it, see `described`."""
+    module: bytes  # the WebAssembly module, which has no imports
+    description: Mapping[str, Any]  # what JavaScript knows about it, see `described`
 
     @property
     def name(self) -> str:
@@ -282,10 +254,7 @@ class WasmModel:
             "version": version("friction-fmus"),
             **{key: self.description[key] for key in ("description", "license") if key in self.description},
             "type": "module",
-            "exports": {
-                ".": {"types": "./index.d.ts", "default": "./index.js"},
-                "./*": "./*",
-            },
+            "exports": {".": {"types": "./index.d.ts", "default": "./index.js"}, "./*": "./*"},
             "types": "./index.d.ts",
             "sideEffects": [f"./{name}.script.js"],
         }
@@ -293,7 +262,7 @@ class WasmModel:
             "package.json": json.dumps(package, indent=2, ensure_ascii=False) + "\n",
             f"{name}.json": json.dumps(self.description, indent=1, ensure_ascii=False) + "\n",
             f"{name}.script.js": class_script() + self.script(),
-            "index.js": index_script(name, _json(self.description)),
+            "index.js": _INDEX.format(name=name, description=_json(self.description)),
             "index.d.ts": types_of(self.description),
             CLASS: (_FOLDER / CLASS).read_text(encoding="utf-8"),
             "model.d.ts": (_FOLDER / "model.d.ts").read_text(encoding="utf-8"),
@@ -323,10 +292,10 @@ def wasm_model(source: SourceFmu) -> WasmModel:
     for path in sorted((source_folder() / "wasm").glob("*.c")):
         units[path.name] = {path.name: path.read_text(encoding="utf-8")}
     module = linked(WASM, units, name, source.quiet)
-    needed = imports(module)
+    needed = first_import(module)
     if needed:
         raise BuildError(
-            f"{name} needs {needed[0]} of an operating system, which a WebAssembly module does not have: change its "
+            f"{name} needs {needed} of an operating system, which a WebAssembly module does not have: change its "
             "sources"
         )
     return WasmModel(module, described(source.description))

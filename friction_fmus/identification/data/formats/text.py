@@ -15,8 +15,8 @@ from typing import IO, Final
 import numpy as np
 
 from friction_fmus.errors import RecordError
-from friction_fmus.identification.data.guessing import meaning_of
-from friction_fmus.identification.data.record import Array, Finding, unit_of
+from friction_fmus.identification.data.column_headings import meaning_of
+from friction_fmus.identification.data.record import Array, RecordFinding, unit_of
 from friction_fmus.identification.data.tables import ChannelGroup, DataTable, on_one_clock
 from harness.storage.files import LARGEST_DATA
 
@@ -52,20 +52,17 @@ def numbers(cells: Sequence[str], comma: bool) -> Array | None:
         return None
 
 
-def decimal_comma(path: Path) -> Finding:
+def decimal_comma(path: Path) -> RecordFinding:
     """Return the finding that commas are read as decimal points."""
     what = f"Commas in the numbers of {path.name} are read as decimal points."
-    return Finding("decimal-comma", what, "Check a value of each column, or use decimal points.")
+    return RecordFinding("decimal-comma", what, "Check a value of each column, or use decimal points.")
 
 
-KEY = "Name"
-"""First cell of the row with the names of the channels; it is repeated above each column of times."""
+KEY = "Name"  # first cell of the row with the names of the channels; it is repeated above each column of times
 
-TICKS = 1e4
-"""Ticks of a time stamp of Windows in a millisecond."""
+TICKS = 1e4  # ticks of a time stamp of Windows in a millisecond
 
-LONGEST_HEAD = 200
-"""Largest number of lines above the numbers; comments of symbols can have several lines."""
+LONGEST_HEAD = 200  # largest number of lines above the numbers; comments of symbols can have several lines
 
 _NO_UNIT = ("", "(None)", "None")
 

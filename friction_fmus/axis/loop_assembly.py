@@ -1,0 +1,237 @@
+"""Assembly of the closed loop of an axis from FMUs.
+
+This module connects FMUs. Control laws, plants and friction forces are computed inside them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Hashable, Mapping
+from dataclasses import dataclass, field, replace
+from functools import partial
+from pathlib import Path
+from types import TracebackType
+
+import numpy as np
+
+from friction_fmus.axis.servo import AxisPlant, Compensator, Servo, Trajectory
+from friction_fmus.blocks.axis_units import domain_of
+from friction_fmus.export.block_fmu import fmu
+from harness import FmuPart, Part, SeriesPart, Wire
+from harness.parts.part import StartValue
+
+
+@dataclass
+class PartPool:
+    """Parts of loops, to be used again by the next one, because loading an FMU takes longer than a short run.
+
+    Loops that share parts must not run at the same time. Used with ``with``, the pool closes the parts at the end.
+    """
+
+    _parts: dict[Hashable, FmuPart] = field(default_factory=dict)
+
+    def part(self, name: str, fmu: Hashable, path: Callable[[], Path], every: int) -> FmuPart:
+        """Return a part."""
+        key = name, fmu, every
+        if key not in self._parts:
+            self._parts[key] = FmuPart(name, path(), every=every)
+        return self._parts[key]
+
+    def __enter__(self) -> PartPool:
+        """Return the pool."""
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
+        """Close the parts."""
+        for part in self._parts.values():
+            part.close()
+
+
+def block(name: str, rotary: bool = False) -> Path:
+    """Return the FMU of a block with its default start values."""
+    return fmu(name, domain_of(rotary))
+
+
+def typed(part: Part, values: Mapping[str, float]) -> dict[str, float | int | bool]:
+    """Return the values that are parameters of a part, converted to the parameter's type."""
+    kinds: dict[str, type[float | int | bool]] = {"Real": float, "Integer": int, "Boolean": bool}
+    types = {port.name: kinds[port.type] for port in part.parameters if port.type in kinds}
+    return {name: types[name](value) for name, value in values.items() if name in types}
+
+
+@dataclass
+class AxisAssembly:
+    """Parts, connections and start values of an axis, added one after the other."""
+
+    trajectory: Trajectory  # reference, initial state and disturbances
+    every: int  # number of communication steps between mass and friction in a sample of the servo
+    fmus: Mapping[str, Path]  # FMUs to use instead of those of the library, by name of the part
+    pool: PartPool  # parts of other loops to use again
+    parts: list[Part] = field(default_factory=list)
+    wires: list[str | Wire] = field(default_factory=list)
+    start: dict[str, StartValue] = field(default_factory=dict)
+    """What has been added."""
+
+    def add(self, name: str, model: str, values: Mapping[str, float], *, sampled: bool = True) -> FmuPart:
+        """Add a block with these parameters; those that it does not have are ignored."""
+        part = self._part(name, model, lambda: block(model, self.trajectory.rotary), self.every if sampled else 1)
+        self.start |= {f"{name}.{key}": value for key, value in typed(part, values).items()}
+        return part
+
+    def _part(self, name: str, fmu: Hashable, path: Callable[[], Path], every: int) -> FmuPart:
+        given = self.fmus.get(name)
+        if given is not None:
+            fmu, path = given, partial(Path, given)
+        part = self.pool.part(name, fmu, path, every)
+        self.parts.append(part)
+        return part
+
+    def add_plant(self, plant: AxisPlant) -> None:
+        """Add mass, friction, and the force over position."""
+        trajectory = self.trajectory
+        own = {"m": plant.mass, "x0": trajectory.x0, "v0": trajectory.v0}
+        self.add("axis", "Mass", own, sampled=False)
+        self.start |= constant_force(plant, trajectory.load - plant.offset)
+        contact = self.add("friction", plant.friction, plant.values, sampled=False)
+        self.start["axis.d"] = viscous_beside(contact, plant)
+        self.wires += ["axis.v -> friction.v", "friction.F -> axis.F_friction"]
+        if "Fn0" in plant.values:  # the friction was identified at this normal force, which is constant
+            loaded = [part for part in self.parts if isinstance(part, FmuPart) and _has_input(part, "Fn")]
+            self.start |= {f"{part.name}.Fn": plant.values["Fn0"] for part in loaded}
+        if _has_input(contact, "F_ext"):
+            self.wires.append("axis.F_ext -> friction.F_ext")
+        if plant.position is not None:
+            table = plant.position
+            self._part("position", table, lambda: table.fmu(trajectory.rotary), 1)
+            self.start |= {f"position.{name}": value for name, value in plant.position.start.items()}
+            self.wires += ["axis.x -> position.x", "axis.v -> position.v"]
+            # a step late, so that only mass and friction are solved jointly: the force hardly changes in a step
+            self.wires.append(Wire("position.F_position", "axis.F_load", delay=1))
+
+
+@dataclass
+class LoopAssembly(AxisAssembly):
+    """The same with a servo and compensators."""
+
+    servo: Servo = field(kw_only=True)  # feedback and sensors
+
+    @property
+    def position(self) -> str:
+        """Output with the measured position."""
+        return "encoder.y" if self.servo.quantum else self._exact
+
+    @property
+    def _exact(self) -> str:
+        """Output with the measured position before it is rounded."""
+        return "measured.y" if self.servo.noise else "axis.x"
+
+    def add_sensors(self) -> None:
+        """Add the reference, and the measurement of position and velocity."""
+        servo, trajectory = self.servo, self.trajectory
+        self._part("reference", trajectory.reference, lambda: trajectory.reference, self.every)
+        self.add("velocity", "Differentiator", {"Ts": servo.Ts, "window": servo.window, "v0": trajectory.v0})
+        self.wires.append(f"{self.position} -> velocity.x")
+        if servo.noise:
+            noise = trajectory.noise
+            if noise is None:
+                raise ValueError("a servo with noise needs an FMU that outputs the noise")
+            self._part("noise", noise, lambda: noise, self.every)
+            self.add("measured", "Sum", {"gain[2]": servo.noise})
+            self.wires += ["axis.x -> measured.u1", "noise.r -> measured.u2"]
+        if servo.quantum:
+            self.add("encoder", "Quantiser", {"q": servo.quantum})
+            self.wires.append(f"{self._exact} -> encoder.x")
+
+    def add_servo(self, mass: float) -> None:
+        """Add the feedback law; `mass` is the mass of its inertia feedforward."""
+        servo, motion = self.servo, self.trajectory.motion
+        inertia = mass if motion else servo.inertia_feedforward
+        values = {**servo.gains, **self.limits, "Ts": servo.Ts, "m": inertia}
+        self.add("servo", servo.law, values)
+        self.wires += ["reference.r -> servo.r", f"{self.position} -> servo.x", "velocity.v -> servo.v"]
+        self.wires.append(Wire("servo.u", "axis.F_drive", delay=self.every * servo.delay))
+        for name, known in (("rd", motion or servo.velocity_feedforward), ("rdd", inertia > 0.0)):
+            if known:
+                self.wires.append(f"reference.{name} -> servo.{name}")
+            else:
+                self.start[f"servo.{name}"] = 0.0
+
+    @property
+    def limits(self) -> dict[str, float]:
+        """Limits of the force."""
+        return {"u_min": -self.servo.force_limit, "u_max": self.servo.force_limit}
+
+    def add_compensation(self, compensator: Compensator | None, feedforward: Compensator | None) -> None:
+        """Add the forces of feedforward and compensator and the constant force to the output of the servo."""
+        offset, injected = self.trajectory.offset, self.trajectory.injected
+        if injected is not None:
+            if compensator is not None:
+                raise ValueError("a loop with a compensator has no injected force")
+            t = self.servo.Ts * np.arange(float(len(injected)))
+            unit = {"F": self.trajectory.words.N}
+            self.parts.append(SeriesPart("injected", t, {"F": injected}, unit, interpolation="previous", beyond="hold"))
+            self.wires.append(Wire("injected.F", "servo.f", offset=offset))
+            return
+        forces = self._add_forces(compensator, feedforward)
+        if not forces:
+            self.start["servo.f"] = offset
+            return
+        if len(forces) == 1:
+            self.wires.append(replace(forces[0], target="servo.f", offset=offset))
+        else:
+            self.add("force", "SampledSum", {"Ts": self.servo.Ts})
+            self.wires += [replace(wire, target=f"force.u{i}") for i, wire in enumerate(forces, start=1)]
+            self.wires.append(Wire("force.y", "servo.f", offset=offset))
+        part = next((part for part in self.parts if part.name == "compensator"), None)
+        if part is None or not _has_input(part, "u_prev"):
+            return
+        # without the known forces, so that an estimator does not see them: constant force, feedforward, and table
+        fed_back = Wire("servo.u", "compensator.u_prev", offset=-offset, delay=self.every)
+        known = forces[1:]
+        if not known:
+            self.wires.append(fed_back)
+            return
+        gains = {f"gain[{i}]": -1.0 for i in range(2, 2 + len(known))}
+        self.add("unexplained", "SampledSum", {**gains, "Ts": self.servo.Ts})
+        self.wires.append(replace(fed_back, target="unexplained.u1"))
+        self.wires += [
+            replace(wire, target=f"unexplained.u{i}", delay=self.every) for i, wire in enumerate(known, start=2)
+        ]
+        self.wires.append("unexplained.y -> compensator.u_prev")
+
+    def _add_forces(self, compensator: Compensator | None, feedforward: Compensator | None) -> list[Wire]:
+        """Add the laws and the table over position; return a connection without target for the force of each."""
+        laws = {"compensator": compensator, "feedforward": feedforward}
+        given = {name: law for name, law in laws.items() if law is not None}
+        for name, law in reversed(given.items()):
+            self._add_law(name, law)
+        forces = [Wire(f"{name}.{law.output}", "") for name, law in given.items()]
+        table = self.trajectory.table
+        if table is not None:
+            self._part("table", table, lambda: table.fmu(self.trajectory.rotary), self.every)
+            self.start |= {f"table.{name}": value for name, value in table.start.items()}
+            self.wires += ["reference.r -> table.x", "reference.rd -> table.v"]
+            forces.append(Wire("table.F_position", "", gain=-1.0))
+        return forces
+
+    def _add_law(self, name: str, law: Compensator) -> FmuPart:
+        """Add a law with its limits, and connect the signals that it uses."""
+        part = self.add(name, law.model, {**self.limits, "Ts": self.servo.Ts, **law.values})
+        known = {"x": self.position, "v": "velocity.v", **{port: f"reference.{port}" for port in ("r", "rd", "rdd")}}
+        taken = {port.name for port in part.inputs}
+        self.wires += [f"{source} -> {name}.{port}" for port, source in known.items() if port in taken]
+        return part
+
+
+def viscous_beside(friction: Part, plant: AxisPlant) -> float:
+    """Return the coefficient of the viscous friction beside a friction block [N.s/m]; 0 if the block has its own."""
+    own = any(port.name == "Fv" for port in friction.parameters)
+    return 0.0 if own else float(plant.values.get("Fv", 0.0))
+
+
+def constant_force(plant: AxisPlant, force: float) -> dict[str, StartValue]:
+    """Return the start value that applies a constant force to the axis."""
+    return {"axis.F_load" if plant.position is None else "position.F0": force}
+
+
+def _has_input(part: Part, name: str) -> bool:
+    return name in {port.name for port in part.inputs}

@@ -1,0 +1,168 @@
+"""Declarations next to the equations in a block's file, used by its page, the doctor, the study and the
+identification."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from functools import cache
+from pathlib import Path
+from typing import Final
+
+from friction_fmus.blocks.arithmetic import names_in
+from friction_fmus.blocks.contact import Identified, identified
+from friction_fmus.blocks.loop_role import InLoop, in_loop
+from friction_fmus.blocks.macros import macro, string, table, words
+from friction_fmus.errors import FrictionError, did_you_mean
+
+FILE = Path(__file__).with_name("bibliography.bib")
+
+
+@cache
+def bibliography() -> dict[str, str]:
+    """Return the entries of ``bibliography.bib`` by key."""
+    entries = re.findall(r"^(@\w+\{(\w+),.*?^\})$", FILE.read_text(encoding="utf-8"), re.M | re.S)
+    return {key: entry for entry, key in entries}
+
+
+def cited(keys: Iterable[str]) -> tuple[str, ...]:
+    """Return the entries that a block cites."""
+    known = bibliography()
+    found = []
+    for key in keys:
+        if not key.startswith("@") and key not in known:
+            raise FrictionError(
+                f"the block cites {key!r}, which is not in bibliography.bib{did_you_mean(key, known)}; correct it, "
+                "or give the BibTeX entry itself"
+            )
+        found.append(known.get(key, key))
+    return tuple(found)
+
+
+KINDS: Final = ("feedforward", "model feedback", "estimator", "dither", "learning", "controller", "other")
+"""Kinds of compensators."""
+
+
+@dataclass(frozen=True)
+class Use:
+    """Use of a law or controller as a compensator that is added to a servo.
+
+    Attributes
+    ----------
+    kind : str
+        One of `KINDS`.
+    models : tuple of str
+        Friction models in order of preference; the law gets the parameters of the first identified one, by name. Empty
+        if it needs no model.
+    renamed : mapping of str to str
+        Parameters of the law that have another name in the model: model name to law name.
+    tuned : mapping of str to str
+        Expressions for further parameters, in terms of the model's parameters and of known data of the axis, see
+        `friction_fmus.study.compensators.AxisKnowledge`. ``W[i]`` stands for all elements of a vector.
+    output : str
+        The output that is added to the force of the servo.
+    never : str
+        A sentence that explains why the law is excluded from the comparison; empty if it is not excluded.
+    period : str
+        Parameter for the period of the reference in samples; empty if the reference need not be periodic.
+    """
+
+    kind: str
+    models: tuple[str, ...] = ()
+    renamed: Mapping[str, str] = field(default_factory=dict)
+    tuned: Mapping[str, str] = field(default_factory=dict)
+    output: str = "u"
+    never: str = ""
+    period: str = ""
+
+    def __post_init__(self) -> None:
+        """Raise an error for an unknown kind or a text that is not an expression."""
+        if self.kind not in KINDS:
+            raise FrictionError(f"{self.kind!r} is not a kind of compensator{did_you_mean(self.kind, KINDS)}")
+        for text in self.tuned.values():
+            names_in(text)
+
+
+REPLACES_SERVO: Final = Use(
+    "controller", never="It replaces the feedback controller and cannot be compared at the same feedback gains."
+)
+"""Use of a law that closes the position loop itself."""
+
+SHAPES_REFERENCE: Final = Use(
+    "other",
+    never="It applies a feedforward {force} by way of the reference, for servos without a {force} input.",
+)
+"""Use of a law that shapes the reference."""
+
+
+def use_of(code: str) -> Use | None:
+    """Return the use that the macro USE of a C file declares, or None without this macro."""
+    rows = table(code, "USE", ("KIND", "MODELS", "RENAMED", "TUNED", "OUTPUT", "NEVER", "PERIOD"))
+    texts: dict[str, str] = {"kind": "other"}
+    models: tuple[str, ...] = ()
+    pairs: dict[str, dict[str, str]] = {"RENAMED": {}, "TUNED": {}}
+    for row in rows:
+        match row:
+            case "MODELS", models:
+                pass
+            case ("RENAMED" | "TUNED") as key, (name, text):
+                pairs[key][name] = text
+            case ("KIND" | "OUTPUT" | "NEVER" | "PERIOD") as key, (text,):
+                texts[key.lower()] = text
+            case key, arguments:
+                raise FrictionError(f"USE has the malformed row {key}({', '.join(arguments)})")
+    return Use(**texts, models=models, renamed=pairs["RENAMED"], tuned=pairs["TUNED"]) if rows else None
+
+
+@dataclass(frozen=True)
+class About:
+    """Declarations in the file of a block."""
+
+    quotes: tuple[str, ...] = ()
+    """Functions of `friction_fmus.conditions` that the documentation page quotes. The doctor evaluates them for systems
+    with the block."""
+    identified: Identified = field(default_factory=Identified)  # how a friction model is identified
+    in_loop: InLoop = field(default_factory=InLoop)  # the role of the block in a control loop
+    use: Use | None = None  # how a law or controller is used as a compensator; None excludes it from studies
+    cites: tuple[str, ...] = ()  # literature: keys of ``bibliography.bib``, or BibTeX entries
+
+    @property
+    def reads(self) -> frozenset[str]:
+        """Names of the block's variables in its expressions."""
+        texts = [self.identified.size, *self.identified.fits]
+        friction, plant, law = self.in_loop.friction, self.in_loop.plant, self.in_loop.law
+        for part in (friction, law.friction if law is not None else None):
+            texts += vars(part).values() if part is not None else ()
+        if plant is not None:
+            texts += [*plant.forces, *plant.friction, plant.mass, plant.damping, plant.stiffness]
+            texts += [*plant.flexible, plant.belt]
+        for named in (self.in_loop.sensor, self.in_loop.drive, self.in_loop.cogging):
+            texts += vars(named).values() if named is not None else ()
+        if law is not None:
+            texts += [*law.gains.values(), law.inertia, law.amplifies, *law.adapts, *(law.linear or ())]
+        if self.use is not None and not self.use.never:
+            texts += [self.use.output, self.use.period, *self.use.tuned, *self.use.renamed.values()]
+        return frozenset().union(*(names_in(text) for text in texts if text))
+
+    def check(self, variables: Iterable[str]) -> None:
+        """Raise a FrictionError for a name that is not a variable of the block, or an unknown key of the literature."""
+        cited(self.cites)
+        known = set(variables)
+        for name in sorted(self.reads - known):
+            raise FrictionError(
+                f"the description of the block reads {name}, which is not a variable{did_you_mean(name, known)}"
+            )
+
+
+def about_c_block(code: str) -> About:
+    """Return the declarations in the macros of a C file."""
+    about = About(
+        words(string(code, "QUOTES")),
+        identified(code),
+        in_loop(code),
+        use_of(code),
+        words(string(code, "CITES")),
+    )
+    about.check(re.findall(r"\(\s*(\w+)\s*,", macro(code, "VARIABLES") or ""))
+    return about

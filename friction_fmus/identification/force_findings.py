@@ -1,0 +1,168 @@
+"""Findings about a drive force that contradicts the motion: wrong sign, wrong unit, or no inertia force.
+
+The force is fitted by F = M a + Fv v + Fc sgn(v) + OF, linear least squares without bounds, so that a wrong sign shows
+as a negative mass and as friction that drives the axis. Identified masses do not show it: they are positive.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from friction_fmus.blocks.axis_units import AxisUnits
+from friction_fmus.errors import RecordError
+from friction_fmus.identification.data.record import Array, Record, RecordFinding
+from friction_fmus.identification.fit.contact_model import contact_model
+from friction_fmus.identification.fit.scores import independent_samples, rms
+from friction_fmus.identification.fit.simulation_data import prepare
+
+MASSES: Final[Mapping[str, tuple[float, float]]] = {"m": (1e-6, 1e7), "rad": (1e-10, 1e7)}
+"""Smallest and largest mass [kg] or moment of inertia [kg.m2] of a machine, by unit of the position."""
+
+FORBIDDING: Final = ("wrong-sign", "negative-mass", "driving-friction", "implausible-mass", "missing-force")
+"""Findings after which identified parameters cannot be used."""
+
+OUTSIDE: Final = 8.0  # residual over its robust standard deviation above which another force acts
+MISSING: Final = 0.15  # residual over the rms force above which another force acts
+
+BESIDE: Final = 5
+"""Number of decimated samples on either side of a reversal that are left out, and half of those at an end."""
+
+ITERATIONS: Final = 15  # iterations of the robust fit
+SIGNIFICANT: Final = 3.0  # number of standard errors by which a negative mass must differ from zero
+
+DRIVING: Final = 0.02
+"""Power of friction that drives the axis, over the mean power of the force, above which the sign is wrong."""
+
+
+@dataclass(frozen=True)
+class DriveBalance:
+    """Least squares of the drive force."""
+
+    mass: float
+    error: float
+    """Mass and its standard error [kg or kg.m2]."""
+    dissipated: float
+    """Mean power of viscous and Coulomb friction over the mean magnitude of the power of the force without offset;
+    negative if friction drives the axis."""
+
+
+def drive_balance(records: Sequence[Record]) -> DriveBalance | None:
+    """Fit mass and friction to the drive force of some records."""
+    equations = _equations(records)
+    if equations is None:
+        return None
+    A, F, *_ = equations
+    length = np.maximum(np.linalg.norm(A, axis=0), 1e-300)
+    theta = np.linalg.lstsq(A / length, F, rcond=None)[0] / length
+    rest = F - A @ theta
+    inverse = np.linalg.pinv((A / length).T @ (A / length)) / np.outer(length, length)
+    samples = max(independent_samples([rest]) - 4.0, 1.0)
+    v = A[:, 1]
+    power = float(np.mean(np.abs((F - theta[3]) * v)))
+    friction = float(np.mean((theta[1] * v + theta[2] * A[:, 2]) * v))
+    error = float(np.sqrt(max(inverse[0, 0], 0.0) * float(rest @ rest) / samples))
+    return DriveBalance(float(theta[0]), error, friction / power if power else 0.0)
+
+
+def _equations(records: Sequence[Record]) -> tuple[Array, Array, Array, NDArray[np.bool_]] | None:
+    """Return regressors a, v, sgn(v), 1, shape (n, 4), force, time, and which rows are ends; None without force."""
+    rows, forces, times, ends = [], [], [], []
+    for record in records:
+        if record.force is None or record.friction is not None:
+            return None
+        try:
+            segment = prepare(record, contact_model("Viscous", record.units), "force")
+        except RecordError:
+            return None
+        assert segment.a is not None
+        v = segment.inputs["v"]
+        rows.append(segment.rows(np.column_stack([segment.a, v, np.sign(v), np.ones_like(v)])))
+        forces.append(segment.measured)
+        times.append(segment.t)
+        ends.append(np.minimum(np.arange(len(segment.t)), np.arange(len(segment.t))[::-1]) < 2 * BESIDE)
+    return np.concatenate(rows), np.concatenate(forces), np.concatenate(times), np.concatenate(ends)
+
+
+def missing_force(records: Sequence[Record]) -> RecordFinding | None:
+    """Return a finding if, in some intervals, the motion needs another force than the recorded one.
+
+    Mass and friction are fitted robustly (Tukey's bisquare), so that these intervals do not count. Samples near a
+    reversal are left out, where a force that follows the sign of the velocity is smoothed by the filter.
+    """
+    equations = _equations(records)
+    if equations is None:
+        return None
+    A, F, t, ends = equations
+    if len(F) <= 2 * BESIDE + 1:  # too short to tell a disturbance from a reversal
+        return None
+    scaled = A / np.maximum(np.linalg.norm(A, axis=0), 1e-300)
+    weight = np.ones_like(F)
+    for _ in range(ITERATIONS):
+        root = np.sqrt(weight)
+        rest = F - scaled @ np.linalg.lstsq(scaled * root[:, None], F * root, rcond=None)[0]
+        core = max(float(np.median(np.abs(rest))) / 0.6745, 1e-12 * float(np.max(np.abs(F), initial=1e-300)))
+        weight = np.square(np.maximum(1.0 - np.square(rest / (4.685 * core)), 0.0))
+    v = A[:, 1]
+    turns = np.append(v[1:] * v[:-1] <= 0.0, False) | (np.abs(v) < 0.02 * float(np.max(np.abs(v))))
+    near = (np.convolve(turns, np.ones(2 * BESIDE + 1), "same") > 0.5) | ends
+    level = rms(F)
+    outside = (np.abs(rest) > max(OUTSIDE * core, MISSING * level)) & ~near
+    starts = np.flatnonzero(np.diff(np.concatenate([[0], outside.astype(np.int8)])) == 1)
+    if np.count_nonzero(outside) < 3 * len(starts) or not len(starts) or np.mean(outside) > 0.4:
+        return None
+    size = float(np.median(np.abs(rest[outside])))
+    u = records[0].units.words
+    what = (
+        f"In {len(starts)} intervals, the first one at {t[starts[0]]:.4g} s, the motion needs about {size:.3g} {u.N} "
+        f"more or less than the recorded drive {u.force}."
+    )
+    change = f"Record the {u.force} that acts there and declare its column as injected, or choose windows without it."
+    share = rms(np.where(outside, rest, 0.0)) / level
+    return RecordFinding("missing-force" if share > 0.1 else "disturbed-force", what, change)
+
+
+def contradictions(records: Sequence[Record]) -> tuple[RecordFinding, ...]:
+    """Return findings about a drive force that no mass with friction can need for the measured motion."""
+    balance = drive_balance(records)
+    if balance is None:
+        return ()
+    missing = missing_force(records)
+    return (*_about_mass(balance, records[0].units), *(() if missing is None else (missing,)))
+
+
+def _about_mass(balance: DriveBalance, units: AxisUnits) -> tuple[RecordFinding, ...]:
+    """Return the finding about sign and size of mass and friction."""
+    u = units.words
+    low, high = MASSES[units.position]
+    shown = f"{balance.mass:.3g} ± {balance.error:.2g} {u.kg}"
+    fits = f"{u.a_mass} of {shown}"
+    negative = balance.mass < -SIGNIFICANT * balance.error
+    driving = balance.dissipated < -DRIVING
+    if negative and driving:
+        what = f"The drive {u.force} has the wrong sign: it fits {fits}, and friction that drives the axis."
+        return (RecordFinding("wrong-sign", what, f"Set sign = -1 for the {u.force} in [columns]."),)
+    if negative:
+        what = f"The drive {u.force} fits {fits}, which is negative."
+        change = (
+            f"Check units and times of {u.force} and position; a spring or a load that depends on position does the "
+            "same."
+        )
+        return (RecordFinding("negative-mass", what, change),)
+    if driving:
+        what = (
+            f"Friction would drive the axis: its power is {100.0 * balance.dissipated:.3g} % of the power of the drive."
+        )
+        change = f"Check the sign of the {u.force}, and that {u.force} and position are logged in the same sample."
+        return (RecordFinding("driving-friction", what, change),)
+    if balance.mass < balance.error:
+        what = f"The record does not determine the {u.mass} ({shown})."
+        return (RecordFinding("mass-not-identified", what, f"Record faster motion, or give the {u.mass}."),)
+    if not low <= balance.mass <= high:
+        what = f"The drive {u.force} fits {fits}; machines have {low:g} to {high:g} {u.kg}."
+        return (RecordFinding("implausible-mass", what, f"Correct the unit of the {u.force} or of the position."),)
+    return ()

@@ -1,0 +1,196 @@
+"""Identification and ranking of several models on the same record."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import Executor, ProcessPoolExecutor, as_completed
+from concurrent.futures.process import BrokenProcessPool
+from dataclasses import dataclass, field
+from multiprocessing import get_context
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+
+from friction_fmus.errors import FitError, FrictionError
+from friction_fmus.identification.data.record import Record
+from friction_fmus.identification.fit.contact_model import contact_model
+from friction_fmus.identification.identification_result import Identification
+from friction_fmus.identification.identifying import identify
+from friction_fmus.listings import comparison_html, comparison_text
+
+FAR: Final = 10.0
+"""Ratio to the largest measured force beyond which a force parameter has run away: the drive overcame all friction."""
+
+
+def within_reach(
+    identify: Callable[..., Identification], model: str | Path, train: Sequence[Record], **options: Any
+) -> Identification:
+    """Identify a model; if a force parameter ran away, identify it again with a bound for this parameter.
+
+    A record that passes the Stribeck velocity between two samples does not determine Fs: the product of a huge Fs and
+    the exponential of a tiny vs fits. Nothing can be computed with such a value, and it hides that Fs is unknown.
+    """
+    found = identify(model, train, **options)
+    forces = [values for record in train for values in (record.force, record.friction) if values is not None]
+    if options.get("bounds") or not forces:
+        return found
+    largest = FAR * max(float(np.max(np.abs(values))) for values in forces)
+    unit = train[0].units.force
+    far = [name for name, e in found.parameters.items() if e.unit == unit and name != "OF" and abs(e.value) > largest]
+    bounds = {name: (0.0, largest) for name in far}
+    return identify(model, train, **{**options, "bounds": bounds}) if far else found
+
+
+ProgressCallback = Callable[[int, int], None]
+
+TIE = 3  # number of digits in which the validation errors of models must differ to determine their order
+DRIVE_PARAMETERS = ("M", "OF")  # parameters of a drive that may be fixed in addition to those of a block
+
+
+@dataclass(frozen=True)
+class IdentificationTask:
+    """Data and options of the identification of each model.
+
+    Attributes
+    ----------
+    train, validation : tuple of Record
+        Training data and, optionally, validation data.
+    fixed : mapping of str to float
+        Known parameters; each model uses those that it has.
+    options : mapping of str to object
+        Other arguments of `identify`: loss, method, starts.
+    """
+
+    train: tuple[Record, ...]
+    validation: tuple[Record, ...] = ()
+    fixed: Mapping[str, float] = field(default_factory=dict)
+    options: Mapping[str, Any] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class ModelComparison:
+    """Identified models, ranked.
+
+    Attributes
+    ----------
+    results : tuple of Identification
+        Identified models, best first.
+    failed : mapping of str to str
+        Reasons why models could not be identified, by name of the model.
+    ranked_by : str
+        Criterion of the ranking, ``validation error`` or ``BIC``.
+    """
+
+    results: tuple[Identification, ...]
+    failed: Mapping[str, str]
+    ranked_by: str
+
+    def __repr__(self) -> str:
+        """Return a summary in one line."""
+        return comparison_text(self)
+
+    def _repr_html_(self) -> str:
+        """Return the models as HTML, for a notebook."""
+        return comparison_html(self)
+
+
+def compare_models(
+    models: Sequence[str | Path], task: IdentificationTask, workers: int = 1, progress: ProgressCallback | None = None
+) -> ModelComparison:
+    """Identify several models on the same data and rank them.
+
+    Parameters
+    ----------
+    models : sequence of str or Path
+        Names of friction blocks, or paths of ``.c`` files.
+    task : IdentificationTask
+        Data and options.
+    workers : int
+        Number of parallel processes; a script needs the guard ``if __name__ == "__main__":`` for more than 1.
+    progress : callable, optional
+        Called with the number of finished models and the total number.
+
+    Returns
+    -------
+    ModelComparison
+        Models ranked by the validation error, or by the Bayesian information criterion (BIC) without validation data.
+
+    Raises
+    ------
+    FitError
+        If no model has a fixed parameter, or no model can be identified.
+    """
+    _check_fixed(models, task)
+    found: dict[str, Identification | str] = {}
+    if workers < 2 or len(models) < 2:
+        for done, model in enumerate(models, start=1):
+            found[str(model)] = identify_one(model, task)
+            if progress:
+                progress(done, len(models))
+    else:
+        with ProcessPoolExecutor(min(workers, len(models)), mp_context=get_context("spawn")) as pool:
+            found = _in_parallel(pool, models, task, progress)
+    failed = {name: result for name, result in found.items() if isinstance(result, str)}
+    results = [found[str(model)] for model in models if str(model) not in failed]
+    if not results:
+        reasons = "; ".join(f"{name}: {reason}" for name, reason in failed.items())
+        raise FitError(f"No model could be identified ({reasons}); change the data or the options.")
+    identified = [result for result in results if isinstance(result, Identification)]
+    validated = all(result.validation is not None for result in identified)
+    # models with equal predictions, such as Coulomb and Stiction in sliding, keep their order in `models`
+    # a model with fewer parameters wins a tie
+    identified.sort(key=_rank if validated else lambda result: (round(result.bic, 3), len(result.parameters)))
+    return ModelComparison(tuple(identified), failed, "validation error" if validated else "BIC")
+
+
+def identify_one(model: str | Path, task: IdentificationTask) -> Identification | str:
+    """Return the identification of a model, or the reason why it failed."""
+    try:
+        known = {*contact_model(model, task.train[0].units).parameters, *DRIVE_PARAMETERS} if task.fixed else set()
+        fixed = {name: value for name, value in task.fixed.items() if name in known}
+        data = {"fixed": fixed, "validation": task.validation or None}
+        return within_reach(identify, model, task.train, **data, **task.options)
+    except FrictionError as error:
+        return " ".join(str(error).split())
+    except Exception as error:  # a failing model must not stop the others
+        return f"{type(error).__name__}: {' '.join(str(error).split())}"
+
+
+def _in_parallel(
+    pool: Executor, models: Sequence[str | Path], task: IdentificationTask, progress: ProgressCallback | None
+) -> dict[str, Identification | str]:
+    found: dict[str, Identification | str] = {}
+    waiting = {pool.submit(identify_one, model, task): str(model) for model in models}
+    try:
+        for done, future in enumerate(as_completed(waiting), start=1):
+            try:
+                found[waiting[future]] = future.result()
+            except BrokenProcessPool:
+                found[waiting[future]] = "a worker process died during this or another model; identify it alone"
+            if progress:
+                progress(done, len(models))
+    except BaseException:
+        pool.shutdown(wait=False, cancel_futures=True)
+        raise
+    return found
+
+
+def _check_fixed(models: Sequence[str | Path], task: IdentificationTask) -> None:
+    """Raise FitError for a fixed parameter that no model has, which would silently be ignored."""
+    if not task.fixed:
+        return
+    known = set(DRIVE_PARAMETERS)
+    for model in models:
+        known |= contact_model(model, task.train[0].units).parameters.keys()
+    unknown = sorted(task.fixed.keys() - known)
+    if unknown:
+        raise FitError(
+            f"None of the models has the parameter {unknown[0]!r}, which is to be fixed; their parameters are "
+            f"{', '.join(sorted(known))}."
+        )
+
+
+def _rank(result: Identification) -> tuple[float, int]:
+    assert result.validation is not None
+    return float(f"{result.validation.rms:.{TIE}g}"), len(result.parameters)
