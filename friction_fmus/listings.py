@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from dataclasses import fields, is_dataclass
 from html import escape
 from typing import TYPE_CHECKING, Any
 
@@ -190,7 +191,9 @@ def _digits(value: float, error: float) -> str:
 
 
 def plain(content: Any) -> Any:
-    """Return content for JSON, with None for numbers that are not finite."""
+    """Return content and dataclasses in it for JSON, with None for numbers that are not finite."""
+    if is_dataclass(content):  # `asdict` copies each number
+        return {each.name: plain(getattr(content, each.name)) for each in fields(content)}
     if isinstance(content, Mapping):
         return {key: plain(value) for key, value in content.items()}
     if isinstance(content, (list, tuple)):

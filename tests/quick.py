@@ -1,14 +1,12 @@
 """Builds FMUs of tests in a third of the time: without optimisation and figures.
 
-The FMUs of the blocks in FMI 2.0, as users get them, are compiled as ever; this is for FMUs with other start values or
-of other files, rotational ones, those of FMI 3.0 and composites. The flags are part of every key
-of the cache, so that no other build finds what is made here. Each night all FMUs are those of users; with
-``QUICK_BUILDS=1`` (`slow/mutation_check.py`), those of the blocks are built quickly too.
+The flags are part of every key of the cache, so that no other build finds what is made here. The engine, WebAssembly
+and what `builds_for_users` encloses are compiled as ever. `slow/test_source_code.py` compares the bits of both builds;
+each night all FMUs are those of users.
 """
 
 from __future__ import annotations
 
-import os
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -20,19 +18,24 @@ from thorough import THOROUGH
 
 from friction_fmus.blocks.catalogue import Block
 from friction_fmus.blocks.probe import Description
-from friction_fmus.export import block_contents, block_fmu
+from friction_fmus.export import block_contents
 from friction_fmus.fmi.portrait import Portrait, portray, terminal_icon
 from harness import FmuPart
 from harness.compiling import platforms, toolchain
 
 UNOPTIMISED = ("-O0", "-fno-sanitize=undefined")
 """Flags in place of ``-O2``; without flags, zig adds a sanitizer."""
-FOLDERS = {
+PLACES = (
     *("accuracy", "check", "codegen", "composite", "conditions", "every_block", "exchange", "fmi3", "harness"),
     *("identification", "interop", "laws", "models", "portrait", "procedures", "shell", "study"),
-}
-"""Folders of tests that look neither at figures nor at compiled code."""
-
+    *("slow/fuzzing", "slow/importers", "slow/test_exchange_motions.py", "slow/test_fmi3_calls.py"),
+    "slow/test_fmi3_of_every_block.py",
+)
+"""Folders and files of tests that look neither at figures nor at compiled code."""
+FIGURES = "every_block/test_block_documentation.py"
+"""A file of tests in these folders that looks at figures."""
+LONG = ("LeuvenFeedforward", "ModifiedLeuvenFeedforward")
+"""Blocks whose code is evaluated for seconds when they are built, to find what depends on what."""
 
 _PLAIN: set[int] = set()
 """Threads that build what users get; 0 for all threads."""
@@ -50,8 +53,9 @@ class _Flags(tuple[str, ...]):
         return (flag for each in super().__iter__() for flag in ((each,) if plain or each != "-O2" else UNOPTIMISED))
 
 
-def _as_users_get_it(make: Callable[..., Any]) -> Callable[..., Any]:
-    return make if os.environ.get("QUICK_BUILDS") else _optimised(make)
+def is_quick() -> bool:
+    """Whether this test builds quickly."""
+    return isinstance(toolchain.FLAGS, _Flags)
 
 
 def _optimised(make: Callable[..., Any]) -> Callable[..., Any]:
@@ -79,27 +83,16 @@ def builds_for_users() -> Iterator[None]:
 
 
 @contextmanager
-def quick_builds(folder: str) -> Iterator[None]:
-    """Build quickly in a test of such a folder."""
-    if THOROUGH or folder not in FOLDERS:
+def quick_builds(path: Path) -> Iterator[None]:
+    """Build quickly in a test of such a file."""
+    if THOROUGH or path == Path(FIGURES) or not any(path.is_relative_to(place) for place in PLACES):
         yield
         return
-    make, keep, compile_unit = block_fmu.block_source, platforms._kept, platforms._object
-
-    def built(
-        model: str | Path,
-        start: Any = None,
-        name: Any = None,
-        files: Any = None,
-        domain: str = "translational",
-        *rest: Any,
-    ) -> Any:
-        plain = not (start or name or files) and domain == "translational" and not Path(model).suffix
-        return (_as_users_get_it(make) if plain else make)(model, start, name, files, domain, *rest)
+    keep, compile_unit = platforms._kept, platforms._object
 
     def kept(target: Any, suffix: str, sources: Any, name: str, headers: bool) -> Any:
-        engine = not headers
-        return (_as_users_get_it(keep) if engine else keep)(target, suffix, sources, name, headers)
+        slow = not headers or name in LONG  # without headers, it is the engine
+        return (_optimised(keep) if slow else keep)(target, suffix, sources, name, headers)
 
     def unit(target: str | None, *rest: Any, **named: Any) -> Any:
         slow = "wasm" in (target or "")  # without optimisation, a module needs what no browser has
@@ -112,8 +105,6 @@ def quick_builds(folder: str) -> Iterator[None]:
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(toolchain, "FLAGS", _Flags(toolchain.FLAGS))
-        patch.setattr(block_fmu, "block_source", built)
-        patch.setattr(block_fmu, "native_library", _as_users_get_it(platforms.native_library))
         patch.setattr(platforms, "_kept", kept)
         patch.setattr(platforms, "_object", unit)
         patch.setattr(block_contents, "portray", drawn)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import cache
 from html import escape
 from itertools import groupby
 
@@ -135,6 +136,7 @@ def _source(block: Block) -> str:
     return f"<h2>Source</h2>\n<p>{escape(block.origin)}</p>\n{entries}{code}"
 
 
+@cache
 def _changes() -> str:
     """Return CHANGELOG.md with smaller headings, and with links into the repository replaced by their text."""
     parser = MarkdownIt()

@@ -12,7 +12,7 @@ import threading
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor, Future, ProcessPoolExecutor, as_completed
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass, fields, is_dataclass
+from dataclasses import dataclass, fields, is_dataclass
 from functools import cache
 from importlib import import_module
 from multiprocessing import active_children, get_context, parent_process
@@ -32,7 +32,7 @@ from harness.storage.files import keep, kept, make_folder
 CACHE: Final = ".study"  # subfolder of the results with the cached steps
 
 rebuild: Final = Converter(detailed_validation=False).structure
-"""``rebuild(content, kind)`` makes a dataclass from what `asdict` and JSON made of one."""
+"""``rebuild(content, kind)`` makes a dataclass from what `plain` and JSON made of one."""
 
 
 @dataclass(frozen=True)
@@ -74,7 +74,7 @@ class StepCache:
 
     def put(self, step: Step, result: Any) -> None:
         """Write the result of a step; a file is either complete or does not exist."""
-        keep(self._path(step), json.dumps(plain(asdict(result))).encode())
+        keep(self._path(step), json.dumps(plain(result)).encode())
 
     def _path(self, step: Step) -> Path:
         return self.folder / f"{step.name}-{step.key}.json"

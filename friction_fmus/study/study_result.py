@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 from math import inf
 from typing import Final, TypeAlias
 
@@ -480,4 +480,4 @@ class StudyResult:
         str
             JSON text, with null for missing numbers.
         """
-        return json.dumps(plain(asdict(self)), indent=1, ensure_ascii=False, allow_nan=False) + "\n"
+        return json.dumps(plain(self), indent=1, ensure_ascii=False, allow_nan=False) + "\n"

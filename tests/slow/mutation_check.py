@@ -10,7 +10,7 @@ only if they pass, all others run. With ``--seconds``, only the former run, as m
 mutant is found too if the tests take five times as long with it. Survivors that are not in `EQUIVALENT` are printed;
 the status is 1 if fewer than 95 % are found.
 
-FMUs are compiled without optimisation and drawn without figures, see ``quick.py``, and kept for all mutants.
+FMUs are built quickly, see ``quick.py``, and kept for all mutants.
 """
 
 from __future__ import annotations
@@ -219,7 +219,7 @@ class Finder:
             (self.folder / name).parent.mkdir(parents=True, exist_ok=True)
             shutil.copy(ROOT / name, self.folder / name)
         os.chdir(self.folder)
-        os.environ |= {"QUICK_BUILDS": "1", "OPENBLAS_NUM_THREADS": "1", "PYTHONPATH": str(self.folder)}
+        os.environ |= {"OPENBLAS_NUM_THREADS": "1", "PYTHONPATH": str(self.folder)}
         os.environ.setdefault("FRICTION_FMUS_CACHE", str(scratch / "cache"))
         sys.path[:0] = [str(self.folder), str(self.folder / "tests")]
         for module in IMPORTED:

@@ -17,7 +17,7 @@ from fmpy.build import build_platform_binary
 from hypothesis import given, seed, settings
 from hypothesis import strategies as st
 from shell.instance import Instance, load
-from thorough import nightly
+from thorough import THOROUGH, nightly, some
 
 from friction_fmus.cli.inputs import open_system
 from harness import FmuPart, System
@@ -29,10 +29,10 @@ NAMES = ("axis.x", "axis.v", "friction.F")
 
 @pytest.fixture(scope="module")
 def servo(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The compensated axis, for all platforms, without inputs."""
+    """The compensated axis without inputs, each night for all platforms."""
     path = tmp_path_factory.mktemp("servo") / "Servo.fmu"
     with open_system(EXAMPLES / "compensated_axis.toml") as system:
-        system.to_fmu(path, inputs=[], platforms=["all"])
+        system.to_fmu(path, inputs=[], platforms=some(["all"], ["native"]))
     return path
 
 
@@ -55,10 +55,11 @@ def run_of(path: Path, steps: int) -> list[float]:
 def test_instances_in_threads_equal_one(servo: Path) -> None:
     expected = run_of(servo, 200)
     with ThreadPoolExecutor(16) as pool:
-        found = list(pool.map(lambda _: run_of(servo, 200), range(1600)))
+        found = list(pool.map(lambda _: run_of(servo, 200), range(1600 if THOROUGH else 400)))
     assert all(values == expected for values in found)
 
 
+@nightly
 def test_size_and_platforms(servo: Path) -> None:
     with zipfile.ZipFile(servo) as archive:
         sizes = {entry.filename.split("/")[1]: entry.compress_size for entry in archive.infolist() if is_binary(entry)}
@@ -79,6 +80,7 @@ def test_a_warm_build_takes_less_than_five_seconds(servo: Path) -> None:
         assert time.process_time() - begin < 5.0
 
 
+@nightly
 @pytest.mark.skipif(shutil.which("cmake") is None or shutil.which("cc") is None, reason="builds with cmake and cc")
 def test_fmpy_compiles_a_binary_that_works(servo: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """It computes what our binary does, but for the rounding of what its compiler contracts."""

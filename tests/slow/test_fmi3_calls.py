@@ -21,13 +21,12 @@ from every_block.test_refused_calls import test_results_that_are_not_finite_chan
 from shell.facade import IN_3, in_either
 from shell.fixtures import instance, situation  # noqa: F401
 from shell.instance import Library, load
-from shell.selection import SHELL_BLOCKS
 from thorough import some
 
 from friction_fmus import catalogue
 
 
-@pytest.fixture(scope="module", params=some(tuple(catalogue()), SHELL_BLOCKS))
+@pytest.fixture(scope="module", params=some(tuple(catalogue()), ("LuGre", "GMS", "PID")))
 def library(request: pytest.FixtureRequest) -> Library:
     """Each block of the catalogue in turn."""
     return load(in_either(request.param + IN_3, mkdtemp(prefix="fmi3-")))

@@ -19,7 +19,7 @@ from playwright.sync_api import Browser, Page
 from slow.test_rotary_study import linear_words
 from study.made_up_study import made_up_study
 from study.small_axis import NOISE, bench_of, rotary_bench_of, runs_of
-from thorough import nightly
+from thorough import nightly, some
 
 from friction_fmus.identification import ROTARY
 from friction_fmus.report import write_report
@@ -74,7 +74,7 @@ def opened(browser: Browser, report: Path, screen: str, **more: Any) -> Iterator
     context.close()
 
 
-@pytest.fixture(params=list(SCREENS))
+@pytest.fixture(params=some(list(SCREENS), ["phone", "dark"]))
 def watched(request: pytest.FixtureRequest, browser: Browser, report: Path) -> Iterator[Watched]:
     with opened(browser, report, request.param) as watched:
         yield watched
@@ -135,6 +135,7 @@ def test_legend_and_zoom_work_by_key(browser: Browser, report: Path) -> None:
         assert watched.messages == []
 
 
+@nightly
 def test_a_curve_in_two_panels_has_one_entry_in_the_legend(browser: Browser, report: Path) -> None:
     with opened(browser, report, "desktop") as watched:
         names = watched.page.locator("#tradeoffs-plot-legend button").all_inner_texts()
@@ -165,6 +166,7 @@ def test_other_weights_rank_the_compensators_anew(browser: Browser, report: Path
         assert watched.messages == []
 
 
+@nightly
 def test_dark_mode_comes_and_goes_with_the_system(browser: Browser, report: Path) -> None:
     with opened(browser, report, "dark") as watched:
         background = "box => box.layout.paper_bgcolor"
@@ -205,7 +207,7 @@ def settled(page: Page) -> list[list[str]]:
     return errors_shown(page)
 
 
-@pytest.mark.parametrize("screen", SCREENS)
+@pytest.mark.parametrize("screen", some(list(SCREENS), ["phone"]))
 def test_the_panel_starts_with_the_numbers_of_the_report(browser: Browser, report: Path, screen: str) -> None:
     with opened(browser, report, screen) as watched:
         for rms, rms_now, largest, largest_now in errors_shown(watched.page):
@@ -245,6 +247,7 @@ def test_every_slider_moves_curves_and_numbers_and_is_reset_by_key(browser: Brow
         assert watched.messages == []
 
 
+@nightly
 def test_the_panel_follows_a_finger(browser: Browser, report: Path) -> None:
     with opened(browser, report, "phone") as watched:
         page = watched.page
@@ -257,6 +260,7 @@ def test_the_panel_follows_a_finger(browser: Browser, report: Path) -> None:
         assert watched.messages == []
 
 
+@nightly
 def test_the_panel_redraws_within_100_ms(browser: Browser, report: Path) -> None:
     with opened(browser, report, "desktop") as watched:
         page = watched.page
@@ -298,6 +302,7 @@ def test_the_panel_of_a_rotary_axis_has_its_words_and_units(browser: Browser, tm
         assert watched.messages == []
 
 
+@nightly
 def test_of_a_long_record_the_panel_has_the_first_part(browser: Browser, panel: WhatIf, tmp_path: Path) -> None:
     """The part is 0.6 s, the record of the made-up study 20 s, with reversals at 7.5 s and 12.5 s."""
     part = replace(panel, r=panel.r[:600], noise=panel.noise[:600], whole=False)
@@ -317,6 +322,7 @@ def test_of_a_long_record_the_panel_has_the_first_part(browser: Browser, panel: 
         assert watched.messages == []
 
 
+@nightly
 def test_with_reduced_motion_nothing_moves_by_itself(browser: Browser, report: Path) -> None:
     with opened(browser, report, "desktop", reduced_motion="reduce") as watched:
         page = watched.page
@@ -335,6 +341,7 @@ def test_with_reduced_motion_nothing_moves_by_itself(browser: Browser, report: P
         assert watched.messages == []
 
 
+@nightly
 def test_an_unstable_loop_is_called_unstable(browser: Browser, report: Path) -> None:
     with opened(browser, report, "desktop") as watched:
         page = watched.page

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import subprocess
+from collections.abc import Sequence
 from itertools import product
 from pathlib import Path
 
@@ -43,7 +44,12 @@ from friction_fmus.lawkit.law import Kind
 WARNINGS = ("-Wall", "-Wextra", "-Wconversion", "-Wpedantic", "-Wshadow", "-Werror")
 UNITS = [*LAWS, str(EXAMPLE)]
 TARGETS = some([*product(CORES, ("float", "double"))], [(M0PLUS, "double"), (M4F, "float"), (M7, "double")])
-on_targets = pytest.mark.parametrize(("core", "real"), TARGETS, ids=lambda each: getattr(each, "name", each))
+
+
+def on(targets: Sequence[tuple[Core, str]]) -> pytest.MarkDecorator:
+    return pytest.mark.parametrize(("core", "real"), targets, ids=lambda each: getattr(each, "name", each))
+
+
 pytestmark = pytest.mark.skipif(bool(emulation.missing()), reason=f"{' and '.join(emulation.missing())} not installed")
 
 STRAIGHT = """
@@ -61,8 +67,8 @@ def straight(
 """
 
 
-@on_targets
-@pytest.mark.parametrize("name", some(UNITS, UNITS[::16]))
+@on(TARGETS)
+@pytest.mark.parametrize("name", some(UNITS, UNITS[::24]))
 def test_the_target_computes_the_same(name: str, real: str, core: Core, tmp_path: Path) -> None:
     """Bit by bit, but for another C library's exp and pow."""
     export = make_export(name, real=real, prefix="law")
@@ -100,7 +106,7 @@ law = "PredictiveFilter"
 FIVE = ("LuGreFeedforward", "GMSFeedforward", "ExtendedStateObserver", "PID", "KalmanFriction")
 
 
-@on_targets
+@on(some(TARGETS, TARGETS[-1:]))
 @pytest.mark.parametrize("name", some([*FIVE, str(EXAMPLE), "exact"], [str(EXAMPLE)]))
 def test_the_target_computes_the_same_over_the_travel(name: str, real: str, core: Core, tmp_path: Path) -> None:
     """Five laws and two loops at 0 to 10 m, against casadi in double: the same bits, or as the README of float says."""
@@ -153,8 +159,8 @@ def result_on_target(export, core: Core, folder: Path) -> int:
     return subprocess.run([EMULATOR, "-cpu", "max", "./program"], cwd=folder, check=False).returncode
 
 
-@on_targets
-@pytest.mark.parametrize("name", some(UNITS, UNITS[::16]))
+@on(some(TARGETS, TARGETS[:2]))
+@pytest.mark.parametrize("name", some(UNITS, UNITS[::32]))
 def test_the_unit_test_passes_on_the_target(name: str, real: str, core: Core, tmp_path: Path) -> None:
     """And its instructions can be counted."""
     export = make_export(name, real=real, prefix="law")

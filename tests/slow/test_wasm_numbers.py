@@ -19,7 +19,7 @@ import pytest
 from every_block.test_block_package import another_value
 from lxml import etree
 from shell.instance import Instance, Library, RefusedError, load, signals
-from shell.selection import COMPOSITES, SHELL_BLOCKS, built
+from shell.selection import COMPOSITES, built
 from thorough import some
 from wasm.engines import CASES, ENGINES, NODE, in_node, run_in
 from wasm.test_wasm_package import LARGEST
@@ -30,7 +30,7 @@ from friction_fmus.export.targets.wasm.npm_package import WasmModel, class_scrip
 from harness.compiling.toolchain import compiler, header_folder, source_folder
 from harness.system.experiment import LOOP_TOLERANCE
 
-NAMES = (*some(tuple(catalogue()), SHELL_BLOCKS), *COMPOSITES)
+NAMES = some((*catalogue(), *COMPOSITES), ("LuGre", "GMS", "PID", "SwitchMass", COMPOSITES[0]))
 STEPS, PART = 300, 6
 TOLERANCE = 1e-12
 

@@ -32,7 +32,7 @@ def elsewhere() -> Iterator[Elsewhere]:
 
 
 @pytest.mark.parametrize("situation", SITUATIONS)
-@pytest.mark.parametrize("name", some(REMEMBERING, REMEMBERING[::8]))
+@pytest.mark.parametrize("name", some(REMEMBERING, REMEMBERING[::12]))
 def test_a_forged_memory_is_refused_or_bears_any_use(
     name: str, situation: str, build_fmu: Callable[..., Path], elsewhere: Elsewhere, tmp_path: Path
 ) -> None:

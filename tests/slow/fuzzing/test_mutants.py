@@ -19,7 +19,7 @@ from robustness.mutate import BYTES, TEXT, damaged, damaged_archive, members, od
 FOLDER = Path(__file__).parent
 
 
-SOME_KINDS = ("check-static", "run-toml", "identify.csv")
+SOME_KINDS = ("check-static", "run-toml")
 
 
 def test_no_mutant_gives_a_traceback_a_hang_or_a_crash(tmp_path: Path) -> None:

@@ -9,8 +9,8 @@ import pytest
 from call_machine import run
 from shell.elsewhere import Elsewhere
 from shell.facade import IN_3, in_either
-from shell.selection import COMPOSITES, SHELL_BLOCKS, of_each_branch
-from thorough import some
+from shell.selection import COMPOSITES, ONE_OF_EACH, SHELL_BLOCKS
+from thorough import THOROUGH, some
 
 from friction_fmus import catalogue
 
@@ -22,9 +22,9 @@ def elsewhere() -> Iterator[Elsewhere]:
     made.end()
 
 
-@pytest.mark.parametrize("name", (*of_each_branch(tuple(catalogue())), *COMPOSITES))
+@pytest.mark.parametrize("name", (*some(tuple(catalogue()), ONE_OF_EACH), *COMPOSITES))
 def test_random_calls(name: str, build_fmu: Callable[..., Path], elsewhere: Elsewhere, tmp_path: Path) -> None:
-    elsewhere.run(build_fmu(name), tmp_path / "calls.txt", 60 if name in COMPOSITES else 12)
+    elsewhere.run(build_fmu(name), tmp_path / "calls.txt", 60 if THOROUGH and name in COMPOSITES else 12)
 
 
 @pytest.mark.parametrize("name", some((*SHELL_BLOCKS, COMPOSITES[1]), ("LuGre", "PID")))
