@@ -23,7 +23,7 @@ from harness.result import Result
 from harness.system.assembly import Assembly, resize_parts
 from harness.system.experiment import Experiment
 from harness.system.feedthrough import find_feedthrough
-from harness.system.graph import check_loops, find_port, make_plan, recorded_names
+from harness.system.graph import check_loops, find_port, make_plan, recorded_names, state_outputs
 from harness.system.initialisation import Initialisation
 from harness.system.plan import Plan
 
@@ -84,8 +84,10 @@ class Session:
                 _LOG.warning("'%s' cannot save its state: its values after events have no rows", part.name)
         with self._guard.running():
             find_feedthrough(system, experiment)
-        plan = self._plan = make_plan(system, experiment, [*self._names, *tapped])
-        schedule = find_master(experiment.master).schedule(plan, experiment)
+        master = find_master(experiment.master)
+        compared = state_outputs(system.parts) if master.implicit else []
+        plan = self._plan = make_plan(system, experiment, [*self._names, *tapped, *compared])
+        schedule = master.schedule(plan, experiment)
         check_loops(system.parts, system.wires, implicit=schedule.implicit)
         open_end = bool(self._options.resume or self._options.checkpoint)
         self._initialisation = Initialisation(plan, system, experiment, self._guard, open_end=open_end)

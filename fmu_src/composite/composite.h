@@ -24,7 +24,7 @@ typedef struct {
     StepCheck guards[GROUPS + 1];
     double w[UNKNOWNS + 1], w_last[UNKNOWNS + 1], trend[UNKNOWNS + 1], scale[UNKNOWNS + 1];
     double prediction_error[UNKNOWNS + 1], growth[UNKNOWNS + 1];
-    double held_values[HELD + 1], held_sizes[HELD + 1];
+    double held_values[HELD + 1], held_sizes[HELD + 1], state_sizes[STATE_OUTPUTS + 1];
     double inverse[GROUPS * MOST * MOST + 1], proposed[GROUPS + 1], before[GROUPS + 1];
 } Memory;
 
@@ -48,6 +48,7 @@ struct Instance {
     Manipulator delays[DELAYS + 1];
     Moving kept_lines[LINES + 1];
     double r[UNKNOWNS + 1], work[7 * MOST + 2 * MOST * MOST + 1], kept[6 * MOST + MOST * MOST + 3 * LINES + 1];
+    double kept_states[STATE_OUTPUTS + 1];
     double start_values[ROOTS + 1], start_work[FIXED_POINT_WORK(ROOTS) + 1], earlier[SIGNALS + 1];
     double shown[SIGNALS + 1]; /* signals after values were set, if `refreshed` */
     double input_slopes[SIGNALS + 1];
@@ -259,6 +260,9 @@ static void wire_newton(Instance *c)
         .held_sizes = m->held_sizes,
         .contacts = contact_data,
         .loads = load_inputs,
+        .states = state_data,
+        .state_sizes = m->state_sizes,
+        .kept_states = c->kept_states,
         .w = m->w,
         .w_last = m->w_last,
         .trend = m->trend,
@@ -789,7 +793,7 @@ static bool plausible_guard(const StepCheck *g)
            in_range(g->cooldown, 0, 2 * LONGEST_COOLDOWN) && in_range(g->next, 0, most) &&
            in_range(g->last, -most, most) && in_range(g->recurrences, 0, MOST_RECURRENCES) &&
            in_range(g->limited_ticks, 0, most) && in_range(g->checks, 0, most) && is_bit(g->abandoned) &&
-           is_bit(g->resolves) && is_bit(g->jumped);
+           in_range(g->resolves, 0, WHOLE_STEP) && is_bit(g->jumped);
 }
 
 /* Return whether a variable can have the value in this memory; a law may accept an input that is not finite. */

@@ -33,6 +33,8 @@ EXPORT void newton_begin(const Engine *e, Newton *newton)
         newton->held_values[k] = arriving(e, newton->held[k]);
         newton->held_sizes[k] = fabs(newton->held_values[k]);
     }
+    for (int64_t i = 0; i < last->state + last->states; i++)
+        newton->state_sizes[i] = fabs(e->signals[newton->states[i].output]);
     for (int64_t g = 0; g < newton->group_count; g++) {
         for (int64_t i = 0; i < most * most; i++)
             newton->inverse[g * most * most + i] = i % (most + 1) == 0 ? -1.0 : 0.0;

@@ -1,9 +1,9 @@
 /* Step checks of the implicit masters. A loop may converge at every step and still be wrong: a mass on a spring that
    oscillates many times within a step amplifies small errors. Some steps are therefore solved a second time, in two
-   halves: at scheduled ticks, and where a value is far from its prediction. If the mean or the end value of a line
-   differs by more than `step_tolerance` (0.02) times its magnitude, or the distance along a contact by a quarter of
-   that, the step is divided, and the following steps are checked until undivided steps agree with their halves again.
-   A step that passes its check keeps its values bit for bit.
+   halves: at scheduled ticks, and where a value is far from its prediction. If the mean or the end value of a line, or
+   an output that is a state, differs by more than `step_tolerance` (0.02) times its magnitude, or the distance along a
+   contact by a quarter of that, the step is divided, and the following steps are checked until undivided steps agree
+   with their halves again. A step that passes its check keeps its values bit for bit.
 
    What follows the start of a run, a jump of an input or a contact that breaks away may be over within a small part of
    the step: the mass swings beyond its new rest and comes to rest elsewhere, which two halves do not show. Such a step
@@ -38,7 +38,9 @@ enum {
     SOON = 16,
     EARLY = 8,
     MOST_RECURRENCES = 8,
-    RUNGS = 8
+    RUNGS = 8,
+    PART_OF_STEP = 1,
+    WHOLE_STEP = 2
 };
 #define GROWTHS 3.0
 
@@ -101,7 +103,7 @@ static bool begins_anew(const Newton *newton, int64_t number, int64_t tick, cons
     for (const Contact *c = contacts_of(newton, g); c < contacts_of(newton, g) + g->contacts; c++)
         if (velocity_of(newton, c)->rests && !is_rest(velocity_of(newton, c)))
             return true;
-    const double least = guard->resolves && tick < guard->next ? JUMP_LIMIT : NOTABLE;
+    const double least = guard->resolves == WHOLE_STEP && tick < guard->next ? JUMP_LIMIT : NOTABLE;
     return s->from == 0.0 && (tick == 0 || guard->jump > least);
 }
 
@@ -239,6 +241,14 @@ static double difference(const Engine *e, Newton *newton, int64_t number, const 
                 guard->apart = remains;
             }
         }
+    const bool divides = s->to - s->from > 1.0 / newton->finest; /* a smaller step would not show more */
+    for (int64_t i = g->state; divides && i < g->state + g->states; i++) {
+        const double kept = newton->kept_states[i], value = e->signals[newton->states[i].output];
+        const double size = fmax(newton->state_sizes[i], fmax(fabs(kept), fabs(value)));
+        const double tolerated = newton->step_tolerance * (early ? AT_START : DISTANCE_FACTOR);
+        const double off = kept == value ? 0.0 : fabs(kept - value) / (tolerated * size);
+        worst = off <= worst ? worst : isnan(off) ? INFINITY : off;
+    }
     guard->distance_error = 0.0;
     for (const Contact *c = contacts_of(newton, g); c < contacts_of(newton, g) + g->contacts; c++) {
         const Moving *const a = &newton->kept_lines[c->line];
@@ -286,14 +296,18 @@ static int check(Engine *e, Newton *newton, int64_t number, const Span *s, int64
 
     for (int64_t k = 0; k < lines; k++)
         whole[k] = e->lines[k].mean;
+    for (int64_t i = g->state; i < g->state + g->states; i++)
+        newton->kept_states[i] = e->signals[newton->states[i].output];
     keep(e, newton, g, number, false);
     int status = solve_pieces(e, newton, number, s, pieces, finer, halves, &halves_jumped, &turns);
     const bool failed_halves = status == NOT_CONVERGED || status == 2;
     if (status != SOLVED && !failed_halves)
         return status;
     if (anew)
-        newton->guards[number].resolves = !failed_halves && resolves(e, newton, g, halves + lines, tick == 0);
-    const bool early = tick < EARLY && newton->guards[number].resolves;
+        newton->guards[number].resolves = failed_halves || !resolves(e, newton, g, halves + lines, tick == 0) ? 0
+                                          : s->to - s->from < 1.0 ? PART_OF_STEP
+                                                                  : WHOLE_STEP;
+    const bool early = tick < EARLY && newton->guards[number].resolves == WHOLE_STEP;
     const double found =
         failed_halves ? INFINITY : difference(e, newton, number, s, whole, halves, jumped || halves_jumped, early);
     *off = fmax(*off, turns ? fmax(found, TURNED) : found);

@@ -164,6 +164,8 @@ static void accept(const Engine *e, Newton *newton, const Group *g, int64_t numb
         newton->w_last[j] = newton->w[j];
         newton->scale[j] = fmax(newton->scale[j], fabs(newton->w[j]));
     }
+    for (int64_t i = g->state; i < g->state + g->states; i++)
+        newton->state_sizes[i] = fmax(newton->state_sizes[i], fabs(e->signals[newton->states[i].output]));
     newton->before[number] = s->h;
 }
 
@@ -380,6 +382,7 @@ MIRRORED(Contact)
 MIRRORED(Group)
 MIRRORED(Moving)
 MIRRORED(Newton)
+MIRRORED(StateOutput)
 MIRRORED(StepCheck)
 
 #endif

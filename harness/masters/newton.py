@@ -27,6 +27,7 @@ from harness.engine.native import Engine
 from harness.errors import ExperimentError
 from harness.masters import Master
 from harness.system.experiment import LOOP_TOLERANCE, STEP_TOLERANCE, Experiment
+from harness.system.graph import state_outputs
 from harness.system.plan import MovingWire, Plan, Schedule
 
 _LOG = logging.getLogger("harness")
@@ -55,6 +56,7 @@ def implicit(experiment: Experiment, error: float = 0.0) -> Schedule:
 Moving = mirror("Moving")
 Contact = mirror("Contact")
 Group = mirror("Group")
+StateOutput = mirror("StateOutput")
 StepCheck = mirror("StepCheck")
 NewtonData = mirror("Newton")
 
@@ -115,6 +117,9 @@ class Loops(Algorithm):
         forces = {contact[1] for contact in contacts.values() if contact[2]}
         self.contacts: list[tuple[int, int, int, int, int]] = []
         self.loads: list[int] = []
+        self.states: list[tuple[int, int]] = []
+        driving = {wire.output for wire in inner}
+        compared = set(state_outputs({part.name: part for part in plan.parts}))
         for number, group in enumerate(groups):
             mine = [wire for wire in inner if group_of[wire.source] == number]
             begin = len(unknowns)
@@ -130,7 +135,15 @@ class Loops(Algorithm):
                 if force in numbers:
                     self.contacts.append((part, wires.index(inner[line]), numbers[force], len(self.loads), len(loads)))
                     self.loads += loads
-            self.rows.append(Group(*row, known, len(self.contacts) - known))
+            states = [
+                (signal, next(i for i, wire in enumerate(wires) if wire in inner and wire.target == part))
+                for part in group
+                if mine
+                for signal in range(*plan.outputs[part])
+                if signal not in driving and plan.names[signal] in compared
+            ]
+            self.rows.append(Group(*row, known, len(self.contacts) - known, len(self.states), len(states)))
+            self.states += states
             first += len(group)
             self.held += held
             if mine:
@@ -153,6 +166,7 @@ class Loops(Algorithm):
         n = len(self.unknowns)
         self._memory = {name: np.zeros(n) for name in ("w", "w_last", "trend", "scale", "prediction_error", "growth")}
         self._memory |= {name: np.zeros(len(self.held)) for name in ("held_values", "held_sizes")}
+        self._memory["state_sizes"] = np.zeros(len(self.states))
         self._memory["inverse"] = np.zeros((len(rows) * most, most))
         self._memory["proposed"], self._memory["before"] = np.zeros(len(rows)), np.zeros(len(rows))
         data = self.data = NewtonData()
@@ -174,6 +188,8 @@ class Loops(Algorithm):
         data.unknowns = keep(np.array(self.unknowns, dtype=np.int64))
         data.contacts = keep(np.array(self.contacts, dtype=np.int64))
         data.loads = keep(np.array(self.loads, dtype=np.int64))
+        data.states = keep(np.array(self.states, dtype=np.int64))
+        data.kept_states = keep(np.zeros(len(self.states)))
         data.held = keep(np.array(self.held, dtype=np.int64))
         for name, array in self._memory.items():
             setattr(data, name, keep(array))

@@ -28,12 +28,19 @@ typedef struct {
     int64_t first_load, load_count; /* its inputs that are forces, one of which may be the sum of the other forces */
 } Contact;
 
+/* An output of a loop that depends on no input directly and drives none in the loop, such as the position of a mass.
+   The position within a step is the integral of what the forces do, not of the line of the velocity. */
+typedef struct {
+    int64_t output, line; /* a line to its part, to which errors are attributed */
+} StateOutput;
+
 typedef struct {
     int64_t first, count; /* its parts, in stepping order */
     int64_t is_loop;
     int64_t unknown, unknowns; /* its first unknown and the number of unknowns */
     int64_t held, held_count;  /* its first held input and the number of them */
     int64_t contact, contacts; /* its first contact and the number of them */
+    int64_t state, states;     /* its first state and the number of them */
 } Group;
 
 /* State of the guard of a loop, see step_check.h. */
@@ -48,10 +55,10 @@ typedef struct {
     int64_t limited_ticks; /* ticks for which `limit` remains in force */
     int64_t checks;        /* number of steps checked */
     int64_t abandoned;     /* no step is small enough: checks have ended */
-    int64_t resolves;      /* the motion after the last jump that was checked was not over within the step */
-    int64_t jumped;        /* the solution of the last step lies at a jump of r */
-    double jump;           /* of an input from outside since the last step, over its magnitude */
-    double apart;          /* error of that line */
+    int64_t resolves; /* PART_OF_STEP, WHOLE_STEP: after the last jump the motion was not over within it; 0: it was */
+    int64_t jumped;   /* the solution of the last step lies at a jump of r */
+    double jump;      /* of an input from outside since the last step, over its magnitude */
+    double apart;     /* error of that line */
     double distance_error; /* error of the distance along `contact` */
     double limit;          /* [s] longest inner step while findings recur */
     double unresolved;     /* inner steps of the smallest size that were still wrong: sum of their shares of the step */
@@ -68,7 +75,9 @@ typedef struct {
     const int64_t *held; /* Real inputs of continuous parts that are not lines, such as the force of a sampled law */
     double *held_values, *held_sizes; /* in the last step; largest magnitudes so far */
     const Contact *contacts;
-    const int64_t *loads;              /* inputs of contacts that are forces */
+    const int64_t *loads; /* inputs of contacts that are forces */
+    const StateOutput *states;
+    double *state_sizes, *kept_states; /* largest magnitudes so far; values of the whole step during a check */
     double *w, *w_last, *trend;        /* value, value of the last step, slope over the last step */
     double *scale;                     /* largest magnitude so far */
     double *prediction_error, *growth; /* error of the last prediction; how often it changed its sign and grew */

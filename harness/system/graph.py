@@ -227,6 +227,17 @@ def find_port(parts: Mapping[str, Part], dotted: str, context: str) -> Port:
     return ports[port_name]
 
 
+def state_outputs(parts: Mapping[str, Part]) -> list[str]:
+    """Return the full names of the Real outputs that depend on no input directly, of parts that move."""
+    return [
+        f"{name}.{port.name}"
+        for name, part in parts.items()
+        if part.moves and part.inputs
+        for port in part.outputs
+        if port.type == "Real" and not port.held and not part.dependencies[port.name]
+    ]
+
+
 def make_plan(system: Assembly, experiment: Experiment, read: Sequence[str]) -> Plan:
     """Return the plan of a run."""
     parts = [system.parts[name] for name in _order(system, experiment)]

@@ -42,7 +42,7 @@ from harness.storage.zip_file import zipped
 from harness.system.assembly import Assembled, Assembly
 from harness.system.experiment import COUPLING_TOLERANCE, LOOP_TOLERANCE, STEP_TOLERANCE, Experiment
 from harness.system.feedthrough import find_feedthrough
-from harness.system.graph import check_loops, make_plan, stepping_order
+from harness.system.graph import check_loops, make_plan, state_outputs, stepping_order
 from harness.system.initialisation import start_order
 from harness.values import is_number
 
@@ -97,7 +97,7 @@ def composite_source(
     source = next((part for part in whole.parts if part not in inner.parts), None)
     order = [part for part in experiment.order or stepping_order(system.parts, system.wires) if part in inner.parts]
     order += [source] if source is not None else []
-    plan = make_plan(whole, replace(experiment, order=tuple(order)), [])
+    plan = make_plan(whole, replace(experiment, order=tuple(order)), state_outputs(whole.parts))
     check_loops(whole.parts, whole.wires, implicit=True)
     start = start_order(plan, inner.parts, [wire for wire in inner.wires if wire.ends[0][0] in inner.parts])
     if source is not None:
