@@ -15,7 +15,6 @@ from functools import cache
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
-from zipfile import ZipFile
 
 from friction_fmus import fmu
 from friction_fmus.blocks.catalogue import Block, catalogue
@@ -24,12 +23,15 @@ from friction_fmus.blocks.probe import variable_groups
 from friction_fmus.export.block_fmu import block_source
 from friction_fmus.export.composite.composite_archive import composite_source
 from friction_fmus.export.targets import SourceFmu
-from friction_fmus.export.targets.wasm.npm_package import wasm_model
+from friction_fmus.export.targets.wasm.npm_package import WasmModel, wasm_model
 from friction_fmus.fmi.documentation import markdown
 from friction_fmus.harness import System
-from friction_fmus.live import SCRIPTS, about_block, assets, model_script, opened
+from friction_fmus.live import SCRIPTS, assets
 
 DOCS = Path(__file__).parent
+sys.path.append(str(DOCS))
+from portraits import about_block, opened, pictures  # noqa: E402
+
 LAB = DOCS / "lab"
 ON_A_MASS = ("LuGre", "ElastoPlastic", "Dahl", "GMS", "ModifiedLeuven", "Leuven", "MaxwellSlip", "BlimanSorine")
 """Friction models that the lab also puts under a mass: their force follows from the velocity alone, continuously."""
@@ -55,15 +57,12 @@ def models() -> list[str]:
 def described(name: str) -> dict[str, Any]:
     """Return what the page of a block shows: the variables, the picture, and what its script tells."""
     block = catalogue()[name]
-    file = fmu(name)
-    with opened(block, file) as bench:
-        about = about_block(bench) | {"equations": equations(block)}
-        groups = variable_groups(bench.description)
-    with ZipFile(file) as archive:
-        pictures = [
-            archive.read(member) for member in sorted(archive.namelist()) if re.search(r"/figure\d\.svg$", member)
-        ]
-    return {"about": about, "groups": groups, "pictures": pictures}
+    with opened(block, fmu(name)) as bench:
+        return {
+            "about": about_block(bench) | {"equations": equations(block)},
+            "groups": variable_groups(bench.description),
+            "pictures": pictures(bench),
+        }
 
 
 def prepare(threads: Executor, chosen: Sequence[str] | None = None) -> list[Future[str]]:
@@ -101,6 +100,12 @@ def lab_files(chosen: Sequence[str] | None = None) -> Iterator[tuple[str, str]]:
             yield f"models/{name}-{system}.js", system_script(name, system)
     names = json.dumps({"models": known, "onMass": on_mass})
     yield "models/names.js", f"FrictionLive.catalogue = {names};\n"
+
+
+def model_script(model: WasmModel, about: dict[str, Any]) -> str:
+    """Return the script that registers a model, with what the page says about it."""
+    name, told = json.dumps(model.name), json.dumps(about, separators=(",", ":"))
+    return f"{model.script()}FrictionLive.about[{name}] = {told};\n"
 
 
 @cache

@@ -107,7 +107,7 @@ static inline double rodas_step(const Model *at, Model *work, double s, double h
         for (int i = 0; i < ALL_STATES; i++)
             for (int j = 0; j < ALL_STATES; j++)
                 matrix[i * ALL_STATES + j] = (i == j ? 1.0 / (rodas_gamma * h) : 0.0) - jacobian[i * ALL_STATES + j];
-        if (!solve_linear(ALL_STATES, matrix, u[stage], 1))
+        if (!solve_linear(ALL_STATES, matrix, u[stage]))
             return -1.0;
     }
     double worst = 0.0;

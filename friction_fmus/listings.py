@@ -1,10 +1,11 @@
-"""Results as one line and as tables, for terminal, notebook and report."""
+"""Results as one line and as tables, for terminal, notebook and report, and as JSON."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from html import escape
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from harness.notebook import Listing, counted, html_table
 
@@ -186,3 +187,12 @@ def _digits(value: float, error: float) -> str:
     if not (math.isfinite(error) and error > 0.0 and value):
         return f"{value:.6g}"
     return f"{value:.{min(6, max(2, math.floor(math.log10(abs(value) / error)) + 3))}g}"
+
+
+def plain(content: Any) -> Any:
+    """Return content for JSON, with None for numbers that are not finite."""
+    if isinstance(content, Mapping):
+        return {key: plain(value) for key, value in content.items()}
+    if isinstance(content, (list, tuple)):
+        return [plain(value) for value in content]
+    return None if isinstance(content, float) and not math.isfinite(content) else content

@@ -40,7 +40,6 @@
 #define STATUS      "equations from memory of the papers"
 #define FEATURES    "presliding, drift-free, Stribeck, rate dependent, mass inside, random"
 #define NO_EXCHANGE "its blocks are integrated inside, and each start and stop would be an event"
-#define PORTRAIT    "avalanches"
 
 /* clang-format off */
 #define VARIABLES                                                                                           \

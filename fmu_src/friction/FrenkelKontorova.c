@@ -38,7 +38,6 @@
 #define STATUS      "equations from memory of reviews"
 #define FEATURES    "presliding, drift-free, rate dependent, needs force, mass inside"
 #define NO_EXCHANGE "the atoms are integrated inside by a method that preserves their energy"
-#define PORTRAIT    "depinning"
 
 /* clang-format off */
 #define VARIABLES                                                                                             \

@@ -34,7 +34,6 @@
 #define STATUS      "equations from memory of the paper"
 #define FEATURES    "presliding, nonlocal memory, drift-free, rate dependent, mass inside"
 #define NO_EXCHANGE "the atoms are integrated inside by a method that preserves their energy"
-#define PORTRAIT    "towed_to_and_fro"
 
 /* clang-format off */
 #define VARIABLES                                                                                             \

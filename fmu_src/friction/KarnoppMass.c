@@ -27,7 +27,6 @@
 #define CITES    "Karnopp1985"
 #define STATUS   "equations from memory of the paper"
 #define FEATURES "drift-free, rate dependent, needs force, mass inside"
-#define PORTRAIT "pushed_mass"
 
 /* clang-format off */
 #define VARIABLES                                                                                                      \

@@ -48,7 +48,6 @@
 #define STATUS      "equations from memory of reviews"
 #define FEATURES    "presliding, drift-free, rate dependent, mass inside, random"
 #define NO_EXCHANGE "thermal noise acts between the points of a grid in time and is integrated inside"
-#define PORTRAIT    "tomlinson"
 
 /* clang-format off */
 #define VARIABLES                                                                                                \

@@ -35,7 +35,6 @@
 #define STATUS      "equations from memory of the paper"
 #define FEATURES    "drift-free, Stribeck, rate dependent, mass inside"
 #define NO_EXCHANGE "at rest on the belt it follows the belt's acceleration, which model exchange does not give"
-#define PORTRAIT    "stick_slip"
 
 /* clang-format off */
 #define VARIABLES                                                                                              \

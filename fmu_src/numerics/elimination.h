@@ -8,7 +8,7 @@
 
 /* Solve the n by n system a x = b in place by Gaussian elimination with row exchanges; return false if a is
    singular. */
-static inline bool solve_linear(int n, double *a, double *b, int columns)
+static inline bool solve_linear(int n, double *a, double *b)
 {
     for (int k = 0; k < n; k++) {
         int pivot = k;
@@ -22,24 +22,20 @@ static inline bool solve_linear(int n, double *a, double *b, int columns)
             a[k * n + j] = a[pivot * n + j];
             a[pivot * n + j] = swap;
         }
-        for (int j = 0; j < columns; j++) {
-            const double swap = b[k * columns + j];
-            b[k * columns + j] = b[pivot * columns + j];
-            b[pivot * columns + j] = swap;
-        }
+        const double swap = b[k];
+        b[k] = b[pivot];
+        b[pivot] = swap;
         for (int i = 0; i < n; i++) {
             if (i == k)
                 continue;
             const double factor = a[i * n + k] / a[k * n + k];
             for (int j = k; j < n; j++)
                 a[i * n + j] -= factor * a[k * n + j];
-            for (int j = 0; j < columns; j++)
-                b[i * columns + j] -= factor * b[k * columns + j];
+            b[i] -= factor * b[k];
         }
     }
     for (int i = 0; i < n; i++)
-        for (int j = 0; j < columns; j++)
-            b[i * columns + j] /= a[i * n + i];
+        b[i] /= a[i * n + i];
     return true;
 }
 

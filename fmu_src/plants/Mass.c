@@ -14,7 +14,6 @@
 #define SUMMARY  "Mass with an optional spring and damper to a moving support"
 #define SOURCE   "Newton's second law"
 #define CITES    "Newton1687"
-#define PORTRAIT "push"
 
 /* clang-format off */
 #define VARIABLES                                                                                       \

@@ -26,7 +26,6 @@
 #define SOURCE   "Otten et al., IEEE/ASME Transactions on Mechatronics 2(3), 1997; table in map.h"
 #define CITES    "Otten1997"
 #define QUOTES   "cogging"
-#define PORTRAIT "over_position"
 
 /* clang-format off */
 #define VARIABLES                                                                                              \

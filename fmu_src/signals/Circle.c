@@ -31,7 +31,6 @@
 #define SUMMARY  "Circle of two axes at constant feed with smooth start and stop"
 #define SOURCE   "ISO 230-4; Biagiotti, Melchiorri: Trajectory Planning for Automatic Machines and Robots, 2008"
 #define CITES    "ISO2304, BiagiottiMelchiorri2008"
-#define PORTRAIT "circle"
 
 /* clang-format off */
 #define VARIABLES                                                                                            \

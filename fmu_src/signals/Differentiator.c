@@ -19,7 +19,6 @@
 #define SUMMARY  "Sampled velocity estimate: moving average, difference, low-pass filter"
 #define SOURCE   "Janot, Gautier, Brunot: Data set and reference models of EMPS, 2019"
 #define CITES    "Janot2019"
-#define PORTRAIT "differentiation"
 
 /* clang-format off */
 #define VARIABLES                                                                                       \

@@ -11,7 +11,6 @@
 #define SUMMARY  "Rounding to the nearest multiple of a step"
 #define SOURCE   "Widrow, Kollar: Quantization Noise, 2008"
 #define CITES    "WidrowKollar2008"
-#define PORTRAIT "staircase"
 
 /* clang-format off */
 #define VARIABLES                                                            \

@@ -14,6 +14,7 @@ from types import TracebackType
 import numpy as np
 
 from friction_fmus.axis.servo import AxisPlant, Compensator, Servo, Trajectory
+from friction_fmus.blocks.axis_units import domain_of
 from friction_fmus.export.block_fmu import fmu
 from harness import FmuPart, Part, SeriesPart, Wire
 from harness.parts.part import StartValue
@@ -47,7 +48,7 @@ class PartPool:
 
 def block(name: str, rotary: bool = False) -> Path:
     """Return the FMU of a block with its default start values."""
-    return fmu(name, "rotational" if rotary else "translational")
+    return fmu(name, domain_of(rotary))
 
 
 def typed(part: Part, values: Mapping[str, float]) -> dict[str, float | int | bool]:
@@ -58,12 +59,10 @@ def typed(part: Part, values: Mapping[str, float]) -> dict[str, float | int | bo
 
 
 @dataclass
-class LoopAssembly:
-    """Parts, connections and start values of the loop of an axis, added one after the other."""
+class AxisAssembly:
+    """Parts, connections and start values of an axis, added one after the other."""
 
-    servo: Servo
-    trajectory: Trajectory
-    """Feedback and sensors; reference, initial state and disturbances."""
+    trajectory: Trajectory  # reference, initial state and disturbances
     every: int  # number of communication steps between mass and friction in a sample of the servo
     fmus: Mapping[str, Path]  # FMUs to use instead of those of the library, by name of the part
     pool: PartPool  # parts of other loops to use again
@@ -85,6 +84,35 @@ class LoopAssembly:
         part = self.pool.part(name, fmu, path, every)
         self.parts.append(part)
         return part
+
+    def add_plant(self, plant: AxisPlant) -> None:
+        """Add mass, friction, and the force over position."""
+        trajectory = self.trajectory
+        own = {"m": plant.mass, "x0": trajectory.x0, "v0": trajectory.v0}
+        self.add("axis", "Mass", own, sampled=False)
+        self.start |= constant_force(plant, trajectory.load - plant.offset)
+        contact = self.add("friction", plant.friction, plant.values, sampled=False)
+        self.start["axis.d"] = viscous_beside(contact, plant)
+        self.wires += ["axis.v -> friction.v", "friction.F -> axis.F_friction"]
+        if "Fn0" in plant.values:  # the friction was identified at this normal force, which is constant
+            loaded = [part for part in self.parts if isinstance(part, FmuPart) and _has_input(part, "Fn")]
+            self.start |= {f"{part.name}.Fn": plant.values["Fn0"] for part in loaded}
+        if _has_input(contact, "F_ext"):
+            self.wires.append("axis.F_ext -> friction.F_ext")
+        if plant.position is not None:
+            table = plant.position
+            self._part("position", table, lambda: table.fmu(trajectory.rotary), 1)
+            self.start |= {f"position.{name}": value for name, value in plant.position.start.items()}
+            self.wires += ["axis.x -> position.x", "axis.v -> position.v"]
+            # a step late, so that only mass and friction are solved jointly: the force hardly changes in a step
+            self.wires.append(Wire("position.F_position", "axis.F_load", delay=1))
+
+
+@dataclass
+class LoopAssembly(AxisAssembly):
+    """The same with a servo and compensators."""
+
+    servo: Servo = field(kw_only=True)  # feedback and sensors
 
     @property
     def position(self) -> str:
@@ -192,28 +220,6 @@ class LoopAssembly:
         taken = {port.name for port in part.inputs}
         self.wires += [f"{source} -> {name}.{port}" for port, source in known.items() if port in taken]
         return part
-
-    def add_plant(self, plant: AxisPlant) -> None:
-        """Add mass, friction, and the force over position."""
-        trajectory = self.trajectory
-        own = {"m": plant.mass, "x0": trajectory.x0, "v0": trajectory.v0}
-        self.add("axis", "Mass", own, sampled=False)
-        self.start |= constant_force(plant, trajectory.load - plant.offset)
-        contact = self.add("friction", plant.friction, plant.values, sampled=False)
-        self.start["axis.d"] = viscous_beside(contact, plant)
-        self.wires += ["axis.v -> friction.v", "friction.F -> axis.F_friction"]
-        if "Fn0" in plant.values:  # the friction was identified at this normal force, which is constant
-            loaded = [part for part in self.parts if isinstance(part, FmuPart) and _has_input(part, "Fn")]
-            self.start |= {f"{part.name}.Fn": plant.values["Fn0"] for part in loaded}
-        if _has_input(contact, "F_ext"):
-            self.wires.append("axis.F_ext -> friction.F_ext")
-        if plant.position is not None:
-            table = plant.position
-            self._part("position", table, lambda: table.fmu(trajectory.rotary), 1)
-            self.start |= {f"position.{name}": value for name, value in plant.position.start.items()}
-            self.wires += ["axis.x -> position.x", "axis.v -> position.v"]
-            # a step late, so that only mass and friction are solved jointly: the force hardly changes in a step
-            self.wires.append(Wire("position.F_position", "axis.F_load", delay=1))
 
 
 def viscous_beside(friction: Part, plant: AxisPlant) -> float:

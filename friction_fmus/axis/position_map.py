@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
+from friction_fmus.blocks.axis_units import domain_of
 from friction_fmus.errors import BuildError
 from friction_fmus.export.block_fmu import build, fmu
 
@@ -86,12 +86,11 @@ class PositionMap:
 
     def fmu(self, rotary: bool = False) -> Path:
         """Return the FMU with this table, which is built once and cached."""
-        return fmu(BLOCK, "rotational" if rotary else "translational", self._files)
+        return fmu(BLOCK, domain_of(rotary), self._files)
 
     def to_fmu(self, folder: Path, name: str = BLOCK, rotary: bool = False) -> Path:
         """Build the FMU with this table and these start values in a folder."""
-        domain: Literal["rotational", "translational"] = "rotational" if rotary else "translational"
-        return build(BLOCK, folder, self.start, name, self._files, domain=domain)
+        return build(BLOCK, folder, self.start, name, self._files, domain=domain_of(rotary))
 
     @property
     def _files(self) -> Mapping[str, str]:

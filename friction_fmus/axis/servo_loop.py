@@ -11,9 +11,9 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from friction_fmus.axis.loop_assembly import LoopAssembly, PartPool, block, constant_force, typed, viscous_beside
+from friction_fmus.axis.loop_assembly import AxisAssembly, LoopAssembly, PartPool
 from friction_fmus.axis.servo import AxisPlant, Compensator, Servo, Trajectory
-from harness import Experiment, ExperimentError, FmuPart, Part, Result, SeriesPart, System, Wire
+from harness import Experiment, ExperimentError, Result, SeriesPart, System
 from harness.accuracy.measure_bounds import measure_bounds
 from harness.engine.algorithm import Recorder
 from harness.engine.defect import inaccurate
@@ -89,7 +89,7 @@ def closed_loop(
 ) -> System:
     """Return the closed loop of an axis as a system."""
     every = max(1, int(np.ceil(servo.Ts / longest - 1e-9)))  # steps of mass and friction in a sample
-    loop = LoopAssembly(servo, trajectory, every, fmus or {}, pool or PartPool())
+    loop = LoopAssembly(trajectory, every, fmus or {}, pool or PartPool(), servo=servo)
     loop.add_sensors()
     loop.add_servo(plant.mass)
     loop.add_compensation(compensator, feedforward)
@@ -109,13 +109,10 @@ def closed_loop(
 
 def with_gain(system: System, gain: float) -> System:
     """Return the system with another gain of the compensation; both share their parts, so run one at a time."""
-    wires = [replace(wire, gain=gain) if _of_compensator(wire) else wire for wire in system.wires]
+    into = ("servo.f", "force.u1")  # what adds the force of the compensator
+    own = [wire.source.startswith("compensator.") and wire.target in into for wire in system.wires]
+    wires = [replace(wire, gain=gain) if its else wire for wire, its in zip(system.wires, own, strict=True)]
     return System(system.parts.values(), wires, system.start, system.experiment, system.name)
-
-
-def _of_compensator(wire: Wire) -> bool:
-    """Return whether a connection adds the force of the compensator."""
-    return wire.source.startswith("compensator.") and wire.target in ("servo.f", "force.u1")
 
 
 def accurate(system: System) -> tuple[System, Result]:
@@ -162,51 +159,25 @@ FREE_TOLERANCE = 1e-6  # residual of the loop of mass and friction over the size
 
 
 def free_axis(
-    plant: AxisPlant,
-    t: Array,
-    force: Array,
-    trend: Array,
-    *,
-    rotary: bool = False,
-    contact: Path | None = None,
-    longest: float = FINEST,
+    plant: AxisPlant, t: Array, force: Array, trend: Array, *, rotary: bool, contact: Path, longest: float
 ) -> System:
     """Return mass and friction of an axis, driven by a recorded force."""
     Ts = float((t[-1] - t[0]) / (len(t) - 1))
     every = max(1, int(np.ceil(Ts / longest - 1e-9)))
-
-    def part(name: str, model: str, own: Path | None = None) -> FmuPart:
-        return FmuPart(name, own or block(model, rotary))
-
-    mass, friction = part("axis", "Mass"), part("friction", plant.friction, contact)
+    still = Trajectory(Path(), len(t), 0.0, 0.0, rotary=rotary)
+    axis = AxisAssembly(still, every, {"friction": contact}, PartPool())
     columns = {"u": force, "trend": trend}
     drive = SeriesPart("drive", Ts * np.arange(len(t)), columns, interpolation="previous", beyond="hold")
     drive.every = every
-    parts: list[Part] = [drive, part("force", "Sum"), mass, friction]
-    wires: list[str | Wire] = ["drive.u -> force.u1", "drive.trend -> force.u2", "force.y -> axis.F_drive"]
-    wires += ["axis.v -> friction.v", "friction.F -> axis.F_friction"]
-    if any(port.name == "F_ext" for port in friction.inputs):
-        wires.append("axis.F_ext -> friction.F_ext")
-    start: dict[str, StartValue] = {"axis.m": plant.mass, "force.gain[2]": 0.0}
-    start |= constant_force(plant, -plant.offset)
-    start["axis.d"] = viscous_beside(friction, plant)
-    start |= {f"friction.{name}": value for name, value in typed(friction, plant.values).items()}
-    if plant.position is not None:
-        parts.append(FmuPart("position", plant.position.fmu(rotary)))
-        start |= {f"position.{name}": value for name, value in plant.position.start.items()}
-        wires += ["axis.x -> position.x", "axis.v -> position.v"]
-        wires.append(Wire("position.F_position", "axis.F_load", delay=1))
-    step = Ts / every
-    stop = Ts * (len(t) - 1)
+    axis.parts.append(drive)
+    axis.add("force", "Sum", {"gain[2]": 0.0}, sampled=False)
+    axis.wires += ["drive.u -> force.u1", "drive.trend -> force.u2", "force.y -> axis.F_drive"]
+    axis.add_plant(plant)
+    step, stop, seen = Ts / every, Ts * (len(t) - 1), ("axis.x", "axis.v")
     experiment = Experiment(
-        stop=stop,
-        step=step,
-        master=master_of(plant, step),
-        record=("axis.x", "axis.v"),
-        decimate=every,
-        loop_tolerance=FREE_TOLERANCE,
+        stop, step, master=master_of(plant, step), record=seen, decimate=every, loop_tolerance=FREE_TOLERANCE
     )
-    return System(parts, wires, start, experiment, "free axis")
+    return System(axis.parts, axis.wires, axis.start, experiment, "free axis")
 
 
 def run_free(system: System, start: Mapping[str, StartValue], begin: float, end: float) -> tuple[Array, Array]:

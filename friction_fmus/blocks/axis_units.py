@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Literal, NamedTuple, TypeAlias
 
 
 class Words(NamedTuple):
@@ -65,6 +65,14 @@ class AxisUnits:
 
 LINEAR = AxisUnits()
 ROTARY = AxisUnits("rad", "rad/s", "N.m", "kg.m2", "N.m.s/rad")
+
+
+Domain: TypeAlias = Literal["translational", "rotational"]
+
+
+def domain_of(rotary: bool) -> Domain:
+    """Return the domain of the FMUs of a linear or a rotary axis."""
+    return "rotational" if rotary else "translational"
 
 
 def words_of(rotary: bool) -> Words:

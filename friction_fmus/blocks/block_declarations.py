@@ -99,41 +99,33 @@ SHAPES_REFERENCE: Final = Use(
 def use_of(code: str) -> Use | None:
     """Return the use that the macro USE of a C file declares, or None without this macro."""
     rows = table(code, "USE", ("KIND", "MODELS", "RENAMED", "TUNED", "OUTPUT", "NEVER", "PERIOD"))
-    if not rows:
-        return None
-    single = dict(rows)
-    try:
-        pairs: dict[str, dict[str, str]] = {"RENAMED": {}, "TUNED": {}}
-        for key, arguments in rows:
-            if key in pairs:
-                name, text = arguments
+    texts: dict[str, str] = {"kind": "other"}
+    models: tuple[str, ...] = ()
+    pairs: dict[str, dict[str, str]] = {"RENAMED": {}, "TUNED": {}}
+    for row in rows:
+        match row:
+            case "MODELS", models:
+                pass
+            case ("RENAMED" | "TUNED") as key, (name, text):
                 pairs[key][name] = text
-        (kind,), (output,), (never,), (period,) = (
-            single.get(key, (otherwise,))
-            for key, otherwise in (("KIND", "other"), ("OUTPUT", "u"), ("NEVER", ""), ("PERIOD", ""))
-        )
-    except ValueError as error:
-        raise FrictionError(f"USE has a row with too few or too many arguments: {single}") from error
-    return Use(kind, single.get("MODELS", ()), pairs["RENAMED"], pairs["TUNED"], output, never, period)
+            case ("KIND" | "OUTPUT" | "NEVER" | "PERIOD") as key, (text,):
+                texts[key.lower()] = text
+            case key, arguments:
+                raise FrictionError(f"USE has the malformed row {key}({', '.join(arguments)})")
+    return Use(**texts, models=models, renamed=pairs["RENAMED"], tuned=pairs["TUNED"]) if rows else None
 
 
 @dataclass(frozen=True)
 class About:
     """Declarations in the file of a block."""
 
-    portrait: str = ""
-    """Name of the experiment for the figures, see `fmi.portrait.experiments`; if empty, the ports select it."""
     quotes: tuple[str, ...] = ()
     """Functions of `friction_fmus.conditions` that the documentation page quotes. The doctor evaluates them for systems
     with the block."""
-    identified: Identified = field(default_factory=Identified)
-    """How a friction model is identified."""
-    in_loop: InLoop = field(default_factory=InLoop)
-    """The role of the block in a control loop."""
-    use: Use | None = None
-    """How a law or controller is used as a compensator; None excludes it from studies."""
-    cites: tuple[str, ...] = ()
-    """Literature: keys of ``bibliography.bib``, or BibTeX entries."""
+    identified: Identified = field(default_factory=Identified)  # how a friction model is identified
+    in_loop: InLoop = field(default_factory=InLoop)  # the role of the block in a control loop
+    use: Use | None = None  # how a law or controller is used as a compensator; None excludes it from studies
+    cites: tuple[str, ...] = ()  # literature: keys of ``bibliography.bib``, or BibTeX entries
 
     @property
     def reads(self) -> frozenset[str]:
@@ -166,7 +158,6 @@ class About:
 def about_c_block(code: str) -> About:
     """Return the declarations in the macros of a C file."""
     about = About(
-        string(code, "PORTRAIT"),
         words(string(code, "QUOTES")),
         identified(code),
         in_loop(code),

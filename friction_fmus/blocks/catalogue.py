@@ -23,11 +23,9 @@ PACKAGE = Path(__file__).parents[1]
 KINDS = {"friction": "friction", "plants": "plant", "controllers": "controller", "signals": "signal"}
 """Kind of the blocks in each folder of ``fmu_src``; laws are in ``friction_fmus/laws``."""
 
-_ORDER = ("friction", "plant", "law", "controller", "signal")
-"""Order of the kinds in the catalogue."""
+_ORDER = ("friction", "plant", "law", "controller", "signal")  # order of the kinds in the catalogue
 
-OWN_BLOCKS = "FRICTION_FMUS_BLOCKS"
-"""Environment variable with folders of user blocks, separated as in PATH."""
+OWN_BLOCKS = "FRICTION_FMUS_BLOCKS"  # environment variable with folders of user blocks, separated as in PATH
 
 FEATURES = {
     "presliding": "the contact is elastic before it slides",
@@ -124,6 +122,12 @@ def package_text(name: str) -> str:
     """Return the text of ``LICENSE`` or ``CHANGELOG.md``: inside an installed package, next to it in a checkout."""
     inside = PACKAGE / name
     return (inside if inside.is_file() else PACKAGE.parent / name).read_text(encoding="utf-8")
+
+
+def icon_files(path: Path) -> tuple[Path, ...]:
+    """Return the drawn icon beside the file of a block, ``NAME.png`` and ``NAME.svg``, if both exist."""
+    files = path.with_suffix(".png"), path.with_suffix(".svg")
+    return files if all(file.is_file() for file in files) else ()
 
 
 def laws_folder() -> Path:

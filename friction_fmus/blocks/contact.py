@@ -23,10 +23,8 @@ class Level:
     Fs: float
     viscous: float = 0.0
     """Coulomb and static friction [N], viscous coefficient [N.s/m]."""
-    vs: float | None = None
-    """Stribeck velocity [m/s]; with None or 0, static friction acts at rest only."""
-    delta: float = 2.0
-    """Stribeck exponent."""
+    vs: float | None = None  # Stribeck velocity [m/s]; with None or 0, static friction acts at rest only
+    delta: float = 2.0  # Stribeck exponent
 
     def at(self, speeds: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the level g at positive speeds [N]."""
@@ -44,14 +42,12 @@ class Level:
 class AxisFriction:
     """The friction of an axis."""
 
-    levels: tuple[Level, Level]
-    """Forward and backward."""
+    levels: tuple[Level, Level]  # forward and backward
     stiffness: float = 0.0
     damping: float = 0.0
     """Stiffness and damping of the contact at rest [N/m, N.s/m], proportional to the normal force; stiffness 0 if
     rigid."""
-    viscous: float = 0.0
-    """Viscous coefficient that also acts at rest [N.s/m]."""
+    viscous: float = 0.0  # viscous coefficient that also acts at rest [N.s/m]
 
     def loaded(self, load: float) -> AxisFriction:
         """Return the contact under another normal force, which does not affect viscous friction."""
@@ -139,8 +135,7 @@ def friction_of(code: str) -> Friction | None:
     return Friction(**found) if found else None
 
 
-NOT_IDENTIFIED: Final = "none"
-"""Method of a model that cannot be identified from motion and force."""
+NOT_IDENTIFIED: Final = "none"  # method of a model that cannot be identified from motion and force
 
 SEEN: Final = ("level", "peak", "viscous", "stiffness", "damping", "speed", "distance")
 """Names in the start value of a parameter: properties of the measured friction, see `identification.Traits`."""
@@ -164,10 +159,8 @@ MEASURED: Final[Mapping[str, str]] = {
 class Fitted:
     """How a parameter is identified."""
 
-    start: str
-    """Start value of the search, an expression of the names in `SEEN`."""
-    experiment: str
-    """Key in `MEASURED` of the experiment to run if the parameter is poorly identifiable."""
+    start: str  # start value of the search, an expression of the names in `SEEN`
+    experiment: str  # key in `MEASURED` of the experiment to run if the parameter is poorly identifiable
     held: bool = False
     """Whether the parameter keeps its default value unless the user gives a start value or bounds: it is correlated
     with others, or most records do not show its effect."""

@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from numbers import Integral
 
 from friction_fmus.blocks.block_header import block_header, start_arguments
-from friction_fmus.blocks.macros import table
+from friction_fmus.blocks.macros import argument_spans, table
 from friction_fmus.errors import BuildError, UnknownNameError, did_you_mean
 
 Start = Mapping[str, float | int | bool]
@@ -24,10 +24,7 @@ def renamed(code: str, name: str) -> str:
 
 
 def identified(sources: Mapping[str, str], name: str) -> dict[str, str]:
-    """Return the sources with a hash of all of them in the block ``NAME.c``, which becomes part of the GUID.
-
-    An importer that compiles them again gets the same GUID, and a state saved by other code is rejected.
-    """
+    """Return the sources with a hash of them in the block, for the GUID: states saved by other code are rejected."""
     text = "\0".join(part for item in sorted(sources.items()) for part in item)
     line = f'#define IDENTITY "{hashlib.sha256(text.encode()).hexdigest()[:32]}"\n'
     block = f"{name}.c"
@@ -80,39 +77,16 @@ def _with_start_value(code: str, variable: str, value: float | int | bool) -> st
     if name not in rows or places[rows[name][1]][1] != bool(element):
         raise UnknownNameError(f"There is no variable {variable!r} with a start value{did_you_mean(variable, rows)}")
     match = rows[name]
-    spans = _arguments(code, match.start(2))
-    begin, end = spans[places[match[1]][0]]
+    spans, _ = argument_spans(code, match.start(2), "VARIABLES", BuildError)
+    span = spans[places[match[1]][0]]
     text = str(int(value)) if isinstance(value, Integral) else repr(float(value))
     if element:
-        values = [part.strip() for part in code[begin:end].strip("()").split(",")]
+        values = [part.strip() for part in code[span].strip("()").split(",")]
         number = int(element.group(2))
-        length = int(code[slice(*spans[1])])
+        length = int(code[spans[1]])
         if not 1 <= number <= length:
             raise UnknownNameError(f"There is no variable {variable!r}; the elements of {name} are 1 to {length}")
         values += ["0.0"] * (number - len(values))
         values[number - 1] = text
         text = f"({', '.join(values)})"
-    return code[:begin] + text + code[end:]
-
-
-def _arguments(code: str, begin: int) -> list[tuple[int, int]]:
-    """Return the trimmed spans of a macro's arguments; commas in strings and brackets do not separate."""
-    spans, depth, start, quoted = [], 0, begin, False
-    for position in range(begin, len(code)):
-        character = code[position]
-        if character == '"' and code[position - 1] != "\\":
-            quoted = not quoted
-        elif quoted:
-            continue
-        elif character == "(":
-            depth += 1
-        elif depth == 0 and character in ",)":
-            text = code[start:position]
-            left = start + len(text) - len(text.lstrip())
-            spans.append((left, left + len(text.strip())))
-            start = position + 1
-            if character == ")":
-                return spans
-        elif character == ")":
-            depth -= 1
-    raise BuildError("The VARIABLES table has a row without an end; close its bracket")
+    return code[: span.start] + text + code[span.stop :]

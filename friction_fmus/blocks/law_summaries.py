@@ -15,8 +15,7 @@ class Heading:
     summary: str
     source: str
     """See `friction_fmus.lawkit.law.Law`."""
-    path: Path
-    """The file that defines it."""
+    path: Path  # the file that defines it
 
 
 def law_paths(folder: Path) -> list[Path]:

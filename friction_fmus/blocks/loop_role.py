@@ -15,30 +15,25 @@ from friction_fmus.errors import FrictionError
 class Plant:
     """A mass, optionally with a spring and a damper to the ground, in terms of the block's variables."""
 
-    forces: tuple[str, ...]
-    """Inputs for applied forces."""
+    forces: tuple[str, ...]  # inputs for applied forces
     friction: tuple[str, ...]
     """Inputs for friction forces, of which the first connected one counts; empty if the block contains its own
     friction."""
-    mass: str
-    """Mass [kg], an expression of the parameters."""
+    mass: str  # mass [kg], an expression of the parameters
     damping: str = ""
     stiffness: str = ""
     """Parameters; empty if there are none."""
     flexible: tuple[str, ...] = ()
     """For a motor and a load connected by a spring: both masses, stiffness and damping; else empty."""
-    belt: str = ""
-    """Parameter with the speed of the ground; empty if the ground is at rest."""
-    support: str = ""
-    """Input with the speed of the other end of spring and damper; empty if it is at rest."""
+    belt: str = ""  # parameter with the speed of the ground; empty if the ground is at rest
+    support: str = ""  # input with the speed of the other end of spring and damper; empty if it is at rest
 
 
 @dataclass(frozen=True)
 class Sensor:
     """A block between a plant and its laws that measures or estimates signals."""
 
-    quantum: str = ""
-    """Resolution of the measured position, an expression; empty if it is not quantised."""
+    quantum: str = ""  # resolution of the measured position, an expression; empty if it is not quantised
     velocity: str = ""
     window: str = "1"
     smoothing: str = "0"
@@ -127,8 +122,7 @@ class Loop:
 class InLoop:
     """The role of a block in a control loop: at most one of the following, and optionally its own friction."""
 
-    friction: Friction | None = None
-    """Friction of a friction model, or of a plant that contains its own friction."""
+    friction: Friction | None = None  # friction of a friction model, or of a plant that contains its own friction
     plant: Plant | None = None
     sensor: Sensor | None = None
     drive: Actuator | None = None

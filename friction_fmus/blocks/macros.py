@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
 from dataclasses import dataclass
 
 from friction_fmus.errors import FrictionError, did_you_mean
@@ -18,10 +17,8 @@ INDENT = "    "
 class Paragraph:
     """A paragraph of prose, a block of equations, or an item of a list."""
 
-    lines: tuple[str, ...]
-    """The lines, without the indentation of equations, the hyphen of an item and the lead."""
-    lead: str = ""
-    """One of `LEADS`, or empty."""
+    lines: tuple[str, ...]  # the lines, without the indentation of equations, the hyphen of an item and the lead
+    lead: str = ""  # one of `LEADS`, or empty
     equations: bool = False
     item: bool = False
     """Whether it is a block of equations, which keeps its layout; whether it is an item of a list."""
@@ -79,31 +76,31 @@ def table(code: str, name: str, known: tuple[str, ...]) -> list[tuple[str, tuple
                 f"{name} contains the unknown row {match[1]}{did_you_mean(match[1], known)}; known rows are "
                 f"{', '.join(known)}"
             )
-        end = _end(rest, match.end(), name)
-        rows.append((match[1], tuple(_arguments(rest[match.end() : end]))))
+        spans, end = argument_spans(rest, match.end(), name)
+        arguments = (re.sub(r'"\s*"', "", rest[span]).strip('"') for span in spans if rest[span])
+        rows.append((match[1], tuple(arguments)))
         rest = rest[end + 1 :].strip()
     return rows
 
 
-def _end(text: str, begin: int, name: str) -> int:
-    """Return the position of the parenthesis that closes the one before `begin`."""
-    depth, quoted = 1, False
+def argument_spans(text: str, begin: int, name: str, error: type[Exception] = FrictionError) -> tuple[list[slice], int]:
+    """Return the arguments from `begin` on, between commas outside of strings and brackets, and where they close."""
+    spans, depth, start, quoted = [], 0, begin, False
     for place in range(begin, len(text)):
-        quoted ^= text[place] == '"'
-        depth += 0 if quoted else (text[place] == "(") - (text[place] == ")")
-        if depth == 0:
-            return place
-    raise FrictionError(f"{name} has no closing parenthesis after {text[:begin]!r}")
-
-
-def _arguments(text: str) -> Iterator[str]:
-    """Yield the arguments between commas outside parentheses and strings; string literals without quotes."""
-    depth, quoted, begin = 0, False, 0
-    for place, letter in enumerate(f"{text},"):
-        quoted ^= letter == '"'
-        depth += 0 if quoted else (letter in "([") - (letter in ")]")
-        if letter == "," and depth == 0 and not quoted:
-            argument = text[begin:place].strip()
-            begin = place + 1
-            if argument:
-                yield re.sub(r'"\s*"', "", argument).strip('"')
+        letter = text[place]
+        if letter == '"' and text[place - 1] != "\\":
+            quoted = not quoted
+        elif quoted:
+            continue
+        elif letter in "([":
+            depth += 1
+        elif depth == 0 and letter in ",)":
+            part = text[start:place]
+            left = start + len(part) - len(part.lstrip())
+            spans.append(slice(left, left + len(part.strip())))
+            start = place + 1
+            if letter == ")":
+                return spans, place
+        elif letter in ")]":
+            depth -= 1
+    raise error(f"{name} has a row without an end; close its bracket")

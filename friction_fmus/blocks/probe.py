@@ -51,8 +51,7 @@ class BlockVariable:
     role: int
     type: int
     """Constants of this module."""
-    reference: int
-    """Value reference."""
+    reference: int  # value reference
     origin: int
     """Value reference of the state (for derivatives) or of the parameter with the initial value (for state outputs)."""
 
@@ -61,16 +60,11 @@ class BlockVariable:
 class BlockVariables:
     """Variables of a compiled block."""
 
-    variables: tuple[BlockVariable, ...]
-    """Variables in the order of the XML, time first."""
-    guid: str
-    """Hash of the rows, computed in the library."""
-    sampled: bool
-    """Whether the block acts at sample times."""
-    exchanges: bool
-    """Whether it can be used for model exchange."""
-    events: int
-    """Number of its event indicators."""
+    variables: tuple[BlockVariable, ...]  # variables in the order of the XML, time first
+    guid: str  # hash of the rows, computed in the library
+    sampled: bool  # whether the block acts at sample times
+    exchanges: bool  # whether it can be used for model exchange
+    events: int  # number of its event indicators
 
 
 @dataclass(frozen=True)
@@ -103,17 +97,10 @@ def read_variables(library: Path) -> BlockVariables:
 def _read(handle: ctypes.CDLL) -> tuple[BlockVariables, int]:
     """Return the rows, and the number of values of the block."""
     handle.block_rows.restype = ctypes.POINTER(_Row)
-    handle.block_rows.argtypes = (
-        *(ctypes.POINTER(ctypes.c_size_t),) * 2,
-        ctypes.POINTER(ctypes.c_int),
-        ctypes.c_char_p,
-    )
-    count, size, traits, guid = (
-        ctypes.c_size_t(),
-        ctypes.c_size_t(),
-        (ctypes.c_int * 3)(),
-        ctypes.create_string_buffer(64),
-    )
+    number = ctypes.POINTER(ctypes.c_size_t)
+    handle.block_rows.argtypes = (number, number, ctypes.POINTER(ctypes.c_int), ctypes.c_char_p)
+    count, size, traits = ctypes.c_size_t(), ctypes.c_size_t(), (ctypes.c_int * 3)()
+    guid = ctypes.create_string_buffer(64)
     rows = handle.block_rows(ctypes.byref(count), ctypes.byref(size), traits, guid)
 
     variables = []
@@ -296,10 +283,8 @@ class VariableRow:
     unit: str
     text: str
     """Name (``k[1...10]`` for a vector), unit or type, and description."""
-    starts: tuple[str, ...]
-    """Start values; one if all are equal, none for computed variables."""
-    limits: str
-    """Range of accepted values; empty if there are no limits."""
+    starts: tuple[str, ...]  # start values; one if all are equal, none for computed variables
+    limits: str  # range of accepted values; empty if there are no limits
 
 
 def variable_groups(rows: BlockVariables) -> dict[str, tuple[VariableRow, ...]]:

@@ -9,7 +9,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from friction_fmus.blocks.axis_units import SLIDING, Words
 from friction_fmus.conditions.condition import Condition, Matrix, held, is_stable, longest_sample, spectral_radius
 
 
@@ -242,7 +241,6 @@ def loop_poles(
     where: str = "in sliding",
     why: str = "",
     hint: str = "",
-    u: Words = SLIDING,
 ) -> Condition:
     """Check that the whole sampled loop is stable: all eigenvalues of `chain` are within the unit circle.
 
@@ -262,8 +260,6 @@ def loop_poles(
     name, where, why, hint : str
         Name of the condition, operating point, consequence, and what to change. Without a hint, the function searches
         for gains that are low enough.
-    u : Words
-        Nouns and units of the texts.
 
     Returns
     -------
@@ -289,8 +285,7 @@ def loop_poles(
         bound=1.0,
         wrong=f"{where} the largest eigenvalue of the loop, sampled every {Ts:.4g} s, has the magnitude {value:.4g}, "
         "not below 1",
-        why=why
-        or f"holding the {u.force} between samples delays it by half a sample time: the loop oscillates and grows",
+        why=why or "holding the {force} between samples delays it by half a sample time: the loop oscillates and grows",
         change=f"{hint}{shorter}{faster}",
         source="Astrom, Wittenmark: Computer-Controlled Systems, 3rd ed., 1997; loop matrix derived here",
     )

@@ -7,7 +7,6 @@ from typing import Final
 
 import numpy as np
 
-from friction_fmus.blocks.axis_units import SLIDING, Words
 from friction_fmus.conditions.condition import (
     Condition,
     Matrix,
@@ -24,7 +23,7 @@ from friction_fmus.conditions.condition import (
 MOST_PREVIEW: Final = 1024  # longest preview that is recommended, in samples: the limit of DiscreteInverse
 
 
-def break_away(most: float, Fs: float, direction: str = "forward", u: Words = SLIDING) -> Condition:
+def break_away(most: float, Fs: float, direction: str = "forward") -> Condition:
     """Check that the drive can break the axis away: the largest force behind all limits is above static friction.
 
     Parameters
@@ -35,8 +34,6 @@ def break_away(most: float, Fs: float, direction: str = "forward", u: Words = SL
         Static friction [N].
     direction : str
         ``forward`` or ``backward``, for the text.
-    u : Words
-        Nouns and units of the texts.
 
     Returns
     -------
@@ -48,15 +45,15 @@ def break_away(most: float, Fs: float, direction: str = "forward", u: Words = SL
         ok=above(most, Fs),
         value=most,
         bound=Fs,
-        wrong=f"the largest {u.force} {direction}, behind all limits, is {most:.4g} {u.N}; static friction is "
-        f"{Fs:.4g} {u.N}",
+        wrong=f"the largest {{force}} {direction}, behind all limits, is {most:.4g} {{N}}; static friction is "
+        f"{Fs:.4g} {{N}}",
         why="the drive cannot start a slow motion in that direction: the axis sticks",
-        change=f"raise the limits of the law and of the actuator above {Fs:.4g} {u.N}",
-        source=f"balance of {u.force}s at rest",
+        change=f"raise the limits of the law and of the actuator above {Fs:.4g} {{N}}",
+        source="balance of {force}s at rest",
     )
 
 
-def sliding_gain(K: float, F: float, u: Words = SLIDING) -> Condition:
+def sliding_gain(K: float, F: float) -> Condition:
     """Check that a set-valued sliding mode reaches s = 0: its gain covers the remaining friction, K >= F.
 
     Parameters
@@ -65,8 +62,6 @@ def sliding_gain(K: float, F: float, u: Words = SLIDING) -> Condition:
         Gain of the sign function [N].
     F : float
         Largest friction that no other law compensates [N].
-    u : Words
-        Nouns and units of the texts.
 
     Returns
     -------
@@ -78,11 +73,11 @@ def sliding_gain(K: float, F: float, u: Words = SLIDING) -> Condition:
         ok=at_least(K, F),
         value=K,
         bound=F,
-        wrong=f"the gain of the sliding mode, K = {K:.4g} {u.N}, must be at least the remaining friction, {F:.4g} "
-        f"{u.N}",
+        wrong=f"the gain of the sliding mode, K = {K:.4g} {{N}}, must be at least the remaining friction, {F:.4g} "
+        f"{{N}}",
         why="the axis does not reach the sliding surface: it sticks away from its target, and a larger s does not "
-        f"increase the {u.force}",
-        change=f"raise K to at least {F:.4g} {u.N}; a larger K does no harm in this law",
+        "increase the {force}",
+        change=f"raise K to at least {F:.4g} {{N}}; a larger K does no harm in this law",
         source="Acary, Brogliato, Systems and Control Letters 59(5), 2010: |F| <= K",
     )
 
@@ -118,7 +113,7 @@ def super_twisting(c1: float, c2: float) -> Condition:
     )
 
 
-def super_twisting_rate(c2: float, L: float, rate: float, u: Words = SLIDING) -> Condition:
+def super_twisting_rate(c2: float, L: float, rate: float) -> Condition:
     """Check that the bound L covers the rate of change of friction: c2 L >= max |dF/dt|.
 
     Parameters
@@ -127,8 +122,6 @@ def super_twisting_rate(c2: float, L: float, rate: float, u: Words = SLIDING) ->
         Gain and bound [N/s] of the law.
     rate : float
         Largest rate of change of friction [N/s]: s0 |v| while a contact with the stiffness s0 is elastic.
-    u : Words
-        Nouns and units of the texts.
 
     Returns
     -------
@@ -140,15 +133,15 @@ def super_twisting_rate(c2: float, L: float, rate: float, u: Words = SLIDING) ->
         ok=at_least(c2 * L, rate),
         value=c2 * L,
         bound=rate,
-        wrong=f"c2 L = {c2 * L:.4g} {u.N}/s must be at least the largest rate of change of friction, {rate:.4g} "
-        f"{u.N}/s",
+        wrong=f"c2 L = {c2 * L:.4g} {{N}}/s must be at least the largest rate of change of friction, {rate:.4g} "
+        f"{{N}}/s",
         why="the estimate lags behind friction at reversals and leaves an error",
-        change=f"raise L above {rate / c2 if c2 > 0.0 else math.inf:.4g} {u.N}/s",
+        change=f"raise L above {rate / c2 if c2 > 0.0 else math.inf:.4g} {{N}}/s",
         source="Levant, Automatica 34(3), 1998",
     )
 
 
-def adaptation(rate: float, Ks: float, m: float, Ts: float, u: Words = SLIDING) -> Condition:
+def adaptation(rate: float, Ks: float, m: float, Ts: float) -> Condition:
     """Check that a sampled gradient adaptation is stable: rate Ts < Ks and 2 Ks Ts/m < 4 + rate Ts^2/m.
 
     These are Jury's conditions for m (s_next - s) = -Ts (Ks s + a), a_next = a + Ts rate s.
@@ -161,8 +154,6 @@ def adaptation(rate: float, Ks: float, m: float, Ts: float, u: Words = SLIDING) 
         Gain of s [N.s/m].
     m, Ts : float
         Mass [kg] and sample time [s].
-    u : Words
-        Nouns and units of the texts.
 
     Returns
     -------
@@ -176,7 +167,7 @@ def adaptation(rate: float, Ks: float, m: float, Ts: float, u: Words = SLIDING) 
         ok=below(value, bound),
         value=value,
         bound=bound,
-        wrong=f"the adaptation rate times Ts, {value:.4g} {u.Ns_m}, must be below Ks = {bound:.4g} {u.Ns_m}"
+        wrong=f"the adaptation rate times Ts, {value:.4g} {{Ns_m}}, must be below Ks = {bound:.4g} {{Ns_m}}"
         if slow
         else f"2 Ks Ts/m = {value:.4g} must be below 4 + Gamma F^2 Ts^2/m = {bound:.4g}",
         why="each correction of the estimate is larger than the error: the estimate oscillates between its limits",
@@ -187,15 +178,13 @@ def adaptation(rate: float, Ks: float, m: float, Ts: float, u: Words = SLIDING) 
     )
 
 
-def prefilter(Kp: float, Kd: float, Ki: float, Ts: float, u: Words = SLIDING) -> Condition:
+def prefilter(Kp: float, Kd: float, Ki: float, Ts: float) -> Condition:
     """Check that the recursion of the prefilter is stable: Ts Ki < Kp and 2 Ts Kp < 4 Kd + Ts^2 Ki.
 
     Parameters
     ----------
     Kp, Kd, Ki, Ts : float
         Gains [N/m, N.s/m, N/(m.s)] and sample time [s] of the prefilter.
-    u : Words
-        Nouns and units of the texts.
 
     Returns
     -------
@@ -209,24 +198,22 @@ def prefilter(Kp: float, Kd: float, Ki: float, Ts: float, u: Words = SLIDING) ->
         ok=below(value, bound),
         value=value,
         bound=bound,
-        wrong=f"Ts Ki = {value:.4g} {u.N_m} must be below Kp = {bound:.4g} {u.N_m}"
+        wrong=f"Ts Ki = {value:.4g} {{N_m}} must be below Kp = {bound:.4g} {{N_m}}"
         if slow
-        else f"2 Ts Kp = {value:.4g} {u.Ns_m} must be below 4 Kd + Ts^2 Ki = {bound:.4g} {u.Ns_m}",
+        else f"2 Ts Kp = {value:.4g} {{Ns_m}} must be below 4 Kd + Ts^2 Ki = {bound:.4g} {{Ns_m}}",
         why="the inverse of the controller is unstable at this sample time: the filtered reference diverges",
         change="lower Ki" if slow else f"sample faster than every {2.0 * Kd / Kp:.4g} s, or raise Kd",
         source="Jury's conditions for 1/C, derived here",
     )
 
 
-def prefilter_match(own: tuple[float, ...], controller: tuple[float, ...], u: Words = SLIDING) -> Condition:
+def prefilter_match(own: tuple[float, ...], controller: tuple[float, ...]) -> Condition:
     """Check that a prefilter R = 1 + F/C uses the gains of the controller C that follows it.
 
     Parameters
     ----------
     own, controller : tuple of float
         Kp, Kd, Ki and Ts of the prefilter and of the controller, compared with a relative tolerance of 1e-6.
-    u : Words
-        Nouns and units of the texts.
 
     Returns
     -------
@@ -243,7 +230,7 @@ def prefilter_match(own: tuple[float, ...], controller: tuple[float, ...], u: Wo
         bound=controller[worst],
         wrong=f"{name} is {own[worst]:.6g} in the prefilter and {controller[worst]:.6g} in the controller",
         why="the output of the controller is then not its response to r plus the feedforward: the plant receives a "
-        f"wrong {u.force}",
+        "wrong {force}",
         change=f"set {name} of the prefilter to {controller[worst]:.6g}",
         source="the identity R = 1 + F/C",
     )
@@ -290,7 +277,7 @@ def preview(zero: float, N: float) -> Condition:
 OVERCOMPENSATION = "over-compensation"  # name of the condition `overcompensation`
 
 
-def injection(m: float, Kp: float, Kd: float, Ki: float, s0: float, s1: float, u: Words = SLIDING) -> Condition:
+def injection(m: float, Kp: float, Kd: float, Ki: float, s0: float, s1: float) -> Condition:
     """Check that a LuGre observer may be corrected by the position error: s1 Kd >= s0 m and s0 Kp >= s1 Ki.
 
     Then G(s) = s (s1 s + s0)/(m s^3 + Kd s^2 + Kp s + Ki) is positive real, since the numerator of Re G(jw) is
@@ -304,8 +291,6 @@ def injection(m: float, Kp: float, Kd: float, Ki: float, s0: float, s1: float, u
         Gains [N/m, N.s/m, N/(m.s)].
     s0, s1 : float
         Stiffness [N/m] and damping [N.s/m] of the bristles.
-    u : Words
-        Nouns and units of the texts.
 
     Returns
     -------
@@ -315,9 +300,9 @@ def injection(m: float, Kp: float, Kd: float, Ki: float, s0: float, s1: float, u
     least = s0 * m / s1 if s1 > 0.0 else math.inf
     by_integral = s1 * Ki / s0
     if at_least(Kd, least) and below(Kp, by_integral):
-        value, bound, gain, unit, rule = Kp, by_integral, "Kp", u.N_m, "s1 Ki/s0"
+        value, bound, gain, unit, rule = Kp, by_integral, "Kp", "{N_m}", "s1 Ki/s0"
     else:
-        value, bound, gain, unit, rule = Kd, least, "Kd", u.Ns_m, "s0 m/s1"
+        value, bound, gain, unit, rule = Kd, least, "Kd", "{Ns_m}", "s0 m/s1"
     return Condition(
         name="observer injection",
         ok=at_least(value, bound),
@@ -390,7 +375,6 @@ def disturbance_observer(
     Kt: float = 0.0,
     m_model: float | None = None,
     gain: float = 1.0,
-    u: Words = SLIDING,
 ) -> Condition:
     """Check that the loop with a disturbance observer is stable: all eigenvalues are within the unit circle.
 
@@ -400,8 +384,6 @@ def disturbance_observer(
     ----------
     m, Kp, Kd, Ki, fq, Ts, damping, Kt, m_model, gain : float
         As in `disturbance_loop`.
-    u : Words
-        Nouns and units of the texts.
 
     Returns
     -------
@@ -414,7 +396,7 @@ def disturbance_observer(
 
     value, ok = spectral_radius(loop(Ts)), is_stable(loop(Ts))
     longest = 0.0 if ok else longest_sample(lambda time: is_stable(loop(time)), Ts)
-    where = f"in presliding (stiffness {Kt:.4g} {u.N_m})" if Kt else "in sliding"
+    where = f"in presliding (stiffness {Kt:.4g} {{N_m}})" if Kt else "in sliding"
     faster = f", or sample faster than every {longest:.4g} s" if longest else ""
     return Condition(
         name="disturbance observer",
@@ -424,13 +406,13 @@ def disturbance_observer(
         wrong=f"with the observer {where} the largest eigenvalue has the magnitude {value:.4g}, not below 1",
         why="the inverse model of the observer differs too much from the plant: |Q D| < 1 is violated and "
         "oscillations grow",
-        change=f"lower the corner frequency of the observer, correct its {u.mass}{faster}",
+        change=f"lower the corner frequency of the observer, correct its {{mass}}{faster}",
         source="Ohnishi, Shibata, Murakami, IEEE/ASME Trans. Mechatronics 1(1), 1996; extension to the contact "
         "derived here",
     )
 
 
-def explicit_observer(Ts: float, s0: float, Fc: float, v: float, u: Words = SLIDING) -> Condition:
+def explicit_observer(Ts: float, s0: float, Fc: float, v: float) -> Condition:
     """Check that an explicitly stepped bristle observer has Ts < 0.2 g/(s0 v); this library's laws step exactly.
 
     The bound is a fifth of the relaxation time of the bristles. Laws that step exactly do not need this condition.
@@ -443,8 +425,6 @@ def explicit_observer(Ts: float, s0: float, Fc: float, v: float, u: Words = SLID
         Bristle stiffness [N/m] and level g of the Stribeck curve at that speed [N], usually Fc.
     v : float
         Largest speed [m/s].
-    u : Words
-        Nouns and units of the texts.
 
     Returns
     -------
@@ -457,8 +437,8 @@ def explicit_observer(Ts: float, s0: float, Fc: float, v: float, u: Words = SLID
         ok=below(Ts, bound),
         value=Ts,
         bound=bound,
-        wrong=f"Ts = {Ts:.4g} s must be below 0.2 g/(s0 v) = {bound:.4g} s at {abs(v):.4g} {u.m_s}",
-        why=f"the bristles relax within a few samples: an explicit step gives wrong {u.force}s long before it becomes "
+        wrong=f"Ts = {Ts:.4g} s must be below 0.2 g/(s0 v) = {bound:.4g} s at {abs(v):.4g} {{m_s}}",
+        why="the bristles relax within a few samples: an explicit step gives wrong {force}s long before it becomes "
         "unstable at 2 g/(s0 v)",
         change="use an observer with an exact step (LuGreObserver), sample faster, or move more slowly",
         source="stiffness of the bristles: Canudas de Wit, Olsson, Astrom, Lischinsky, IEEE TAC 40(3), 1995; the "
@@ -466,7 +446,7 @@ def explicit_observer(Ts: float, s0: float, Fc: float, v: float, u: Words = SLID
     )
 
 
-def overcompensation(share: float, measured: bool = True, u: Words = SLIDING) -> Condition:
+def overcompensation(share: float, measured: bool = True) -> Condition:
     """Check that the compensation does not exceed the friction of the axis: a ratio of at most 1.
 
     Parameters
@@ -475,8 +455,6 @@ def overcompensation(share: float, measured: bool = True, u: Words = SLIDING) ->
         Ratio of compensated friction to the friction of the axis, at the speed where it is largest.
     measured : bool
         Whether the compensation is computed from the measured velocity; otherwise from the reference.
-    u : Words
-        Nouns and units of the texts.
 
     Returns
     -------
@@ -484,9 +462,9 @@ def overcompensation(share: float, measured: bool = True, u: Words = SLIDING) ->
         Its value is the ratio, its bound 1.
     """
     why = (
-        f"the excess {u.force} pushes in the direction of motion: a limit cycle that grows with the gain"
+        "the excess {force} pushes in the direction of motion: a limit cycle that grows with the gain"
         if measured
-        else f"the excess {u.force} pushes in the direction of the reference: the axis overshoots at each reversal"
+        else "the excess {force} pushes in the direction of the reference: the axis overshoots at each reversal"
     )
     return Condition(
         name=OVERCOMPENSATION,
@@ -502,7 +480,7 @@ def overcompensation(share: float, measured: bool = True, u: Words = SLIDING) ->
     )
 
 
-def inertia(total: float, m: float, laws: int, u: Words = SLIDING) -> Condition:
+def inertia(total: float, m: float, laws: int) -> Condition:
     """Check that the inertia force is fed forward once: several laws together use at most the mass of the axis.
 
     Parameters
@@ -511,8 +489,6 @@ def inertia(total: float, m: float, laws: int, u: Words = SLIDING) -> Condition:
         Total mass in all inertia feedforwards, and mass of the axis [kg].
     laws : int
         Number of laws with an inertia feedforward; with a single one the condition always holds.
-    u : Words
-        Nouns and units of the texts.
 
     Returns
     -------
@@ -524,9 +500,9 @@ def inertia(total: float, m: float, laws: int, u: Words = SLIDING) -> Condition:
         ok=laws < 2 or at_most(total, m),
         value=total,
         bound=m,
-        wrong=f"{laws} laws have an inertia feedforward, for {total:.4g} {u.kg} in total; the {u.mass} of the axis is "
-        f"{m:.4g} {u.kg}",
-        why=f"the inertia {u.force} is counted twice: the axis overshoots in every acceleration",
+        wrong=f"{laws} laws have an inertia feedforward, for {total:.4g} {{kg}} in total; the {{mass}} of the axis is "
+        f"{m:.4g} {{kg}}",
+        why="the inertia {force} is counted twice: the axis overshoots in every acceleration",
         change="set m to 0 in all but one of them",
         source="docstrings of PID and StaticFeedforward",
     )

@@ -6,6 +6,7 @@ import importlib
 import inspect
 import math
 from collections.abc import Callable, Iterable, Sequence
+from copy import copy
 from dataclasses import dataclass
 from typing import Final, TypeAlias
 
@@ -13,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import expm
 
+from friction_fmus.blocks.axis_units import SLIDING, Words
 from friction_fmus.errors import FrictionError, did_you_mean
 
 
@@ -154,6 +156,28 @@ class Condition:
     why: str
     change: str
     source: str
+
+    def __post_init__(self) -> None:
+        """Keep the texts with their placeholders, such as ``{force}`` and ``{N_m}``, and fill in a linear axis."""
+        vars(self)["_texts"] = {name: getattr(self, name) for name in ("wrong", "why", "change", "source")}
+        vars(self).update(vars(self.in_words(SLIDING)))
+
+    def in_words(self, u: Words) -> Condition:
+        """Return the condition with texts for another axis.
+
+        Parameters
+        ----------
+        u : Words
+            Nouns and units of the axis.
+
+        Returns
+        -------
+        Condition
+            The same numbers.
+        """
+        found = copy(self)
+        vars(found).update({name: u.fill(text) for name, text in vars(self)["_texts"].items()})
+        return found
 
 
 def above(value: float, bound: float, scale: float = 0.0) -> bool:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 
-from friction_fmus.blocks.axis_units import SLIDING, Words
 from friction_fmus.conditions.condition import Condition, at_most, below
 from harness.masters import find_master
 
@@ -38,7 +37,7 @@ def longest_step(master: str, m: float, s0: float, c: float) -> float:
     return c / (s0 + c**2 / m) if traits.together else 4.0 * m / (math.sqrt(c**2 + 4.0 * m * s0) + c)
 
 
-def contact_step(master: str, step: float, m: float, s0: float, c: float, u: Words = SLIDING) -> Condition:
+def contact_step(master: str, step: float, m: float, s0: float, c: float) -> Condition:
     """Check that the communication step of a mass and a stuck contact is below `longest_step`.
 
     Parameters
@@ -49,8 +48,6 @@ def contact_step(master: str, step: float, m: float, s0: float, c: float, u: Wor
         Communication step [s].
     m, s0, c : float
         Mass [kg], stiffness [N/m] and damping [N.s/m] of the contact.
-    u : Words
-        Nouns and units of the texts.
 
     Returns
     -------
@@ -64,9 +61,9 @@ def contact_step(master: str, step: float, m: float, s0: float, c: float, u: Wor
         ok=below(step, bound),
         value=step,
         bound=bound,
-        wrong=f"the communication step is {step:.4g} s; {master} is stable below {bound:.4g} s for {m:.4g} {u.kg} on a "
-        f"contact of {s0:.4g} {u.N_m} and {c:.4g} {u.Ns_m}",
-        why=f"{u.mass} and contact exchange held values: at rest the coupling oscillates, limited only by sliding; the "
+        wrong=f"the communication step is {step:.4g} s; {master} is stable below {bound:.4g} s for {m:.4g} {{kg}} on a "
+        f"contact of {s0:.4g} {{N_m}} and {c:.4g} {{Ns_m}}",
+        why="{mass} and contact exchange held values: at rest the coupling oscillates, limited only by sliding; the "
         "result may look smooth and still be wrong",
         change=f"use the master newton{shorter}",
         source="Kuebler, Schiehlen, Math. Comput. Modelling Dyn. Syst. 6(2), 2000 (co-simulation of loops); bounds "

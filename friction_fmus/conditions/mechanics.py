@@ -8,12 +8,11 @@ from functools import cache
 
 import numpy as np
 
-from friction_fmus.blocks.axis_units import SLIDING, Words
 from friction_fmus.conditions.condition import Condition, above, at_most, below
 from friction_fmus.conditions.position_loop import steepest_fall
 
 
-def encoder_count(q: float, Kp: float, Kd: float, F: float, window: float, u: Words = SLIDING) -> Condition:
+def encoder_count(q: float, Kp: float, Kd: float, F: float, window: float) -> Condition:
     """Check that one encoder count does not jerk the axis: Kp q + Kd q/window is below static friction.
 
     Parameters
@@ -26,8 +25,6 @@ def encoder_count(q: float, Kp: float, Kd: float, F: float, window: float, u: Wo
         Static friction [N].
     window : float
         Time over which the velocity is computed from positions [s]; infinity if a sensor measures it.
-    u : Words
-        Nouns and units of the texts.
 
     Returns
     -------
@@ -40,12 +37,12 @@ def encoder_count(q: float, Kp: float, Kd: float, F: float, window: float, u: Wo
         ok=below(value, F),
         value=value,
         bound=F,
-        wrong=f"one count of the encoder, {q:.4g} {u.m}, changes the {u.force} by Kp q + Kd q/T = {value:.4g} {u.N}; "
-        f"static friction is {F:.4g} {u.N}",
+        wrong=f"one count of the encoder, {q:.4g} {{m}}, changes the {{force}} by Kp q + Kd q/T = {value:.4g} {{N}}; "
+        f"static friction is {F:.4g} {{N}}",
         why="the velocity computed from positions jumps by q/T with each count: slow motion is jerky, back and forth",
-        change=f"use an encoder finer than {q * F / value if value > 0.0 else math.inf:.4g} {u.m}, compute the "
+        change=f"use an encoder finer than {q * F / value if value > 0.0 else math.inf:.4g} {{m}}, compute the "
         "velocity over a longer time (Differentiator: window, tau), or lower Kd",
-        source=f"balance of {u.force}s, with the difference quotient of a quantised position; derived here",
+        source="balance of {force}s, with the difference quotient of a quantised position; derived here",
     )
 
 
@@ -69,15 +66,13 @@ def cogging_slope(pitch: float, amplitude: Sequence[float], phase: Sequence[floa
     return float(np.max(2.0 * math.pi / pitch * slopes)) if len(amplitude) else 0.0
 
 
-def cogging(Kp: float, slope: float, u: Words = SLIDING) -> Condition:
+def cogging(Kp: float, slope: float) -> Condition:
     """Check that a position loop holds every position against cogging: Kp, plus a spring to ground, exceeds max dF/dx.
 
     Parameters
     ----------
     Kp, slope : float
         Stiffness of the loop and `cogging_slope` [N/m].
-    u : Words
-        Nouns and units of the texts.
 
     Returns
     -------
@@ -89,10 +84,10 @@ def cogging(Kp: float, slope: float, u: Words = SLIDING) -> Condition:
         ok=above(Kp, slope),
         value=Kp,
         bound=slope,
-        wrong=f"the stiffness of the loop, {Kp:.4g} {u.N_m}, must be above the steepest rise of the cogging {u.force}, "
-        f"{slope:.4g} {u.N_m}",
+        wrong=f"the stiffness of the loop, {Kp:.4g} {{N_m}}, must be above the steepest rise of the cogging {{force}}, "
+        f"{slope:.4g} {{N_m}}",
         why="between the magnets the loop has no stable equilibrium: the axis jumps from pitch to pitch",
-        change=f"raise Kp above {slope:.4g} {u.N_m}, or compensate the cogging (TustinFeedback, IterativeLearning)",
+        change=f"raise Kp above {slope:.4g} {{N_m}}, or compensate the cogging (TustinFeedback, IterativeLearning)",
         source="stability of an equilibrium in a potential; derived here",
     )
 
@@ -106,7 +101,7 @@ def fall_at(Fc: float, Fs: float, vs: float, delta: float, v: float) -> float:
     return (Fs - Fc) * delta / speed * math.exp(power - math.exp(min(power, 6.5)))
 
 
-def belt(damping: float, Fc: float, Fs: float, vs: float, delta: float, v: float, u: Words = SLIDING) -> Condition:
+def belt(damping: float, Fc: float, Fs: float, vs: float, delta: float, v: float) -> Condition:
     """Check that a mass on a belt slides steadily at the belt speed v: d + s2 + g'(v) > 0.
 
     Parameters
@@ -117,8 +112,6 @@ def belt(damping: float, Fc: float, Fs: float, vs: float, delta: float, v: float
         Coulomb friction [N], static friction [N], Stribeck velocity [m/s] and exponent of the Stribeck curve.
     v : float
         Speed of the belt [m/s].
-    u : Words
-        Nouns and units of the texts.
 
     Returns
     -------
@@ -131,16 +124,15 @@ def belt(damping: float, Fc: float, Fs: float, vs: float, delta: float, v: float
         ok=above(damping, fall),
         value=damping,
         bound=fall,
-        wrong=f"at the belt speed, {speed:.4g} {u.m_s}, friction falls with speed by {fall:.4g} {u.Ns_m}; the damping "
-        f"is only {damping:.4g} {u.Ns_m}",
-        why=f"steady sliding is unstable at this speed: the {u.mass} sticks to the belt and slips (this may be "
-        "intended)",
-        change=f"raise the damping above {fall:.4g} {u.Ns_m}, or change the belt speed",
+        wrong=f"at the belt speed, {speed:.4g} {{m_s}}, friction falls with speed by {fall:.4g} {{Ns_m}}; the damping "
+        f"is only {damping:.4g} {{Ns_m}}",
+        why="steady sliding is unstable at this speed: the {mass} sticks to the belt and slips (this may be intended)",
+        change=f"raise the damping above {fall:.4g} {{Ns_m}}, or change the belt speed",
         source="Leine, van Campen, de Kraker, van den Steen, Nonlinear Dynamics 16, 1998; rigid contact, linearised",
     )
 
 
-def fed_back_stiffness(fed_back: float, stiffness: float, u: Words = SLIDING) -> Condition:
+def fed_back_stiffness(fed_back: float, stiffness: float) -> Condition:
     """Check that a law feeds back less stiffness than contact and loop have: gain s0_hat is below s0 + Kp + k.
 
     Parameters
@@ -149,8 +141,6 @@ def fed_back_stiffness(fed_back: float, stiffness: float, u: Words = SLIDING) ->
         Contact stiffness in the law's model, times the gain of the law [N/m].
     stiffness : float
         Stiffness of the real contact, the position loop and a spring to ground together [N/m].
-    u : Words
-        Nouns and units of the texts.
 
     Returns
     -------
@@ -162,8 +152,8 @@ def fed_back_stiffness(fed_back: float, stiffness: float, u: Words = SLIDING) ->
         ok=below(fed_back, stiffness),
         value=fed_back,
         bound=stiffness,
-        wrong=f"the law feeds back a stiffness of {fed_back:.4g} {u.N_m}; contact and loop have only {stiffness:.4g} "
-        f"{u.N_m}",
+        wrong=f"the law feeds back a stiffness of {fed_back:.4g} {{N_m}}; contact and loop have only {stiffness:.4g} "
+        f"{{N_m}}",
         why="the resulting stiffness in presliding is negative: the axis leaves presliding by itself, to one side and "
         "back",
         change=f"correct sigma0 of the law, or multiply its gain by {0.9 * stiffness / fed_back:.2g}"
@@ -268,7 +258,6 @@ def pulled_mass(
     vs: float | None,
     delta: float,
     v: float,
-    u: Words = SLIDING,
 ) -> Condition:
     """Check that a mass that is pulled by a spring ends in steady sliding.
 
@@ -276,8 +265,6 @@ def pulled_mass(
     ----------
     m, k, damping, Fc, Fs, vs, delta, v : float
         As in `sticks_again`; the sign of `v` has no influence.
-    u : Words
-        Nouns and units of the texts.
 
     Returns
     -------
@@ -298,21 +285,21 @@ def pulled_mass(
     remedies = []
     if not ok:
         if math.isfinite(critical):
-            remedies.append(f"pull faster than {critical:.4g} {u.m_s}")
+            remedies.append(f"pull faster than {critical:.4g} {{m_s}}")
         if (stiffest := _last(lambda stiffness: sticks(stiffness), k)) < MUCH_STIFFER * k:
-            remedies.append(f"use a spring stiffer than {stiffest:.4g} {u.N_m}")
+            remedies.append(f"use a spring stiffer than {stiffest:.4g} {{N_m}}")
         most = _last(lambda coefficient: sticks(coefficient=coefficient), max(damping, 1e-3 * math.sqrt(k * m)))
-        remedies.append(f"raise the damping above {most:.4g} {u.Ns_m}")
+        remedies.append(f"raise the damping above {most:.4g} {{Ns_m}}")
         drop = 1.0 / _last(lambda inverse: sticks(static=Fc + 1.0 / inverse), 1.0 / (Fs - Fc))
-        remedies.append(f"reduce Fs - Fc, {Fs - Fc:.4g} {u.N}, below {drop:.4g} {u.N}")
+        remedies.append(f"reduce Fs - Fc, {Fs - Fc:.4g} {{N}}, below {drop:.4g} {{N}}")
     return Condition(
         name="stick-slip cycle",
         ok=ok,
         value=speed,
         bound=critical,
-        wrong=f"the spring of {k:.4g} {u.N_m} pulls the {u.mass} at {speed:.4g} {u.m_s}, which is not above the "
-        f"critical speed, {critical:.4g} {u.m_s}",
-        why=f"after break-away at Fs = {Fs:.4g} {u.N} friction falls to Fc = {Fc:.4g} {u.N}; the {u.mass} overtakes "
+        wrong=f"the spring of {k:.4g} {{N_m}} pulls the {{mass}} at {speed:.4g} {{m_s}}, which is not above the "
+        f"critical speed, {critical:.4g} {{m_s}}",
+        why=f"after break-away at Fs = {Fs:.4g} {{N}} friction falls to Fc = {Fc:.4g} {{N}}; the {{mass}} overtakes "
         "the pulled end, comes to rest, and the cycle repeats: it sticks and slips (this may be intended)",
         change=f"{', '.join(remedies[:-1])}, or {remedies[-1]}" if remedies else "no change is needed",
         source="Bo, Pavelescu, Wear 82, 1982 (critical velocity); rigid contact, computed here",

@@ -8,7 +8,6 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from friction_fmus.blocks.axis_units import SLIDING, Words
 from friction_fmus.conditions.condition import (
     FASTEST,
     Condition,
@@ -27,7 +26,7 @@ from friction_fmus.conditions.condition import (
 Array: TypeAlias = NDArray[np.float64]
 
 
-def dither_stroke(Ad: float, f: float, m: float, F: float, s0: float, u: Words = SLIDING) -> Condition:
+def dither_stroke(Ad: float, f: float, m: float, F: float, s0: float) -> Condition:
     """Check that dither slides and so smooths friction: its stroke Ad/(m (2 pi f)^2) exceeds the presliding range F/s0.
 
     Parameters
@@ -38,8 +37,6 @@ def dither_stroke(Ad: float, f: float, m: float, F: float, s0: float, u: Words =
         Mass [kg].
     F, s0 : float
         Friction to overcome [N] and stiffness of the contact [N/m].
-    u : Words
-        Nouns and units of the texts.
 
     Returns
     -------
@@ -54,10 +51,10 @@ def dither_stroke(Ad: float, f: float, m: float, F: float, s0: float, u: Words =
         ok=above(stroke, bound),
         value=stroke,
         bound=bound,
-        wrong=f"the stroke of the dither, Ad/(m (2 pi f)^2) = {stroke:.4g} {u.m}, must be above the presliding range "
-        f"F/s0 = {bound:.4g} {u.m}",
+        wrong=f"the stroke of the dither, Ad/(m (2 pi f)^2) = {stroke:.4g} {{m}}, must be above the presliding range "
+        f"F/s0 = {bound:.4g} {{m}}",
         why="the contact follows much of the dither elastically: dither reduces friction by about half or less",
-        change=f"raise Ad above {bound * m * w**2:.4g} {u.N}, or lower the frequency below "
+        change=f"raise Ad above {bound * m * w**2:.4g} {{N}}, or lower the frequency below "
         f"{math.sqrt(Ad * s0 / (m * F)) / (2.0 * math.pi) if F > 0.0 else math.inf:.4g} Hz",
         source="mean friction under a sliding dither: Armstrong-Helouvry, Dupont, Canudas de Wit, Automatica 30(7), "
         "1994; bound derived here",
@@ -163,7 +160,6 @@ def pulses(
     m: float,
     Kp: float = 0.0,
     Kd: float = 0.0,
-    u: Words = SLIDING,
 ) -> Condition:
     """Check that pulses reduce the error: each one slides by d with 0 < d/e < 2, for every error e that triggers it.
 
@@ -175,8 +171,6 @@ def pulses(
         Force of the pulse for each error [N].
     Fc, Fs, tp, m, Kp, Kd : float
         As in `slide_in_loop`: friction of the axis, length of a pulse, mass, gains of the position loop.
-    u : Words
-        Nouns and units of the texts.
 
     Returns
     -------
@@ -195,20 +189,20 @@ def pulses(
         ok=not stuck and below(value, 2.0),
         value=value,
         bound=0.0 if stuck else 2.0,
-        wrong=f"a pulse of {F:.4g} {u.N} for {tp:.4g} s slides d = {value * e:.4g} {u.m} at an error e = {e:.4g} "
-        f"{u.m}; d/e = {value:.4g} must be between 0 and 2",
+        wrong=f"a pulse of {F:.4g} {{N}} for {tp:.4g} s slides d = {value * e:.4g} {{m}} at an error e = {e:.4g} "
+        f"{{m}}; d/e = {value:.4g} must be between 0 and 2",
         why="the pulse does not break the axis away: the error remains"
         if stuck
         else "each slide overshoots by more than the original error: the pulses alternate in direction and do not end",
-        change=f"use pulses of at least the static friction, {Fs:.4g} {u.N}"
+        change=f"use pulses of at least the static friction, {Fs:.4g} {{N}}"
         if stuck
         else "make the pulses shorter (n_pulse), the tolerance larger, or correct m, Fc and Fs of the law",
-        source=f"Newton's law for a rigid {u.mass} with Coulomb friction; Armstrong-Helouvry, Dupont, Canudas de Wit, "
+        source="Newton's law for a rigid {mass} with Coulomb friction; Armstrong-Helouvry, Dupont, Canudas de Wit, "
         "Automatica 30(7), 1994",
     )
 
 
-def routh(m: float, s2: float, Kp: float, Kd: float, Ki: float = 0.0, k: float = 0.0, u: Words = SLIDING) -> Condition:
+def routh(m: float, s2: float, Kp: float, Kd: float, Ki: float = 0.0, k: float = 0.0) -> Condition:
     """Check that the linear loop is stable in continuous time: (Kd + s2)(Kp + k) > m Ki, no coefficient negative.
 
     This is the Hurwitz condition of m s^3 + (Kd + s2) s^2 + (Kp + k) s + Ki.
@@ -221,8 +215,6 @@ def routh(m: float, s2: float, Kp: float, Kd: float, Ki: float = 0.0, k: float =
         Gains [N/m, N.s/m, N/(m.s)].
     k : float
         Stiffness of a spring to ground [N/m].
-    u : Words
-        Nouns and units of the texts.
 
     Returns
     -------
@@ -237,13 +229,13 @@ def routh(m: float, s2: float, Kp: float, Kd: float, Ki: float = 0.0, k: float =
     elif Ki < 0.0:
         change = "make Ki positive or 0"
     else:
-        change = f"lower Ki below {value / m:.4g} {u.N_ms}, or raise Kd above {bound / stiffness - s2:.4g} {u.Ns_m}"
+        change = f"lower Ki below {value / m:.4g} {{N_ms}}, or raise Kd above {bound / stiffness - s2:.4g} {{Ns_m}}"
     return Condition(
         name="Routh",
         ok=positive and Ki >= 0.0 and above(value, bound),
         value=value,
         bound=bound,
-        wrong=f"(Kd + s2)(Kp + k) = {value:.4g} must be above m Ki = {bound:.4g} {u.N2s_m2}, with all gains positive",
+        wrong=f"(Kd + s2)(Kp + k) = {value:.4g} must be above m Ki = {bound:.4g} {{N2s_m2}}, with all gains positive",
         why="the linear loop is unstable even without friction: it oscillates or diverges",
         change=change,
         source="Routh 1877; Astrom, Hagglund: Advanced PID Control, ISA 2006",
@@ -278,9 +270,7 @@ def closed_loop(m: float, s2: float, Kp: float, Kd: float, Ki: float, Ts: float,
     return loop
 
 
-def sampled(
-    m: float, s2: float, Kp: float, Kd: float, Ki: float, Ts: float, k: float = 0.0, u: Words = SLIDING
-) -> Condition:
+def sampled(m: float, s2: float, Kp: float, Kd: float, Ki: float, Ts: float, k: float = 0.0) -> Condition:
     """Check that the sampled loop is stable: all eigenvalues of `closed_loop` are within the unit circle.
 
     Parameters
@@ -291,8 +281,6 @@ def sampled(
         Sample time [s].
     k : float
         Stiffness of a spring to ground [N/m].
-    u : Words
-        Nouns and units of the texts.
 
     Returns
     -------
@@ -316,7 +304,7 @@ def sampled(
         value=value,
         bound=1.0,
         wrong=f"the largest eigenvalue of the loop sampled every {Ts:.4g} s has the magnitude {value:.4g}, not below 1",
-        why=f"holding the {u.force} between samples delays it by half a sample time: the loop oscillates and grows",
+        why="holding the {force} between samples delays it by half a sample time: the loop oscillates and grows",
         change=change,
         source="Astrom, Wittenmark: Computer-Controlled Systems, 3rd ed., 1997",
     )
@@ -349,7 +337,7 @@ def steepest_fall(Fc: float, Fs: float, vs: float, delta: float = 2.0) -> float:
 
 
 def stick_slip_free(
-    Kd: float, s2: float, Fc: float, Fs: float, vs: float, delta: float = 2.0, integral: float = 0.0, u: Words = SLIDING
+    Kd: float, s2: float, Fc: float, Fs: float, vs: float, delta: float = 2.0, integral: float = 0.0
 ) -> Condition:
     """Check that motion is steady at every speed: Kd + s2 is above the steepest fall of the Stribeck curve.
 
@@ -361,8 +349,6 @@ def stick_slip_free(
         Stribeck curve, see `steepest_fall` [N, N, m/s].
     integral : float
         Damping lost to the integral action, m Ki/Kp by Routh's condition [N.s/m]; 0 without integral action.
-    u : Words
-        Nouns and units of the texts.
 
     Returns
     -------
@@ -373,7 +359,7 @@ def stick_slip_free(
     value, bound = Kd + s2, fall + integral
     taken = f", {fall:.4g}, plus m Ki/Kp, {integral:.4g}, in total" if integral else ","
     change = (
-        f"raise Kd above {bound - s2:.4g} {u.Ns_m}, or compensate the friction"
+        f"raise Kd above {bound - s2:.4g} {{Ns_m}}, or compensate the friction"
         if math.isfinite(bound)
         else "compensate the friction: with delta below 1 the curve is infinitely steep at v = 0 and no Kd suffices"
     )
@@ -382,17 +368,15 @@ def stick_slip_free(
         ok=above(value, bound, abs(Kd) + abs(s2)),
         value=value,
         bound=bound,
-        wrong=f"Kd + s2 = {value:.4g} {u.Ns_m} must be above the steepest fall of the Stribeck curve{taken} "
-        f"{bound:.4g} {u.Ns_m}",
+        wrong=f"Kd + s2 = {value:.4g} {{Ns_m}} must be above the steepest fall of the Stribeck curve{taken} "
+        f"{bound:.4g} {{Ns_m}}",
         why="friction falls with speed faster than the loop damps: slow motion is unstable and shows stick-slip",
         change=change,
         source="Armstrong-Helouvry, Dupont, Canudas de Wit, Automatica 30(7), 1994; rigid contact, derived here",
     )
 
 
-def hunting(
-    Ki: float, Fc: float, Fs: float, turned: bool = False, elastic: bool = True, u: Words = SLIDING
-) -> Condition:
+def hunting(Ki: float, Fc: float, Fs: float, turned: bool = False, elastic: bool = True) -> Condition:
     """Check that no limit cycle occurs at rest: either no integral action, or static friction not above Coulomb.
 
     Parameters
@@ -406,8 +390,6 @@ def hunting(
         but no closed form says by how much, and it does not end.
     elastic : bool
         Whether the contact springs back after a slip, which a turned integral needs.
-    u : Words
-        Nouns and units of the texts.
 
     Returns
     -------
@@ -434,15 +416,15 @@ def hunting(
         ok=not (Ki > 0.0 and above(Fs, Fc)),
         value=Fs,
         bound=Fc,
-        wrong=f"the position loop has integral action, Ki = {Ki:.4g} {u.N_ms}, and static friction, {Fs:.4g} {u.N}, is "
-        f"above Coulomb friction, {Fc:.4g} {u.N}",
+        wrong=f"the position loop has integral action, Ki = {Ki:.4g} {{N_ms}}, and static friction, {Fs:.4g} {{N}}, is "
+        f"above Coulomb friction, {Fc:.4g} {{N}}",
         why=why,
         change=change,
         source="Armstrong, Amin, Automatica 32(5), 1996" + ("; turned integral: simulations here" if turned else ""),
     )
 
 
-def turned_friction(Fc_turned: float, Fc: float, u: Words = SLIDING) -> Condition:
+def turned_friction(Fc_turned: float, Fc: float) -> Condition:
     """Check that an integral which is turned at reversals does not drive the axis: Fc_turned <= Fc.
 
     At a reversal the force changes by 2 Fc_turned, and friction by 2 Fc.
@@ -453,8 +435,6 @@ def turned_friction(Fc_turned: float, Fc: float, u: Words = SLIDING) -> Conditio
         Coulomb friction that is turned in the integral [N].
     Fc : float
         Coulomb friction [N].
-    u : Words
-        Nouns and units of the texts.
 
     Returns
     -------
@@ -466,11 +446,11 @@ def turned_friction(Fc_turned: float, Fc: float, u: Words = SLIDING) -> Conditio
         ok=at_most(Fc_turned, Fc),
         value=Fc_turned,
         bound=Fc,
-        wrong=f"Fc_turned = {Fc_turned:.4g} {u.N} is above Coulomb friction, {Fc:.4g} {u.N}",
-        why=f"at a reversal the integral pushes with up to {2.0 * max(Fc_turned - Fc, 0.0):.4g} {u.N} more than "
+        wrong=f"Fc_turned = {Fc_turned:.4g} {{N}} is above Coulomb friction, {Fc:.4g} {{N}}",
+        why=f"at a reversal the integral pushes with up to {2.0 * max(Fc_turned - Fc, 0.0):.4g} {{N}} more than "
         "friction resists and drives the axis",
-        change=f"lower Fc_turned to at most {Fc:.4g} {u.N}",
-        source=f"balance of {u.force}s, derived here",
+        change=f"lower Fc_turned to at most {Fc:.4g} {{N}}",
+        source="balance of {force}s, derived here",
     )
 
 
@@ -495,7 +475,7 @@ def expected_slip(m: float, s2: float, Kp: float, Kd: float, Fc: float, Fs: floa
     return max(Fs - Fc, 0.0) / Kp * (1.0 + overshoot)
 
 
-def dead_band(db: float, slip: float, u: Words = SLIDING) -> Condition:
+def dead_band(db: float, slip: float) -> Condition:
     """Check that a dead-band ends hunting: it is at least as wide as a slip, 2 db >= slip.
 
     Parameters
@@ -504,8 +484,6 @@ def dead_band(db: float, slip: float, u: Words = SLIDING) -> Condition:
         Error up to which the integral is held [m].
     slip : float
         Length of the slip, see `expected_slip` [m].
-    u : Words
-        Nouns and units of the texts.
 
     Returns
     -------
@@ -517,9 +495,9 @@ def dead_band(db: float, slip: float, u: Words = SLIDING) -> Condition:
         ok=at_least(2.0 * db, slip),
         value=2.0 * db,
         bound=slip,
-        wrong=f"the dead-band from {-db:.4g} {u.m} to {db:.4g} {u.m} is narrower than a slip of {slip:.4g} {u.m}",
+        wrong=f"the dead-band from {-db:.4g} {{m}} to {db:.4g} {{m}} is narrower than a slip of {slip:.4g} {{m}}",
         why="a slip that starts at one edge ends beyond the other: the integral changes direction and the axis hunts, "
         "possibly with a larger amplitude than without the dead-band",
-        change=f"make db at least {slip / 2.0:.4g} {u.m}, or raise Kp and Kd to shorten the slip",
+        change=f"make db at least {slip / 2.0:.4g} {{m}}, or raise Kp and Kd to shorten the slip",
         source="derived here for a rigid contact, from Armstrong, Amin, Automatica 32(5), 1996",
     )

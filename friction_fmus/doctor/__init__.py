@@ -6,6 +6,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from friction_fmus.doctor.examined_axis import LoopFinding
 from friction_fmus.doctor.find import axes, examine_steps, unknown_parts
 from friction_fmus.doctor.rules import examine_axis
@@ -36,7 +38,11 @@ def examine(system: System, experiment: Experiment | None = None) -> list[LoopFi
         If an FMU cannot be read.
     """
     found = axes(system)
-    results = [finding for axis in found for finding in examine_axis(axis)]
+    results = [
+        replace(finding, condition=finding.condition.in_words(axis.words))
+        for axis in found
+        for finding in examine_axis(axis)
+    ]
     plan = experiment or system.experiment
     if plan is not None:
         results += examine_steps(system, plan, found)

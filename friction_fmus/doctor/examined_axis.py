@@ -11,8 +11,7 @@ from friction_fmus.blocks.axis_units import SLIDING, Words
 from friction_fmus.blocks.contact import AxisFriction, Level
 from friction_fmus.conditions import Condition, DrivenPlant, PathDynamics, SampledLaw, one_mass, two_masses
 
-Values: TypeAlias = Mapping[str, float]
-"""Parameters and constant inputs of a part, by name, in SI units."""
+Values: TypeAlias = Mapping[str, float]  # parameters and constant inputs of a part, by name, in SI units
 
 
 @dataclass(frozen=True)

@@ -213,10 +213,7 @@ def _shapers(among: Searched, laws: Iterable[ActiveLaw]) -> Iterator[Shaper]:
 
 
 def _laws(among: Searched, plant: str, names: Plant) -> Iterator[ActiveLaw]:
-    """Yield the laws upstream of the force inputs of a plant.
-
-    The search continues through the input f of a law and through all inputs of other parts.
-    """
+    """Yield the laws upstream of a plant's force inputs, through inputs f of laws and all inputs of other parts."""
     waiting = [
         (among.drivers[plant, port], 1.0, SignalPath()) for port in names.forces if (plant, port) in among.drivers
     ]
@@ -260,10 +257,7 @@ def _measured(among: Searched, plant: str, part: str, path: SignalPath) -> tuple
 
 
 def _traced(among: Searched, plant: str, port: tuple[str, str], path: SignalPath) -> tuple[float, SignalPath, str]:
-    """Return the gain from the plant to an input, the path with the sensors in between, and the plant's output.
-
-    A sensor of an unknown block counts as exact.
-    """
+    """Return the gain from plant to input, the path with its sensors (unknown ones are exact), and the output."""
     gain, wire = 1.0, among.drivers.get(port)
     while wire is not None:
         (source, output), _ = wire.ends
@@ -330,5 +324,5 @@ def _contacts(system: System, experiment: Experiment, axis: Axis) -> Iterator[Lo
         return
     step = experiment.step * max(system.parts[name].every for name in (axis.plant, friction))
     damping = contact.damping + contact.viscous
-    condition = conditions.contact_step(experiment.master, step, axis.m, contact.stiffness, damping, axis.words)
-    yield LoopFinding((axis.plant, friction), condition)
+    condition = conditions.contact_step(experiment.master, step, axis.m, contact.stiffness, damping)
+    yield LoopFinding((axis.plant, friction), condition.in_words(axis.words))

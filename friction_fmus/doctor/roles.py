@@ -105,18 +105,20 @@ def local_function(p: Mapping[str, float], Ts: float) -> SampledLaw:
 Named = TypeVar("Named")
 
 RULES: Final[Mapping[str, Rule]] = {
-    rule.__name__: rule
-    for rule in (
-        rules.covers_friction,
-        rules.dithers,
-        rules.feeds_stiffness_back,
-        rules.follows_friction,
-        rules.injection_of_error,
-        rules.looks_ahead,
-        rules.pushes,
-        rules.periods_contract,
-        rules.trials_contract,
-    )
+    "periods_contract": partial(rules.contracts, rules.windowed_sinc),
+    "trials_contract": partial(rules.contracts, rules.butterworth_there_and_back),
+    **{
+        rule.__name__: rule
+        for rule in (
+            rules.covers_friction,
+            rules.dithers,
+            rules.feeds_stiffness_back,
+            rules.follows_friction,
+            rules.injection_of_error,
+            rules.looks_ahead,
+            rules.pushes,
+        )
+    },
 }
 """Rules that the file of a law or controller can name."""
 

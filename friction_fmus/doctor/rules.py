@@ -39,18 +39,8 @@ def windowed_sinc(frequency: Array, p: Values) -> Array:
     return np.asarray(np.cos(2.0 * np.pi * np.outer(frequency * Ts, i)) @ (q / q.sum()))
 
 
-def trials_contract(axis: Axis, used: ActiveLaw) -> Iterator[Condition]:
-    """Yield the convergence condition of iterative learning with a position loop."""
-    yield from _contract(axis, used, butterworth_there_and_back)
-
-
-def periods_contract(axis: Axis, used: ActiveLaw) -> Iterator[Condition]:
-    """Yield the convergence condition of repetitive control with a position loop."""
-    yield from _contract(axis, used, windowed_sinc)
-
-
-def _contract(axis: Axis, used: ActiveLaw, lowpass: Lowpass) -> Iterator[Condition]:
-    """Evaluate the condition on the sampled loop, from 1/(N Ts), the lowest frequency that can be learned."""
+def contracts(lowpass: Lowpass, axis: Axis, used: ActiveLaw) -> Iterator[Condition]:
+    """Yield the convergence of learning in a sampled loop, from 1/(N Ts), the lowest frequency that can be learned."""
     gains, p = axis.servo.gains if axis.servo else None, used.values
     if gains is None:
         return
@@ -69,10 +59,7 @@ def share_of(used: ActiveLaw) -> float:
 
 
 def left_of(axis: Axis, side: int, feedforward: bool = False) -> Level:
-    """Return the friction in one direction that remains after compensation.
-
-    Only observers that also act at rest count; with `feedforward`, all compensators count.
-    """
+    """Return the friction in one direction left by laws that act at rest or, with `feedforward`, all compensators."""
     assert axis.contact is not None
     left = axis.contact.levels[side]
     for used in axis.laws:
@@ -92,7 +79,7 @@ def injection_of_error(axis: Axis, used: ActiveLaw) -> Iterator[Condition]:
     gains = axis.servo.gains if axis.servo else None
     p = used.values
     if gains is not None and p["k"] > 0.0:
-        yield conditions.injection(axis.m, gains.Kp, gains.Kd, gains.Ki, p["sigma0"], p["sigma1"], axis.words)
+        yield conditions.injection(axis.m, gains.Kp, gains.Kd, gains.Ki, p["sigma0"], p["sigma1"])
 
 
 def feeds_stiffness_back(axis: Axis, used: ActiveLaw) -> Iterator[Condition]:
@@ -102,16 +89,14 @@ def feeds_stiffness_back(axis: Axis, used: ActiveLaw) -> Iterator[Condition]:
         stiffness = axis.contact.stiffness + axis.stiffness + gains.Kp
         if axis.contact.stiffness:  # a rigid contact is stiffer than any model of it
             fed_back = float(evaluate("either(sigma0, sum(k))", used.values))
-            yield conditions.fed_back_stiffness(share_of(used) * fed_back, stiffness, axis.words)
+            yield conditions.fed_back_stiffness(share_of(used) * fed_back, stiffness)
 
 
 def covers_friction(axis: Axis, used: ActiveLaw) -> Iterator[Condition]:
     """Yield the condition that a set-valued sliding mode covers the friction not compensated by other laws."""
     if axis.contact is not None:
         left = [left_of(axis, side, feedforward=True) for side in (0, 1)]
-        yield conditions.sliding_gain(
-            share_of(used) * used.values["K"], max(max(at.Fc, at.Fs) for at in left), axis.words
-        )
+        yield conditions.sliding_gain(share_of(used) * used.values["K"], max(max(at.Fc, at.Fs) for at in left))
 
 
 def follows_friction(axis: Axis, used: ActiveLaw) -> Iterator[Condition]:
@@ -122,7 +107,7 @@ def follows_friction(axis: Axis, used: ActiveLaw) -> Iterator[Condition]:
 def adapts(texts: tuple[str, ...], axis: Axis, used: ActiveLaw) -> Iterator[Condition]:
     """Yield the stability condition of an adaptation, from the expressions of its rate and its damping."""
     rate, damping = (float(evaluate(text, used.values)) for text in texts)
-    yield conditions.adaptation(rate, damping, axis.m, used.values["Ts"], axis.words)
+    yield conditions.adaptation(rate, damping, axis.m, used.values["Ts"])
 
 
 def looks_ahead(axis: Axis, used: ActiveLaw) -> Iterator[Condition]:
@@ -141,7 +126,7 @@ def dithers(axis: Axis, used: ActiveLaw) -> Iterator[Condition]:
     yield conditions.dither_frequency(p["frequency"], p["Ts"])
     if axis.contact is not None and axis.contact.stiffness:
         F = max(max(at.Fc, at.Fs) for at in axis.contact.levels)
-        yield conditions.dither_stroke(force, p["frequency"], axis.m, F, axis.contact.stiffness, axis.words)
+        yield conditions.dither_stroke(force, p["frequency"], axis.m, F, axis.contact.stiffness)
 
 
 def pushes(axis: Axis, used: ActiveLaw) -> Iterator[Condition]:
@@ -165,7 +150,7 @@ def pushes(axis: Axis, used: ActiveLaw) -> Iterator[Condition]:
     kept = short | (np.arange(len(sent)) == 0)  # a pulse at the force limit is repeated: one is enough
     gains = axis.servo.gains if axis.servo else None
     loop = (gains.Kp, gains.Kd) if gains else (0.0, 0.0)
-    yield conditions.pulses(errors[kept], sent[kept], worst.Fc, worst.Fs, tp, axis.m, *loop, axis.words)
+    yield conditions.pulses(errors[kept], sent[kept], worst.Fc, worst.Fs, tp, axis.m, *loop)
 
 
 _BUZZ = "in presliding the contact acts as a spring, and the loop with this spring is unstable: the axis buzzes at rest"
@@ -275,7 +260,7 @@ def _poles(
         texts = {"name": "presliding loop", "why": _BUZZ}
     driven = axis.driven(damping, stiffness, servo.path.at_load)
     return conditions.loop_poles(
-        driven, _together(laws, times), servo.values["Ts"], servo.path.dynamics, where=where, u=axis.words, **texts
+        driven, _together(laws, times), servo.values["Ts"], servo.path.dynamics, where=where, **texts
     )
 
 
@@ -326,7 +311,7 @@ def _linear(axis: Axis, servo: ActiveLaw, gains: Gains) -> Iterator[LoopFinding]
     left = _viscous(axis)
     if not servo.law.estimates:
         loop = (axis.m, axis.damping + left, gains.Kp, gains.Kd, gains.Ki)
-        yield LoopFinding((servo.part, axis.plant), conditions.routh(*loop, axis.stiffness, axis.words))
+        yield LoopFinding((servo.part, axis.plant), conditions.routh(*loop, axis.stiffness))
     yield from examine_poles(axis, servo, left)
 
 
@@ -343,12 +328,12 @@ def _with_friction(axis: Axis, servo: ActiveLaw, gains: Gains) -> Iterator[Condi
     at = max(left, key=lambda level: level.Fs - level.Fc)
     if gains.db > 0.0 and gains.Ki > 0.0 and gains.Kp > 0.0:
         slip = conditions.expected_slip(axis.m, axis.damping + at.viscous, gains.Kp, gains.Kd, at.Fc, at.Fs)
-        yield conditions.dead_band(gains.db, slip, axis.words)
+        yield conditions.dead_band(gains.db, slip)
     elif servo.law.hunts:
         turned = gains.reversal < 0.0 or gains.turned > 0.0
-        yield conditions.hunting(gains.Ki, at.Fc, at.Fs, turned, axis.contact.stiffness > 0.0, axis.words)
+        yield conditions.hunting(gains.Ki, at.Fc, at.Fs, turned, axis.contact.stiffness > 0.0)
     if gains.turned > 0.0 and gains.Ki > 0.0:
-        yield conditions.turned_friction(gains.turned, min(level.Fc for level in left), axis.words)
+        yield conditions.turned_friction(gains.turned, min(level.Fc for level in left))
 
 
 def _stick_slip(axis: Axis, servo: ActiveLaw, gains: Gains, left: list[Level]) -> Iterator[Condition]:
@@ -364,9 +349,7 @@ def _stick_slip(axis: Axis, servo: ActiveLaw, gains: Gains, left: list[Level]) -
         return
     taken = axis.m * gains.Ki / gains.Kp if gains.Kp > 0.0 and gains.Ki > 0.0 else 0.0
     falls = [
-        conditions.stick_slip_free(
-            gains.Kd, axis.damping + at.viscous, at.Fc, at.Fs, at.vs or 0.0, at.delta, taken, axis.words
-        )
+        conditions.stick_slip_free(gains.Kd, axis.damping + at.viscous, at.Fc, at.Fs, at.vs or 0.0, at.delta, taken)
         for at in falling_curves
     ]
     yield max(falls, key=lambda fall: fall.bound - fall.value)
@@ -378,7 +361,7 @@ def _around(axis: Axis, servo: ActiveLaw, gains: Gains) -> Iterator[LoopFinding]
     if axis.contact is not None:
         most = (path.high, -path.low)
         sides = [
-            conditions.break_away(most[side], axis.contact.levels[side].Fs, ("forward", "backward")[side], axis.words)
+            conditions.break_away(most[side], axis.contact.levels[side].Fs, ("forward", "backward")[side])
             for side in (0, 1)
         ]
         yield LoopFinding(parts, min(sides, key=lambda side: side.value - side.bound))
@@ -386,18 +369,16 @@ def _around(axis: Axis, servo: ActiveLaw, gains: Gains) -> Iterator[LoopFinding]
         Kp, Kd = direct_gains(axis, servo)
         window = path.window * servo.values["Ts"] + path.smoothing if path.window else math.inf
         held = min(at.Fs for at in axis.contact.levels)
-        yield LoopFinding(
-            (path.sensor, *parts), conditions.encoder_count(path.quantum, Kp, Kd, held, window, axis.words)
-        )
+        yield LoopFinding((path.sensor, *parts), conditions.encoder_count(path.quantum, Kp, Kd, held, window))
     if axis.cogging is not None:
         part, slope = axis.cogging
-        yield LoopFinding((part, *parts), conditions.cogging(gains.Kp + axis.stiffness, slope, axis.words))
+        yield LoopFinding((part, *parts), conditions.cogging(gains.Kp + axis.stiffness, slope))
     for shaper in axis.shapers:
         own = tuple(shaper.values[key] for key in ("Kp", "Kd", "Ki", "Ts"))
-        yield LoopFinding((shaper.part,), conditions.prefilter(own[0], own[1], own[2], own[3], axis.words))
+        yield LoopFinding((shaper.part,), conditions.prefilter(own[0], own[1], own[2], own[3]))
         controller = servo.law.gains(servo.values) if servo.law.gains else gains
         theirs = (controller.Kp, controller.Kd, controller.Ki, servo.values.get("Ts", own[3]))
-        yield LoopFinding((shaper.part, servo.part), conditions.prefilter_match(own, theirs, axis.words))
+        yield LoopFinding((shaper.part, servo.part), conditions.prefilter_match(own, theirs))
 
 
 def _on_a_belt(axis: Axis) -> Iterator[LoopFinding]:
@@ -407,7 +388,7 @@ def _on_a_belt(axis: Axis) -> Iterator[LoopFinding]:
     at = axis.contact.levels[0 if axis.belt <= 0.0 else 1]
     if at.vs:
         damping = axis.damping + at.viscous
-        yield LoopFinding(_plant(axis), conditions.belt(damping, at.Fc, at.Fs, at.vs, at.delta, axis.belt, axis.words))
+        yield LoopFinding(_plant(axis), conditions.belt(damping, at.Fc, at.Fs, at.vs, at.delta, axis.belt))
 
 
 def _pulled(axis: Axis) -> Iterator[LoopFinding]:
@@ -417,7 +398,7 @@ def _pulled(axis: Axis) -> Iterator[LoopFinding]:
     at = axis.contact.levels[0 if axis.support > 0.0 else 1]
     if above(at.Fs, at.Fc):
         spring = (axis.m, axis.stiffness, axis.damping + at.viscous)
-        found = conditions.pulled_mass(*spring, at.Fc, at.Fs, at.vs, at.delta, axis.support, axis.words)
+        found = conditions.pulled_mass(*spring, at.Fc, at.Fs, at.vs, at.delta, axis.support)
         yield LoopFinding(_plant(axis), found)
 
 
@@ -436,7 +417,7 @@ def _compensated(axis: Axis) -> Iterator[LoopFinding]:
             worst = max(worst, float(np.max(total / there)))
     measured = any(used.law.measured for used, _ in known)
     parts = (*(used.part for used, _ in known), axis.friction or axis.plant)
-    yield LoopFinding(parts, conditions.overcompensation(worst, measured, axis.words))
+    yield LoopFinding(parts, conditions.overcompensation(worst, measured))
 
 
 def _inertia(axis: Axis, servo: ActiveLaw, gains: Gains) -> Iterator[LoopFinding]:
@@ -446,4 +427,4 @@ def _inertia(axis: Axis, servo: ActiveLaw, gains: Gains) -> Iterator[LoopFinding
     total = gains.m + sum(used.to_force * mass for used, mass in masses)
     if feeding:
         parts = (*(used.part for used in feeding), servo.part, axis.plant)
-        yield LoopFinding(parts, conditions.inertia(total, axis.m, laws=len(feeding) + (gains.m != 0.0), u=axis.words))
+        yield LoopFinding(parts, conditions.inertia(total, axis.m, laws=len(feeding) + (gains.m != 0.0)))

@@ -11,7 +11,16 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 from zipfile import ZipFile
 
-from friction_fmus.blocks.catalogue import PACKAGE, Block, find, listing, package_text, source_folder, with_room
+from friction_fmus.blocks.catalogue import (
+    PACKAGE,
+    Block,
+    find,
+    icon_files,
+    listing,
+    package_text,
+    source_folder,
+    with_room,
+)
 from friction_fmus.blocks.customise import Start, identified, renamed, rotational, with_start_values
 from friction_fmus.blocks.probe import BlockVariables, read_variables
 from friction_fmus.errors import BuildError
@@ -265,6 +274,7 @@ def _key(sources: Mapping[str, str], block: Block) -> str:
         toolchain.identity(),
         *(block.kind, block.summary, block.source, block.notes),
         *(part for item in sorted(sources.items()) for part in item),
+        *(file.read_bytes().hex() for file in icon_files(block.path)),
     ]
     return _hash(texts)[:24]
 

@@ -3,26 +3,27 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from friction_fmus.axis.loop_assembly import typed
 from friction_fmus.axis.servo import AxisPlant, Servo, Trajectory
 from friction_fmus.axis.servo_loop import closed_loop, run_loop
-from friction_fmus.blocks.axis_units import ROTARY
+from friction_fmus.blocks.axis_units import ROTARY, domain_of
 from friction_fmus.errors import FitError
 from friction_fmus.export.block_fmu import build_record
 from friction_fmus.identification.data.record import Array, MeasuredAxis, Record
 from friction_fmus.identification.fit.contact_model import ContactModel, contact_model, state_sizes
 from friction_fmus.identification.fit.idim import filtered_motion
 from friction_fmus.identification.fit.least_squares import Constraints
-from friction_fmus.identification.fit.output_error import Mapper, TargetSignal, Unknown, fit_output_error
+from friction_fmus.identification.fit.output_error import TargetSignal, Unknown, fit_output_error
 from friction_fmus.identification.fit.scores import criteria, independent_samples, rms, score, weak_parameters
-from harness import System
+from harness.parts.part import StartValue
 from harness.storage.files import ScratchFolder
 
 if TYPE_CHECKING:
@@ -38,67 +39,52 @@ QUANTA = 20.0  # position error that counts as one, over the encoder resolution
 CORRELATED = 0.2
 
 
-@dataclass(frozen=True)
-class AxisSimulator:
-    """Simulator of a servo with a friction block: returns the signals at the samples of the record for parameters."""
+@contextmanager
+def axis_simulator(
+    contact: ContactModel, axis: MeasuredAxis, given: Mapping[str, float], step: float = FIT_STEP
+) -> Iterator[Callable[[Mapping[str, float]], dict[str, Array]]]:
+    """Provide a function that simulates the servo with a friction block, for parameters in place of the given ones.
 
-    servo: Servo  # feedback and sensors
-    trajectory: Trajectory  # reference and initial state
-    contact: ContactModel  # friction block
-    direction: float  # sign of the initial velocity, at which the contact slides; 0 at rest
-    step: float  # longest communication step between mass and friction [s]
-    fixed: tuple[tuple[str, float], ...] = ()  # fixed parameters
-
-    def __call__(self, parameters: Mapping[str, float]) -> dict[str, Array]:
-        """Simulate the axis with these parameters and return "q" [m] and "force" [N], shape (samples,)."""
-        values = {**dict(self.fixed), **parameters}
-        start: dict[str, float | int | bool | str] = {"axis.m": values["M"], "axis.F_load": -values.get("OF", 0.0)}
-        own = {name: value for name, value in values.items() if name in self.contact.parameters}
-        system = self._loaded(AxisPlant(self.contact.name, own, values["M"]))
-        start |= {f"friction.{name}": value for name, value in typed(system.parts["friction"], own).items()}
-        if "Fv" not in self.contact.parameters:
-            start["axis.d"] = values.get("Fv", 0.0)
-        start |= {f"friction.{name}": self.direction * size for name, size in state_sizes(self.contact, values).items()}
-        trace = run_loop(system.with_start(start))
-        return {"q": trace.q, "force": trace.force}
-
-    def _loaded(self, plant: AxisPlant) -> System:
-        key = self.trajectory.reference, self.contact.name
-        if key not in _SYSTEMS:
-            _SYSTEMS.clear()
-            own = {"friction": self.contact.path}
-            _SYSTEMS[key] = closed_loop(self.servo, plant, self.trajectory, fmus=own, longest=self.step)
-        return _SYSTEMS[key]
-
-
-_SYSTEMS: dict[tuple[Path, str], System] = {}
-
-
-def axis_simulator(contact: ContactModel, axis: MeasuredAxis, folder: Path, step: float = FIT_STEP) -> AxisSimulator:
-    """Return a simulator of a measured axis with a friction block."""
-    record = axis.record
+    It returns "q" [m] and "force" [N] at the samples of the record.
+    """
+    record, servo = axis.record, axis.servo
     v = filtered_motion(record).v
-    servo = axis.servo
+    # the contact slides in the direction of the initial velocity
+    direction = float(np.sign(v[0])) if abs(v[0]) > 1e-3 * np.max(np.abs(v)) else 0.0
     gains = {"kp": servo.kp, "kv": servo.kv, "ki": 0.0}
     feedback = Servo("CascadePPI", gains, servo.Ts, servo.force_limit, servo.window, servo.quantum)
     r = record.column("reference")
     t = servo.Ts * np.arange(float(len(r)))
-    rd = np.gradient(r, servo.Ts)
-    rotary = record.units == ROTARY
-    domain: Literal["translational", "rotational"] = "rotational" if rotary else "translational"
-    reference = build_record(t, r, rd, np.gradient(rd, servo.Ts), folder, "MeasuredReference", domain=domain)
-    q0, v0 = float(record.column("q")[0]), float(v[0])
-    trajectory = Trajectory(reference, len(r), q0, v0, rotary=rotary, injected=record.injected)
-    direction = float(np.sign(v[0])) if abs(v[0]) > 1e-3 * np.max(np.abs(v)) else 0.0
-    return AxisSimulator(feedback, trajectory, contact, direction, step)
+    rd, rotary = np.gradient(r, servo.Ts), record.units == ROTARY
+
+    def own(values: Mapping[str, float]) -> dict[str, float]:
+        return {name: value for name, value in values.items() if name in contact.parameters}
+
+    with ScratchFolder() as folder:
+        reference = build_record(
+            t, r, rd, np.gradient(rd, servo.Ts), folder, "MeasuredReference", domain=domain_of(rotary)
+        )
+        start = float(record.column("q")[0]), float(v[0])
+        trajectory = Trajectory(reference, len(r), *start, rotary=rotary, injected=record.injected)
+        plant, fmus = AxisPlant(contact.name, own(given), given["M"]), {"friction": contact.path}
+        with closed_loop(feedback, plant, trajectory, fmus=fmus, longest=step) as system:
+
+            def simulate(parameters: Mapping[str, float]) -> dict[str, Array]:
+                values = {**given, **parameters}
+                friction: dict[str, StartValue] = {**typed(system.parts["friction"], own(values))}
+                friction |= {name: direction * size for name, size in state_sizes(contact, values).items()}
+                start = {f"friction.{name}": value for name, value in friction.items()}
+                start |= {"axis.m": values["M"], "axis.F_load": -values.get("OF", 0.0)}
+                if "Fv" not in contact.parameters:
+                    start["axis.d"] = values.get("Fv", 0.0)
+                trace = run_loop(system.with_start(start))
+                return {"q": trace.q, "force": trace.force}
+
+            yield simulate
 
 
 def identify_closed_loop(
-    model: str | Path,
-    axis: MeasuredAxis,
-    open_loop: Identification,
-    constraints: Constraints,
-    mapper: Mapper = map,
+    model: str | Path, axis: MeasuredAxis, open_loop: Identification, constraints: Constraints
 ) -> Identification:
     """Fit mass, offset and friction so that the co-simulated servo follows the measured motion.
 
@@ -123,15 +109,11 @@ def identify_closed_loop(
     if not unknowns:
         raise FitError(f"All parameters of {contact.name} are fixed; leave at least one to be identified.")
     rest = {**open_loop.fixed, **{name: open_loop.parameters[name].value for name in (*unseen, *kept)}}
-    with ScratchFolder() as folder:
-        run = replace(axis_simulator(contact, axis, Path(folder)), fixed=tuple(rest.items()))
+    with axis_simulator(contact, axis, {**rest, **{each.name: each.start for each in unknowns}}) as run:
         target = TargetSignal(axis.record.column("q"), QUANTA * (axis.servo.quantum or 5e-8))
         lag = round(CORRELATED / axis.servo.Ts)
-        fit = fit_output_error(
-            run, unknowns, {"q": target}, mapper=mapper, correlation=lag, max_iterations=12, tolerance=1e-4
-        )
+        fit = fit_output_error(run, unknowns, {"q": target}, correlation=lag, max_iterations=12, tolerance=1e-4)
         predicted = run(fit.values())["q"]
-        _SYSTEMS.clear()
     measured = axis.record.column("q")
     estimates = {name: fit.parameters.get(name, open_loop.parameters[name]) for name in open_loop.parameters}
     samples = independent_samples([measured - axis.record.column("reference")])
@@ -171,11 +153,8 @@ def axis_response(result: Identification, record: Record, step: float = FIT_STEP
     if result.servo is None:
         raise FitError("This identification was not made in closed loop; call identify with a MeasuredAxis.")
     contact = contact_model(result.block, record.units)
-    with ScratchFolder() as folder:
-        run = axis_simulator(contact, MeasuredAxis(record, result.servo), Path(folder), step)
-        found = run(result.values())
-        _SYSTEMS.clear()
-    return found
+    with axis_simulator(contact, MeasuredAxis(record, result.servo), result.values(), step) as run:
+        return run({})
 
 
 def _floor(name: str, open_loop: Identification) -> float:

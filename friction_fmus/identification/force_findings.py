@@ -70,10 +70,7 @@ def drive_balance(records: Sequence[Record]) -> DriveBalance | None:
 
 
 def _equations(records: Sequence[Record]) -> tuple[Array, Array, Array, NDArray[np.bool_]] | None:
-    """Return regressors a, v, sgn(v), 1, shape (n, 4), force, time, and whether a row is at an end of its record.
-
-    None as for `drive_balance`.
-    """
+    """Return regressors a, v, sgn(v), 1, shape (n, 4), force, time, and which rows are ends; None without force."""
     rows, forces, times, ends = [], [], [], []
     for record in records:
         if record.force is None or record.friction is not None:

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from friction_fmus.blocks.axis_units import domain_of
 from friction_fmus.errors import FitError
 from friction_fmus.export.block_fmu import build
 from friction_fmus.identification.data.record import Array, Record
@@ -104,7 +105,7 @@ class ResidualTable:
         BuildError
             If the FMU cannot be built.
         """
-        return build(BLOCK, folder, self.start_values(), name, domain="rotational" if rotary else "translational")
+        return build(BLOCK, folder, self.start_values(), name, domain=domain_of(rotary))
 
     @property
     def _limits(self) -> tuple[float, float]:

@@ -25,9 +25,9 @@ from friction_fmus.identification.data.record import RecordFinding
 from friction_fmus.identification.fit.contact_model import contact_model
 from friction_fmus.identification.fit.estimate import Estimate
 from friction_fmus.identification.fit.position import PositionFit
-from friction_fmus.identification.fit.scores import Score
 from friction_fmus.identification.identification_result import Identification, name_of, viscous_beside, write_viscous
 from friction_fmus.identification.model_comparison import ModelComparison
+from friction_fmus.listings import plain
 from harness.compiling import toolchain
 
 _LOG = logging.getLogger("friction_fmus")
@@ -45,10 +45,7 @@ def write_results(
     *,
     fmus: bool = True,
 ) -> list[Path]:
-    """Write all files of a comparison of models; if that fails, the folder is left unchanged.
-
-    Where no compiler is installed, the FMUs are left out, and a warning says so.
-    """
+    """Write all files of a comparison, without FMUs where no compiler is installed; if that fails, change nothing."""
     new = not out.exists()
     try:
         out.mkdir(parents=True, exist_ok=True)
@@ -73,7 +70,7 @@ def write_results(
                 result.plot(stage / f"{result.model}.png")
             (stage / "parameters.toml").write_text(toml_text(found, measurement), encoding="utf-8")
             content = _json(found, measurement, findings, windows)
-            (stage / "identification.json").write_text(json.dumps(content, indent=2) + "\n", encoding="utf-8")
+            (stage / "identification.json").write_text(json.dumps(plain(content), indent=2) + "\n", encoding="utf-8")
             comparison(found).savefig(stage / "comparison.png", dpi=130, metadata={"Software": None})
             files = sorted(file.name for file in stage.iterdir())
             for name in files:
@@ -191,7 +188,7 @@ def _json(
         "findings": [asdict(finding) for finding in findings],
         "ranked_by": found.ranked_by,
         "models": [_result(result) for result in found.results],
-        "failed": dict(found.failed),
+        "failed": found.failed,
     }
 
 
@@ -203,19 +200,19 @@ def _result(result: Identification) -> dict[str, Any]:
         "unit": result.unit,
         "parameters": {name: _estimate(e) for name, e in result.parameters.items()},
         "initial": {name: _estimate(e) for name, e in result.initial.items()},
-        "fixed": {name: _finite(value) for name, value in result.fixed.items()},
+        "fixed": result.fixed,
         "correlation": {
             "names": [*result.parameters, *result.initial],
-            "matrix": [[_finite(value) for value in row] for row in result.correlation.tolist()],
+            "matrix": result.correlation.tolist(),
         },
-        "weak": dict(result.weak),
-        "train": _score(result.train),
-        "validation": _score(result.validation) if result.validation else None,
-        "aic": _finite(result.aic),
-        "bic": _finite(result.bic),
+        "weak": result.weak,
+        "train": asdict(result.train),
+        "validation": result.validation and asdict(result.validation),
+        "aic": result.aic,
+        "bic": result.bic,
         "standard_errors": result.errors,
         "position": _position(result.position) if result.position else None,
-        "warnings": list(result.warnings),
+        "warnings": result.warnings,
         "seconds": result.seconds,
         "simulations": result.simulations,
     }
@@ -226,19 +223,10 @@ def _position(found: PositionFit) -> dict[str, Any]:
         **asdict(found.table),
         "cross_validation": found.crossed,
         "cross_validation_without": found.crossed_without,
-        "train_without": _score(found.train_without) if found.train_without else None,
-        "validation_without": _score(found.validation_without) if found.validation_without else None,
+        "train_without": found.train_without and asdict(found.train_without),
+        "validation_without": found.validation_without and asdict(found.validation_without),
     }
 
 
 def _estimate(estimate: Estimate) -> dict[str, Any]:
-    return {"value": _finite(estimate.value), "standard_error": _finite(estimate.standard_error), "unit": estimate.unit}
-
-
-def _score(score: Score) -> dict[str, Any]:
-    return {name: _finite(value) for name, value in asdict(score).items()}
-
-
-def _finite(value: float) -> float | None:
-    """Return a number for JSON, with None for NaN and infinity."""
-    return value if math.isfinite(value) else None
+    return {"value": estimate.value, "standard_error": estimate.standard_error, "unit": estimate.unit}

@@ -325,7 +325,6 @@ def law(
     outputs: Mapping[str, LawVariable],
     conditions: Mapping[str, Relation] | None = None,
     sizes: Mapping[str, Size] | None = None,
-    portrait: str = "",
     quotes: Sequence[str] = (),
     loop: Loop | None = None,
     use: Use | None = None,
@@ -348,7 +347,7 @@ def law(
         relation u_min <= u_max is added automatically.
     sizes : mapping of str to Size, optional
         Parameters whose start values determine the length of vectors when the FMU is built.
-    portrait, quotes, cites : optional
+    quotes, cites : optional
         See `About`.
     loop : Loop, optional
         Role of the law in a control loop, for ``friction-fmus doctor``; None if the doctor need not know the law.
@@ -367,7 +366,7 @@ def law(
         If the law is invalid; the message says why in one sentence.
     """
 
-    about = About(portrait, tuple(quotes), in_loop=InLoop(law=loop), use=use, cites=tuple(cites))
+    about = About(tuple(quotes), in_loop=InLoop(law=loop), use=use, cites=tuple(cites))
 
     def decorate(equations: Equations) -> Law:
         code = getattr(equations, "__code__", None)

@@ -18,7 +18,6 @@ from friction_fmus.lawkit.quantities import FORCE, FREQUENCY, NO_UNIT
     source="Armstrong-Helouvry, Dupont, Canudas de Wit, Automatica 30(7), 1994",
     cites=("ArmstrongHelouvry1994",),
     Ts=1e-4,
-    portrait="own_course",
     quotes=("dither_stroke", "dither_frequency"),
     loop=Loop(rules=("dithers",)),
     use=Use("dither", tuned={"Ad": "1.5 * level", "frequency": "0.1 / Ts"}),

@@ -16,7 +16,6 @@ from friction_fmus.lawkit.quantities import DAMPING, FORCE, LENGTH, NO_UNIT, STI
     source="Identity C R r = C r + F r",
     cites=("FrictionFmus2026",),
     Ts=1e-3,
-    portrait="shaping",
     quotes=("prefilter", "prefilter_match"),
     loop=Loop(shapes=True),
     use=SHAPES_REFERENCE,

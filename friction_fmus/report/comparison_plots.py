@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from operator import attrgetter
 
 import numpy as np
 import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
 from friction_fmus.identification import Array
-from friction_fmus.report.figures import FAINT, INK, STYLES, escaped, finished, thinned
+from friction_fmus.report.figures import FAINT, INK, STYLES, escaped, finished, named_bars, thinned
 from friction_fmus.report.formatting import number
 from friction_fmus.study.study_result import StudyCurve
 
@@ -25,50 +26,31 @@ class Point:
     error: float
     effort: float
     """Worst-case error and drive force above the bandwidth, in the displayed units."""
-    Ms: float | None
-    """Peak of the sensitivity function."""
-    best: bool = False
-    """Whether it is recommended."""
+    Ms: float | None  # peak of the sensitivity function
+    best: bool = False  # whether it is recommended
 
 
-def _effort(point: Point) -> float | None:
-    return point.effort
-
-
-def _peak(point: Point) -> float | None:
-    return point.Ms
-
-
-COLUMNS = ((1, _effort), (2, _peak))
+COLUMNS = ((1, attrgetter("effort")), (2, attrgetter("Ms")))
 """Columns of the plot of error against effort and margin, with the coordinate of a point."""
 
 
 def ladder_bars(rungs: Sequence[tuple[str, bool]], errors: Array, title: str) -> go.Figure:
     """Draw the error on each rung as bars on a logarithmic scale, with the title above each bar."""
-    figure = go.Figure()
-    place = [-float(i) for i in range(len(rungs))]
+    low, high = np.floor(np.log10(np.min(errors)) - 0.3), np.log10(np.max(errors)) + 0.35
     names = [name for name, _ in rungs]
-    figure.add_bar(
+    figure = named_bars(
+        names,
+        float(low),
         x=list(errors),
-        y=place,
-        width=0.36,
-        orientation="h",
         marker={"color": ["#0072B2" if best else FAINT for _, best in rungs]},
         text=[number(float(error)) for error in errors],
         textposition="outside",
         cliponaxis=False,
         hovertext=[escaped(name) for name in names],
-        hoverinfo="text",
     )
-    low, high = np.floor(np.log10(np.min(errors)) - 0.3), np.log10(np.max(errors)) + 0.35
-    for name, y in zip(names, place, strict=True):
-        figure.add_annotation(
-            x=float(low), y=y + 0.18, text=escaped(name), showarrow=False, xanchor="left", yanchor="bottom"
-        )
     figure.update_xaxes(
         title=escaped(title), type="log", range=[float(low), float(high)], dtick=1, exponentformat="none"
     )
-    figure.update_yaxes(showticklabels=False, showgrid=False, zeroline=False, range=[-len(rungs) + 0.45, 0.8])
     return finished(figure, 90 + 52 * len(rungs))
 
 

@@ -42,18 +42,12 @@ POINTS = 4000
 class Plot:
     """Plot of the page."""
 
-    name: str
-    """Identifier of the HTML element."""
-    figure: go.Figure
-    """Figure to draw."""
-    caption: str
-    """Caption below the plot."""
-    label: str
-    """Label for screen readers."""
-    curves: bool = True
-    """Whether the plot consists of curves; the page then has buttons to zoom."""
-    legend: bool = True
-    """Whether the page has a legend for the curves."""
+    name: str  # identifier of the HTML element
+    figure: go.Figure  # figure to draw
+    caption: str  # caption below the plot
+    label: str  # label for screen readers
+    curves: bool = True  # whether the plot consists of curves; the page then has buttons to zoom
+    legend: bool = True  # whether the page has a legend for the curves
     views: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     """Ranges of the horizontal axis, by label of the button that shows them."""
 
@@ -72,14 +66,12 @@ class Plot:
 class Bar:
     """Row of the bar chart."""
 
-    name: str
-    """Name of the compensator."""
+    name: str  # name of the compensator
     value: float
     low: float
     high: float
     """Tracking error, and the smallest and largest one in the cases."""
-    emphasis: str = ""
-    """"best", "second" or ""."""
+    emphasis: str = ""  # "best", "second" or ""
 
 
 def thinned(curve: StudyCurve, factors: tuple[float, float] = (1.0, 1.0), points: int = POINTS) -> tuple[Array, Array]:
@@ -136,18 +128,15 @@ def lines(
 
 def bars(rows: Sequence[Bar], title: str) -> go.Figure:
     """Draw bars of the tracking error with whiskers for the cases; names are above the bars."""
-    figure = go.Figure()
-    place = [-float(i) for i in range(len(rows))]
     fill = {"best": ("#0072B2", ""), "second": ("#56B4E9", "/"), "": (FAINT, "")}
     looks: dict[str, Any] = {
         "color": [fill[row.emphasis][0] for row in rows],
         "pattern": {"shape": [fill[row.emphasis][1] for row in rows], "fgcolor": INK, "solidity": 0.25},
     }
-    figure.add_bar(
+    figure = named_bars(
+        [row.name for row in rows],
+        0.0,
         x=[row.value for row in rows],
-        y=place,
-        width=0.36,
-        orientation="h",
         marker=looks,
         error_x={
             "type": "data",
@@ -161,15 +150,19 @@ def bars(rows: Sequence[Bar], title: str) -> go.Figure:
         hovertext=[
             f"{escaped(row.name)}: {number(row.value)} ({number(row.low)} to {number(row.high)})" for row in rows
         ],
-        hoverinfo="text",
     )
-    for row, y in zip(rows, place, strict=True):
-        figure.add_annotation(
-            x=0.0, y=y + 0.16, text=escaped(row.name), showarrow=False, xanchor="left", yanchor="bottom"
-        )
     figure.update_xaxes(rangemode="tozero", title=escaped(title))
-    figure.update_yaxes(showticklabels=False, showgrid=False, zeroline=False, range=[-len(rows) + 0.45, 0.8])
     return finished(figure, 110 + 40 * len(rows))
+
+
+def named_bars(names: Sequence[str], left: float, **looks: Any) -> go.Figure:
+    """Return horizontal bars, each below its name, which begins at `left`."""
+    figure, place = go.Figure(), [-float(i) for i in range(len(names))]
+    figure.add_bar(y=place, width=0.36, orientation="h", hoverinfo="text", **looks)
+    for name, y in zip(names, place, strict=True):
+        figure.add_annotation(x=left, y=y + 0.17, text=escaped(name), showarrow=False, xanchor="left", yanchor="bottom")
+    figure.update_yaxes(showticklabels=False, showgrid=False, zeroline=False, range=[-len(names) + 0.45, 0.8])
+    return figure
 
 
 def sweep(

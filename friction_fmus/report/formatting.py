@@ -24,10 +24,7 @@ SHOWN = {
 
 
 def number(value: float | None, digits: int = 3) -> str:
-    """Return a number with the given number of significant digits; a dash for None and NaN.
-
-    Numbers outside of 0.001 to 99 999 have a power of ten.
-    """
+    """Return a number, with a power of ten outside of 0.001 to 99 999; a dash for None and NaN."""
     if value is None or math.isnan(value):
         return NONE
     if math.isinf(value):
@@ -47,10 +44,7 @@ def brief(value: float | None) -> str:
 
 
 def with_error(value: float, error: float | None) -> str:
-    """Return value ± standard error; the error has two digits and the value has the same number of decimals.
-
-    If the error is missing, zero or not finite, the result is the value with four digits.
-    """
+    """Return value ± standard error, of which two digits are shown; without an error, the value with four digits."""
     if error is None or not math.isfinite(error) or error <= 0.0 or not math.isfinite(value):
         return number(value, 4)
     last = int(f"{error:.1e}".partition("e")[2]) - 1  # power of ten of the last digit

@@ -8,7 +8,7 @@ import math
 import re
 from bisect import bisect_right
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, Final
 
@@ -25,46 +25,13 @@ from friction_fmus.report.views import NO_COMPENSATION, NONE, reversal
 from friction_fmus.study.study_result import StudyResult
 from friction_fmus.study.what_if import Knob, WhatIf
 
-POINTS: Final = 1000
-"""Largest number of points of a curve of the picture."""
+POINTS: Final = 1000  # largest number of points of a curve of the picture
 
-DIGITS: Final = 5
-"""Number of digits of a slider's initial value."""
+DIGITS: Final = 5  # number of digits of a slider's initial value
 
 
-@dataclass(frozen=True)
-class ShownRun:
-    """Row of the table of tracking errors: label, and the figures of the report."""
-
-    label: str
-    rms: float
-    largest: float
-
-
-@dataclass(frozen=True)
-class LivePanel:
-    """Panel for the templates."""
-
-    compensated: str
-    """Name of the compensator; empty if none is recommended."""
-    names: str
-    """What the sliders change."""
-    runs: tuple[ShownRun, ...]
-    """Runs."""
-    picture: str
-    data: str
-    script: str
-    style: str
-    """SVG without scripts, JSON, JavaScript and CSS."""
-    whole: bool
-    same_master: bool
-    """Whether the whole record is simulated, and with the master algorithm of the study."""
-    seconds: float
-    """Simulated time [s]."""
-
-
-def live_panel(study: StudyResult, axis: WhatIf) -> LivePanel:
-    """Return the panel of a study."""
+def live_panel(study: StudyResult, axis: WhatIf) -> Mapping[str, Any]:
+    """Return what the template needs: texts, the report's errors of each run, SVG, JSON, JavaScript and CSS."""
     files = assets()
     own = Path(__file__).with_name("what_if.js").read_text(encoding="utf-8")
     models = [run.model.script() for run in axis.runs]
@@ -87,18 +54,18 @@ def live_panel(study: StudyResult, axis: WhatIf) -> LivePanel:
         "views": {} if (turn := reversal(study.record, end=end)) is None else {"around a reversal": turn},
     }  # fmt: skip
     text = json.dumps(data, separators=(",", ":"), ensure_ascii=True)
-    return LivePanel(
-        compensated,
-        f"{', '.join(names[:-1])} and {names[-1]}",
-        tuple(ShownRun(_shown(run.name), run.metrics.rms, run.metrics.largest) for run in axis.runs),
-        _picture(study, axis),
-        text.replace("<", "\\u003c").replace("&", "\\u0026"),
-        "\n".join([*(files[name] for name in SCRIPTS), *models, own]),
-        "\n".join(files[name] for name in ("uplot.css", "live.css")),
-        axis.whole,
-        axis.same_master,
-        seconds,
-    )
+    return {
+        "compensated": compensated,
+        "names": f"{', '.join(names[:-1])} and {names[-1]}",
+        "runs": [(_shown(run.name), run.metrics.rms, run.metrics.largest) for run in axis.runs],
+        "picture": _picture(study, axis),
+        "data": text.replace("<", "\\u003c").replace("&", "\\u0026"),
+        "script": "\n".join([*(files[name] for name in SCRIPTS), *models, own]),
+        "style": "\n".join(files[name] for name in ("uplot.css", "live.css")),
+        "whole": axis.whole,
+        "same_master": axis.same_master,
+        "seconds": seconds,
+    }
 
 
 def _shown(name: str) -> str:

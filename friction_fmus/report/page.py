@@ -62,7 +62,7 @@ def report_html(study: StudyResult, panel: WhatIf | str = "") -> str:
     """
     script = (FOLDER / "page.js").read_text(encoding="utf-8")
     live = None if isinstance(panel, str) else live_panel(study, panel)
-    style = (FOLDER / "page.css").read_text(encoding="utf-8") + (live.style if live else "")
+    style = (FOLDER / "page.css").read_text(encoding="utf-8") + (live["style"] if live else "")
     environment = _environment()
     environment.globals["words"] = study.units.words
 
@@ -78,7 +78,7 @@ def report_html(study: StudyResult, panel: WhatIf | str = "") -> str:
         script=script,
         live=live,
         library=_library(),
-        hashes=[_hash(text) for text in (script, get_plotlyjs(), *([live.script] if live else []))],
+        hashes=[_hash(text) for text in (script, get_plotlyjs(), *([live["script"]] if live else []))],
         sections=[
             {"name": name, "title": section.title, "body": body(name, section)} for name, section in SECTIONS.items()
         ],

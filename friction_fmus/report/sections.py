@@ -46,19 +46,6 @@ SWEEPS: tuple[tuple[str, str, Callable[[Trial], float | None], str], ...] = (
 )
 
 
-def _compensators(study: StudyResult) -> Mapping[str, Any]:
-    """Return what the template needs in addition to the study."""
-    unit, factor = error_unit(study)
-    return {
-        "ranked": ranked(study),
-        "plots": compensator_plots(study),
-        "error_unit": unit,
-        "factor": factor,
-        "not_compared": not_compared(study),
-        "figures": scored(study),
-    }
-
-
 def ranked(study: StudyResult) -> list[CompensatorResult]:
     """Return the co-simulated compensators by rank, after the servo without compensation."""
     none = [row for row in study.compensators if row.name == NONE and row.metrics is not None]
@@ -164,14 +151,6 @@ def not_compared(study: StudyResult) -> dict[str, list[str]]:
     return reasons
 
 
-def _friction(study: StudyResult) -> Mapping[str, Any]:
-    """Return what the template needs in addition to the study."""
-    return {
-        "friction_plots": friction_plots(study),
-        "friction_table": None if study.friction is None else friction_table(study.friction),
-    }
-
-
 def friction_plots(study: StudyResult) -> list[Plot]:
     """Return the plots of friction over velocity and over displacement that have data."""
     plots = []
@@ -192,7 +171,7 @@ def friction_plots(study: StudyResult) -> list[Plot]:
     return plots
 
 
-def _span(picture: Picture, margin: float = 0.3) -> tuple[float, float] | None:
+def _span(picture: Picture) -> tuple[float, float] | None:
     """Return the range of the record with a margin if a model exceeds it by more than its size; otherwise None.
 
     The damping force of a bristle that starts in motion can be much larger than friction and would flatten all curves.
@@ -204,18 +183,15 @@ def _span(picture: Picture, margin: float = 0.3) -> tuple[float, float] | None:
     size = high - low
     if lowest >= low - size and highest <= high + size:
         return None
-    return low - margin * size, high + margin * size
+    return low - 0.3 * size, high + 0.3 * size
 
 
-def friction_table(picture: Picture, rows: int = 9) -> tuple[list[str], list[list[str]]]:
-    """Return column headings and rows of friction at some velocities, one column for each model.
-
-    The velocities are evenly spaced over the curves, without zero, where friction jumps.
-    """
+def friction_table(picture: Picture) -> tuple[list[str], list[list[str]]]:
+    """Return headings and rows of the friction of each model at evenly spaced velocities without 0, where it jumps."""
     (x_title, _), (x_factor, y_factor) = axes(picture)
     curves = {name: (np.asarray(curve.x), np.asarray(curve.y)) for name, curve in picture.models.items()}
     fastest = min((float(np.max(np.abs(x))) for x, _ in curves.values()), default=0.0)
-    at = [v for v in np.linspace(-fastest, fastest, rows) if abs(v) > 1e-9 * fastest]
+    at = [v for v in np.linspace(-fastest, fastest, 9) if abs(v) > 1e-9 * fastest]
     cells = [
         [number(x_factor * v), *(number(y_factor * float(np.interp(v, x, y))) for x, y in curves.values())] for v in at
     ]
@@ -239,11 +215,6 @@ def _ladder(study: StudyResult) -> Mapping[str, Any]:
     return {
         "plot": Plot("ladder-plot", figure, caption, f"Bar chart. {caption} The table has the values.", False, False)
     }
-
-
-def _record(study: StudyResult) -> Mapping[str, Any]:
-    """Return what the template needs in addition to the study."""
-    return {"record_plots": record_plots(study)}
 
 
 def record_plots(study: StudyResult) -> list[Plot]:
@@ -282,11 +253,6 @@ def _servo(study: StudyResult) -> Mapping[str, Any]:
     return {"plot": Plot("servo-plot", figure, caption, f"Plot. {caption}")}
 
 
-def _sources(study: StudyResult) -> Mapping[str, Any]:
-    """Return what the template needs in addition to the study."""
-    return {"sources": sources(study)}
-
-
 def sources(study: StudyResult) -> list[tuple[str, str]]:
     """Return name and source of each block of the catalogue used by the study."""
     known = catalogue()
@@ -294,19 +260,6 @@ def sources(study: StudyResult) -> list[tuple[str, str]]:
         row.name for row in study.compensators if row.applies
     ]
     return [(name, known[name].source) for name in dict.fromkeys(names) if name in known]
-
-
-def _summary(study: StudyResult) -> Mapping[str, Any]:
-    """Return what the template needs in addition to the study."""
-    return {
-        "best": next((row for row in study.models if row.rank == 1), None),
-        "without": next((row for row in study.compensators if row.name == NONE), None),
-    }
-
-
-def _models(study: StudyResult) -> Mapping[str, Any]:
-    """Return what the template needs in addition to the study."""
-    return {"scores": scores(study.models), "alike": ALIKE, "residual_plots": residual_plots(study)}
 
 
 def residual_plots(study: StudyResult) -> list[Plot]:
@@ -323,22 +276,8 @@ def residual_plots(study: StudyResult) -> list[Plot]:
     return plots
 
 
-@dataclass(frozen=True)
-class ScoreRow:
-    """Formatted scores of a model."""
-
-    validation: str
-    train: str
-    """Residual in percent; a dash if there is none."""
-    aic: str
-    bic: str
-    """Information criteria minus the lowest one of all models fitted to the same signal."""
-    closed_loop: Mapping[str, str]
-    """Residuals of the co-simulated servo, by signal."""
-
-
-def scores(models: Sequence[ModelResult]) -> dict[str, ScoreRow]:
-    """Return the scores of the identified models, by name."""
+def scores(models: Sequence[ModelResult]) -> dict[str, dict[str, Any]]:
+    """Return the formatted scores of the identified models; information criteria less the lowest for a signal."""
     lowest: dict[tuple[str, tuple[str, str]], float] = {}
     for row in models:
         for name, value in (("aic", row.aic), ("bic", row.bic)):
@@ -350,13 +289,13 @@ def scores(models: Sequence[ModelResult]) -> dict[str, ScoreRow]:
         return number(None) if value is None else f"{value - lowest[name, _fitted(row)]:.0f}"
 
     return {
-        row.name: ScoreRow(
-            _percent(row.validation),
-            _percent(row.train),
-            above(row, "aic", row.aic),
-            above(row, "bic", row.bic),
-            {fit.signal: _residual(fit) for fit in row.closed_loop},
-        )
+        row.name: {
+            "validation": _percent(row.validation),
+            "train": _percent(row.train),
+            "aic": above(row, "aic", row.aic),
+            "bic": above(row, "bic", row.bic),
+            "closed_loop": {fit.signal: _residual(fit) for fit in row.closed_loop},
+        }
         for row in models
         if row.rank is not None
     }
@@ -386,17 +325,41 @@ class Section:
 
 SECTIONS: Final[Mapping[str, Section]] = {
     "steps": Section("What to do next"),
-    "summary": Section("Summary", _summary),
+    "summary": Section(
+        "Summary",
+        lambda study: {
+            "best": next((row for row in study.models if row.rank == 1), None),
+            "without": next((row for row in study.compensators if row.name == NONE), None),
+        },
+    ),
     "ladder": Section("From the axis as it is to the best compensation", _ladder),
     "what_if": Section("What if the axis changes"),
-    "compensators": Section("Compensators", _compensators),
+    "compensators": Section(
+        "Compensators",
+        lambda study: {
+            **dict(zip(("error_unit", "factor"), error_unit(study), strict=True)),
+            "ranked": ranked(study),
+            "plots": compensator_plots(study),
+            "not_compared": not_compared(study),
+            "figures": scored(study),
+        },
+    ),
     "servo": Section("Does the servo reproduce the record?", _servo),
-    "record": Section("Record", _record),
-    "models": Section("Models", _models),
-    "friction": Section("Friction curve and hysteresis", _friction),
+    "record": Section("Record", lambda study: {"record_plots": record_plots(study)}),
+    "models": Section(
+        "Models",
+        lambda study: {"scores": scores(study.models), "alike": ALIKE, "residual_plots": residual_plots(study)},
+    ),
+    "friction": Section(
+        "Friction curve and hysteresis",
+        lambda study: {
+            "friction_plots": friction_plots(study),
+            "friction_table": study.friction and friction_table(study.friction),
+        },
+    ),
     "doctor": Section("Conditions of the loop"),
     "files": Section("Files"),
     "again": Section("Reproduction"),
-    "sources": Section("Citations", _sources),
+    "sources": Section("Citations", lambda study: {"sources": sources(study)}),
 }
 """The sections by name, in their order."""

@@ -35,7 +35,7 @@ from friction_fmus.study.evaluation import BAND, AxisBench, Case, Evaluation, Sc
 from friction_fmus.study.margins import margins_of
 from friction_fmus.study.recommendation import extremes, ladder, rank, recommend
 from friction_fmus.study.steps import Step
-from friction_fmus.study.study_result import CompensatorResult, Limits, LoopMargins, Recommendation, Rung
+from friction_fmus.study.study_result import CompensatorResult, Limits, Recommendation, Rung
 from harness.storage.toml_file import read_toml
 
 COST_TABLE: Final = Path(__file__).with_name("cycles.toml")
@@ -114,10 +114,7 @@ def trials(
 
 
 def with_integral(servo: Servo, rate: float) -> Servo:
-    """Return the servo with an integral action whose corner frequency is `rate` [rad/s].
-
-    The corner is Ki/Kp of a PID controller, and ki/kv of the velocity loop of a cascade.
-    """
+    """Return the servo with an integral action whose corner frequency, Ki/Kp or ki/kv, is `rate` [rad/s]."""
     first, second, third = GAINS[servo.law]
     over = servo.gains[first] if servo.law == "PID" else servo.gains[second]
     return replace(servo, gains={**servo.gains, third: rate * over})
@@ -346,17 +343,13 @@ def _row(
         scheme.gain if scheme is not None and kind not in ("none", "integral action") else None,
         scheme.bandwidth if scheme is not None else None,
         evaluation.metrics,
-        _margins(scheme),
+        scheme.margins if scheme is not None else None,
         evaluation.trials,
         evaluation.corners,
         cycles=sum(cost.cycles for cost in costs if cost is not None) if None not in costs and costs else None,
         flash=sum(cost.flash for cost in costs if cost is not None) if None not in costs and costs else None,
         error=evaluation.error,
     )
-
-
-def _margins(scheme: Scheme | None) -> LoopMargins | None:
-    return None if scheme is None else scheme.margins
 
 
 def _parameters(scheme: Scheme) -> Mapping[str, float]:

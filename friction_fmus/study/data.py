@@ -7,12 +7,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from math import pi
 from pathlib import Path
-from typing import Final, Literal
+from typing import Final
 
 import numpy as np
 
 from friction_fmus.axis.servo import AxisPlant, Servo, Trajectory
 from friction_fmus.axis.servo_loop import closed_loop, run_loop
+from friction_fmus.blocks.axis_units import domain_of
 from friction_fmus.data import EMPS_PUBLISHED, load_emps
 from friction_fmus.export.block_fmu import build_record
 from friction_fmus.identification import (
@@ -29,13 +30,8 @@ from friction_fmus.study.config import ConfigError, StudyConfig
 from friction_fmus.study.model_ranking import Measured
 
 LUGRE: Final[Mapping[str, float]] = {
-    "sigma0": 1e5,
-    "sigma1": 1e5**0.5,
-    "sigma2": 0.4,
-    "Fc": 1.0,
-    "Fs": 1.5,
-    "vs": 1e-3,
-    "delta": 2.0,
+    **{"sigma0": 1e5, "sigma1": 1e5**0.5, "sigma2": 0.4},
+    **{"Fc": 1.0, "Fs": 1.5, "vs": 1e-3, "delta": 2.0},
 }
 """Friction parameters of the demo: Canudas de Wit, Olsson, Astrom, Lischinsky 1995."""
 
@@ -128,8 +124,7 @@ def build_reference(t: Array, r: Array, folder: Path, name: str, rotary: bool = 
     """
     t, r = np.append(t, 2.0 * t[-1] - t[-2]), np.append(r, 2.0 * r[-1] - r[-2])
     rd = np.gradient(r, t)
-    domain: Literal["translational", "rotational"] = "rotational" if rotary else "translational"
-    return build_record(t, r, rd, np.gradient(rd, t), folder, name=name, domain=domain)
+    return build_record(t, r, rd, np.gradient(rd, t), folder, name=name, domain=domain_of(rotary))
 
 
 def measured_servo(data: Data, servo: Servo, folder: Path, name: str, injected: Array | None = None) -> Measured | None:

@@ -77,10 +77,7 @@ def judge(trace: LoopTrace, bench: AxisBench) -> tuple[Metrics | None, Array | N
 
 
 def high_frequency(force: Array, bench: AxisBench) -> Array:
-    """Return the part of a force above `HIGH` times the natural frequency of the position loop, with zero phase.
-
-    The frequency is at least one period over the whole signal, and at most half of the Nyquist frequency.
-    """
+    """Return the part of a force above `HIGH` times the natural frequency of the position loop, with zero phase."""
     natural = bench.bandwidth / (2.0 * pi)
     corner = min(max(HIGH * natural, 1.0 / (len(force) * bench.servo.Ts)), 0.25 / bench.servo.Ts)
     sections = signal.butter(2, corner, "highpass", fs=1.0 / bench.servo.Ts, output="sos")

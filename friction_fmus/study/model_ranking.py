@@ -70,8 +70,7 @@ ALIKE: Final = 0.05  # relative difference below which errors count as equal; th
 REPRODUCED: Final = 0.5
 """Largest error of a simulated servo that reproduces the record, over the recorded tracking error or rms force."""
 
-QUANTA: Final = 10.0
-"""Smallest tracking error for this comparison, in steps of the encoder: rounding is not reproduced."""
+QUANTA: Final = 10.0  # smallest tracking error for this comparison, in steps of the encoder: rounding is not reproduced
 
 INVERSE: Final = "Coulomb + viscous"  # name of the inverse model in the results
 
@@ -156,11 +155,7 @@ def identify_model(
 
 
 def inverse_model(train: Sequence[Record], validation: Sequence[Record], measured: Measured | None) -> IdentifiedModel:
-    """Identify mass, viscous and Coulomb friction and offset by least squares of the inverse model.
-
-    The method is IDIM-LS (Janot, Gautier, Brunot 2019) on the longest record of the data for the fit; the result is a
-    Stribeck block without Stribeck effect.
-    """
+    """Identify mass, friction and offset of the longest record by IDIM-LS (Janot, Gautier, Brunot 2019) as Stribeck."""
     summary = "Coulomb and viscous friction from the inverse model (IDIM-LS)"
     record = max(train, key=len)
     try:

@@ -42,10 +42,7 @@ def rank(
 
 
 def extremes(row: CompensatorResult, none: CompensatorResult) -> CompensatorResult:
-    """Return the result with its smallest and largest error over the cases that count.
-
-    The largest is None if a run failed that succeeds without compensation.
-    """
+    """Return the result with its extreme errors over the cases that count; no largest if a run fails only with it."""
     possible = zip(none.corners, row.corners, strict=True)
     runs = [row.metrics, *(own.metrics for alone, own in possible if own.counts and alone.metrics is not None)]
     errors = [run.rms for run in runs if run is not None]

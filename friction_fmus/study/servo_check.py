@@ -63,10 +63,7 @@ class LinearFit:
 
 
 def fitted(compared: ComparedForce, columns: Mapping[str, Array], target: Array) -> LinearFit:
-    """Fit a target of shape (n,) by columns over the compared samples.
-
-    The covariance is that of least squares with as many samples as the residual has independent ones.
-    """
+    """Fit a target of shape (n,) by columns; the covariance counts the independent samples of the residual."""
     y = target[compared.used]
     if not columns:
         return LinearFit({}, np.zeros((0, 0)), compared.left(target))

@@ -25,7 +25,7 @@ from cattrs import Converter
 
 import harness
 from friction_fmus.blocks.catalogue import source_folder
-from friction_fmus.study.study_result import plain
+from friction_fmus.listings import plain
 from friction_fmus.version import VERSION
 from harness.storage.files import keep, kept, make_folder
 

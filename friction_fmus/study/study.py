@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 import platform
 import time
@@ -217,14 +218,8 @@ class ProgressReporter:
 
     def steps(self, begin: float, end: float, count: int) -> Callable[[Step], None]:
         """Return a callback for each of `count` steps between two fractions."""
-        done = 0
-
-        def one(step: Step) -> None:
-            nonlocal done
-            done += 1
-            self(begin + (end - begin) * done / max(1, count))
-
-        return one
+        done = itertools.count(1)
+        return lambda step: self(begin + (end - begin) * next(done) / max(1, count))
 
 
 def overview(config: StudyConfig, data: Data) -> dict[str, str]:
@@ -305,10 +300,7 @@ def mass_findings(servo: Servo | None, model: IdentifiedModel, u: Words) -> tupl
 
 
 def loop_growth(servo: Servo, mass: float, viscous: float) -> float:
-    """Return the largest magnitude of the poles of the sampled loop of a mass without Coulomb friction.
-
-    Integral action is left out, as it is slow.
-    """
+    """Return the largest magnitude of the poles of a sampled loop without Coulomb friction and slow integral action."""
     Kp, Kd, _ = servo.pid
     feedback = SampledLaw(np.zeros((0, 0)), np.zeros((0, 3)), np.zeros(0), np.array([-Kp, -Kd, 0.0]))
     path = PathDynamics(delay=servo.delay * servo.Ts, window=servo.window)

@@ -6,12 +6,12 @@ import textwrap
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Final, Literal
+from typing import Final
 
 from friction_fmus.axis.loop_assembly import block, typed, viscous_beside
 from friction_fmus.axis.servo import Compensator, Servo, Trajectory
 from friction_fmus.axis.servo_loop import RECORDED, accurate, closed_loop, with_gain
-from friction_fmus.blocks.axis_units import Words
+from friction_fmus.blocks.axis_units import Words, domain_of
 from friction_fmus.blocks.catalogue import find
 from friction_fmus.codegen.law_export import export_law
 from friction_fmus.codegen.laws import law_of
@@ -242,8 +242,7 @@ def export_recommended(
         values = typed(FmuPart("law", block(law.model, bench.trajectory.rotary)), given)
         if part == "compensator":
             has_gain = "gain" in values
-        domain: Literal["translational", "rotational"] = "rotational" if bench.trajectory.rotary else "translational"
-        fmus[part] = build(law.model, folder, values, domain=domain)
+        fmus[part] = build(law.model, folder, values, domain=domain_of(bench.trajectory.rotary))
         written.append(WrittenFile(_path(out, fmus[part]), f"{law.model} with the parameters of the axis"))
         parameters = _parameters(fmus[part], values)
         write_ssv(ParameterSet(f"{name} {law.model}", parameters, _cited(citation)), folder / f"{part}.ssv")
@@ -295,7 +294,6 @@ def export_models(out: Path, models: Sequence[IdentifiedModel], rotary: bool, ci
     written = []
     folder = out / "models"
     make_folder(folder)
-    domain: Literal["translational", "rotational"] = "rotational" if rotary else "translational"
     for found in models:
         if found.row.rank is None:
             continue
@@ -303,7 +301,7 @@ def export_models(out: Path, models: Sequence[IdentifiedModel], rotary: bool, ci
         path = block(found.block, rotary)
         values = typed(FmuPart("friction", path), found.values)
         if found.row.rank == 1:
-            own = build(found.block, folder, values, identifier, domain=domain)
+            own = build(found.block, folder, values, identifier, domain=domain_of(rotary))
             written.append(WrittenFile(_path(out, own), f"FMU of the best friction model, {found.row.name}"))
             if found.position_map is not None:
                 own = found.position_map.to_fmu(folder, f"{identifier}PositionMap", rotary)

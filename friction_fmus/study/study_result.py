@@ -7,16 +7,15 @@ in `StudyResult.units` for a rotary axis. A missing number is None, never NaN.
 from __future__ import annotations
 
 import json
-import math
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from math import inf
-from typing import Any, Final, TypeAlias
+from typing import Final, TypeAlias
 
 import numpy as np
 
 from friction_fmus.identification import Array, AxisUnits
-from friction_fmus.listings import study_html, study_text
+from friction_fmus.listings import plain, study_html, study_text
 
 Numbers: TypeAlias = tuple[float, ...]
 
@@ -482,14 +481,3 @@ class StudyResult:
             JSON text, with null for missing numbers.
         """
         return json.dumps(plain(asdict(self)), indent=1, ensure_ascii=False, allow_nan=False) + "\n"
-
-
-def plain(content: Any) -> Any:
-    """Return content for JSON, with None for numbers that are not finite."""
-    if isinstance(content, Mapping):
-        return {key: plain(value) for key, value in content.items()}
-    if isinstance(content, (list, tuple)):
-        return [plain(value) for value in content]
-    if isinstance(content, float) and not math.isfinite(content):
-        return None
-    return content

@@ -104,3 +104,14 @@ def test_a_load_that_reaches_static_friction_is_an_event(name: str, build_fmu: C
         lines = {"v": np.zeros(2), "F_ext": np.array([0.0, 3.0]), "Fn": np.full(2, Fn)}
         _, events = Exchange(extracted, nodes, lines, {"Fs": 1.5}).model_exchange(["F"])
         assert events == pytest.approx([breaks], abs=1e-8)
+
+
+def test_a_deflection_beyond_the_level_comes_back_to_it(build_fmu: Callable[..., Path]) -> None:
+    """With n = 0, dz/dt is -|v| from three times the level Fc/sigma = 10 um on: F = 3 N, 2 N, then 1 N."""
+    fmu, nodes = build_fmu("Dahl"), np.array([0.0, 0.01, 0.03])
+    lines = {"v": np.full(3, 1e-3), "Fn": np.ones(3)}
+    start = {"n": 0.0, "Fc": 1.0, "sigma": 1e5, "z": 3e-5}
+    run = Exchange(Path(extract(str(fmu), str(fmu.with_suffix(".beyond")))), nodes, lines, start)
+    forces, events = run.model_exchange(["F"])
+    assert forces[:, 0] == pytest.approx([3.0, 2.0, 1.0], abs=1e-6)
+    assert events == pytest.approx([0.02], abs=1e-6)

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 
@@ -26,10 +24,10 @@ LUGRE = {
 }
 
 
-def test_the_emps_axis_with_lugre_moves_as_measured(tmp_path: Path) -> None:
+def test_the_emps_axis_with_lugre_moves_as_measured() -> None:
     axis = load_emps()
-    run = axis_simulator(contact_model("LuGre", axis.record.units), axis, tmp_path)
-    simulated = run(LUGRE)
+    with axis_simulator(contact_model("LuGre", axis.record.units), axis, LUGRE) as run:
+        simulated = run({})
     q, force = axis.record.column("q"), axis.record.column("force")
     assert 1e6 * np.sqrt(np.mean((simulated["q"] - q) ** 2)) < 1.38
     assert np.sqrt(np.mean((simulated["force"] - force) ** 2) / np.mean(force**2)) < 0.0380

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import sys
+import zipfile
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
@@ -17,8 +19,11 @@ from friction_fmus.blocks.catalogue import find
 from friction_fmus.blocks.probe import describe
 from friction_fmus.fmi.portrait.bench import Bench, Curve, Panel
 from friction_fmus.fmi.portrait.drawing import chart, icon, labelled, symbol
-from friction_fmus.fmi.portrait.experiments import EXPERIMENTS, experiment
 from harness import FmuPart
+
+ROOT = Path(__file__).parents[2]
+sys.path.append(str(ROOT / "docs"))
+from portraits.experiments import BEGIN, FURTHER, SHOWN, shown  # noqa: E402
 
 Panels = Callable[..., tuple[Panel, ...]]
 
@@ -32,7 +37,7 @@ def panels(build_fmu: Callable[..., Path]) -> Panels:
         part.enter_initialisation(0.0, 1.0, None, {})
         library = Path(str(part.folder)) / "binaries" / fmpy.platform / f"{name}{fmpy.sharedLibraryExtension}"
         bench = Bench(find(name), describe(library), part)
-        chosen = experiment(bench)
+        chosen = shown(bench)
         assert chosen
         return chosen(bench)
 
@@ -128,16 +133,23 @@ def test_signals_and_sensors(panels: Panels) -> None:
     assert abs(np.fft.rfft(ripple.y)).argmax() == 2  # two periods
 
 
-def test_every_experiment_is_named_by_a_block() -> None:
-    assert {block.about.portrait for block in catalogue().values()} - {""} == set(EXPERIMENTS)
+def test_experiments_of_pages_belong_to_blocks() -> None:
+    assert {*SHOWN, *FURTHER, *BEGIN} <= set(catalogue())
+
+
+def test_a_drawn_icon_beside_a_block_is_its_icon(build_fmu: Callable[..., Path]) -> None:
+    plants = ROOT / "fmu_src" / "plants"
+    with zipfile.ZipFile(build_fmu("Mass")) as archive:
+        assert archive.read("model.png") == (plants / "Mass.png").read_bytes()
+        assert archive.read("terminalsAndIcons/icon.svg") == (plants / "Mass.svg").read_bytes()
 
 
 def test_pictures_do_not_depend_on_the_settings_of_the_user() -> None:
     x = np.linspace(-1.0, 1.0, 101)
     panel = Panel((Curve(x, x**3, "a"), Curve(x, x, "b", aside=True)), ("v", "m/s"), ("F", "N"), "A cube.")
-    first = chart(panel, "Cube"), icon("Cube", "friction", "", (panel,))
+    first = chart(panel, "Cube"), icon("Cube", "friction", (panel,))
     with mpl.rc_context({"lines.linewidth": 9.0, "font.size": 30.0, "svg.hashsalt": "other", "axes.facecolor": "red"}):
-        second = chart(panel, "Cube"), icon("Cube", "friction", "", (panel,))
+        second = chart(panel, "Cube"), icon("Cube", "friction", (panel,))
     assert first == second
 
 
@@ -168,5 +180,5 @@ def test_icons_name_their_axes_by_letters() -> None:
 def test_nothing_to_draw_leaves_the_frame() -> None:
     x = np.zeros(3)
     flat = Panel((Curve(x, x),), ("time", "s"), ("a", ""), "Nothing happens.")
-    empty, drawn = icon("A", "law", "", ()), icon("A", "law", "", (flat,))
+    empty, drawn = icon("A", "law", ()), icon("A", "law", (flat,))
     assert empty.png.startswith(b"\x89PNG") and len(drawn.svg) > len(empty.svg)

@@ -13,7 +13,6 @@ FILE_NAMES = {
     "errors.py": "the exceptions of each package",
     "fmi2.py": "an FMU of FMI 2.0 as a part, and as an export target, which has this name in commands",
     "output_error.py": "the method of identification of this name, and the fit that it calls",
-    "page.css": "the style of the page beside it",
     "run.py": "the command of this name, and what it calls",
     "study.py": "the command of this name, and what it calls",
 }

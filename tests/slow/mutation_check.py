@@ -43,17 +43,53 @@ OTHERS = {
     **{" && ": " || ", " || ": " && "},
 }
 EQUIVALENT = {
-    "fmu_src/friction/GenericAsperity.c: if (A > 0.0 && !(N * fabs(mean) * h <= 2.0 * MOST_TRIES * wavelength))  ->  "
-    "if (A > 0.0 && !(N * fabs(mean) * h <= (1.05 * 2.0) * MOST_TRIES * wavelength))": "how much work is refused",
-    "fmu_src/friction/KarnoppMass.c: phi3 = 1.0;  ->  phi3 = (1.05 * 1.0);": "the first term of a series, below 1e-16",
+    "fmu_src/composite/composite.h: if (size - end < sizeof inner)  ->  if (size - end <= sizeof inner)": (
+        "no part has a state without bytes"
+    ),
+    "fmu_src/friction/GMS.c: if (m->memory.slips[i] != 0.0 || force >= level * level_at(m, 0.0)) {  ->  if "
+    "(m->memory.slips[i] != 0.0 || force > level * level_at(m, 0.0)) {": (
+        "the search finds an element at its level at once, too"
+    ),
+    "fmu_src/friction/GenericAsperity.c: if (A > 0.0 && !(N * fabs(mean) * h <= 2.0 * MOST_TRIES * wavelength))  "
+    "->  if (A > 0.0 && !(N * fabs(mean) * h <= (1.05 * 2.0) * MOST_TRIES * wavelength))": ("how much work is refused"),
+    "fmu_src/friction/KarnoppMass.c: phi3 = 1.0;  ->  phi3 = (1.05 * 1.0);": (
+        "the first term of a series, below 1e-16"
+    ),
+    "fmu_src/friction/LuGre.c: const double viscous = asymmetric && v < 0.0 ? sigma2_neg : sigma2;  ->  const "
+    "double viscous = asymmetric && v <= 0.0 ? sigma2_neg : sigma2;": (
+        "at v = 0, viscous friction is 0 for all coefficients"
+    ),
+    "fmu_src/friction/PrandtlTomlinson.c: if (!noise->drawn || noise->left <= slack) {  ->  if (!noise->drawn || "
+    "noise->left < slack) {": "a rest of exactly a millionth of the interval",
+    "fmu_src/friction/ResetIntegrator.c: if (dx > 0.0 && z < z0)  ->  if (dx > 0.0 && z <= z0)": (
+        "at its limit, z stays z0 either way"
+    ),
+    "fmu_src/friction/ResetIntegrator.c: m->run.outputs_done = true;  ->  dropped": ("the outputs are computed twice"),
+    "fmu_src/friction/SevenParameter.c: if (!(now > last->begin))  ->  if (!(now >= last->begin))": (
+        "of two pieces that begin together, the search finds the later one"
+    ),
     "fmu_src/friction/motion.h: const bool stops = v * slope < 0.0 && fabs(v + slope * h) <= 4.0 * DBL_EPSILON * "
     "fabs(v);  ->  const bool stops = v / slope < 0.0 && fabs(v + slope * h) <= 4.0 * DBL_EPSILON * fabs(v);": (
         "the sign is the same, and without a slope the second condition fails"
     ),
-    "fmu_src/numerics/roots.h: b->f_high *= b->moved < 0 ? 0.5 : 1.0;  ->  "
-    "b->f_high *= b->moved < 0 ? 0.5 : (1.05 * 1.0);": "a weight of the next try, not of the bracket",
-    "fmu_src/signals/Record.c: for (size_t i = guess; i < guess + 4 && i < LAST; i++) {  ->  "
-    "for (size_t i = guess; i <= guess + 4 && i < LAST; i++) {": "what this search misses, another finds",
+    "fmu_src/numerics/extrapolation.h: *d->left -= 2.0 * (k + 1) * N;  ->  *d->left -= 2.0 * (k + 1) / N;": (
+        "how much work is refused"
+    ),
+    "fmu_src/numerics/extrapolation.h: double y_end[2 * MASSES], H = *inner > 0.0 ? *inner : 0.5 / d->rate;  ->  "
+    "double y_end[2 * MASSES], H = *inner > 0.0 ? *inner : 0.5 * d->rate;": "the first try of an inner step",
+    "fmu_src/numerics/relaxation.h: allowed = fmax(tolerance, 4.0 * DBL_EPSILON * fabs(start));  ->  allowed = "
+    "fmax(tolerance, (1.05 * 4.0) * DBL_EPSILON * fabs(start));": "a bound of rounding errors, below the tolerance",
+    "fmu_src/numerics/relaxation.h: const double part = tries % 3 == 2 ? 0.5 : clip(-low / (high - low), 1e-3, 1.0 "
+    "- 1e-3);  ->  const double part = tries % 3 == 2 ? 0.5 : clip(-low / (high - low), 1e-3, (1.05 * 1.0) - 1e-3);": (
+        "the place of the next try, not the bracket"
+    ),
+    "fmu_src/numerics/roots.h: b->f_high *= b->moved < 0 ? 0.5 : 1.0;  ->  b->f_high *= b->moved < 0 ? 0.5 : (1.05 "
+    "* 1.0);": "a weight of the next try, not of the bracket",
+    "fmu_src/numerics/search.h: if (column(table, middle) <= x)  ->  if (column(table, middle) < x)": (
+        "both intervals have the same value at their common end, or rounding is added to the place"
+    ),
+    "fmu_src/signals/Record.c: for (size_t i = guess; i < guess + 4 && i < LAST; i++) {  ->  for (size_t i = "
+    "guess; i <= guess + 4 && i < LAST; i++) {": "what this search misses, another finds",
 }
 """Mutants that no test can find, as they are printed but without the number of the line, and why."""
 FOLDERS = {  # tests of what no single block is compiled with, by the beginning of the path

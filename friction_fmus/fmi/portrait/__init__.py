@@ -6,12 +6,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from friction_fmus.blocks.catalogue import Block
+from friction_fmus.blocks.catalogue import Block, icon_files
 from friction_fmus.blocks.probe import Description
 from friction_fmus.fmi.image import Image
 from friction_fmus.fmi.portrait.bench import Bench, Panel
 from friction_fmus.fmi.portrait.drawing import chart, icon, labelled, terminal_icon
-from friction_fmus.fmi.portrait.experiments import experiment
+from friction_fmus.fmi.portrait.experiments import Experiment, experiment
 from harness.errors import HarnessError
 from harness.parts.fmu import FmuPart
 
@@ -22,8 +22,7 @@ __all__ = ["Figure", "Image", "Portrait", "portray", "terminal_icon"]
 class Figure:
     """A figure of the documentation."""
 
-    svg: bytes
-    """The SVG file."""
+    svg: bytes  # the SVG file
     caption: str
     alternative: str
     """Caption, which describes the experiment; alternative text for readers who cannot see the figure."""
@@ -40,21 +39,20 @@ class Portrait:
 def portray(block: Block, description: Description, part: FmuPart) -> Portrait:
     """Run a block and plot its behaviour."""
     bench = Bench(block, description, part)
-    panels = _panels(bench)
+    panels = finite_panels(bench, experiment(bench))
     figures = tuple(
         Figure(chart(panel, block.name), panel.caption, f"{labelled(panel.y)} over {labelled(panel.x)}")
         for panel in panels
     )
-    return Portrait(icon(block.name, block.kind, bench.portrait, panels), figures)
+    files = icon_files(block.path)
+    drawn = Image(*(file.read_bytes() for file in files)) if files else icon(block.name, block.kind, panels)
+    return Portrait(drawn, figures)
 
 
-def _panels(bench: Bench) -> tuple[Panel, ...]:
+def finite_panels(bench: Bench, chosen: Experiment | None) -> tuple[Panel, ...]:
     """Return the panels of the experiment; none if the block rejects its start values or returns no finite numbers."""
-    chosen = experiment(bench)
-    if chosen is None:
-        return ()
     try:
-        panels = chosen(bench)
+        panels = chosen(bench) if chosen else ()
     except HarnessError:
         return ()
     finite = all(np.isfinite([curve.x, curve.y]).all() for panel in panels for curve in panel.curves)

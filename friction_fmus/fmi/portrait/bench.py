@@ -26,27 +26,21 @@ class Curve:
     x: Vector
     y: Vector
     """Points in the units of the panel."""
-    label: str = ""
-    """Label, if the panel has several curves; else empty."""
-    aside: bool = False
-    """Whether the curve is an input of the block, shown for comparison."""
-    detail: bool = False
-    """Whether the icon omits the curve."""
+    label: str = ""  # label, if the panel has several curves; else empty
+    aside: bool = False  # whether the curve is an input of the block, shown for comparison
+    detail: bool = False  # whether the icon omits the curve
 
 
 @dataclass(frozen=True)
 class Panel:
     """A plot with its curves, axes and caption."""
 
-    curves: tuple[Curve, ...]
-    """At least one."""
+    curves: tuple[Curve, ...]  # at least one
     x: tuple[str, str]
     y: tuple[str, str]
     """Name and unit of each axis."""
-    caption: str
-    """Description of the experiment, for the documentation."""
-    equal: bool = False
-    """Whether both axes have the same scale."""
+    caption: str  # description of the experiment, for the documentation
+    equal: bool = False  # whether both axes have the same scale
 
 
 class Bench:
@@ -60,7 +54,7 @@ class Bench:
 
     def __init__(self, block: Block, description: BlockVariables, part: FmuPart) -> None:
         """Sort the variables."""
-        self.portrait = block.about.portrait
+        self.block = block
         self._part = part
         self.kind: Callable[..., BenchRun] = BenchRun
         self.values: Mapping[str, float] = {}
@@ -84,16 +78,6 @@ class Bench:
     def axis(self, name: str) -> tuple[str, str]:
         """Return name and unit of a variable for the axis of a panel."""
         return name, self.variables[name].unit
-
-    @contextmanager
-    def changed(self, values: Mapping[str, float]) -> Iterator[None]:
-        """Run the block with other parameters."""
-        before = self.values
-        self.values = {**before, **values}
-        try:
-            yield
-        finally:
-            self.values = before
 
     @contextmanager
     def session(self, outputs: Sequence[str], start: float = 0.0) -> Iterator[BenchRun]:

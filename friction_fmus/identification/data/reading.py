@@ -212,14 +212,8 @@ def _turns(record: Record) -> Iterator[RecordFinding]:
     jumps = np.abs(np.diff(record.q))
     jumps = jumps[jumps > np.pi]
     if jumps.size:
-        what = (
-            f"The position jumps by {jumps.max():.4g} rad from one sample to the next, {_plausible_times(jumps.size)}."
-        )
+        what = f"The position jumps by {jumps.max():.4g} rad from one sample to the next, {_times(jumps.size)}."
         yield RecordFinding("position-jumps", what, "Log a multi-turn position, or unwrap the angle.")
-
-
-def _plausible_times(count: int) -> str:
-    return "once" if count == 1 else f"{count} times"
 
 
 def _sign(record: Record, columns: Mapping[str, Column]) -> Iterator[RecordFinding]:
@@ -483,17 +477,17 @@ def _check_time(table: DataTable, t: Array, rows: Array, column: Column, path: P
     place = table.place(int(rows[at]))
     if t[at] == t[at - 1]:
         raise RecordError(
-            f"{path} has the time {t[at]:.9g} s twice, the second time in {place} ({_times(wrong.size)}); remove "
-            f'duplicate rows, log the time with more digits, or use time = {{ period = "..." }}.'
+            f"{path} has the time {t[at]:.9g} s twice, the second time in {place} ({_times(wrong.size)} in the file); "
+            f'remove duplicate rows, log the time with more digits, or use time = {{ period = "..." }}.'
         )
     raise RecordError(
-        f"The time in {path} decreases from {t[at - 1]:.9g} s to {t[at]:.9g} s in {place} ({_times(wrong.size)}); sort "
-        "the rows, or split the file there if the log was restarted."
+        f"The time in {path} decreases from {t[at - 1]:.9g} s to {t[at]:.9g} s in {place} ({_times(wrong.size)} in the "
+        "file); sort the rows, or split the file there if the log was restarted."
     )
 
 
 def _times(count: int) -> str:
-    return "once in the file" if count == 1 else f"{count} times in the file"
+    return "once" if count == 1 else f"{count} times"
 
 
 def _quantum(q: Array) -> float:

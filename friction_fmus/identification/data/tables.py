@@ -16,8 +16,7 @@ from friction_fmus.identification.data.record import Array, RecordFinding
 EXACT = 2**53  # largest integer below which all integers are exact as floating-point numbers
 
 
-UNPACKED: Final = 2**30
-"""Largest size of the numbers in a file [bytes]."""
+UNPACKED: Final = 2**30  # largest size of the numbers in a file [bytes]
 
 
 def limit_size(path: Path, size: int) -> None:

@@ -3,14 +3,27 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
+
+from friction_fmus.blocks.arithmetic import evaluate
 from friction_fmus.blocks.axis_units import AxisUnits
+from friction_fmus.errors import FitError
 from friction_fmus.identification.fit.contact_model import ContactModel, DataTraits
-from friction_fmus.identification.fit.least_squares import Constraints, Problem, Setup, scalar_setup
+from friction_fmus.identification.fit.least_squares import (
+    INITIAL_LIMIT,
+    Constraints,
+    Coordinate,
+    Problem,
+    Setup,
+    constants_of,
+    coordinate,
+    surroundings,
+)
 from friction_fmus.identification.fit.search import Loss, SearchResult, search
 from friction_fmus.identification.fit.simulation_data import PreparedSegment
 from harness import Drive, FmuPart
@@ -45,10 +58,46 @@ class BlockFit:
 
 def fit_scalars(data: FitData, loss: Loss, starts: int | None) -> BlockFit:
     """Fit a block with scalar parameters."""
-    setup = scalar_setup(data.model, data.segments, data.traits, data.constraints, data.units, data.Fn0)
+    setup = scalar_setup(data)
     problem = data.problem(setup)
     known = all(c.name in data.constraints.start or c.name == "OF" for c in problem.shared)
     return BlockFit(setup, problem, search(problem, loss, starts or (1 if known else 3)))
+
+
+def scalar_setup(data: FitData) -> Setup:
+    """Return the setup of a search for a block with scalar parameters."""
+    model, segments, traits, constraints = data.model, data.segments, data.traits, data.constraints
+    units, Fn0 = data.units, data.Fn0
+    names = model.identified(constraints.named, constraints.fixed)
+    coordinates = [coordinate(model, name, traits, constraints) for name in names]
+    coordinates += surroundings(segments, traits, constraints, model.viscous)
+    if not coordinates:
+        raise FitError(f"All parameters of {model.name} are fixed; leave at least one to be identified.")
+    state = model.initial_state
+    if state is not None:
+        coordinates += [
+            Coordinate(state, 1.0, _initial_guess(segment, traits, Fn0), -INITIAL_LIMIT, INITIAL_LIMIT, segment=index)
+            for index, segment in enumerate(segments)
+        ]
+    constants = constants_of(model, constraints, Fn0)
+    defaults = {name: p.start for name, p in model.parameters.items()} | {k: float(v) for k, v in constants.items()}
+
+    def states(parameters: Mapping[str, float], values: Mapping[str, float]) -> dict[str, float]:
+        if state is None:
+            return {}
+        return {state: values[state] * float(evaluate(model.identified_by.size, {**defaults, **parameters}))}
+
+    unit = {name: p.unit for name, p in model.parameters.items()}
+    unit |= {"M": units.inertia, "OF": units.force} | ({"Fv": units.viscous} if model.viscous else {})
+    if state is not None:
+        unit[state] = model.states[state]
+    return Setup(tuple(coordinates), dict, states, constants, unit)
+
+
+def _initial_guess(segment: PreparedSegment, traits: DataTraits, Fn0: float | None) -> float:
+    """Return the first measured force over the force in sliding."""
+    force = float(np.median(segment.measured[:3])) * (Fn0 or 1.0)
+    return min(max(force / traits.level, -1.0), 1.0)
 
 
 _IDLE: dict[Path, Drive] = {}

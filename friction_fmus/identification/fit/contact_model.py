@@ -14,7 +14,7 @@ from functools import cache
 from pathlib import Path
 
 from friction_fmus.blocks.arithmetic import evaluate, names_in
-from friction_fmus.blocks.axis_units import ROTARY, AxisUnits
+from friction_fmus.blocks.axis_units import ROTARY, AxisUnits, domain_of
 from friction_fmus.blocks.catalogue import find, listing
 from friction_fmus.blocks.contact import NOT_IDENTIFIED, Fitted, Identified
 from friction_fmus.errors import FitError, IdentificationError
@@ -166,7 +166,7 @@ def _read(model: str | Path, units: AxisUnits) -> ContactModel:
             f"{block.name} cannot be identified from a record of motion and force; use one of "
             f"{', '.join(identifiable())}."
         )
-    path = fmu(model, "rotational" if units == ROTARY else "translational")
+    path = fmu(model, domain_of(units == ROTARY))
     part = FmuPart(block.name, path)
     names = {port.name for port in part.inputs}
     if "v" not in names or "F" not in {port.name for port in part.outputs}:

@@ -60,7 +60,7 @@ class HysteresisGrid:
     relative_percent: float
 
 
-def identify_hysteresis(record: Record, points: int = 20, viscous: bool = False) -> HysteresisGrid:
+def identify_hysteresis(record: Record, points: int = 20) -> HysteresisGrid:
     """Identify the distribution of stiffness over break-away distance.
 
     Parameters
@@ -69,8 +69,6 @@ def identify_hysteresis(record: Record, points: int = 20, viscous: bool = False)
         Motion and friction, or drive force.
     points : int
         Number of grid points, logarithmically spaced from 1/200 to 2/3 of the range of the position.
-    viscous : bool
-        Whether to fit a viscous force in addition.
 
     Returns
     -------
@@ -93,7 +91,7 @@ def identify_hysteresis(record: Record, points: int = 20, viscous: bool = False)
     signal, _ = signal_of([record])
     segment = prepare(record, model, signal)
     scale = 1.0 if segment.per is None else float(np.mean(segment.per))
-    return fit_grid(segment, scale, coarse(segment, points), viscous)
+    return fit_grid(segment, scale, coarse(segment, points), viscous=False)
 
 
 def coarse(segment: PreparedSegment, points: int) -> Array:
@@ -169,9 +167,7 @@ def element_responses(segment: PreparedSegment, distance: Array, initial_force: 
     return np.column_stack(columns)
 
 
-def with_count(
-    grid: HysteresisGrid, count: int | None, most: int = BLOCK_ELEMENTS, u: Words = SLIDING
-) -> tuple[Array, Array, Array]:
+def with_count(grid: HysteresisGrid, count: int | None, u: Words = SLIDING) -> tuple[Array, Array, Array]:
     """Return a given number of elements with nearly the same virgin curve as a grid.
 
     As long as there are too many elements, the two neighbours whose combination changes the curve least are combined:
@@ -198,7 +194,7 @@ def with_count(
             options.append((float(np.max(np.abs(curve(*joined) - curve(k, W)))), i))
         least = min(options)[0] + 1e-9 * float(np.sum(W))  # tolerance: of equal changes, the first is used
         change, i = next(option for option in options if option[0] <= least)
-        if count is None and len(k) <= most and change > 0.005 * float(np.sum(W)):
+        if count is None and len(k) <= BLOCK_ELEMENTS and change > 0.005 * float(np.sum(W)):
             break
         s = _join(s, i, (s[i] * W[i] + s[i + 1] * W[i + 1]) / (W[i] + W[i + 1]))
         k, W = _join(k, i, k[i] + k[i + 1]), _join(W, i, W[i] + W[i + 1])

@@ -11,7 +11,7 @@ robot", Control Engineering Practice 9, 2001; for the EMPS axis: Janot, Gautier,
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import cache
 
@@ -264,22 +264,13 @@ def identify_inverse_model(record: Record, settings: InverseModelSettings | None
     return _linear_fit(record, motion, columns, settings)[0]
 
 
-def identify_inverse_stribeck(
-    record: Record,
-    settings: InverseModelSettings | None = None,
-    deltas: Sequence[float] = (1.0, 2.0),
-    vs: Iterable[float] | None = None,
-) -> InverseModelFit:
+def identify_inverse_stribeck(record: Record, vs: Iterable[float] | None = None) -> InverseModelFit:
     """Identify Stribeck friction from the inverse model, for example as start values of a fit in closed loop.
 
     Parameters
     ----------
     record : Record
         Record with position and force.
-    settings : InverseModelSettings, optional
-        Filters; by default `default_settings`.
-    deltas : sequence of float
-        Exponents of the grid.
     vs : iterable of float, optional
         Stribeck velocities of the grid, in the velocity unit; by default 25 values from 1/200 to 1/2 of the largest
         speed.
@@ -295,7 +286,7 @@ def identify_inverse_stribeck(
     ExcitationError
         If the regressors are linearly dependent at all grid points.
     FitError
-        If the grid is empty or not positive.
+        If `vs` is empty or not positive.
 
     Notes
     -----
@@ -303,14 +294,14 @@ def identify_inverse_stribeck(
     searched on a grid, and the others follow from linear least squares (variable projection; G. Golub, V. Pereyra,
     1973).
     """
-    settings = default_settings(record) if settings is None else settings
+    settings = default_settings(record)
     motion = filtered_motion(record, settings)
     if vs is None:
         top = float(np.max(np.abs(motion.v)))
         vs = np.geomspace(top / 200.0, top / 2.0, 25) if top > 0.0 else [1.0]
-    grid = [(float(delta), float(speed)) for delta in deltas for speed in vs]
-    if not grid or min(min(pair) for pair in grid) <= 0.0:
-        raise FitError("The grid of vs and delta is empty or not positive; give at least one positive value of each.")
+    grid = [(delta, float(speed)) for delta in (1.0, 2.0) for speed in vs]
+    if min((speed for _, speed in grid), default=0.0) <= 0.0:
+        raise FitError("The grid of vs is empty or not positive; give at least one positive value.")
 
     sign = np.sign(motion.v)
     best: tuple[float, InverseModelFit, Array, tuple[float, float]] | None = None

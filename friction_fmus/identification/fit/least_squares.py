@@ -9,8 +9,6 @@ from typing import Protocol
 
 import numpy as np
 
-from friction_fmus.blocks.arithmetic import evaluate
-from friction_fmus.blocks.axis_units import AxisUnits
 from friction_fmus.errors import FitError, did_you_mean
 from friction_fmus.identification.data.record import Array
 from friction_fmus.identification.fit.contact_model import ContactModel, DataTraits
@@ -118,10 +116,7 @@ class Problem:
         return force + float(start["Fv"]) * segment.inputs["v"] if self.viscous else force
 
     def error(self, x: Array, index: int) -> Array:
-        """Return predicted minus measured signal of one segment over the magnitude of the signal.
-
-        The result is infinite if the block rejects the values; the search then takes a smaller step.
-        """
+        """Return the error of one segment over the size of the signal; infinite if the block rejects the values."""
         measured = self.segments[index].measured
         try:
             return (self.simulate(x, index) - measured) / self.size
@@ -240,41 +235,6 @@ def constants_of(model: ContactModel, constraints: Constraints, Fn0: float | Non
     return constants
 
 
-def scalar_setup(
-    model: ContactModel,
-    segments: Sequence[PreparedSegment],
-    traits: DataTraits,
-    constraints: Constraints,
-    units: AxisUnits,
-    Fn0: float | None,
-) -> Setup:
-    """Return the setup of a search for a block with scalar parameters."""
-    names = model.identified(constraints.named, constraints.fixed)
-    coordinates = [coordinate(model, name, traits, constraints) for name in names]
-    coordinates += surroundings(segments, traits, constraints, model.viscous)
-    if not coordinates:
-        raise FitError(f"All parameters of {model.name} are fixed; leave at least one to be identified.")
-    state = model.initial_state
-    if state is not None:
-        coordinates += [
-            Coordinate(state, 1.0, _initial_guess(segment, traits, Fn0), -INITIAL_LIMIT, INITIAL_LIMIT, segment=index)
-            for index, segment in enumerate(segments)
-        ]
-    constants = constants_of(model, constraints, Fn0)
-    defaults = {name: p.start for name, p in model.parameters.items()} | {k: float(v) for k, v in constants.items()}
-
-    def states(parameters: Mapping[str, float], values: Mapping[str, float]) -> dict[str, float]:
-        if state is None:
-            return {}
-        return {state: values[state] * float(evaluate(model.identified_by.size, {**defaults, **parameters}))}
-
-    unit = {name: p.unit for name, p in model.parameters.items()}
-    unit |= {"M": units.inertia, "OF": units.force} | ({"Fv": units.viscous} if model.viscous else {})
-    if state is not None:
-        unit[state] = model.states[state]
-    return Setup(tuple(coordinates), dict, states, constants, unit)
-
-
 def coordinate(model: ContactModel, name: str, traits: DataTraits, constraints: Constraints) -> Coordinate:
     """Return the coordinate of a parameter; it is logarithmic if the range of the parameter excludes zero."""
     parameter = model.parameters[name]
@@ -291,10 +251,7 @@ def coordinate(model: ContactModel, name: str, traits: DataTraits, constraints: 
 def surroundings(
     segments: Sequence[PreparedSegment], traits: DataTraits, constraints: Constraints, viscous: bool
 ) -> list[Coordinate]:
-    """Return the coordinates of the mass of a drive, of the force offset, and of a viscous friction beside the block.
-
-    The offset is identified if motion is in both directions.
-    """
+    """Return the coordinates of mass, force offset (if motion is both ways) and viscous friction beside the block."""
     guesses: dict[str, tuple[float, float]] = {}
     if segments[0].a is not None:
         mass, offset = inertia_guess(segments)
@@ -317,12 +274,6 @@ def surroundings(
         scale = abs(value) if name in ("M", "Fv") and value != 0.0 else max(abs(value), traits.level)
         found.append(Coordinate(name, scale, min(max(value, lower), upper), lower, upper))
     return found
-
-
-def _initial_guess(segment: PreparedSegment, traits: DataTraits, Fn0: float | None) -> float:
-    """Return the first measured force over the force in sliding."""
-    force = float(np.median(segment.measured[:3])) * (Fn0 or 1.0)
-    return min(max(force / traits.level, -1.0), 1.0)
 
 
 def advice(model: ContactModel, name: str) -> str:

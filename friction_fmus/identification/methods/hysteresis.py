@@ -7,10 +7,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from friction_fmus.blocks.axis_units import AxisUnits
 from friction_fmus.errors import FitError
 from friction_fmus.identification.fit.block_fit import BlockFit, FitData
-from friction_fmus.identification.fit.contact_model import ContactModel, DataTraits
+from friction_fmus.identification.fit.contact_model import ContactModel
 from friction_fmus.identification.fit.grid import BLOCK_ELEMENTS, INITIAL_FORCES, coarse, fit_grid, with_count
 from friction_fmus.identification.fit.least_squares import (
     Constraints,
@@ -21,7 +20,6 @@ from friction_fmus.identification.fit.least_squares import (
     surroundings,
 )
 from friction_fmus.identification.fit.search import Loss, search
-from friction_fmus.identification.fit.simulation_data import PreparedSegment
 
 POINTS = 20  # number of points of the grid of break-away distances
 
@@ -41,12 +39,11 @@ ROUGH = 1e-2  # relative change of the cost at which a search from a grid ends t
 
 def fit(data: FitData, loss: Loss, starts: int | None) -> BlockFit:
     """Fit elements on a coarse grid of break-away distances, then on finer grids around the distances found."""
-    common = data.model, data.segments, data.traits, data.constraints, data.units, data.Fn0
-    setup = hysteresis_setup(*common)
+    setup = hysteresis_setup(data)
     problem = data.problem(setup)
     found = search(problem, loss, starts or 1, ROUGH)
     for _ in range(REFINEMENTS):
-        finer = hysteresis_setup(*common, problem.values(found.x, None))
+        finer = hysteresis_setup(data, problem.values(found.x, None))
         again = data.problem(finer)
         again.simulations = problem.simulations
         better = search(again, loss, 1, ROUGH)
@@ -58,15 +55,7 @@ def fit(data: FitData, loss: Loss, starts: int | None) -> BlockFit:
     return BlockFit(setup, problem, search(problem, loss, 1, begin=found.x))
 
 
-def hysteresis_setup(
-    model: ContactModel,
-    segments: Sequence[PreparedSegment],
-    traits: DataTraits,
-    constraints: Constraints,
-    units: AxisUnits,
-    Fn0: float | None,
-    found: Mapping[str, float] | None = None,
-) -> Setup:
+def hysteresis_setup(data: FitData, found: Mapping[str, float] | None = None) -> Setup:
     """Return the setup of a search for a block with elements, with start values from a grid fitted to the first record.
 
     Without `found` the grid is coarse; otherwise it is a finer one around the break-away distances in `found`.
@@ -75,6 +64,8 @@ def hysteresis_setup(
     initial force within its slip limits. For a law with a Stribeck curve, the slip forces of the elements add up to Fc,
     and Fs is a multiple of Fc.
     """
+    model, segments, traits, constraints = data.model, data.segments, data.traits, data.constraints
+    units, Fn0 = data.units, data.Fn0
     generalised = "alpha[1]" in model.parameters
     _check(model, constraints, generalised)
     wanted = constraints.fixed.get("N")

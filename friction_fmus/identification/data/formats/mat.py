@@ -18,8 +18,7 @@ from friction_fmus.identification.data.tables import DataTable, limit_size
 SUFFIXES: Final = (".mat",)
 
 
-HDF5: Final = b"\x89HDF\r\n\x1a\n"
-"""Signature of HDF5, at offset 512 of a MATLAB 7.3 file or at its start."""
+HDF5: Final = b"\x89HDF\r\n\x1a\n"  # signature of HDF5, at offset 512 of a MATLAB 7.3 file or at its start
 
 
 def read(path: Path) -> DataTable:
@@ -57,8 +56,7 @@ def _unpacked(path: Path) -> int:
     return total
 
 
-COMPRESSED: Final = 15
-"""Type of a compressed variable in a MATLAB file of version 5."""
+COMPRESSED: Final = 15  # type of a compressed variable in a MATLAB file of version 5
 
 
 def _trajectory(path: Path) -> DataTable:

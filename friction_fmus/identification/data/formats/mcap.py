@@ -18,14 +18,11 @@ from harness.extras import require
 
 SUFFIXES: Final = (".mcap",)
 
-JOINT: Final = ("position", "velocity", "effort")
-"""Arrays of ``sensor_msgs/JointState`` with one element for each name."""
+JOINT: Final = ("position", "velocity", "effort")  # arrays of ``sensor_msgs/JointState`` with one element for each name
 
-DEEPEST: Final = 8
-"""Largest depth of nested fields."""
+DEEPEST: Final = 8  # largest depth of nested fields
 
-LONGEST: Final = 64
-"""Largest number of elements of an array whose elements become columns."""
+LONGEST: Final = 64  # largest number of elements of an array whose elements become columns
 
 
 def read(path: Path) -> DataTable:

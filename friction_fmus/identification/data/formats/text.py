@@ -58,14 +58,11 @@ def decimal_comma(path: Path) -> RecordFinding:
     return RecordFinding("decimal-comma", what, "Check a value of each column, or use decimal points.")
 
 
-KEY = "Name"
-"""First cell of the row with the names of the channels; it is repeated above each column of times."""
+KEY = "Name"  # first cell of the row with the names of the channels; it is repeated above each column of times
 
-TICKS = 1e4
-"""Ticks of a time stamp of Windows in a millisecond."""
+TICKS = 1e4  # ticks of a time stamp of Windows in a millisecond
 
-LONGEST_HEAD = 200
-"""Largest number of lines above the numbers; comments of symbols can have several lines."""
+LONGEST_HEAD = 200  # largest number of lines above the numbers; comments of symbols can have several lines
 
 _NO_UNIT = ("", "(None)", "None")
 

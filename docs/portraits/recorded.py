@@ -16,10 +16,10 @@ from friction_fmus.blocks.catalogue import Block
 from friction_fmus.blocks.probe import BlockVariables
 from friction_fmus.export.block_fmu import describe_block
 from friction_fmus.fmi.portrait.bench import Bench, BenchRun, Curve, Panel, Vector
-from friction_fmus.fmi.portrait.experiments import elastic_reach, experiment, friction_panels, speed_scale
-from friction_fmus.live.further_figures import BEGIN, FURTHER, idle
+from friction_fmus.fmi.portrait.experiments import elastic_reach, friction_panels, speed_scale
 from harness.errors import HarnessError
 from harness.parts.fmu import FmuPart
+from portraits.experiments import BEGIN, FURTHER, idle, shown
 
 
 @dataclass
@@ -61,10 +61,19 @@ class RecordedBench(Bench):
     def __init__(self, block: Block, description: BlockVariables, part: FmuPart) -> None:
         """Begin without runs."""
         super().__init__(block, description, part)
-        self.block = block
         self.description = description
         self.courses: list[Course] = []
         self.values = self.begin = BEGIN.get(block.name, {})
+
+    @contextmanager
+    def changed(self, values: Mapping[str, float]) -> Iterator[None]:
+        """Run the block with other parameters."""
+        before = self.values
+        self.values = {**before, **values}
+        try:
+            yield
+        finally:
+            self.values = before
 
     @contextmanager
     def session(self, outputs: Sequence[str], start: float = 0.0) -> Iterator[BenchRun]:
@@ -94,7 +103,7 @@ def recorded_figures(bench: RecordedBench) -> dict[str, Any]:
     inputs and outputs. ``begin`` has the values with which the page begins, if they are not the start values, and
     ``idle`` the names that have no effect in these figures.
     """
-    chosen = experiment(bench)
+    chosen = shown(bench)
     if chosen is None:
         return {}
     told: dict[str, Any] = {"begin": bench.begin, "idle": idle(bench.block)}
