@@ -110,11 +110,11 @@ SHA256 = {
         "elements in a spring-driven mass": "e3e63666d07755e1d65efa214ac57f9bd3f4c0534ad8a5f0311ab920d4837e7e",
         "a lag and a memory": "a1a8c15ca7ce21de4af9a3d97771e26cc640579cf8c41cb0b28ec337002e849b",
         "a belt that sticks": "d5943b6fd1fa6a4bfe732e4741c1ffa993de9095af26d700e605a73131af7693",
-        "two masses on two contacts": "cb39d5a5a25601ea4123d9e197eaa49a9f359ccd6edc404d034e787c4988061e",
+        "two masses on two contacts": "86c95e9e00b8b6a76acab326ff8538992832f1abf4d0f2dac0eeed25fb41b6ec",
         "a chain of blocks": "6d08a4cd95ecaafb93bc1f1a8464035b102643ce384b2c52457a0ed4212fa451",
         "a controller with an encoder": "10013bd55e43625c857aeafdcbe585c20888331f97746fbb7147746c9837d652",
         "a resetting controller with a feedforward": "bd08563ef73af84a90b593bb87234b3ecba4e0ede18f013401577bbde7e31237",
-        "a cascade with an observer": "02c834519c4caf03325495dc7fcb78f35026bf1993096fce912665f71b7476a9",
+        "a cascade with an observer": "84de3b7be2d93038136b10595ab48412255d3c879ea2b90a040a701cd134572c",
         "a sliding mode": "ac8bdf059c7122f9d5ab70698770b0b00e70e5c1e7b3117c1b8e6cb7325d3d1c",
     }
 }
