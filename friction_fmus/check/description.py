@@ -16,6 +16,14 @@ from friction_fmus.check.findings import DESCRIPTION, Finding, declare
 _INITIAL: Final = {"parameter": "exact", "calculatedParameter": "calculated", "input": None, "independent": None}
 """Default of `initial` by causality; for outputs and locals it depends on the variability (section 2.2.7)."""
 
+PARAMETERS: Final = ("parameter", "structuralParameter", "calculatedParameter")
+VARIABILITIES: Final = {  # that are allowed, by causality (section 2.2.7, in FMI 3.0 2.4.7.4)
+    **{causality: {"fixed", "tunable"} for causality in PARAMETERS},
+    "input": {"discrete", "continuous"},
+    "output": {"constant", "discrete", "continuous"},
+    "local": {"constant", "fixed", "tunable", "discrete", "continuous"},
+    "independent": {"continuous"},
+}
 SECTIONS: Final = ("Outputs", "Derivatives", "InitialUnknowns")  # sections of ModelStructure
 
 MALFORMED = declare("xml-malformed", "error", "2.2", "modelDescription.xml cannot be read.", "description")
@@ -28,6 +36,17 @@ VERSION = declare("fmi-version", "error", "2.2.1", "The FMU is not an FMI 2.0 FM
 NO_INTERFACE = declare(
     "no-interface", "error", "2.2.1", "The FMU offers neither co-simulation nor model exchange.", "description"
 )
+
+
+def initials(causality: str, variability: str, of_input: str | None) -> set[str | None]:
+    """Return the allowed values of the attribute initial (section 2.2.7, in FMI 3.0 2.4.7.5)."""
+    if causality in ("input", "independent"):
+        return {of_input if causality == "input" else None}
+    if causality in ("parameter", "structuralParameter") or variability == "constant":
+        return {"exact"}
+    if causality == "calculatedParameter" or variability in ("fixed", "tunable"):
+        return {"calculated", "approx"}
+    return {"exact", "calculated", "approx"}
 
 
 @dataclass(frozen=True)

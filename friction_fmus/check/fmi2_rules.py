@@ -14,10 +14,12 @@ from lxml import etree
 from friction_fmus.check.archive_rules import Contents, read_member
 from friction_fmus.check.description import (
     SECTIONS,
+    VARIABILITIES,
     ListedUnknown,
     Model,
     Variable2,
     child_of,
+    initials,
     integer,
     line_of,
     name_of,
@@ -485,26 +487,6 @@ def _kind(model: Model) -> Iterator[Fault]:
 
 # ---- ModelVariables (sections 2.2.7 and 2.2.9)
 
-# tables of causality and variability, and of initial (section 2.2.7)
-_VARIABILITIES = {
-    "parameter": {"fixed", "tunable"},
-    "calculatedParameter": {"fixed", "tunable"},
-    "input": {"discrete", "continuous"},
-    "output": {"constant", "discrete", "continuous"},
-    "local": {"constant", "fixed", "tunable", "discrete", "continuous"},
-    "independent": {"continuous"},
-}
-
-
-def _initials(v: Variable2) -> set[str | None]:
-    if v.causality in ("input", "independent"):
-        return {None}
-    if v.causality == "parameter" or v.variability == "constant":
-        return {"exact"}
-    if v.causality == "calculatedParameter" or v.variability in ("fixed", "tunable"):
-        return {"calculated", "approx"}
-    return {"exact", "calculated", "approx"}
-
 
 @rule("duplicate-variable", "error", "2.2.7", "Two variables have the same name.")
 def _duplicate(model: Model) -> Iterator[Fault]:
@@ -527,7 +509,7 @@ def _name(model: Model) -> Iterator[Fault]:
 
 @for_each("variability", "error", "2.2.7", "Causality and variability, or type and variability, are incompatible.")
 def _variability(_model: Model, v: Variable2) -> Iterator[str]:
-    allowed = _VARIABILITIES.get(v.causality, {v.variability})
+    allowed = VARIABILITIES.get(v.causality, {v.variability})
     if v.variability not in allowed:
         one = " or ".join(sorted(allowed))
         yield f"{v.name} is {v.causality} and {v.variability}; make it {one}"
@@ -538,9 +520,10 @@ def _variability(_model: Model, v: Variable2) -> Iterator[str]:
 
 @for_each("initial", "error", "2.2.7", "The value of initial is incompatible with causality and variability.")
 def _initial(_model: Model, v: Variable2) -> Iterator[str]:
-    if v.variability in _VARIABILITIES.get(v.causality, ()) and v.initial not in _initials(v):
-        allowed = " or ".join(sorted(value or "nothing" for value in _initials(v)))
-        yield f"{v.name} ({v.causality}, {v.variability}) has initial={v.initial!r}; write {allowed}"
+    allowed = initials(v.causality, v.variability, None)
+    if v.variability in VARIABILITIES.get(v.causality, ()) and v.initial not in allowed:
+        one = " or ".join(sorted(value or "nothing" for value in allowed))
+        yield f"{v.name} ({v.causality}, {v.variability}) has initial={v.initial!r}; write {one}"
 
 
 @for_each("start-missing", "error", "2.2.7", "A variable that needs a start value has none.")
@@ -589,15 +572,12 @@ def _not_finite(_model: Model, v: Variable2) -> Iterator[str]:
 
 @rule("limits-reversed", "error", "2.2.7", "A max is below its min.")
 def _reversed(model: Model) -> Iterator[Fault]:
-    elements = [(v.typed, v.name, v.get("min"), v.get("max")) for v in model.variables]
-    elements += [(child, child.getparent(), child.get("min"), child.get("max"))  # type: ignore[misc]
-                 for child in model.all("TypeDefinitions/SimpleType/*")]  # fmt: skip
-    for element, owner, low_text, high_text in elements:
-        low, high = real(low_text), real(high_text)
+    types = [(simple.get("name", ""), child) for simple in model.all("TypeDefinitions/SimpleType") for child in simple]
+    owners = [(v.name, v.typed, v.get) for v in model.variables] + [(name, child, child.get) for name, child in types]
+    for name, element, get in owners:
+        low, high = real(get("min")), real(get("max"))
         if element is not None and low is not None and high is not None and high < low:
-            name = owner if isinstance(owner, str) else owner.get("name", "")
-            message = f"{name} has min {low_text} above max {high_text}; correct them"
-            yield Fault(message, line_of(element), name)
+            yield Fault(f"{name} has min {get('min')} above max {get('max')}; correct them", line_of(element), name)
 
 
 @for_each("nominal", "error", "2.2.7", "A nominal value is not positive.")
@@ -615,23 +595,17 @@ def _shared(model: Model) -> Iterator[Fault]:
         groups[base, v.reference].append(v)
     for (_, reference), group in groups.items():
         names = ", ".join(v.name for v in group)
+        shared = f"{names} share value reference {reference}"
         settable = [v for v in group if v.settable]
         if len(settable) > 1:
-            yield at(
-                settable[1],
-                f"{names} share value reference {reference}, and more than one can be set; use different value "
-                "references",
-            )
+            fault = settable[1], "and more than one can be set"
         elif len({v.variability == "constant" for v in group}) > 1:
-            yield at(
-                group[1],
-                f"{names} share value reference {reference}, but only some are constant; use different value "
-                "references",
-            )
+            fault = group[1], "but only some are constant"
         elif len({v.get("unit") for v in group}) > 1:
-            yield at(
-                group[1], f"{names} share value reference {reference}, but not the unit; use different value references"
-            )
+            fault = group[1], "but not the unit"
+        else:
+            continue
+        yield at(fault[0], f"{shared}, {fault[1]}; use different value references")
 
 
 @rule("independent", "error", "2.2.7", "There are several independent variables, or one that is not Real.")

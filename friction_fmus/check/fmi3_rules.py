@@ -10,13 +10,22 @@ from typing import ClassVar, Final
 
 from lxml import etree
 
-from friction_fmus.check.description import DescribedModel, DescribedVariable, integer, line_of, name_of, real
+from friction_fmus.check.description import (
+    PARAMETERS,
+    VARIABILITIES,
+    DescribedModel,
+    DescribedVariable,
+    initials,
+    integer,
+    line_of,
+    name_of,
+    real,
+)
 from friction_fmus.check.findings import Fault, at, for_each, rule
 
 FLOATS: Final = ("Float64", "Float32")
 INTEGERS: Final = ("Int8", "UInt8", "Int16", "UInt16", "Int32", "UInt32", "Int64", "UInt64")
 TYPES: Final = (*FLOATS, *INTEGERS, "Boolean", "String", "Binary", "Enumeration", "Clock")
-PARAMETERS: Final = ("parameter", "structuralParameter", "calculatedParameter")
 
 
 @dataclass(frozen=True)
@@ -111,27 +120,10 @@ class Model3(DescribedModel):
 
 # ---- ModelVariables (section 2.4.7)
 
-_VARIABILITIES = {
-    **{causality: {"fixed", "tunable"} for causality in PARAMETERS},
-    "input": {"discrete", "continuous"},
-    "output": {"constant", "discrete", "continuous"},
-    "local": {"constant", "fixed", "tunable", "discrete", "continuous"},
-    "independent": {"continuous"},
-}
 _LIMITS = {
     **{f"Int{bits}": (-(2.0 ** (bits - 1)), 2.0 ** (bits - 1) - 1.0) for bits in (8, 16, 32, 64)},
     **{f"UInt{bits}": (0.0, 2.0**bits - 1.0) for bits in (8, 16, 32, 64)},
 }
-
-
-def _initials(v: Variable3) -> set[str | None]:
-    if v.causality == "independent":
-        return {None}
-    if v.causality in ("parameter", "structuralParameter", "input") or v.variability == "constant":
-        return {"exact"}
-    if v.causality == "calculatedParameter" or v.variability in ("fixed", "tunable"):
-        return {"calculated", "approx"}
-    return {"exact", "calculated", "approx"}
 
 
 @rule("fmi3-duplicate", "error", "2.4.7", "Two variables have the same name or value reference.", "fmi3")
@@ -148,13 +140,14 @@ def _duplicate(model: Model3) -> Iterator[Fault]:
 
 @for_each("fmi3-variability", "error", "2.4.7.4", "Causality, variability, initial or type are incompatible.", "fmi3")
 def _variability(_model: Model3, v: Variable3) -> Iterator[str]:
-    allowed = _VARIABILITIES.get(v.causality, {v.variability})
+    allowed = VARIABILITIES.get(v.causality, {v.variability})
+    starts = initials(v.causality, v.variability, "exact")
     if v.variability not in allowed:
         yield f"{v.name} is {v.causality} and {v.variability}; make it {' or '.join(sorted(allowed))}"
     elif v.variability == "continuous" and v.type not in FLOATS:
         yield f"{v.name} is {v.type} and continuous; write variability='discrete'"
-    elif v.initial not in _initials(v) and v.type != "Clock":
-        one = " or ".join(sorted(text or "nothing" for text in _initials(v)))
+    elif v.initial not in starts and v.type != "Clock":
+        one = " or ".join(sorted(text or "nothing" for text in starts))
         yield f"{v.name} ({v.causality}, {v.variability}) has initial={v.initial!r}; write {one}"
 
 

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import ctypes
 import re
-from collections.abc import Callable
 from functools import cache
 from pathlib import Path
-from typing import Any, Final, TypeVar
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,7 +19,6 @@ _NUMBERS = ctypes.POINTER(ctypes.c_double)
 RESIDUAL: Final = ctypes.CFUNCTYPE(ctypes.c_bool, _POINTER, _NUMBERS, _NUMBERS)  # of fixed_point.h
 
 _MIRRORS: Final[dict[str, type[ctypes.Structure]]] = {}
-_Struct = TypeVar("_Struct", bound=type[ctypes.Structure])
 
 
 @cache
@@ -113,18 +111,12 @@ def _structs() -> dict[str, str]:
     return _bodies("\n".join(path.read_text(encoding="utf-8") for path in paths))
 
 
-def mirrors(name: str) -> Callable[[_Struct], _Struct]:
-    """Give a ctypes structure the fields of a C struct; their offsets are checked when the library is loaded."""
-
-    def declared(struct: _Struct) -> _Struct:
-        if not hasattr(struct, "_fields_"):
-            struct._fields_ = _fields(_structs()[name])
-        _MIRRORS[name] = struct
-        if library.cache_info().currsize:
-            _check_layout(library(), name)
-        return struct
-
-    return declared
+def mirror(name: str) -> type[ctypes.Structure]:
+    """Return a ctypes structure with the fields of a C struct; their offsets are checked when the library is loaded."""
+    struct = _MIRRORS[name] = type(name, (ctypes.Structure,), {"_fields_": _fields(_structs()[name])})
+    if library.cache_info().currsize:
+        _check_layout(library(), name)
+    return struct
 
 
 def bytes_of(struct: ctypes.Array[Any] | ctypes.Structure) -> NDArray[np.uint8]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import ctypes
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -10,7 +9,7 @@ from typing import Any, Protocol, TypeAlias
 
 import numpy as np
 
-from harness.compiling.engine_library import mirrors
+from harness.compiling.engine_library import mirror
 from harness.engine.defect import Coupling
 from harness.engine.manipulate import Manipulations
 from harness.engine.native import NOT_CONVERGED, Engine
@@ -191,9 +190,7 @@ class Recorder:
         return make_result(times, rows, {name: self._plan.ports[name] for name in self.names}, self.attributes)
 
 
-@mirrors("Line")
-class Line(ctypes.Structure):
-    """``Line`` of line.h."""
+Line = mirror("Line")
 
 
 def attach_lines(engine: Engine, wires: Sequence[MovingWire]) -> None:

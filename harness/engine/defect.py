@@ -10,7 +10,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from harness.compiling.engine_library import bytes_of, mirrors
+from harness.compiling.engine_library import bytes_of, mirror
 from harness.engine.native import Engine
 from harness.parts.part import Port
 from harness.system.plan import MovingWire, Plan, Schedule, map_of
@@ -49,14 +49,8 @@ def inaccurate(attributes: Mapping[str, object]) -> bool:
     return any(float(str(attributes.get(name, 0.0))) > limit for name, limit in limits.items())
 
 
-@mirrors("Defect")
-class Defect(ctypes.Structure):
-    """``Defect`` of engine.h."""
-
-
-@mirrors("Pair")
-class Pair(ctypes.Structure):
-    """``Pair`` of engine.h."""
+Defect = mirror("Defect")
+Pair = mirror("Pair")
 
 
 class Coupling:

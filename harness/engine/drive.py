@@ -9,7 +9,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from harness.compiling.engine_library import library, mirrors
+from harness.compiling.engine_library import library, mirror
 from harness.errors import ExperimentError, HarnessError, UnknownNameError
 from harness.parts.fmu import FmuPart
 from harness.parts.guard import Guard
@@ -18,10 +18,7 @@ from harness.parts.part import Native, StartValue, Values
 _FUNCTION = {0: "fmi2SetReal", 1: "fmi2DoStep", 2: "fmi2GetReal", 5: "fmi2SetRealInputDerivatives"}
 """FMI function called in each operation of engine.h."""
 
-
-@mirrors("Drive")
-class _DriveData(ctypes.Structure):
-    """``Drive`` of drive.h."""
+_DriveData = mirror("Drive")
 
 
 class Drive:
@@ -162,7 +159,7 @@ class Drive:
 
 def _data(
     native: Native, table: Values, slopes: Values | None, rows: Values, step: float
-) -> tuple[_DriveData, list[Any]]:
+) -> tuple[ctypes.Structure, list[Any]]:
     """Return the struct, and the arrays that must stay alive while it is used."""
     references = [np.array(each, dtype=np.uint32) for each in (native.inputs, native.outputs)]
     orders = np.ones(len(native.inputs), dtype=np.intc)

@@ -9,7 +9,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from harness.compiling.engine_library import bytes_of, mirrors
+from harness.compiling.engine_library import bytes_of, mirror
 from harness.engine.native import Engine
 from harness.errors import ExperimentError
 from harness.parts.part import Values
@@ -19,10 +19,7 @@ from harness.system.wire import Bias, Delay, DropOut, Freeze, Manipulator, Noise
 _OVERRIDE, _BIAS, _NOISE, _LOSS, _DELAY = range(5)
 _EVER: Final = 2**62
 
-
-@mirrors("Manipulator")
-class ManipulatorData(ctypes.Structure):
-    """``Manipulator`` of manipulate.h."""
+ManipulatorData = mirror("Manipulator")
 
 
 class Manipulations:
@@ -61,7 +58,7 @@ class Manipulations:
 
 def _lay_out(
     plan: Plan, manipulator: Manipulator, fresh: dict[int, bool]
-) -> tuple[ManipulatorData, Values | None, Values]:
+) -> tuple[ctypes.Structure, Values | None, Values]:
     """Return a manipulator, its random numbers, and room for the past values of its connection."""
     index = plan.columns.get(manipulator.input, -1)
     if index not in fresh:

@@ -13,7 +13,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from harness.compiling.engine_library import library, mirrors
+from harness.compiling.engine_library import library, mirror
 from harness.errors import HarnessError, PartError, not_whole
 from harness.parts.guard import described_floats
 from harness.parts.part import TYPE_ORDER, Calls, Native, Values
@@ -32,15 +32,8 @@ _CALL = ctypes.CFUNCTYPE(ctypes.c_int, ctypes.c_int, ctypes.c_double, ctypes.c_d
 _POINTER = ctypes.c_void_p
 _FREE = ctypes.CFUNCTYPE(ctypes.c_int, _POINTER, _POINTER)
 
-
-@mirrors("EnginePart")
-class EnginePart(ctypes.Structure):
-    """``EnginePart`` of engine.h."""
-
-
-@mirrors("Engine")
-class EngineData(ctypes.Structure):
-    """``Engine`` of engine.h."""
+EnginePart = mirror("EnginePart")
+EngineData = mirror("Engine")
 
 
 @dataclass(frozen=True)
@@ -187,7 +180,7 @@ class Engine:
         ]
         return HarnessError(f"one of the parts {', '.join(names)} failed after t = {time:.12g} s: {what}: {remedy}")
 
-    def _part(self, index: int) -> tuple[EnginePart, _Bound]:
+    def _part(self, index: int) -> tuple[ctypes.Structure, _Bound]:
         plan, names = self.plan, self.plan.names
         ranges = [slice(*plan.inputs[index]), slice(*plan.outputs[index])]
         inputs, outputs = ([split_name(name)[1] for name in names[ports]] for ports in ranges)

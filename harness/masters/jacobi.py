@@ -5,13 +5,12 @@ Use it for a comparison with other tools.
 
 from __future__ import annotations
 
-import ctypes
 from functools import partial
 from typing import Any
 
 import numpy as np
 
-from harness.compiling.engine_library import bytes_of, mirrors
+from harness.compiling.engine_library import bytes_of, mirror
 from harness.engine.algorithm import Algorithm, attach_lines
 from harness.engine.native import Engine
 from harness.masters import Master
@@ -32,10 +31,7 @@ def _schedule(plan: Plan, experiment: Experiment) -> Schedule:
 
 master = Master(_schedule, together=True, extrapolates=True)
 
-
-@mirrors("Extrapolation")
-class Extrapolation(ctypes.Structure):
-    """``Extrapolation`` of jacobi.h."""
+Extrapolation = mirror("Extrapolation")
 
 
 class Extrapolated(Algorithm):

@@ -20,7 +20,7 @@ import numpy as np
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-from harness.compiling.engine_library import bytes_of, library, mirrors
+from harness.compiling.engine_library import bytes_of, library, mirror
 from harness.engine.algorithm import Algorithm, attach_lines
 from harness.engine.defect import UNRESOLVED, WRONG, contact_of
 from harness.engine.native import Engine
@@ -53,34 +53,12 @@ def implicit(experiment: Experiment, error: float = 0.0) -> Schedule:
     )
 
 
-@mirrors("Moving")
-class Moving(ctypes.Structure):
-    """``Moving`` of newton_data.h."""
-
-
-@mirrors("Contact")
-class Contact(ctypes.Structure):
-    """``Contact`` of newton_data.h."""
-
-
-@mirrors("Group")
-class Group(ctypes.Structure):
-    """``Group`` of newton_data.h."""
-
-
-@mirrors("StateOutput")
-class StateOutput(ctypes.Structure):
-    """``StateOutput`` of newton_data.h."""
-
-
-@mirrors("StepCheck")
-class StepCheck(ctypes.Structure):
-    """``StepCheck`` of newton_data.h."""
-
-
-@mirrors("Newton")
-class NewtonData(ctypes.Structure):
-    """``Newton`` of newton_data.h."""
+Moving = mirror("Moving")
+Contact = mirror("Contact")
+Group = mirror("Group")
+StateOutput = mirror("StateOutput")
+StepCheck = mirror("StepCheck")
+NewtonData = mirror("Newton")
 
 
 def groups_of(plan: Plan, wires: Sequence[MovingWire]) -> list[list[int]]:
@@ -127,7 +105,7 @@ class Loops(Algorithm):
         group_of = {part: number for number, group in enumerate(groups) for part in group}
         unknowns: list[int] = []
         numbers: dict[int, int] = {}
-        self.rows: list[Group] = []
+        self.rows: list[ctypes.Structure] = []
         self.held: list[int] = []
         first = 0
         inner = [

@@ -15,7 +15,7 @@ import fmpy
 import fmpy.fmi3
 import numpy as np
 
-from harness.compiling.engine_library import library, mirrors
+from harness.compiling.engine_library import library, mirror
 from harness.errors import ENDED, PartError, StartValueError
 from harness.parts.archive import Archive
 from harness.parts.flat_description import TYPES, Flat
@@ -34,31 +34,16 @@ ADAPTED: Final[Mapping[str, str]] = MappingProxyType(
 )
 """Functions of the adapter by the names of FMI 2.0."""
 
-
-@mirrors("Variable3")
-class EngineVariable(ctypes.Structure):
-    """``Variable3`` of fmi3_adapter.h."""
-
-
-@mirrors("Clock3")
-class Clock(ctypes.Structure):
-    """``Clock3`` of fmi3_adapter.h."""
-
-
-@mirrors("Fmi3")
-class Adapter(ctypes.Structure):
-    """``Fmi3`` of fmi3_adapter.h."""
-
-
-@mirrors("State3")
-class _State(ctypes.Structure):
-    """``State3`` of fmi3_adapter.h."""
+EngineVariable = mirror("Variable3")
+Clock = mirror("Clock3")
+Adapter = mirror("Fmi3")
+_State = mirror("State3")
 
 
 class Fmi2Functions:
     """The functions of FMI 2.0 by name, over those of FMI 3.0; each takes the address of the adapter first."""
 
-    def __init__(self, raw: Any, adapter: Adapter, flat: Flat) -> None:
+    def __init__(self, raw: Any, adapter: ctypes.Structure, flat: Flat) -> None:
         """Take the loaded library, the adapter of the instance and the flat description."""
         self._raw, self._adapter, self._flat = raw, adapter, flat
         self._experiment: tuple[Any, ...] = ()
@@ -294,7 +279,7 @@ class Instance3(Instance):
         """Return the function that stands for the one of FMI 2.0."""
         return self._own.functions[name]
 
-    def _adapt(self, instance: int) -> Adapter:
+    def _adapt(self, instance: int) -> ctypes.Structure:
         flat, raw = self._flat, self._raw
         numeric = [array for array in flat.arrays if array.type != "String"]
         rows = [(a.reference, TYPES.index(_stored(a.type)), a.first, a.count) for a in numeric]

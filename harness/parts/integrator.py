@@ -19,7 +19,7 @@ from typing import Any, Final, NamedTuple
 
 import numpy as np
 
-from harness.compiling.engine_library import library, mirrors
+from harness.compiling.engine_library import library, mirror
 from harness.errors import ENDED, HarnessError
 
 _POINTER, _INT, _REAL, _FLAG = ctypes.c_void_p, ctypes.c_int64, ctypes.c_double, ctypes.c_int
@@ -80,15 +80,8 @@ _EXPORTED: Final = MappingProxyType(
     }
 )
 
-
-@mirrors("EventInfo")
-class _EventInfo(ctypes.Structure):
-    """``EventInfo`` of integrator.h."""
-
-
-@mirrors("Integrator")
-class IntegratorData(ctypes.Structure):
-    """``Integrator`` of integrator.h."""
+mirror("EventInfo")  # is in Integrator
+IntegratorData = mirror("Integrator")
 
 
 class Failure(NamedTuple):

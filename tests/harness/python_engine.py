@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import ctypes
 from collections.abc import Callable
 from dataclasses import dataclass
 
 from harness import Experiment, PartError, Result, Tap
 from harness.engine.algorithm import Progress, Recorder, Ticks
-from harness.engine.manipulate import _BIAS, _DELAY, _LOSS, _NOISE, _OVERRIDE, Manipulations, ManipulatorData
+from harness.engine.manipulate import _BIAS, _DELAY, _LOSS, _NOISE, _OVERRIDE, Manipulations
 from harness.masters import find_master
 from harness.parts.part import Values
 from harness.run import Options, Session
@@ -103,7 +104,7 @@ class PythonTicks(Ticks):
 
 
 def _lose(
-    m: ManipulatorData,
+    m: ctypes.Structure,
     samples: Values | None,
     past: Values,
     loss: Loss,
