@@ -149,7 +149,7 @@ def _quietly(function: Callable[..., Any], arguments: Sequence[Any]) -> Any:
 
 def _ready() -> None:
     """Import what the steps need; without its objects, the garbage collector takes a twentieth of the time less."""
-    for module in ("comparison", "models"):
+    for module in ("comparison", "model_ranking"):
         import_module(f"friction_fmus.study.{module}")
     gc.freeze()
 

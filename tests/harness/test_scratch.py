@@ -114,7 +114,9 @@ def test_folders_of_others_stay(temporary: Path, tmp_path: Path, monkeypatch: py
 def test_a_compilation_that_is_killed_leaves_nothing(temporary: Path, tmp_path: Path) -> None:
     """Neither in the temporary folder, once another process has made one, nor in the cache."""
     compiler = tmp_path / "cc"  # stays in the compilation
-    compiler.write_text('#!/bin/sh\ncase "$*" in *--version*) echo 1;; *) echo ready; sleep 60;; esac\n')
+    started_compiling = tmp_path / "started"  # then no process has the lock of another
+    script = f'case "$*" in *--version*) echo 1;; *) touch "{started_compiling}"; sleep 60;; esac'
+    compiler.write_text(f"#!/bin/sh\n{script}\n")
     compiler.chmod(0o755)
     code = "from harness.compiling.platforms import native_library\nnative_library({'a.c': 'int a;'}, 'a')\n"
     cache = tmp_path / "cache"
@@ -126,7 +128,7 @@ def test_a_compilation_that_is_killed_leaves_nothing(temporary: Path, tmp_path: 
         start_new_session=True,
     )
     for _ in range(600):
-        if any((folder / "a.c").exists() for folder in temporary.iterdir()):
+        if started_compiling.exists():
             break
         time.sleep(0.05)
     os.killpg(process.pid, signal.SIGKILL)

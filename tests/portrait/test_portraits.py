@@ -12,9 +12,10 @@ import fmpy
 import matplotlib as mpl
 import numpy as np
 import pytest
+from quick import builds_for_users
 from thorough import nightly, some
 
-from friction_fmus import catalogue
+from friction_fmus import build, catalogue
 from friction_fmus.blocks.catalogue import find
 from friction_fmus.blocks.probe import describe
 from friction_fmus.fmi.portrait.bench import Bench, Curve, Panel
@@ -137,9 +138,11 @@ def test_experiments_of_pages_belong_to_blocks() -> None:
     assert {*SHOWN, *FURTHER, *BEGIN} <= set(catalogue())
 
 
-def test_a_drawn_icon_beside_a_block_is_its_icon(build_fmu: Callable[..., Path]) -> None:
+def test_a_drawn_icon_beside_a_block_is_its_icon(tmp_path: Path) -> None:
     plants = ROOT / "fmu_src" / "plants"
-    with zipfile.ZipFile(build_fmu("Mass")) as archive:
+    with builds_for_users():
+        path = build("Mass", tmp_path)
+    with zipfile.ZipFile(path) as archive:
         assert archive.read("model.png") == (plants / "Mass.png").read_bytes()
         assert archive.read("terminalsAndIcons/icon.svg") == (plants / "Mass.svg").read_bytes()
 
