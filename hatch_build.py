@@ -1,7 +1,7 @@
 """Compiles the engine of the harness and all FMUs into the wheel, for all platforms.
 
 For a wheel that is built sooner, ``FRICTION_FMUS_PLATFORMS=linux64,win64`` limits the platforms of the FMUs and
-``FRICTION_FMUS_BLOCKS=LuGre,PID`` the blocks.
+``FRICTION_FMUS_WHEEL_BLOCKS=LuGre,PID`` the blocks.
 """
 
 from __future__ import annotations
@@ -71,7 +71,7 @@ class BinariesHook(BuildHookInterface):  # type: ignore[type-arg]
             (folder / name).write_bytes(compiled(platform, sources(), "engine", headers=False))
             added[str(folder / name)] = f"harness/engine/binaries/{name}"
         os.environ.pop(OWN_BLOCKS, None)  # blocks of whoever builds the wheel do not belong into it
-        names = os.environ.get("FRICTION_FMUS_BLOCKS", ",".join(catalogue())).split(",")
+        names = os.environ.get("FRICTION_FMUS_WHEEL_BLOCKS", ",".join(catalogue())).split(",")
         processes, fmus = os.cpu_count() or 1, folder / "fmus"
         with ThreadPoolExecutor(processes) as pool:
             list(pool.map(build_fmus, [names[k::processes] for k in range(processes)], [fmus] * processes))

@@ -89,7 +89,11 @@ def installed(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("wheel")
     command = [sys.executable, "-m", "pip", "wheel", "--quiet", "--no-deps", "--no-build-isolation"]
     command += ["--wheel-dir", str(folder), str(ROOT)]
-    chosen = {} if THOROUGH else {"FRICTION_FMUS_PLATFORMS": ",".join(CHOSEN), "FRICTION_FMUS_BLOCKS": ",".join(BLOCKS)}
+    chosen = (
+        {}
+        if THOROUGH
+        else {"FRICTION_FMUS_PLATFORMS": ",".join(CHOSEN), "FRICTION_FMUS_WHEEL_BLOCKS": ",".join(BLOCKS)}
+    )
     inherited = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
     subprocess.run(command, check=True, timeout=590, env=inherited | chosen)
     (wheel,) = folder.glob("friction_fmus-*-py3-none-any.whl")
