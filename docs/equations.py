@@ -11,15 +11,17 @@ from collections.abc import Collection, Sequence
 from html import escape
 from typing import NamedTuple
 
-GREEK = dict(
-    zip(
-        "alpha beta gamma delta epsilon eps zeta eta theta th iota kappa lam mu nu xi pi rho sigma tau phi psi omega".split(),
-        "αβγδεεζηθθικλμνξπρστφψω",
-        strict=True,
-    )
-) | {"Gamma": "Γ", "Delta": "Δ"}
-FUNCTIONS = set("exp ln log sin cos tan tanh asin asinh atan sgn sign clip min max round ceil sat diag".split())
-SHORT_WORDS = set("PI an as at be by if in is it no of on or so to".split())
+GREEK = {
+    **{"alpha": "α", "beta": "β", "gamma": "γ", "delta": "δ", "epsilon": "ε", "eps": "ε", "zeta": "ζ"},
+    **{"eta": "η", "theta": "θ", "th": "θ", "iota": "ι", "kappa": "κ", "lam": "λ", "mu": "μ"},
+    **{"nu": "ν", "xi": "ξ", "pi": "π", "rho": "ρ", "sigma": "σ", "tau": "τ", "phi": "φ"},
+    **{"psi": "ψ", "omega": "ω", "Gamma": "Γ", "Delta": "Δ"},
+}
+FUNCTIONS = {
+    *("exp", "ln", "log", "sin", "cos", "tan", "tanh", "asin", "asinh", "atan"),
+    *("sgn", "sign", "clip", "min", "max", "round", "ceil", "sat", "diag"),
+}
+SHORT_WORDS = {"PI", "an", "as", "at", "be", "by", "if", "in", "is", "it", "no", "of", "on", "or", "so", "to"}
 OPERATORS = {
     **{"<=": "≤", ">=": "≥", "!=": "≠", "/=": "≠", "=>": "⇒", "<-": "←", "...": "…", "-": "−", "*": "·"},
     **{symbol: symbol for symbol in "+/=<>()[]{}|,;:"},
@@ -164,7 +166,7 @@ def named(name: str, rest: str, before: Sequence[Piece], names: Collection[str])
     base = name.partition("_")[0]
     is_called = rest.startswith(("(", "^"))
     if base == "sum":
-        sums = "_" in name or re.match(r"\s+\(?[A-Za-z]{1,2}[_\W\d]", rest) and not re.match(r"\s+of\b", rest)
+        sums = "_" in name or re.match(r"\s+(?!of\b)\(?[A-Za-z]{1,2}[_\W\d]", rest)
         index = name.partition("_")[2].strip("()")
         sign = '<mo stretchy="false">∑</mo>'
         below = "".join(piece.markup for piece in parsed(index, names)) if index else ""
@@ -193,7 +195,11 @@ def with_articles(pieces: list[Piece]) -> list[Piece]:
         beside = [kinds[i] for i in (at - 2, at + 2) if 0 <= i < len(kinds)]
         if piece.markup == "<mi>a</mi>" and "word" in beside and "operator" not in beside:
             piece = word("a")
-        if piece.kind == "operator" and "-</mo>" in piece.markup.replace("−", "-") and kinds[at - 1 : at + 2 : 2] == ["word"] * 2:
+        if (
+            piece.kind == "operator"
+            and "-</mo>" in piece.markup.replace("−", "-")
+            and kinds[at - 1 : at + 2 : 2] == ["word"] * 2
+        ):
             piece = word("-")
         around = kinds[max(at - 1, 0) : at + 2 : 2]
         if piece.kind == "blank" and ("word" in around or around == ["number", "number"]):
@@ -211,7 +217,7 @@ def identifier(name: str) -> str:
     if greek:
         letter = GREEK[greek]
         indices = ([stem[len(greek) :]] if stem != greek else []) + indices
-    elif (len(stem) == 2 or len(stem) == 3 and re.match("[A-Zd]|rdd", stem)) and first not in FUNCTIONS:
+    elif re.fullmatch("[A-Za-z]{2}|[A-Zd]..|rdd", stem) and first not in FUNCTIONS:
         letter, indices = stem[0], [stem[1:] + number]
     else:
         letter = stem
