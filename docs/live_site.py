@@ -240,8 +240,8 @@ def relatives(block: Block) -> list[str]:
         others = [law for law, name in based.items() if name == based[block.name] and law != block.name]
         also = f" Other compensators for it: {', '.join(map(link, others))}." if others else ""
         lines += [f"Made for the friction model {link(based[block.name])}.{also}", ""]
-    named = [title for title, _ in effects() if re.search(rf"\b{block.name}\b", title)]
-    titles = named or [title for title, text in effects() if block.name in text][:MOST_EFFECTS]
+    headings = [title for title, _ in effects() if re.search(rf"\b{block.name}\b", title)]
+    titles = headings or [title for title, text in effects() if block.name in text][:MOST_EFFECTS]
     shown = [f"- [{title}](../effects.md#{slugify(title, '-')})" for title in titles]
     return ["## Related", "", *lines, *shown, ""] if lines or shown else []
 
