@@ -125,14 +125,22 @@ def pass_event(run: Instance) -> None:
     run.must("EnterContinuousTimeMode")
 
 
-def test_a_mass_that_arrives_beside_rest_and_then_stops_stays_at_rest(build_fmu: Callable[..., Path]) -> None:
+@pytest.mark.parametrize("arrivals", [(-5e-10, 0.0), (0.0, 0.0)])
+def test_a_mass_that_arrives_beside_rest_and_then_stops_stays_at_rest(
+    arrivals: tuple[float, float], build_fmu: Callable[..., Path]
+) -> None:
+    """Until its velocity has changed by 1e-10 m/s."""
     with Instance(load(build_fmu("Stiction")), kind=MODEL_EXCHANGE) as run:
         run.exchange(v=5e-9, F_ext=0.5)
         assert run.get("F", "stuck") == [pytest.approx(1.0), 0.0]
-        for v in (-5e-10, 0.0):
+        for v in arrivals:
             run.set({"v": v})
             pass_event(run)
             assert run.get("F", "stuck") == [0.5, 1.0]
+            for change in (0.9e-10, -0.9e-10, 1.1e-10, -1.1e-10):
+                run.set({"v": v + change})
+                rests = run.vector("GetEventIndicators", run.library.indicators)[0] > 0.0
+                assert rests == (abs(change) < 1e-10)
 
 
 def test_a_stop_that_is_left_is_an_event(build_fmu: Callable[..., Path]) -> None:

@@ -78,6 +78,8 @@ def test_quadrature_is_exact_for_polynomials() -> None:
 CODE = """
 #include "elimination.h"
 #include "linear_step.h"
+#include "splitmix.h"
+uint64_t scrambled(uint64_t counter) { return scramble(counter * GOLDEN + 1234567); }
 bool solve(int n, double *a, double *b) { return solve_linear(n, a, b); }
 void advance(int n, const double *a, const double *b, const double *c, double *x, double h)
 {
@@ -95,6 +97,8 @@ def numerics(tmp_path_factory: pytest.TempPathFactory) -> ctypes.CDLL:
     subprocess.run([*compiler(), *flags, "numerics.c", "-lm", "-o", "numerics.so"], cwd=folder, check=True)
     loaded = ctypes.CDLL(str(folder / "numerics.so"))
     numbers = np.ctypeslib.ndpointer(float, flags="C")
+    loaded.scrambled.restype = ctypes.c_uint64
+    loaded.scrambled.argtypes = (ctypes.c_uint64,)
     loaded.solve.restype = ctypes.c_bool
     loaded.solve.argtypes = (ctypes.c_int, numbers, numbers)
     loaded.advance.argtypes = (ctypes.c_int, *[numbers] * 4, ctypes.c_double)
@@ -125,3 +129,8 @@ def test_linear_systems_are_solved_with_exchanged_rows(numerics: ctypes.CDLL) ->
     assert [*b] == pytest.approx([*expected, BESIDE], rel=1e-14)
     for singular in ([[1.0, 2.0], [2.0, 4.0]], [[0.0, 1.0], [0.0, 3.0]], [[np.nan, 1.0], [np.nan, 2.0]]):
         assert not numerics.solve(2, np.array(singular), np.ones(2))
+
+
+def test_random_bits_are_those_of_splitmix64(numerics: ctypes.CDLL) -> None:
+    """The first three numbers that its authors' program gives for the seed 1234567."""
+    assert [numerics.scrambled(k) for k in (1, 2, 3)] == [6457827717110365317, 3203168211198807973, 9817491932198370423]
