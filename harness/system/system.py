@@ -16,9 +16,10 @@ from harness.parts.guard import Guard
 from harness.parts.part import Part, Port, StartValue
 from harness.result import Result
 from harness.system.assembly import resize_parts
-from harness.system.experiment import LISTS, Experiment
+from harness.system.experiment import LISTS, Experiment, as_experiment
 from harness.system.system_file import SystemDescription, read_system, write_system
 from harness.system.wire import Manipulator, Wire, check_wires, find_part, parse_wire, split_name, stated_starts
+from harness.units import in_unit
 from harness.values import is_count, is_line, plain, shown
 
 if TYPE_CHECKING:
@@ -40,8 +41,8 @@ class System:
         The connections, such as ``"a.y -> b.u"``.
     start : mapping of str to value
         Start values of parameters, and constants for unconnected inputs, such as ``{"mass.m": 2.0}``.
-    experiment : Experiment or None
-        Default settings of a run.
+    experiment : Experiment, mapping or None
+        Default settings of a run, also as a mapping such as ``{"stop": 25.0, "step": 1e-3}``.
     name : str
         Name of the system.
     strict : bool
@@ -68,7 +69,7 @@ class System:
         parts: Iterable[Part],
         wires: Iterable[str | tuple[str, str] | Wire] = (),
         start: Mapping[str, StartValue] | None = None,
-        experiment: Experiment | None = None,
+        experiment: Experiment | Mapping[str, Any] | None = None,
         name: str = "system",
         strict: bool = False,
     ) -> None:
@@ -92,7 +93,7 @@ class System:
             self.parts[part.name] = part
         self.wires = tuple(parse_wire(wire) for wire in wires)
         self.start = {name: plain(value) for name, value in (start or {}).items()}
-        self.experiment = experiment
+        self.experiment = as_experiment(experiment)
         resize_parts(self)
         check_wires(self.parts, self.wires)
         self._check_start()
@@ -359,7 +360,7 @@ class System:
         Parameters
         ----------
         values : mapping of str to value
-            Start values by ``part.variable``.
+            Start values by ``part.variable``; a text such as ``"0.002 kN"`` is converted to the unit of the variable.
 
         Returns
         -------
@@ -479,8 +480,10 @@ class System:
                     f"{dotted} is driven twice, by {wired[dotted].source} and by the start value {value!r}: "
                     "remove one of them"
                 )
-            settable = {port.name for port in (*part.inputs, *part.parameters)}
-            if name in settable:
+            settable = {port.name: port for port in (*part.inputs, *part.parameters)}
+            if port := settable.get(name):
+                if isinstance(value, str) and port.type == "Real":
+                    self.start[dotted] = plain(in_unit(value, port.unit, port.base, dotted))
                 continue
             if name in {port.name for port in (*part.outputs, *part.observables)}:
                 raise StartValueError(f"{dotted} is computed by its part: set a parameter or an input instead")

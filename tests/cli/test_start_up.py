@@ -127,7 +127,7 @@ def test_the_list_is_that_of_the_catalogue() -> None:
     assert list(listing()) == list(blocks)
     for name, entry in listing().items():
         block = blocks[name]
-        assert entry == Entry(block.name, block.kind, block.summary, block.source, block.path)
+        assert entry == Entry(block.name, block.kind, block.summary, block.source, block.path, block.family)
 
 
 LAW = '''
