@@ -1,4 +1,7 @@
-"""Friction models and compensators as FMI 2.0 and 3.0 FMUs."""
+"""Friction models and compensators as FMI 2.0 and 3.0 FMUs.
+
+The public names of `harness` are here too: ``from friction_fmus import FmuPart, System, fmu, plot, study, sweep``.
+"""
 
 import sys
 from importlib.machinery import PathFinder
@@ -19,6 +22,9 @@ from friction_fmus.version import VERSION
 from harness.extras import lazy_names
 
 if TYPE_CHECKING:
+    from harness import *  # noqa: F403, I001
+
+    from friction_fmus import study
     from friction_fmus.export.block_fmu import build, build_record, fmu
     from friction_fmus.identification import identify
 else:
@@ -38,4 +44,6 @@ __all__ = [
     "fmu",
     "harness",
     "identify",
+    "study",
+    *(name for name in harness.__all__ if name not in ("BuildError", "UnknownNameError")),
 ]

@@ -4,18 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from harness import errors
-from harness.errors import BuildError, closest
+from harness.errors import BuildError, FrictionError, UnknownNameError, closest
 
 __all__ = ["BuildError", "FrictionError", "UnknownNameError", "did_you_mean"]
-
-
-class FrictionError(Exception):
-    """Base class of errors that the user can correct; the message says how."""
-
-
-class UnknownNameError(FrictionError, errors.UnknownNameError):
-    """Unknown name of a model, variable or rule; the error of this name in the harness catches it, too."""
 
 
 def did_you_mean(name: str, names: Iterable[str]) -> str:

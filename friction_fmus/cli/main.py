@@ -82,7 +82,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         options.stdout = sys.stdout
         with redirect_stdout(sys.stderr) if vars(options).get("json") else nullcontext():
             return options.run(options) or 0
-    except (FrictionError, HarnessError, ModuleNotFoundError, OSError) as error:
+    except (FrictionError, ModuleNotFoundError, OSError) as error:
         if isinstance(error, ModuleNotFoundError) and not isinstance(error, HarnessError):
             if not error.name or extra_of(error.name) is None:
                 raise

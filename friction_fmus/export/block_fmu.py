@@ -155,8 +155,9 @@ def fmu(
     name: str | Path,
     domain: Literal["translational", "rotational"] = "translational",
     files: Mapping[str, str] | None = None,
+    **start: float | bool | str,
 ) -> Path:
-    """Return the FMU of a block with its default start values.
+    """Return the path of the FMU of a block, with default or other start values.
 
     An installed package contains the FMUs of its blocks for all platforms. For a user's file, or in a checkout, the FMU
     is built for this machine and cached.
@@ -169,6 +170,8 @@ def fmu(
         See `build`.
     files : mapping of str to str, optional
         See `build`.
+    **start
+        Other default start values, such as ``Fc=2.0`` or ``Fc="0.002 kN"``.
 
     Returns
     -------
@@ -180,9 +183,9 @@ def fmu(
     UnknownNameError, BuildError
         If the model is unknown; if it cannot be built.
     """
-    if domain == "translational" and not files and (shipped := _shipped(name)):
+    if domain == "translational" and not files and not start and (shipped := _shipped(name)):
         return shipped
-    source = block_source(name, None, None, files, domain)
+    source = block_source(name, start, None, files, domain)
     # one folder per content, as another version of this package may use the same cache
     folder = toolchain.cache_folder() / "models" / hashlib.sha256(source.content).hexdigest()[:16]
     path = folder / f"{source.identifier}.fmu"

@@ -436,7 +436,7 @@ class StudyError(FrictionError):
 
 def run_study(
     what: str | Path | StudyConfig,
-    out: str | Path,
+    out: str | Path = "out",
     *,
     executor: Executor | None = None,
     processes: int | None = None,

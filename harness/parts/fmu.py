@@ -130,7 +130,7 @@ class FmuPart(Part):
     name : str
         Name within the system.
     path : path-like
-        The .fmu file.
+        The .fmu file, or the name of a block of friction-fmus such as ``"LuGre"``.
     every : int
         Sample time in communication steps.
     model : str or None
@@ -191,8 +191,11 @@ class FmuPart(Part):
         self.keep: object = None
         self.isolate = isolate
         self.timeout = float(timeout)
-        self.path = Path(path)
-        self.model = model
+        self.path, self.model = Path(path), model
+        if model is None and isinstance(path, str) and path.isidentifier() and not self.path.is_file():
+            from friction_fmus.export.block_fmu import fmu
+
+            self.path, self.model = fmu(path), path
         self.every = every
         self.reuse = False
         self._sizes: dict[str, int] = {}

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import fields, replace
 from pathlib import Path
@@ -35,8 +36,8 @@ class System:
 
     Parameters
     ----------
-    parts : iterable of Part
-        The parts; their names must differ.
+    parts : iterable of Part, or mapping of str to str or path-like
+        The parts; their names must differ. A mapping such as ``{"friction": "LuGre"}`` has FMUs, see `FmuPart`.
     wires : iterable of str, (str, str) or Wire
         The connections, such as ``"a.y -> b.u"``.
     start : mapping of str to value
@@ -66,7 +67,7 @@ class System:
 
     def __init__(
         self,
-        parts: Iterable[Part],
+        parts: Iterable[Part] | Mapping[str, str | Path],
         wires: Iterable[str | tuple[str, str] | Wire] = (),
         start: Mapping[str, StartValue] | None = None,
         experiment: Experiment | Mapping[str, Any] | None = None,
@@ -77,7 +78,8 @@ class System:
         self.name = name
         self.strict = strict
         self.parts: dict[str, Part] = {}
-        for part in parts:
+        given = [FmuPart(*one) for one in parts.items()] if isinstance(parts, Mapping) else parts
+        for part in given:
             if not part.name or "." in part.name or part.name != part.name.strip() or not is_line(part.name):
                 raise HarnessError(
                     f"{shown(part.name)} cannot be the name of a part: use letters, digits and _, no dot"
@@ -112,7 +114,8 @@ class System:
         path : path-like
             The TOML file; paths in it are relative to its folder.
         resolve : callable or None
-            ``resolve("LuGre") -> Path`` finds the FMU of a part with ``model = "LuGre"``.
+            ``resolve("LuGre") -> Path`` finds the FMU of a part with ``model = "LuGre"``; None takes
+            `friction_fmus.fmu`.
         open_inputs : bool
             Whether inputs that nothing drives keep the start values of their FMUs, as inputs for `to_fmu`; otherwise
             each needs a start value.
@@ -372,9 +375,9 @@ class System:
 
     def run(
         self,
+        stop: float | None = None,
         *,
         start: float | None = None,
-        stop: float | None = None,
         step: float | None = None,
         master: str | None = None,
         record: Sequence[str] | None = None,
@@ -398,9 +401,9 @@ class System:
 
         Parameters
         ----------
-        start, stop, step, master, record, decimate, tolerance, order, extrapolation, loop_tolerance, \
+        stop, start, step, master, record, decimate, tolerance, order, extrapolation, loop_tolerance, \
         coupling_tolerance, step_tolerance, manipulators
-            See `Experiment`.
+            See `Experiment`. Without an experiment, the step is the smallest one that an FMU of the system suggests.
         taps : sequence of Tap
             Functions that receive values during the run.
         progress : Progress or None
@@ -425,7 +428,7 @@ class System:
         Raises
         ------
         ExperimentError
-            If a setting is invalid, or stop and step are not given.
+            If a setting is invalid, or stop is not given.
         HarnessError
             If a part fails; the ``result`` of the error holds the values recorded until then.
         """
@@ -437,16 +440,23 @@ class System:
 
         if self.experiment is not None:
             experiment = replace(self.experiment, **changes)
-        elif stop is None or step is None:
+        elif stop is None or (step is None and not (steps := self._suggested_steps())):
             raise ExperimentError(f"the system '{self.name}' has no experiment: give stop and step")
         else:
-            experiment = Experiment(**changes)
+            experiment = Experiment(**({} if step is not None else {"step": min(steps)}) | changes)
         options = Options(taps, progress, resume, checkpoint, pace, events)
         if accuracy is False:
             return run(self, experiment, options)
         from harness.accuracy.assess import REQUIRED, run_with_accuracy  # scipy takes long to import
 
         return run_with_accuracy(self, experiment, options, REQUIRED if accuracy is True else accuracy)
+
+    def _suggested_steps(self) -> list[float]:
+        """Return the step sizes of the default experiments of the FMUs."""
+        archives = [part.archive for part in self.parts.values() if isinstance(part, FmuPart)]
+        defaults = [archive.description.defaultExperiment for archive in archives]
+        steps = [float(default.stepSize) for default in defaults if default is not None and default.stepSize]
+        return [step for step in steps if 0.0 < step < math.inf]
 
     def close(self) -> None:
         """Unload all parts and remove their temporary files."""

@@ -118,9 +118,9 @@ def _read_part(name: str, entry: TomlTable, path: Path, resolve: Callable[[str],
         if kind == "fmu":
             return FmuPart(name, path.parent / origin, **settings)
         if resolve is None:
-            raise SystemFileError(
-                f"{where} names the model '{origin}', but no function resolves models: give fmu = \"path.fmu\""
-            )
+            from friction_fmus.export.block_fmu import fmu
+
+            resolve = fmu
         return FmuPart(name, resolve(origin), model=origin, **settings)
     except OSError as error:
         reason = error.strerror or str(error)

@@ -10,7 +10,18 @@ import numpy as np
 import pytest
 from harness_parts import mass
 
-from harness import Bias, Delay, Experiment, FmuPart, HarnessError, SeriesPart, System, SystemFileError, Wire
+from harness import (
+    Bias,
+    Delay,
+    Experiment,
+    FmuPart,
+    HarnessError,
+    SeriesPart,
+    System,
+    SystemFileError,
+    UnknownNameError,
+    Wire,
+)
 
 TEXT = """
 name = "bench"
@@ -103,7 +114,7 @@ def test_models_are_resolved(folder: Path) -> None:
 
     System.from_toml(write(folder, TEXT.replace('fmu = "probe.fmu"', 'model = "Probe"')), resolve).close()
     assert asked == ["Probe"]
-    with pytest.raises(SystemFileError, match="model 'Probe', but no function resolves models"):
+    with pytest.raises(UnknownNameError, match="There is no model 'Probe'"):  # without it, of this package
         System.from_toml(folder / "system.toml")
 
 

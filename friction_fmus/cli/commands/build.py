@@ -55,6 +55,9 @@ def run(options: argparse.Namespace) -> None:
                 compiling=partial(_show, bar, task, name, number * platforms),
                 **target_options(options, "fmu"),
             )
+            if start and not options.name:
+                text = f"note: {path.name} has other default values than the block; --name gives it a name of its own"
+                bar.console.print(text, soft_wrap=True)
             bar.update(task, completed=(number + 1) * platforms)
             bar.console.print(str(path), soft_wrap=True) if bar.console.is_terminal else print(path)
 
