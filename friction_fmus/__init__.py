@@ -19,7 +19,7 @@ from friction_fmus import harness
 from friction_fmus.blocks.catalogue import Block, catalogue, find
 from friction_fmus.errors import BuildError, FrictionError, UnknownNameError
 from friction_fmus.version import VERSION
-from harness.extras import lazy_names
+from harness.extras import MODELS, lazy_names
 
 if TYPE_CHECKING:
     from harness import *  # noqa: F403, I001
@@ -29,6 +29,15 @@ if TYPE_CHECKING:
     from friction_fmus.identification import identify
 else:
     __getattr__, __dir__ = lazy_names(__name__)
+
+
+def _model(name: str) -> Path:
+    from friction_fmus.export.block_fmu import fmu
+
+    return fmu(name)
+
+
+MODELS.append(_model)
 
 __version__ = VERSION
 

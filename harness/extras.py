@@ -14,6 +14,9 @@ from pathlib import Path
 
 from harness.errors import MissingPackageError
 
+MODELS: list[Callable[[str], Path]] = []
+"""Functions that return the FMU of a model by its name; a package with models appends its own."""
+
 
 @cache
 def extra_of(package: str) -> str | None:

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from harness.errors import HarnessError, PartError, StartValueError, not_whole
+from harness.extras import MODELS
 from harness.parts.archive import Archive, open_archive
 from harness.parts.flat_description import stated_sizes
 from harness.parts.fmi2 import DO_STEP, Instance, Library, State, exchanges
@@ -130,7 +131,7 @@ class FmuPart(Part):
     name : str
         Name within the system.
     path : path-like
-        The .fmu file, or the name of a block of friction-fmus such as ``"LuGre"``.
+        The .fmu file, or the name of a model such as ``"LuGre"`` if a package with models is imported.
     every : int
         Sample time in communication steps.
     model : str or None
@@ -192,10 +193,8 @@ class FmuPart(Part):
         self.isolate = isolate
         self.timeout = float(timeout)
         self.path, self.model = Path(path), model
-        if model is None and isinstance(path, str) and path.isidentifier() and not self.path.is_file():
-            from friction_fmus.export.block_fmu import fmu
-
-            self.path, self.model = fmu(path), path
+        if MODELS and model is None and isinstance(path, str) and path.isidentifier() and not self.path.is_file():
+            self.path, self.model = MODELS[0](path), path
         self.every = every
         self.reuse = False
         self._sizes: dict[str, int] = {}

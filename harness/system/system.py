@@ -114,8 +114,8 @@ class System:
         path : path-like
             The TOML file; paths in it are relative to its folder.
         resolve : callable or None
-            ``resolve("LuGre") -> Path`` finds the FMU of a part with ``model = "LuGre"``; None takes
-            `friction_fmus.fmu`.
+            ``resolve("LuGre") -> Path`` finds the FMU of a part with ``model = "LuGre"``; None takes the function of an
+            imported package with models.
         open_inputs : bool
             Whether inputs that nothing drives keep the start values of their FMUs, as inputs for `to_fmu`; otherwise
             each needs a start value.
