@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import argparse
 import inspect
 import re
 from collections.abc import Iterable, Sequence
@@ -25,6 +26,7 @@ from friction_fmus.blocks.probe import (
     BlockVariable,
     BlockVariables,
 )
+from friction_fmus.cli.main import parser
 from friction_fmus.export.block_fmu import describe_block
 from friction_fmus.fmi.documentation import markdown
 from friction_fmus.fmi.model_description import CAPABILITIES, ROLE
@@ -102,7 +104,7 @@ def suited_compensators(situation: Situation) -> list[str]:
     """Return the compensators that need no other signals than those of a situation, and no other friction model."""
     return [
         block.name
-        for block in of_kind("law", "controller")
+        for block in of_kind("compensator")
         if required(block.name) <= situation.signals and knowledge(block.name) in situation.model
     ]
 
@@ -208,7 +210,7 @@ def situations() -> str:
 def compensators() -> str:
     """Return the inputs, the friction model and the use of each compensator."""
     rows = []
-    for block in of_kind("law", "controller"):
+    for block in of_kind("compensator"):
         taken = inputs(block.name)
         first = next((p.text for p in paragraphs(block.notes) if p.lead == "Use it"), block.summary)
         use = re.split(r"(?<=[a-z0-9])[.;:] ", first, maxsplit=1)[0].rstrip(".")
@@ -243,7 +245,7 @@ def exchange() -> str:
 def kinds() -> str:
     """Return what modelDescription.xml says of the variables of each kind of block."""
     rows = []
-    for kind in ("friction", "plant", "law", "controller", "signal"):
+    for kind in ("friction", "plant", "compensator", "signal"):
         blocks = of_kind(kind)
         variables = [v for block in blocks for v in described(block.name).variables]
         sampled = {described(block.name).sampled for block in blocks}
@@ -323,8 +325,14 @@ def formats() -> str:
     return "\n".join(f"* {', '.join(names)}: {text}" for text, names in suffixes.items())
 
 
+def commands() -> str:
+    """Return the commands with what they do, as their help says."""
+    (group,) = (action for action in parser()._actions if isinstance(action, argparse._SubParsersAction))
+    return table(("command", "what it does"), [(f"`{each.dest}`", str(each.help)) for each in group._choices_actions])
+
+
 _OF_BLOCKS = (motions, reasons, questions, situations, compensators, capabilities, exchange, kinds, roles, models)
-TABLES = {f.__name__: f for f in (*_OF_BLOCKS, masters, formats)}
+TABLES = {f.__name__: f for f in (*_OF_BLOCKS, masters, formats, commands)}
 
 
 def filled(text: str) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import math
 from collections.abc import Sequence
 from pathlib import Path
@@ -11,6 +12,9 @@ from harness.errors import OutputError, UnknownNameError, nearest
 from harness.storage.files import atomic_path
 
 if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+    from matplotlib.lines import Line2D
+
     from harness.result import Result
 
 
@@ -19,8 +23,8 @@ def label_of(name: str) -> str:
     return name.replace("$", r"\$")
 
 
-def plot(result: Result, path: str | Path, names: Sequence[str] = ()) -> None:
-    """Plot a result over time, with one panel per unit, and write the figure to a file.
+def plot(result: Result, path: str | Path | None = None, names: Sequence[str] = ()) -> Figure:
+    """Plot a result over time, with one panel per unit.
 
     A variable whose error bound is known gets a band of this width.
 
@@ -28,10 +32,15 @@ def plot(result: Result, path: str | Path, names: Sequence[str] = ()) -> None:
     ----------
     result : xarray.Dataset
         Result of a run.
-    path : path-like
-        The figure file; its suffix selects the format (png, svg, pdf).
+    path : path-like, optional
+        File for the figure; its suffix selects the format (png, svg, pdf).
     names : sequence of str
         Variables to plot; all if empty.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+        The figure, which a notebook shows.
 
     Raises
     ------
@@ -43,7 +52,6 @@ def plot(result: Result, path: str | Path, names: Sequence[str] = ()) -> None:
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
-    path = Path(path)
     known = [str(name) for name in result.data_vars]
     for name in names:
         if name not in known:
@@ -53,28 +61,35 @@ def plot(result: Result, path: str | Path, names: Sequence[str] = ()) -> None:
     for name in names or [name for name in known if name not in bounds]:
         panels.setdefault(str(result[name].attrs.get("units", "1")), []).append(name)
     if not panels:
-        raise OutputError(f"there is nothing to plot in {path}: record at least one variable")
+        raise OutputError(f"there is nothing to plot{f' in {path}' if path else ''}: record at least one variable")
 
-    figure = Figure(figsize=(8.0, 1.0 + 2.0 * len(panels)), layout="constrained")
-    canvas = FigureCanvasAgg(figure)
-    formats = sorted(canvas.get_supported_filetypes())
-    if path.suffix[1:].lower() not in formats:
+    class Shown(Figure):
+        def _repr_png_(self) -> bytes:
+            self.savefig(content := io.BytesIO())
+            return content.getvalue()
+
+    figure = Shown(figsize=(8.0, 1.0 + 2.0 * len(panels)), dpi=120, layout="constrained")
+    formats = sorted(FigureCanvasAgg(figure).get_supported_filetypes())
+    if path is not None and Path(path).suffix[1:].lower() not in formats:
         raise OutputError(f"cannot plot to {path}: the suffix must be one of {', '.join(formats)}")
     axes = figure.subplots(len(panels), 1, sharex=True, squeeze=False)[:, 0]
     time = result["time"].to_numpy()
     for axis, (unit, members) in zip(axes, panels.items(), strict=True):
+        lines: list[Line2D] = []
         for name in members:
             values = result[name].to_numpy()
-            (line,) = axis.plot(time, values, label=label_of(name), linewidth=1.0)
+            lines += axis.plot(time, values, label=label_of(name), linewidth=1.0)
             bound = result[name].attrs.get("ancillary_variables")
             if bound in known:
                 error = result[bound].where(result[bound] < math.inf).to_numpy()
-                band = {"color": line.get_color(), "alpha": 0.25, "linewidth": 0.0}
+                band = {"color": lines[-1].get_color(), "alpha": 0.25, "linewidth": 0.0}
                 axis.fill_between(time, values - error, values + error, **band)
-        axis.set_ylabel(f"{label_of(members[0])} [{unit}]" if len(members) == 1 else f"[{unit}]")
+        axis.set_ylabel(label_of(f"{members[0]} [{unit}]" if len(members) == 1 else f"[{unit}]"))
         axis.grid(alpha=0.3)
         if len(members) > 1:
-            axis.legend(loc="upper right", fontsize="small")
+            axis.legend(handles=lines, loc="upper right", fontsize="small")  # also of names that begin with _
     axes[-1].set_xlabel("time [s]")
-    with atomic_path(path) as temporary:
-        figure.savefig(temporary, dpi=120)
+    if path is not None:
+        with atomic_path(Path(path)) as temporary:
+            figure.savefig(temporary, dpi=120)
+    return figure

@@ -146,6 +146,8 @@ class Condition:
         What to change.
     source : str
         Publication or derivation of the condition.
+    note : bool
+        Whether a violation may be intended, as where a system is built to show stick-slip.
     """
 
     name: str
@@ -156,6 +158,7 @@ class Condition:
     why: str
     change: str
     source: str
+    note: bool = False
 
     def __post_init__(self) -> None:
         """Keep the texts with their placeholders, such as ``{force}`` and ``{N_m}``, and fill in a linear axis."""
@@ -200,6 +203,11 @@ def at_least(value: float, bound: float, scale: float = 0.0) -> bool:
 def at_most(value: float, bound: float, scale: float = 0.0) -> bool:
     """Return whether a value is below a bound, or equal to it within rounding errors."""
     return not (math.isnan(value) or math.isnan(bound) or above(value, bound, scale))
+
+
+def compared(holds: Callable[[float, float], bool], value: float, bound: float) -> tuple[bool, float, float]:
+    """Return the fields ok, value and bound of a condition that compares two numbers."""
+    return holds(value, bound), value, bound
 
 
 def remainder(value: float, taken: float) -> float:

@@ -24,7 +24,7 @@ from friction_fmus.lawkit.law import Kind
 from friction_fmus.lawkit.law_files import discover_laws
 
 LAWS = {law.name: law for law in discover_laws(laws_folder())}
-BLOCKS = [*LAWS, *(block.name for block in catalogue().values() if block.kind == "controller")]
+BLOCKS = [*LAWS, *(block.name for block in catalogue().values() if block.kind == "compensator" and not block.is_law)]
 PASSES = {"Prefilter", "PreviewPrefilter", "InverseDynamics"}
 """Laws that pass their reference on while disabled: these outputs are held."""
 NOT_ZERO = {"theta": 1.0, "theta_0": 1.0, "theta_1": 1.0, "theta_2": 1.0, "Fc_hat": 1.0, "Fv_hat": 0.4}

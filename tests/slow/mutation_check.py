@@ -10,7 +10,7 @@ only if they pass, all others run. With ``--seconds``, only the former run, as m
 mutant is found too if the tests take five times as long with it. Survivors that are not in `EQUIVALENT` are printed;
 the status is 1 if fewer than 95 % are found.
 
-FMUs are built quickly, see ``quick.py``, and kept for all mutants.
+FMUs are built without figures, see ``quick.py``, and kept for all mutants.
 """
 
 from __future__ import annotations
@@ -404,7 +404,7 @@ def compiled(file: str, blocks: list[str]) -> int:
     from harness.compiling.platforms import native_library
 
     try:
-        with quick_builds("shell"), tempfile.TemporaryDirectory() as folder:
+        with quick_builds(Path("shell")), tempfile.TemporaryDirectory() as folder:
             if file.startswith("harness"):
                 library()
             elif file.startswith("fmu_src/composite"):
