@@ -8,9 +8,10 @@ from typing import Any
 
 import numpy as np
 import pytest
+from harness_parts import mass
 
 from friction_fmus import fmu
-from harness import Bias, FmuPart, SeriesPart, System
+from harness import Bias, CallablePart, FmuPart, SeriesPart, System
 from harness.engine import algorithm, manipulate
 from harness.masters import newton
 
@@ -38,6 +39,12 @@ def two_contacts() -> System:
     for one, i in (("front", 1), ("back", 2)):
         wires += [f"axis.v{i} -> {one}.v", f"{one}.F -> axis.F_friction{i}", f"axis.F_ext{i} -> {one}.F_ext"]
     return System(parts, wires, {"axis.k": 20.0, "axis.d": 1.5, "back.DV": 0.0})
+
+
+def jump() -> System:
+    """A mass that comes to rest at a jump of its friction, which no input tells to be a contact."""
+    friction = CallablePart("friction", lambda _t, u, _x: 2.0 * np.sign(u[0]), ["v"], ["F"])
+    return System([mass(v0=0.1), friction], ["friction.F -> mass.F", "mass.v -> friction.v"])
 
 
 def guarded(shape: Any, dtype: Any, made: list[np.ndarray]) -> np.ndarray:
@@ -77,7 +84,7 @@ def guarded_struct(struct: Any, made: list[tuple[Any, bytes]], **beside: float) 
 
 
 @pytest.mark.parametrize("master", ["gauss-seidel", "jacobi", "newton", "adaptive"])
-@pytest.mark.parametrize(("system", "contact"), [(stick_slip, "friction"), (two_contacts, "front")])
+@pytest.mark.parametrize(("system", "contact"), [(stick_slip, "friction"), (two_contacts, "front"), (jump, "friction")])
 def test_values_beside_the_arrays_are_neither_read_nor_changed(
     system: Callable[[], System], contact: str, master: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:

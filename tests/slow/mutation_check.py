@@ -89,6 +89,9 @@ EQUIVALENT = {
         "no force exceeds static friction in both directions, and at the end of the step the phase follows from "
         "the states"
     ),
+    "fmu_src/friction/chain.h: const double turns = floor(mean + 0.5);  ->  const double turns = floor(mean - 0.5);": (
+        "whole periods, too"
+    ),
     "fmu_src/friction/modified_leuven.h: p.near = slope != 0.0 && (p.backwards ? -p.force : p.force) > 0.999 "
     "* nearness * piece_level(&p, s);  ->  p.near = slope != 1.0 && (p.backwards ? -p.force : p.force) > "
     "0.999 * nearness * piece_level(&p, s);": (
