@@ -72,6 +72,10 @@ EQUIVALENT = {
     " double viscous = asymmetric && v <= 0.0 ? sigma2_neg : sigma2;": (
         "at v = 0, viscous friction is 0 for all coefficients"
     ),
+    "fmu_src/friction/PrandtlTomlinson.c: const double shift = floor(y[0] / a + 0.5) * a, from = X - shift;  "
+    "->  const double shift = floor(y[0] * a + 0.5) * a, from = X - shift;": (
+        "whole periods, too; the rounding that they save is below that of x"
+    ),
     "fmu_src/friction/PrandtlTomlinson.c: if (!noise->drawn || noise->left <= slack) {  ->  if (!noise->drawn"
     " || noise->left < slack) {": ("a rest of exactly a millionth of the interval"),
     "fmu_src/friction/ResetIntegrator.c: if (dx > 0.0 && z < z0)  ->  if (dx > 0.0 && z <= z0)": (
@@ -84,6 +88,14 @@ EQUIVALENT = {
     "fmu_src/friction/SwitchMass.c: if (until < t) {  ->  if (until <= t) {": (
         "no force exceeds static friction in both directions, and at the end of the step the phase follows from "
         "the states"
+    ),
+    "fmu_src/friction/chain.h: const double turns = floor(mean + 0.5);  ->  const double turns = floor(mean - 0.5);": (
+        "whole periods, too"
+    ),
+    "fmu_src/friction/modified_leuven.h: p.near = slope != 0.0 && (p.backwards ? -p.force : p.force) > 0.999 "
+    "* nearness * piece_level(&p, s);  ->  p.near = slope != 1.0 && (p.backwards ? -p.force : p.force) > "
+    "0.999 * nearness * piece_level(&p, s);": (
+        "at constant velocity, the place to which the force is drawn does not move"
     ),
     "fmu_src/friction/motion.h: const bool stops = v * slope < 0.0 && fabs(v + slope * h) <= 4.0 * "
     "DBL_EPSILON * fabs(v);  ->  const bool stops = v / slope < 0.0 && fabs(v + slope * h) <= 4.0 * "
