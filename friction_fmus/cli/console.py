@@ -47,9 +47,10 @@ def drawn(listing: Listing, *, title: bool = True, padding: tuple[int, ...] = (0
     """Return a table for the terminal, in which numbers do not wrap."""
     caption = listing.caption if title else None
     table = Table(title=caption, title_justify="left", box=None, pad_edge=False, padding=padding)  # type: ignore[arg-type]
-    for heading in listing.headings:
+    for place, heading in enumerate(listing.headings):
         number = heading.startswith(" ")
-        table.add_column(heading.strip(), justify="right" if number else "left", no_wrap=number, overflow="fold")
+        kept = number or place == 0  # names are copied, and grep finds them
+        table.add_column(heading.strip(), justify="right" if number else "left", no_wrap=kept, overflow="fold")
     for cells in listing.cells:
         table.add_row(*cells)
     return table

@@ -67,8 +67,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         text = str(error)
         if isinstance(error, OSError) and error.strerror:
             text = f"{error.filename}: {error.strerror}" if error.filename else error.strerror
-        # messages of libraries may have several lines
-        print(f"friction-fmus: {visible(' '.join(text.splitlines()))}", file=sys.stderr)
+        print("friction-fmus:", "\n".join(map(visible, text.split("\n"))), file=sys.stderr)
         return 2
     except KeyboardInterrupt as error:
         print(f"friction-fmus: {str(error) or 'interrupted'}", file=sys.stderr)
