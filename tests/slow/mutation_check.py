@@ -70,7 +70,7 @@ EQUIVALENT = {
     "fmu_src/friction/SevenParameter.c: if (!(now > last->begin))  ->  if (!(now >= last->begin))": (
         "of two pieces that begin together, the search finds the later one"
     ),
-    "fmu_src/friction/motion.h: const bool stops = v * slope < 0.0 && fabs(v + slope * h) <= 4.0 * DBL_EPSILON "
+    "fmu_src/friction/transition.h: const bool stops = v * slope < 0.0 && fabs(v + slope * h) <= 4.0 * DBL_EPSILON "
     "* fabs(v);  ->  const bool stops = v / slope < 0.0 && fabs(v + slope * h) <= 4.0 * DBL_EPSILON * fabs(v);": (
         "the sign is the same, and without a slope the second condition fails"
     ),
