@@ -369,7 +369,10 @@ class Finder:
 
 def pytest_run(files: list[str] | tuple[str, ...], *plugins: object) -> int:
     import pytest
+    from hypothesis import Phase, settings
 
+    settings.register_profile("unshrunk", phases=(Phase.explicit, Phase.generate))
+    settings.load_profile("unshrunk")
     return int(pytest.main([*PYTEST, *(("-x",) if files else ()), *files], plugins=list(plugins)))
 
 
