@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import argparse
 import inspect
 import re
 from collections.abc import Iterable, Sequence
@@ -25,6 +26,7 @@ from friction_fmus.blocks.probe import (
     BlockVariable,
     BlockVariables,
 )
+from friction_fmus.cli.main import parser
 from friction_fmus.export.block_fmu import describe_block
 from friction_fmus.fmi.documentation import markdown
 from friction_fmus.fmi.model_description import CAPABILITIES, ROLE
@@ -323,8 +325,14 @@ def formats() -> str:
     return "\n".join(f"* {', '.join(names)}: {text}" for text, names in suffixes.items())
 
 
+def commands() -> str:
+    """Return the commands with what they do, as their help says."""
+    (group,) = (action for action in parser()._actions if isinstance(action, argparse._SubParsersAction))
+    return table(("command", "what it does"), [(f"`{each.dest}`", str(each.help)) for each in group._choices_actions])
+
+
 _OF_BLOCKS = (motions, reasons, questions, situations, compensators, capabilities, exchange, kinds, roles, models)
-TABLES = {f.__name__: f for f in (*_OF_BLOCKS, masters, formats)}
+TABLES = {f.__name__: f for f in (*_OF_BLOCKS, masters, formats, commands)}
 
 
 def filled(text: str) -> str:

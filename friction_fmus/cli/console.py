@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import Any
 
-from rich.console import Console
+from rich.console import Console, ConsoleOptions, RenderableType
 from rich.progress import (
     BarColumn,
     MofNCompleteColumn,
@@ -15,9 +15,11 @@ from rich.progress import (
     TextColumn,
     TimeRemainingColumn,
 )
+from rich.segment import Segment
 from rich.table import Table
 from rich.text import Text
 
+from friction_fmus.errors import visible
 from harness.compiling.platforms import NATIVE
 from harness.notebook import Listing
 
@@ -25,12 +27,21 @@ LITERAL: dict[str, Any] = {"markup": False, "emoji": False, "highlight": False}
 """Options of a console that prints strings as they are."""
 
 
+class VisibleConsole(Console):
+    """A console on which no text commands the terminal."""
+
+    def render(self, renderable: RenderableType, options: ConsoleOptions | None = None) -> Iterable[Segment]:
+        """Yield the pieces of what is printed."""
+        for piece in super().render(renderable, options):
+            yield piece if piece.control else piece._replace(text=visible(piece.text))
+
+
 def literal_console(**options: Any) -> Console:
     """Return a console that prints strings literally: ``o[/b].csv`` is not markup, and ``:x:`` is not an emoji.
 
     Use `styled` or `rich.text.Text` for styled text.
     """
-    return Console(**LITERAL, **options)
+    return VisibleConsole(**LITERAL, **options)
 
 
 def styled(*parts: str | tuple[str, str]) -> Text:

@@ -16,7 +16,7 @@ from contextlib import nullcontext, redirect_stdout
 from typing import NoReturn
 
 from friction_fmus.cli import commands
-from friction_fmus.errors import FrictionError, did_you_mean
+from friction_fmus.errors import FrictionError, did_you_mean, visible
 from friction_fmus.version import VERSION
 from harness.errors import HarnessError
 from harness.extras import extra_of, missing
@@ -61,6 +61,14 @@ def parser() -> argparse.ArgumentParser:
     return top
 
 
+class _Visible(logging.Formatter):
+    """Format of log messages, which repeat texts of FMUs."""
+
+    def format(self, record: logging.LogRecord) -> str:
+        """Return the line."""
+        return visible(super().format(record))
+
+
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command."""
     given = list(sys.argv[1:] if arguments is None else arguments)
@@ -76,7 +84,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
         options.parser.error(f"unrecognized arguments: {' '.join(unknown)}")
     if isinstance(sys.stdout, io.TextIOWrapper):
         sys.stdout.reconfigure(errors="backslashreplace")  # file names may be invalid UTF-8
-    logging.basicConfig(level=logging.WARNING, format="%(name)s: %(message)s")
+    handler = logging.StreamHandler()
+    handler.setFormatter(_Visible("%(name)s: %(message)s"))
+    logging.basicConfig(level=logging.WARNING, handlers=[handler])
     try:
         stamped()  # libraries read the variable too, but raise errors of their own
         options.stdout = sys.stdout
@@ -92,7 +102,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         text = str(error)
         if isinstance(error, OSError) and error.strerror:
             text = f"{error.filename}: {error.strerror}" if error.filename else error.strerror
-        print(f"friction-fmus: {text}", file=sys.stderr)
+        print("friction-fmus:", "\n".join(map(visible, text.split("\n"))), file=sys.stderr)
         return 2
     except KeyboardInterrupt as error:
         print(f"friction-fmus: {str(error) or 'interrupted'}", file=sys.stderr)

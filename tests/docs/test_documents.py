@@ -9,17 +9,21 @@ import shlex
 import subprocess
 import sys
 import tomllib
+import zipfile
 from pathlib import Path
 
 import fmpy
 import pytest
+import yaml
 from thorough import nightly
 
 from friction_fmus import build, fmu
 from friction_fmus.__main__ import main
 from friction_fmus.blocks.catalogue import Block, catalogue
 from friction_fmus.blocks.macros import paragraphs
+from friction_fmus.cli.main import parser
 from friction_fmus.fmi.documentation import notes_as_html
+from friction_fmus.version import VERSION
 from harness import DropOut, System
 
 ROOT = Path(__file__).parents[2]
@@ -28,8 +32,12 @@ FRICTION = [block for block in catalogue().values() if block.kind == "friction"]
 ADDING = [ROOT / "docs" / "adding-a-model.md", ROOT / "docs" / "adding-a-law.md"]
 TUTORIALS = [
     *("index.md", "first-fmu.md", "which-model.md", "which-compensator.md", "harness-tutorial.md"),
-    "your-own-solver.md",
+    *("your-own-solver.md", "five-minutes.md", "microcontroller.md", "command-line.md"),
 ]
+INSTALL = """python3 -m venv .venv
+source .venv/bin/activate   # Windows: .venv\\Scripts\\activate
+pip install -e .
+"""
 
 
 def blocks(page: Path, mark: str) -> list[str]:
@@ -62,12 +70,29 @@ def write_files(folder: Path) -> None:
 
 @nightly
 def test_commands_of_the_readme_work(tmp_path: Path) -> None:
-    (tmp_path / "examples").symlink_to(ROOT / "examples")
-    (commands,) = blocks(ROOT / "README.md", "commands")
-    for command in commands.splitlines():
+    for command in "".join(blocks(ROOT / "README.md", "commands")).splitlines():
         run(command, tmp_path)
-    assert (tmp_path / "fmus" / "MyAxis.fmu").is_file()
-    assert (tmp_path / "stick_slip.png").is_file()
+    with zipfile.ZipFile(tmp_path / "fmus" / "MyFriction.fmu") as archive:
+        assert "binaries/win64/MyFriction.dll" in archive.namelist()
+        assert {"20", "25"} <= set(re.findall(r'start="(\d+)(?:\.0)?"', archive.read("modelDescription.xml").decode()))
+    for written in ("out/report.html", "c/law.c", "web/LuGre-wasm/package.json"):
+        assert (tmp_path / written).is_file()
+
+
+def test_readme_installs_as_the_page_on_installation_says() -> None:
+    assert blocks(ROOT / "README.md", "install") == blocks(ROOT / "docs" / "install.md", "install") == [INSTALL]
+
+
+def test_readme_counts_the_blocks() -> None:
+    (said,) = re.findall(r"more than (\d+) friction models and compensators", (ROOT / "README.md").read_text("utf-8"))
+    assert int(said) < sum(block.kind in ("friction", "compensator") for block in catalogue().values())
+
+
+def test_the_citation_names_this_version() -> None:
+    citation = yaml.safe_load((ROOT / "CITATION.cff").read_text(encoding="utf-8"))
+    required = {"cff-version", "message", "title", "authors"}  # of the schema of the Citation File Format 1.2.0
+    assert required <= citation.keys()
+    assert (str(citation["version"]), citation["license"]) == (VERSION, "MIT")
 
 
 @nightly
@@ -96,9 +121,11 @@ def test_versions_of_the_page_on_importers_are_the_pinned_ones() -> None:
 
 def test_python_of_the_readme_gives_the_published_stick_slip(tmp_path: Path) -> None:
     (program,) = blocks(ROOT / "README.md", "python")
+    program += "\nprint(result['mass.x'].attrs['units'], float(result['mass.x'][-1]))"
     result = subprocess.run([sys.executable, "-c", program], cwd=tmp_path, capture_output=True, text=True, check=False)
     assert result.returncode == 0, result.stderr
     unit, position = result.stdout.split()
+    assert (tmp_path / "stick_slip.png").is_file()
     assert unit == "m"
     # x(20 s) = 1.272596 m (benchmark B5), and one slip of 2 x (1.507988 - 0.741239) N / (2 N/m) more
     assert float(position) == pytest.approx(1.272596 + 0.63627, abs=2e-3)
@@ -180,8 +207,9 @@ def test_manipulators_of_the_harness_page_are_read(tmp_path: Path) -> None:
         assert system.experiment.manipulators == (DropOut("friction.v", 0.2, seed=1, start=5.0, stop=6.0),)
 
 
-def test_system_shown_in_the_readme_is_the_example(tmp_path: Path) -> None:
-    (shown,) = re.findall(r"```toml\n(.*?)^```$", (ROOT / "README.md").read_text(encoding="utf-8"), re.S | re.M)
+def test_system_shown_on_the_first_page_is_the_example(tmp_path: Path) -> None:
+    page = (ROOT / "docs" / "five-minutes.md").read_text(encoding="utf-8")
+    (shown,) = re.findall(r"```toml\n(.*?)^```$", page, re.S | re.M)
     (tmp_path / "shown.toml").write_text(shown, encoding="utf-8")
 
     def find(name: str) -> Path:
@@ -230,9 +258,17 @@ def test_the_pages_are_no_longer_than_people_read() -> None:
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_commands_within_sentences_have_the_arguments_that_they_need(page: Path) -> None:
+    for words in re.findall(r"`(friction-fmus [^`]*)`", page.read_text(encoding="utf-8")):
+        _, *arguments = shlex.split(words)
+        if len(arguments) > 1 and "--help" not in arguments:  # not the name of a command
+            assert parser().parse_args(arguments), words
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
 def test_links_lead_somewhere(page: Path) -> None:
-    for target in re.findall(r"\]\((?!https?:)([^)#]+)\)", page.read_text(encoding="utf-8")):
-        file = page.parent / target
+    for target in re.findall(r"\]\((?!https?:)([^)#]+)(?:#[^)]*)?\)", page.read_text(encoding="utf-8")):
+        file = page.parent / target.replace("lab.md", "lab/index.html")
         notebook = ROOT / "examples" / "notebooks" / f"{file.stem}.ipynb"
         assert (notebook if file.parent.name == "notebooks" else file).exists(), target
 
