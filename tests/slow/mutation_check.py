@@ -333,7 +333,7 @@ def keep_laws() -> None:
     """Keep the C that laws are translated to, and forget the blocks in C."""
     from friction_fmus.blocks import catalogue
 
-    laws = {entry: catalogue._read(entry) for entry in catalogue.listing().values() if entry.kind == "law"}
+    laws = {entry: catalogue._read(entry) for entry in catalogue.listing().values() if entry.path.suffix == ".py"}
     catalogue._known_c_block.cache_clear()
     catalogue._read = lambda entry: laws.get(entry) or catalogue._known_c_block(entry.path, entry.kind)
 
