@@ -141,6 +141,7 @@ def test_a_feedforward_law_slides_at_the_true_velocity(name: str, build_fmu) -> 
     steady = 1.0 + 0.5 * np.exp(-1.0) + 0.4 * v
     assert found[499] == pytest.approx(steady, rel=2e-3)
     assert found[510] == pytest.approx(found[499], rel=1e-4)
+    assert found[599] == pytest.approx(steady, rel=2e-3)
 
 
 def test_the_preview_prefilter_sees_no_jump_after_missing_references(build_fmu) -> None:
