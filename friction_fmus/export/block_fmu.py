@@ -146,7 +146,7 @@ def fmu(
     domain: Literal["translational", "rotational"] = "translational",
     files: Mapping[str, str] | None = None,
 ) -> Path:
-    """Return the FMU of a block with its default start values.
+    """Return the path of the FMU of a block, with default parameters.
 
     An installed package contains the FMUs of its blocks for all platforms. For a user's file, or in a checkout, the FMU
     is built for this machine and cached.

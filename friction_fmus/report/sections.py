@@ -344,8 +344,8 @@ SECTIONS: Final[Mapping[str, Section]] = {
             "figures": scored(study),
         },
     ),
-    "servo": Section("Does the servo reproduce the record?", _servo),
-    "record": Section("Record", lambda study: {"record_plots": record_plots(study)}),
+    "servo": Section("Do the configured gains match the log?", _servo),
+    "record": Section("Log", lambda study: {"record_plots": record_plots(study)}),
     "models": Section(
         "Models",
         lambda study: {"scores": scores(study.models), "alike": ALIKE, "residual_plots": residual_plots(study)},

@@ -90,11 +90,11 @@ def _paragraphs(
     for wire in wires:
         part, output = split_name(wire.source)
         if part in ADDED and output != "u" and split_name(wire.target)[0] in ("servo", *SUMS):
-            yield f"Use the output `{output}` of `{part}`. Its output `u` is the {u.force} of a whole controller."
+            yield f"Use the output `{output}` of `{part}`, not its output `u`, which is for a controller without the servo."
     if "table" in system.parts:
         yield (
-            f"`table` is the identified {u.force} over position at the reference, see `PositionMap.fmu` and the table "
-            "in its sources; subtract it. Because of the table, there is no C code of the loop."
+            f"`table` is the identified {u.force} at the reference position: subtract it. `PositionMap.fmu` contains "
+            "the table."
         )
     sums = [f"`{name}.y`" for name in SUMS if name in system.parts]
     if sums:

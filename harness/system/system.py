@@ -30,7 +30,7 @@ _LOG = logging.getLogger("harness")
 
 
 class System:
-    """A system of connected parts; all names, types, units and values are checked when it is made.
+    """A system of connected parts; all names, types, units and values are checked on construction.
 
     Parameters
     ----------
@@ -113,7 +113,7 @@ class System:
         resolve : callable or None
             ``resolve("LuGre") -> Path`` finds the FMU of a part with ``model = "LuGre"``.
         open_inputs : bool
-            Whether inputs that nothing drives keep the start values of their FMUs, as inputs for `to_fmu`; otherwise
+            Whether unconnected inputs keep the start values of their FMUs, as inputs for `to_fmu`; otherwise
             each needs a start value.
 
         Returns
@@ -231,7 +231,7 @@ class System:
             Master algorithm inside the FMU; None takes adaptive if the experiment does, and newton otherwise, also in
             place of an explicit master. Without a loop, newton steps each part once, with inputs that vary linearly.
         inputs : sequence of str or None
-            Inputs of the FMU, as "part.port"; None takes all inputs that nothing drives. The others are parameters. An
+            Inputs of the FMU, as "part.port"; None takes all unconnected inputs. The others are parameters. An
             output of a part without inputs, such as a reference, becomes an input in place of this part.
         outputs : sequence of str or None
             Outputs of the FMU, with ``*`` and ``?``; None takes all outputs. The others are local variables.

@@ -260,7 +260,7 @@ def choose_interface(
         if name in chosen[:number]:
             raise BuildError(f"the input {name} is listed twice: list it once")
         if name in driven:
-            raise BuildError(f"the input {name} is driven by {driven[name]}: list inputs that nothing drives")
+            raise BuildError(f"the input {name} is driven by {driven[name]}: list unconnected inputs")
         if name not in free:
             owner, port_name = split_name(name)
             find_part(system.parts, owner, "inputs")
