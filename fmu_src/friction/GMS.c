@@ -42,7 +42,7 @@
 #define SUMMARY  "Generalised Maxwell slip: N elements attracted to the Stribeck curve in slip"
 #define SOURCE   "Al-Bender, Lampaert, Swevers, IEEE TAC 50(11), 2005"
 #define CITES    "AlBender2005"
-#define STATUS   "equations from memory of the paper"
+#define STATUS   "not checked against the paper"
 #define FEATURES "presliding, nonlocal memory, drift-free, Stribeck, lag, rate dependent"
 
 /* clang-format off */

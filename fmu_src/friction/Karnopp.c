@@ -20,7 +20,7 @@
 #define SUMMARY  "Karnopp friction with a velocity dead band, as a {force}"
 #define SOURCE   "Karnopp, ASME Journal of Dynamic Systems, Measurement, and Control 107(1), 1985"
 #define CITES    "Karnopp1985"
-#define STATUS   "equations from memory of the paper"
+#define STATUS   "not checked against the paper"
 #define FEATURES "rate dependent, needs force"
 
 /* clang-format off */

@@ -25,7 +25,7 @@
 #define SUMMARY  "Mass with Karnopp friction, at rest inside a velocity dead band"
 #define SOURCE   "Karnopp, ASME Journal of Dynamic Systems, Measurement, and Control 107(1), 1985"
 #define CITES    "Karnopp1985"
-#define STATUS   "equations from memory of the paper"
+#define STATUS   "not checked against the paper"
 #define FEATURES "drift-free, rate dependent, needs force, mass inside"
 
 /* clang-format off */

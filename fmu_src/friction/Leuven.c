@@ -39,7 +39,7 @@
 #define SUMMARY  "Leuven integrated friction model with two stacks of reversal points"
 #define SOURCE   "Swevers, Al-Bender, Ganseman, Prajogo, IEEE TAC 45(4), 2000"
 #define CITES    "Swevers2000"
-#define STATUS   "equations from memory of the paper"
+#define STATUS   "not checked against the paper"
 #define FEATURES "presliding, nonlocal memory, Stribeck, lag, rate dependent"
 
 /* clang-format off */

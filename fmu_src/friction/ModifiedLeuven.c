@@ -31,7 +31,7 @@
 #define SUMMARY  "Modified Leuven model: Maxwell slip hysteresis that relaxes to the Stribeck curve"
 #define SOURCE   "Lampaert, Swevers, Al-Bender, IEEE TAC 47(4), 2002"
 #define CITES    "Lampaert2002"
-#define STATUS   "equations from memory of the paper"
+#define STATUS   "not checked against the paper"
 #define FEATURES "presliding, nonlocal memory, Stribeck, lag, rate dependent"
 
 /* clang-format off */

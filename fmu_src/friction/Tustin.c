@@ -22,7 +22,7 @@
 #define SUMMARY  "Exponential decay from static to Coulomb friction, and viscous friction"
 #define SOURCE   "Tustin, Journal of the IEE 94(2A), 1947"
 #define CITES    "Tustin1947"
-#define STATUS   "equations from memory of the paper; (4) of Olsson et al. 1998 for the force at rest"
+#define STATUS   "equation (4) of Olsson et al. 1998 for the force at rest; not checked against the paper"
 #define FEATURES "Stribeck, rate dependent, needs force"
 
 /* clang-format off */

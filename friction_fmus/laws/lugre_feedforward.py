@@ -79,7 +79,7 @@ def lugre_feedforward(
 
     Canudas de Wit, Olsson, Astrom, Lischinsky, IEEE TAC 40(3), 1995 (the model, start values from its Table I);
     Lampaert, Swevers, Al-Bender, American Control Conference, 2004, compare it in feedforward with the Dahl, Leuven and
-    GMS models (the paper was not read). The parameters are the same as in the block LuGre.
+    GMS models. The parameters are the same as in the block LuGre.
 
     z advances by the displacement of the reference since the previous sample, exactly for constant velocity. If rd = w,
     F_hat is therefore the force of the block LuGre at the end of a step with the velocity w. F_hat applies to the time
