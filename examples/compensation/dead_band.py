@@ -67,7 +67,9 @@ def main(folder: Path, full: bool = False) -> Effect:
             checks.append(Check(f"{name}: motion at the end", 1e3 * float(np.ptp(late)), "mm", 100.0))
         if width not in (0.0, WIDE):
             checks.append(
-                Check(f"{name}: amplitude over that without a dead-band", swings[case] / swings[0.0, 1.5], "", 1.0)
+                Check(
+                    f"{name}: amplitude relative to that without a dead-band", swings[case] / swings[0.0, 1.5], "", 1.0
+                )
             )
         if case in COLOURS:
             axis = axes[list(COLOURS).index(case)]

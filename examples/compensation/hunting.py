@@ -74,10 +74,17 @@ def main(folder: Path, full: bool = False) -> Effect:
     checks = [
         near("LuGre: period", float(np.mean(waits)), WAIT, 5e-4, "s"),
         near("LuGre: largest error in the cycle", 1e3 * swing, 1e3 * SWING, 1e-3, "mm"),
-        near("LuGre: that of the last 20 s over that of the last 40 s", hunting[t > 100.0].max() / swing, 1.0, 1e-3),
-        Check("Fs = Fc: error at a rest over that at the rest before", (rests[1:] / rests[:-1]).max(), "", 0.0, 0.5),
+        near(
+            "LuGre: that of the last 20 s relative to that of the last 40 s",
+            hunting[t > 100.0].max() / swing,
+            1.0,
+            1e-3,
+        ),
         Check(
-            "Fs = Fc: error of the last 30 s over that at the last rest",
+            "Fs = Fc: error at a rest relative to that at the rest before", (rests[1:] / rests[:-1]).max(), "", 0.0, 0.5
+        ),
+        Check(
+            "Fs = Fc: error of the last 30 s relative to that at the last rest",
             np.abs(calm[t > 90.0]).max() / rests[-1],
             "",
             0.0,
@@ -98,7 +105,12 @@ def main(folder: Path, full: bool = False) -> Effect:
             checks.append(near(f"{name}: largest error in the cycle", 1e3 * error, 1e3 * largest, 2e-3, "mm"))
             if Fs != FS:
                 checks.append(
-                    near(f"{name}: amplitude / (Fs - Fc) over that above", error / swing * 0.5 / (Fs - FC), 1.0, 0.05)
+                    near(
+                        f"{name}: amplitude / (Fs - Fc) relative to that above",
+                        error / swing * 0.5 / (Fs - FC),
+                        1.0,
+                        0.05,
+                    )
                 )
     return Effect(
         f"On LuGre the axis slips every {np.mean(waits):.2f} s and overshoots by {1e3 * swing:.1f} mm forever. With "

@@ -111,7 +111,7 @@ def main(folder: Path, full: bool = False) -> Effect:
         for rho in (0.0, 0.5, 0.8):
             result = run(rho, "LuGre", 120.0)
             e = np.abs(deviation(result))[result["time"].to_numpy() > 100.0].max()
-            name = f"LuGre, rho = {rho:g}: error after 100 s over that after 40 s"
+            name = f"LuGre, rho = {rho:g}: error after 100 s relative to that after 40 s"
             checks.append(Check(name, e / late[rho], "", 0.99, 1.0))
             result = run(rho, "LuGre", start={"friction.Fs": 1.0})
             e = np.abs(deviation(result))[result["time"].to_numpy() > LATE].max()
@@ -121,7 +121,7 @@ def main(folder: Path, full: bool = False) -> Effect:
         sine, start = sines((5e-3, 1.0, 0.0)), {"mass.v0": 2.0 * pi * 5e-3}
         alone = error(follow("PID", GAINS, sine, 3.0, start=start), 1.0)
         jumping = error(follow("ResetPID", {**GAINS, "rho": 0.8, "mass": 1.0}, sine, 3.0, start=start), 1.0)
-        checks.append(near("sine of 5 mm, rho = 0.8: RMS error over that with PID", jumping / alone, SINE, 0.01))
+        checks.append(near("sine of 5 mm, rho = 0.8: RMS error relative to that with PID", jumping / alone, SINE, 0.01))
     return Effect(
         f"After 40 s the error is {1e3 * late[None]:.0f} mm with the PID controller, less than {1e6 * FS / SIGMA0:g} "
         f"µm with rho = 0.8, {1e6 * late[0.5]:.0f} µm with 0.5 and {1e3 * late[0.0]:.1f} mm with 0.",

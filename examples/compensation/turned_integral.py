@@ -114,9 +114,9 @@ def main(folder: Path, full: bool = False) -> Effect:
             at, worse = f"{name}, {1e3 * amplitude:g} mm", loaded[i] / errors[name][i]
             checks.append(near(f"{at}: error", 1e6 * errors[name][i], 1e6 * way.errors[i], 0.02, "µm"))
             if name == REVERSED:
-                checks.append(Check(f"{at}: error under a load over that", worse, "", 10.0, reproducible=False))
+                checks.append(Check(f"{at}: error under a load relative to that", worse, "", 10.0, reproducible=False))
             else:
-                checks.append(near(f"{at}: error under a load over that", worse, 1.0, 0.01))
+                checks.append(near(f"{at}: error under a load relative to that", worse, 1.0, 0.01))
     follow.plot([], [], "x--", color=BLACK, lw=1.0, label="under a load of 3 N")
     follow.set(xlabel="amplitude [mm]", ylabel="rms tracking error [µm]", ylim=(1.0, 2000.0))
     follow.legend(loc="upper right", ncols=2, fontsize=8)

@@ -6,7 +6,7 @@ and drifts.
 
 - Stribeck effect: how much lower friction is at 3 mm/s than at 10 µm/s;
 - presliding: the force after 1 µm from rest; less than half of the force at 10 µm/s counts as elastic;
-- hysteresis: the work in a loop of 12 µm in presliding over that of a rigid contact;
+- hysteresis: the work in a loop of 12 µm in presliding relative to that of a rigid contact;
 - lag: how much higher friction is while the speed rises through 2 mm/s than while it falls, at 20 Hz, without sigma1;
 - dwell: growth of the break-away force from 0.1 s to 30 s at rest;
 - memory: how much of the force is missing after a detour from 15 µm to 0 and back; less than 1 % counts as memory;

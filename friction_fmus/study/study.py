@@ -378,8 +378,8 @@ def _integral(bench: AxisBench, scheme: Scheme) -> Iterator[str]:
 def _laws(scheme: Scheme, row: CompensatorResult, u: Words) -> Iterator[str]:
     if scheme.table:
         yield (
-            f"Add a table of cogging and position-dependent friction to the drive {u.force}, evaluated at the reference "
-            "position: recommended/PositionMap.fmu; in C, recommended/c/loop_table.c."
+            f"Add a table of cogging and position-dependent friction to the drive {u.force}, evaluated at the "
+            "reference position: recommended/README.md has the connections."
         )
     laws = [law for law in (scheme.feedforward, scheme.compensator) if law is not None]
     if not laws:

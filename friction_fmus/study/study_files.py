@@ -90,7 +90,7 @@ def _paragraphs(
     for wire in wires:
         part, output = split_name(wire.source)
         if part in ADDED and output != "u" and split_name(wire.target)[0] in ("servo", *SUMS):
-            yield f"Use the output `{output}` of `{part}`, not its output `u`, which is for a controller without the servo."
+            yield f"Use the output `{output}` of `{part}`. Its output `u` is for use without the servo."
     if "table" in system.parts:
         yield (
             f"`table` is the identified {u.force} at the reference position: subtract it. `PositionMap.fmu` contains "

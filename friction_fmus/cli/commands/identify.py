@@ -58,9 +58,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--force", action="store_true", help="write FMUs although the drive force contradicts the motion"
     )
-    parser.add_argument(
-        "--viscous", action="store_true", help="add viscous friction (Fv) to models that have none"
-    )
+    parser.add_argument("--viscous", action="store_true", help="add viscous friction (Fv) to models that have none")
     parser.add_argument(
         "--workers",
         type=int,

@@ -29,7 +29,7 @@ NEAR, CLOSE = 1e-4, 1e-7
 
 INSIDE = 1e-9  # smallest distance of a start point from the bounds
 
-#: Norm of a column of the Jacobian over that of the matrix, below which the residual does not depend on a coordinate.
+#: Norm of a column of the Jacobian relative to the matrix, below which the residual does not depend on a coordinate.
 UNSEEN = 1e-7
 
 #: Relative increase of the cost for which an undetermined coordinate may be moved back towards its start value.
