@@ -142,7 +142,9 @@ def block_rows(block: Block, timer: Timer, folder: Path, rounds: int) -> list[Ro
         timer.check(block.name)
         target = 1.5 if block.name in SINGLE_STATE else None
         rows.append(Row(f"{block.name}: plain law", 1e9 * min(plain) / timer.n, "ns"))
-        rows.append(Row(f"{block.name}: fmi2DoStep relative to plain law", fmu / min(plain), "x", target))
+        rows.append(
+            Row(f"{block.name}: time of fmi2DoStep relative to a plain C function", fmu / min(plain), "x", target)
+        )
     if block.name in ("LuGre", "ElastoPlastic"):
         few = timer.velocities[:: timer.n // 1000]
         ratio = (fmu / timer.n) / (cvodes_seconds(block.name, start, few) / len(few))

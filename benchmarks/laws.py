@@ -98,7 +98,7 @@ def by_hand(name: str, folder: Path, rounds: int) -> list[Row]:
         title = f"{name}, {inputs}"
         found += [
             Row(f"{title}: exported C over C by hand", times["C"] / min(plain, branching), "x", TARGETS[name]),
-            Row(f"{title}: C by hand, without over with branches", plain / branching, "x"),
+            Row(f"{title}: C by hand, branch-free relative to branching", plain / branching, "x"),
             *(Row(f"{title}: {way}", times[way] / times["C"], "x") for way in others),
         ]
     return found

@@ -35,7 +35,7 @@ all inputs set and all results read around `fmi2DoStep`), and in casadi's virtua
 and the exported C give the same bits.
 
 Casadi's buffer is called from Python (this includes 0.1 µs for the call) and in a loop in C (the virtual machine
-alone). The map over all samples also reads every argument from memory.
+alone). The map over all samples also reads every argument from RAM.
 
 Two laws are also written by hand (`benchmarks/hand/`), with and without branches; the faster version counts. Their
 outputs agree to 1e-9. Random samples make branches hard to predict; the motion is a sine.

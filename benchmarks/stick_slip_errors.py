@@ -143,7 +143,9 @@ def period_rows(folder: Path) -> list[Row]:
         newton = {step: abs(run_period(system, round(STOP / step), "newton")[0]) for step in (5e-4, 1e-3, 2e-3, 5e-3)}
         held, _ = run_period(system, round(STOP / 1e-3), "gauss-seidel")
         few, many = calls_for(system, "newton", 1e-5, 2.0), calls_for(system, "gauss-seidel", 1e-5, 1.0)
-    order = math.log(newton[2e-3] / newton[5e-4]) / math.log(4.0)  # from 3 ms on, step checks divide some of the steps
+    order = math.log(newton[2e-3] / newton[5e-4]) / math.log(
+        4.0
+    )  # at 3 ms or more, step checks divide some of the steps
     rows = [
         Row("Stick-slip: error of the period at 1 ms, newton", 100.0 * newton[1e-3], "%", 0.003),
         Row("Stick-slip: error of the period at 5 ms, newton", 100.0 * newton[5e-3], "%", 0.06),

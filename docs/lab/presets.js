@@ -1,4 +1,4 @@
-/* Effects of the literature: a claim in our words, as docs/literature.md has it, and the settings that show it. */
+/* Effects of the literature: a claim, as docs/literature.md has it, and the settings that show it. */
 FrictionLive.presets = [
   {
     id: "stribeck",

@@ -38,7 +38,7 @@ CASES: dict[str, tuple[str, Mapping[str, float]]] = {
     "Karnopp in feedback, DV = 0.1 mm/s": ("KarnoppFeedforward", {"DV": NARROW}),
     "Karnopp in feedback, DV = 1 mm/s": ("KarnoppFeedforward", {"DV": WIDE}),
 }
-KARNOPP = {  # errors over those without compensation, at each amplitude
+KARNOPP = {  # errors relative to those without compensation, at each amplitude
     "Karnopp, feedforward": (0.1321, 0.4287, 0.6030),
     "Karnopp in feedback, DV = 0.1 mm/s": (0.1501, 0.3312, 0.6707),
     "Karnopp in feedback, DV = 1 mm/s": (0.1970, 0.8991, 1.0008),

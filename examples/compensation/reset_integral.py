@@ -37,7 +37,7 @@ JUMPS = (1.935, 2.184, 2.333, 2.432)  # the first with rho = 0.8, LuGre [s]
 RESTS = {0.0: 1.9533e-3, 0.5: 79.65e-6}  # error at rest by rho [m]
 COULOMB = {0.0: 297.3e-6, 0.5: 78.77e-6}  # that with Fs = Fc [m]
 TREMBLING = 0.2592e-3  # largest error after 20 s with rho = 1 without friction [m]
-SINE = 0.3703  # RMS error on the sine with rho = 0.8, over that with PID
+SINE = 0.3703  # RMS error on the sine with rho = 0.8, relative to that with PID
 
 
 def run(rho: float | None, friction: str | None, stop: float = STOP, start: dict[str, float] | None = None) -> Result:

@@ -1,6 +1,6 @@
 """A GMS element sticks as a spring and is then attracted to its level
 
-Left: the elements of GMS. Right: three elements at 0.2 mm/s, from 0.3 s on at 20 mm/s, and back. Each sticks until its
+Left: the elements of GMS. Right: three elements at 0.2 mm/s, after 0.3 s at 20 mm/s, and back. Each sticks until its
 deflection z_i reaches the level s_i(v) (dashed). After the jump of the speed it is attracted to the lower level at a
 finite rate: friction lags.
 

@@ -206,7 +206,7 @@ def _ladder(study: StudyResult) -> Mapping[str, Any]:
     unit, factor = multiple(study.units.position, errors[-1:])
     caption = (
         "Tracking error of the axis as it was measured, and with each kind of compensation at its best; the scale is "
-        "logarithmic. Every rung except the first has motion feedforward. Blue: recommended."
+        "logarithmic. Every bar except the first includes velocity and acceleration feedforward. Blue: recommended."
         if study.ladder[0].name == ""
         else "Tracking error with each kind of compensation at its best; the scale is logarithmic."
     )

@@ -42,7 +42,7 @@ def rank(
 
 
 def extremes(row: CompensatorResult, none: CompensatorResult) -> CompensatorResult:
-    """Return the result with its extreme errors over the cases that count; no largest if a run fails only with it."""
+    """Return the result with its extreme errors over the worst cases; no largest if a run fails only with it."""
     possible = zip(none.corners, row.corners, strict=True)
     runs = [row.metrics, *(own.metrics for alone, own in possible if own.counts and alone.metrics is not None)]
     errors = [run.rms for run in runs if run is not None]
@@ -87,7 +87,7 @@ def _reduces(without: Metrics | None, own: Metrics | None) -> bool:
 
 
 AS_MEASURED = "as measured"
-FEEDFORWARD = "with motion feedforward"
+FEEDFORWARD = "with velocity and acceleration feedforward"
 
 
 def ladder(
@@ -179,8 +179,8 @@ def _start(rungs: Sequence[Rung], unit: str) -> str:
     before, after = step
     name = f" ({after.name})" if after.name not in ("", "none", INTEGRAL.name) else ""
     return (
-        f"{sentence}. The largest gain is that {after.title}{name}: it reduces the error from "
-        f"{shown(before.metrics.rms, unit)} to {shown(after.metrics.rms, unit)}. "
+        f"{sentence}. The largest improvement comes {after.title}{name}: from {shown(before.metrics.rms, unit)} to "
+        f"{shown(after.metrics.rms, unit)}. "
     )
 
 

@@ -148,7 +148,7 @@ REQUIRED: Final = 0.01  # required accuracy relative to the range of each variab
 
 
 def run_with_accuracy(system: Assembly, experiment: Experiment, options: Options, required: float) -> Result:
-    """Run a system and tell how far the result is off."""
+    """Run a system and estimate the error of the result."""
     if not 1e-12 <= required < 1.0:
         raise ExperimentError(f"the required accuracy is {required}: give a number from 1e-12 to below 1, such as 1e-3")
     names = recorded_names(system.parts, experiment.record)

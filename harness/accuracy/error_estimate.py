@@ -231,7 +231,7 @@ def _order(near: float, far: float) -> float:
 
 
 def envelope(differences: Values, window: int) -> Values:
-    """Return the largest difference within so many rows before and after each row."""
+    """Return the largest difference within this number of rows before and after each row."""
     from scipy.ndimage import maximum_filter1d
 
     return np.asarray(maximum_filter1d(differences, 2 * window + 1, mode="nearest"))

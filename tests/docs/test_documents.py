@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 import json
 import os
 import re
@@ -277,6 +278,11 @@ def test_links_lead_somewhere(page: Path) -> None:
 def test_tests_that_are_named_are_there(page: Path) -> None:
     named = re.findall(r"\btests/[\w/-]+(?:\.\w+)?", page.read_text(encoding="utf-8"))
     assert [path for path in named if not (ROOT / path).exists()] == []
+
+
+def test_sentences_are_not_those_of_another_language(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.syspath_prepend(Path(__file__).parent)
+    assert importlib.import_module("wording").candidates() == []
 
 
 def test_changelog_names_every_block() -> None:

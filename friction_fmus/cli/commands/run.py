@@ -1,8 +1,8 @@
 """Run a system of FMUs.
 
 If the run fails, the result recorded up to that time is written. The exit status is 1 if the result is reported as
-wrong, unless --allow-inaccurate is given. With --accuracy the run is repeated with other steps, which tells how far
-each variable is off; with --require the exit status is also 1 if one of them is less accurate.
+wrong, unless --allow-inaccurate is given. With --accuracy the run is repeated with other steps, which estimates the
+error of each variable; with --require the exit status is also 1 if one of them is less accurate.
 """
 
 from __future__ import annotations
@@ -34,10 +34,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--record", action="append", metavar="PATTERN", help="variables to record; may be repeated")
     parser.add_argument("--resume", type=Path, metavar="FILE", help="resume from the state in this file")
     parser.add_argument("--checkpoint", type=Path, metavar="FILE", help="write the state at the end to this file")
-    parser.add_argument("--pace", type=float, metavar="FACTOR", help="simulated seconds per second; 1 is real time")
+    parser.add_argument("--pace", type=float, metavar="FACTOR", help="speed relative to real time (1: real time)")
     parser.add_argument("--events", action="store_true", help="record values before and after events, in two rows")
     parser.add_argument("--plot", type=Path, metavar="FILE", help=f"plot the result: {listed(_PICTURES)}")
-    parser.add_argument("--accuracy", action="store_true", help="tell how far each variable is off")
+    parser.add_argument("--accuracy", action="store_true", help="estimate the error of each variable")
     parser.add_argument(
         "--require", type=float, metavar="ERROR", help="required accuracy relative to the range, such as 1e-3"
     )

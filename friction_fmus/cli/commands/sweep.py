@@ -57,7 +57,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     where = parser.add_mutually_exclusive_group()
     where.add_argument("--executor", choices=["processes", "threads", "serial"], default="processes")
     add_scheduler(where)
-    parser.add_argument("--accuracy", action="store_true", help="tell how far each measure is off")
+    parser.add_argument("--accuracy", action="store_true", help="estimate the error of each measure")
     add_allow_inaccurate(parser)
 
 

@@ -141,7 +141,7 @@ def _symbols(text: str, underscores: bool) -> set[str]:
 
 
 def _read(part: FmuPart) -> tuple[str, str, dict[str, str], tuple[str, ...], bool, bool]:
-    """Return identifier, GUID, sources, the files to compile, and whether the FMU is ours and used once only."""
+    """Return identifier, GUID, sources, the files to compile, and whether it is our FMU and used once only."""
     root = part.archive.root
     version = root.get("fmiVersion")
     if version != "2.0":

@@ -37,7 +37,7 @@ SAME = 1e-4
 
 FAR = 1.0  # shortest way that an undetermined coordinate is moved: a factor of e, or the start value
 HALVINGS = 8  # number of halvings of the way back
-FLATTEST = 0.01  # smallest curvature of a robust loss in a direction, over that of the square: the loss is flat beyond
+FLATTEST = 0.01  # smallest curvature of a robust loss in a direction, relative to the square: the loss is flat beyond
 
 Loss = Literal["linear", "soft_l1", "huber", "cauchy", "arctan"]
 
