@@ -11,8 +11,8 @@ in which P is the mass under a force that is held for a sample. With F = 1/P a d
 of the error without F. With a mass in F that is 20 % too large, 0.2 of the error without F is left where inertia
 dominates. On the right the reference is a sine of 5 mm at 1 Hz.
 
-Source: (2.1) to (2.3) follow from the diagram; for the sampled loop: Astrom, Wittenmark, Computer-Controlled Systems,
-Prentice Hall 1997.
+Source: the transfer functions follow from the diagram; for the sampled loop: Astrom, Wittenmark, Computer-Controlled
+Systems, Prentice Hall 1997.
 """
 
 from math import exp, pi

@@ -63,8 +63,8 @@ def main(folder: Path) -> str:
     assert np.abs(extra[JUMP + 1 : TURN + 1] - SIGMA * rates[1:]).max() < 1e-12  # N, all slip
     begins, ends = (", ".join(f"{1e6 * each:.1f}" for each in levels(speed)) for speed in (SLOW, FAST))
     return (
-        f"The elements slip from {begins} µm on and fall to {ends} µm at the rate C/S = {decay:.0f} 1/s, as (1.22) and "
-        f"(1.23) say. The sigma of {SIGMA:.0f} N s/m is a damping and adds {1e3 * extra[1]:.0f} mN in stick."
+        f"The elements slip after {begins} µm and fall to {ends} µm at the rate C/S = {decay:.0f} 1/s, as the "
+        f"equations of GMS say. The sigma of {SIGMA:.0f} N s/m is a damping and adds {1e3 * extra[1]:.0f} mN in stick."
     )
 
 

@@ -44,7 +44,12 @@ WRONG: Final = "the result is wrong"  # contained in every warning about a wrong
 
 def inaccurate(attributes: Mapping[str, object]) -> bool:
     """Return whether the attributes of a result say that a warning declared it wrong."""
-    limits = {"coupling_error": LASTING, "alternating_error": ALTERNATING, "coupling_energy": MADE, "unstable_fraction": FEEDING}
+    limits = {
+        "coupling_error": LASTING,
+        "alternating_error": ALTERNATING,
+        "coupling_energy": MADE,
+        "unstable_fraction": FEEDING,
+    }
     limits |= {"unresolved_error": UNRESOLVED, "missed_rest": MISSED}
     return any(float(str(attributes.get(name, 0.0))) > limit for name, limit in limits.items())
 
