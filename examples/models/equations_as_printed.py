@@ -88,10 +88,10 @@ def main(folder: Path) -> str:
     assert abs(area / (4.0 * W * (A - W / 1e5)) - 1.0) < 1e-9 and abs(float(np.trapezoid(held[400:], x[400:]))) < 1e-18
     assert Fb > LEVEL and abs(Fh[-1] - LEVEL) < 1e-9
     return (
-        f"At -10 mm/s, the slip of GMS with a positive s reaches {run_away[-1]:.0f} N after 30 ms; with a negative s it "
-        f"is the FMU, which goes to {backward[-1]:.0f} N at the rate C/s = {C / LEVEL:g} 1/s. The literal Maxwell slip "
-        f"dissipates nothing, the loop of MaxwellSlip {1e6 * area:.0f} µJ. From {Fb:.2f} N, the literal Leuven rises to at least "
-        f"{least[-1]:.1f} N, where Leuven falls to {Fh[-1]:.1f} N."
+        f"At -10 mm/s, the slip of GMS with a positive s reaches {run_away[-1]:.0f} N after 30 ms; with a negative s "
+        f"it is the FMU, which goes to {backward[-1]:.0f} N at the rate C/s = {C / LEVEL:g} 1/s. The literal Maxwell "
+        f"slip dissipates nothing, the loop of MaxwellSlip {1e6 * area:.0f} µJ. From {Fb:.2f} N, the literal Leuven "
+        f"rises to at least {least[-1]:.1f} N, where Leuven falls to {Fh[-1]:.1f} N."
     )
 
 
