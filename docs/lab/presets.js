@@ -14,7 +14,7 @@ FrictionLive.presets = [
     id: "memory",
     title: "Nonlocal memory",
     claim: "LuGre does not remember reversal points.",
-    try: "After a detour GMS continues at the point where it turned; LuGre misses it. Change the detour.",
+    try: "After an inner loop GMS continues at the point where it turned; LuGre misses it. Change the detour.",
     script: "models/reversal_memory.py",
     effect: "lugre-forgets-reversal-points-maxwellslip-and-gms-remember-them",
     view: "contact",

@@ -16,7 +16,10 @@ def law_of(model: str | Path) -> Law:
     """Return a law."""
     block = find(model)
     if block.kind != "law" and block.path.suffix != ".py":
-        raise FrictionError(f"{block.name} is not a law but a C block; use its file {block.path.name}")
+        raise FrictionError(
+            f"{block.name} is a block in C, {block.path.name}; codegen exports laws, such as LuGreFeedforward: "
+            "`friction-fmus list` shows all"
+        )
     return next(law for law in discover_laws(block.path) if law.name == block.name)
 
 

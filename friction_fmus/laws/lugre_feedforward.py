@@ -93,10 +93,10 @@ def lugre_feedforward(
     that u = u_track, as far as |z| <= g(rd)/sigma0. Connect u to the input f of a position controller, whose parameter
     m must then be 0. Feedforward does not change the stability of the loop.
 
-    Limits: in the model, z drifts under a constant force with vibration, reversal points are not remembered, and a jump
-    of rd causes a jump of F_hat by sigma1 times the jump of rd. With the start values, F_hat may even drive the axis
-    (F_hat < 0 for rd > 0), which v_d < 4 sqrt(2 e) Fc / sigma1 prevents. GMSFeedforward is better in presliding. A
-    reversal between two samples is missed. u_min must not exceed u_max.
+    Limits: in the model, z drifts under a constant force with vibration, and reversal points are not remembered. If rd
+    jumps, F_hat jumps by sigma1 times as much. With the start values, F_hat can even oppose the motion; choose v_d < 4
+    sqrt(2 e) Fc / sigma1 to prevent that. GMSFeedforward is better in presliding. A reversal between two samples is
+    missed. u_min must not exceed u_max.
     """
 
     def level(v: SX) -> SX:

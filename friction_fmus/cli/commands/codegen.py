@@ -1,7 +1,7 @@
 """Generate C code of a law, or of a position loop, for an embedded target, with its cost.
 
-The code has a struct of parameters and allocates no memory. A unit test for the target belongs to it. Its cost is
-stated for three microcontrollers. The file of a loop, such as recommended/loop.toml of a study, joins servo,
+The code has a struct of parameters and allocates no memory. A unit test and the cost on three microcontrollers are
+included. The file of a loop, such as recommended/loop.toml of a study, joins servo,
 feedforward and compensator to one function call per sample.
 """
 
