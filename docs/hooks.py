@@ -21,7 +21,7 @@ from friction_fmus.check.findings import RULES
 
 DOCS = Path(__file__).parent
 sys.path.append(str(DOCS))
-from live_site import block_pages, lab_files, lab_page, prepare  # noqa: E402
+from live_site import block_pages, blocks_by_kind, lab_files, lab_page, prepare  # noqa: E402
 from tables import filled  # noqa: E402
 
 NOTEBOOKS = DOCS.parent / "examples" / "notebooks"
@@ -42,6 +42,27 @@ def on_files(files: Files, config: MkDocsConfig, **_: Any) -> Files:
         for name, content in notebook.items():
             files.append(File.generated(config, f"notebooks/{name}", content=content))
     return files
+
+
+def on_config(config: MkDocsConfig, **_: Any) -> MkDocsConfig:
+    """Put the pages of the blocks behind that of all blocks, by kind."""
+    assert config.nav
+    config.nav = with_blocks(config.nav)
+    return config
+
+
+def with_blocks(entries: list[Any]) -> list[Any]:
+    """Return entries of the navigation in which the page of all blocks is a section."""
+    found = []
+    for entry in entries:
+        [(heading, inside)] = entry.items() if isinstance(entry, dict) else [("", entry)]
+        if isinstance(inside, list):
+            found.append({heading: with_blocks(inside)})
+        elif inside == "blocks/index.md":
+            found += [entry, *blocks_by_kind()]
+        else:
+            found.append(entry)
+    return found
 
 
 def on_post_build(config: MkDocsConfig, **_: Any) -> None:

@@ -19,7 +19,7 @@ from typing import Any
 from friction_fmus import fmu
 from friction_fmus.blocks.block_declarations import FILE
 from friction_fmus.blocks.catalogue import Block, catalogue
-from friction_fmus.blocks.macros import paragraphs
+from friction_fmus.blocks.macros import Paragraph, paragraphs
 from friction_fmus.blocks.probe import variable_groups
 from friction_fmus.export.block_fmu import block_source
 from friction_fmus.export.composite.composite_archive import composite_source
@@ -31,11 +31,15 @@ from friction_fmus.live import SCRIPTS, assets
 
 DOCS = Path(__file__).parent
 sys.path.append(str(DOCS))
+from equations import equations as typeset  # noqa: E402
+from markdown.extensions.toc import slugify  # noqa: E402
 from portraits import about_block, opened, pictures  # noqa: E402
 
 LAB = DOCS / "lab"
 ON_A_MASS = ("LuGre", "ElastoPlastic", "Dahl", "GMS", "ModifiedLeuven", "Leuven", "MaxwellSlip", "BlimanSorine")
 """Friction models that the lab also puts under a mass: their force follows from the velocity alone, continuously."""
+MOST_EFFECTS = 6
+"""Effects on the page of a block that none of them names in its title."""
 SYSTEMS = ("mass", "axis")
 """System files of the lab, see `ON_A_MASS`."""
 KINDS = {
@@ -150,6 +154,15 @@ def block_pages() -> Iterator[tuple[str, str | bytes]]:
             yield f"lab/models/{name}.js", block_script(name)
 
 
+def blocks_by_kind() -> list[dict[str, list[dict[str, str]]]]:
+    """Return the pages of the blocks as sections of the navigation."""
+    blocks = catalogue().values()
+    return [
+        {heading: [{each.name: f"blocks/{each.name}.md"} for each in blocks if each.kind == kind]}
+        for kind, heading in KINDS.items()
+    ]
+
+
 def index_page() -> str:
     """Return the list of all blocks."""
     lines = [
@@ -178,12 +191,14 @@ def checked(block: Block) -> str:
 
 
 def block_page(block: Block, found: dict[str, Any]) -> str:
-    """Return the page of a block: what it is, the live figure with its fallback, variables and source."""
-    first, *rest = [markdown(each) for each in paragraphs(block.notes)]
+    """Return the page of a block: what it is, the live figure with its fallback, its use, variables, source, notes."""
+    names = {entry.name for entries in found["groups"].values() for entry in entries}
+    about, notes = split_notes(block)
+    first, *rest = [typeset(each.lines, names) if each.equations else markdown(each) for each in about]
     live = "speed" in found["about"] or found["about"].get("figures")
-    parts = ["---", "hide: [navigation, toc]", "---", "", f"# {block.name}", "", first, ""]
+    parts = ["---", "hide: [toc]", "---", "", f"# {block.name}", "", first, ""]
     parts += [live_figure(block.name, len(found["pictures"]))] if live or found["pictures"] else []
-    parts += ["\n\n".join(rest), "", "## Variables", ""]
+    parts += ["\n\n".join(rest), "", *use(block), *relatives(block), "## Variables", ""]
     for title, entries in found["groups"].items():
         parts += [f"### {title}", "", "| name | unit | start | range | meaning |", "|---|---|---|---|---|"]
         for e in entries:
@@ -191,8 +206,63 @@ def block_page(block: Block, found: dict[str, Any]) -> str:
             parts.append(f"| {' | '.join(cell.replace('|', chr(92) + '|') for cell in cells)} |")
         parts.append("")
     parts += ["## Source", "", f"{block.origin}.", "", "```bibtex", *block.bibtex, "```", ""]
-    parts += ["```console", f"$ friction-fmus build {block.name}", "```", ""]
+    if notes:
+        shown = [typeset(each.lines, names) if each.equations else markdown(each) for each in notes]
+        parts += ["## Notes on source and computation", "", "\n\n".join(shown), ""]
     return "\n".join(parts)
+
+
+def split_notes(block: Block) -> tuple[list[Paragraph], list[Paragraph]]:
+    """Return what the block is, its equations and when to use it; and notes on the source and the computation."""
+    first, *others = paragraphs(block.notes)
+    main = [each for each in others if each.equations or each.lead]
+    return [first, *main], [each for each in others if each not in main]
+
+
+def use(block: Block) -> list[str]:
+    """Return how to use a block on the command line, in Python and in the lab."""
+    lab = (
+        f"[Move its parameters in the lab](../lab.md#view=contact&models={block.name}), or: "
+        if block.name in models()
+        else ""
+    )
+    code = {"law": [f"$ friction-fmus codegen {block.name} -o c"]}.get(block.kind, [])
+    return [
+        *("## Use it", "", f"{lab}`friction-fmus show {block.name}` lists its variables on the command line.", ""),
+        *("```console", f"$ friction-fmus build {block.name} -o fmus", *code, "```", ""),
+        *("```python", "from friction_fmus import fmu", f'path = fmu("{block.name}")', "```", ""),
+        "The FMU runs in Simulink, Dymola, OpenModelica, OMSimulator and FMPy: see [first FMU](../first-fmu.md).",
+        "",
+    ]
+
+
+def relatives(block: Block) -> list[str]:
+    """Return links to blocks for the same friction, and to effects whose scripts use the block."""
+    blocks = catalogue()
+    laws = [name for name, each in blocks.items() if each.kind in ("law", "controller")]
+    frictions = sorted((n for n, each in blocks.items() if each.kind == "friction"), key=len, reverse=True)
+    based = {law: next((name for name in frictions if name in law), "") for law in laws}
+    link = "[{0}]({0}.md)".format
+    lines = []
+    if block.kind == "friction":
+        own = [law for law, name in based.items() if name == block.name]
+        named = f"Made for this model: {', '.join(map(link, own))}. " if own else ""
+        lines += [f"{named}[Which compensator](../which-compensator.md) compares all of them.", ""]
+    elif based.get(block.name):
+        others = [law for law, name in based.items() if name == based[block.name] and law != block.name]
+        also = f" Other compensators for it: {', '.join(map(link, others))}." if others else ""
+        lines += [f"Made for the friction model {link(based[block.name])}.{also}", ""]
+    headings = [title for title, _ in effects() if re.search(rf"\b{block.name}\b", title)]
+    titles = headings or [title for title, text in effects() if block.name in text][:MOST_EFFECTS]
+    shown = [f"- [{title}](../effects.md#{slugify(title, '-')})" for title in titles]
+    return ["## Related", "", *lines, *shown, ""] if lines or shown else []
+
+
+@cache
+def effects() -> list[tuple[str, frozenset[str]]]:
+    """Return the effects of docs/effects.md in their order, with the words about them."""
+    sections = re.split(r"^##+ ", (DOCS / "effects.md").read_text(encoding="utf-8"), flags=re.M)
+    return [(each.splitlines()[0], frozenset(re.findall(r"\w+", each))) for each in sections if "![Figure]" in each]
 
 
 def live_figure(name: str, pictures: int) -> str:

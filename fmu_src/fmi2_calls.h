@@ -187,6 +187,19 @@ static bool slopes_are_finite(const Instance *c, const fmi2ValueReference refere
     return true;
 }
 
+#define REQUIRE_VECTOR(function, values, n, count, what)                                                               \
+    REQUIRE((n) == (size_t)(count), "fmi2" function ": %u values are requested, but %s has %d " what, (unsigned)(n),   \
+            QUOTE(MODEL), (int)(count))                                                                                \
+    REQUIRE((n) == 0 || (values), "fmi2" function ": the pointer to the values is null")
+
+/* Begin fmi2SetContinuousStates: check the number of the states and that they are finite. */
+#define REQUIRE_STATES(states, n, count)                                                                               \
+    REQUIRE_VECTOR("SetContinuousStates", states, n, count, "states")                                                  \
+    for (size_t i = 0; i < (n); i++)                                                                                   \
+        if (!isfinite((states)[i]))                                                                                    \
+            return report(c, fmi2Discard, LOG_DISCARD, "fmi2SetContinuousStates: state %d = %g is not finite", (int)i, \
+                          (states)[i]);
+
 fmi2Status fmi2GetString(fmi2Component component, const fmi2ValueReference references[], size_t n, fmi2String values[])
 {
     ENTER("GetString", MAY_Get)

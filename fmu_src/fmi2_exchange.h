@@ -103,19 +103,10 @@ fmi2Status fmi2SetTime(fmi2Component component, fmi2Real t)
     return fmi2OK;
 }
 
-#define REQUIRE_VECTOR(function, values, n, count, what)                                                               \
-    REQUIRE((n) == (size_t)(count), "fmi2" function ": %u values are requested, but %s has %d " what, (unsigned)(n),   \
-            QUOTE(MODEL), (int)(count))                                                                                \
-    REQUIRE((n) == 0 || (values), "fmi2" function ": the pointer to the values is null")
-
 fmi2Status fmi2SetContinuousStates(fmi2Component component, const fmi2Real states[], size_t n)
 {
     ENTER_AS(fmi2ModelExchange, "SetContinuousStates", MAY_SetContinuousStates)
-    REQUIRE_VECTOR("SetContinuousStates", states, n, ALL_STATES, "states")
-    for (size_t i = 0; i < n; i++)
-        if (!isfinite(states[i]))
-            return report(c, fmi2Discard, LOG_DISCARD, "fmi2SetContinuousStates: state %d = %g is not finite", (int)i,
-                          states[i]);
+    REQUIRE_STATES(states, n, ALL_STATES)
     const double *from = states;
     for (int r = 0; r < STATE_ROWS; r++)
         for (uint32_t k = 0; k < state_rows[r].count; k++)
@@ -124,41 +115,24 @@ fmi2Status fmi2SetContinuousStates(fmi2Component component, const fmi2Real state
     return fmi2OK;
 }
 
-fmi2Status fmi2GetContinuousStates(fmi2Component component, fmi2Real states[], size_t n)
-{
-    ENTER_AS(fmi2ModelExchange, "GetContinuousStates", MAY_GetContinuous)
-    REQUIRE_VECTOR("GetContinuousStates", states, n, ALL_STATES, "states")
-    const fmi2Status status = check_outputs(c, "ContinuousStates"); /* initial values may follow parameters */
-    if (status != fmi2OK)
-        return status;
-    for (int r = 0; r < STATE_ROWS; r++)
-        for (uint32_t k = 0; k < state_rows[r].count; k++)
-            *states++ = *value_of(&c->model, state_rows[r].index + k);
-    return fmi2OK;
-}
-
-fmi2Status fmi2GetNominalsOfContinuousStates(fmi2Component component, fmi2Real nominals[], size_t n)
-{
-    ENTER_AS(fmi2ModelExchange, "GetNominalsOfContinuousStates", ANY_MODE)
-    REQUIRE_VECTOR("GetNominalsOfContinuousStates", nominals, n, ALL_STATES, "states")
-    for (int r = 0; r < STATE_ROWS; r++)
-        for (uint32_t k = 0; k < state_rows[r].count; k++)
-            *nominals++ = state_rows[r].nominal;
-    return fmi2OK;
-}
-
-fmi2Status fmi2GetDerivatives(fmi2Component component, fmi2Real derivatives[], size_t n)
-{
-    ENTER_AS(fmi2ModelExchange, "GetDerivatives", MAY_GetContinuous)
-    REQUIRE_VECTOR("GetDerivatives", derivatives, n, ALL_STATES, "states")
-    const fmi2Status status = check_outputs(c, "Derivatives");
-    if (status != fmi2OK)
-        return status;
-    for (int r = 0; r < STATE_ROWS; r++)
-        for (uint32_t k = 0; k < state_rows[r].count; k++)
-            *derivatives++ = *value_of(&c->model, state_rows[r].derivative + k);
-    return fmi2OK;
-}
+/* A function that returns a value for each state, the element k of `row`. */
+#define GET_OF_STATES(what, allowed, needs_results, value)                                                             \
+    fmi2Status fmi2Get##what(fmi2Component component, fmi2Real values[], size_t n)                                     \
+    {                                                                                                                  \
+        ENTER_AS(fmi2ModelExchange, "Get" #what, allowed)                                                              \
+        REQUIRE_VECTOR("Get" #what, values, n, ALL_STATES, "states")                                                   \
+        const fmi2Status status = needs_results ? check_outputs(c, #what) : fmi2OK;                                    \
+        if (status != fmi2OK)                                                                                          \
+            return status;                                                                                             \
+        for (const StateRow *row = state_rows; row < state_rows + STATE_ROWS; row++)                                   \
+            for (uint32_t k = 0; k < row->count; k++)                                                                  \
+                *values++ = value;                                                                                     \
+        return fmi2OK;                                                                                                 \
+    }
+GET_OF_STATES(ContinuousStates, MAY_GetContinuous, true,
+              *value_of(&c->model, row->index + k)) /* may follow parameters */
+GET_OF_STATES(NominalsOfContinuousStates, ANY_MODE, false, row->nominal)
+GET_OF_STATES(Derivatives, MAY_GetContinuous, true, *value_of(&c->model, row->derivative + k))
 
 fmi2Status fmi2GetEventIndicators(fmi2Component component, fmi2Real values[], size_t n)
 {

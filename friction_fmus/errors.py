@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable
+from typing import Final
 
 from harness import errors
 from harness.errors import BuildError, closest
@@ -22,6 +24,14 @@ def did_you_mean(name: str, names: Iterable[str]) -> str:
     """Return a hint for a misspelt name; empty if no name is similar."""
     found = closest(name, names)
     return f" (did you mean {found}?)" if found else ""
+
+
+_COMMANDS: Final = re.compile(r"[\x00-\x08\x0b-\x1f\x7f-\x9f\u061c\u200e\u200f\u2028-\u202e\u2066-\u2069]")
+
+
+def visible(text: str) -> str:
+    """Return a text with escapes for the characters that a terminal would obey: names in files may contain them."""
+    return _COMMANDS.sub(lambda found: repr(found[0])[1:-1], text)
 
 
 class IdentificationError(FrictionError):

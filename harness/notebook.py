@@ -26,6 +26,12 @@ class Listing:
         """The texts of each row; floating-point numbers have six digits."""
         return (["" if c is None else f"{c:.6g}" if isinstance(c, float) else str(c) for c in row] for row in self.rows)
 
+    @property
+    def records(self) -> list[dict[str, object]]:
+        """Each row for JSON, with the headings as keys."""
+        keys = [" ".join(heading.split()) for heading in self.headings]
+        return [dict(zip(keys, row, strict=True)) for row in self.rows]
+
     def html(self) -> str:
         """Return the table as HTML; texts are escaped."""
         heads = (" ".join(heading.split()) for heading in self.headings)

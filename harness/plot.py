@@ -11,6 +11,8 @@ from harness.errors import OutputError, UnknownNameError, nearest
 from harness.storage.files import atomic_path
 
 if TYPE_CHECKING:
+    from matplotlib.lines import Line2D
+
     from harness.result import Result
 
 
@@ -63,18 +65,19 @@ def plot(result: Result, path: str | Path, names: Sequence[str] = ()) -> None:
     axes = figure.subplots(len(panels), 1, sharex=True, squeeze=False)[:, 0]
     time = result["time"].to_numpy()
     for axis, (unit, members) in zip(axes, panels.items(), strict=True):
+        lines: list[Line2D] = []
         for name in members:
             values = result[name].to_numpy()
-            (line,) = axis.plot(time, values, label=label_of(name), linewidth=1.0)
+            lines += axis.plot(time, values, label=label_of(name), linewidth=1.0)
             bound = result[name].attrs.get("ancillary_variables")
             if bound in known:
                 error = result[bound].where(result[bound] < math.inf).to_numpy()
-                band = {"color": line.get_color(), "alpha": 0.25, "linewidth": 0.0}
+                band = {"color": lines[-1].get_color(), "alpha": 0.25, "linewidth": 0.0}
                 axis.fill_between(time, values - error, values + error, **band)
-        axis.set_ylabel(f"{label_of(members[0])} [{unit}]" if len(members) == 1 else f"[{unit}]")
+        axis.set_ylabel(label_of(f"{members[0]} [{unit}]" if len(members) == 1 else f"[{unit}]"))
         axis.grid(alpha=0.3)
         if len(members) > 1:
-            axis.legend(loc="upper right", fontsize="small")
+            axis.legend(handles=lines, loc="upper right", fontsize="small")  # also of names that begin with _
     axes[-1].set_xlabel("time [s]")
     with atomic_path(path) as temporary:
         figure.savefig(temporary, dpi=120)

@@ -38,9 +38,9 @@ def make_result(
 
 
 def heading(result: Result, name: str) -> str:
-    """Return the name with its unit, for example ``mass.x [m]``; without brackets if there is no unit."""
-    unit = result[name].attrs.get("units")
-    return f"{name} [{unit}]" if unit else name
+    """Return the name with its unit, such as ``mass.x [m]``; brackets without a unit protect those of a name."""
+    unit = result[name].attrs.get("units") or ""
+    return f"{name} [{unit}]" if unit or split_heading(name) != (name, "") else name
 
 
 def split_heading(text: str) -> tuple[str, str]:

@@ -29,7 +29,7 @@ def matching(pattern: str, names: Iterable[str]) -> list[str]:
 
 MOST_TICKS: Final = 1 << 62  # largest number of ticks of a run, so that sums fit into 64 bits
 
-_CONTROL = re.compile(r"[\x00-\x1f\x7f-\x9f\u2028\u2029]")
+_CONTROL = re.compile(r"[\x00-\x1f\x7f-\x9f\u2028\u2029\ud800-\udfff]")
 
 _SHORT = reprlib.Repr()
 _SHORT.maxstring = _SHORT.maxother = _SHORT.maxlong = 80

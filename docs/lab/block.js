@@ -89,8 +89,7 @@
     const values = Object.fromEntries(shown.map(({ name: each, start }) => [each, Number(start)]));
     const changed = {};
     const typical = (unit) => Math.max(0, ...shown.filter((each) => each.unit === unit).map((each) => Math.abs(each.start)));
-    const rare = ({ name: each, type }) => /\[|_neg$|0$|^seed$|^dt$/.test(each) || type === "Boolean";
-    const ordered = [...shown.filter((each) => !rare(each)), ...shown.filter(rare)];
+    const ordered = [...shown.filter((each) => !live.isRare(each)), ...shown.filter(live.isRare)];
     const rows = ordered.map((variable) => {
       const { unit = "", description = "", min = -Infinity, max = Infinity, type } = variable;
       const told = { name: variable.name, text: description, unit, start: Number(variable.start), min, max, type };
@@ -100,7 +99,7 @@
         redraw();
       }).element;
     });
-    const count = Math.min(NUMBERS, ordered.filter((each) => !rare(each)).length);
+    const count = Math.min(NUMBERS, ordered.filter((each) => !live.isRare(each)).length);
     const more = rows.slice(count);
     const motion = motions.map((each) => live.slider({ ...each, start: setup[each.name] }, (key, value) => {
       setup[key] = value;

@@ -54,7 +54,7 @@
     const own = [...run.model.variables.values()].filter(
       ({ name, causality, start }) => causality === "parameter" && name.startsWith(prefix()) && name !== prefix() + live.SIDES && start !== undefined && isFinite(start),
     );
-    const rare = ({ name, type }) => /\[|_neg$|^Fn0$|^v_d$|^dead_band$|^seed$/.test(name.slice(prefix().length)) || type === "Boolean";
+    const rare = ({ name, type }) => live.isRare({ name: name.slice(prefix().length), type });
     return { main: own.filter((each) => !rare(each)), more: own.filter(rare) };
   }
 
@@ -171,8 +171,38 @@
       element("details", {}, element("summary", {}, "BibTeX"), element("pre", { tabIndex: 0, "aria-label": "BibTeX of " + name }, bibtex)));
   }
 
-  const FORMATS = { TOML: "toToml", Python: "toPython", "build command": "toCommand" };
-  const format = element("select", { id: "format" }, ...Object.keys(FORMATS).map((name) => element("option", {}, name)));
+  /* A model with what is changed, as texts to copy need it: the system file, and the inputs that nothing drives. */
+  function copiedSide(model, side) {
+    const run = runs.get(side + scriptOf(model));
+    const driven = view.part === "block" ? ["v", "F_ext"] : view.system(setup()).force ? ["axis.F_load"] : [];
+    const open = [...run.model.variables.values()].filter(({ name, causality }) => causality === "input" && !driven.includes(name));
+    return {
+      model,
+      changed: live.sided(state[ROLES[side]]),
+      pushed: run.has("F_ext"),
+      toml: (live.about[scriptOf(model)] || {}).toml,
+      inputs: Object.fromEntries(open.map(({ name, start }) => [view.part === "block" ? "friction." + name : name, Number(start)])),
+    };
+  }
+
+  /* Return what the shown experiment can be copied as, by name. A system file has one model and no force that varies. */
+  function formats() {
+    const sides = state.models.map(copiedSide);
+    const loop = view.system && view.system(setup());
+    const found = {};
+    if (view.id === "contact") {
+      found.Python = share.ofContact(sides, setup(), live.about[state.models[0]].reach);
+    }
+    if (loop) found.Python = share.toPython(sides, loop);
+    if (loop && !loop.force) {
+      sides.forEach((each, side) => {
+        found["TOML of " + each.model + (side && each.model === sides[0].model ? ", compared" : "")] = share.toToml(each, loop);
+      });
+    }
+    return { ...found, [sides.length > 1 ? "build commands" : "build command"]: sides.map(share.toCommand).join("\n") };
+  }
+
+  const format = element("select", { id: "format" });
   const source = element("pre", { tabIndex: 0, "aria-label": "Text to copy" });
   const copied = element("span", { role: "status" });
 
@@ -195,9 +225,9 @@
   format.addEventListener("change", exportTexts);
 
   function exportTexts() {
-    const side = 0;
-    const run = view.system ? { ...view.system(setup()), toml: live.about[scriptOf(state.models[side])].toml } : null;
-    source.textContent = share[FORMATS[format.value]](state.models[side], live.sided(state.first), run);
+    const texts = formats(), names = Object.keys(texts), chosen = names.includes(format.value) ? format.value : names[0];
+    format.replaceChildren(...names.map((name) => element("option", { selected: name === chosen }, name)));
+    source.textContent = texts[chosen];
   }
 
   function showClaim() {

@@ -142,7 +142,7 @@
       values: { "axis.m": m },
       duration: Math.min((1.2 * top) / rate, 40),
       force: (t) => Math.min(rate * t, top),
-      note: "axis.F_load grows from 0 by " + rate + " N/s to " + top + " N",
+      python: "np.minimum(" + rate + " * t, " + top + ")",
     }),
     compute(run, friction, setup) {
       const loop = this.loop(setup);
@@ -185,7 +185,7 @@
       duration: 1 + CYCLES / frequency,
       force: (t) => (t < 1 ? bias * t : bias + vibration * Math.sin(2 * Math.PI * frequency * (t - 1))),
       most: 12000,
-      note: "axis.F_load grows to " + bias + " N in 1 s, then vibrates by " + vibration + " N at " + frequency + " Hz",
+      python: "np.where(t < 1, " + bias + " * t, " + bias + " + " + vibration + " * np.sin(2 * np.pi * " + frequency + " * (t - 1)))",
     }),
     compute(run, friction, setup) {
       const loop = this.loop(setup);

@@ -1815,19 +1815,10 @@ fmi2Status fmi2SetTime(fmi2Component component, fmi2Real t)
     return fmi2OK;
 }
 
-#define REQUIRE_VECTOR(function, values, n, count, what)                                                               \
-    REQUIRE((n) == (size_t)(count), "fmi2" function ": %u values are requested, but %s has %d " what, (unsigned)(n),   \
-            QUOTE(MODEL), (int)(count))                                                                                \
-    REQUIRE((n) == 0 || (values), "fmi2" function ": the pointer to the values is null")
-
 fmi2Status fmi2SetContinuousStates(fmi2Component component, const fmi2Real states[], size_t n)
 {
     ENTER_AS(fmi2ModelExchange, "SetContinuousStates", MAY_SetContinuousStates)
-    REQUIRE_VECTOR("SetContinuousStates", states, n, STATES, "states")
-    for (size_t i = 0; i < n; i++)
-        if (!isfinite(states[i]))
-            return report(c, fmi2Discard, LOG_DISCARD, "fmi2SetContinuousStates: state %d = %g is not finite", (int)i,
-                          states[i]);
+    REQUIRE_STATES(states, n, STATES)
     const fmi2Real *from = states;
     ALL_EXCHANGE("fmi2SetContinuousStates",
                  (from += part_data[i].states, f->set_states(p, from - part_data[i].states, part_data[i].states)))

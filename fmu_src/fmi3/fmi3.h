@@ -1001,59 +1001,32 @@ static fmi3Status set_of_states(Shell *c, const double *values, size_t n)
 }
 #endif
 
-fmi3Status fmi3GetContinuousStates(fmi3Instance instance, fmi3Float64 states[], size_t n)
-{
-    (void)states, (void)n;
-    ENTER_EXCHANGE("GetContinuousStates", MAY3_GetContinuousStates)
-    EXCHANGE(get_of_states(c, fmi2GetContinuousStates, states, n))
-}
+/* A function that gets or sets a vector of model exchange. */
+#define VECTOR_3(name, element, allowed, call)                                                                         \
+    fmi3Status fmi3##name(fmi3Instance instance, element values[], size_t n)                                           \
+    {                                                                                                                  \
+        (void)values, (void)n;                                                                                         \
+        ENTER_EXCHANGE(#name, allowed)                                                                                 \
+        EXCHANGE(call)                                                                                                 \
+    }
+VECTOR_3(GetContinuousStates, fmi3Float64, MAY3_GetContinuousStates,
+         get_of_states(c, fmi2GetContinuousStates, values, n))
+VECTOR_3(SetContinuousStates, const fmi3Float64, MAY3_InContinuousTime, set_of_states(c, values, n))
+VECTOR_3(GetContinuousStateDerivatives, fmi3Float64, MAY3_GetContinuousStates,
+         get_of_states(c, fmi2GetDerivatives, values, n))
+VECTOR_3(GetNominalsOfContinuousStates, fmi3Float64, MAY3_GetContinuousStates,
+         get_of_states(c, fmi2GetNominalsOfContinuousStates, values, n))
+VECTOR_3(GetEventIndicators, fmi3Float64, MAY3_GetContinuousStates,
+         (fmi3Status)fmi2GetEventIndicators(c->inside, values, n))
 
-fmi3Status fmi3SetContinuousStates(fmi3Instance instance, const fmi3Float64 states[], size_t n)
-{
-    (void)states, (void)n;
-    ENTER_EXCHANGE("SetContinuousStates", MAY3_InContinuousTime)
-    EXCHANGE(set_of_states(c, states, n))
-}
-
-fmi3Status fmi3GetContinuousStateDerivatives(fmi3Instance instance, fmi3Float64 derivatives[], size_t n)
-{
-    (void)derivatives, (void)n;
-    ENTER_EXCHANGE("GetContinuousStateDerivatives", MAY3_GetContinuousStates)
-    EXCHANGE(get_of_states(c, fmi2GetDerivatives, derivatives, n))
-}
-
-fmi3Status fmi3GetNominalsOfContinuousStates(fmi3Instance instance, fmi3Float64 nominals[], size_t n)
-{
-    (void)nominals, (void)n;
-    ENTER_EXCHANGE("GetNominalsOfContinuousStates", MAY3_GetContinuousStates)
-    EXCHANGE(get_of_states(c, fmi2GetNominalsOfContinuousStates, nominals, n))
-}
-
-fmi3Status fmi3GetEventIndicators(fmi3Instance instance, fmi3Float64 values[], size_t n)
-{
-    (void)values, (void)n;
-    ENTER_EXCHANGE("GetEventIndicators", MAY3_GetContinuousStates)
-    EXCHANGE((fmi3Status)fmi2GetEventIndicators(c->inside, values, n))
-}
-
-fmi3Status fmi3GetNumberOfContinuousStates(fmi3Instance instance, size_t *n)
-{
-    ENTER_EXCHANGE("GetNumberOfContinuousStates", ANY_3)
-    REQUIRE_3(n, "was called with a null pointer")
-#if HAS_MODEL_EXCHANGE
-    *n = state_count_3(c, false);
-    return fmi3OK;
-#endif
-}
-
-fmi3Status fmi3GetNumberOfEventIndicators(fmi3Instance instance, size_t *n)
-{
-    ENTER_EXCHANGE("GetNumberOfEventIndicators", ANY_3)
-    REQUIRE_3(n, "was called with a null pointer")
-#if HAS_MODEL_EXCHANGE
-    *n = INDICATOR_COUNT;
-    return fmi3OK;
-#endif
-}
+#define LENGTH_3(name, length)                                                                                         \
+    fmi3Status fmi3##name(fmi3Instance instance, size_t *n)                                                            \
+    {                                                                                                                  \
+        ENTER_EXCHANGE(#name, ANY_3)                                                                                   \
+        REQUIRE_3(n, "was called with a null pointer")                                                                 \
+        EXCHANGE((*n = length, fmi3OK))                                                                                \
+    }
+LENGTH_3(GetNumberOfContinuousStates, state_count_3(c, false))
+LENGTH_3(GetNumberOfEventIndicators, INDICATOR_COUNT)
 
 #endif

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import argparse
+import json
+import sys
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 from friction_fmus.errors import FrictionError
 from friction_fmus.export.targets import DEFAULT, targets
+from friction_fmus.listings import plain
 from harness.masters import master_names
 
 
@@ -40,6 +43,16 @@ def parse_assignment(text: str) -> tuple[str, float | bool]:
 def parse_assignments(texts: Sequence[str] | None) -> dict[str, float | bool]:
     """Return the start values given by all options ``--set NAME=VALUE``."""
     return dict(parse_assignment(text) for text in texts or ())
+
+
+def add_json(parser: argparse.ArgumentParser) -> None:
+    """Add the option for a program that reads the output."""
+    parser.add_argument("--json", action="store_true", help="print JSON")
+
+
+def print_json(content: Any) -> None:
+    """Print content as JSON, which has no infinity: such numbers become null."""
+    sys.stdout.write(json.dumps(plain(content), indent=2) + "\n")
 
 
 def add_block(parser: argparse.ArgumentParser) -> None:
@@ -79,7 +92,8 @@ def add_fmu_target(parser: argparse.ArgumentParser) -> None:
         metavar="PLATFORM",
         help="native (default), all, FMI platform names such as win64, or wasm32 for JavaScript",
     )
-    parser.add_argument("--fmi", dest="target", type="fmi{}".format, metavar="{2,3}", help="FMI 3.0: --target fmi3")
+    version: dict[str, Any] = {"type": "fmi{}".format, "default": argparse.SUPPRESS}
+    parser.add_argument("--fmi", dest="target", metavar="{2,3}", help="version of FMI; default: 2", **version)
     add_target(parser, "fmu")
 
 

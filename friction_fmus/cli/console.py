@@ -2,17 +2,29 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import Any
 
-from rich.console import Console
+from rich.console import Console, ConsoleOptions, RenderableType
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, ProgressColumn, TextColumn, TimeRemainingColumn
+from rich.segment import Segment
 from rich.table import Table
 from rich.text import Text
 
+from friction_fmus.errors import visible
 from harness.notebook import Listing
 
 LITERAL: dict[str, Any] = {"markup": False, "emoji": False, "highlight": False}
 """Options of a console that prints strings as they are."""
+
+
+class VisibleConsole(Console):
+    """A console on which no text commands the terminal."""
+
+    def render(self, renderable: RenderableType, options: ConsoleOptions | None = None) -> Iterable[Segment]:
+        """Yield the pieces of what is printed."""
+        for piece in super().render(renderable, options):
+            yield piece if piece.control else piece._replace(text=visible(piece.text))
 
 
 def literal_console(**options: Any) -> Console:
@@ -20,7 +32,7 @@ def literal_console(**options: Any) -> Console:
 
     Use `styled` or `rich.text.Text` for styled text.
     """
-    return Console(**LITERAL, **options)
+    return VisibleConsole(**LITERAL, **options)
 
 
 def styled(*parts: str | tuple[str, str]) -> Text:
@@ -35,9 +47,10 @@ def drawn(listing: Listing, *, title: bool = True, padding: tuple[int, ...] = (0
     """Return a table for the terminal, in which numbers do not wrap."""
     caption = listing.caption if title else None
     table = Table(title=caption, title_justify="left", box=None, pad_edge=False, padding=padding)  # type: ignore[arg-type]
-    for heading in listing.headings:
+    for place, heading in enumerate(listing.headings):
         number = heading.startswith(" ")
-        table.add_column(heading.strip(), justify="right" if number else "left", no_wrap=number, overflow="fold")
+        kept = number or place == 0  # names are copied, and grep finds them
+        table.add_column(heading.strip(), justify="right" if number else "left", no_wrap=kept, overflow="fold")
     for cells in listing.cells:
         table.add_row(*cells)
     return table

@@ -12,7 +12,7 @@ import sys
 from collections.abc import Sequence
 
 from friction_fmus.cli import commands
-from friction_fmus.errors import FrictionError
+from friction_fmus.errors import FrictionError, visible
 from friction_fmus.version import VERSION
 from harness.errors import HarnessError
 from harness.extras import extra_of, missing
@@ -38,12 +38,22 @@ def parser() -> argparse.ArgumentParser:
     return top
 
 
+class _Visible(logging.Formatter):
+    """Format of log messages, which repeat texts of FMUs."""
+
+    def format(self, record: logging.LogRecord) -> str:
+        """Return the line."""
+        return visible(super().format(record))
+
+
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command."""
     options = parser().parse_args(arguments)
     if isinstance(sys.stdout, io.TextIOWrapper):
         sys.stdout.reconfigure(errors="backslashreplace")  # file names may be invalid UTF-8
-    logging.basicConfig(level=logging.WARNING, format="%(name)s: %(message)s")
+    handler = logging.StreamHandler()
+    handler.setFormatter(_Visible("%(name)s: %(message)s"))
+    logging.basicConfig(level=logging.WARNING, handlers=[handler])
     try:
         stamped()  # libraries read the variable too, but raise errors of their own
         return options.run(options) or 0
@@ -57,8 +67,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         text = str(error)
         if isinstance(error, OSError) and error.strerror:
             text = f"{error.filename}: {error.strerror}" if error.filename else error.strerror
-        # messages of libraries may have several lines
-        print(f"friction-fmus: {' '.join(text.splitlines())}", file=sys.stderr)
+        print("friction-fmus:", "\n".join(map(visible, text.split("\n"))), file=sys.stderr)
         return 2
     except KeyboardInterrupt as error:
         print(f"friction-fmus: {str(error) or 'interrupted'}", file=sys.stderr)

@@ -14,6 +14,7 @@ from friction_fmus.conditions.condition import (
     at_least,
     at_most,
     below,
+    compared,
     held_mass,
     is_stable,
     longest_sample,
@@ -41,10 +42,8 @@ def break_away(most: float, Fs: float, direction: str = "forward") -> Condition:
         Its value is the largest force, its bound static friction [N].
     """
     return Condition(
-        name="break-away",
-        ok=above(most, Fs),
-        value=most,
-        bound=Fs,
+        "break-away",
+        *compared(above, most, Fs),
         wrong=f"the largest {{force}} {direction}, behind all limits, is {most:.4g} {{N}}; static friction is "
         f"{Fs:.4g} {{N}}",
         why="the drive cannot start a slow motion in that direction: the axis sticks",
@@ -69,10 +68,8 @@ def sliding_gain(K: float, F: float) -> Condition:
         Its value is K, its bound F [N].
     """
     return Condition(
-        name="sliding gain",
-        ok=at_least(K, F),
-        value=K,
-        bound=F,
+        "sliding gain",
+        *compared(at_least, K, F),
         wrong=f"the gain of the sliding mode, K = {K:.4g} {{N}}, must be at least the remaining friction, {F:.4g} "
         f"{{N}}",
         why="the axis does not reach the sliding surface: it sticks away from its target, and a larger s does not "
@@ -100,10 +97,8 @@ def super_twisting(c1: float, c2: float) -> Condition:
     value, bound = (c2, 1.0) if by_rate else (c1, least)
     text = f"c2 = {c2:.4g} must be above 1" if by_rate else f"c1 = {c1:.4g} must be above sqrt(1 + c2) = {least:.4g}"
     return Condition(
-        name="super-twisting",
-        ok=above(value, bound),
-        value=value,
-        bound=bound,
+        "super-twisting",
+        *compared(above, value, bound),
         wrong=text,
         why="the integral part changes more slowly than friction with rate L and lags behind it"
         if by_rate
@@ -129,10 +124,8 @@ def super_twisting_rate(c2: float, L: float, rate: float) -> Condition:
         Its value is c2 L, its bound the rate [N/s].
     """
     return Condition(
-        name="super-twisting rate",
-        ok=at_least(c2 * L, rate),
-        value=c2 * L,
-        bound=rate,
+        "super-twisting rate",
+        *compared(at_least, c2 * L, rate),
         wrong=f"c2 L = {c2 * L:.4g} {{N}}/s must be at least the largest rate of change of friction, {rate:.4g} "
         f"{{N}}/s",
         why="the estimate lags behind friction at reversals and leaves an error",
@@ -163,10 +156,8 @@ def adaptation(rate: float, Ks: float, m: float, Ts: float) -> Condition:
     slow = below(2.0 * Ks * Ts / m, 4.0 + rate * Ts**2 / m)
     value, bound = (rate * Ts, Ks) if slow else (2.0 * Ks * Ts / m, 4.0 + rate * Ts**2 / m)
     return Condition(
-        name="adaptation",
-        ok=below(value, bound),
-        value=value,
-        bound=bound,
+        "adaptation",
+        *compared(below, value, bound),
         wrong=f"the adaptation rate times Ts, {value:.4g} {{Ns_m}}, must be below Ks = {bound:.4g} {{Ns_m}}"
         if slow
         else f"2 Ks Ts/m = {value:.4g} must be below 4 + Gamma F^2 Ts^2/m = {bound:.4g}",
@@ -194,10 +185,8 @@ def prefilter(Kp: float, Kd: float, Ki: float, Ts: float) -> Condition:
     slow = below(2.0 * Ts * Kp, 4.0 * Kd + Ts**2 * Ki)
     value, bound = (Ts * Ki, Kp) if slow else (2.0 * Ts * Kp, 4.0 * Kd + Ts**2 * Ki)
     return Condition(
-        name="prefilter",
-        ok=below(value, bound),
-        value=value,
-        bound=bound,
+        "prefilter",
+        *compared(below, value, bound),
         wrong=f"Ts Ki = {value:.4g} {{N_m}} must be below Kp = {bound:.4g} {{N_m}}"
         if slow
         else f"2 Ts Kp = {value:.4g} {{Ns_m}} must be below 4 Kd + Ts^2 Ki = {bound:.4g} {{Ns_m}}",
@@ -255,10 +244,8 @@ def preview(zero: float, N: float) -> Condition:
     outside = value < math.inf
     least = math.ceil(math.log(1e3) / math.log(abs(zero))) if outside and zero else 0
     return Condition(
-        name="preview",
-        ok=at_most(value, 1e-3),
-        value=value,
-        bound=1e-3,
+        "preview",
+        *compared(at_most, value, 1e-3),
         wrong=f"the truncated series of the inverse has the relative error |zero|^-N = {value:.4g} with N = {N:.4g}"
         if outside
         else f"the zero {zero:.4g} is not outside the unit circle",
@@ -304,10 +291,8 @@ def injection(m: float, Kp: float, Kd: float, Ki: float, s0: float, s1: float) -
     else:
         value, bound, gain, unit, rule = Kd, least, "Kd", "{Ns_m}", "s0 m/s1"
     return Condition(
-        name="observer injection",
-        ok=at_least(value, bound),
-        value=value,
-        bound=bound,
+        "observer injection",
+        *compared(at_least, value, bound),
         wrong=f"{gain} = {value:.4g} {unit} must be at least {rule} = {bound:.4g} {unit}, because the observer is "
         "corrected by the position error",
         why="the transfer function from injection to error is not positive real: the estimation error may not decay, "
@@ -433,10 +418,8 @@ def explicit_observer(Ts: float, s0: float, Fc: float, v: float) -> Condition:
     """
     bound = 0.2 * Fc / (s0 * abs(v)) if v else math.inf
     return Condition(
-        name="explicit observer",
-        ok=below(Ts, bound),
-        value=Ts,
-        bound=bound,
+        "explicit observer",
+        *compared(below, Ts, bound),
         wrong=f"Ts = {Ts:.4g} s must be below 0.2 g/(s0 v) = {bound:.4g} s at {abs(v):.4g} {{m_s}}",
         why="the bristles relax within a few samples: an explicit step gives wrong {force}s long before it becomes "
         "unstable at 2 g/(s0 v)",
@@ -467,10 +450,8 @@ def overcompensation(share: float, measured: bool = True) -> Condition:
         else "the excess {force} pushes in the direction of the reference: the axis overshoots at each reversal"
     )
     return Condition(
-        name=OVERCOMPENSATION,
-        ok=at_most(share, 1.0),
-        value=share,
-        bound=1.0,
+        OVERCOMPENSATION,
+        *compared(at_most, share, 1.0),
         wrong=f"the compensation is {share:.4g} times the friction of the axis",
         why=why,
         change=f"multiply the gain by {0.9 / share:.2g}, or correct the friction parameters of the law"

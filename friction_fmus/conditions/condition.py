@@ -202,6 +202,11 @@ def at_most(value: float, bound: float, scale: float = 0.0) -> bool:
     return not (math.isnan(value) or math.isnan(bound) or above(value, bound, scale))
 
 
+def compared(holds: Callable[[float, float], bool], value: float, bound: float) -> tuple[bool, float, float]:
+    """Return the fields ok, value and bound of a condition that compares two numbers."""
+    return holds(value, bound), value, bound
+
+
 def remainder(value: float, taken: float) -> float:
     """Return ``value - taken``, or exactly 0 if the two are equal within rounding errors."""
     return value - taken if above(value, taken) or below(value, taken) else 0.0

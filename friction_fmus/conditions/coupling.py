@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from friction_fmus.conditions.condition import Condition, at_most, below
+from friction_fmus.conditions.condition import Condition, at_most, below, compared
 from harness.masters import find_master
 
 
@@ -57,10 +57,8 @@ def contact_step(master: str, step: float, m: float, s0: float, c: float) -> Con
     bound = longest_step(master, m, s0, c)
     shorter = f", or a step well below {bound:.4g} s" if bound > 0.0 else ""
     return Condition(
-        name="contact stiffness",
-        ok=below(step, bound),
-        value=step,
-        bound=bound,
+        "contact stiffness",
+        *compared(below, step, bound),
         wrong=f"the communication step is {step:.4g} s; {master} is stable below {bound:.4g} s for {m:.4g} {{kg}} on a "
         f"contact of {s0:.4g} {{N_m}} and {c:.4g} {{Ns_m}}",
         why="{mass} and contact exchange held values: at rest the coupling oscillates, limited only by sliding; the "
@@ -122,10 +120,8 @@ def output_delay(late: float, Ts: float, source: str, target: str) -> Condition:
         Its value is the delay, its bound Ts/10 [s].
     """
     return Condition(
-        name="stepping order",
-        ok=at_most(late, 0.1 * Ts),
-        value=late,
-        bound=0.1 * Ts,
+        "stepping order",
+        *compared(at_most, late, 0.1 * Ts),
         wrong=f"{target} is stepped before {source} and uses an output that is {late:.4g} s old",
         why="the zero-order hold delays the output by Ts/2, the stepping order adds a whole step; with the step Ts the "
         "residual of an exact feedforward is three times as large, and a feedback loop loses phase",

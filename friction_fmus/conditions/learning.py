@@ -7,7 +7,7 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from friction_fmus.conditions.condition import Condition, at_least, below, first_largest, held_mass
+from friction_fmus.conditions.condition import Condition, at_least, below, compared, first_largest, held_mass
 from friction_fmus.conditions.position_loop import closed_loop
 
 Response: TypeAlias = NDArray[np.complex128]
@@ -111,10 +111,8 @@ def contraction(
     value, at = float(ratio[worst]), float(frequency[worst])
     first = float(frequency[next((i for i, one in enumerate(ratio) if at_least(float(one), 1.0)), 0)])
     return Condition(
-        name="learning",
-        ok=below(value, 1.0),
-        value=value,
-        bound=1.0,
+        "learning",
+        *compared(below, value, 1.0),
         wrong=f"|Q| |1 - gamma L S| is {value:.4g} at {at:.4g} Hz, not below 1",
         why=f"errors at {at:.4g} Hz grow from trial to trial, even if the total error shrinks at first",
         change=f"correct the model in L, lower the learning rate, or put the corner of Q well below {first:.4g} Hz, "

@@ -8,7 +8,7 @@ from functools import cache
 
 import numpy as np
 
-from friction_fmus.conditions.condition import Condition, above, at_most, below
+from friction_fmus.conditions.condition import Condition, above, at_most, below, compared
 from friction_fmus.conditions.position_loop import steepest_fall
 
 
@@ -33,10 +33,8 @@ def encoder_count(q: float, Kp: float, Kd: float, F: float, window: float) -> Co
     """
     value = (abs(Kp) + abs(Kd) / window) * q
     return Condition(
-        name="encoder",
-        ok=below(value, F),
-        value=value,
-        bound=F,
+        "encoder",
+        *compared(below, value, F),
         wrong=f"one count of the encoder, {q:.4g} {{m}}, changes the {{force}} by Kp q + Kd q/T = {value:.4g} {{N}}; "
         f"static friction is {F:.4g} {{N}}",
         why="the velocity computed from positions jumps by q/T with each count: slow motion is jerky, back and forth",
@@ -80,10 +78,8 @@ def cogging(Kp: float, slope: float) -> Condition:
         Its value is the stiffness of the loop, its bound the slope [N/m].
     """
     return Condition(
-        name="cogging",
-        ok=above(Kp, slope),
-        value=Kp,
-        bound=slope,
+        "cogging",
+        *compared(above, Kp, slope),
         wrong=f"the stiffness of the loop, {Kp:.4g} {{N_m}}, must be above the steepest rise of the cogging {{force}}, "
         f"{slope:.4g} {{N_m}}",
         why="between the magnets the loop has no stable equilibrium: the axis jumps from pitch to pitch",
@@ -120,10 +116,8 @@ def belt(damping: float, Fc: float, Fs: float, vs: float, delta: float, v: float
     """
     speed, fall = abs(v), fall_at(Fc, Fs, vs, delta, v)
     return Condition(
-        name="belt",
-        ok=above(damping, fall),
-        value=damping,
-        bound=fall,
+        "belt",
+        *compared(above, damping, fall),
         wrong=f"at the belt speed, {speed:.4g} {{m_s}}, friction falls with speed by {fall:.4g} {{Ns_m}}; the damping "
         f"is only {damping:.4g} {{Ns_m}}",
         why="steady sliding is unstable at this speed: the {mass} sticks to the belt and slips (this may be intended)",
@@ -148,10 +142,8 @@ def fed_back_stiffness(fed_back: float, stiffness: float) -> Condition:
         Its value is the stiffness fed back, its bound the stiffness of contact and loop [N/m].
     """
     return Condition(
-        name="fed-back stiffness",
-        ok=below(fed_back, stiffness),
-        value=fed_back,
-        bound=stiffness,
+        "fed-back stiffness",
+        *compared(below, fed_back, stiffness),
         wrong=f"the law feeds back a stiffness of {fed_back:.4g} {{N_m}}; contact and loop have only {stiffness:.4g} "
         f"{{N_m}}",
         why="the resulting stiffness in presliding is negative: the axis leaves presliding by itself, to one side and "

@@ -16,6 +16,7 @@ from friction_fmus.conditions.condition import (
     at_least,
     at_most,
     below,
+    compared,
     first_largest,
     held_mass,
     is_stable,
@@ -47,10 +48,8 @@ def dither_stroke(Ad: float, f: float, m: float, F: float, s0: float) -> Conditi
     stroke = Ad / (m * w**2) if w > 0.0 else math.inf
     bound = F / s0
     return Condition(
-        name="dither stroke",
-        ok=above(stroke, bound),
-        value=stroke,
-        bound=bound,
+        "dither stroke",
+        *compared(above, stroke, bound),
         wrong=f"the stroke of the dither, Ad/(m (2 pi f)^2) = {stroke:.4g} {{m}}, must be above the presliding range "
         f"F/s0 = {bound:.4g} {{m}}",
         why="the contact follows much of the dither elastically: dither reduces friction by about half or less",
@@ -76,10 +75,8 @@ def dither_frequency(f: float, Ts: float) -> Condition:
     """
     bound = 0.5 / Ts
     return Condition(
-        name="dither frequency",
-        ok=below(f, bound),
-        value=f,
-        bound=bound,
+        "dither frequency",
+        *compared(below, f, bound),
         wrong=f"the dither frequency, {f:.4g} Hz, must be below half the sample rate, 1/(2 Ts) = {bound:.4g} Hz",
         why="the sampled dither is aliased: it acts at a lower frequency, or is constant",
         change=f"lower the frequency to about {0.2 * bound:.4g} Hz, or sample the dither every {0.1 / f:.4g} s"
@@ -444,10 +441,8 @@ def turned_friction(Fc_turned: float, Fc: float) -> Condition:
         Its value is Fc_turned, its bound Fc [N].
     """
     return Condition(
-        name="turned friction",
-        ok=at_most(Fc_turned, Fc),
-        value=Fc_turned,
-        bound=Fc,
+        "turned friction",
+        *compared(at_most, Fc_turned, Fc),
         wrong=f"Fc_turned = {Fc_turned:.4g} {{N}} is above Coulomb friction, {Fc:.4g} {{N}}",
         why=f"at a reversal the integral pushes with up to {2.0 * max(Fc_turned - Fc, 0.0):.4g} {{N}} more than "
         "friction resists and drives the axis",
@@ -493,10 +488,8 @@ def dead_band(db: float, slip: float) -> Condition:
         Its value is 2 db, its bound the slip [m].
     """
     return Condition(
-        name="dead-band",
-        ok=at_least(2.0 * db, slip),
-        value=2.0 * db,
-        bound=slip,
+        "dead-band",
+        *compared(at_least, 2.0 * db, slip),
         wrong=f"the dead-band from {-db:.4g} {{m}} to {db:.4g} {{m}} is narrower than a slip of {slip:.4g} {{m}}",
         why="a slip that starts at one edge ends beyond the other: the integral changes direction and the axis hunts, "
         "possibly with a larger amplitude than without the dead-band",

@@ -3,6 +3,9 @@
   "use strict";
   const STEPS = 1000;
 
+  /* Parameters that are seldom changed: elements of arrays, of one direction, and switches. */
+  const isRare = ({ name, type }) => /\[|_neg$|^(Fn0|v_d|dead_band|seed|dt)$/.test(name) || type === "Boolean";
+
   /* Return a text with elements in it. */
   function element(tag, properties = {}, ...children) {
     const made = document.createElement(tag);
@@ -40,19 +43,20 @@
     const id = "value-" + (about.id || about.name).replace(/[^\w]+/g, "-");
     const { toValue, toPosition } = scaleOf(about);
     let value = about.start;
+    const [factor, shownUnit] = /^m?(\/?s)?$/.test(about.unit) ? live.readable(Math.abs(value) || about.max, about.unit) : [1, about.unit];
     const range = element("input", { type: "range", min: 0, max: STEPS, step: 1, id });
-    const number = element("input", { type: "number", step: "any", "aria-label": about.name + " in " + (about.unit || "1") });
+    const number = element("input", { type: "number", step: "any", "aria-label": about.name + " in " + (shownUnit || "1") });
     const reset = element("button", { type: "button", className: "reset", title: "Reset " + about.name, textContent: "↺" });
     reset.setAttribute("aria-label", "Reset " + about.name);
     const problem = element("p", { className: "problem", hidden: true, role: "alert" });
     const label = element("label", { htmlFor: id }, element("b", {}, about.label || about.name), " ", about.text);
-    const unit = element("span", { className: "unit" }, live.spaced(about.unit));
+    const unit = element("span", { className: "unit" }, live.spaced(shownUnit));
     const row = element("div", { className: "slider" }, label, range, number, unit, reset, problem);
 
     function show(typed) {
       range.value = toPosition(value);
       range.setAttribute("aria-valuetext", live.quantity(value, about.unit));
-      if (!typed) number.value = Number(value.toPrecision(6));
+      if (!typed) number.value = Number((value * factor).toPrecision(6));
       reset.disabled = value === about.start;
     }
 
@@ -67,7 +71,7 @@
     }
 
     range.addEventListener("input", () => take(toValue(Number(range.value))));
-    number.addEventListener("input", () => take(number.valueAsNumber, true));
+    number.addEventListener("input", () => take(Number((number.valueAsNumber / factor).toPrecision(15)), true));
     number.addEventListener("change", () => show());
     reset.addEventListener("click", () => {
       take(about.start);
@@ -124,5 +128,5 @@
     };
   }
 
-  Object.assign(live, { element, slider, rangeOf, limits });
+  Object.assign(live, { element, isRare, slider, rangeOf, limits });
 })(FrictionLive);

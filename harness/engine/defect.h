@@ -34,6 +34,8 @@ static void look_for_rest(Engine *e, Pair *p, int64_t input)
     const int64_t first = part->inputs[REAL], outputs = part->outputs[REAL];
     const size_t in = (size_t)(part->inputs[TYPES] - first), out = (size_t)(part->outputs[TYPES] - outputs);
     double before[MOST_SIGNALS], after[MOST_SIGNALS];
+    if (e->time + 1.5 * e->length > e->stop)
+        return;
     if (p->missed >= MOST_MISSED || in > MOST_SIGNALS || out > MOST_SIGNALS || save_part(part) > 1)
         return;
     memcpy(before, e->signals + first, in * sizeof(double));

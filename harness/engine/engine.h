@@ -98,6 +98,7 @@ struct engine {
     const int64_t *program; /* pairs (operation, part) performed in each tick */
     int64_t program_length;
     double start, step;     /* [s] tick k begins at start + k step */
+    double stop;            /* [s] parts may refuse to go beyond */
     double time, length;    /* [s] span in this advance: a tick, or a part of one in a composite FMU */
     int64_t begins, ends;   /* the span begins with the tick; it ends with it */
     double *rows;           /* recorded values */

@@ -73,7 +73,7 @@ class Engine:
         if not plan.plain:
             data.gains, data.offsets = self.keep(plan.gains), self.keep(plan.offsets)
         data.program, data.program_length = self.keep(self._program), len(self._program)
-        data.start, data.step = plan.start, plan.step
+        data.start, data.step, data.stop = plan.start, plan.step, plan.start + plan.ticks * plan.step
         data.rows, data.columns = self.keep(rows), self.keep(np.array(columns, dtype=np.int64))
         data.width, data.decimate = len(columns), decimate
 

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from harness.errors import HarnessError, nearest
 from harness.notebook import part_html, part_text
 from harness.units import BaseUnit
+from harness.values import is_line, shown
 
 Values: TypeAlias = NDArray[np.float64]
 StartValue: TypeAlias = float | int | bool | str
@@ -61,6 +62,11 @@ class Port:
     limits: tuple[float, float] = (-math.inf, math.inf)
     nominal: float = 1.0
     held: bool = False
+
+    def __post_init__(self) -> None:
+        """Check that files can hold the name."""
+        if not is_line(self.name):
+            raise HarnessError(f"the name {shown(self.name)} of a port has control characters: rename it")
 
     @property
     def optional(self) -> bool:

@@ -144,6 +144,8 @@ def _read_wire(entry: object, path: Path) -> Wire:
 
 
 def _wire_entry(wire: Wire) -> str | dict[str, Any]:
+    if str(wire).count("->") > 1:
+        raise SystemFileError(f"the connection {wire} cannot be written: rename what has an arrow in its name")
     plain = Wire(wire.source, wire.target)
     changed = {key: getattr(wire, key) for key in _WIRE_KINDS if getattr(wire, key) != getattr(plain, key)}
     return {"wire": str(wire), **changed} if changed else str(wire)

@@ -9,6 +9,7 @@ import re
 import signal
 import subprocess
 import sys
+import tomllib
 import zipfile
 from pathlib import Path
 
@@ -27,17 +28,26 @@ from friction_fmus.cli.main import main, parser
 from harness import Parameter, ParameterSet, System, load_result, masters, open_archive, write_ssv
 from harness.compiling.platforms import NATIVE
 
+RAMP = """
+[experiment]
+stop = 4.0
+step = 1.0
+
+[parts.ramp]
+record = "ramp.csv"
+"""
+LINE = "time [s],y [mm]\n0,0\n4,4\n"
 ROOT = Path(__file__).parents[2]
 STICK_SLIP = ROOT / "examples" / "stick_slip.toml"
 
 
 def fails(capsys: pytest.CaptureFixture[str], *arguments: object) -> str:
-    """Status 2, nothing on stdout; the one sentence on stderr."""
+    """Status 2, nothing on stdout; the message on stderr."""
     assert main([str(argument) for argument in arguments]) == 2
     captured = capsys.readouterr()
     assert captured.out == ""
     assert captured.err.startswith("friction-fmus: ")
-    assert captured.err.count("\n") == 1
+    assert captured.err.count("\n") == 1 or "\n\n[data]\n" in captured.err
     return captured.err
 
 
@@ -163,6 +173,55 @@ def test_run_writes_csv_parquet_and_picture(tmp_path: Path, capsys: pytest.Captu
     assert len(frame) == 101
     assert (pd.read_parquet(parquet).to_numpy() == frame.to_numpy()).all()
     assert capsys.readouterr().err == ""  # no bar where the output is no terminal
+
+
+def test_run_without_a_file_prints_the_values_of_each_variable(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "ramp.toml").write_text(RAMP, encoding="utf-8")
+    (tmp_path / "ramp.csv").write_text(LINE, encoding="utf-8")
+    assert main(["run", "ramp.toml"]) == 0
+    first, _, row = capsys.readouterr().out.splitlines()
+    assert first == "1 variable, 5 time points (0 to 4 s)"
+    # the rms value of 0, 1, 2, 3, 4 is the root of 30/5
+    assert row.split() == ["ramp.y", "mm", "4", "0", "4", "2.44949"]
+    assert main(["run", "ramp.toml", "--json", "--plot", "a.png"]) == 0
+    captured = capsys.readouterr()
+    assert json.loads(captured.out) == [
+        {"variable": "ramp.y", "unit": "mm", "final": 4.0, "min": 0.0, "max": 4.0, "rms": pytest.approx(6.0**0.5)}
+    ]
+    assert captured.err.splitlines()[1:] == ["wrote a.png"]
+
+
+def test_a_replaced_file_is_named(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "ramp.toml").write_text(RAMP, encoding="utf-8")
+    (tmp_path / "ramp.csv").write_text(LINE, encoding="utf-8")
+    for done in ("wrote", "replaced"):
+        assert main(["run", "ramp.toml", "-o", "a.csv", "--plot", "a.png"]) == 0
+        written = f"{done} a.csv: 1 variable, 5 time points (0 to 4 s)", f"{done} a.png"
+        assert tuple(capsys.readouterr().out.splitlines()) == written
+
+
+def test_folders_and_fmus_have_a_default_name(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert main(["compose", str(STICK_SLIP)]) == 0
+    assert capsys.readouterr().out == "stick_slip.fmu\n"
+    assert main(["codegen", "CoulombFeedforward"]) == 0
+    assert capsys.readouterr().out.startswith(str(Path("CoulombFeedforward", "")))
+    assert {path.name for path in tmp_path.iterdir()} == {"stick_slip.fmu", "CoulombFeedforward"}
+
+
+def test_the_text_of_an_error_can_be_saved_as_it_says(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """The message for a log file whose headings say too little ends with a file to complete."""
+    (tmp_path / "log.csv").write_text("Zeit,Weg\n0,0\n0.1,1\n0.2,2\n", encoding="utf-8")
+    text = fails(capsys, "study", tmp_path / "log.csv")
+    assert tomllib.loads(text[text.index("[data]") :])["data"] == {"file": "log.csv"}
 
 
 @pytest.mark.parametrize("suffix", [".nc", ".mat"])
@@ -372,4 +431,4 @@ def test_a_file_name_that_is_no_utf_8(tmp_path: Path) -> None:
     command = [sys.executable, "-m", "friction_fmus", "run", str(STICK_SLIP), "--stop", "0.1", "-o"]
     run = subprocess.run([*command, path], cwd=ROOT, capture_output=True, check=False)
     assert (run.returncode, run.stderr) == (0, b"")
-    assert b"o\\udcff.csv: 101 rows" in run.stdout
+    assert b"o\\udcff.csv: 3 variables" in run.stdout

@@ -37,7 +37,7 @@ def printed(capsys: pytest.CaptureFixture[str], *arguments: object) -> str:
 @pytest.mark.parametrize("name", NAMES)
 def test_the_path_of_a_result(name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     out = printed(capsys, "run", STICK_SLIP, "--stop", "0.01", "-o", tmp_path / name)
-    assert out.startswith(f"{tmp_path / name}: ")
+    assert out.startswith(f"wrote {tmp_path / name}: ")
     assert (tmp_path / name).is_file()
 
 

@@ -32,9 +32,9 @@ from shell.test_call_sequence import (  # noqa: F401
 from shell.test_logging import test_the_categories_of_the_xml_are_those_of_the_library  # noqa: F401
 from shell.test_states import (  # noqa: F401
     test_a_state_pointer_is_used_again,
-    test_a_thousand_instances_leave_no_memory_behind,
     test_bytes_of_another_length_are_refused,
     test_damaged_bytes_are_refused,
+    test_instances_leave_no_memory_behind,
     test_no_bytes_at_all_are_refused,
     test_too_small_a_buffer_is_refused,
 )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ctypes
 from collections.abc import Callable
 from typing import Any
 
@@ -9,10 +10,15 @@ import numpy as np
 import pytest
 
 from friction_fmus import fmu
-from harness import FmuPart, SeriesPart, System
+from harness import Bias, FmuPart, SeriesPart, System
+from harness.engine import algorithm, manipulate
+from harness.masters import newton
 
 GUARD = 64
 """Values before and behind each array."""
+BEHIND = 1e300
+NOWHERE = 2**40
+"""The index of no signal: a program that uses it ends."""
 
 
 def stick_slip() -> System:
@@ -34,28 +40,58 @@ def two_contacts() -> System:
 
 
 def guarded(shape: Any, dtype: Any, made: list[np.ndarray]) -> np.ndarray:
+    """Zeros between values that show in a result: NaN before, and behind what neither fmax nor a comparison drops."""
     size = int(np.prod(shape))
-    whole = np.full(size + 2 * GUARD, np.nan if dtype is float else 77, dtype=dtype)
+    whole = np.full(size + 2 * GUARD, BEHIND if dtype is float else 77, dtype=dtype)
+    if dtype is float:
+        whole[:GUARD] = np.nan
     inside = whole[GUARD : GUARD + size]
     inside[:] = 0
     made.append(whole)
     return inside.reshape(shape)
 
 
+def guarded_struct(struct: Any, made: list[tuple[Any, bytes]], **beside: float) -> Any:
+    """A struct whose arrays have another one at each end, as any line of a loop or manipulator may be."""
+
+    class InArrays(type(struct)):  # type: ignore[misc]
+        def __mul__(cls, count: int) -> Callable[..., Any]:
+            def array(*values: Any) -> Any:
+                end = struct(**beside)
+                whole = (struct * (count + 2))(end, *values, *[struct()] * (count - len(values)), end)
+                made.append((whole, bytes(end)))
+                return (struct * count).from_buffer(whole, ctypes.sizeof(struct))
+
+            return array
+
+    return InArrays(struct.__name__, (struct,), {})
+
+
 @pytest.mark.parametrize("master", ["gauss-seidel", "jacobi", "newton", "adaptive"])
-@pytest.mark.parametrize("system", [stick_slip, two_contacts])
+@pytest.mark.parametrize(("system", "contact"), [(stick_slip, "friction"), (two_contacts, "front")])
 def test_values_beside_the_arrays_are_neither_read_nor_changed(
-    system: Callable[[], System], master: str, monkeypatch: pytest.MonkeyPatch
+    system: Callable[[], System], contact: str, master: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     with system() as plain:
-        expected = plain.run(stop=1.0, step=1e-2, master=master).to_dataframe()
+        run = {"stop": 1.0, "step": 1e-2, "master": master, "manipulators": [Bias(f"{contact}.v", 0.01)]}
+        expected = plain.run(**run)
     made: list[np.ndarray] = []
+    structs: list[tuple[Any, bytes]] = []
     monkeypatch.setattr(np, "zeros", lambda shape, dtype=float: guarded(shape, dtype, made))
+    moving = {"inner": 1, "u0": 1e6, "q0": 2e6, "u1": 3e6, "q1": 4e6, "scale": 1e-6}
+    for module, struct, beside in (
+        (newton, newton.Moving, moving),
+        (algorithm, algorithm.Line, {"input": NOWHERE}),
+        (manipulate, manipulate.ManipulatorData, {"input": NOWHERE}),
+    ):
+        monkeypatch.setattr(module, struct.__name__, guarded_struct(struct, structs, **beside))
     with system() as watched:
-        found = watched.run(stop=1.0, step=1e-2, master=master).to_dataframe()
+        found = watched.run(**run)
     monkeypatch.undo()
-    assert found.equals(expected)
+    assert found.identical(expected)
     assert len(made) > 2
+    for whole, beside in structs:
+        assert [bytes(whole[0]), bytes(whole[-1])] == [beside, beside]
     for whole in made:
-        ends = whole[[*range(GUARD), *range(-GUARD, 0)]]
-        assert np.isnan(ends).all() if whole.dtype == float else (ends == 77).all()
+        assert np.isnan(whole[:GUARD]).all() if whole.dtype == float else (whole[:GUARD] == 77).all()
+        assert (whole[-GUARD:] == (BEHIND if whole.dtype == float else 77)).all()

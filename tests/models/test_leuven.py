@@ -603,6 +603,15 @@ def test_one_element_has_a_closed_form(modified: Library) -> None:
                 assert run.get1("Fh") == pytest.approx(S * expected, rel=1e-12, abs=1e-12)
 
 
+def test_an_initial_force_beyond_its_limit_counts_as_the_limit(modified: Library) -> None:
+    """As after a limit that is lowered; k dz/dx = k (1 - r) from r = -W / S on."""
+    S, k, W = level(1e-3, P), 1e5, 2.0
+    with Instance(modified) as run:
+        run.initialise(**vector(k=[k], W=[W]), n=1.0, v=1e-3, **{"Fi[1]": -9.0})
+        run.step(0.0, 5e-3)
+        assert run.get1("Fh") == pytest.approx(S - (S + W) * math.exp(-k * 5e-6 / S), rel=1e-12)
+
+
 # ---- Leuven
 
 

@@ -7,6 +7,8 @@ import zipfile
 from collections import Counter
 from pathlib import Path
 
+import numpy as np
+
 from friction_fmus import build
 from friction_fmus.blocks.catalogue import source_folder
 
@@ -53,3 +55,16 @@ def test_no_code_stands_in_two_files() -> None:
             if first != path.name:
                 twice.add((first, path.name))
     assert twice == set()
+
+
+def test_quadrature_is_exact_for_polynomials() -> None:
+    """Gauss-Lobatto: the inner nodes are the extrema of P4; row i integrates to node i, the last one degree 7."""
+    header = (NUMERICS / "attraction.h").read_text(encoding="utf-8")
+    nodes, weights = (
+        np.array([float(number) for number in re.findall(r"-?\d+\.\d+", text)])
+        for text in re.findall(r"lobatto_\w+(?:\[NODES\])+ = {(.*?)};", header, re.S)
+    )
+    np.testing.assert_allclose(nodes, [0.0, 0.5 - np.sqrt(3 / 28), 0.5, 0.5 + np.sqrt(3 / 28), 1.0], atol=1e-16)
+    for end, row in zip(nodes[1:], weights[1:].reshape(4, 5), strict=True):
+        for power in range(8 if end == 1.0 else 5):
+            assert abs(row @ nodes**power - end ** (power + 1) / (power + 1)) < 1e-15

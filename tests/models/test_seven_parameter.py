@@ -312,6 +312,17 @@ def test_the_force_is_continuous_where_slip_ends(seven: Library, s: float) -> No
         assert run.get1("F") == pytest.approx(at_rest[0] - s * 1e5 * 1e-6, rel=1e-12)
 
 
+@pytest.mark.parametrize("s", [1.0, -1.0])
+def test_deflection_and_dwell_time_grow_while_the_contact_sticks(seven: Library, s: float) -> None:
+    with Instance(seven) as run:
+        run.initialise(v=s * 1e-6)
+        run.step(0.0, 1.0)
+        assert run.get("stuck", "der(d)", "der(t2)") == [1.0, s * 1e-6, 1.0]
+        run.set({"v": s * 2e-3})
+        run.step(1.0, 0.1)
+        assert run.get("stuck", "der(d)", "der(t2)") == [0.0, 0.0, 0.0]
+
+
 def test_a_velocity_that_only_touches_zero_makes_the_contact_stick(seven: Library) -> None:
     pieces = [(0.05, 2e-3, 0.0), (1e-3, 2e-3, -2.0), (1e-6, 0.0, 0.1), (0.01, 1e-7, 0.1)]
     found = play(seven, pieces, gamma=1e-3)

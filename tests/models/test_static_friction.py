@@ -148,6 +148,15 @@ def test_the_lorentzian_shape_of_stribeck(
             assert run.get1("F") == pytest.approx(expected, rel=1e-12, abs=1e-13)
 
 
+def test_the_stribeck_effect_ends_before_denormal_numbers(block: GetLibrary) -> None:
+    """exp(-708) is the last normal one of the powers below; the processor takes longer for others."""
+    with Instance(block("Tustin")) as run:
+        run.initialise(Fc=0.0, Fs=1.0, vs=1.0, Fv=0.0, v=-707.0)
+        assert run.get1("F") == pytest.approx(-math.exp(-707.0), rel=1e-12)
+        run.set({"v": -720.0})
+        assert run.get1("F") == 0.0
+
+
 @reproducibly
 @given(F_ext=forces, Fn=normal, offset=forces, Fs=level, shape=st.sampled_from([0, 1]))
 def test_at_rest_stribeck_holds_up_to_the_loaded_static_friction(

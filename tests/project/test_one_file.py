@@ -230,8 +230,10 @@ def test_they_stand_in_lists_and_tables(
     tables = import_module("tables")
     sys.modules.pop("tables")
     assert "## SlippingSpring" in tables.models()
-    assert tables.choices("presliding") == ["Dahl", "SlippingSpring"]
-    assert tables.choices("curve ahead")[-1] == "SlippingFeedforward"
+    rows = {row.name: row for row in tables.MOTIONS}
+    assert "SlippingSpring" in tables.suited_models(rows["presliding"])
+    (presliding,) = (line for line in tables.motions().splitlines() if "**[Dahl](" in line)
+    assert "[SlippingSpring](models.md#slippingspring)" in presliding.split("|")[6]
     assert "**SlippingFeedforward**" in tables.compensators()
 
 

@@ -63,6 +63,29 @@ def test_slopes_of_one_step_may_come_in_several_calls(mass: Library) -> None:
         assert run.get("F_drive", "F_load") == [6.0, 2.0]
 
 
+@pytest.mark.parametrize(("name", "inputs", "outputs"), [("Mass", "F_drive F_load", "v a"), ("PID", "r x", "u u")])
+def test_what_stands_behind_the_number_of_elements_is_left_alone(
+    build_fmu: Callable[..., Path], name: str, inputs: str, outputs: str
+) -> None:
+    with Instance(load(build_fmu(name))) as run:
+        run.initialise(**dict.fromkeys(inputs.split(), 1.0))
+        given, wanted = ((c_uint * 2)(*map(run.reference, names.split())) for names in (inputs, outputs))
+        orders, seven = (c_int * 2)(1, 1), (c_double * 2)(7.0, 7.0)
+        run.must("SetRealInputDerivatives", given, 1, orders, seven)
+        run.must("SetReal", given, 1, seven)
+        run.step(0.0, 1e-3)
+        assert run.get(*inputs.split()) == [7.0 + 7e-3, 1.0]
+        for function, more in (("GetReal", ()), ("GetRealOutputDerivatives", (orders,))):
+            found = (c_double * 2)(-5.0, -5.0)
+            run.must(function, wanted, 1, *more, found)
+            assert found[0] != -5.0
+            assert found[1] == -5.0
+        alone, beside = ((c_double * 2)(-5.0, -5.0) for _ in range(2))
+        run.must("GetDirectionalDerivative", wanted, 1, given, 1, seven, alone)
+        run.must("GetDirectionalDerivative", wanted, 2, given, 1, (c_double * 2)(7.0, 0.0), beside)
+        assert list(alone) == [beside[0], -5.0]
+
+
 @pytest.mark.parametrize("order", some([-1, 0, 2, 3], [0, 2]))
 def test_other_orders_than_the_first_are_refused(library: Library, running: Instance, order: int) -> None:
     before = running.serialised()

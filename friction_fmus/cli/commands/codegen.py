@@ -17,7 +17,7 @@ from friction_fmus.export.targets import choose_target
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options."""
     parser.add_argument("law", metavar="LAW", help="name of a law, its .py file, or the .toml file of a loop")
-    parser.add_argument("-o", "--output", type=Path, required=True, metavar="DIR", help="folder for the files")
+    parser.add_argument("-o", "--output", type=Path, metavar="DIR", help="folder for the files; default: LAW")
     parser.add_argument("--set", action="append", metavar="NAME=VALUE", help="start value; may be repeated")
     parser.add_argument(
         "--prefix", default="", metavar="NAME", help="prefix of files, types and functions; default: law or loop"
@@ -31,7 +31,8 @@ def run(options: argparse.Namespace) -> None:
 
     target, given = choose_target("law", options.target, target_options(options, "law"))
     start = parse_assignments(options.set)
-    for path in target.write(options.law, options.output, start=start, prefix=options.prefix, **given):
+    folder = options.output or Path(Path(options.law).stem)
+    for path in target.write(options.law, folder, start=start, prefix=options.prefix, **given):
         console.print(str(path), soft_wrap=True)
     if remark := target.remark():
         console.print(remark, soft_wrap=True)

@@ -1,8 +1,9 @@
 """Run a system of FMUs.
 
-If the run fails, the result recorded up to that time is written. The exit status is 1 if the result is reported as
-wrong, unless --allow-inaccurate is given. With --accuracy the run is repeated with other steps, which estimates the
-error of each variable; with --require the exit status is also 1 if one of them is less accurate.
+Without -o, the final, smallest and largest value and the rms value of each variable are printed. If the run fails, the
+result recorded up to that time is written. The exit status is 1 if the result is reported as wrong, unless
+--allow-inaccurate is given. With --accuracy the run is repeated with other steps to estimate the error of each
+variable; with --require the exit status is also 1 if one of them is less accurate.
 """
 
 from __future__ import annotations
@@ -11,9 +12,18 @@ import argparse
 from pathlib import Path
 
 import harness
-from friction_fmus.cli.arguments import add_allow_inaccurate, add_master, add_system, listed, parse_assignments
+from friction_fmus.cli.arguments import (
+    add_allow_inaccurate,
+    add_json,
+    add_master,
+    add_system,
+    listed,
+    parse_assignments,
+    print_json,
+)
 from friction_fmus.errors import FrictionError
 from harness.errors import HarnessError, Interrupted
+from harness.notebook import Listing, counted
 from harness.results import FORMATS
 from harness.storage.files import make_folder
 
@@ -23,9 +33,8 @@ _PICTURES = (".png", ".svg", ".pdf")
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options."""
     add_system(parser)
-    parser.add_argument(
-        "-o", "--output", type=Path, required=True, metavar="FILE", help=f"result file: {listed(tuple(FORMATS))}"
-    )
+    parser.add_argument("-o", "--output", type=Path, metavar="FILE", help=f"result file: {listed(tuple(FORMATS))}")
+    add_json(parser)
     parser.add_argument("--step", type=float, metavar="H", help="communication step [s]")
     parser.add_argument("--stop", type=float, metavar="T", help="end time [s]")
     add_master(parser)
@@ -46,15 +55,16 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Run the system and write the result."""
-    from friction_fmus.cli.console import RunBar, console, progress_bar
+    from friction_fmus.cli.console import RunBar, console, drawn, literal_console, progress_bar
     from friction_fmus.cli.inputs import open_system
     from harness.engine.defect import inaccurate
 
-    if options.output.suffix.lower() not in FORMATS:
+    if options.output and options.output.suffix.lower() not in FORMATS:
         raise FrictionError(f"the format of {options.output} is unknown; use {listed(tuple(FORMATS))}")
     if options.plot and options.plot.suffix not in _PICTURES:
         raise FrictionError(f"the picture format of {options.plot} is unknown; use {listed(_PICTURES)}")
-    output, picture = options.output.absolute(), options.plot and options.plot.absolute()
+    said = literal_console(stderr=True) if options.json else console
+    output, picture = (path and path.absolute() for path in (options.output, options.plot))
     with open_system(options.system) as opened, progress_bar() as bar:
         system = opened.with_parameters(options.parameters) if options.parameters else opened
         system = system.with_start(parse_assignments(options.set))
@@ -72,21 +82,32 @@ def run(options: argparse.Namespace) -> int:
                 accuracy=options.accuracy if options.require is None else options.require,
             )
         except (HarnessError, Interrupted) as error:
-            if error.result is None:
+            if error.result is None or output is None:
                 raise
             message = str(error) or "interrupted"
             kind = FrictionError if isinstance(error, HarnessError) else Interrupted
             raise kind(f"{message}; {_keep(error.result, message, output, options.output)}") from error
-    _save(result, output)
+    if output:
+        done = "replaced" if output.exists() else "wrote"
+        _save(result, output)
+        said.print(f"{done} {options.output}: {_size(result)}", soft_wrap=True)
+    else:
+        said.print(_size(result))
     if picture:
+        done = "replaced" if picture.exists() else "wrote"
         make_folder(picture.parent)
         harness.plot(result, picture)
-    console.print(f"{options.output}: {_size(result)}", soft_wrap=True)
+        said.print(f"{done} {options.plot}", soft_wrap=True)
+    values = _values(result)
+    if options.json:
+        print_json(values.records)
+    elif not output:
+        console.print(drawn(values, title=False, padding=(0, 2, 0, 0)))
     missed = False
     if "accuracy" in result.attrs:
         from friction_fmus.cli.accuracy_table import show_accuracy
 
-        reached = show_accuracy(result)
+        reached = show_accuracy(said, result)
         missed = options.require is not None and not reached
     return int((inaccurate(result.attrs) or missed) and not options.allow_inaccurate)
 
@@ -100,6 +121,19 @@ def _keep(result: harness.Result, message: str, path: Path, shown: Path) -> str:
     return f"the incomplete result is in {shown}, {_size(result)}"
 
 
+def _values(result: harness.Result) -> Listing:
+    """Return what a run amounts to: numbers for each variable, and its error if that is known."""
+    from harness.sweeps.measures import KINDS
+
+    kinds = {kind: KINDS[kind] for kind in ("final", "min", "max", "rms")}
+    bounds = {variable.attrs.get("ancillary_variables") for variable in result.data_vars.values()}
+    rows = []
+    for name in [name for name in result.data_vars if name not in bounds]:
+        values = result[name].to_numpy().astype(float)
+        rows.append((str(name), result[name].attrs.get("units", "1"), *(float(of(values)) for of in kinds.values())))
+    return Listing("", ("variable", "unit", *(f" {kind}" for kind in kinds)), rows)
+
+
 def _save(result: harness.Result, path: Path) -> None:
     make_folder(path.parent)
     harness.save_result(result, path)
@@ -107,4 +141,6 @@ def _save(result: harness.Result, path: Path) -> None:
 
 def _size(result: harness.Result) -> str:
     bounds = sum("ancillary_variables" in variable.attrs for variable in result.data_vars.values())
-    return f"{result.sizes['time']} rows of {len(result.data_vars) - bounds} variables"
+    t = result["time"].to_numpy()
+    variables = counted(len(result.data_vars) - bounds, "variable")
+    return f"{variables}, {counted(len(t), 'time point')} ({t[0]:g} to {t[-1]:g} s)"

@@ -15,6 +15,7 @@ from friction_fmus.errors import RecordError
 from friction_fmus.identification.data.mapping import Column, DataMapping
 from friction_fmus.identification.data.record import ROLES, Array, axis_units, factor, fits, unit_of, wanted_unit
 from friction_fmus.identification.data.tables import DataTable
+from harness.values import is_line
 
 NAMES = {
     "time": (
@@ -215,14 +216,14 @@ def columns_text(table: DataTable, known: Mapping[str, Column], suggestions: Map
             '# a drive command: unit = "V", gain = "35.15 N/V"; a motor torque on a linear axis: gain = "314 N/(N.m)";',
             '# increments of an encoder: unit = "1", gain = "0.5 um"; an inverted sign: sign = -1',
             "# other roles: velocity, reference, normal (force), and friction instead of force if it was measured",
-            f"# unused columns: {', '.join(free) or 'none'}",
+            f"# unused columns: {', '.join(name if is_line(name) else quoted(name) for name in free) or 'none'}",
         ]
     )
 
 
 def quoted(text: str) -> str:
-    """Return a text as a string of TOML."""
-    return json.dumps(text, ensure_ascii=False)
+    """Return a text as a string of TOML, which allows no DEL."""
+    return json.dumps(text, ensure_ascii=False).replace("\x7f", "\\u007f")
 
 
 def _entry(role: str, column: Column) -> str:

@@ -112,7 +112,7 @@ def read_mapping(table: Mapping[str, Any], folder: Path, origin: str = "The mapp
         TomlTable(table.get(name, {}), f"{origin}, [{name}],", RecordError) for name in ("data", "columns", "windows")
     )
     about.known(("file", "name", "citation"))
-    data = {key: about.take(key, text if key == "file" else _string, "a string") for key in about}
+    data = {key: about.take(key, text if key == "file" else _line, "text without control characters") for key in about}
     headings.known(tuple(ROLES), "role")
     columns = {role: _column(role, value, origin) for role, value in headings.content.items()}
     if columns:
@@ -168,6 +168,11 @@ def _pair(value: object) -> tuple[float, float] | None:
 
 def _string(value: object) -> str | None:
     return value if isinstance(value, str) else None
+
+
+def _line(value: object) -> str | None:
+    """Return a text on one line."""
+    return text(" ".join(value.split())) if isinstance(value, str) else None
 
 
 def _gain(value: object) -> str | None:

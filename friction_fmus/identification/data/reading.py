@@ -14,7 +14,7 @@ from scipy.integrate import cumulative_trapezoid
 from scipy.interpolate import CubicSpline
 
 from friction_fmus.blocks.axis_units import LINEAR, SLIDING, AxisUnits, Words
-from friction_fmus.errors import RecordError
+from friction_fmus.errors import RecordError, visible
 from friction_fmus.identification.data.column_headings import guess_mapping
 from friction_fmus.identification.data.formats import read_table
 from friction_fmus.identification.data.mapping import Column, DataMapping, combined_unit, load_mapping, read_mapping
@@ -353,7 +353,7 @@ def read_measurement(
     table = read_table(path)
     if not known.columns:
         known = replace(guess_mapping(table, path), name=known.name, citation=known.citation, windows=known.windows)
-    known = replace(known, file=path, name=known.name or path.stem)
+    known = replace(known, file=path, name=known.name or " ".join(visible(path.stem).split()))
     findings = list(table.findings)
     columns, units = _converted(table, known, path, findings)
     t, columns = _complete(table, columns, findings, path)

@@ -201,8 +201,12 @@ class IsolatedPart(FmuPart):
 
     def exit_initialisation(self) -> None:
         """Leave initialisation mode."""
+        self._change("exit_initialisation")
+
+    def _change(self, function: str, *arguments: object) -> None:
+        """Call a function after which the outputs have other values."""
         self._hand_over()
-        self._call("exit_initialisation")
+        self._call(function, *arguments)
         self._due = GET
 
     def save(self, state: object | None = None) -> object:
@@ -212,15 +216,11 @@ class IsolatedPart(FmuPart):
 
     def restore(self, state: object) -> None:
         """Return to a saved state."""
-        self._hand_over()
-        self._call("restore", state)
-        self._due = GET
+        self._change("restore", state)
 
     def event(self, time: float) -> None:
         """Take the event at this time, as the next step does."""
-        self._hand_over()
-        self._call("event", time)
-        self._due = GET
+        self._change("event", time)
 
     def serialise(self) -> bytes:
         """Return the state from fmi2SerializeFMUstate."""
@@ -231,9 +231,7 @@ class IsolatedPart(FmuPart):
 
     def deserialise(self, data: bytes) -> None:
         """Return to a state from `serialise`."""
-        self._hand_over()
-        self._call("deserialise", data)
-        self._due = GET
+        self._change("deserialise", data)
 
     def terminate(self) -> None:
         """Free the instance; the process stays for the next run."""
