@@ -79,7 +79,7 @@ FrictionLive.presets = [
     id: "dither",
     title: "Dither",
     claim: "Dither smooths the jump of friction at low velocity.",
-    try: "Without the oscillation, friction holds the axis 1.5 mm from its goal: set its force to 0. With a short stroke, at 1 N, it hardly helps.",
+    try: "Without the oscillation, friction holds the axis 1.5 mm from its target: set its force to 0. With a short stroke, at 1 N, it hardly helps.",
     script: "compensation/dither_in_presliding.py",
     effect: "dither-with-a-short-stroke-does-not-smooth-friction",
     view: "dither",

@@ -1,6 +1,6 @@
 """An integral that changes sign with the error ends hunting
 
-Hunting comes from an integral that must unwind after the axis has passed its goal. ResetPID sets it from I to about
+Hunting comes from an integral that must unwind after the axis has passed its target. ResetPID sets it from I to about
 -rho I at that moment, so it pushes back at once. Top: on LuGre friction the PID controller hunts, while with rho = 0.8
 the axis comes to rest in the presliding range. Bottom: without friction, the energy V never rises in a jump.
 

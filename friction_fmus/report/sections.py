@@ -155,7 +155,7 @@ def friction_plots(study: StudyResult) -> list[Plot]:
     """Return the plots of friction over velocity and over displacement that have data."""
     plots = []
     for name, picture, what in (
-        ("friction", study.friction, "Grey points: record. Lines: identified models."),
+        ("friction", study.friction, "Grey points: log. Lines: identified models."),
         ("hysteresis", study.hysteresis, "Record and models, with the same motion around a reversal."),
     ):  # fmt: skip
         if picture is None:
@@ -166,7 +166,7 @@ def friction_plots(study: StudyResult) -> list[Plot]:
         figure = lines(picture.data, picture.models, titles, factors, name == "friction", seen)
         if (span := _span(picture)) is not None:
             figure.update_yaxes(range=[factors[1] * value for value in span])
-            caption += " The vertical axis shows the range of the record; the button “full range” shows all curves."
+            caption += " The vertical axis shows the range of the log; the button “full range” shows all curves."
         plots.append(Plot(f"{name}-plot", figure, caption, f"Plot. {caption}"))
     return plots
 
@@ -245,10 +245,10 @@ def _servo(study: StudyResult) -> Mapping[str, Any]:
     if check.recorded is None or check.commanded is None:
         return {"plot": None}
     titles = ("time [s]", f"drive {study.units.words.force} [{unit(study.units.force)}]")
-    figure = lines({"recorded": check.recorded}, {"commanded by the servo": check.commanded}, titles, height=330)
+    figure = lines({"logged": check.recorded}, {"commanded by the servo": check.commanded}, titles, height=330)
     caption = (
         f"Recorded drive {study.units.words.force}, and the {study.units.words.force} that the servo commands "
-        "for the recorded reference and position."
+        "for the logged reference and position."
     )
     return {"plot": Plot("servo-plot", figure, caption, f"Plot. {caption}")}
 

@@ -282,7 +282,7 @@ def _controller(out: Path, loop: LoopFile, heading: str) -> list[WrittenFile]:
     with atomic_path(loop.path) as temporary:
         temporary.write_text(loop_text(loop, heading), encoding="utf-8", newline="\n")
     files = export_law(loop.path, loop.path.parent / "c")
-    text = "Servo and compensation as one function in C for an embedded target"
+    text = "Servo and compensation as one C function, with unit test and cost"
     return [
         WrittenFile(_path(out, loop.path), "Servo and compensation with their parameters, for `friction-fmus codegen`"),
         *(WrittenFile(_path(out, file), text) for file in files),
