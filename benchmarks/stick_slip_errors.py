@@ -151,13 +151,13 @@ def period_rows(folder: Path) -> list[Row]:
         Row("Stick-slip: error of the period at 5 ms, newton", 100.0 * newton[5e-3], "%", 0.06),
         Row("Stick-slip: order of newton (0.5 to 2 ms), away from 2", abs(order - 2.0), "", 0.1),
         Row("Stick-slip: error of the period at 1 ms, gauss-seidel", 100.0 * abs(held), "%"),
-        Row("Stick-slip: fmi2DoStep calls for 0.001 %, newton over gauss-seidel", few / many, "x", 0.2),
+        Row("Stick-slip: fmi2DoStep calls for 0.001 %, newton / gauss-seidel", few / many, "x", 0.2),
     ]
     if importable("mujoco"):
         for integrator, note in (("Euler", "its default"), ("RK4", "four evaluations a step")):
             error = abs(mujoco_error(1e-3, integrator))
             rows.append(Row(f"Stick-slip: error of the period at 1 ms, MuJoCo {integrator}", 100.0 * error, "%"))
-            name = f"Stick-slip: error of the period at 1 ms, newton over MuJoCo {integrator} ({note})"
+            name = f"Stick-slip: error of the period at 1 ms, newton / MuJoCo {integrator} ({note})"
             rows.append(Row(name, newton[1e-3] / error, "x", 0.1))
     return rows
 
