@@ -73,7 +73,7 @@ def motion(n: int) -> dict[str, np.ndarray]:
 
 
 def by_hand(name: str, folder: Path, rounds: int) -> list[Row]:
-    """The exported C over C by hand and its own variants over it, on random samples and in a motion."""
+    """The exported C / C by hand and its own variants over it, on random samples and in a motion."""
     export = make_export(name)
     source = Path(__file__).parent / "hand" / f"{name}.c"
     exported = LawC(export, folder / "exported")
@@ -97,8 +97,8 @@ def by_hand(name: str, folder: Path, rounds: int) -> list[Row]:
         plain, branching = times["branch_free"], times["branching"]
         title = f"{name}, {inputs}"
         found += [
-            Row(f"{title}: exported C over C by hand", times["C"] / min(plain, branching), "x", TARGETS[name]),
-            Row(f"{title}: C by hand, without over with branches", plain / branching, "x"),
+            Row(f"{title}: exported C / C by hand", times["C"] / min(plain, branching), "x", TARGETS[name]),
+            Row(f"{title}: C by hand, branch-free relative to branching", plain / branching, "x"),
             *(Row(f"{title}: {way}", times[way] / times["C"], "x") for way in others),
         ]
     return found
@@ -123,18 +123,18 @@ def main() -> None:
             rows += by_hand(name, Path(scratch), rounds)
     c = ways["C"]
     for text, way in (("exported C", "C"), ("exported C in float", "C in float"), ("FMU", "FMU")):
-        rows.append(Row(f"slowest law as {text}, over 1 µs", float(ways[way].max()) / 1e3, "x", 1.0))
+        rows.append(Row(f"slowest law as {text} / 1 µs", float(ways[way].max()) / 1e3, "x", 1.0))
     for text, way, target in (
         ("casadi's buffer called from Python", "buffer from Python", 0.1),
         ("casadi's buffer called from C", "buffer from C", None),
         ("casadi's map", "map", None),
     ):
-        rows.append(Row(f"exported C over {text}, median of the laws", float(np.median(c / ways[way])), "x"))
-        rows.append(Row(f"exported C over {text}, largest of the laws", float((c / ways[way]).max()), "x", target))
+        rows.append(Row(f"exported C / {text}, median of the laws", float(np.median(c / ways[way])), "x"))
+        rows.append(Row(f"exported C / {text}, largest of the laws", float((c / ways[way]).max()), "x", target))
     rows += [
-        Row("FMU over exported C, median of the laws", float(np.median(ways["FMU"] / c)), "x"),
-        Row("FMU over exported C, largest of the laws", float((ways["FMU"] / c).max()), "x"),
-        Row("C in float over C in double, median of the laws", float(np.median(ways["C in float"] / c)), "x"),
+        Row("FMU / exported C, median of the laws", float(np.median(ways["FMU"] / c)), "x"),
+        Row("FMU / exported C, largest of the laws", float((ways["FMU"] / c).max()), "x"),
+        Row("C in float / C in double, median of the laws", float(np.median(ways["C in float"] / c)), "x"),
     ]
     report("Laws, one sample", rows, options.json)
 

@@ -13,6 +13,10 @@ from typing import Any
 
 INTRODUCTION = """# Performance
 
+A sample of any compensator takes at most 0.2 µs as an FMU. A closed loop with LuGre friction takes 2 ms for 1 s in
+steps of 0.1 ms: the engine is about as fast as the same loop written in C, and 20 to 340 times as fast as fmpy, ecos
+and libcosim. A ratio below 1 in the tables means faster than the other program.
+
 A ratio of times compares the fastest rounds of two programs that run in turn. Ratios vary by some 20 % between
 machines and runs; errors do not. To repeat the measurements (ecos needs Debian's libtbb12):
 
@@ -23,7 +27,7 @@ $ pip install -e .[bench]
 SECTIONS = {
     "blocks": """## A step of a friction model
 
-The time of one `fmi2DoStep` over the time of the same law as a plain C function (`benchmarks/laws.h`), with held
+The time of one `fmi2DoStep` relative to that of the same law as a plain C function (`benchmarks/laws.h`), with held
 velocities and steps of 0.1 ms. The plain function has no checks, no roll-back and no outputs except the force. An FMU
 adds 6 to 9 ns for the checks of the time, the copy for a failed step, and the check that all results are finite. A law
 that takes 5 ns is therefore several times slower as an FMU, one that takes 30 ns or more hardly.
@@ -35,14 +39,14 @@ all inputs set and all results read around `fmi2DoStep`), and in casadi's virtua
 and the exported C give the same bits.
 
 Casadi's buffer is called from Python (this includes 0.1 µs for the call) and in a loop in C (the virtual machine
-alone). The map over all samples also reads every argument from memory.
+alone). The map over all samples also reads every argument from RAM.
 
 Two laws are also written by hand (`benchmarks/hand/`), with and without branches; the faster version counts. Their
 outputs agree to 1e-9. Random samples make branches hard to predict; the motion is a sine.
 
-The variants, over exported C, show what makes a law fast: calling the C library only where necessary, and computing
-each side of a decision only where it is needed. Casadi's own C computes both sides or, with short-circuit, calls
-functions. An implicit step gives other numbers.
+The variants, relative to exported C, show what makes a law fast: calling the C library only where necessary, and
+computing each side of a decision only where it is needed. Casadi's own C computes both sides or, with short-circuit,
+calls functions. An implicit step gives other numbers.
 """,
     "harness": """## Co-simulation
 

@@ -59,7 +59,7 @@ def sampled_rows(folder: Path) -> list[Row]:
     before, behind = residuals(folder, SLIDING)
     early, late = residuals(folder, REVERSING)
     return [
-        Row("Servo loop, sliding: residual with the feedforward behind over before the plant", behind / before, "x"),
-        Row("Servo loop, sliding: that ratio, away from 3", abs(behind / before - 3.0), "", 0.1),
-        Row("Servo loop, reversing: residual with the feedforward behind over before the plant", late / early, "x"),
+        Row("Servo loop, sliding: residual with the feedforward behind / before the plant", behind / before, "x"),
+        Row("Servo loop, sliding: deviation of that ratio from 3", abs(behind / before - 3.0), "", 0.1),
+        Row("Servo loop, reversing: residual with the feedforward behind / before the plant", late / early, "x"),
     ]

@@ -112,10 +112,10 @@ def pair_rows(pair: Pair, folder: Path, loop: CLoop, rounds: int, n: int) -> lis
                 if not np.allclose(last, rows[few], rtol=0.02, atol=2e-6):
                     raise SystemExit(f"{pair.title}: {name} ends with {last}, not {rows[few]}")
                 taken.append(seconds / few)
-    titled = f"{pair.title}: engine over"
+    titled = f"{pair.title}: engine /"
     result_rows = [Row(f"{pair.title}: step of the engine", 1e9 * min(engine), "ns")]
     result_rows += ratio_rows(f"{titled} the loop in C", engine, by_hand, 1.25)
-    result_rows += ratio_rows(f"{pair.title}: whole run with its Dataset over the loop in C", whole, by_hand)
+    result_rows += ratio_rows(f"{pair.title}: whole run with its Dataset / the loop in C", whole, by_hand)
     for name, times in others.items():
         result_rows += ratio_rows(f"{titled} {name}", engine, times, PEERS[name].target or pair.fmpy)
     return result_rows

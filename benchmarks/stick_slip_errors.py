@@ -143,19 +143,21 @@ def period_rows(folder: Path) -> list[Row]:
         newton = {step: abs(run_period(system, round(STOP / step), "newton")[0]) for step in (5e-4, 1e-3, 2e-3, 5e-3)}
         held, _ = run_period(system, round(STOP / 1e-3), "gauss-seidel")
         few, many = calls_for(system, "newton", 1e-5, 2.0), calls_for(system, "gauss-seidel", 1e-5, 1.0)
-    order = math.log(newton[2e-3] / newton[5e-4]) / math.log(4.0)  # from 3 ms on, step checks divide some of the steps
+    order = math.log(newton[2e-3] / newton[5e-4]) / math.log(
+        4.0
+    )  # at 3 ms or more, step checks divide some of the steps
     rows = [
         Row("Stick-slip: error of the period at 1 ms, newton", 100.0 * newton[1e-3], "%", 0.003),
         Row("Stick-slip: error of the period at 5 ms, newton", 100.0 * newton[5e-3], "%", 0.06),
         Row("Stick-slip: order of newton (0.5 to 2 ms), away from 2", abs(order - 2.0), "", 0.1),
         Row("Stick-slip: error of the period at 1 ms, gauss-seidel", 100.0 * abs(held), "%"),
-        Row("Stick-slip: fmi2DoStep calls for 0.001 %, newton over gauss-seidel", few / many, "x", 0.2),
+        Row("Stick-slip: fmi2DoStep calls for 0.001 %, newton / gauss-seidel", few / many, "x", 0.2),
     ]
     if importable("mujoco"):
         for integrator, note in (("Euler", "its default"), ("RK4", "four evaluations a step")):
             error = abs(mujoco_error(1e-3, integrator))
             rows.append(Row(f"Stick-slip: error of the period at 1 ms, MuJoCo {integrator}", 100.0 * error, "%"))
-            name = f"Stick-slip: error of the period at 1 ms, newton over MuJoCo {integrator} ({note})"
+            name = f"Stick-slip: error of the period at 1 ms, newton / MuJoCo {integrator} ({note})"
             rows.append(Row(name, newton[1e-3] / error, "x", 0.1))
     return rows
 

@@ -140,7 +140,7 @@ def seconds(function: Callable[..., object], *values: object, **options: object)
 
 
 def timed_sweep(*values: Any, workers: int, **options: Any) -> tuple[float, float]:
-    """Seconds of a sweep, and time of its workers over that in their runs."""
+    """Seconds of a sweep, and time of its workers relative to that in their runs."""
     begin = time.perf_counter()
     result = sweep(*values, workers=workers, **options)
     passed = time.perf_counter() - begin
@@ -148,7 +148,7 @@ def timed_sweep(*values: Any, workers: int, **options: Any) -> tuple[float, floa
 
 
 def gain_of_two(n: int) -> float:
-    """Work of two plain processes over that of one in the same time."""
+    """Work of two plain processes relative to that of one in the same time."""
 
     def together(count: int) -> None:
         command = [sys.executable, "-S", "-c", f"for k in range({n}): pass"]
@@ -200,12 +200,12 @@ def main() -> None:
     rows = [
         Row("one worker", runs / seconds_1, "runs/s"),
         Row("two workers", runs / seconds_2, "runs/s"),
-        Row("two workers: time over one", seconds_2 / seconds_1, "x", 1.0 / 1.8),
+        Row("two workers: time / one", seconds_2 / seconds_1, "x", 1.0 / 1.8),
         Row("gain of two plain processes then", max(gain), "x"),
-        Row("gain of two plain processes over that of two workers", float(np.median(ratios)), "x", 1.0 / 0.9),
-        Row("two workers: overhead over one", beside_2 / beside_1, "x", 2.0 / 1.8),
+        Row("gain of two plain processes relative to that of two workers", float(np.median(ratios)), "x", 1.0 / 0.9),
+        Row("two workers: overhead / one", beside_2 / beside_1, "x", 2.0 / 1.8),
         Row("a loop over fmpy", 1.0 / min(fmpy_loop), "runs/s"),
-        Row("one worker: time over fmpy", seconds_1 / runs / min(fmpy_loop), "x", 1.0 / 15.0),
+        Row("one worker: time / fmpy", seconds_1 / runs / min(fmpy_loop), "x", 1.0 / 15.0),
         Row("a run in the sweep", 1e3 * whole, "ms"),
         Row("of it set-up and end", 1e3 * short, "ms", 0.5),
         Row("memory growth, last 80 % of runs", growth, "MB", 3.0),

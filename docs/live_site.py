@@ -17,6 +17,7 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 from friction_fmus import fmu
+from friction_fmus.blocks.block_declarations import FILE
 from friction_fmus.blocks.catalogue import Block, catalogue
 from friction_fmus.blocks.macros import Paragraph, paragraphs
 from friction_fmus.blocks.probe import variable_groups
@@ -166,15 +167,26 @@ def index_page() -> str:
     lines = [
         "# All blocks",
         "",
-        "Each page has the equations, the variables and a figure that moves with the parameters.",
+        "Each page has the equations, the variables and a figure that moves with the parameters. The last column says "
+        "what the equations were checked against.",
     ]
     for kind, heading in KINDS.items():
-        lines += ["", f"## {heading}", "", "| block | what it is |", "|---|---|"]
+        lines += ["", f"## {heading}", "", "| block | what it is | checked against |", "|---|---|---|"]
         blocks = [block for block in catalogue().values() if block.kind == kind]
         lines += [
-            f"| [{block.name}]({block.name}.md) | {block.summary.replace('|', chr(92) + '|')} |" for block in blocks
+            f"| [{block.name}]({block.name}.md) | {block.summary.replace('|', chr(92) + '|')} | {checked(block)} |"
+            for block in blocks
         ]
     return "\n".join(lines) + "\n"
+
+
+def checked(block: Block) -> str:
+    """Return what the equations of a block were checked against, by its file or by the papers that it cites."""
+    read = set(re.findall(r"^% checked against the paper\n@\w+\{(\w+),", FILE.read_text(encoding="utf-8"), re.M))
+    cites = set(block.about.cites) - {"FrictionFmus2026"}
+    if block.status or not cites:
+        return re.sub(r"^(not )?checked against ", lambda m: "not " * bool(m[1]), block.status) or "derived here"
+    return "the paper" if cites <= read else "some of the papers" if cites & read else "not the papers"
 
 
 def block_page(block: Block, found: dict[str, Any]) -> str:

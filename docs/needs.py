@@ -145,9 +145,9 @@ MOTIONS = (
     Motion(
         "held under vibration",
         "ElastoPlastic",
-        "below 1, held for long",
-        "at rest, shaken",
-        "vibration about a constant force",
+        "below 1, held under load",
+        "at rest, with vibration",
+        "small vibration around a constant force",
         words("presliding, drift-free, Stribeck"),
         "drift_under_vibration",
     ),
@@ -157,7 +157,12 @@ QUESTIONS = (
     Question("stick-slip", "LuGre", "stick-slip of a slowly pulled axis", words("Stribeck")),
     Question("frictional lag", "LuGre", "friction that lags behind the speed", words("lag")),
     Question("dwell", "SevenParameter", "break-away force that grows with the time at rest", words("dwell")),
-    Question("real stop", "KarnoppMass", "a mass that comes to a complete stop", words("drift-free, mass inside")),
+    Question(
+        "real stop",
+        "KarnoppMass",
+        "positions at rest that must be exact (velocity exactly zero)",
+        words("drift-free, mass inside"),
+    ),
     Question("known forces", "Stiction", "friction at rest from known forces on the mass", words("needs force")),
     Question("changing normal force", "LuGre", "a normal force that changes during a run", inputs=words("Fn")),
     Question(
@@ -170,8 +175,8 @@ QUESTIONS = (
 )
 
 KNOWLEDGE = {
-    "presliding": "curve and presliding",
-    "static": "curve",
+    "presliding": "dynamic",
+    "static": "static",
     "none": "none",
 }
 """Kinds of friction model in compensators, by their parameters."""
@@ -281,7 +286,7 @@ SITUATIONS = (
     Situation(
         "hunting",
         "ResetPID PID Dither",
-        "positioning where PID control hunts around the goal",
+        "positioning where PID control hunts around the target",
         words("r, rd, rdd, x, v, f"),
         words("none"),
         "reset_integral",
@@ -289,7 +294,7 @@ SITUATIONS = (
     Situation(
         "stiction error",
         "ImpulsiveControl LuGreObserver Dither",
-        "positioning where the axis stops short of its goal",
+        "positioning where the axis stops short of its target",
         words("r, x, v, f"),
         words("static, presliding, none"),
         "pulses",
@@ -305,7 +310,7 @@ SITUATIONS = (
     Situation(
         "reference only",
         "Prefilter PreviewPrefilter",
-        "a drive that accepts only a reference",
+        "only the reference of the drive can be changed",
         words("r, rd, rdd, f"),
         words("none"),
         "prefilter_is_feedforward",

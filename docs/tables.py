@@ -222,10 +222,10 @@ def compensators() -> str:
                 " ".join(name for name in MEASURED if name in taken) or "–",
                 " ".join(other) or "–",
                 KNOWLEDGE[knowledge(block.name)],
-                use.replace("|", "\\|"),
+                (use[:1].upper() + use[1:]).replace("|", "\\|"),
             )
         )
-    return table(("compensator", "reference", "measured", "other inputs", "friction model", "use it"), rows)
+    return table(("compensator", "reference", "measured", "other inputs", "friction model", "when to use it"), rows)
 
 
 def capabilities() -> str:

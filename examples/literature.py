@@ -21,7 +21,7 @@ NUMBER = r"[-+]?\d+(?:\.\d+)?(?:e[-+]?\d+)?"
 INTRODUCTION = """# Claims of the literature
 
 This project started from a traineeship report, *A study of friction models and friction compensation*. This page lists
-its claims in our words, chapter by chapter. Each has a verdict and, in parentheses, a link to the [effect](effects.md)
+its claims, chapter by chapter. Each has a verdict and, in parentheses, a link to the [effect](effects.md)
 that supports it. (1.3) is an equation of the report, [24] one of its references.
 [paragraphs.csv](../examples/paragraphs.csv) lists its systems, methods, figures and equations by paragraph, each with
 its files, a script or test that shows it, and its state.

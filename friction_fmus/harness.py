@@ -1,7 +1,4 @@
-"""The package `harness` as ``friction_fmus.harness``, so that users only need to know one package name.
-
-The objects are the same. Import submodules from `harness`.
-"""
+"""The package `harness` as ``friction_fmus.harness``: the same objects. Its submodules are those of `harness`."""
 
 from typing import TYPE_CHECKING
 

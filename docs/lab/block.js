@@ -65,7 +65,7 @@
     const short = (names) => list([...new Set(names.map((name) => name.replace(/\[\d+\]$/, "")))]);
     return [
       begin.length ? "So that every slider has an effect, " + short(begin.map(({ name }) => name)) + (begin.length > 1 ? " do" : " does") + " not begin with the start value of the FMU." : "",
-      sides ? "Another value for the negative direction, " + list(shown.map(({ name }) => name).filter((name) => /_neg$/.test(name))) + ", sets " + live.SIDES + "." : "",
+      sides ? "Changing a parameter with the suffix _neg switches " + live.SIDES + " on." : "",
       about.idle.length ? "Not shown, because " + (about.idle.length > 1 ? "they have" : "it has") + " no visible effect in these figures: " + list(about.idle) + "." : "",
     ].filter(Boolean);
   }

@@ -14,18 +14,18 @@
 
   const goal = {
     id: "goal",
-    title: "Move to a goal",
-    text: "A PID controller moves a mass to a goal, sampled every 2.5 ms.",
+    title: "Move to a target",
+    text: "A PID controller moves a mass to a target, sampled every 2.5 ms.",
     part: "axis",
     controls: [
       ...gains(3, 6, 4),
       value("db", "dead-band: the integral stops while the error is smaller", "m", 0, 1e-3, 0.3, { zero: true }),
-      value("goal", "distance of the goal", "m", 1, 1e-4, 2),
+      value("goal", "distance of the target", "m", 1, 1e-4, 2),
       mass,
       value("duration", "of the run", "s", 45, 2, 120),
     ],
     charts: [
-      { title: "Distance to the goal", x: ["time", "s"], y: ["error", "m"], tight: true },
+      { title: "Distance to the target", x: ["time", "s"], y: ["error", "m"], tight: true },
       { title: "Motor force", x: ["time", "s"], y: ["force", "N"], tight: true },
     ],
     loop: (setup) => ({
@@ -42,8 +42,8 @@
       const crossings = risings(found.t, error, 0).length + risings(found.t, error.map((e) => -e), 0).length;
       const text = span > 0.02 * setup.goal && crossings > 1
         ? "hunts, by up to " + quantity(largest(late), "m")
-        : "ends " + quantity(Math.abs(error.at(-1)), "m") + " from the goal";
-      const zero = { x: found.t, y: found.t.map(() => 0), aside: true, label: "goal" };
+        : "ends " + quantity(Math.abs(error.at(-1)), "m") + " from the target";
+      const zero = { x: found.t, y: found.t.map(() => 0), aside: true, label: "target" };
       const band = setup.db > 0
         ? [1, -1].map((sign) => ({ x: found.t, y: found.t.map(() => sign * setup.db), aside: true, label: "dead-band" }))
         : [];
@@ -54,19 +54,19 @@
   const dither = {
     id: "dither",
     title: "Shaken by dither",
-    text: "A PD controller moves a mass towards a goal; a fast oscillation is added to its force, sampled every 2.5 ms.",
+    text: "A PD controller moves a mass towards a target; a fast oscillation is added to its force, sampled every 2.5 ms.",
     part: "axis",
     controls: [
       value("force", "amplitude of the oscillation", "N", 5, 0.1, 20, { zero: true }),
       value("frequency", "frequency of the oscillation", "Hz", 30, 10, 60),
       value("Kp", "proportional gain", "N/m", 300, 30, 3000),
       value("Kd", "derivative gain", "N.s/m", 20, 1, 200),
-      value("goal", "distance of the goal", "m", 1.5e-3, 1e-5, 1e-2),
+      value("goal", "distance of the target", "m", 1.5e-3, 1e-5, 1e-2),
       mass,
       value("duration", "of the run", "s", 1.5, 0.2, 3),
     ],
     charts: [
-      { title: "Distance to the goal", x: ["time", "s"], y: ["error", "m"], tight: true },
+      { title: "Distance to the target", x: ["time", "s"], y: ["error", "m"], tight: true },
       { title: "Friction", x: ["time", "s"], y: ["force", "N"], tight: true },
     ],
     loop: (setup) => ({
@@ -82,8 +82,8 @@
       const late = after(found.t, error, setup.duration - 3 / setup.frequency);
       const mean = late.reduce((sum, each) => sum + each, 0) / late.length;
       return {
-        charts: [[{ x: found.t, y: found.t.map(() => 0), aside: true, label: "goal" }, { x: found.t, y: error }], [{ x: found.t, y: found["friction.F"] }]],
-        text: "ends " + quantity(Math.abs(mean), "m") + " from the goal, in the mean",
+        charts: [[{ x: found.t, y: found.t.map(() => 0), aside: true, label: "target" }, { x: found.t, y: error }], [{ x: found.t, y: found["friction.F"] }]],
+        text: "ends " + quantity(Math.abs(mean), "m") + " from the target, in the mean",
       };
     },
   };

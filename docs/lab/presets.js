@@ -1,4 +1,4 @@
-/* Effects of the literature: a claim in our words, as docs/literature.md has it, and the settings that show it. */
+/* Effects of the literature: a claim, as docs/literature.md has it, and the settings that show it. */
 FrictionLive.presets = [
   {
     id: "stribeck",
@@ -14,7 +14,7 @@ FrictionLive.presets = [
     id: "memory",
     title: "Nonlocal memory",
     claim: "LuGre does not remember reversal points.",
-    try: "After a detour GMS continues at the point where it turned; LuGre misses it. Change the detour.",
+    try: "After an inner loop GMS continues at the point where it turned; LuGre misses it. Change the detour.",
     script: "models/reversal_memory.py",
     effect: "lugre-forgets-reversal-points-maxwellslip-and-gms-remember-them",
     view: "contact",
@@ -79,7 +79,7 @@ FrictionLive.presets = [
     id: "dither",
     title: "Dither",
     claim: "Dither smooths the jump of friction at low velocity.",
-    try: "Without the oscillation, friction holds the axis 1.5 mm from its goal: set its force to 0. With a short stroke, at 1 N, it hardly helps.",
+    try: "Without the oscillation, friction holds the axis 1.5 mm from its target: set its force to 0. With a short stroke, at 1 N, it hardly helps.",
     script: "compensation/dither_in_presliding.py",
     effect: "dither-with-a-short-stroke-does-not-smooth-friction",
     view: "dither",

@@ -66,17 +66,17 @@
   const contact = {
     id: "contact",
     title: "Force over velocity and path",
-    text: "The contact alone is moved: at steady velocities, and slowly to and fro with a detour.",
+    text: "The contact alone is moved: at steady velocities, and slowly to and fro with an inner loop.",
     part: "block",
     controls: [
       value("fastest", "highest velocity", "m/s", 5e-3, 1e-5, 1),
       value("amplitude", "amplitude of the path", "m", 2e-5, 1e-7, 1e-2),
-      value("detour", "detour, as a part of the amplitude", "", 0.8, 0, 1.2),
+      value("detour", "inner loop, as a part of the amplitude", "", 0.8, 0, 1.2),
       value("speed", "speed along the path", "m/s", 1e-5, 1e-7, 1e-2),
     ],
     charts: [
       { title: "Steady sliding", x: ["velocity", "m/s"], y: ["friction", "N"] },
-      { title: "Presliding with a detour", x: ["displacement", "m"], y: ["friction", "N"] },
+      { title: "Presliding with an inner loop", x: ["displacement", "m"], y: ["friction", "N"] },
     ],
     compute(run, values, setup) {
       const curve = sliding(run, values, setup.fastest, run.about.reach);
@@ -84,7 +84,7 @@
       const most = Math.max(...curve.y);
       const text = "has up to " + quantity(most, "N") + " of friction, " + quantity(curve.y.at(-1), "N") + " at " + quantity(setup.fastest, "m/s") +
         (setup.detour > 0 && run.about.features.includes("presliding") ? Math.abs(hysteresis.miss) < 1e-3 * most
-          ? ", and returns to its reversal point" : ", and misses its reversal point by " + quantity(Math.abs(hysteresis.miss), "N") : "");
+          ? "; after the inner loop, the force returns to its value at the reversal" : "; after the inner loop, the force is off its value at the reversal by " + quantity(Math.abs(hysteresis.miss), "N") + " (no nonlocal memory)" : "");
       return { charts: [[curve], [hysteresis]], text };
     },
   };

@@ -1,4 +1,4 @@
-"""A contact that is moved at a constant velocity and shaken: what friction is on average."""
+"""A contact that is moved at a constant velocity and vibrated, and its mean friction."""
 
 from __future__ import annotations
 

@@ -70,7 +70,7 @@ def main(folder: Path, full: bool = False) -> Effect:
         first, last = error(result, 0.0, 0.1), error(result, STOP - 2.0)
         checks.append(Check(f"{name}: RMS error of the last 2 s over the first 0.1 s", last / first, "", 0.0, 0.1))
         fixed = error(run(name, learns=False), STOP - 2.0)
-        checks.append(Check(f"{name}: RMS error over that without adaptation", last / fixed, "", 0.0, 0.05))
+        checks.append(Check(f"{name}: RMS error relative to that without adaptation", last / fixed, "", 0.0, 0.05))
         if name in FIGURES:
             for what, value, expected, unit in zip(
                 ("RMS error", "RMS error without adaptation", "Fc_hat", "Fv_hat"),

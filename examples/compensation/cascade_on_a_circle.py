@@ -147,9 +147,9 @@ def main(folder: Path, full: bool = False) -> Effect:
                 checks.append(compare(feed, factor, corner))
     none, static, gms, observer, both = ({feed: found[feed, case] for feed in RMS} for case in SHOWN)
     checks += [
-        Check("2 mm/s: error with static feedforward over without", static[0.002] / none[0.002], "", 1.0),
-        Check("10 mm/s: error with static feedforward over without", static[0.01] / none[0.01], "", 0.9, 1.1),
-        Check("100 mm/s: error with static feedforward over without", static[0.1] / none[0.1], "", 0.0, 0.2),
+        Check("2 mm/s: error with static feedforward / without", static[0.002] / none[0.002], "", 1.0),
+        Check("10 mm/s: error with static feedforward / without", static[0.01] / none[0.01], "", 0.9, 1.1),
+        Check("100 mm/s: error with static feedforward / without", static[0.1] / none[0.1], "", 0.0, 0.2),
     ]
 
     figure, axes = panels("Both together leave a quarter or less of the error (model 10 % off)", 1, 2, (9.0, 3.9))

@@ -145,7 +145,9 @@ def main(folder: Path, full: bool = False) -> Effect:
         Check("F over cascade", forward / cascade, "", 0.05, 0.16),
         Check("F and observer over F", observer / forward, "", 0.0, 0.35),
         Check("F, observer and RC over F and observer", all_of_them / observer, "", 0.0, 0.1),
-        Check("RC: error of a revolution over that of the one before", learning[1] / learning[0], "", 0.25, 0.35),
+        Check(
+            "RC: error of a revolution relative to that of the one before", learning[1] / learning[0], "", 0.25, 0.35
+        ),
     )
     return Effect(
         f"The rms error falls from {1e-3 * cascade:.1f} µm to {1e-3 * forward:.2f} µm with feedforward, "

@@ -138,7 +138,7 @@ def main(folder: Path, full: bool = False) -> Effect:
     for name, (colour, dashes) in STYLES.items():
         axes.loglog([1e3 * each for each in AMPLITUDES], found[name], color=colour, ls=dashes, marker="o", ms=4, lw=1.3)
     axes.axhline(1.0, color=BLACK, ls=":", lw=1.0)
-    axes.set(xlabel="amplitude [mm]", ylabel="error over that without", ylim=(8e-4, 30.0))
+    axes.set(xlabel="amplitude [mm]", ylabel="error relative to no compensation", ylim=(8e-4, 30.0))
     axes.set_xticks([1e3 * each for each in AMPLITUDES], [f"{1e3 * each:g}" for each in AMPLITUDES])
     label_ends(axes, {name: found[name][-1] for name in STYLES}, 1.55)
     save(figure, __file__, folder)
@@ -155,7 +155,9 @@ def main(folder: Path, full: bool = False) -> Effect:
             checks.append(Check(f"{name}: largest ratio", max(found[name]), "", 0.0, 0.16))
     checks.append(Check("static: ratio at 5 µm", found["static"][0], "", 1.0))
     late = np.divide(found["LuGre observer"], found["LuGre"])
-    checks.append(Check("least error with the observer over that with the reference", float(late.min()), "", 2.0))
+    checks.append(
+        Check("least error with the observer relative to that with the reference", float(late.min()), "", 2.0)
+    )
     return Effect(
         f"From 5 µm to 5 mm, the exact model leaves {100 * min(found['LuGre']):.2g} to "
         f"{100 * max(found['LuGre']):.2g} % of the error, forces 10 % too high {100 * min(found[OFF[0]]):.2g} to "

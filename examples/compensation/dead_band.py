@@ -2,7 +2,7 @@
 
 A dead-band stops the integral while the error is small. If a slip ends inside it, the axis comes to rest, with the
 error that is left. If the slips only pass through it, the integral is stopped just where it should unwind, and the axis
-overshoots more. Here 1 kg moves to a goal at 1 m.
+overshoots more. Here 1 kg moves to a target at 1 m.
 
 The loop is LuGre friction under the PID controller of the 1995 paper, Kp = 3, Ki = 4 and Kd = 6. It hunts by 64 mm
 without a dead-band, by 76 mm with one of 40 mm, and rests with one of 100 mm. With hysteresis (db_ratio = 1.5: a
@@ -41,8 +41,8 @@ WIDE = 0.1  # the dead-band that ends the hunting [m]
 def errors(width: float, ratio: float) -> tuple[Array, Array]:
     """Time and error of a run with that dead-band."""
     gains = {"Kp": KP, "Ki": KI, "Kd": KD, "m": 0.0, "db": width, "db_ratio": ratio}
-    goal = {"reference.offset": 1.0, "reference.amplitude[1]": 0.0}
-    result = run("Sine", {"x": ("r", "rd", "rdd")}, STOP, goal, gains=gains)
+    target = {"reference.offset": 1.0, "reference.amplitude[1]": 0.0}
+    result = run("Sine", {"x": ("r", "rd", "rdd")}, STOP, target, gains=gains)
     return result["time"].to_numpy(), (result["reference.r"] - result["mass_x.x"]).to_numpy()
 
 
@@ -67,7 +67,9 @@ def main(folder: Path, full: bool = False) -> Effect:
             checks.append(Check(f"{name}: motion at the end", 1e3 * float(np.ptp(late)), "mm", 100.0))
         if width not in (0.0, WIDE):
             checks.append(
-                Check(f"{name}: amplitude over that without a dead-band", swings[case] / swings[0.0, 1.5], "", 1.0)
+                Check(
+                    f"{name}: amplitude relative to that without a dead-band", swings[case] / swings[0.0, 1.5], "", 1.0
+                )
             )
         if case in COLOURS:
             axis = axes[list(COLOURS).index(case)]
@@ -84,7 +86,7 @@ def main(folder: Path, full: bool = False) -> Effect:
     plain, narrow, wide = (1e3 * swings[case] for case in COLOURS)
     return Effect(
         f"The axis hunts by {plain:.0f} mm without a dead-band and by {narrow:.0f} mm with one of 40 mm. With one of "
-        f"100 mm it rests, {wide:.0f} mm from its goal.",
+        f"100 mm it rests, {wide:.0f} mm from its target.",
         tuple(checks),
     )
 

@@ -1,6 +1,6 @@
 """Dither smooths the jump of friction at zero velocity
 
-A contact that is shaken fast while it moves slowly reverses many times. Its mean friction is then a slope over the
+A contact that is vibrated fast while it moves slowly reverses many times. Its mean friction is then a slope over the
 slow velocity instead of a jump from -Fc to Fc. Left: Coulomb friction with three waveforms and the slopes that
 integration gives. Right: a mass under a constant force that friction would hold; shaken, it creeps at the predicted
 velocity.
@@ -11,7 +11,7 @@ At the velocity v0 + A w, with a waveform w of the amplitude 1 and |v0| < A, the
     triangle:  Fc v0/A
     square:    0
 
-On the right a mass of 1 kg with Coulomb friction (KarnoppMass, Fs = Fc = 1 N) is shaken by a sine of 50 N at 200 Hz,
+On the right a mass of 1 kg with Coulomb friction (KarnoppMass, Fs = Fc = 1 N) is vibrated by a sine of 50 N at 200 Hz,
 which makes A = 40 mm/s. Under the constant force F it creeps at the velocity at which the mean friction is F, v0 = A
 sin(pi F/(2 Fc)).
 

@@ -11,8 +11,8 @@ in which P is the mass under a force that is held for a sample. With F = 1/P a d
 of the error without F. With a mass in F that is 20 % too large, 0.2 of the error without F is left where inertia
 dominates. On the right the reference is a sine of 5 mm at 1 Hz.
 
-Source: (2.1) to (2.3) follow from the diagram; for the sampled loop: Astrom, Wittenmark, Computer-Controlled Systems,
-Prentice Hall 1997.
+Source: the transfer functions follow from the diagram; for the sampled loop: Astrom, Wittenmark, Computer-Controlled
+Systems, Prentice Hall 1997.
 """
 
 from math import exp, pi
@@ -125,9 +125,9 @@ def main(folder: Path, full: bool = False) -> Effect:
     gain.legend(fontsize=8.5, loc="upper left")
     perfect, without, wrong = (left[name] for name in ("F = 1/P", "no F", "mass in F 20 % off"))
     share = float(perfect[-1] / without[-1])
-    checks.append(near("25 Hz, F = 1/P: |1 - y/r| over that without F", share, pi * FREQUENCIES[-1] * TS, 0.05))
+    checks.append(near("25 Hz, F = 1/P: |1 - y/r| relative to that without F", share, pi * FREQUENCIES[-1] * TS, 0.05))
     checks.append(
-        near("25 Hz, mass 20 % off: |1 - y/r| over that without F", float(wrong[-1] / without[-1]), 0.2, 0.05)
+        near("25 Hz, mass 20 % off: |1 - y/r| relative to that without F", float(wrong[-1] / without[-1]), 0.2, 0.05)
     )
 
     errors = {}
@@ -142,7 +142,7 @@ def main(folder: Path, full: bool = False) -> Effect:
     trace.legend(fontsize=8.5, loc="upper left")
     save(figure, __file__, folder)
     share = errors["LuGre"] / errors["Viscous"]
-    checks.append(Check("5 mm, 1 Hz: error with LuGre over that with viscous friction", share, "", 100.0))
+    checks.append(Check("5 mm, 1 Hz: error with LuGre relative to that with viscous friction", share, "", 100.0))
     return Effect(
         f"From 1 to 25 Hz, |1 - y/r| is at most {perfect.max():.3f} with F = 1/P; at 25 Hz, a mass 20 % off leaves "
         f"{wrong[-1] / without[-1]:.2f} of the value without F. The error is {1e6 * errors['LuGre']:.0f} µm with LuGre "

@@ -57,7 +57,7 @@ def follow(sines: Sines, law: str | None, tuned: Mapping[str, float]) -> tuple[A
 
 
 def ratio(sines: Sines, law: str, tuned: Mapping[str, float]) -> float:
-    """Error with feedforward over that without."""
+    """Error with feedforward relative to that without."""
     return rms(follow(sines, law, tuned)[1]) / rms(follow(sines, None, {})[1])
 
 
@@ -78,7 +78,7 @@ def main(folder: Path, full: bool = False) -> Effect:
     axes[1].bar(place - 0.2, list(small.values()), 0.38, color=BLUE, label="presliding")
     axes[1].bar(place + 0.2, list(large.values()), 0.38, color=RED, label="sliding, 5 mm")
     axes[1].axhline(1.0, color=BLACK, lw=1.0)
-    axes[1].set(yscale="log", ylabel="error over that without", ylim=(1e-3, 30.0))
+    axes[1].set(yscale="log", ylabel="error relative to no compensation", ylim=(1e-3, 30.0))
     axes[1].set_xticks(place, list(MODELS))
     axes[1].legend(fontsize=9)
     save(figure, __file__, folder)
@@ -86,8 +86,8 @@ def main(folder: Path, full: bool = False) -> Effect:
     checks = [near(f"multisine, {name}: ratio", small[name], known, 0.02) for name, known in RATIOS.items()]
     checks += [
         Check("multisine, GMS: ratio", small["GMS"], "", 0.0, 0.01),
-        Check("multisine: error with LuGre over that with Dahl", small["LuGre"] / small["Dahl"], "", 0.0, 1.0),
-        Check("multisine: error with GMS over that with LuGre", small["GMS"] / small["LuGre"], "", 0.0, 0.1),
+        Check("multisine: error with LuGre relative to that with Dahl", small["LuGre"] / small["Dahl"], "", 0.0, 1.0),
+        Check("multisine: error with GMS relative to that with LuGre", small["GMS"] / small["LuGre"], "", 0.0, 0.1),
         Check("sliding, static: ratio", large["static"], "", 0.0, 0.5),
         Check("sliding, GMS: ratio", large["GMS"], "", 0.0, 0.01),
     ]
@@ -105,7 +105,7 @@ def main(folder: Path, full: bool = False) -> Effect:
             found = ratio(SMALL, "GMSFeedforward", tuned)
             checks += [near(name, found, known, 0.05)]
     return Effect(
-        "Error over that without feedforward, in presliding: "
+        "Error relative to no feedforward, in presliding: "
         + ", ".join(f"{name} {value:.2g}" for name, value in small.items())
         + "; in sliding: "
         + ", ".join(f"{name} {value:.2g}" for name, value in large.items())

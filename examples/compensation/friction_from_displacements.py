@@ -37,7 +37,7 @@ ESTIMATOR = {"sigma0": 1e5, "Fc": 1.0, "elastic": 0.7, "Fv": 0.4}
 OBSERVER = {"k": 0.0}  # of LuGre; its other start values are those of the friction
 FREQUENCY, SETTLED, STOP = 1.0, 1.0, 2.0  # of the reference [Hz], start and end of the measurement [s]
 CONTACT = {"friction.Fs": 1.0, "friction.sigma1": 0.0}  # ElastoPlastic as the estimator has it
-RATIOS = {  # error over that under PD control, by friction and amplitude [m], at both sample times
+RATIOS = {  # error relative to that under PD control, by friction and amplitude [m], at both sample times
     ("ElastoPlastic", 5e-6): (0.0015, 0.0142),
     ("ElastoPlastic", 5e-3): (0.0007, 0.0082),
     ("ElastoPlastic", 5e-5): (0.0059, 0.0077),
@@ -67,7 +67,7 @@ def beside(A: float) -> Result:
 
 
 def ratio(friction: str, A: float, Ts: float) -> float:
-    """Return the rms error with the estimate fed back over that under PD control."""
+    """Return the rms error with the estimate fed back relative to that under PD control."""
     reference, start = sines((A, FREQUENCY, 0.0)), {"mass.v0": 2.0 * pi * FREQUENCY * A}
     start |= CONTACT if friction == "ElastoPlastic" else NOTHING
     errors = [
@@ -142,7 +142,7 @@ def main(folder: Path, full: bool = False) -> Effect:
     for (friction, A), expected in list(RATIOS.items())[: None if full else SHORT]:
         size = f"{1e6 * A:g} µm" if A < 1e-4 else f"{1e3 * A:g} mm"
         for Ts, each in zip((FINE, COARSE), expected, strict=True):
-            name = f"{friction}, {size}, Ts = {1e3 * Ts:g} ms: error over that of the PD"
+            name = f"{friction}, {size}, Ts = {1e3 * Ts:g} ms: error relative to that of the PD"
             margin = 0.03 * each + 5e-4
             checks.append(Check(name, ratio(friction, A, Ts), "", each - margin, each + margin))
     return Effect(

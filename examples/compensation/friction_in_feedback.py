@@ -38,7 +38,7 @@ CASES: dict[str, tuple[str, Mapping[str, float]]] = {
     "Karnopp in feedback, DV = 0.1 mm/s": ("KarnoppFeedforward", {"DV": NARROW}),
     "Karnopp in feedback, DV = 1 mm/s": ("KarnoppFeedforward", {"DV": WIDE}),
 }
-KARNOPP = {  # errors over those without compensation, at each amplitude
+KARNOPP = {  # errors relative to those without compensation, at each amplitude
     "Karnopp, feedforward": (0.1321, 0.4287, 0.6030),
     "Karnopp in feedback, DV = 0.1 mm/s": (0.1501, 0.3312, 0.6707),
     "Karnopp in feedback, DV = 1 mm/s": (0.1970, 0.8991, 1.0008),
@@ -85,7 +85,7 @@ def main(folder: Path, full: bool = False) -> Effect:
             left[case].append(rms(error(run(amplitude, case), 1.0)) / none)
     for (case, values), (colour, style) in zip(left.items(), STYLES, strict=True):
         ratios.semilogx([1e6 * A for A in AMPLITUDES], values, style, color=colour, lw=1.5, label=case)
-    ratios.set(xlabel="amplitude [µm]", ylabel="error over that without compensation", ylim=(0.0, 1.7))
+    ratios.set(xlabel="amplitude [µm]", ylabel="error relative to no compensation", ylim=(0.0, 1.7))
     ratios.legend(fontsize=8, loc="upper right")
 
     noise = {}
@@ -134,13 +134,17 @@ def main(folder: Path, full: bool = False) -> Effect:
         Check(f"{narrow}: velocity amplitude at rest", 1e3 * trembling(narrow), "mm/s", 0.1),
         small(f"{wide}: velocity amplitude at rest", 1e3 * trembling(wide), 1e-3, "mm/s"),
         Check(
-            "encoder of 1 µm, feedback, vt = 5 mm/s: variation of the force over that without",
+            "encoder of 1 µm, feedback, vt = 5 mm/s: variation of the force relative to that without",
             noise[list(CASES)[2]],
             "",
             50.0,
         ),
         Check(
-            "encoder of 1 µm, feedforward: variation of the force over that without", noise["feedforward"], "", 1.0, 1.0
+            "encoder of 1 µm, feedforward: variation of the force relative to that without",
+            noise["feedforward"],
+            "",
+            1.0,
+            1.0,
         ),
     ]
     forward, steep = left["feedforward"], left["feedback, vt = 2 mm/s"]

@@ -1,11 +1,11 @@
 """An integral makes the loop hunt if static friction exceeds Coulomb friction
 
-Static friction holds the axis short of its goal until the integral has wound up to break-away. Friction then falls to
-the Coulomb level, and the excess force carries the axis past the goal, where it waits again. With Fs = Fc there is no
-excess and no limit cycle. Without the integral the axis stays up to Fs/Kp from its goal.
+Static friction holds the axis short of its target until the integral has wound up to break-away. Friction then falls to
+the Coulomb level, and the excess force carries the axis past the target, where it waits again. With Fs = Fc there is no
+excess and no limit cycle. Without the integral the axis stays up to Fs/Kp from its target.
 
-The figure shows 1 kg under the PID controller of the 1995 paper, Kp = 3, Ki = 4 and Kd = 6, on its way to a goal at 1
-m. With Fs = Fc the axis still waits, each time longer, but each time it rests less than half as far from the goal.
+The figure shows 1 kg under the PID controller of the 1995 paper, Kp = 3, Ki = 4 and Kd = 6, on its way to a target at 1
+m. With Fs = Fc the axis still waits, each time longer, but each time it rests less than half as far from the target.
 Without friction the loop settles in seconds. On a rigid contact the amplitude is proportional to Fs - Fc, and nearly
 so here.
 
@@ -51,9 +51,9 @@ def main(folder: Path, full: bool = False) -> Effect:
     }
     errors, starts = {}, {}
     for name, (Ki, friction, Fs, colour, row) in cases.items():
-        goal = {"reference.offset": 1.0, "reference.amplitude[1]": 0.0} | ({"friction_x.Fs": Fs} if friction else {})
+        target = {"reference.offset": 1.0, "reference.amplitude[1]": 0.0} | ({"friction_x.Fs": Fs} if friction else {})
         gains = {"Kp": KP, "Ki": Ki, "Kd": KD, "m": 0.0}
-        result = run("Sine", {"x": ("r", "rd", "rdd")}, STOP, goal, friction=friction, gains=gains)
+        result = run("Sine", {"x": ("r", "rd", "rdd")}, STOP, target, friction=friction, gains=gains)
         t = result["time"].to_numpy()
         errors[name] = (result["reference.r"] - result["mass_x.x"]).to_numpy()
         starts[name] = slips(t, result["mass_x.v"].to_numpy())
@@ -74,10 +74,17 @@ def main(folder: Path, full: bool = False) -> Effect:
     checks = [
         near("LuGre: period", float(np.mean(waits)), WAIT, 5e-4, "s"),
         near("LuGre: largest error in the cycle", 1e3 * swing, 1e3 * SWING, 1e-3, "mm"),
-        near("LuGre: that of the last 20 s over that of the last 40 s", hunting[t > 100.0].max() / swing, 1.0, 1e-3),
-        Check("Fs = Fc: error at a rest over that at the rest before", (rests[1:] / rests[:-1]).max(), "", 0.0, 0.5),
+        near(
+            "LuGre: that of the last 20 s relative to that of the last 40 s",
+            hunting[t > 100.0].max() / swing,
+            1.0,
+            1e-3,
+        ),
         Check(
-            "Fs = Fc: error of the last 30 s over that at the last rest",
+            "Fs = Fc: error at a rest relative to that at the rest before", (rests[1:] / rests[:-1]).max(), "", 0.0, 0.5
+        ),
+        Check(
+            "Fs = Fc: error of the last 30 s relative to that at the last rest",
             np.abs(calm[t > 90.0]).max() / rests[-1],
             "",
             0.0,
@@ -87,10 +94,10 @@ def main(folder: Path, full: bool = False) -> Effect:
         Check("no integral: remaining error", held[-1], "m", 0.0, FS / KP),
     ]
     if full:
-        goal = {"reference.offset": 1.0, "reference.amplitude[1]": 0.0}
+        target = {"reference.offset": 1.0, "reference.amplitude[1]": 0.0}
         for (Kp, Ki, Fs), (wait, largest) in OTHERS.items():
             gains = {"Kp": Kp, "Ki": Ki, "Kd": KD, "m": 0.0}
-            result = run("Sine", {"x": ("r", "rd", "rdd")}, STOP, goal | {"friction_x.Fs": Fs}, gains=gains)
+            result = run("Sine", {"x": ("r", "rd", "rdd")}, STOP, target | {"friction_x.Fs": Fs}, gains=gains)
             error = np.abs((result["reference.r"] - result["mass_x.x"]).to_numpy())[t > 100.0].max()
             found = np.diff(slips(t, result["mass_x.v"].to_numpy()))[-1]
             name = f"LuGre, Kp = {Kp:g}, Ki = {Ki:g}, Fs = {Fs:g} Fc"
@@ -98,11 +105,16 @@ def main(folder: Path, full: bool = False) -> Effect:
             checks.append(near(f"{name}: largest error in the cycle", 1e3 * error, 1e3 * largest, 2e-3, "mm"))
             if Fs != FS:
                 checks.append(
-                    near(f"{name}: amplitude / (Fs - Fc) over that above", error / swing * 0.5 / (Fs - FC), 1.0, 0.05)
+                    near(
+                        f"{name}: amplitude / (Fs - Fc) relative to that above",
+                        error / swing * 0.5 / (Fs - FC),
+                        1.0,
+                        0.05,
+                    )
                 )
     return Effect(
         f"On LuGre the axis slips every {np.mean(waits):.2f} s and overshoots by {1e3 * swing:.1f} mm forever. With "
-        f"Fs = Fc it rests {', '.join(f'{1e3 * rest:.0f}' for rest in rests)} mm from its goal and closer each time. "
+        f"Fs = Fc it rests {', '.join(f'{1e3 * rest:.0f}' for rest in rests)} mm from its target and closer each time. "
         f"Without the integral it stays {1e3 * held[-1]:.0f} mm away.",
         tuple(checks),
     )

@@ -68,7 +68,7 @@ def main(folder: Path, full: bool = False) -> Effect:
         name = f"{1e6 * amplitude:g} µm"
         checks.append(Check(f"{name}: ratio with a position to 1 nm", ratios[-1][0], "", 0.0, 0.05))
         for label, found, known in zip(("1 nm", "0.3 µm"), ratios[-1], expected, strict=True):
-            checks.append(near(f"{name}, {label}: ratio over that of the reference", found / known, 1.0, 0.05))
+            checks.append(near(f"{name}, {label}: ratio relative to that of the reference", found / known, 1.0, 0.05))
 
     t = runs[0][0]["time"].to_numpy()
     near_reversal = np.abs(t - 1.5) < 0.06
@@ -85,7 +85,7 @@ def main(folder: Path, full: bool = False) -> Effect:
         shown = [ratio[column] for ratio in ratios]
         axes[1].loglog([1e3 * each for each in RATIOS], shown, color=colour, marker="o", ms=4, label=label)
     axes[1].axhline(0.05, color=GREY, ls="--", lw=1.0)
-    axes[1].set(xlabel="amplitude [mm]", ylabel="error over that without", ylim=(3e-3, 1.0))
+    axes[1].set(xlabel="amplitude [mm]", ylabel="error relative to no compensation", ylim=(3e-3, 1.0))
     axes[1].legend(loc="upper left", fontsize=9)
     save(figure, __file__, folder)
 

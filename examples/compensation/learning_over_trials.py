@@ -105,7 +105,7 @@ def checks_of(amplitude: float, gamma: float, errors: Array) -> list[Check]:
     ratio = errors[1:] / errors[:-1]
     checks = [near(f"{name}: second error over the first", ratio[0], RATIO[amplitude, gamma], 0.01)]
     if gamma <= 0.5:
-        checks.append(Check(f"{name}: largest ratio of an error over the one before", ratio.max(), "", 0.0, 1.0))
+        checks.append(Check(f"{name}: largest ratio of an error to the one before", ratio.max(), "", 0.0, 1.0))
     if gamma == 0.5:
         error = 1e6 * errors[0]
         checks.append(

@@ -146,7 +146,7 @@ def main(folder: Path, full: bool = False) -> Effect:
             swings[kind].append(float(run(LOADED, kind, load=load).std()))
             checks.append(near(f"3.1 mm/s, {load:g} N, {kind}: swings", swings[kind][-1], known, 0.02, "µm"))
     lost = swings["modelled output"][-1] / none[2]
-    checks.append(near("3.1 mm/s, 3 N: variation over that without compensation", lost, 1.0, 0.01))
+    checks.append(near("3.1 mm/s, 3 N: variation relative to that without compensation", lost, 1.0, 0.01))
     if full:
         for kind, known in zip(list(COLOURS)[1:], WITHOUT_COMMAND, strict=True):
             text = f"3.1 mm/s without command feedforward, {kind}: error"

@@ -72,12 +72,14 @@ def main(folder: Path, full: bool = False) -> Effect:
     for A in sorted({A for A, _, _ in found}):
         size = f"{1e6 * A:g} µm"
         worse = found[A, 5e-4, "observer"] / found[A, 5e-4, "feedforward"]
-        checks.append(Check(f"{size}, 0.5 ms: error with the observer over that with feedforward", worse, "", 3.0))
+        checks.append(
+            Check(f"{size}, 0.5 ms: error with the observer relative to that with feedforward", worse, "", 3.0)
+        )
         with_it = found[A, 5e-4, "feedforward"] / found[A, 5e-4, "none"]
-        checks.append(Check(f"{size}, 0.5 ms: error with feedforward over without", with_it, "", 0.0, 0.01))
+        checks.append(Check(f"{size}, 0.5 ms: error with feedforward / without", with_it, "", 0.0, 0.01))
         for name in ("feedforward", "observer"):
             halved = found[A, 2.5e-4, name] / found[A, 5e-4, name]
-            checks.append(Check(f"{size}, {name}: error at 0.25 ms over that at 0.5 ms", halved, "", 0.4, 0.52))
+            checks.append(Check(f"{size}, {name}: error at 0.25 ms relative to that at 0.5 ms", halved, "", 0.4, 0.52))
     for axis, A in zip(axes, SHOWN, strict=True):
         for name, colour in COLOURS.items():
             values = [1e6 * found[A, Ts, name] for Ts in times]

@@ -135,7 +135,7 @@ def main(folder: Path, full: bool = False) -> Effect:
     for name, (colour, dashes) in STYLES.items():
         ratio.loglog([1e6 * A for A in amplitudes], ratios[name], color=colour, ls=dashes, marker="o", ms=4, label=name)
     ramp.set(xlabel="time [ms]", ylabel="force missed on the ramp [mN]")
-    ratio.set(xlabel="amplitude [µm]", ylabel="error over that of the PD", ylim=(1e-3, 0.3))
+    ratio.set(xlabel="amplitude [µm]", ylabel="error relative to that of the PD", ylim=(1e-3, 0.3))
     ramp.legend(fontsize=8, loc="center right")
     save(figure, __file__, folder)
 

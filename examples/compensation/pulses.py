@@ -1,7 +1,7 @@
 """Short force pulses remove the error that a PD controller leaves
 
 A pulse that is stronger than static friction frees the axis, and the slide that follows is known. Left: slides after
-one pulse, on the law d = Fp (Fp - Fc) tp^2 / (2 m Fc). Right: an axis that friction holds short of its goal; each
+one pulse, on the law d = Fp (Fp - Fc) tp^2 / (2 m Fc). Right: an axis that friction holds short of its target; each
 pulse of 1 ms removes at least half of the error.
 
 Fp is the force and tp the time of the pulse, m the mass and Fc the Coulomb friction; Fp for a wanted d follows from
@@ -28,7 +28,7 @@ MASS = 1.0  # [kg]
 DURATIONS = {2: RED, 5: BLUE, 20: GREEN}  # of the pulses, in samples
 FORCES = (1.6, 2.0, 3.0, 5.0, 10.0, 20.0)  # [N]
 KP, KD, TOLERANCE = 3.0, 6.0, 5e-6  # [N/m], [N s/m], error below which there is no pulse [m]
-LEFT: Mapping[float, tuple[float, ...]] = {  # errors before each pulse and at the end, by goal [m]
+LEFT: Mapping[float, tuple[float, ...]] = {  # errors before each pulse and at the end, by target [m]
     50e-6: (49.9983e-6, 20.2325e-6, 8.6413e-6, 2.9999e-6),
     0.5e-3: (499.983e-6, 125.655e-6, 40.7535e-6, 16.6105e-6, 7.1708e-6, 2.3586e-6),
     5e-3: (4999.83e-6, 1588.777e-6, 409.292e-6, 105.019e-6, 35.8344e-6, 14.8640e-6, 6.4374e-6, 2.0430e-6),
@@ -54,19 +54,19 @@ def rigid(stop: float, **pulses: float) -> Array:
     return result["mass.x"].to_numpy()
 
 
-def lugre(goal: float, enabled: bool, stop: float, Kp: float = KP, Kd: float = KD) -> tuple[Array, Array, Array]:
+def lugre(target: float, enabled: bool, stop: float, Kp: float = KP, Kd: float = KD) -> tuple[Array, Array, Array]:
     """Time, error and number of pulses of an axis on LuGre under a PD controller and pulses."""
     models = {"pd": "PID", "pulses": "ImpulsiveControl", "mass": "Mass", "friction": "LuGre"}
     wires = ["mass.x -> pd.x", "mass.v -> pd.v", "mass.x -> pulses.x", "mass.v -> pulses.v", "pd.u -> pulses.f"]
     wires += ["pulses.u -> mass.F_drive", "mass.v -> friction.v", "friction.F -> mass.F_friction"]
-    start = {"pd.r": goal, "pd.rd": 0.0, "pd.rdd": 0.0, "pd.Kp": Kp, "pd.Kd": Kd, "pd.Ki": 0.0, "pd.Ts": TS}
-    start |= {"pulses.r": goal, "pulses.m": MASS, "pulses.Fc": FC, "pulses.Fs": FS, "pulses.tol": TOLERANCE}
+    start = {"pd.r": target, "pd.rd": 0.0, "pd.rdd": 0.0, "pd.Kp": Kp, "pd.Kd": Kd, "pd.Ki": 0.0, "pd.Ts": TS}
+    start |= {"pulses.r": target, "pulses.m": MASS, "pulses.Fc": FC, "pulses.Fs": FS, "pulses.tol": TOLERANCE}
     # a tolerance that no error exceeds disables the pulses and changes nothing else
     start |= {} if enabled else {"pulses.tol": 1.0}
     start |= {"pulses.n_pulse": 2, "pulses.n_stuck": 20, "pulses.Ts": TS, "pulses.u_min": -1e3, "pulses.u_max": 1e3}
     # a pulse is a jump of the force: in steps of 0.5 ms the first slide toward 5 mm would be 1.6 % too long
     result = simulate(models, wires, start, stop, step=TS / 10, record=("*", "pulses.pulses"))
-    return result["time"].to_numpy(), goal - result["mass.x"].to_numpy(), result["pulses.pulses"].to_numpy()
+    return result["time"].to_numpy(), target - result["mass.x"].to_numpy(), result["pulses.pulses"].to_numpy()
 
 
 def main(folder: Path, full: bool = False) -> Effect:
@@ -90,26 +90,28 @@ def main(folder: Path, full: bool = False) -> Effect:
             FORCES, 1e3 * np.array(found), color=colour, ls="", marker="o", ms=5, label=f"{1e3 * n * TS:g} ms"
         )
     checks = [small("rigid: slide after a pulse, largest relative deviation from the law", worst, 1e-9)]
-    for goal in (1e-5, 1e-3, 1e-1) if full else (1e-3,):
-        left = goal - rigid(1.0, r=goal, sized=1.0, tol=1e-3 * goal, n_pulse=2, n_stuck=20)[-1]
+    for target in (1e-5, 1e-3, 1e-1) if full else (1e-3,):
+        left = target - rigid(1.0, r=target, sized=1.0, tol=1e-3 * target, n_pulse=2, n_stuck=20)[-1]
         checks.append(
-            small(f"rigid, goal at {1e3 * goal:g} mm: error after one sized pulse over it", abs(left) / goal, 1e-5)
+            small(
+                f"rigid, target at {1e3 * target:g} mm: error after one sized pulse over it", abs(left) / target, 1e-5
+            )
         )
 
-    cases = [(goal, left, KP, KD, "") for goal, left in LEFT.items()]
+    cases = [(target, left, KP, KD, "") for target, left in LEFT.items()]
     if full:
-        cases += [(goal, left, 3.0 * OMEGA**2, 3.0 * OMEGA, "gains of 15 Hz, ") for goal, left in SERVO.items()]
+        cases += [(target, left, 3.0 * OMEGA**2, 3.0 * OMEGA, "gains of 15 Hz, ") for target, left in SERVO.items()]
     counts = []
-    for (goal, expected, Kp, Kd, which), colour in zip(
+    for (target, expected, Kp, Kd, which), colour in zip(
         cases, (BLUE, RED, GREEN, BLACK, BLACK)[: len(cases)], strict=True
     ):
-        name = f"LuGre, {which}goal at {1e6 * goal:g} µm"
-        t, held, _ = lugre(goal, False, 0.4, Kp, Kd)
+        name = f"LuGre, {which}target at {1e6 * target:g} µm"
+        t, held, _ = lugre(target, False, 0.4, Kp, Kd)
         stays = Check(
             f"{name}: remaining error under PD control over Fs/Kp", held[-1] * Kp / FS, "", TOLERANCE * Kp / FS, 1.0
         )
         moved = 1e6 * float(np.ptp(held[t > 0.1]))
-        t, e, number = lugre(goal, True, 0.4, Kp, Kd)
+        t, e, number = lugre(target, True, 0.4, Kp, Kd)
         before = [*e[np.flatnonzero(np.diff(number))], e[-1]]
         counts.append(len(before) - 1)
         off = max(abs(a / b - 1.0) for a, b in zip(before, expected, strict=True))
@@ -123,7 +125,7 @@ def main(folder: Path, full: bool = False) -> Effect:
         ]
         if not which:
             errors.semilogy(
-                1e3 * t, 1e6 * np.abs(e), color=colour, lw=1.3, label=f"PD and pulses, from {1e3 * goal:g} mm"
+                1e3 * t, 1e6 * np.abs(e), color=colour, lw=1.3, label=f"PD and pulses, from {1e3 * target:g} mm"
             )
             errors.semilogy(1e3 * t, 1e6 * held, color=colour, lw=1.0, ls="--")
     errors.semilogy([], [], color=BLACK, lw=1.0, ls="--", label="PD alone")

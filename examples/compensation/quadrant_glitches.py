@@ -72,10 +72,10 @@ def main(folder: Path, full: bool = False) -> Effect:
     step = 4.0 * FC / (OMEGA**2 * e**2)
     assert slow[0] < middle[0] < fast[0]
     checks += [
-        Check("100 mm/s, PID: deviation over that of a step of 2 Fc", fast[0] / step, "", 0.9, 1.03),
-        Check("2 mm/s: deviation with feedforward over without", slow[1] / slow[0], "", 1.0),
-        Check("10 mm/s: deviation with feedforward over without", middle[1] / middle[0], "", 0.4, 1.0),
-        Check("100 mm/s: deviation with feedforward over without", fast[1] / fast[0], "", 0.0, 0.1),
+        Check("100 mm/s, PID: deviation relative to that of a step of 2 Fc", fast[0] / step, "", 0.9, 1.03),
+        Check("2 mm/s: deviation with feedforward / without", slow[1] / slow[0], "", 1.0),
+        Check("10 mm/s: deviation with feedforward / without", middle[1] / middle[0], "", 0.4, 1.0),
+        Check("100 mm/s: deviation with feedforward / without", fast[1] / fast[0], "", 0.0, 0.1),
     ]
     numbers = "; ".join(
         f"{1e6 * without:.0f} µm at {1e3 * feed:g} mm/s, with feedforward {1e6 * with_it:.0f} µm"

@@ -76,7 +76,13 @@ def main(folder: Path, full: bool = False) -> Effect:
         checks.append(Check(f"{of} at the end", 1e3 * sums[LEARNT], "nm"))
     slow = [harmonics(revolution) for revolution in found[0.5][FIRST:]]
     checks += [
-        Check(f"rate 0.5: sum of harmonics, revolution {i + 1} of learning over the one before", ratio, "", 0.47, 0.53)
+        Check(
+            f"rate 0.5: sum of harmonics, revolution {i + 1} of learning relative to the one before",
+            ratio,
+            "",
+            0.47,
+            0.53,
+        )
         for i, ratio in enumerate(slow[i + 1] / slow[i] for i in range(5))
     ]
     if full:

@@ -1,6 +1,6 @@
 """An integral that changes sign with the error ends hunting
 
-Hunting comes from an integral that must unwind after the axis has passed its goal. ResetPID sets it from I to about
+Hunting comes from an integral that must unwind after the axis has passed its target. ResetPID sets it from I to about
 -rho I at that moment, so it pushes back at once. Top: on LuGre friction the PID controller hunts, while with rho = 0.8
 the axis comes to rest in the presliding range. Bottom: without friction, the energy V never rises in a jump.
 
@@ -37,7 +37,7 @@ JUMPS = (1.935, 2.184, 2.333, 2.432)  # the first with rho = 0.8, LuGre [s]
 RESTS = {0.0: 1.9533e-3, 0.5: 79.65e-6}  # error at rest by rho [m]
 COULOMB = {0.0: 297.3e-6, 0.5: 78.77e-6}  # that with Fs = Fc [m]
 TREMBLING = 0.2592e-3  # largest error after 20 s with rho = 1 without friction [m]
-SINE = 0.3703  # RMS error on the sine with rho = 0.8, over that with PID
+SINE = 0.3703  # RMS error on the sine with rho = 0.8, relative to that with PID
 
 
 def run(rho: float | None, friction: str | None, stop: float = STOP, start: dict[str, float] | None = None) -> Result:
@@ -111,7 +111,7 @@ def main(folder: Path, full: bool = False) -> Effect:
         for rho in (0.0, 0.5, 0.8):
             result = run(rho, "LuGre", 120.0)
             e = np.abs(deviation(result))[result["time"].to_numpy() > 100.0].max()
-            name = f"LuGre, rho = {rho:g}: error after 100 s over that after 40 s"
+            name = f"LuGre, rho = {rho:g}: error after 100 s relative to that after 40 s"
             checks.append(Check(name, e / late[rho], "", 0.99, 1.0))
             result = run(rho, "LuGre", start={"friction.Fs": 1.0})
             e = np.abs(deviation(result))[result["time"].to_numpy() > LATE].max()
@@ -121,7 +121,7 @@ def main(folder: Path, full: bool = False) -> Effect:
         sine, start = sines((5e-3, 1.0, 0.0)), {"mass.v0": 2.0 * pi * 5e-3}
         alone = error(follow("PID", GAINS, sine, 3.0, start=start), 1.0)
         jumping = error(follow("ResetPID", {**GAINS, "rho": 0.8, "mass": 1.0}, sine, 3.0, start=start), 1.0)
-        checks.append(near("sine of 5 mm, rho = 0.8: RMS error over that with PID", jumping / alone, SINE, 0.01))
+        checks.append(near("sine of 5 mm, rho = 0.8: RMS error relative to that with PID", jumping / alone, SINE, 0.01))
     return Effect(
         f"After 40 s the error is {1e3 * late[None]:.0f} mm with the PID controller, less than {1e6 * FS / SIGMA0:g} "
         f"µm with rho = 0.8, {1e6 * late[0.5]:.0f} µm with 0.5 and {1e3 * late[0.0]:.1f} mm with 0.",

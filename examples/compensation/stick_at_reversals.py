@@ -45,10 +45,10 @@ def main(folder: Path, full: bool = False) -> Effect:
         peaks[f] = float(np.abs(error[settled]).max())
         checks.append(near(f"{f:g} Hz: peak of the error", 1e6 * peaks[f], 1e6 * PEAKS[f], 1e-3, "µm"))
         share = np.abs(ideal[settled]).max() / peaks[f]  # it is the friction
-        checks.append(Check(f"{f:g} Hz: error without friction over that peak", share, "", 0.0, 0.01))
+        checks.append(Check(f"{f:g} Hz: error without friction relative to that peak", share, "", 0.0, 0.01))
         between = settled & (np.abs(np.mod(2.0 * f * t + 0.5, 1.0) - 0.5) > 0.3)  # in shares of half a period
         share = np.abs(error[between]).max() / peaks[f]
-        checks.append(Check(f"{f:g} Hz: error between reversals over that peak", share, "", 0.0, 0.03))
+        checks.append(Check(f"{f:g} Hz: error between reversals relative to that peak", share, "", 0.0, 0.03))
 
         since = t - 1.0 / f  # of a reversal
         around = np.abs(since) < 0.2 / f
@@ -72,9 +72,9 @@ def main(folder: Path, full: bool = False) -> Effect:
 
     slow, fast = PEAKS
     checks += [
-        Check(f"{slow:g} Hz: time of the axis at rest over that of the reference", stuck[slow], "", 2.0),
-        near(f"{fast:g} Hz: peak over that of a step of 2 Fc", peaks[fast] / STEP, 1.0, 0.03),
-        Check(f"{slow:g} Hz: peak over that of a step of 2 Fc", peaks[slow] / STEP, "", 0.0, 0.7),
+        Check(f"{slow:g} Hz: time of the axis at rest relative to that of the reference", stuck[slow], "", 2.0),
+        near(f"{fast:g} Hz: peak relative to that of a step of 2 Fc", peaks[fast] / STEP, 1.0, 0.03),
+        Check(f"{slow:g} Hz: peak relative to that of a step of 2 Fc", peaks[slow] / STEP, "", 0.0, 0.7),
     ]
     return Effect(
         f"The error peaks at {1e6 * peaks[slow]:.0f} µm at {slow:g} Hz and {1e6 * peaks[fast]:.0f} µm at {fast:g} Hz, "

@@ -46,7 +46,7 @@ def ripple(Kp: float, Kd: float) -> float:
 
 
 def growth(Kd: float, Ts: float) -> float:
-    """Velocity of a free mass under Kd alone, after 10 samples over that at the start."""
+    """Velocity of a free mass under Kd alone, after 10 samples relative to that at the start."""
     controller = ("PID", {"Kp": 0.0, "Kd": Kd, "Ki": 0.0, "m": 0.0})
     still = ("Sine", {"amplitude[1]": 0.0})
     result = follow(still, controller, 10 * Ts, friction=None, mass={"v0": 1e-3}, Ts=Ts)
@@ -87,7 +87,7 @@ def main(folder: Path, full: bool = False) -> Effect:
     checks += [
         small("Kp = 10 kN/m, Kd = 300 N s/m: ripple", ripple(HIGH, 300.0), 0.01),
         *(Check(f"Kp = {1e-3 * Kp:g} kN/m, Kd = 20 N s/m: ripple", ripple(Kp, 20.0), "", 0.5) for Kp in STIFF[1:]),
-        Check("Kd = 20 N s/m: amplitude at 100 kN/m over that at 1 kN/m", swings[-1] / swings[0], "", 0.0, 0.02),
+        Check("Kd = 20 N s/m: amplitude at 100 kN/m relative to that at 1 kN/m", swings[-1] / swings[0], "", 0.0, 0.02),
         near("Kp = 1 kN/m: error behind the reference", behind, 1e6 * sliding / KP, 0.001, "µm"),
         small("with an integral: error behind the reference", left, 0.01, "µm"),
         *(

@@ -1,11 +1,11 @@
 """Reversing friction in the integral at a reversal nearly ends hunting; a reset does not
 
 `reversal = 0` of PID resets the integral at a reversal, -1 reverses it, and `Fc_turned = Fc` reverses only the friction
-in it. Left: on the way to a goal, a reset leaves the amplitude of hunting; reversal shrinks it to a small oscillation,
-unless `v_zc` hides the spring-back of the contact. Right: tracking error over the amplitude. A load is also in the
-integral, so `reversal = -1` does harm under it.
+in it. Left: on the way to a target, a reset leaves the amplitude of hunting; reversal shrinks it to a small
+oscillation, unless `v_zc` hides the spring-back of the contact. Right: tracking error over the amplitude. A load is
+also in the integral, so `reversal = -1` does harm under it.
 
-Left: 1 kg with LuGre friction on its way to a goal at 1 m under the PID controller of the 1995 paper, Kp = 3, Ki = 4
+Left: 1 kg with LuGre friction on its way to a target at 1 m under the PID controller of the 1995 paper, Kp = 3, Ki = 4
 and Kd = 6. A reset shortens the wait, but the integral starts from the same value after each slip, so the axis slips
 as far. After a slip the contact springs back at some 0.12 mm/s, and this is the reversal that must count. With v_zc = 1
 mm/s the integral keeps its sign until the axis has broken away in the new direction; then 2 Fc are added to a force
@@ -32,7 +32,7 @@ from _effect import Check, Effect, command_line, near
 from _loop import BLACK, BLUE, FC, GREEN, GREY, RED, TS, Array, panels, rms, run, save
 from hunting import KD, KI, KP
 
-LATE, STOP = 60.0, 150.0  # of the runs to the goal [s]
+LATE, STOP = 60.0, 150.0  # of the runs to the target [s]
 SETTLED, END = 2.0, 6.0  # of the cosines [s]
 WINDOW = 2.5  # of the drawn largest errors [s]
 LOAD = -3.0  # [N]
@@ -64,10 +64,10 @@ WAYS: Mapping[str, Way] = {
 
 
 def to_goal(settings: Mapping[str, float]) -> tuple[Array, Array]:
-    """Time [s] and error [m] on the way to the goal."""
+    """Time [s] and error [m] on the way to the target."""
     gains = {"Kp": KP, "Ki": KI, "Kd": KD, "m": 0.0, **settings}
-    goal = {"reference.offset": 1.0, "reference.amplitude[1]": 0.0}
-    result = run("Sine", {"x": ("r", "rd", "rdd")}, STOP, goal, gains=gains)
+    target = {"reference.offset": 1.0, "reference.amplitude[1]": 0.0}
+    result = run("Sine", {"x": ("r", "rd", "rdd")}, STOP, target, gains=gains)
     return result["time"].to_numpy(), (result["reference.r"] - result["mass_x.x"]).to_numpy()
 
 
@@ -81,9 +81,9 @@ def tracking(settings: Mapping[str, float], amplitude: float, load: float = 0.0)
 
 
 def main(folder: Path, full: bool = False) -> Effect:
-    """Draw the errors at a goal and over the amplitude, check swings, periods and tracking errors."""
+    """Draw the errors at a target and over the amplitude, check swings, periods and tracking errors."""
     title = "Reversing friction in the integral at a reversal nearly ends hunting"
-    figure, (goal, follow) = panels(title, 1, 2, (9.6, 4.2))
+    figure, (target, follow) = panels(title, 1, 2, (9.6, 4.2))
     checks: list[Check] = []
     swings: dict[str, float] = {}
     periods: dict[str, float] = {}
@@ -98,9 +98,9 @@ def main(folder: Path, full: bool = False) -> Effect:
             checks.append(near(f"{name}: period", periods[name], way.period, 5e-3, "s"))
         if way.colour:
             windows = np.abs(e[1:]).reshape(-1, round(WINDOW / TS))
-            goal.semilogy(t[1 :: windows.shape[1]], 1e3 * windows.max(axis=1), color=way.colour, lw=1.5, label=name)
-    goal.set(xlabel="time [s]", ylabel=f"largest |error| in {WINDOW:g} s [mm]", ylim=(0.05, 1e5))
-    goal.legend(loc="upper right", fontsize=8)
+            target.semilogy(t[1 :: windows.shape[1]], 1e3 * windows.max(axis=1), color=way.colour, lw=1.5, label=name)
+    target.set(xlabel="time [s]", ylabel=f"largest |error| in {WINDOW:g} s [mm]", ylim=(0.05, 1e5))
+    target.legend(loc="upper right", fontsize=8)
 
     for name, way in WAYS.items():
         if not way.errors:
@@ -114,9 +114,9 @@ def main(folder: Path, full: bool = False) -> Effect:
             at, worse = f"{name}, {1e3 * amplitude:g} mm", loaded[i] / errors[name][i]
             checks.append(near(f"{at}: error", 1e6 * errors[name][i], 1e6 * way.errors[i], 0.02, "µm"))
             if name == REVERSED:
-                checks.append(Check(f"{at}: error under a load over that", worse, "", 10.0, reproducible=False))
+                checks.append(Check(f"{at}: error under a load relative to that", worse, "", 10.0, reproducible=False))
             else:
-                checks.append(near(f"{at}: error under a load over that", worse, 1.0, 0.01))
+                checks.append(near(f"{at}: error under a load relative to that", worse, 1.0, 0.01))
     follow.plot([], [], "x--", color=BLACK, lw=1.0, label="under a load of 3 N")
     follow.set(xlabel="amplitude [mm]", ylabel="rms tracking error [µm]", ylim=(1.0, 2000.0))
     follow.legend(loc="upper right", ncols=2, fontsize=8)

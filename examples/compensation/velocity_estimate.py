@@ -79,13 +79,16 @@ def main(folder: Path, full: bool = False) -> Effect:
         near("5 mm: error of the difference", rounding, 1e3 * Q / (TS * sqrt(6.0)), 0.15, "mm/s"),
         Check("difference: error of the velocity", off["AdaptiveLuGre"], "mm/s"),
         Check(
-            "ANDFC: error of the velocity over that of the difference",
+            "ANDFC: error of the velocity relative to that of the difference",
             off["ANDFC"] / off["AdaptiveLuGre"],
             "",
             0.0,
             0.2,
         ),
-        *(Check(f"{law}: variation of the force over that without rounding", each) for law, each in more.items()),
+        *(
+            Check(f"{law}: variation of the force relative to that without rounding", each)
+            for law, each in more.items()
+        ),
         Check(
             "ANDFC over difference: variation of the force",
             variation["ANDFC", Q] / variation["AdaptiveLuGre", Q],

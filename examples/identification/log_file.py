@@ -1,6 +1,6 @@
 """Writes axis.csv, a log file as a drive makes it: of a simulated axis, so that the true parameters are known.
 
-A carriage of 20 kg on a LuGre contact goes to and fro, fast, slowly and in steps below the presliding distance; an
+A carriage of 20 kg on a LuGre contact goes to and fro, fast, slowly and in steps below the presliding displacement; an
 encoder measures its position in steps of 0.1 um, and the drive logs its command with some noise.
 """
 
@@ -20,7 +20,7 @@ M, OF = 20.0, 1.5  # moved mass [kg], offset of the drive [N]
 GAIN = 35.15  # of the drive [N/V]
 H = 2e-3  # sampling interval [s]
 
-# amplitude [m], frequency [Hz], periods: first those for the fit, then those for the validation, from 14 s on
+# amplitude [m], frequency [Hz], periods: first those for the fit, then those for the validation, after 14 s
 STROKES = [(0.04, 1.0, 3), (4e-3, 0.25, 2), (3e-5, 1.0, 3), (0.025, 0.8, 2), (2e-3, 0.25, 1), (5e-5, 1.0, 2)]
 
 

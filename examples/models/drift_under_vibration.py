@@ -1,8 +1,8 @@
 """LuGre drifts under a constant force with vibration; ElastoPlastic does not
 
-A mass of 1 kg is pushed by 0.6 N and shaken by 0.3 N at 1 Hz. The force stays below the Coulomb level of 1 N, yet with
-LuGre the mass creeps on with every cycle. ElastoPlastic is purely elastic up to its break-away deflection and holds
-the mass.
+A mass of 1 kg is pushed by 0.6 N and vibrated by 0.3 N at 1 Hz. The force stays below the Coulomb level of 1 N, yet
+with LuGre the mass creeps on with every cycle. ElastoPlastic is purely elastic up to its break-away deflection and
+holds the mass.
 
 The break-away deflection z_ba is 9.5 µm, and 0.9 N deflects the contact by 9 µm. The drift of LuGre per cycle was
 computed independently, with an ODE solver at tight tolerances.

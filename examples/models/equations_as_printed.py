@@ -1,4 +1,4 @@
-"""Four ambiguous or incomplete equations and what they can do
+"""Four misprinted or incomplete equations, and what they lead to
 
 Four equations of the [report](literature.md) leave out a sign or a rule. Red: read literally; blue: the models.
 
@@ -41,11 +41,11 @@ def main(folder: Path) -> str:
     t = STEP * np.arange(301)
     backward = along("GMS", BACK * t, STEP, GMS)["friction.F"].to_numpy()
     run_away = LEVEL * (1.0 - 2.0 * np.exp(C * t / LEVEL))  # from -s
-    slip.plot(1e3 * t, run_away, color=RED, lw=1.5, label="(1.23), s > 0")
+    slip.plot(1e3 * t, run_away, color=RED, lw=1.5, label="literally, s > 0")
     slip.plot(1e3 * t, backward, color=BLUE, lw=1.5, label="GMS")
     slip.set(xlabel="time at -10 mm/s [ms]", ylabel="force of the element [N]", ylim=(-12.0, 1.0))
     spring = 1e5 * BACK * t
-    stick.plot(1e3 * t, spring, color=RED, lw=1.5, label="(1.22), s > 0")
+    stick.plot(1e3 * t, spring, color=RED, lw=1.5, label="literally, s > 0")
     stick.plot(1e3 * t, backward, color=BLUE, lw=1.5, label="GMS")
     signed = np.where(spring <= -LEVEL, -LEVEL, spring)  # with s = -LEVEL, (1.23) keeps z where it reaches s
     for axis in (slip, stick):
@@ -55,7 +55,7 @@ def main(folder: Path) -> str:
     x = polyline([0.0, A, -A, A], 1e-5, 5e-3)
     held = np.clip(1e5 * x, -W, W)
     dragged = along("MaxwellSlip", x, 5e-3, ONE | {"W[1]": W})["friction.F"].to_numpy()
-    element.plot(1e6 * x, held, color=RED, lw=2.5, label="(1.19), (1.20)")
+    element.plot(1e6 * x, held, color=RED, lw=2.5, label="literally")
     element.plot(1e6 * x, dragged, color=BLUE, lw=1.5, label="MaxwellSlip")
     element.set(xlabel="position [µm]", ylabel="force of the element [N]")
 
@@ -65,7 +65,7 @@ def main(folder: Path) -> str:
     Fh = result["friction.Fh"].to_numpy()
     Fb = float(Fh[slow.size - 1])
     least = Fb + 4.0 * (1.0 - np.exp(-(jump - slow[-1]) / 4e-5))  # with dz/dt = v, the start values of A and zc
-    leuven.plot(1e6 * (jump - slow[-1]), least, color=RED, lw=1.5, label="(1.14), at least")
+    leuven.plot(1e6 * (jump - slow[-1]), least, color=RED, lw=1.5, label="literally, at least")
     leuven.plot(1e6 * (jump - slow[-1]), Fh[slow.size :], color=BLUE, lw=1.5, label="Leuven")
     leuven.axhline(LEVEL, color=GREY, ls="--", lw=1.2, label="S")
     leuven.set(xlabel="path at 20 mm/s [µm]", ylabel="hysteresis force [N]", ylim=(0.0, 6.0))
@@ -88,10 +88,10 @@ def main(folder: Path) -> str:
     assert abs(area / (4.0 * W * (A - W / 1e5)) - 1.0) < 1e-9 and abs(float(np.trapezoid(held[400:], x[400:]))) < 1e-18
     assert Fb > LEVEL and abs(Fh[-1] - LEVEL) < 1e-9
     return (
-        f"At -10 mm/s, (1.23) with a positive s reaches {run_away[-1]:.0f} N after 30 ms; with a negative s it is the "
-        f"FMU, which goes to {backward[-1]:.0f} N at the rate C/s = {C / LEVEL:g} 1/s. The loop of (1.19) dissipates "
-        f"nothing, the loop of MaxwellSlip {1e6 * area:.0f} µJ. From {Fb:.2f} N, (1.14) rises to at least "
-        f"{least[-1]:.1f} N, where Leuven falls to {Fh[-1]:.1f} N."
+        f"At -10 mm/s, the slip of GMS with a positive s reaches {run_away[-1]:.0f} N after 30 ms; with a negative s "
+        f"it is the FMU, which goes to {backward[-1]:.0f} N at the rate C/s = {C / LEVEL:g} 1/s. The literal Maxwell "
+        f"slip dissipates nothing, the loop of MaxwellSlip {1e6 * area:.0f} µJ. From {Fb:.2f} N, the literal Leuven "
+        f"rises to at least {least[-1]:.1f} N, where Leuven falls to {Fh[-1]:.1f} N."
     )
 
 

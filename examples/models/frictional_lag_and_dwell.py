@@ -74,7 +74,7 @@ def main(folder: Path) -> str:
     t2, peaks = np.array([break_away(rest) for rest in RESTS]).T
     Fs_last = stribeck(SLIDE, rested(Fs_a, Fc / (kt * SLIDE)))
     times = np.geomspace(0.03, 60.0, 100)
-    dwell.semilogx(times, Fc + rested(Fs_last, times), "--", color=BLACK, lw=1.2, label="equation (1.6)")
+    dwell.semilogx(times, Fc + rested(Fs_last, times), "--", color=BLACK, lw=1.2, label="equation of dwell")
     dwell.semilogx(t2, peaks, "o", color=BLUE, label="peak at break-away")
     dwell.set(xlabel="dwell time t₂ [s]", ylabel="friction force [N]", title="break-away after a rest")
     dwell.legend(fontsize=9)
@@ -84,8 +84,8 @@ def main(folder: Path) -> str:
     assert np.all((below > -1e-4) & (below < ONE_STEP + 1e-4))  # the last sample before the peak
     return (
         f"At 20 Hz friction is {higher:.3f} N higher while the speed rises. Break-away grows from {peaks[0]:.2f} N "
-        f"after {t2[0]:.2f} s to {peaks[-1]:.2f} N after {t2[-1]:.0f} s and agrees with (1.6) to {1e3 * ONE_STEP:.0f} "
-        "mN."
+        f"after {t2[0]:.2f} s to {peaks[-1]:.2f} N after {t2[-1]:.0f} s and agrees with the equation of dwell to "
+        f"{1e3 * ONE_STEP:.0f} mN."
     )
 
 

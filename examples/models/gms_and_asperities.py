@@ -41,7 +41,7 @@ def drift(model: str) -> tuple[Array, Array]:
 
 
 def memory(model: str) -> tuple[Array, Array]:
-    """Position [m] and force [N] on a path to 20 µm with a detour from 15 µm back to 0, 20 nm a step."""
+    """Position [m] and force [N] on a path to 20 µm with an inner loop from 15 µm back to 0, 20 nm a step."""
     x = polyline([0.0, 15e-6, 0.0, 15e-6, 20e-6], 1e-6, 0.02)
     return x, along(model, x, 0.02, PARAMETERS[model])["friction.F"].to_numpy()
 
@@ -94,7 +94,7 @@ def main(folder: Path) -> str:
     # after the drift of the first cycles, in which contacts find their place, over five cycles
     per_cycle = {m: abs(found[drift, m][1][11_000] - found[drift, m][1][6_000]) / 5.0 for m in with_lugre}
     assert max(per_cycle[m] for m in without) < 0.01 * per_cycle["LuGre"]
-    # at 15 µm before and after the detour
+    # at 15 µm before and after the inner loop
     miss = {m: abs(1.0 - found[memory, m][1][2250] / found[memory, m][1][750]) for m in with_lugre}
     assert max(miss[m] for m in without) < 0.05 < 0.2 < miss["LuGre"]
     for m in without:

@@ -1,6 +1,6 @@
 """A GMS element sticks as a spring and is then attracted to its level
 
-Left: the elements of GMS. Right: three elements at 0.2 mm/s, from 0.3 s on at 20 mm/s, and back. Each sticks until its
+Left: the elements of GMS. Right: three elements at 0.2 mm/s, after 0.3 s at 20 mm/s, and back. Each sticks until its
 deflection z_i reaches the level s_i(v) (dashed). After the jump of the speed it is attracted to the lower level at a
 finite rate: friction lags.
 
@@ -63,8 +63,8 @@ def main(folder: Path) -> str:
     assert np.abs(extra[JUMP + 1 : TURN + 1] - SIGMA * rates[1:]).max() < 1e-12  # N, all slip
     begins, ends = (", ".join(f"{1e6 * each:.1f}" for each in levels(speed)) for speed in (SLOW, FAST))
     return (
-        f"The elements slip from {begins} µm on and fall to {ends} µm at the rate C/S = {decay:.0f} 1/s, as (1.22) and "
-        f"(1.23) say. The sigma of {SIGMA:.0f} N s/m is a damping and adds {1e3 * extra[1]:.0f} mN in stick."
+        f"The elements slip after {begins} µm and fall to {ends} µm at the rate C/S = {decay:.0f} 1/s, as the "
+        f"equations of GMS say. The sigma of {SIGMA:.0f} N s/m is a damping and adds {1e3 * extra[1]:.0f} mN in stick."
     )
 
 

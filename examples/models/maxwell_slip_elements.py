@@ -58,8 +58,8 @@ def main(folder: Path) -> str:
     area = float(np.trapezoid(F[QUARTER:], z[QUARTER:]))  # from A back to A
     assert abs(area / float(np.sum(4.0 * W * (A - W / K))) - 1.0) < 1e-9
     return (
-        f"The elements slide from {', '.join(f'{1e6 * each:.0f}' for each in W / K)} µm on. They agree with (1.18) to "
-        f"(1.20) to 1e-12 N if the sliders are dragged along; the loop dissipates {1e6 * area:.0f} µJ."
+        f"The elements slide after {', '.join(f'{1e6 * each:.0f}' for each in W / K)} µm. They agree with the "
+        f"published equations to 1e-12 N if the sliders are dragged along; the loop dissipates {1e6 * area:.0f} µJ."
     )
 
 

@@ -114,7 +114,7 @@ def main(folder: Path) -> str:
     assert other < 0.01
     return (
         f"The optimal force without friction moves the mass by {1e3 * end['without friction']:.0f} mm, with LuGre by "
-        f"{1e3 * end['with LuGre']:.1f} mm. From 0.2 s on, the latter force differs by less than 0.01 N from the "
+        f"{1e3 * end['with LuGre']:.1f} mm. After 0.2 s, the latter force differs by less than 0.01 N from the "
         f"optimal force with Coulomb and viscous friction."
     )
 

@@ -6,10 +6,10 @@ and drifts.
 
 - Stribeck effect: how much lower friction is at 3 mm/s than at 10 µm/s;
 - presliding: the force after 1 µm from rest; less than half of the force at 10 µm/s counts as elastic;
-- hysteresis: the work in a loop of 12 µm in presliding over that of a rigid contact;
+- hysteresis: the work in a loop of 12 µm in presliding relative to that of a rigid contact;
 - lag: how much higher friction is while the speed rises through 2 mm/s than while it falls, at 20 Hz, without sigma1;
 - dwell: growth of the break-away force from 0.1 s to 30 s at rest;
-- memory: how much of the force is missing after a detour from 15 µm to 0 and back; less than 1 % counts as memory;
+- memory: how much of the force is missing after an inner loop from 15 µm to 0 and back; less than 1 % counts as memory;
 - no drift: the drift per cycle under 0.6 N with a vibration of 0.3 N at 1 Hz; less than 1 % of that of LuGre counts.
 
 The exponent n of the two Leuven models is 100 for memory and drift, because their loops close in the position for
@@ -153,9 +153,10 @@ def main(folder: Path) -> str:
         f"and Sorine {counts['BlimanSorine']}, rate-and-state {counts['RateAndState']}, LuGre {counts['LuGre']}, "
         f"Leuven {counts['Leuven']}, GMS {counts['GMS']} and the asperities {counts['GenericAsperity']}. From 10 µm/s "
         f"to 3 mm/s friction falls by {100.0 * found['LuGre'][0]:.0f} % with LuGre and "
-        f"{100.0 * abs(found['Dahl'][0]):.0f} % with Dahl. A detour costs LuGre {100.0 * found['LuGre'][5]:.0f} %, "
-        f"ElastoPlastic {100.0 * found['ElastoPlastic'][5]:.1f} % and Leuven {100.0 * found['Leuven'][5]:.1f} % of the "
-        f"force. With n = 2 Leuven drifts by {1e6 * loose:.2f} µm per cycle."
+        f"{100.0 * abs(found['Dahl'][0]):.0f} % with Dahl. An inner loop costs LuGre {100.0 * found['LuGre'][5]:.0f} "
+        f"%, ElastoPlastic {100.0 * found['ElastoPlastic'][5]:.1f} % and "
+        f"Leuven {100.0 * found['Leuven'][5]:.1f} % of "
+        f"the force. With n = 2 Leuven drifts by {1e6 * loose:.2f} µm per cycle."
     )
 
 

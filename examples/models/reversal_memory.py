@@ -1,10 +1,11 @@
 """LuGre forgets reversal points; MaxwellSlip and GMS remember them
 
-On a path to 20 µm with a detour back to 0, MaxwellSlip and GMS close the inner loop at the reversal point and continue
-as if there had been no detour. LuGre misses the point, and so does Dahl's model: rate independence is not memory.
+On a path to 20 µm with an inner loop back to 0, MaxwellSlip and GMS close the inner loop at the reversal point and
+continue as if there had been no inner loop. LuGre misses the point, and so does Dahl's model: rate independence is not
+memory.
 
 The path is followed at 1 µm/s. At constant speed LuGre is linear in the path, so the miss is known: (1 - q) ((1 + q) F
-- (1 - q) g), with q = exp(-a sigma0 / g), for a detour of the length a that begins at the force F. Dahl's model is
+- (1 - q) g), with q = exp(-a sigma0 / g), for an inner loop of the length a that begins at the force F. Dahl's model is
 LuGre with a constant g = Fc and misses by the same formula.
 
 Source: Lampaert, Swevers, Al-Bender, IEEE TAC 47(4), 2002; Al-Bender, Lampaert, Swevers, IEEE TAC 50(11), 2005.
@@ -30,7 +31,7 @@ def known_miss(g: float) -> float:
 
 
 def main(folder: Path) -> str:
-    """Draw the detours and check where they end."""
+    """Draw the inner loops and check where they end."""
     figure, axes = panels("LuGre forgets reversal points; MaxwellSlip and GMS remember them", 2, 2, (8.0, 6.4))
     x = polyline([0.0, TURN, BACK, TURN, END], SPEED, STEP)
     x_straight = polyline([0.0, END], SPEED, STEP)
@@ -40,8 +41,8 @@ def main(folder: Path) -> str:
         straight = along(model, x_straight, STEP)["friction.F"].to_numpy()
         miss[model] = F[TO_TURN] - F[TO_TURN + DETOUR]
         beyond[model] = np.abs(F[TO_TURN + DETOUR :] - straight[TO_TURN:]).max()
-        axis.plot(1e6 * x_straight, straight, color=GREY, lw=4.0, alpha=0.6, label="without detour")
-        axis.plot(1e6 * x, F, color=RED if model in G else BLUE, lw=1.4, label="with detour")
+        axis.plot(1e6 * x_straight, straight, color=GREY, lw=4.0, alpha=0.6, label="without inner loop")
+        axis.plot(1e6 * x, F, color=RED if model in G else BLUE, lw=1.4, label="with inner loop")
         axis.plot(1e6 * TURN, F[TO_TURN], "o", color=BLACK, ms=6, label="reversal point")
         axis.set(title=model, xlabel="position [µm]", ylabel="friction force [N]", ylim=(-0.9, 1.5))
         axis.legend(loc="lower right", fontsize=9)
@@ -52,8 +53,8 @@ def main(folder: Path) -> str:
     for model in ("MaxwellSlip", "GMS"):
         assert abs(miss[model]) < 1e-12 and beyond[model] < 1e-12  # N, rounding
     return (
-        f"After the detour LuGre is {miss['LuGre']:.3f} N and Dahl {miss['Dahl']:.3f} N below the reversal point; "
-        "MaxwellSlip and GMS pass it, and then follow the curve without detour, to 1e-12 N."
+        f"After the inner loop LuGre is {miss['LuGre']:.3f} N and Dahl {miss['Dahl']:.3f} N below the reversal point; "
+        "MaxwellSlip and GMS pass it, and then follow the curve without inner loop, to 1e-12 N."
     )
 
 

@@ -6,7 +6,7 @@ new point replaces the innermost loop, `stack_overflow` becomes true, and the FM
 fmi2DoStep returns one fmi2Warning with a message. On the way out, every loop that was kept closes at the force of its
 reversal point, until the stacks are empty.
 
-Source: Swevers, Al-Bender, Ganseman, Prajogo, IEEE TAC 45(4), 2000; the order in which points are dropped is ours.
+Source: Swevers, Al-Bender, Ganseman, Prajogo, IEEE TAC 45(4), 2000; which points are dropped is this library's choice.
 """
 
 import logging

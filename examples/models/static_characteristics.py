@@ -73,7 +73,7 @@ def main(folder: Path) -> str:
         axis.set(xlabel="velocity [mm/s]", xlim=(-10.0, 10.0), ylim=(-2.0, 3.6), yticks=(-1.5, -1.0, 0.0, 1.0, 1.5))
     curve.plot(1e3 * v, bristles, "o", color=GREEN, ms=4, label="LuGre, other levels for v < 0")
     for half in (v < 0.0, v > 0.0):
-        even_label = "(1.3) with an even term" if half[-1] else None
+        even_label = "with an even term" if half[-1] else None
         curve.plot(1e3 * v[half], even(v)[half], color=RED, ls=":", lw=1.5, label=even_label)
     basic.set_ylabel("friction force [N]")
     basic.legend(loc="upper left", fontsize=8.5)
@@ -96,7 +96,8 @@ def main(folder: Path) -> str:
     assert abs(wrong - 2.0 * (FS - FC) * exp(-SPEEDS[0] / VS)) < 1e-12
     return (
         f"At rest friction takes any value up to {at_rest('Stiction', 2.0):g} N. In steady sliding LuGre is within "
-        f"1e-9 N of the Stribeck curve. With an even term, (1.3) differs by {wrong:.2f} N from an odd function."
+        f"1e-9 N of the Stribeck curve. With an even term, the Stribeck curve differs by {wrong:.2f} N from an "
+        "odd function."
     )
 
 

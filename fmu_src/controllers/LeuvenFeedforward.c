@@ -35,7 +35,7 @@
 
 #define MODEL   LeuvenFeedforward
 #define SUMMARY "Feedforward of inertia and Leuven friction with stacks, computed from the reference"
-#define STATUS  "equations from memory or summaries of the papers"
+#define STATUS  "not checked against the papers"
 #define SOURCE  "Swevers, Al-Bender, Ganseman, Prajogo, IEEE TAC 45(4), 2000"
 #define CITES   "Swevers2000, Lampaert2004"
 #define QUOTES  "overcompensation, inertia"
@@ -74,7 +74,7 @@
     PARAMETER (sigma1,   DAMPING,  316.22776601683796, 0.0, INF, "bristle damping")                                        \
     PARAMETER (sigma2,   DAMPING,  0.4,   0.0,   INF, "viscous coefficient")                                               \
     PARAMETER (Fc,       FORCE,    1.0,   1e-9,  INF, "Coulomb friction")                                                  \
-    PARAMETER (Fs,       FORCE,    1.5,   1e-9,  INF, "static friction, may be below Fc")                                  \
+    PARAMETER (Fs,       FORCE,    1.5,   1e-9,  INF, "static friction (usually above Fc)")                                \
     PARAMETER (vs,       VELOCITY, 1e-3,  1e-12, INF, "Stribeck velocity")                                                 \
     PARAMETER (delta,    NO_UNIT,  2.0,   1e-3,  100.0, "Stribeck exponent")                                               \
     PARAMETER (dead_band, LENGTH,  0.0,   0.0,   INF, "deflection below which a reversal is discarded")                    \

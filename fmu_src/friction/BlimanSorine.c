@@ -28,7 +28,7 @@
 #define SUMMARY  "Bliman-Sorine friction of order 1 or 2, linear in the path"
 #define SOURCE   "Bliman, Sorine, European Control Conference, 1995"
 #define CITES    "BlimanSorine1995"
-#define STATUS   "equations from memory of the papers, in the form of (15) to (17) of Olsson et al. 1998"
+#define STATUS   "in the form of (15) to (17) of Olsson et al. 1998"
 #define FEATURES "presliding"
 
 /* clang-format off */

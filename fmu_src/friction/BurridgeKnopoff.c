@@ -37,7 +37,7 @@
 #define SUMMARY     "Burridge-Knopoff train of stick-slip blocks pulled by a driver"
 #define SOURCE      "Burridge, Knopoff, BSSA 57, 1967; Carlson, Langer, Physical Review A 40, 1989"
 #define CITES       "CarlsonLanger1989, BurridgeKnopoff1967"
-#define STATUS      "equations from memory of the papers"
+#define STATUS      "not checked against the papers"
 #define FEATURES    "presliding, drift-free, Stribeck, rate dependent, mass inside, random"
 #define NO_EXCHANGE "its blocks are integrated inside, and each start and stop would be an event"
 

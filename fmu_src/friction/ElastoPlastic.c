@@ -33,7 +33,7 @@
 #define SUMMARY  "Elasto-plastic bristle friction without drift below break-away"
 #define SOURCE   "Dupont, Hayward, Armstrong, Altpeter, IEEE TAC 47(5), 2002"
 #define CITES    "Dupont2002"
-#define STATUS   "equations from memory of the papers"
+#define STATUS   "not checked against the papers"
 #define FEATURES "presliding, drift-free, Stribeck, lag, rate dependent"
 
 /* clang-format off */
@@ -47,7 +47,7 @@
     PARAMETER(sigma1, DAMPING,   316.22776601683796, 0.0, INF, "bristle damping")                                      \
     PARAMETER(sigma2, DAMPING,   0.4,    0.0,   INF, "viscous coefficient")                                            \
     PARAMETER(Fc,     FORCE,     1.0,    1e-9,  INF, "Coulomb friction")                                               \
-    PARAMETER(Fs,     FORCE,     1.5,    1e-9,  INF, "static friction, may be below Fc")                               \
+    PARAMETER(Fs,     FORCE,     1.5,    1e-9,  INF, "static friction (usually above Fc)")                             \
     PARAMETER(vs,     VELOCITY,  1e-3,   1e-12, INF, "Stribeck velocity")                                              \
     PARAMETER(delta,  NO_UNIT,   2.0,    1e-3,  100.0, "Stribeck exponent")                                            \
     PARAMETER(v_d,    VELOCITY,  0.0,    0.0,   INF, "speed at which the bristle damping decays; 0: constant damping") \

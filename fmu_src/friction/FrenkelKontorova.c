@@ -35,7 +35,7 @@
 #define SUMMARY     "Frenkel-Kontorova chain of atoms on a periodic substrate, driven by a force"
 #define SOURCE      "Frenkel, Kontorova, Physikalische Zeitschrift der Sowjetunion 13, 1938"
 #define CITES       "FrenkelKontorova1938"
-#define STATUS      "equations from memory of reviews"
+#define STATUS      "not checked against the papers"
 #define FEATURES    "presliding, drift-free, rate dependent, needs force, mass inside"
 #define NO_EXCHANGE "the atoms are integrated inside by a method that preserves their energy"
 

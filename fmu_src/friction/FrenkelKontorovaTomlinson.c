@@ -31,7 +31,7 @@
 #define SUMMARY     "Frenkel-Kontorova-Tomlinson chain: atoms on a periodic substrate, connected to a slider"
 #define SOURCE      "Weiss, Elmer, Physical Review B 53, 1996"
 #define CITES       "WeissElmer1996"
-#define STATUS      "equations from memory of the paper"
+#define STATUS      "not checked against the paper"
 #define FEATURES    "presliding, nonlocal memory, drift-free, rate dependent, mass inside"
 #define NO_EXCHANGE "the atoms are integrated inside by a method that preserves their energy"
 

@@ -42,7 +42,7 @@
 #define SUMMARY  "Generalised Maxwell slip: N elements attracted to the Stribeck curve in slip"
 #define SOURCE   "Al-Bender, Lampaert, Swevers, IEEE TAC 50(11), 2005"
 #define CITES    "AlBender2005"
-#define STATUS   "equations from memory of the paper"
+#define STATUS   "not checked against the paper"
 #define FEATURES "presliding, nonlocal memory, drift-free, Stribeck, lag, rate dependent"
 
 /* clang-format off */
@@ -63,7 +63,7 @@
     PARAMETER (sigma,    DAMPING,  0.0,   0.0,   INF, "damping of each element")                           \
     PARAMETER (sigma2,   DAMPING,  0.4,   0.0,   INF, "viscous coefficient")                               \
     PARAMETER (Fc,       FORCE,    1.0,   1e-9,  INF, "Coulomb friction")                                  \
-    PARAMETER (Fs,       FORCE,    1.5,   1e-9,  INF, "static friction, may be below Fc")                  \
+    PARAMETER (Fs,       FORCE,    1.5,   1e-9,  INF, "static friction (usually above Fc)")                \
     PARAMETER (vs,       VELOCITY, 1e-3,  1e-12, INF, "Stribeck velocity")                                 \
     PARAMETER (delta,    NO_UNIT,  2.0,   1e-3,  100.0, "Stribeck exponent")                               \
     PARAMETER (Fn0,      "N",      1.0,   1e-12, INF, "normal force for which the parameters are valid")

@@ -58,7 +58,7 @@
 #define SUMMARY     "Population of asperities that stick, slip and oscillate freely on a rough profile"
 #define SOURCE      "after Al-Bender, Lampaert, Swevers, Tribology Letters 16, 2004"
 #define CITES       "AlBender2004"
-#define STATUS      "equations specific to this library, after the paper from memory"
+#define STATUS      "equations of this library, not checked against the paper"
 #define FEATURES    "presliding, nonlocal memory, drift-free, Stribeck, lag, dwell, rate dependent, random"
 #define NO_EXCHANGE "each of its thousands of asperities would be an event"
 

@@ -20,7 +20,7 @@
 #define SUMMARY  "Karnopp friction with a velocity dead band, as a {force}"
 #define SOURCE   "Karnopp, ASME Journal of Dynamic Systems, Measurement, and Control 107(1), 1985"
 #define CITES    "Karnopp1985"
-#define STATUS   "equations from memory of the paper"
+#define STATUS   "not checked against the paper"
 #define FEATURES "rate dependent, needs force"
 
 /* clang-format off */
@@ -32,7 +32,7 @@
     LOCAL    (v_reported, VELOCITY,               "velocity, 0 inside the band")                                                        \
     FLAG     (stuck,                              "inside the band and held by friction")                                               \
     PARAMETER(Fc,    FORCE,    1.0,  0.0,   INF,  "Coulomb friction at Fn0")                                                            \
-    PARAMETER(Fs,    FORCE,    1.5,  0.0,   INF,  "static friction at Fn0, may be below Fc")                                            \
+    PARAMETER(Fs,    FORCE,    1.5,  0.0,   INF,  "static friction at Fn0 (usually above Fc)")                                          \
     PARAMETER(Fv,    DAMPING,  0.4,  0.0,   INF,  "viscous coefficient")                                                                \
     PARAMETER(DV,    VELOCITY, 1e-3, 0.0,   INF,  "half width of the velocity band treated as standstill")                              \
     PARAMETER(Fn0,   "N",      1.0,  1e-12, INF,  "normal force for which the parameters are valid")

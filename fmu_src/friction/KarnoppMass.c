@@ -25,7 +25,7 @@
 #define SUMMARY  "Mass with Karnopp friction, at rest inside a velocity dead band"
 #define SOURCE   "Karnopp, ASME Journal of Dynamic Systems, Measurement, and Control 107(1), 1985"
 #define CITES    "Karnopp1985"
-#define STATUS   "equations from memory of the paper"
+#define STATUS   "not checked against the paper"
 #define FEATURES "drift-free, rate dependent, needs force, mass inside"
 
 /* clang-format off */
@@ -39,7 +39,7 @@
     FLAG        (stuck,                             "inside the band and held by friction")                            \
     PARAMETER   (m,     MASS,     1.0,  1e-12, INF, MASS_NOUN)                                                         \
     PARAMETER   (Fc,    FORCE,    1.0,  0.0,   INF, "Coulomb friction at Fn0")                                         \
-    PARAMETER   (Fs,    FORCE,    1.5,  0.0,   INF, "static friction at Fn0, may be below Fc")                         \
+    PARAMETER   (Fs,    FORCE,    1.5,  0.0,   INF, "static friction at Fn0 (usually above Fc)")                       \
     PARAMETER   (Fv,    DAMPING,  0.4,  0.0,   INF, "viscous coefficient")                                             \
     PARAMETER   (DV,    VELOCITY, 1e-3, 1e-12, INF, "half width of the velocity band treated as standstill")           \
     PARAMETER   (Fn0,   "N",      1.0,  1e-12, INF, "normal force for which the parameters are valid")                 \

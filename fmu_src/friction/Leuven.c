@@ -39,7 +39,7 @@
 #define SUMMARY  "Leuven integrated friction model with two stacks of reversal points"
 #define SOURCE   "Swevers, Al-Bender, Ganseman, Prajogo, IEEE TAC 45(4), 2000"
 #define CITES    "Swevers2000"
-#define STATUS   "equations from memory of the paper"
+#define STATUS   "not checked against the paper"
 #define FEATURES "presliding, nonlocal memory, Stribeck, lag, rate dependent"
 
 /* clang-format off */
@@ -59,7 +59,7 @@
     PARAMETER (sigma1,   DAMPING,  316.22776601683796, 0.0, INF, "bristle damping")                            \
     PARAMETER (sigma2,   DAMPING,  0.4,   0.0,   INF, "viscous coefficient")                                   \
     PARAMETER (Fc,       FORCE,    1.0,   1e-9,  INF, "Coulomb friction")                                      \
-    PARAMETER (Fs,       FORCE,    1.5,   1e-9,  INF, "static friction, may be below Fc")                      \
+    PARAMETER (Fs,       FORCE,    1.5,   1e-9,  INF, "static friction (usually above Fc)")                    \
     PARAMETER (vs,       VELOCITY, 1e-3,  1e-12, INF, "Stribeck velocity")                                     \
     PARAMETER (delta,    NO_UNIT,  2.0,   1e-3,  100.0, "Stribeck exponent")                                   \
     PARAMETER (dead_band, LENGTH,  0.0,   0.0,   INF, "deflection below which a reversal is discarded")        \

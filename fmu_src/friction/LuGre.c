@@ -17,9 +17,9 @@
    describes stiffness at rest, rate-dependent break-away, the Stribeck effect with lag, and stick-slip. It needs v
    only. Fc, Fs, vs and sigma2 follow from steady velocities, sigma0 and sigma1 from small motions around rest.
 
-   Limits: a jump of v causes a jump of F by sigma1 times the jump of v; with the published values, F may even drive the
-   axis (F < 0 for v > 0), which v_d < 4 sqrt(2 e) Fc / sigma1 prevents. z drifts under a constant force with vibration,
-   and the model does not remember reversal points. */
+   Limits: if v jumps, F jumps by sigma1 times as much. With the published values, F can even have the direction of the
+   motion; choose v_d < 4 sqrt(2 e) Fc / sigma1 to prevent that. z drifts under a constant force with vibration, and the
+   model does not remember reversal points. */
 
 #define MODEL    LuGre
 #define SUMMARY  "LuGre bristle friction with Stribeck effect"
@@ -38,7 +38,7 @@
     PARAMETER(sigma1,     DAMPING,   316.22776601683796, 0.0, INF, "bristle damping")                                          \
     PARAMETER(sigma2,     DAMPING,   0.4,  0.0,  INF,        "viscous coefficient")                                            \
     PARAMETER(Fc,         FORCE,     1.0,  1e-9, INF,        "Coulomb friction")                                               \
-    PARAMETER(Fs,         FORCE,     1.5,  1e-9, INF,        "static friction, may be below Fc")                               \
+    PARAMETER(Fs,         FORCE,     1.5,  1e-9, INF,        "static friction (usually above Fc)")                             \
     PARAMETER(vs,         VELOCITY,  1e-3, 1e-12, INF,       "Stribeck velocity")                                              \
     PARAMETER(delta,      NO_UNIT,   2.0,  1e-3, 100.0,      "Stribeck exponent")                                              \
     PARAMETER(v_d,        VELOCITY,  0.0,  0.0,  INF,        "speed at which the bristle damping decays; 0: constant damping") \

@@ -26,7 +26,7 @@
 #define SUMMARY  "Maxwell slip: N elastic, perfectly plastic elements in parallel"
 #define SOURCE   "Iwan, Journal of Applied Mechanics 33(4), 1966"
 #define CITES    "Iwan1966"
-#define STATUS   "equations from memory of the paper"
+#define STATUS   "not checked against the paper"
 #define FEATURES "presliding, nonlocal memory, drift-free"
 
 /* clang-format off */

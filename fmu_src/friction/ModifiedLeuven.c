@@ -31,7 +31,7 @@
 #define SUMMARY  "Modified Leuven model: Maxwell slip hysteresis that relaxes to the Stribeck curve"
 #define SOURCE   "Lampaert, Swevers, Al-Bender, IEEE TAC 47(4), 2002"
 #define CITES    "Lampaert2002"
-#define STATUS   "equations from memory of the paper"
+#define STATUS   "not checked against the paper"
 #define FEATURES "presliding, nonlocal memory, Stribeck, lag, rate dependent"
 
 /* clang-format off */
@@ -52,7 +52,7 @@
     PARAMETER (sigma1,   DAMPING,  316.22776601683796, 0.0, INF, "bristle damping")                        \
     PARAMETER (sigma2,   DAMPING,  0.4,   0.0,   INF, "viscous coefficient")                               \
     PARAMETER (Fc,       FORCE,    1.0,   1e-9,  INF, "Coulomb friction")                                  \
-    PARAMETER (Fs,       FORCE,    1.5,   1e-9,  INF, "static friction, may be below Fc")                  \
+    PARAMETER (Fs,       FORCE,    1.5,   1e-9,  INF, "static friction (usually above Fc)")                  \
     PARAMETER (vs,       VELOCITY, 1e-3,  1e-12, INF, "Stribeck velocity")                                 \
     PARAMETER (delta,    NO_UNIT,  2.0,   1e-3,  100.0, "Stribeck exponent")                               \
     PARAMETER (Fn0,      "N",      1.0,   1e-12, INF, "normal force for which the parameters are valid")

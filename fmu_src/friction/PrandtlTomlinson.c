@@ -45,7 +45,7 @@
 #define SUMMARY     "Prandtl-Tomlinson model of a tip in a periodic potential, with temperature"
 #define SOURCE      "Prandtl, ZAMM 8, 1928; Tomlinson, Philosophical Magazine 7, 1929"
 #define CITES       "Prandtl1928, Tomlinson1929"
-#define STATUS      "equations from memory of reviews"
+#define STATUS      "not checked against the papers"
 #define FEATURES    "presliding, drift-free, rate dependent, mass inside, random"
 #define NO_EXCHANGE "thermal noise acts between the points of a grid in time and is integrated inside"
 

@@ -32,7 +32,7 @@
 #define SUMMARY  "Rate-and-state friction, aging or slip law, regular at rest"
 #define SOURCE   "Dieterich, J. Geophysical Research 84(B5), 1979; Ruina, J. Geophysical Research 88(B12), 1983"
 #define CITES    "Ruina1983, Dieterich1979"
-#define STATUS   "equations from memory of the papers"
+#define STATUS   "not checked against the papers"
 #define FEATURES "lag, dwell, rate dependent"
 
 /* clang-format off */

@@ -22,7 +22,7 @@
 #define SUMMARY  "Reset-integrator friction: a spring with a stop, stiffer while stuck"
 #define SOURCE   "Haessig, Friedland, ASME J. Dynamic Systems, Measurement, and Control 113(3), 1991"
 #define CITES    "Haessig1991"
-#define STATUS   "equations from memory of the paper, in the form of (13) and (14) of Olsson et al. 1998"
+#define STATUS   "in the form of (13) and (14) of Olsson et al. 1998"
 #define FEATURES "presliding, drift-free, rate dependent"
 
 /* clang-format off */

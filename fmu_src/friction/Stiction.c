@@ -31,7 +31,7 @@
     OUTPUT   (F,     FORCE,                       "friction " FORCE_NOUN ", opposes v")                                                 \
     FLAG     (stuck,                              "at rest and held by friction")                                                       \
     PARAMETER(Fc,    FORCE,    1.0, 0.0,   INF,   "Coulomb friction at Fn0")                                                            \
-    PARAMETER(Fs,    FORCE,    1.5, 0.0,   INF,   "static friction at Fn0, may be below Fc")                                            \
+    PARAMETER(Fs,    FORCE,    1.5, 0.0,   INF,   "static friction at Fn0 (usually above Fc)")                                          \
     PARAMETER(Fv,    DAMPING,  0.4, 0.0,   INF,   "viscous coefficient")                                                                \
     PARAMETER(Fn0,   "N",      1.0, 1e-12, INF,   "normal force for which the parameters are valid")
 

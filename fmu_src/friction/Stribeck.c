@@ -36,7 +36,7 @@
     OUTPUT   (F,          FORCE,                         "friction " FORCE_NOUN ", opposes v")                                                 \
     FLAG     (stuck,                                     "at rest and held by friction")                                                       \
     PARAMETER(Fc,         FORCE,    1.0,  0.0,   INF,    "Coulomb friction")                                                                   \
-    PARAMETER(Fs,         FORCE,    1.5,  0.0,   INF,    "static friction, may be below Fc")                                                   \
+    PARAMETER(Fs,         FORCE,    1.5,  0.0,   INF,    "static friction (usually above Fc)")                                                 \
     PARAMETER(Fv,         DAMPING,  0.4,  0.0,   INF,    "viscous coefficient")                                                                \
     PARAMETER(vs,         VELOCITY, 1e-3, 1e-12, INF,    "Stribeck velocity")                                                                  \
     PARAMETER(delta,      NO_UNIT,  2.0,  1e-3,  100.0,  "Stribeck exponent")                                                                  \

@@ -32,7 +32,7 @@
 #define SUMMARY     "Mass, spring and belt with the switch model of friction by Leine"
 #define SOURCE      "Leine, Van Campen, De Kraker, Van den Steen, Nonlinear Dynamics 16, 1998"
 #define CITES       "Leine1998"
-#define STATUS      "equations from memory of the paper"
+#define STATUS      "not checked against the paper"
 #define FEATURES    "drift-free, Stribeck, rate dependent, mass inside"
 #define NO_EXCHANGE "at rest on the belt it follows the belt's acceleration, which model exchange does not give"
 

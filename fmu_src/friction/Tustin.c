@@ -22,7 +22,7 @@
 #define SUMMARY  "Exponential decay from static to Coulomb friction, and viscous friction"
 #define SOURCE   "Tustin, Journal of the IEE 94(2A), 1947"
 #define CITES    "Tustin1947"
-#define STATUS   "equations from memory of the paper; (4) of Olsson et al. 1998 for the force at rest"
+#define STATUS   "equation (4) of Olsson et al. 1998 for the force at rest; not checked against the paper"
 #define FEATURES "Stribeck, rate dependent, needs force"
 
 /* clang-format off */
@@ -33,7 +33,7 @@
     OUTPUT   (F,     FORCE,                       "friction " FORCE_NOUN ", opposes v")                                                 \
     FLAG     (stuck,                              "at rest and held by friction")                                                       \
     PARAMETER(Fc,    FORCE,    1.0,  0.0,   INF,  "Coulomb friction at Fn0")                                                            \
-    PARAMETER(Fs,    FORCE,    1.5,  0.0,   INF,  "static friction at Fn0, may be below Fc")                                            \
+    PARAMETER(Fs,    FORCE,    1.5,  0.0,   INF,  "static friction at Fn0 (usually above Fc)")                                          \
     PARAMETER(Fv,    DAMPING,  0.4,  0.0,   INF,  "viscous coefficient")                                                                \
     PARAMETER(vs,    VELOCITY, 1e-3, 1e-12, INF,  "velocity scale of the decay of static friction")                                     \
     PARAMETER(Fn0,   "N",      1.0,  1e-12, INF,  "normal force for which the parameters are valid")

@@ -55,7 +55,7 @@ enum { LONGEST = 256, HIGHEST = 100 };
 
 struct plan {
     double lines, first, spacing, tilt, seed; /* the parameters it was made for; lines = 0: none yet */
-    double crest;                             /* largest |s| over its rms */
+    double crest;                             /* largest |s| / its rms     */
     double A[LONGEST], phi[LONGEST];          /* amplitudes for P = 1, phases [rad] */
 };
 

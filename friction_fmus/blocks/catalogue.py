@@ -62,9 +62,9 @@ class Block:
     features : tuple of str
         Phenomena that the friction model shows, from `FEATURES`.
     bibtex : tuple of str
-        BibTeX entries of its sources; a note says if one was not read.
+        BibTeX entries of its sources.
     status : str
-        Origin of its equations: their numbers in the source, or that they are from memory.
+        What its equations were checked against: their numbers in the source, or that they were not checked.
     no_exchange : str
         Why it cannot be used for model exchange; empty if it can.
     reinitialises : tuple of str

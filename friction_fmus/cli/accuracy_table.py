@@ -12,8 +12,8 @@ from harness.accuracy.assess import MARGIN
 from harness.accuracy.measure_bounds import OF_LOOPS
 from harness.masters import find_master
 
-_STYLES = {"right": "green", "sensitive": "yellow", "too coarse": "yellow", "wrong": "bold red"}
-_STYLES |= dict.fromkeys(("not certain", "not resolved"), "red")
+_STYLES = {"within tolerance": "green", "sensitive": "yellow", "step too long": "yellow", "invalid": "bold red"}
+_STYLES |= dict.fromkeys(("not certain", "not converged"), "red")
 
 
 def show_accuracy(result: Result) -> bool:
@@ -56,22 +56,22 @@ def _conclude(result: Result) -> bool:
     for name, variable in result.data_vars.items():
         if "energy" in variable.attrs:
             net, error = variable.attrs["energy"], variable.attrs["energy_error"]
-            console.print(f"{name} and its velocity transfer {net:.4g} J ± {error:.1g} J", soft_wrap=True)
+            console.print(f"work done by {name}: {net:.4g} J ± {error:.1g} J", soft_wrap=True)
     if "largest_coupling_error" in attributes:
         console.print(f"largest coupling error: {attributes['largest_coupling_error']}", soft_wrap=True)
     error, source = attributes["tolerance_error"], attributes["tolerance_source"]
-    console.print(f"no step makes errors smaller than {error:.1g} of the range ({source})", soft_wrap=True)
+    console.print(f"{source} limits the accuracy to about {error:.1g} of the range", soft_wrap=True)
     step = attributes.get("suggested_step")
     text = {
-        "right": f"all variables are right to {required:g} of their ranges",
-        "sensitive": "the motion depends on the smallest errors: only its periods and amplitudes are right",
-        "too coarse": f"the required accuracy of {required:g} is not reached",
+        "within tolerance": f"all variables are accurate to {required:g} of their ranges",
+        "sensitive": "the motion depends on the smallest errors: only its periods and amplitudes are accurate",
+        "step too long": f"the required accuracy of {required:g} is not reached",
         "not certain": "the master newton gives another result: a motion is too fast for this master and step; "
         "use --master newton",
-        "not resolved": "the runs with other steps do not converge: use a much shorter step",
-        "wrong": "the result is wrong",
+        "not converged": "the runs with other steps do not converge: use a much shorter step",
+        "invalid": "the result is wrong",
     }[verdict]
-    if verdict == "too coarse" and step is None:
+    if verdict == "step too long" and step is None:
         text += f"; {_without_step(error, required, source)}"
     if step is not None:
         other = "" if find_master(attributes["master"]).implicit else "--master newton or "
@@ -83,7 +83,7 @@ def _conclude(result: Result) -> bool:
     if settings:
         text += f" and {' and '.join(settings)} in [experiment]"
     console.print(text, soft_wrap=True)
-    return bool(verdict == "right")
+    return bool(verdict == "within tolerance")
 
 
 def _without_step(error: float, required: float, source: str) -> str:

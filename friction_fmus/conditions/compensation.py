@@ -104,7 +104,7 @@ def super_twisting(c1: float, c2: float) -> Condition:
         if by_rate
         else "the law may oscillate about the sliding surface without reaching it",
         change="use c1 = 1.5 and c2 = 1.1 (Levant)",
-        source="Levant, Automatica 34(3), 1998; the bound of c1: Seeber, Horn, Automatica 84, 2017 (from memory)",
+        source="Levant, Automatica 34(3), 1998; the bound of c1: Seeber, Horn, Automatica 84, 2017",
     )
 
 

@@ -64,30 +64,31 @@ def misfit_variance(found: SearchResult, parts: Sequence[Array], lengths: Sequen
 
 BELOW = 0.98  # static over Coulomb friction below which it needs an explanation
 FEWEST = 5  # fewest points near rest that can explain it
+FS_BELOW_FC = "Fs is below Fc"
+"""How the explanation begins, without the values: a study fits them again afterwards."""
 
 
 def explanation(parameters: Mapping[str, float], v: Array, friction: Array, units: AxisUnits) -> str:
     """Return why Fs is below Fc, or that the record does not show it; empty if it is not below."""
     if not {"Fc", "Fs", "vs"} <= parameters.keys() or parameters["Fs"] >= BELOW * parameters["Fc"]:
         return ""
-    Fc, Fs, vs = (parameters[name] for name in ("Fc", "Fs", "vs"))
+    vs = parameters["vs"]
     speed = np.abs(v)
     against = friction * np.sign(v) - parameters.get("Fv", parameters.get("sigma2", 0.0)) * speed
     near, beyond = (speed > 0.1 * vs) & (speed <= vs), (speed > 2.0 * vs) & (speed <= 4.0 * vs)
-    text = f"Fs = {Fs:.3g} {units.force} is below Fc = {Fc:.3g} {units.force}"
     if np.count_nonzero(near) < FEWEST or np.count_nonzero(beyond) < FEWEST:
         return (
-            f"{text}, but the record has only {np.count_nonzero(near)} points between {0.1 * vs:.2g} and {vs:.2g} "
+            f"{FS_BELOW_FC}, but the log has only {np.count_nonzero(near)} points between {0.1 * vs:.2g} and {vs:.2g} "
             f"{units.velocity}, around vs, that could show it; measure slow constant velocities in both directions"
         )
     low, high = float(np.mean(against[near])), float(np.mean(against[beyond]))
     means = (
-        f"the {np.count_nonzero(near)} points of the record near rest, up to vs, have a mean friction without its "
-        f"viscous part of {low:.3g} {units.force}, those at two to four times vs {high:.3g} {units.force}"
+        f"the mean friction without its viscous part is {low:.3g} {units.force} near rest (up to vs, "
+        f"{np.count_nonzero(near)} points) and {high:.3g} {units.force} at 2 to 4 vs"
     )
     if low < high:
-        return f"{text}: the friction of this axis increases with speed from rest on; {means}"
-    return f"{text}, but {means}: friction near rest is not smaller; fix Fs, or measure slow constant velocities"
+        return f"{FS_BELOW_FC}: this axis shows no Stribeck effect; {means}"
+    return f"{FS_BELOW_FC}, but {means}: friction near rest is not smaller; fix Fs, or measure slow constant velocities"
 
 
 def identify(

@@ -70,9 +70,9 @@ def adaptive_sliding_mode(
 
     Both estimates are held while |s| <= phi, and while u is limited and s pushes further into that limit.
 
-    Slotine, Li: Applied Nonlinear Control, Prentice Hall 1991 (robust adaptive sliding control with a boundary layer;
-    from memory). The paper that combines it with a Stribeck curve of the reference was not found; the law follows a
-    summary. Outside the layer, in continuous time and for friction that follows the reference velocity,
+    Slotine, Li: Applied Nonlinear Control, Prentice Hall 1991 (robust adaptive sliding control with a boundary layer).
+    The paper that combines it with a Stribeck curve of the reference was not found; the law follows a summary. Outside
+    the layer, in continuous time and for friction that follows the reference velocity,
 
         V = m s^2/2 + (Fc - Fc_hat)^2/(2 Gamma_c) + (Fv - Fv_hat)^2/(2 Gamma_v)
         V' = -Ks s^2 - K |s|

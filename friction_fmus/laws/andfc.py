@@ -107,7 +107,7 @@ def andfc(
         theta_i_next = theta_i + Ts Gamma_i s f_i,  within 0 and theta_max
 
     Tan, Kanellakopoulos: Adaptive nonlinear friction compensation with parametric uncertainties, American Control
-    Conference, 1999 (the dual observers, from memory; the velocity observer and the scaling are this library's). g(v) =
+    Conference, 1999 (the dual observers; the velocity observer and the scaling are this library's). g(v) =
     Fc + (Fs - Fc) exp(-|v/vs|^delta); z0 and z1 follow the exact solution for constant inputs. F_last is F_hat in the
     previous sample. F_hat is limited to theta_max max(Fc, Fs) + sigma2 |v_hat|, as wrong factors would otherwise make
     the observer unstable. Adaptation and injection stop while u is limited and s pushes further into that limit.

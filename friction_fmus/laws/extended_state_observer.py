@@ -55,10 +55,9 @@ def extended_state_observer(
         w     = m (wc^2 (r - x_hat) + 2 wc (rd - v_hat) + rdd) + gain F_hat
         u     = clip(w, u_min, u_max)
 
-    Gao: Scaling and bandwidth-parameterization based controller tuning, American Control Conference, 2003 (from
-    memory). Here the observer is in sampled time, exact for a force that is constant over a sample, with all three
-    poles at p; the two poles of the controller are at wc. The estimate in a sample uses the position measured in that
-    sample.
+    Gao: Scaling and bandwidth-parameterization based controller tuning, American Control Conference, 2003. Here the
+    observer is in sampled time, exact for a force that is constant over a sample, with all three poles at p; the two
+    poles of the controller are at wc. The estimate in a sample uses the position measured in that sample.
 
     Use it if no friction model is available and an encoder is the only sensor. It needs the mass and two bandwidths;
     choose wo three to ten times wc. u_prev is the force after all limits (in a system, the input F_ext of the plant),

@@ -63,8 +63,8 @@ def friction_residual(
     where the model resists the motion, u resists it or is 0, so that the sum with a static model is passive. A model
     with presliding returns energy that it stored; only_adds keeps the sum passive with every passive model.
 
-    Use it for what a model lacks: friction that depends on position and direction, or another curve over speed. Connect
-    a friction model and the motion, or F_hat of a feedforward law and the reference.
+    Use it to correct the remaining error of a friction model: friction that depends on position and direction, or
+    another curve over speed. Connect a friction model and the motion, or F_hat of a feedforward law and the reference.
 
     While enable is false, u and residual are 0. The law has no state, so u jumps when enabled in motion.
 

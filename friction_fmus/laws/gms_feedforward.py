@@ -77,9 +77,9 @@ def gms_feedforward(
         u     = clip(m rdd + gain F_hat, u_min, u_max)
 
     Al-Bender, Lampaert, Swevers, IEEE TAC 50(11), 2005 (the model); Lampaert, Swevers, Al-Bender, American Control
-    Conference, 2004, where it is the best of Dahl, LuGre, Leuven and GMS for feedforward in presliding (from a summary,
-    the papers were not read). Parameters and start values are the same as in the block GMS, except that all elements
-    have one attraction C. alpha_i are normalised by alpha_1 + ... + alpha_N, which must be positive. N is rounded up.
+    Conference, 2004, where it is the best of Dahl, LuGre, Leuven and GMS for feedforward in presliding. Parameters and
+    start values are the same as in the block GMS, except that all elements have one attraction C. alpha_i are
+    normalised by alpha_1 + ... + alpha_N, which must be positive. N is rounded up.
 
     If rd = w, F_hat is the force of the block GMS at the end of a step with the velocity w. An element that reaches its
     level within a sample is set to the level. With the attraction C alone, as in the equations sampled by Euler's

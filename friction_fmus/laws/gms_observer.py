@@ -65,7 +65,7 @@ def gms_observer(
         slip:   Fi becomes t + (Fi - t) exp(-C Ts / S),
                 t = sgn(w) alpha_i S
 
-    Al-Bender, Lampaert, Swevers, IEEE TAC 50(11), 2005 (the model, from memory). The observer has the form of the LuGre
+    Al-Bender, Lampaert, Swevers, IEEE TAC 50(11), 2005 (the model). The observer has the form of the LuGre
     observer of Canudas de Wit, Olsson, Astrom, Lischinsky, IEEE TAC 40(3), 1995, with these elements in place of the
     bristles (specific to this library). Parameters and start values are the same as in the block GMS, except that all
     elements have one attraction C and no damping. alpha_i are normalised by their sum, which must be positive. N is

@@ -73,7 +73,7 @@ def implicit_super_twisting(
     Near s = 0, u = 2 m s/Ts + w + ..., which is dead-beat in two samples. For friction that changes at a rate below L,
     s settles at (Ts^2/m) dF/dt, which is of second order in Ts. A step that is implicit in both equations at once, for
     a nominal plant without friction (Brogliato, Polyakov, Efimov: The implicit discretization of the super-twisting
-    sliding-mode control algorithm, IEEE TAC 65(8), 2020, from memory), settles at s = F Ts/m for constant friction; the
+    sliding-mode control algorithm, IEEE TAC 65(8), 2020), settles at s = F Ts/m for constant friction; the
     splitting, which is specific to this library, removes this error.
 
     Use it for precise tracking with smooth friction, with the bound L of its rate as the only model. Connect a friction

@@ -54,7 +54,7 @@ def inverse_dynamics(
     c = 0 is a single mass with viscous friction: u = clip((m + m_load) rdd + gain F_hat, u_min, u_max). Two masses
     connected by a spring with the stiffness 1/c have no zeros from the motor force to the load position, so the inverse
     is a sum of derivatives of the reference up to the fourth (snap) and needs no filter. For the feedforward of jerk
-    and snap see Boerlage, Tousain, Steinbuch, American Control Conference, 2004 (from memory of the paper).
+    and snap see Boerlage, Tousain, Steinbuch, American Control Conference, 2004.
 
     Use it with a reference whose fourth derivative is bounded, for an axis whose first resonance affects the error at
     the load. Give r_motor and rd_motor to a controller that measures at the motor; with r, the controller would

@@ -47,7 +47,7 @@ def karnopp_feedforward(
     The friction model is the block Karnopp (Karnopp, ASME Journal of Dynamic Systems, Measurement, and Control 107(1),
     1985) with the inertia force m rdd as external force: in the band, friction balances this force, up to Fs. With DV =
     0, the band is rd = 0. Johnson and Lorenz (IEEE Transactions on Industry Applications 28(6), 1992) compensate with
-    this model in feedforward and in feedback (from a summary, the paper was not read).
+    this model in feedforward and in feedback.
 
     Use it if the reference starts and stops and friction at rest must not be compensated by a sign: F_hat follows the
     force needed for the start, and jumps at the edges of the band instead of at rd = 0.

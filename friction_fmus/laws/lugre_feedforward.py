@@ -79,7 +79,7 @@ def lugre_feedforward(
 
     Canudas de Wit, Olsson, Astrom, Lischinsky, IEEE TAC 40(3), 1995 (the model, start values from its Table I);
     Lampaert, Swevers, Al-Bender, American Control Conference, 2004, compare it in feedforward with the Dahl, Leuven and
-    GMS models (the paper was not read). The parameters are the same as in the block LuGre.
+    GMS models. The parameters are the same as in the block LuGre.
 
     z advances by the displacement of the reference since the previous sample, exactly for constant velocity. If rd = w,
     F_hat is therefore the force of the block LuGre at the end of a step with the velocity w. F_hat applies to the time
@@ -93,10 +93,10 @@ def lugre_feedforward(
     that u = u_track, as far as |z| <= g(rd)/sigma0. Connect u to the input f of a position controller, whose parameter
     m must then be 0. Feedforward does not change the stability of the loop.
 
-    Limits: in the model, z drifts under a constant force with vibration, reversal points are not remembered, and a jump
-    of rd causes a jump of F_hat by sigma1 times the jump of rd. With the start values, F_hat may even drive the axis
-    (F_hat < 0 for rd > 0), which v_d < 4 sqrt(2 e) Fc / sigma1 prevents. GMSFeedforward is better in presliding. A
-    reversal between two samples is missed. u_min must not exceed u_max.
+    Limits: in the model, z drifts under a constant force with vibration, and reversal points are not remembered. If rd
+    jumps, F_hat jumps by sigma1 times as much. With the start values, F_hat can even oppose the motion; choose v_d < 4
+    sqrt(2 e) Fc / sigma1 to prevent that. GMSFeedforward is better in presliding. A reversal between two samples is
+    missed. u_min must not exceed u_max.
     """
 
     def level(v: SX) -> SX:

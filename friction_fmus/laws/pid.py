@@ -70,7 +70,7 @@ def pid(
 
     Astrom, Hagglund: Advanced PID Control, ISA 2006 (conditional integration against windup, tracking); Hanus,
     Kinnaert, Henrotte: Conditioning technique, a general anti-windup and bumpless transfer method, Automatica 23(6),
-    1987 (from memory). Ki = 0 is PD control. The start values place three poles near 10 Hz for a mass of 1 kg without
+    1987. Ki = 0 is PD control. The start values place three poles near 10 Hz for a mass of 1 kg without
     friction.
 
     The integral used in a sample does not contain the error of that sample. While reset is true, the integral is 0, in

@@ -63,7 +63,7 @@ def predictive_filter(
         u     = clip(gain F_hat, u_min, u_max)
 
     Crassidis, Markley: Predictive filtering for nonlinear systems, Journal of Guidance, Control, and Dynamics 20(3),
-    1997, from memory, for a mass with a velocity measurement. It is not certain that Ray, Ramasubramanian, Townsend
+    1997, for a mass with a velocity measurement. It is not certain that Ray, Ramasubramanian, Townsend
     (2001) estimate friction with this filter.
 
     Use it if velocity is measured and a single tuning parameter is wanted: only v_noise/F_size matters. The law equals

@@ -57,8 +57,8 @@ def reset_pid(
 
     Without jumps, the law equals PID. The idea of resetting or reversing the integral of a PID controller when the
     error passes zero is from Beerens, Bisoffi, Zaccarian, Heemels, Nijmeijer, van de Wouw: Reset integral control for
-    improved settling of PID-based motion systems with friction, Automatica 107, 2019 (from memory). The jump is derived
-    for this library and is not in that paper.
+    improved settling of PID-based motion systems with friction, Automatica 107, 2019. The jump is derived for this
+    library and is not in that paper.
 
     Stability: for a constant reference and a mass without friction (viscous friction may be added to Kd), let a =
     Kd/mass, b = Kp/mass, c = Ki/mass. Then

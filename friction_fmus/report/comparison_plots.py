@@ -35,7 +35,7 @@ COLUMNS = ((1, attrgetter("effort")), (2, attrgetter("Ms")))
 
 
 def ladder_bars(rungs: Sequence[tuple[str, bool]], errors: Array, title: str) -> go.Figure:
-    """Draw the error on each rung as bars on a logarithmic scale, with the title above each bar."""
+    """Draw the error with each compensation as bars on a logarithmic scale, with the title above each bar."""
     low, high = np.floor(np.log10(np.min(errors)) - 0.3), np.log10(np.max(errors)) + 0.35
     names = [name for name, _ in rungs]
     figure = named_bars(

@@ -155,7 +155,7 @@ def friction_plots(study: StudyResult) -> list[Plot]:
     """Return the plots of friction over velocity and over displacement that have data."""
     plots = []
     for name, picture, what in (
-        ("friction", study.friction, "Grey points: record. Lines: identified models."),
+        ("friction", study.friction, "Grey points: log. Lines: identified models."),
         ("hysteresis", study.hysteresis, "Record and models, with the same motion around a reversal."),
     ):  # fmt: skip
         if picture is None:
@@ -166,7 +166,7 @@ def friction_plots(study: StudyResult) -> list[Plot]:
         figure = lines(picture.data, picture.models, titles, factors, name == "friction", seen)
         if (span := _span(picture)) is not None:
             figure.update_yaxes(range=[factors[1] * value for value in span])
-            caption += " The vertical axis shows the range of the record; the button “full range” shows all curves."
+            caption += " The vertical axis shows the range of the log; the button “full range” shows all curves."
         plots.append(Plot(f"{name}-plot", figure, caption, f"Plot. {caption}"))
     return plots
 
@@ -206,7 +206,7 @@ def _ladder(study: StudyResult) -> Mapping[str, Any]:
     unit, factor = multiple(study.units.position, errors[-1:])
     caption = (
         "Tracking error of the axis as it was measured, and with each kind of compensation at its best; the scale is "
-        "logarithmic. Every rung except the first has motion feedforward. Blue: recommended."
+        "logarithmic. Every bar except the first includes velocity and acceleration feedforward. Blue: recommended."
         if study.ladder[0].name == ""
         else "Tracking error with each kind of compensation at its best; the scale is logarithmic."
     )
@@ -245,10 +245,10 @@ def _servo(study: StudyResult) -> Mapping[str, Any]:
     if check.recorded is None or check.commanded is None:
         return {"plot": None}
     titles = ("time [s]", f"drive {study.units.words.force} [{unit(study.units.force)}]")
-    figure = lines({"recorded": check.recorded}, {"commanded by the servo": check.commanded}, titles, height=330)
+    figure = lines({"logged": check.recorded}, {"commanded by the servo": check.commanded}, titles, height=330)
     caption = (
         f"Recorded drive {study.units.words.force}, and the {study.units.words.force} that the servo commands "
-        "for the recorded reference and position."
+        "for the logged reference and position."
     )
     return {"plot": Plot("servo-plot", figure, caption, f"Plot. {caption}")}
 
@@ -344,8 +344,8 @@ SECTIONS: Final[Mapping[str, Section]] = {
             "figures": scored(study),
         },
     ),
-    "servo": Section("Does the servo reproduce the record?", _servo),
-    "record": Section("Record", lambda study: {"record_plots": record_plots(study)}),
+    "servo": Section("Do the configured gains match the log?", _servo),
+    "record": Section("Log", lambda study: {"record_plots": record_plots(study)}),
     "models": Section(
         "Models",
         lambda study: {"scores": scores(study.models), "alike": ALIKE, "residual_plots": residual_plots(study)},

@@ -38,6 +38,7 @@ from friction_fmus.identification.fit.idim import default_settings
 from friction_fmus.identification.fit.position import PositionFit
 from friction_fmus.identification.fit.scores import rms, weak_parameters
 from friction_fmus.identification.fit.simulation_data import prepare
+from friction_fmus.identification.identifying import BELOW, FS_BELOW_FC
 from friction_fmus.identification.model_comparison import within_reach
 from friction_fmus.study.study_result import Fit, IdentifiedParameter, ModelResult, PositionPart, StudyCurve, thinned
 
@@ -411,15 +412,18 @@ def refine(
         error = errors[p.name] if np.isfinite(errors[p.name]) else None
         return replace(p, value=values[p.name], standard_error=error, weak=weak.get(p.name, ""))
 
+    now = {name: values.get(name, value) for name, value in found.values.items()}
+    below = now.get("Fs", np.inf) < BELOW * now.get("Fc", 0.0)
     refined = IdentifiedModel(
         replace(
             found.row,
+            warnings=tuple(text for text in found.row.warnings if below or not text.startswith(FS_BELOW_FC)),
             method=f"{found.row.method}, then closed-loop",
             parameters=tuple(replaced(p) for p in rows.values()),
             simulations=simulations,
         ),
         found.block,
-        {name: values.get(name, value) for name, value in found.values.items()},
+        now,
         values["M"],
         values.get("OF", found.offset),
         found.error,

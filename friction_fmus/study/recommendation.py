@@ -42,7 +42,7 @@ def rank(
 
 
 def extremes(row: CompensatorResult, none: CompensatorResult) -> CompensatorResult:
-    """Return the result with its extreme errors over the cases that count; no largest if a run fails only with it."""
+    """Return the result with its extreme errors over the worst cases; no largest if a run fails only with it."""
     possible = zip(none.corners, row.corners, strict=True)
     runs = [row.metrics, *(own.metrics for alone, own in possible if own.counts and alone.metrics is not None)]
     errors = [run.rms for run in runs if run is not None]
@@ -87,7 +87,7 @@ def _reduces(without: Metrics | None, own: Metrics | None) -> bool:
 
 
 AS_MEASURED = "as measured"
-FEEDFORWARD = "with motion feedforward"
+FEEDFORWARD = "with velocity and acceleration feedforward"
 
 
 def ladder(
@@ -169,17 +169,17 @@ def recommend(
 
 
 def _start(rungs: Sequence[Rung], unit: str) -> str:
-    """Return a sentence with the error of the axis as it is, and the step that reduces it most."""
+    """Return a sentence with the error of the axis as it is, and the change that reduces it most."""
     if not rungs or rungs[0].title != AS_MEASURED:
         return ""
-    sentence = f"As measured, the axis has a tracking error of {shown(rungs[0].metrics.rms, unit)} rms"
+    sentence = f"Today the axis tracks to {shown(rungs[0].metrics.rms, unit)} rms"
     step = largest_step(rungs)
     if step is None:
         return f"{sentence}. "
     before, after = step
     name = f" ({after.name})" if after.name not in ("", "none", INTEGRAL.name) else ""
     return (
-        f"{sentence}; the largest step is the one {after.title}{name}, from {shown(before.metrics.rms, unit)} to "
+        f"{sentence}. The largest improvement comes {after.title}{name}: from {shown(before.metrics.rms, unit)} to "
         f"{shown(after.metrics.rms, unit)}. "
     )
 
@@ -203,9 +203,9 @@ def _figures(none: CompensatorResult, row: CompensatorResult, u: Words) -> str:
     ratio = row.metrics.effort_high / none.metrics.effort_high if none.metrics.effort_high else 1.0
     change = round(100.0 * (ratio - 1.0))
     parts = [
-        f"changes the drive {u.force} above the loop bandwidth by less than 1 %"
+        f"changes the high-frequency drive {u.force} by less than 1 %"
         if abs(change) < 1
-        else f"{'raises' if change > 0 else 'lowers'} the drive {u.force} above the loop bandwidth by {abs(change)} %"
+        else f"{'raises' if change > 0 else 'lowers'} the high-frequency drive {u.force} by {abs(change)} %"
     ]
     if row.margins is not None and row.margins.Ms is not None:
         margin = f"leaves a sensitivity peak of {row.margins.Ms:.2f}"

@@ -372,7 +372,7 @@ def _motion(bench: AxisBench, units: AxisUnits) -> Iterator[str]:
     known = abs(force) > SMALL * bench.servo.force_limit
     constant = f", and a constant {units.words.force} of {force:.3g} {units.force}" if known else ""
     yield (
-        "Switch on the feedforward of velocity (100 %) and acceleration (inertia "
+        f"Switch on the feedforward of velocity (100 %) and acceleration ({units.words.mass} "
         f"{bench.plant.mass:.4g} {units.inertia}){constant}."
     )
 
@@ -386,7 +386,10 @@ def _integral(bench: AxisBench, scheme: Scheme) -> Iterator[str]:
 
 def _laws(scheme: Scheme, row: CompensatorResult, u: Words) -> Iterator[str]:
     if scheme.table:
-        yield f"Subtract the {u.force} over position at the reference, see PositionMap.fmu in the folder recommended."
+        yield (
+            f"Add a table of cogging and position-dependent friction to the drive {u.force}, evaluated at the "
+            "reference position: recommended/README.md has the connections."
+        )
     laws = [law for law in (scheme.feedforward, scheme.compensator) if law is not None]
     if not laws:
         return
@@ -394,8 +397,8 @@ def _laws(scheme: Scheme, row: CompensatorResult, u: Words) -> Iterator[str]:
     names = " and ".join(law.model for law in laws)
     only_integral = scheme.compensator is None
     yield (
-        f"Add {names}{'' if only_integral else f' with {tuned}'}; the folder recommended contains the parameters, the "
-        "code and the connections."
+        f"Add {names}{'' if only_integral else f' with {tuned}'}: recommended/README.md has the connections, "
+        "recommended/c the code."
     )
 
 

@@ -90,11 +90,11 @@ def _paragraphs(
     for wire in wires:
         part, output = split_name(wire.source)
         if part in ADDED and output != "u" and split_name(wire.target)[0] in ("servo", *SUMS):
-            yield f"Use the output `{output}` of `{part}`. Its output `u` is the {u.force} of a whole controller."
+            yield f"Use the output `{output}` of `{part}`. Its output `u` is for use without the servo."
     if "table" in system.parts:
         yield (
-            f"`table` is the identified {u.force} over position at the reference, see `PositionMap.fmu` and the table "
-            "in its sources; subtract it. Because of the table, there is no C code of the loop."
+            f"`table` is the identified {u.force} at the reference position: subtract it. `PositionMap.fmu` contains "
+            "the table."
         )
     sums = [f"`{name}.y`" for name in SUMS if name in system.parts]
     if sums:
@@ -282,7 +282,7 @@ def _controller(out: Path, loop: LoopFile, heading: str) -> list[WrittenFile]:
     with atomic_path(loop.path) as temporary:
         temporary.write_text(loop_text(loop, heading), encoding="utf-8", newline="\n")
     files = export_law(loop.path, loop.path.parent / "c")
-    text = "Servo and compensation as one function in C for an embedded target"
+    text = "Servo and compensation as one C function, with unit test and cost"
     return [
         WrittenFile(_path(out, loop.path), "Servo and compensation with their parameters, for `friction-fmus codegen`"),
         *(WrittenFile(_path(out, file), text) for file in files),

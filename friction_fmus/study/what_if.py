@@ -169,7 +169,7 @@ def knobs_of(bench: AxisBench, schemes: Sequence[Scheme], systems: Sequence[Syst
             alike({}),
             taps=tuple(delays),
         ),
-        Knob("loop gain", "all gains of the servo", "", 1.0, 0.1, 3.0, tuple(gains)),
+        Knob("controller gains", "all scaled together", "", 1.0, 0.1, 3.0, tuple(gains)),
         Knob(
             "encoder step",
             "resolution of the measured position",

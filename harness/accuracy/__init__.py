@@ -1,1 +1,1 @@
-"""Accuracy: how far a result is off, from the same run with other steps."""
+"""Accuracy: the error of a result, estimated from the same run with other steps."""

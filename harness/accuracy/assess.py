@@ -52,9 +52,9 @@ def suggested_step(
         return None
     quotients = [1]
     for one in found:
-        if one.verdict in {"right", "sensitive"}:
+        if one.verdict in {"within tolerance", "sensitive"}:
             continue
-        if one.verdict != "too coarse":
+        if one.verdict != "step too long":
             return None
         excess = one.worst / (MARGIN * required)
         quotients.append(math.ceil(excess ** (1.0 / one.convergence.expected)))
@@ -148,7 +148,7 @@ REQUIRED: Final = 0.01  # required accuracy relative to the range of each variab
 
 
 def run_with_accuracy(system: Assembly, experiment: Experiment, options: Options, required: float) -> Result:
-    """Run a system and tell how far the result is off."""
+    """Run a system and estimate the error of the result."""
     if not 1e-12 <= required < 1.0:
         raise ExperimentError(f"the required accuracy is {required}: give a number from 1e-12 to below 1, such as 1e-3")
     names = recorded_names(system.parts, experiment.record)
@@ -161,7 +161,7 @@ def run_with_accuracy(system: Assembly, experiment: Experiment, options: Options
     )
     wrong = inaccurate(whole.attrs)
     if not runs:
-        return result.assign_attrs(accuracy="wrong" if wrong else "not resolved")
+        return result.assign_attrs(accuracy="invalid" if wrong else "not converged")
 
     def tracks(name: str) -> list[Track]:
         values = np.asarray(whole[name].to_numpy(), dtype=np.float64)
@@ -174,9 +174,9 @@ def run_with_accuracy(system: Assembly, experiment: Experiment, options: Options
         nominal = find_port(system.parts, name, "record").nominal
         one = estimate(tracks(name), most=most, noise=floor.error, nominal=nominal, required=required)
         if wrong:  # which other steps cannot tell
-            one = replace(one, verdict="wrong", bound=unbounded(len(one.bound)), relative=np.inf, shift=0.0)
+            one = replace(one, verdict="invalid", bound=unbounded(len(one.bound)), relative=np.inf, shift=0.0)
         found[name] = one
-    believed = [name for name in names if found[name].verdict == "right"]
+    believed = [name for name in names if found[name].verdict == "within tolerance"]
     try:
         newton = by_newton(system, replace(experiment, record=tuple(believed)), runs) if believed else None
     except Interrupted as interrupted:

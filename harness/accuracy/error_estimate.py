@@ -231,14 +231,23 @@ def _order(near: float, far: float) -> float:
 
 
 def envelope(differences: Values, window: int) -> Values:
-    """Return the largest difference within so many rows before and after each row."""
+    """Return the largest difference within this number of rows before and after each row."""
     from scipy.ndimage import maximum_filter1d
 
     return np.asarray(maximum_filter1d(differences, 2 * window + 1, mode="nearest"))
 
 
-Verdict: TypeAlias = Literal["right", "sensitive", "too coarse", "not certain", "not resolved", "wrong"]
-VERDICTS: Final[tuple[Verdict, ...]] = ("right", "sensitive", "too coarse", "not certain", "not resolved", "wrong")
+Verdict: TypeAlias = Literal[
+    "within tolerance", "sensitive", "step too long", "not certain", "not converged", "invalid"
+]
+VERDICTS: Final[tuple[Verdict, ...]] = (
+    "within tolerance",
+    "sensitive",
+    "step too long",
+    "not certain",
+    "not converged",
+    "invalid",
+)
 """From the best to the worst."""
 
 MUCH: Final = 3.0  # by what factor events explain a difference, if it is one of time
@@ -303,7 +312,7 @@ def estimate(tracks: Sequence[Track], *, most: float, noise: float, nominal: flo
     own = tracks[0]
     if not all(np.abs(track.values).max() < LARGEST for track in tracks):
         never = Convergence(math.nan, math.inf, math.nan)
-        return ErrorEstimate(unbounded(len(own.values)), np.inf, 0.0, 0.0, never, "not resolved")
+        return ErrorEstimate(unbounded(len(own.values)), np.inf, 0.0, 0.0, never, "not converged")
     size = max(size_of(own.values), NOTHING * nominal)
     floor, finer = noise * size, tracks[1].ratio < 1
     pairs = [*pairwise(tracks)]
@@ -316,11 +325,11 @@ def estimate(tracks: Sequence[Track], *, most: float, noise: float, nominal: flo
     if found.worst <= required:
         return found
     if found.convergence.resolved and found.worst < 1.0:
-        return replace(found, verdict="too coarse")
+        return replace(found, verdict="step too long")
     moving = oscillation([(track.times, track.values) for track in tracks])
     if moving is not None and moving.worst <= AGREEMENT:
         return replace(found, verdict="sensitive", oscillation=moving)
-    return replace(found, verdict="not resolved")
+    return replace(found, verdict="not converged")
 
 
 def compare(one: ErrorEstimate, own: Track, other: Track, *, nominal: float, required: float) -> ErrorEstimate:
@@ -396,7 +405,7 @@ def _at_equal_times(
     convergence = converge(near, far, most, size, floor, finer=finer)
     many, upper = _upper(near, far, convergence, floor)
     bound = _spread(upper, many * every, len(own.values))
-    return ErrorEstimate(bound, float(np.max(upper)) / size, 0.0, 0.0, convergence, "right")
+    return ErrorEstimate(bound, float(np.max(upper)) / size, 0.0, 0.0, convergence, "within tolerance")
 
 
 def _at_events(
@@ -424,4 +433,4 @@ def _at_events(
     bound = _spread(upper, many, len(own.values))
     shift = float(np.max(_upper(shifts[0], shifts[1], late, own.row)[1]))
     worse = late if not late.resolved or (sizes.resolved and late.expected < sizes.expected) else sizes
-    return ErrorEstimate(bound, float(np.max(upper)) / size, shift, shift / events.interval, worse, "right")
+    return ErrorEstimate(bound, float(np.max(upper)) / size, shift, shift / events.interval, worse, "within tolerance")

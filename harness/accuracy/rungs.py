@@ -71,7 +71,7 @@ def _keeps_time(part: Part) -> bool:
 def rung(
     system: Assembly, experiment: Experiment, ratio: Fraction, *, dense: bool = False
 ) -> Iterator[tuple[Assembly, Experiment]]:
-    """Provide the system and the experiment with a step of so many times the given one.
+    """Provide the system and the experiment with a multiple of the given step.
 
     The run ends with the last whole step; its recorded rows are about as far apart as those of the given experiment,
     or in every step if that has one in every step and ``dense`` is true. The parts are shared with the given system.
@@ -129,7 +129,7 @@ _GROWTH: Final = {  # default, and the power of the step with which the toleranc
 
 
 def scaled_tolerance(experiment: Experiment, name: str, ratio: float) -> float:
-    """Return a tolerance for a step of so many times the given one."""
+    """Return a tolerance for a multiple of the given step."""
     (default, power), (_, least, most) = _GROWTH[name], LIMITS[name]
     return min(max(float(getattr(experiment, name) or default) * ratio**power, float(least)), float(most))
 

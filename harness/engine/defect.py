@@ -44,7 +44,12 @@ WRONG: Final = "the result is wrong"  # contained in every warning about a wrong
 
 def inaccurate(attributes: Mapping[str, object]) -> bool:
     """Return whether the attributes of a result say that a warning declared it wrong."""
-    limits = {"lasting_defect": LASTING, "alternating_defect": ALTERNATING, "energy_defect": MADE, "feeding": FEEDING}
+    limits = {
+        "coupling_error": LASTING,
+        "alternating_error": ALTERNATING,
+        "coupling_energy": MADE,
+        "unstable_fraction": FEEDING,
+    }
     limits |= {"unresolved_error": UNRESOLVED, "missed_rest": MISSED}
     return any(float(str(attributes.get(name, 0.0))) > limit for name, limit in limits.items())
 
@@ -87,13 +92,13 @@ class Coupling:
 
     def report(self) -> dict[str, str | float]:
         """Log a warning for each connection whose values are wrong."""
-        worst = {"lasting_defect": 0.0, "alternating_defect": 0.0, "energy_defect": 0.0, "feeding": 0.0}
+        worst = {"coupling_error": 0.0, "alternating_error": 0.0, "coupling_energy": 0.0, "unstable_fraction": 0.0}
         worst["missed_rest"] = 0.0
         for wire, defect in zip(self.wires, self._defects, strict=True):
             lasting = math.sqrt(_share(defect.squares, defect.value_squares))
             alternating = _share(defect.flips, defect.values)
-            worst["lasting_defect"] = max(worst["lasting_defect"], lasting)
-            worst["alternating_defect"] = max(worst["alternating_defect"], alternating)
+            worst["coupling_error"] = max(worst["coupling_error"], lasting)
+            worst["alternating_error"] = max(worst["alternating_error"], alternating)
             if lasting > LASTING or alternating > ALTERNATING:
                 _LOG.warning(
                     "%s was held during a step with an error of %.2g of its size that persists and of %.2g that "
@@ -105,9 +110,9 @@ class Coupling:
         for pair in self._pair_data:
             passed = pair.passed + pair.flow
             made = _share(pair.made, passed)
-            worst["energy_defect"] = max(worst["energy_defect"], made)
+            worst["coupling_energy"] = max(worst["coupling_energy"], made)
             fed = pair.unstable / pair.windows if pair.windows else 0.0
-            worst["feeding"] = max(worst["feeding"], fed)
+            worst["unstable_fraction"] = max(worst["unstable_fraction"], fed)
             missed = pair.missed / max(1, self.plan.ticks)
             worst["missed_rest"] = max(worst["missed_rest"], missed)
             if missed > MISSED:

@@ -41,7 +41,7 @@ _State = mirror("State3")
 
 
 class Fmi2Functions:
-    """The functions of FMI 2.0 by name, over those of FMI 3.0; each takes the address of the adapter first."""
+    """The functions of FMI 2.0 by name, by those of FMI 3.0; each takes the address of the adapter first."""
 
     def __init__(self, raw: Any, adapter: ctypes.Structure, flat: Flat) -> None:
         """Take the loaded library, the adapter of the instance and the flat description."""

@@ -229,7 +229,7 @@ class FmuPart(Part):
         self.sampled = bool(self.outputs) and all(port.held for port in self.outputs)
 
     def inner_tolerance(self, given: float | None) -> float:
-        """Return the tolerance of the run, or that of the default experiment, for an FMU of another tool."""
+        """Return the tolerance of the run, or that of the default experiment, for a third-party FMU."""
         stated = float(getattr(self.archive.description.defaultExperiment, "tolerance", None) or 0.0)
         return 0.0 if self.strict else given or (TOLERANCE if self.archive.exchange else stated)
 

@@ -27,8 +27,8 @@ _POINTER, _INT, _REAL, _FLAG = ctypes.c_void_p, ctypes.c_int64, ctypes.c_double,
 TOLERANCE: Final = 1e-8  # relative tolerance of a run that states none
 
 _SHARE: Final = 0.01
-"""Tolerance of the solver over that of the run: an undamped oscillator gains the errors of all its starts, 3.5 times
-this tolerance in each communication step."""
+"""Tolerance of the solver relative to that of the run: an undamped oscillator gains the errors of all its starts, 3.5
+times this tolerance in each communication step."""
 
 _FINEST: Final = 1e-13  # finest tolerance of the solver: a finer one is rounding
 

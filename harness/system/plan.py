@@ -123,7 +123,7 @@ class Plan:
         self.signals[:] = 0.0
         for index in range(int(self.inputs.max(initial=0)), len(self.names)):
             name = self.names[index]
-            stated = self.ports[name].start  # of an optional input that nothing drives
+            stated = self.ports[name].start  # of an unconnected optional input
             self.signals[index] = float(start.get(name, np.nan if stated is None else stated))
         self.gains[:], self.offsets[:] = self.wire_gains, self.wire_offsets
         for i in np.flatnonzero(~np.isnan(self.initials)):

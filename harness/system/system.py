@@ -32,7 +32,7 @@ _LOG = logging.getLogger("harness")
 
 
 class System:
-    """A system of connected parts; all names, types, units and values are checked when it is made.
+    """A system of connected parts; all names, types, units and values are checked on construction.
 
     Parameters
     ----------
@@ -47,7 +47,7 @@ class System:
     name : str
         Name of the system.
     strict : bool
-        Whether every input needs a connection or a value. Otherwise, inputs of FMUs of other tools that have neither
+        Whether every input needs a connection or a value. Otherwise, inputs of third-party FMUs that have neither
         keep the start values of their FMUs, and a warning lists them.
 
     Attributes
@@ -117,7 +117,7 @@ class System:
             ``resolve("LuGre") -> Path`` finds the FMU of a part with ``model = "LuGre"``; None takes the function of an
             imported package with models.
         open_inputs : bool
-            Whether inputs that nothing drives keep the start values of their FMUs, as inputs for `to_fmu`; otherwise
+            Whether unconnected inputs keep the start values of their FMUs, as inputs for `to_fmu`; otherwise
             each needs a start value.
 
         Returns
@@ -235,7 +235,7 @@ class System:
             Master algorithm inside the FMU; None takes adaptive if the experiment does, and newton otherwise, also in
             place of an explicit master. Without a loop, newton steps each part once, with inputs that vary linearly.
         inputs : sequence of str or None
-            Inputs of the FMU, as "part.port"; None takes all inputs that nothing drives. The others are parameters. An
+            Inputs of the FMU, as "part.port"; None takes all unconnected inputs. The others are parameters. An
             output of a part without inputs, such as a reference, becomes an input in place of this part.
         outputs : sequence of str or None
             Outputs of the FMU, with ``*`` and ``?``; None takes all outputs. The others are local variables.
@@ -417,8 +417,9 @@ class System:
             Whether a row is followed by another one at the same time with the values after the events of FMUs for model
             exchange and of those with clocks, if they change a value. FMI 2.0 FMUs for co-simulation show no events.
         accuracy : bool or float
-            Whether the run is repeated with other steps to tell how far each variable is off; a number is the required
-            accuracy relative to the range of each variable, instead of 0.01. See `run_with_accuracy` for the result.
+            Whether the run is repeated with other steps to estimate the error of each variable; a number is the
+            required accuracy relative to the range of each variable, instead of 0.01. See `run_with_accuracy` for the
+            result.
 
         Returns
         -------
@@ -500,7 +501,7 @@ class System:
             raise UnknownNameError(f"'{owner}' has no input or parameter '{name}': {part.hint(name, settable)}")
 
     def _keep_stated(self) -> None:
-        """Give unconnected inputs of FMUs of other tools the start values that the FMUs state."""
+        """Give unconnected inputs of third-party FMUs the start values that the FMUs state."""
         kept = {
             name: port.start
             for name, port in self._undriven().items()
@@ -508,15 +509,16 @@ class System:
         }
         if kept:
             values = ", ".join(f"{name} = {value}" for name, value in kept.items())
-            _LOG.warning("nothing drives %s: these inputs keep the start values of their FMUs", values)
+            _LOG.warning("not connected: %s; these inputs keep the start values of their FMUs", values)
             self.start |= kept
 
     def _check_connected(self) -> None:
         missing = list(self._undriven())
         if missing:
+            are = "is not connected and has" if len(missing) == 1 else "are not connected and have"
             raise UnconnectedError(
-                f"nothing drives {', '.join(missing)}: connect each input to an output, or give it a constant start "
-                "value"
+                f"{', '.join(missing)} {are} no start value: connect each input to an output, or give it a constant "
+                "start value"
             )
 
     def _undriven(self) -> dict[str, Port]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import json
+import importlib
 import os
 import re
 import shlex
@@ -243,13 +243,20 @@ def test_rows_named_in_the_guide_are_those_of_block_h() -> None:
     assert [kind for kind in sorted(kinds) if f"`{kind}`" not in guide] == []
 
 
-def test_the_pages_are_no_longer_than_people_read() -> None:
-    """README, CONTRIBUTING, docs/**/*.md and the text of the notebooks; not the docstrings that the API shows."""
-    texts = [page.read_text(encoding="utf-8") for page in (*PAGES, *(ROOT / "docs").glob("*/**/*.md"))]
-    for notebook in (ROOT / "examples" / "notebooks").glob("*.ipynb"):
-        cells = json.loads(notebook.read_text(encoding="utf-8"))["cells"]
-        texts += ["".join(cell["source"]) for cell in cells if cell["cell_type"] == "markdown"]
-    assert sum(len(text.split()) for text in texts) <= 45_000
+def test_there_are_no_more_pages_than_people_read() -> None:
+    assert len(list((ROOT / "docs").glob("*.md"))) <= 40
+
+
+def test_a_picture_or_a_table_is_on_the_first_two_screens_of_a_page() -> None:
+    """Of pages for users, and of all but the shortest; a screen of 1400 px by 900 px shows some 30 lines."""
+    navigation = (ROOT / "mkdocs.yml").read_text(encoding="utf-8").split("\n  - Development:")[0]
+    late = []
+    for page in PAGES:
+        lines = page.read_text(encoding="utf-8").splitlines()
+        seen = [bool(re.search(r"!\[|<img |^\|[-: |]+\|$|<!-- (table: \w+|rules) -->", line)) for line in lines]
+        if page.name in navigation and len(lines) > 60 and True not in seen[:60]:
+            late.append(page.name)
+    assert late == []
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
@@ -272,6 +279,11 @@ def test_links_lead_somewhere(page: Path) -> None:
 def test_tests_that_are_named_are_there(page: Path) -> None:
     named = re.findall(r"\btests/[\w/-]+(?:\.\w+)?", page.read_text(encoding="utf-8"))
     assert [path for path in named if not (ROOT / path).exists()] == []
+
+
+def test_sentences_are_not_those_of_another_language(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.syspath_prepend(Path(__file__).parent)
+    assert importlib.import_module("wording").candidates() == []
 
 
 def test_changelog_names_every_block() -> None:

@@ -1,4 +1,4 @@
-"""Pages of the site that follow from the blocks are current, and its notebooks have no outputs."""
+"""Pages of the site that follow from the blocks are current, and its notebooks have the outputs of their programs."""
 
 from __future__ import annotations
 
@@ -6,12 +6,15 @@ import importlib
 import json
 import re
 import zipfile
+from copy import deepcopy
 from pathlib import Path
 from types import ModuleType
 
 import lief
+import nbformat
 import pytest
 from lxml import etree
+from nbconvert.preprocessors import ExecutePreprocessor
 from thorough import nightly
 
 from friction_fmus import fmu
@@ -31,9 +34,25 @@ def tables(monkeypatch: pytest.MonkeyPatch) -> ModuleType:
 
 
 @pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
-def test_notebooks_are_kept_without_outputs(path: Path) -> None:
-    cells = json.loads(path.read_text(encoding="utf-8"))["cells"]
-    assert [cell["source"] for cell in cells if cell.get("outputs") or cell.get("execution_count")] == []
+def test_notebooks_begin_with_a_plot_and_keep_their_outputs(path: Path) -> None:
+    code = [cell for cell in json.loads(path.read_text(encoding="utf-8"))["cells"] if cell["cell_type"] == "code"]
+    assert [cell["execution_count"] for cell in code] == list(range(1, len(code) + 1))
+    assert all(cell["outputs"] for cell in code)
+    assert any("image/png" in output.get("data", {}) for output in code[0]["outputs"])
+
+
+@nightly
+@pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
+def test_notebooks_print_what_they_keep(path: Path, tmp_path: Path) -> None:
+    kept = nbformat.read(path, as_version=4)
+    run = deepcopy(kept)
+    ExecutePreprocessor(timeout=300, startup_timeout=180).preprocess(run, {"metadata": {"path": str(tmp_path)}})
+
+    def printed(notebook: nbformat.NotebookNode) -> str:
+        outputs = [output for cell in notebook.cells if cell.cell_type == "code" for output in cell.outputs]
+        return "".join(output.text for output in outputs if output.output_type == "stream")
+
+    assert printed(run) == printed(kept)
 
 
 @nightly

@@ -34,10 +34,10 @@ def test_a_force_that_alternates_has_the_defects_of_its_sums() -> None:
     with coupled() as system:
         found = system.run(stop=0.5 * STEPS, step=0.5, master="jacobi").attrs
     mean_square = MEAN**2 + SWING**2
-    assert found["lasting_defect"] == pytest.approx(math.sqrt((2 * SWING) ** 2 * (STEPS - 1) / STEPS / mean_square))
-    assert found["alternating_defect"] == pytest.approx(2 * SWING * (STEPS - 1) / STEPS / MEAN)
-    assert found["energy_defect"] == pytest.approx(SWING * SPEED / (MEAN * SPEED))
-    assert found["feeding"] == 0.0  # over 2000 steps, it is as often too much as too little
+    assert found["coupling_error"] == pytest.approx(math.sqrt((2 * SWING) ** 2 * (STEPS - 1) / STEPS / mean_square))
+    assert found["alternating_error"] == pytest.approx(2 * SWING * (STEPS - 1) / STEPS / MEAN)
+    assert found["coupling_energy"] == pytest.approx(SWING * SPEED / (MEAN * SPEED))
+    assert found["unstable_fraction"] == 0.0  # over 2000 steps, it is as often too much as too little
 
 
 @pytest.mark.parametrize(

@@ -202,7 +202,7 @@ def test_defects_name_the_wire_of_a_loop_that_is_too_stiff(caplog: pytest.LogCap
     result = System(parts, wires).run(stop=0.5, step=5e-3)
     assert "bristle.F -> mass.F was held during a step with an error" in caplog.text
     assert "use the master newton or a shorter step" in caplog.text
-    assert result.attrs["lasting_defect"] > 0.05
+    assert result.attrs["coupling_error"] > 0.05
 
 
 def test_jumps_of_coulomb_friction_are_no_defect(caplog: pytest.LogCaptureFixture) -> None:

@@ -285,4 +285,4 @@ def test_growth_beyond_the_squares_of_numbers_is_declared_wrong() -> None:
     assert np.isfinite(result["mass.v"]).all()
     assert inaccurate(result.attrs)
     tracks = [Track(Fraction(n), Fraction(n), 0.0, n * 1e-3, result["mass.v"].to_numpy()[::n]) for n in (1, 2, 4)]
-    assert estimate(tracks, most=1.0, noise=1e-9, nominal=1.0, required=1e-3).verdict == "not resolved"
+    assert estimate(tracks, most=1.0, noise=1e-9, nominal=1.0, required=1e-3).verdict == "not converged"

@@ -93,7 +93,7 @@ def test_masters_and_manipulators(loop: Loop, master: Mapping[str, object]) -> N
     assert_runs_are_those_of_new_systems(lambda reuse: loop(reuse=reuse), experiment)
 
 
-@pytest.mark.parametrize(("master", "measure"), [("newton", "evaluations"), ("jacobi", "lasting_defect")])
+@pytest.mark.parametrize(("master", "measure"), [("newton", "evaluations"), ("jacobi", "coupling_error")])
 def test_attributes_of_a_run_are_its_own(loop: Loop, master: str, measure: str) -> None:
     """What the engine measures begins at 0 in every run."""
     with loop(reuse=True) as system:

@@ -12,7 +12,7 @@ import pytest
 from thorough import nightly, some
 
 ERRORS = ("Stick-slip", "Servo loop", "Stuck mass", "Two masses")
-MISSED = ("Stick-slip: error of the period at 1 ms, newton over MuJoCo RK4 (four evaluations a step)",)
+MISSED = ("Stick-slip: error of the period at 1 ms, newton / MuJoCo RK4 (four evaluations a step)",)
 ROOT = Path(__file__).parents[2]
 PAGE = (ROOT / "docs" / "performance.md").read_text(encoding="utf-8")
 BENCHMARKS = re.findall(r"^\$ python benchmarks/(\w+)\.py --json", PAGE, flags=re.M)

@@ -196,7 +196,7 @@ def made_up_study() -> StudyResult:
         no_compensation="",
         ladder=(
             Rung("as measured", "", Metrics(340e-6, 900e-6, 20.0, 0.7, 300.0)),
-            Rung("with motion feedforward", "none", Metrics(12e-6, 55e-6, 20.1, 0.8, 300.0)),
+            Rung("with velocity and acceleration feedforward", "none", Metrics(12e-6, 55e-6, 20.1, 0.8, 300.0)),
             Rung("with friction feedforward", "LuGreFeedforward", Metrics(4.2e-6, 17e-6, 20.3, 1.3, 400.0)),
         ),
         limits=Limits(2.0, 1.5),

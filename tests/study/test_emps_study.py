@@ -75,7 +75,7 @@ def test_friction_grows_with_speed(study: Study) -> None:
 
 def test_feedforward_gains(study: Study) -> None:
     measured, motion = study.result.ladder[:2]
-    assert (measured.title, motion.title) == ("as measured", "with motion feedforward")
+    assert (measured.title, motion.title) == ("as measured", "with velocity and acceleration feedforward")
     assert motion.metrics.rms < 0.1 * measured.metrics.rms
     row = study.result.compensator("StaticFeedforward")
     assert row.metrics is not None

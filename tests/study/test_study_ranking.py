@@ -134,12 +134,12 @@ def test_the_ladder_names_the_step_that_reduces_the_error_most() -> None:
     rungs = ladder(metrics_of(1e-3), True, none, ranked(law))
     assert [(rung.title, rung.metrics.rms) for rung in rungs] == [
         ("as measured", 1e-3),
-        ("with motion feedforward", 100e-6),
+        ("with velocity and acceleration feedforward", 100e-6),
         ("with friction feedforward", 10e-6),
     ]
     step = largest_step(rungs)
     assert step is not None
-    assert (step[0].title, step[1].title) == ("as measured", "with motion feedforward")
+    assert (step[0].title, step[1].title) == ("as measured", "with velocity and acceleration feedforward")
     assert largest_step(rungs[1:2]) is None
 
 
@@ -148,7 +148,7 @@ def test_the_reason_has_the_numbers() -> None:
     rows = ranked(row("A", 10e-6, (20e-6, 15e-6)), row("B", 30e-6))
     found = recommend(none, rows, ladder(metrics_of(1e-3), True, none, rows), SLIDING)
     assert (found.name, found.gain, found.runner_up) == ("A", 1.0, "B")
-    assert found.reason.startswith("As measured, the axis has a tracking error of 1 mm rms; the largest step is")
+    assert found.reason.startswith("Today the axis tracks to 1 mm rms. The largest improvement comes with velocity")
     assert found.reason.endswith(".")
     for number in ("100 µm", "10 µm", "20 µm", "120 µm", "sensitivity peak of 1.50", "100 cycles"):
         assert number in found.reason

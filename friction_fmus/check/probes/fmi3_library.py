@@ -1,4 +1,4 @@
-"""The functions of FMI 2.0, which the probes call, over those of an FMI 3.0 library."""
+"""The functions of FMI 2.0, which the probes call, by those of an FMI 3.0 library."""
 
 from __future__ import annotations
 

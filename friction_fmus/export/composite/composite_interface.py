@@ -141,7 +141,7 @@ def _symbols(text: str, underscores: bool) -> set[str]:
 
 
 def _read(part: FmuPart) -> tuple[str, str, dict[str, str], tuple[str, ...], bool, bool]:
-    """Return identifier, GUID, sources, the files to compile, and whether the FMU is ours and used once only."""
+    """Return identifier, GUID, sources, the files to compile, and whether it is our FMU and used once only."""
     root = part.archive.root
     version = root.get("fmiVersion")
     if version != "2.0":
@@ -260,7 +260,7 @@ def choose_interface(
         if name in chosen[:number]:
             raise BuildError(f"the input {name} is listed twice: list it once")
         if name in driven:
-            raise BuildError(f"the input {name} is driven by {driven[name]}: list inputs that nothing drives")
+            raise BuildError(f"the input {name} is driven by {driven[name]}: list unconnected inputs")
         if name not in free:
             owner, port_name = split_name(name)
             find_part(system.parts, owner, "inputs")

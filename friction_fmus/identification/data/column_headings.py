@@ -152,7 +152,7 @@ NEEDED: Final = (("time",), ("position", "velocity"), ("force", "friction"))
 
 @dataclass(frozen=True)
 class Guess:
-    """What the headings of a file say."""
+    """Columns recognised by the headings of a file."""
 
     columns: dict[str, Column]  # columns with a unit that fits, by role
     suggestions: dict[str, Column]  # recognised columns that lack a unit or a gain, or are one of several, by role

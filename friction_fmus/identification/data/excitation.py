@@ -58,7 +58,7 @@ def _smoothed(q: Array, Ts: float) -> Array:
     return np.asarray(filtered, dtype=np.float64)
 
 
-#: Upper limit of the presliding distance of machines [m], [rad at a radius of about 0.1 m].
+#: Upper limit of the presliding displacement of machines [m], [rad at a radius of about 0.1 m].
 PRESLIDING = {"m": 1e-4, "rad": 1e-3}
 
 REACH = 20.0  # strokes up to this multiple of `PRESLIDING` count as containing presliding
@@ -115,9 +115,9 @@ def examine(record: Record) -> tuple[RecordFinding, ...]:
 
     Notes
     -----
-    The presliding distance is not known in advance. The checks assume at most 0.1 mm or 1 mrad: reported presliding
-    distances of machines range from a few to some tens of micrometres (Al-Bender, Lampaert, Swevers, IEEE Transactions
-    on Automatic Control 50(11), 2005; Armstrong-Hélouvry, Dupont, Canudas de Wit, Automatica 30(7), 1994).
+    The presliding displacement is not known in advance. The checks assume at most 0.1 mm or 1 mrad: reported presliding
+    displacements of machines range from a few to some tens of micrometres (Al-Bender, Lampaert, Swevers, IEEE
+    Transactions on Automatic Control 50(11), 2005; Armstrong-Hélouvry, Dupont, Canudas de Wit, Automatica 30(7), 1994).
     """
     constant = list(_constant(record))
     if any(finding.what.startswith(("The position", "The velocity")) for finding in constant):
@@ -246,7 +246,7 @@ def _resolution(data: _ExaminedRecord) -> Iterator[RecordFinding]:
 
 
 def _sampling(data: _ExaminedRecord) -> Iterator[RecordFinding]:
-    """Count the samples within the presliding distance after each reversal."""
+    """Count the samples within the presliding displacement after each reversal."""
     q, reversals = data.motion.q, data.motion.reversals
     counts = []
     for turn, end in pairwise([*reversals, len(q)]):

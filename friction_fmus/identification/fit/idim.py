@@ -279,7 +279,7 @@ def identify_inverse_stribeck(record: Record, vs: Iterable[float] | None = None)
     -------
     InverseModelFit
         Parameters M, Fv, Fc, Fs, OF with standard errors for fixed vs and delta, and the best vs and delta of the grid,
-        with the standard error NaN. Fs may be below Fc if friction increases with speed.
+        with the standard error NaN. Fs is below Fc if friction increases with speed.
 
     Raises
     ------

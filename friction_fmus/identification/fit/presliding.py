@@ -1,6 +1,6 @@
 """Presliding stiffness and damping from the response to small motions about rest.
 
-Before it slides, a contact acts as a spring and a damper. For a deflection far below the presliding distance, LuGre
+Before it slides, a contact acts as a spring and a damper. For a deflection far below the presliding displacement, LuGre
 gives F = sigma0 x + (sigma1 + sigma2) v, and the dynamic stiffness, force over position, is
 
     Z(w) = sigma0 - M w^2 + i w (sigma1 + sigma2).                                              (1)
@@ -64,8 +64,8 @@ def identify_presliding(
     Parameters
     ----------
     record : Record
-        Position, and friction or drive force, of an axis excited within its presliding distance by noise or by a sum of
-        sines with at least two frequencies.
+        Position, and friction or drive force, of an axis excited within its presliding displacement by noise or by a
+        sum of sines with at least two frequencies.
     band : (float, float), optional
         Frequency band to use [Hz]; by default all frequencies with a coherent response.
     mass : float, optional
@@ -116,7 +116,7 @@ def identify_presliding(
         raise ExcitationError(
             f"Force and position of the record {record.name!r} are coherent at {np.count_nonzero(used)} frequencies, "
             "but at least 3 are needed; excite the axis at rest with noise or many sines within the band, with an "
-            "amplitude below its presliding distance."
+            "amplitude below its presliding displacement."
         )
     f, coherence = f[used], coherence[used]
     Z = own[used] / across[used] if drive else across[used] / own[used]

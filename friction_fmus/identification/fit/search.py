@@ -29,7 +29,7 @@ NEAR, CLOSE = 1e-4, 1e-7
 
 INSIDE = 1e-9  # smallest distance of a start point from the bounds
 
-#: Norm of a column of the Jacobian over that of the matrix, below which the residual does not depend on a coordinate.
+#: Norm of a column of the Jacobian relative to the matrix, below which the residual does not depend on a coordinate.
 UNSEEN = 1e-7
 
 #: Relative increase of the cost for which an undetermined coordinate may be moved back towards its start value.
@@ -37,7 +37,7 @@ SAME = 1e-4
 
 FAR = 1.0  # shortest way that an undetermined coordinate is moved: a factor of e, or the start value
 HALVINGS = 8  # number of halvings of the way back
-FLATTEST = 0.01  # smallest curvature of a robust loss in a direction, over that of the square: the loss is flat beyond
+FLATTEST = 0.01  # smallest curvature of a robust loss in a direction, relative to the square: the loss is flat beyond
 
 Loss = Literal["linear", "soft_l1", "huber", "cauchy", "arctan"]
 

@@ -2,7 +2,7 @@
 
 While the input ``track`` is true, a law computes its memory backwards from the input ``u_track`` and continues with it:
 Astrom, Hagglund: Advanced PID Control, ISA 2006 (tracking mode and bumpless transfer); Hanus, Kinnaert, Henrotte:
-Conditioning technique, a general anti-windup and bumpless transfer method, Automatica 23(6), 1987 (both from memory).
+Conditioning technique, a general anti-windup and bumpless transfer method, Automatica 23(6), 1987.
 """
 
 from __future__ import annotations

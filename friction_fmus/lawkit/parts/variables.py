@@ -71,8 +71,8 @@ DV: Any = Parameter(VELOCITY, 1e-3, "half width of the velocity band treated as 
 
 FC: Any = Parameter(FORCE, 1.0, "Coulomb friction", min=0.0)
 POSITIVE_FC: Any = Parameter(FORCE, 1.0, "Coulomb friction", min=1e-9)
-FS: Any = Parameter(FORCE, 1.5, "static friction, may be below Fc", min=0.0)
-POSITIVE_FS: Any = Parameter(FORCE, 1.5, "static friction, may be below Fc", min=1e-9)
+FS: Any = Parameter(FORCE, 1.5, "static friction (usually above Fc)", min=0.0)
+POSITIVE_FS: Any = Parameter(FORCE, 1.5, "static friction (usually above Fc)", min=1e-9)
 FV: Any = Parameter(DAMPING, 0.4, "viscous coefficient", min=0.0)
 VS: Any = Parameter(VELOCITY, 1e-3, "Stribeck velocity", min=1e-12)
 DELTA: Any = Parameter(NO_UNIT, 2.0, "Stribeck exponent", min=1e-3, max=100.0)
