@@ -185,21 +185,21 @@
     };
   }
 
-  /* Return what the shown experiment can be copied as, by name. A system file has one model and no force that varies. */
+  /* Return what the shown experiment can be copied as, name -> function that returns the text. A system file has one model and no force that varies. */
   function formats() {
     const sides = state.models.map(copiedSide);
     const loop = view.system && view.system(setup());
     const found = {};
     if (view.id === "contact") {
-      found.Python = share.ofContact(sides, setup(), live.about[state.models[0]].reach);
+      found.Python = () => share.ofContact(sides, setup(), live.about[state.models[0]].reach);
     }
-    if (loop) found.Python = share.toPython(sides, loop);
+    if (loop) found.Python = () => share.toPython(sides, loop);
     if (loop && !loop.force) {
       sides.forEach((each, side) => {
-        found["TOML of " + each.model + (side && each.model === sides[0].model ? ", compared" : "")] = share.toToml(each, loop);
+        found["TOML of " + each.model + (side && each.model === sides[0].model ? ", compared" : "")] = () => share.toToml(each, loop);
       });
     }
-    return { ...found, [sides.length > 1 ? "build commands" : "build command"]: sides.map(share.toCommand).join("\n") };
+    return { ...found, [sides.length > 1 ? "build commands" : "build command"]: () => sides.map(share.toCommand).join("\n") };
   }
 
   const format = element("select", { id: "format" });
@@ -227,7 +227,7 @@
   function exportTexts() {
     const texts = formats(), names = Object.keys(texts), chosen = names.includes(format.value) ? format.value : names[0];
     format.replaceChildren(...names.map((name) => element("option", { selected: name === chosen }, name)));
-    source.textContent = texts[chosen];
+    source.textContent = texts[chosen]();
   }
 
   function showClaim() {

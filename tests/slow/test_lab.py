@@ -16,6 +16,9 @@ from browser import SCREENS, idle_controls, needs_chromium, objections, opened, 
 from playwright.sync_api import Browser, Page
 from thorough import nightly, slowness
 
+from friction_fmus import fmu
+from harness import System
+
 ROOT = Path(__file__).parents[2]
 MODELS = ("LuGre", "ElastoPlastic", "Dahl", "GMS")
 VIEWS = ("contact", "break-away", "hold", "stick-slip", "goal", "dither", "track")
@@ -182,30 +185,48 @@ def test_an_address_holds_the_state_and_texts_can_be_copied(browser: Browser, la
         assert "Fs must be at least 1e-9 N." in str(page.text_content(".group.first .problem:not([hidden])"))
         until(page, lambda: "s.Kp=30&a.Fs=2&b.Fc=0.5" in page.url)
         assert "nothing" not in page.url and "Kd" not in page.url
-        page.select_option("#format", "build command")
-        assert page.text_content(".exported pre") == "friction-fmus build LuGre -o fmus --name MyLuGre --set Fs=2"
+        page.select_option("#format", "build commands")
+        assert str(page.text_content(".exported pre")).splitlines() == [
+            "friction-fmus build LuGre -o fmus --name MyLuGre --set Fs=2",
+            "friction-fmus build GMS -o fmus --name MyGMS --set Fc=0.5",
+        ]
 
 
 def test_copied_texts_run(browser: Browser, lab: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The system file gives the figures of the page in the harness, and the programs run."""
+    """Programs and system files give the figures of the page in the harness, with each model."""
     monkeypatch.chdir(tmp_path)
-    with opened(browser, (lab / "index.html").as_uri() + "#view=stick-slip&models=LuGre&s.d=0.4&a.sigma2=0") as (
+    monkeypatch.setenv("MPLBACKEND", "Agg")
+    texts: dict[str, str] = {}
+    with opened(browser, (lab / "index.html").as_uri() + "#view=stick-slip&models=GMS,LuGre&s.d=0.4&b.sigma2=0") as (
         page,
         _,
     ):
         page.wait_for_selector("#lab[data-ready]", timeout=30_000)
-        period = figures(str(page.text_content(".result")))[0]
+        period = figures(str(page.text_content(".result")).partition("; LuGre")[2])[0]
+        for name in ("Python", "TOML of LuGre"):
+            page.select_option("#format", name)
+            texts[name] = str(page.text_content(".exported pre"))
+        steady, miss, drift = (figures(show(page, "view", value=name)) for name in ("contact", "contact", "hold"))
         page.select_option("#format", "Python")
-        program = str(page.text_content(".exported pre"))
+        texts["hold"] = str(page.text_content(".exported pre"))
         show(page, "view", value="contact")
-        moved = str(page.text_content(".exported pre"))
+        texts["contact"] = str(page.text_content(".exported pre"))
     names: dict[str, Any] = {}
-    exec(program, names)
-    t, v = (names["result"][name].to_numpy() for name in ("time", "axis.v"))
-    slips = t[1:][(v[1:] >= 0.05) & (v[:-1] < 0.05)]
-    assert float(slips[-1] - slips[1]) / (slips.size - 2) == pytest.approx(period, rel=5e-3)
-    exec(moved, names)
-    assert names["result"]["mass.x"].to_numpy()[-1] > 0.0
+    exec(texts["Python"], names)
+    Path("system.toml").write_text(texts["TOML of LuGre"], encoding="utf-8")
+    with System.from_toml("system.toml", resolve=fmu, open_inputs=True) as system:
+        results = [names["result"], system.run()]
+    for result in results:
+        t, v = (result[name].to_numpy() for name in ("time", "axis.v"))
+        slips = t[1:][(v[1:] >= 0.05) & (v[:-1] < 0.05)]
+        assert float(slips[-1] - slips[1]) / (slips.size - 2) == pytest.approx(period, rel=5e-3)
+    exec(texts["hold"], names)  # the second model, LuGre, drifts over the last half of 20 cycles
+    x = names["result"]["axis.x"].to_numpy()
+    assert (x[-1] - x[x.size - 1 - 2000]) / 10 == pytest.approx(drift[-1], rel=0.02)
+    exec(texts["contact"], names)
+    assert max(names["steady"]) == pytest.approx(steady[3], rel=0.02)
+    force = names["result"]  # at the turning point of the detour, and where the loop closes
+    assert abs(force[258] - force[258 + 2 * 48]) == pytest.approx(miss[-1], rel=0.02)
 
 
 RECORDS = {
