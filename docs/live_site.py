@@ -226,7 +226,7 @@ def use(block: Block) -> list[str]:
 def relatives(block: Block) -> list[str]:
     """Return links to blocks for the same friction, and to effects whose scripts use the block."""
     blocks = catalogue()
-    laws = [name for name, each in blocks.items() if each.kind in ("law", "controller")]
+    laws = [name for name, each in blocks.items() if each.kind == "compensator"]
     frictions = sorted((n for n, each in blocks.items() if each.kind == "friction"), key=len, reverse=True)
     based = {law: next((name for name in frictions if name in law), "") for law in laws}
     link = "[{0}]({0}.md)".format

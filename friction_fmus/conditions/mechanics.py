@@ -284,7 +284,7 @@ def pulled_mass(
         most = _last(lambda coefficient: sticks(coefficient=coefficient), max(damping, 1e-3 * math.sqrt(k * m)))
         remedies.append(f"raise the damping above {most:.4g} {{Ns_m}}")
         drop = 1.0 / _last(lambda inverse: sticks(static=Fc + 1.0 / inverse), 1.0 / (Fs - Fc))
-        remedies.append(f"reduce Fs - Fc, {Fs - Fc:.4g} {{N}}, below {drop:.4g} {{N}}")
+        remedies.append(f"reduce Fs - Fc from {Fs - Fc:.4g} {{N}} to below {drop:.4g} {{N}}")
     return Condition(
         name="stick-slip cycle",
         ok=ok,

@@ -367,7 +367,8 @@ def stick_slip_free(
         bound=bound,
         wrong=f"Kd + s2 = {value:.4g} {{Ns_m}} must be above the steepest fall of the Stribeck curve{taken} "
         f"{bound:.4g} {{Ns_m}}",
-        why="friction falls with speed faster than the loop damps: slow motion is unstable and shows stick-slip",
+        why="friction falls with speed faster than the loop's damping can make up for: slow motion is unstable "
+        "(stick-slip)",
         change=change,
         source="Armstrong-Helouvry, Dupont, Canudas de Wit, Automatica 30(7), 1994; rigid contact, derived here",
     )
@@ -398,7 +399,8 @@ def hunting(Ki: float, Fc: float, Fs: float, turned: bool = False, elastic: bool
         "hunts with any stable set of gains"
     )
     change = (
-        "use a dead-band of the integral of at least half a slip to each side, or Ki = 0 with friction compensation"
+        "stop the integrator while the error is smaller than half a slip (dead band), or use Ki = 0 with friction "
+        "compensation"
     )
     if turned and elastic:
         why += (

@@ -223,7 +223,8 @@ def falling(axis: Axis, servo: ActiveLaw, level: Level) -> Iterator[Condition]:
         servo.path.dynamics,
         name="stick-slip",
         where=f"at {v:.4g} {axis.words.m_s}, where friction falls by {-slope:.4g} {axis.words.Ns_m},",
-        why="friction falls with speed faster than the loop damps: slow motion is unstable and shows stick-slip",
+        why="friction falls with speed faster than the loop's damping can make up for: slow motion is unstable "
+        "(stick-slip)",
         hint="raise the damping of the loop or the bandwidth of the estimator, or compensate the friction",
     )
 

@@ -47,7 +47,7 @@ def test_the_paths_that_other_commands_print(folder: str, tmp_path: Path, capsys
     here = tmp_path / folder
     assert f"{here / 'Viscous.fmu'}\n" in printed(capsys, "build", "Viscous", "-o", here)
     assert f"{here / 'Viscous.fmu'}: " in printed(capsys, "check", "--static", here / "Viscous.fmu")
-    assert f"{here / 'law.c'}\n" in printed(capsys, "codegen", "CoulombFeedforward", "-o", here)
+    assert f"{here / 'coulomb_feedforward.c'}\n" in printed(capsys, "codegen", "CoulombFeedforward", "-o", here)
     system = here / "system.toml"
     system.write_text(SYSTEM, encoding="utf-8")
     assert f"{system}: " in printed(capsys, "doctor", system)

@@ -37,7 +37,7 @@ def test_commands_of_the_page(
     assert run(block("command: hunting"), capsys) == (1, block("output: hunting"))
     plain, full = block("commands").splitlines()
     status, text = run(plain, capsys)
-    assert (status, text) == (0, "hunting.toml: 9 conditions evaluated, no findings\n")
+    assert (status, text) == (0, "hunting.toml: 9 conditions evaluated, no problem\n")
     status, text = run(full, capsys)
     assert status == 0
     assert [found["ok"] for found in json.loads(text)] == [True] * 9

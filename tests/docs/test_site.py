@@ -94,6 +94,6 @@ def test_decision_tables_recommend_blocks_that_there_are(tables: ModuleType) -> 
 
 
 def test_what_estimates_friction_has_a_gain(tables: ModuleType) -> None:
-    for block in tables.of_kind("law", "controller"):
+    for block in tables.of_kind("compensator"):
         named = {(v.name, v.role) for v in tables.described(block.name).variables}
         assert ("F_hat", OUTPUT) not in named or ("gain", PARAMETER) in named, block.name

@@ -92,6 +92,10 @@ EQUIVALENT = {
         "no force exceeds static friction in both directions, and at the end of the step the phase follows from "
         "the states"
     ),
+    "fmu_src/friction/transition.h: const bool stops = v * slope < 0.0 && fabs(v + slope * h) <= 4.0 * DBL_EPSILON "
+    "* fabs(v);  ->  const bool stops = v / slope < 0.0 && fabs(v + slope * h) <= 4.0 * DBL_EPSILON * fabs(v);": (
+        "the sign is the same, and without a slope the second condition fails"
+    ),
     "fmu_src/friction/chain.h: const double turns = floor(mean + 0.5);  ->  const double turns = floor(mean - 0.5);": (
         "whole periods, too"
     ),
@@ -100,9 +104,6 @@ EQUIVALENT = {
     "0.999 * nearness * piece_level(&p, s);": (
         "at constant velocity, the place to which the force is drawn does not move"
     ),
-    "fmu_src/friction/motion.h: const bool stops = v * slope < 0.0 && fabs(v + slope * h) <= 4.0 * "
-    "DBL_EPSILON * fabs(v);  ->  const bool stops = v / slope < 0.0 && fabs(v + slope * h) <= 4.0 * "
-    "DBL_EPSILON * fabs(v);": ("the sign is the same, and without a slope the second condition fails"),
     "fmu_src/friction/transition.h: static inline double flat_until(double n) { return n < 8.0 ? 0.0 : "
     "exp(-36.0 / n); }  ->  static inline double flat_until(double n) { return n < (1.05 * 8.0) ? 0.0 : "
     "exp(-36.0 / n); }": ("where the parts of a step end; |r|^n is below rounding there"),

@@ -112,7 +112,9 @@ def read_mapping(table: Mapping[str, Any], folder: Path, origin: str = "The mapp
         TomlTable(table.get(name, {}), f"{origin}, [{name}],", RecordError) for name in ("data", "columns", "windows")
     )
     about.known(("file", "name", "citation"))
-    data = {key: about.take(key, text if key == "file" else _line, "text without control characters") for key in about}
+    data = {
+        key: about.take(key, text if key == "file" else _line, "a string without control characters") for key in about
+    }
     headings.known(tuple(ROLES), "role")
     columns = {role: _column(role, value, origin) for role, value in headings.content.items()}
     if columns:
