@@ -50,6 +50,9 @@ EQUIVALENT = {
     'bad <= INPUTS ? c->row_of[inputs[bad]]->name : "an input");': ("one input is not finite where there is a fault"),
     "fmu_src/fmi3/fmi3_values.h: const int size = values[i] < INT32_MAX ? (int)values[i] : INT32_MAX;  ->  "
     "const int size = values[i] <= INT32_MAX ? (int)values[i] : INT32_MAX;": ("the bound is itself"),
+    "fmu_src/friction/BurridgeKnopoff.c: s = done < h - s ? s + done : h;  ->  s = done < h + s ? s + done : h;": (
+        "up to a last piece as short as a rounding error"
+    ),
     "fmu_src/friction/ElastoPlastic.c: double part = fmin(p, 1.0 / y), power = 1.0, term = 1.0, before = 1.0,"
     " earlier;  ->  double part = fmin(p, 1.0 / y), power = 1.0, term = (1.05 * 1.0), before = 1.0, earlier;": (
         "any size that is not negligible stands for terms before the first one"
