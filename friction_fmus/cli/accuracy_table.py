@@ -56,14 +56,14 @@ def _conclude(result: Result) -> bool:
     for name, variable in result.data_vars.items():
         if "energy" in variable.attrs:
             net, error = variable.attrs["energy"], variable.attrs["energy_error"]
-            console.print(f"{name} and its velocity transfer {net:.4g} J ± {error:.1g} J", soft_wrap=True)
+            console.print(f"work done by {name}: {net:.4g} J ± {error:.1g} J", soft_wrap=True)
     if "largest_coupling_error" in attributes:
         console.print(f"largest coupling error: {attributes['largest_coupling_error']}", soft_wrap=True)
     error, source = attributes["tolerance_error"], attributes["tolerance_source"]
-    console.print(f"no step makes errors smaller than {error:.1g} of the range ({source})", soft_wrap=True)
+    console.print(f"{source} limits the accuracy to about {error:.1g} of the range", soft_wrap=True)
     step = attributes.get("suggested_step")
     text = {
-        "right": f"all variables are right to {required:g} of their ranges",
+        "right": f"all variables are within {required:g} of their ranges",
         "sensitive": "the motion depends on the smallest errors: only its periods and amplitudes are right",
         "too coarse": f"the required accuracy of {required:g} is not reached",
         "not certain": "the master newton gives another result: a motion is too fast for this master and step; "

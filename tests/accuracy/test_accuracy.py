@@ -68,7 +68,7 @@ def test_the_command_names_the_tolerance_to_lower(tmp_path: Path, capsys: pytest
     command = ["run", str(EXAMPLE), "--stop", "2", "--master", "newton", "-o", str(tmp_path / "out.nc")]
     assert main([*command, "--require", "1e-7"]) == 1
     shown = capsys.readouterr().out
-    assert "no step makes errors smaller than 3e-07 of the range (loop_tolerance)" in shown
+    assert "loop_tolerance limits the accuracy to about 3e-07 of the range" in shown
     assert "set loop_tolerance = 4e-09 in [experiment]" in shown
 
 

@@ -18,7 +18,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--name", metavar="IDENTIFIER", help="model identifier; default: the name of the file")
     parser.add_argument("--step", type=float, metavar="H", help="step inside the FMU [s]; default: the system's step")
     parser.add_argument("--master", metavar="NAME", help="master algorithm inside the FMU: newton or adaptive")
-    parser.add_argument("--inputs", nargs="*", metavar="PART.PORT", help="inputs; default: all that nothing drives")
+    parser.add_argument("--inputs", nargs="*", metavar="PART.PORT", help="inputs; default: all unconnected inputs")
     parser.add_argument("--outputs", nargs="*", metavar="PATTERN", help="outputs; default: all")
     add_fmu_target(parser)
 

@@ -57,14 +57,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--residual",
         action="store_true",
-        help="learn what the best model lacks, over velocity, position and direction (FrictionResidual)",
+        help="fit a correction table (velocity, position, direction) to the residual of the best model",
     )
     parser.add_argument(
         "--force", action="store_true", help="write FMUs although the drive force contradicts the motion"
     )
-    parser.add_argument(
-        "--viscous", action="store_true", help="identify viscous friction beside models without it, as parameter Fv"
-    )
+    parser.add_argument("--viscous", action="store_true", help="add viscous friction (Fv) to models that have none")
     parser.add_argument(
         "--workers",
         type=int,

@@ -29,7 +29,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--init",
         action="store_true",
-        help="only write the configuration study.toml for a data file; asks for what the headings do not say",
+        help="only write the configuration study.toml for a data file; asks for missing information",
     )
     add_json(parser)
     where = parser.add_mutually_exclusive_group()
