@@ -203,7 +203,12 @@ def as_text(results: Results, console: Console) -> None:
 def _summary(findings: Sequence[Finding]) -> str:
     counted = Counter[str](finding.severity for finding in findings)
     parts = [f"{n} {severity}{'' if n == 1 else 's'}" for severity in _STYLE if (n := counted[severity])]
-    return ", ".join(parts) or "no findings"
+    verdict = "conforms to every rule that was checked"
+    if counted["error"]:
+        verdict = "does not conform to the standard"
+    elif counted["warning"]:
+        verdict = "conforms to the standard, but some importers will have problems"
+    return ": ".join([verdict, *([", ".join(parts)] if parts else [])])
 
 
 def as_json(results: Results) -> str:

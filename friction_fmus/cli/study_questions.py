@@ -29,7 +29,7 @@ Check = Callable[[str], str]  # returns what is wrong with an answer; empty if n
 
 
 def write_configuration(data: Path, folder: Path) -> None:
-    """Write the settings of the study of a data file, and ask for what its headings do not say.
+    """Write the settings of the study of a data file, and ask for missing information.
 
     Without a terminal nothing is asked: missing entries are marked and listed.
     """

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable
+from contextlib import nullcontext
 from pathlib import Path
+from types import SimpleNamespace
 
 import fmpy
 import pytest
@@ -14,6 +16,7 @@ from check.test_check_exchange import FAULTS as OF_MODEL_EXCHANGE
 from thorough import some
 
 from friction_fmus.check import RULES, check
+from friction_fmus.check.probes.lifecycle import report_accepted
 
 # fault, as in faulty.c -> rule, what its message must name, rules that cannot but speak too
 FAULTS = {
@@ -156,3 +159,14 @@ def test_another_platform_is_a_note(library: Library, tmp_path: Path) -> None:
     members = {XML: xml, other: library(), "documentation/index.html": b"<html/>"}
     (finding,) = check(zipped(members, tmp_path / "a.fmu"))
     assert (finding.rule, finding.severity) == ("no-binary-here", "note")
+
+
+def test_a_crash_on_misuse_names_the_misuse() -> None:
+    """`friction_fmus.check.probes.fmi2_library.RawLibrary.mark` stores it with the name of the function."""
+    seen: list[str] = []
+    library = SimpleNamespace(misuse="", named="fmi2{}".format)
+    run = SimpleNamespace(status=lambda *_: seen.append(library.misuse) or 3)
+    calls = {"DoStep": ("I", ())}
+    states = {"I": "the state instantiated"}
+    report_accepted(library, seen.append, lambda *_: nullcontext(run), states, calls, KeyError)  # type: ignore[arg-type]
+    assert (seen, library.misuse) == ([", not allowed in the state instantiated,"], "")

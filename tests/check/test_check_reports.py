@@ -50,13 +50,13 @@ def test_text(fmus: tuple[str, str, str], capsys: pytest.CaptureFixture[str]) ->
     main(["check", "--static", good, bad, note])
     (finding,) = check(bad, static=True)
     expected = (
-        "good.fmu: no findings\n"
+        "good.fmu: conforms to every rule that was checked\n"
         f"bad one.fmu: modelDescription.xml:{finding.line}: error [start-outside-limits] Fc starts at -1, below its "
         "min 1e-09; choose a value inside the limits (FMI 2.0.5, 2.2.7)\n"
-        "bad one.fmu: 1 error\n"
+        "bad one.fmu: does not conform to the standard: 1 error\n"
         "note.fmu: notes.txt: note [file-unknown] the standard does not define 'notes.txt'; move it to resources "
         "or extra (FMI 2.0.5, 2.3)\n"
-        "note.fmu: 1 note\n"
+        "note.fmu: conforms to every rule that was checked: 1 note\n"
     )
     assert capsys.readouterr().out == expected
     main(["check", "--static", good, bad, note, "-o", "report.txt"])

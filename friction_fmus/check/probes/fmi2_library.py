@@ -15,7 +15,7 @@ from typing import Any, Final, Self
 
 OK, WARNING, DISCARD, ERROR, FATAL, PENDING = range(6)
 STATUS: Final = ("OK", "Warning", "Discard", "Error", "Fatal", "Pending")
-TRACE_SIZE: Final = 64
+TRACE_SIZE: Final = 128
 
 _refs, _reals, _ints, _strings = POINTER(c_uint), POINTER(c_double), POINTER(c_int), POINTER(c_char_p)
 _state = c_void_p
@@ -112,6 +112,7 @@ class RawLibrary:
     version = b"2.0"
     token = "guid"
     """What the library has to answer to GetVersion, and the name of its identity."""
+    misuse = ""  # what is wrong with the calls that a probe makes on purpose
 
     def __init__(self, job: dict[str, Any], trace: mmap.mmap) -> None:
         """Load the library."""
@@ -147,7 +148,7 @@ class RawLibrary:
 
     def mark(self, function: str) -> None:
         """Store the name of the function being called."""
-        self._trace[:TRACE_SIZE] = function.encode()[:TRACE_SIZE].ljust(TRACE_SIZE)
+        self._trace[:TRACE_SIZE] = f"{function}{self.misuse}".encode()[:TRACE_SIZE].ljust(TRACE_SIZE)
 
     def _log(self, _environment: object, _name: bytes, status: int, category: bytes, message: bytes) -> None:
         names = (category or b"").decode(errors="replace"), (message or b"").decode(errors="replace")

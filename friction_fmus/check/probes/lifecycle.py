@@ -122,10 +122,13 @@ def report_accepted(
         for mode in forbidden_in:
             try:
                 with in_mode(library, mode) as run:
-                    if run.status(name, *arguments) in (OK, WARNING):
+                    library.misuse = f", not allowed in {modes[mode]},"
+                    status = run.status(name, *arguments)
+                    library.misuse = ""
+                    if status in (OK, WARNING):
                         accepted.append(f"{library.named(name)} in {modes[mode]}")
             except skipped:
-                continue
+                library.misuse = ""
     if accepted:
         shown = ", ".join(accepted)
         report("call-order-accepted", f"the FMU accepts {shown}; return {library.named('Error')} and log the reason")
