@@ -34,7 +34,7 @@ def row(law: str) -> dict[str, int]:
 
 def main() -> None:
     """Write the table."""
-    table = {name: row(name) for name, block in catalogue().items() if block.kind == "law"}
+    table = {name: row(name) for name, block in catalogue().items() if block.is_law}
     with atomic_path(TABLE) as temporary:
         temporary.write_text(HEADING + tomli_w.dumps(table), encoding="utf-8", newline="\n")
 

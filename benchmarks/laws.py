@@ -111,7 +111,7 @@ def main() -> None:
     rows: list[Row] = []
     table: dict[str, list[float]] = {}
     for block in catalogue().values():
-        if block.kind == "law":
+        if block.is_law:
             with tempfile.TemporaryDirectory() as scratch:
                 times = law_times(block.name, Path(scratch), n, rounds)
             rows += [Row(f"{block.name}: {way}", value, "ns") for way, value in times.items()]

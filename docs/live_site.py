@@ -45,8 +45,7 @@ SYSTEMS = ("mass", "axis")
 KINDS = {
     "friction": "Friction models",
     "plant": "Plants",
-    "law": "Compensator laws",
-    "controller": "Controllers",
+    "compensator": "Compensators",
     "signal": "Signals",
 }
 

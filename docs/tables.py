@@ -104,7 +104,7 @@ def suited_compensators(situation: Situation) -> list[str]:
     """Return the compensators that need no other signals than those of a situation, and no other friction model."""
     return [
         block.name
-        for block in of_kind("law", "controller")
+        for block in of_kind("compensator")
         if required(block.name) <= situation.signals and knowledge(block.name) in situation.model
     ]
 
@@ -210,7 +210,7 @@ def situations() -> str:
 def compensators() -> str:
     """Return the inputs, the friction model and the use of each compensator."""
     rows = []
-    for block in of_kind("law", "controller"):
+    for block in of_kind("compensator"):
         taken = inputs(block.name)
         first = next((p.text for p in paragraphs(block.notes) if p.lead == "Use it"), block.summary)
         use = re.split(r"(?<=[a-z0-9])[.;:] ", first, maxsplit=1)[0].rstrip(".")
@@ -245,7 +245,7 @@ def exchange() -> str:
 def kinds() -> str:
     """Return what modelDescription.xml says of the variables of each kind of block."""
     rows = []
-    for kind in ("friction", "plant", "law", "controller", "signal"):
+    for kind in ("friction", "plant", "compensator", "signal"):
         blocks = of_kind(kind)
         variables = [v for block in blocks for v in described(block.name).variables]
         sampled = {described(block.name).sampled for block in blocks}

@@ -1,4 +1,7 @@
-"""Friction models and compensators as FMI 2.0 and 3.0 FMUs."""
+"""Friction models and compensators as FMI 2.0 and 3.0 FMUs.
+
+The public names of `harness` are here too: ``from friction_fmus import FmuPart, System, fmu, plot, study, sweep``.
+"""
 
 import sys
 from importlib.machinery import PathFinder
@@ -16,13 +19,25 @@ from friction_fmus import harness
 from friction_fmus.blocks.catalogue import Block, catalogue, find
 from friction_fmus.errors import BuildError, FrictionError, UnknownNameError
 from friction_fmus.version import VERSION
-from harness.extras import lazy_names
+from harness.extras import MODELS, lazy_names
 
 if TYPE_CHECKING:
+    from harness import *  # noqa: F403, I001
+
+    from friction_fmus import study
     from friction_fmus.export.block_fmu import build, build_record, fmu
     from friction_fmus.identification import identify
 else:
     __getattr__, __dir__ = lazy_names(__name__)
+
+
+def _model(name: str) -> Path:
+    from friction_fmus.export.block_fmu import fmu
+
+    return fmu(name)
+
+
+MODELS.append(_model)
 
 __version__ = VERSION
 
@@ -38,4 +53,6 @@ __all__ = [
     "fmu",
     "harness",
     "identify",
+    "study",
+    *(name for name in harness.__all__ if name not in ("BuildError", "UnknownNameError")),
 ]

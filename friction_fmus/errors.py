@@ -6,18 +6,9 @@ import re
 from collections.abc import Iterable
 from typing import Final
 
-from harness import errors
-from harness.errors import BuildError, closest
+from harness.errors import BuildError, FrictionError, UnknownNameError, closest
 
 __all__ = ["BuildError", "FrictionError", "UnknownNameError", "did_you_mean"]
-
-
-class FrictionError(Exception):
-    """Base class of errors that the user can correct; the message says how."""
-
-
-class UnknownNameError(FrictionError, errors.UnknownNameError):
-    """Unknown name of a model, variable or rule; the error of this name in the harness catches it, too."""
 
 
 def did_you_mean(name: str, names: Iterable[str]) -> str:

@@ -10,7 +10,11 @@ if TYPE_CHECKING:
     import xarray as xr
 
 
-class HarnessError(Exception):
+class FrictionError(Exception):
+    """Base class of all errors that the user can correct; the message says how."""
+
+
+class HarnessError(FrictionError):
     """Base class of all errors raised by the harness.
 
     Attributes

@@ -14,6 +14,9 @@ from pathlib import Path
 
 from harness.errors import MissingPackageError
 
+MODELS: list[Callable[[str], Path]] = []
+"""Functions that return the FMU of a model by its name; a package with models appends its own."""
+
 
 @cache
 def extra_of(package: str) -> str | None:
@@ -65,12 +68,15 @@ def lazy_names(package: str) -> tuple[Callable[[str], object], Callable[[], list
     )
     imports = [each for each in checked.body if isinstance(each, ast.ImportFrom)]
     homes = {name.name: str(each.module) for each in imports for name in each.names}
+    if everything := homes.pop("*", None):
+        homes = dict.fromkeys(import_module(everything).__all__, everything) | homes
 
     def getter(name: str) -> object:
         if name not in homes:
             raise AttributeError(f"module {package!r} has no attribute {name!r}")
         try:
-            value = getattr(import_module(homes[name]), name)
+            home = homes[name]
+            value = import_module(f"{home}.{name}") if home == package else getattr(import_module(home), name)
         except ModuleNotFoundError as error:
             if not error.name or extra_of(error.name) is None:
                 raise

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import math
 from collections.abc import Sequence
 from pathlib import Path
@@ -11,6 +12,7 @@ from harness.errors import OutputError, UnknownNameError, nearest
 from harness.storage.files import atomic_path
 
 if TYPE_CHECKING:
+    from matplotlib.figure import Figure
     from matplotlib.lines import Line2D
 
     from harness.result import Result
@@ -21,8 +23,8 @@ def label_of(name: str) -> str:
     return name.replace("$", r"\$")
 
 
-def plot(result: Result, path: str | Path, names: Sequence[str] = ()) -> None:
-    """Plot a result over time, with one panel per unit, and write the figure to a file.
+def plot(result: Result, path: str | Path | None = None, names: Sequence[str] = ()) -> Figure:
+    """Plot a result over time, with one panel per unit.
 
     A variable whose error bound is known gets a band of this width.
 
@@ -30,10 +32,15 @@ def plot(result: Result, path: str | Path, names: Sequence[str] = ()) -> None:
     ----------
     result : xarray.Dataset
         Result of a run.
-    path : path-like
-        The figure file; its suffix selects the format (png, svg, pdf).
+    path : path-like, optional
+        File for the figure; its suffix selects the format (png, svg, pdf).
     names : sequence of str
         Variables to plot; all if empty.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+        The figure, which a notebook shows.
 
     Raises
     ------
@@ -45,7 +52,6 @@ def plot(result: Result, path: str | Path, names: Sequence[str] = ()) -> None:
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
-    path = Path(path)
     known = [str(name) for name in result.data_vars]
     for name in names:
         if name not in known:
@@ -55,12 +61,16 @@ def plot(result: Result, path: str | Path, names: Sequence[str] = ()) -> None:
     for name in names or [name for name in known if name not in bounds]:
         panels.setdefault(str(result[name].attrs.get("units", "1")), []).append(name)
     if not panels:
-        raise OutputError(f"there is nothing to plot in {path}: record at least one variable")
+        raise OutputError(f"there is nothing to plot{f' in {path}' if path else ''}: record at least one variable")
 
-    figure = Figure(figsize=(8.0, 1.0 + 2.0 * len(panels)), layout="constrained")
-    canvas = FigureCanvasAgg(figure)
-    formats = sorted(canvas.get_supported_filetypes())
-    if path.suffix[1:].lower() not in formats:
+    class Shown(Figure):
+        def _repr_png_(self) -> bytes:
+            self.savefig(content := io.BytesIO())
+            return content.getvalue()
+
+    figure = Shown(figsize=(8.0, 1.0 + 2.0 * len(panels)), dpi=120, layout="constrained")
+    formats = sorted(FigureCanvasAgg(figure).get_supported_filetypes())
+    if path is not None and Path(path).suffix[1:].lower() not in formats:
         raise OutputError(f"cannot plot to {path}: the suffix must be one of {', '.join(formats)}")
     axes = figure.subplots(len(panels), 1, sharex=True, squeeze=False)[:, 0]
     time = result["time"].to_numpy()
@@ -79,5 +89,7 @@ def plot(result: Result, path: str | Path, names: Sequence[str] = ()) -> None:
         if len(members) > 1:
             axis.legend(handles=lines, loc="upper right", fontsize="small")  # also of names that begin with _
     axes[-1].set_xlabel("time [s]")
-    with atomic_path(path) as temporary:
-        figure.savefig(temporary, dpi=120)
+    if path is not None:
+        with atomic_path(Path(path)) as temporary:
+            figure.savefig(temporary, dpi=120)
+    return figure

@@ -6,6 +6,7 @@ import math
 import re
 from collections.abc import Iterable
 from dataclasses import dataclass
+from typing import Any
 
 from harness.errors import UnitError
 
@@ -272,6 +273,26 @@ def needed_unit(name: str | None, base: BaseUnit | None, where: str) -> BaseUnit
             "are known), or define it by its base units"
         )
     return unit
+
+
+_QUANTITY = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(\S.*?)\s*")
+
+
+def is_quantity(text: str) -> bool:
+    """Return whether a text is a number with a unit, such as ``0.002 kN``."""
+    return _QUANTITY.fullmatch(text) is not None
+
+
+def in_unit(value: Any, name: str | None, base: BaseUnit | None, where: str) -> Any:
+    """Return a quantity such as ``0.002 kN`` as a number in another unit; any other value is returned as it is."""
+    match = _QUANTITY.fullmatch(value) if isinstance(value, str) else None
+    if match is None:
+        return value
+    own, target = needed_unit(match[2], None, f"the value of {where}"), needed_unit(name, base, where)
+    numbers = conversion(own, target) if own and target else None
+    if numbers is None:
+        raise UnitError(f"{where} is given in [{match[2]}] but has the unit [{name or 1}]: give a value in this unit")
+    return numbers[0] * float(match[1]) + numbers[1]
 
 
 def units_agree(a: str | None, base_a: BaseUnit | None, b: str | None, base_b: BaseUnit | None) -> bool | None:

@@ -72,7 +72,7 @@
     RULES(pushes)
 
 #define USE                                                                    \
-    KIND (other)                                                               \
+    KIND (dither)                                                              \
     NEVER("It acts on an axis that is stuck away from its target, not on a moving axis.")
 /* clang-format on */
 

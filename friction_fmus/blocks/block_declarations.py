@@ -40,8 +40,13 @@ def cited(keys: Iterable[str]) -> tuple[str, ...]:
     return tuple(found)
 
 
-KINDS: Final = ("feedforward", "model feedback", "estimator", "dither", "learning", "controller", "other")
+KINDS: Final = (
+    *("feedforward", "model feedback", "estimator", "sliding mode", "learning", "integral", "dither", "other"),
+)
 """Kinds of compensators."""
+
+FAMILIES: Final = {"feedforward": "feedforward", "model feedback": "observer"} | {kind: kind for kind in KINDS[2:]}
+"""The family of a compensator by the kind of its use, in the order of lists."""
 
 
 @dataclass(frozen=True)
@@ -84,16 +89,13 @@ class Use:
             names_in(text)
 
 
-REPLACES_SERVO: Final = Use(
-    "controller", never="It replaces the feedback controller and cannot be compared at the same feedback gains."
-)
-"""Use of a law that closes the position loop itself."""
+def replaces_servo(kind: str) -> Use:
+    """Return the use of a law that closes the position loop itself."""
+    return Use(kind, never="It replaces the feedback controller and cannot be compared at the same feedback gains.")
 
-SHAPES_REFERENCE: Final = Use(
-    "other",
-    never="It applies a feedforward {force} by way of the reference, for servos without a {force} input.",
-)
-"""Use of a law that shapes the reference."""
+
+SHAPES_REFERENCE: Final = "It applies a feedforward {force} by way of the reference, to servos without a {force} input."
+"""Why a study does not compare a law that shapes the reference."""
 
 
 def use_of(code: str) -> Use | None:

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from friction_fmus.blocks.axis_units import SLIDING, TURNING, Words
-from friction_fmus.blocks.block_declarations import About, about_c_block, cited
+from friction_fmus.blocks.block_declarations import FAMILIES, About, about_c_block, cited
 from friction_fmus.blocks.customise import with_long_arrays
 from friction_fmus.blocks.law_summaries import law_paths, read_headings
 from friction_fmus.errors import FrictionError, UnknownNameError, did_you_mean
@@ -20,10 +20,9 @@ from harness.storage.files import read_source, reason
 
 PACKAGE = Path(__file__).parents[1]
 
-KINDS = {"friction": "friction", "plants": "plant", "controllers": "controller", "signals": "signal"}
-"""Kind of the blocks in each folder of ``fmu_src``; laws are in ``friction_fmus/laws``."""
-
-_ORDER = ("friction", "plant", "law", "controller", "signal")  # order of the kinds in the catalogue
+KINDS = {"friction": "friction", "plants": "plant", "controllers": "compensator", "signals": "signal"}
+"""Kind of the blocks in each folder of ``fmu_src``, in the order of the catalogue; ``friction_fmus/laws`` has the laws,
+compensators in Python files."""
 
 OWN_BLOCKS = "FRICTION_FMUS_BLOCKS"  # environment variable with folders of user blocks, separated as in PATH
 
@@ -51,7 +50,7 @@ class Block:
     name : str
         Model identifier.
     kind : str
-        friction, plant, law, controller or signal.
+        friction, plant, compensator or signal.
     summary, source : str
         One line each: a short description, and the literature.
     notes : str
@@ -92,6 +91,17 @@ class Block:
     rotary_summary: str = ""
 
     @property
+    def family(self) -> str:
+        """Family of a compensator, one of the values of `FAMILIES`; empty for other kinds."""
+        use = self.about.use.kind if self.about.use else "other"
+        return FAMILIES[use] if self.kind == "compensator" else ""
+
+    @property
+    def is_law(self) -> bool:
+        """Whether it is a compensator in a Python file, which exports C."""
+        return self.path.suffix == ".py"
+
+    @property
     def origin(self) -> str:
         """Return the source and, if known, the origin of the equations."""
         return f"{self.source}; {self.status}" if self.status else self.source
@@ -110,6 +120,7 @@ class Entry(NamedTuple):
     summary: str
     source: str
     path: Path
+    family: str = ""
 
 
 def source_folder() -> Path:
@@ -188,7 +199,8 @@ def _read_laws(path: Path) -> list[Block]:
 
     return [
         Block(
-            *(law.name, "law", SLIDING.fill(law.summary), law.source, law.documentation, law.path, block_source(law)),
+            *(law.name, "compensator", SLIDING.fill(law.summary), law.source, law.documentation, law.path),
+            block_source(law),
             bibtex=cited(law.about.cites),
             about=law.about,
             rotary_summary=TURNING.fill(law.summary),
@@ -210,7 +222,8 @@ def _listing(own: str) -> dict[str, Entry]:
             raise FrictionError(f"{OWN_BLOCKS} names the folder {folder}, which does not exist; correct it or unset it")
         entries += [*_c_entries(folder), *_law_entries(folder)]
     found: dict[str, Entry] = {}
-    for entry in sorted(entries, key=lambda entry: (_ORDER.index(entry.kind), entry.name)):
+    order = [*KINDS.values()]
+    for entry in sorted(entries, key=lambda entry: (order.index(entry.kind), entry.name)):
         other = found.setdefault(entry.name, entry)
         if other is not entry:
             raise FrictionError(f"Two blocks are called {entry.name}: {other.path} and {entry.path}; rename one")
@@ -221,20 +234,22 @@ def _c_entries(folder: Path) -> list[Entry]:
     kinds = {"": "friction", **KINDS}
     files = [(path, kind) for part, kind in kinds.items() for path in sorted((folder / part).glob("*.c"))]
     blocks = [_known_c_block(path, kind) for path, kind in files]
-    return [Entry(block.name, block.kind, block.summary, block.source, block.path) for block in blocks]
+    return [Entry(block.name, block.kind, block.summary, block.source, block.path, block.family) for block in blocks]
 
 
 def _law_entries(folder: Path) -> list[Entry]:
-    found = []
+    found: list[Entry] = []
     for file in law_paths(folder):
         headings = read_headings(file)
         laws = _read_laws(file) if headings is None else headings
-        found += [Entry(law.name, "law", SLIDING.fill(law.summary), law.source, law.path) for law in laws]
+        for law in laws:
+            text = SLIDING.fill(law.summary)
+            found.append(Entry(law.name, "compensator", text, law.source, law.path, law.family))
     return found
 
 
 def catalogue() -> dict[str, Block]:
-    """Return all blocks by name, in the order friction, plant, law, controller, signal.
+    """Return all blocks by name, in the order friction, plant, compensator, signal.
 
     They are in this package and in the folders of the environment variable ``FRICTION_FMUS_BLOCKS``: C files of
     friction models, law files, and C files of other kinds in the subfolders of `KINDS`.
@@ -259,7 +274,7 @@ def _known_c_block(path: Path, kind: str) -> Block:
 
 @cache
 def _read(entry: Entry) -> Block:
-    if entry.kind == "law":
+    if entry.path.suffix == ".py":
         return next(block for block in _read_laws(entry.path) if block.name == entry.name)
     return _known_c_block(entry.path, entry.kind)
 
@@ -311,7 +326,7 @@ def find(model: str | Path) -> Block:
 
 def with_room(block: Block, start: Mapping[str, Any]) -> Block:
     """Return the block with vectors and arrays as large as these start values need."""
-    if block.kind != "law":
+    if not block.is_law:
         return replace(block, code=with_long_arrays(block.code, block.name, start))
     if not start:
         return block

@@ -11,7 +11,7 @@ from friction_fmus.blocks.block_header import block_header, start_arguments
 from friction_fmus.blocks.macros import argument_spans, table
 from friction_fmus.errors import BuildError, UnknownNameError, did_you_mean
 
-Start = Mapping[str, float | int | bool]
+Start = Mapping[str, float | int | bool | str]
 
 
 def renamed(code: str, name: str) -> str:
@@ -63,6 +63,8 @@ def with_long_arrays(code: str, name: str, start: Start) -> str:
 def with_start_values(code: str, start: Start) -> str:
     """Return the source with other start values in its VARIABLES table."""
     for variable, value in start.items():
+        if isinstance(value, str):
+            raise BuildError(f"The start value {variable} = {value!r} is not a number; give one, also with a unit")
         if not float(value) - float(value) == 0.0:
             raise BuildError(f"The start value {variable} = {value} is not finite; give a finite number")
         code = _with_start_value(code, variable, value)

@@ -6,6 +6,8 @@ import ast
 from dataclasses import dataclass
 from pathlib import Path
 
+from friction_fmus.blocks.block_declarations import FAMILIES
+
 
 @dataclass(frozen=True)
 class Heading:
@@ -16,6 +18,7 @@ class Heading:
     source: str
     """See `friction_fmus.lawkit.law.Law`."""
     path: Path  # the file that defines it
+    family: str = "other"  # family of the compensator
 
 
 def law_paths(folder: Path) -> list[Path]:
@@ -53,4 +56,10 @@ def _heading(call: ast.Call, file: Path) -> Heading | None:
     if len(texts) != len(nodes):
         return None
     name, summary, source = texts
-    return Heading(name, summary, source, file.resolve())
+    use = given.get("use")
+    if use is None:
+        return Heading(name, summary, source, file.resolve())
+    kind = use.args[0] if isinstance(use, ast.Call) and use.args else None
+    if not (isinstance(kind, ast.Constant) and isinstance(kind.value, str)):
+        return None
+    return Heading(name, summary, source, file.resolve(), FAMILIES.get(kind.value, "other"))

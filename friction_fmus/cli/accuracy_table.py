@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import math
 
-from rich.console import Console
 from rich.table import Table
 
-from friction_fmus.cli.console import styled
+from friction_fmus.cli.console import console, styled
 from harness import Result
 from harness.accuracy.assess import MARGIN
 from harness.accuracy.measure_bounds import OF_LOOPS
@@ -17,7 +16,7 @@ _STYLES = {"within tolerance": "green", "sensitive": "yellow", "step too long": 
 _STYLES |= dict.fromkeys(("not certain", "not converged"), "red")
 
 
-def show_accuracy(console: Console, result: Result) -> bool:
+def show_accuracy(result: Result) -> bool:
     """Print the error of each variable, and what to do."""
     table = Table(box=None, pad_edge=False)
     for heading in ("variable", "error bound", "of the range", "events within", "order", "verdict"):
@@ -47,10 +46,10 @@ def show_accuracy(console: Console, result: Result) -> bool:
                 ),
                 soft_wrap=True,
             )
-    return _conclude(console, result)
+    return _conclude(result)
 
 
-def _conclude(console: Console, result: Result) -> bool:
+def _conclude(result: Result) -> bool:
     """Print the conclusion in a sentence."""
     attributes = result.attrs
     verdict, required = attributes["accuracy"], attributes["required_accuracy"]

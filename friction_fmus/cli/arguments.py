@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import json
-import sys
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -13,6 +12,7 @@ from friction_fmus.errors import FrictionError
 from friction_fmus.export.targets import DEFAULT, targets
 from friction_fmus.listings import plain
 from harness.masters import master_names
+from harness.units import is_quantity
 
 
 def listed(words: Sequence[str]) -> str:
@@ -31,33 +31,46 @@ def parse_value(text: str) -> float | bool | str:
         return text
 
 
-def parse_assignment(text: str) -> tuple[str, float | bool]:
-    """Return name and value of ``NAME=VALUE``, with a number, true or false as value."""
+def parse_assignment(text: str) -> tuple[str, float | bool | str]:
+    """Return name and value of ``NAME=VALUE``: a number, true, false, or a number with a unit."""
     name, equals, given = text.partition("=")
     value = parse_value(given)
-    if not equals or isinstance(value, str):
-        raise FrictionError(f"--set {text!r} is not NAME=VALUE; use a number, true or false as VALUE")
+    if not equals or (isinstance(value, str) and not is_quantity(value)):
+        raise FrictionError(f"--set {text!r} is not NAME=VALUE; use a number, a number with a unit, true or false")
     return name.strip(), value
 
 
-def parse_assignments(texts: Sequence[str] | None) -> dict[str, float | bool]:
+def parse_assignments(texts: Sequence[str] | None) -> dict[str, float | bool | str]:
     """Return the start values given by all options ``--set NAME=VALUE``."""
     return dict(parse_assignment(text) for text in texts or ())
 
 
 def add_json(parser: argparse.ArgumentParser) -> None:
     """Add the option for a program that reads the output."""
-    parser.add_argument("--json", action="store_true", help="print JSON")
+    parser.add_argument("--json", action="store_true", help="print JSON, and everything else on stderr")
 
 
-def print_json(content: Any) -> None:
-    """Print content as JSON, which has no infinity: such numbers become null."""
-    sys.stdout.write(json.dumps(plain(content), indent=2) + "\n")
+def print_json(options: argparse.Namespace, content: Any) -> None:
+    """Print content as JSON, which has no infinity: such numbers become null. All other text goes to stderr."""
+    print(json.dumps(plain(content), indent=2), file=options.stdout)
+
+
+def completed(action: argparse.Action) -> None:
+    """Let the shell complete the names of blocks."""
+    from friction_fmus.blocks.catalogue import listing
+
+    vars(action)["completer"] = lambda **_: listing()
 
 
 def add_block(parser: argparse.ArgumentParser) -> None:
     """Add the argument for the name of a block."""
-    parser.add_argument("name", metavar="NAME", help="name of a model, or its .c or .py file")
+    completed(parser.add_argument("name", metavar="NAME", help="name of a model, or its .c or .py file"))
+
+
+def add_set(parser: argparse.ArgumentParser, name: str = "NAME") -> None:
+    """Add the option for start values."""
+    text = f"start value, also with a unit, such as {name.removesuffix('NAME')}Fc='0.002 kN'; may be repeated"
+    parser.add_argument("--set", action="append", metavar=f"{name}=VALUE", help=text)
 
 
 def add_system(parser: argparse.ArgumentParser) -> None:

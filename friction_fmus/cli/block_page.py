@@ -18,7 +18,8 @@ WIDE = 100  # width of the terminal, in characters, from which the table of vari
 def show_block(console: Console, block: Block, rows: BlockVariables) -> None:
     """Print summary, use, limits, equations and variables of a block."""
     first, *rest = paragraphs(block.notes) or (Paragraph((block.summary,)),)
-    console.print(Text.assemble((block.name, "bold"), f", {block.kind}: {block.summary}"), end="\n\n")
+    kind = " ".join(filter(None, (block.kind, block.family and f"({block.family})")))
+    console.print(Text.assemble((block.name, "bold"), f", {kind}: {block.summary}"), end="\n\n")
     _print_paragraphs(console, [first])
     console.print(_choice(block, [p for p in rest if p.lead]))
     console.print(Text("\nEquations\n", "bold"))

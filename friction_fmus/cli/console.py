@@ -2,16 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 from rich.console import Console, ConsoleOptions, RenderableType
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, ProgressColumn, TextColumn, TimeRemainingColumn
+from rich.progress import (
+    BarColumn,
+    MofNCompleteColumn,
+    Progress,
+    ProgressColumn,
+    TaskID,
+    TextColumn,
+    TimeRemainingColumn,
+)
 from rich.segment import Segment
 from rich.table import Table
 from rich.text import Text
 
 from friction_fmus.errors import visible
+from harness.compiling.platforms import NATIVE
 from harness.notebook import Listing
 
 LITERAL: dict[str, Any] = {"markup": False, "emoji": False, "highlight": False}
@@ -43,10 +52,11 @@ def styled(*parts: str | tuple[str, str]) -> Text:
 console = literal_console()
 
 
-def drawn(listing: Listing, *, title: bool = True, padding: tuple[int, ...] = (0, 1)) -> Table:
+def drawn(listing: Listing, *, title: bool = True, headings: bool = True, padding: tuple[int, ...] = (0, 1)) -> Table:
     """Return a table for the terminal, in which numbers do not wrap."""
     caption = listing.caption if title else None
-    table = Table(title=caption, title_justify="left", box=None, pad_edge=False, padding=padding)  # type: ignore[arg-type]
+    table = Table(title=caption, title_justify="left", show_header=headings, box=None, pad_edge=False)
+    table.padding = padding  # type: ignore[assignment]
     for place, heading in enumerate(listing.headings):
         number = heading.startswith(" ")
         kept = number or place == 0  # names are copied, and grep finds them
@@ -64,16 +74,28 @@ def progress_bar(*columns: ProgressColumn, **options: Any) -> Progress:
     return Progress(*shown, console=screen, transient=True, disable=not screen.is_terminal, **options)
 
 
+def announce(bar: Progress, task: TaskID, text: str, foreign: str = "other") -> None:
+    """Show what happens now: on the bar, or as a line on stderr where that is no terminal, unless it is soon done."""
+    bar.update(task, description=text)
+    if not bar.console.is_terminal and foreign not in ("native", NATIVE.folder):
+        bar.console.print(text, soft_wrap=True)
+
+
 class RunBar:
     """Progress of a run on a progress bar."""
 
-    def __init__(self, bar: Progress, description: str) -> None:
-        """Add a task to the bar."""
+    def __init__(self, bar: Progress, description: str, stages: Mapping[float, str] | None = None) -> None:
+        """Add a task to the bar; stages begin at fractions, and are printed where there is no terminal."""
         self._bar = bar
+        self._stages, self._stage = stages or {}, ""
         self._task = bar.add_task(description, total=None)
 
     def update(self, done: int, total: int) -> None:
         """Show the progress; what an earlier call has done does not count for the speed."""
+        stage = [text for begin, text in self._stages.items() if begin * total <= done][-1:]
+        if stage and stage[0] != self._stage:
+            self._stage = stage[0]
+            announce(self._bar, self._task, self._stage)
         if self._bar.tasks[0].total is None:
             self._bar.reset(self._task, completed=done, total=total)
         self._bar.update(self._task, completed=done, total=total)

@@ -7,34 +7,57 @@ import importlib
 import inspect
 import io
 import logging
+import os
 import pkgutil
+import re
 import sys
 from collections.abc import Sequence
+from contextlib import nullcontext, redirect_stdout
+from typing import NoReturn
 
 from friction_fmus.cli import commands
-from friction_fmus.errors import FrictionError, visible
+from friction_fmus.errors import FrictionError, did_you_mean, visible
 from friction_fmus.version import VERSION
 from harness.errors import HarnessError
 from harness.extras import extra_of, missing
 from harness.storage.files import stamped
 
 
+class _Parser(argparse.ArgumentParser):
+    """A parser whose errors suggest what was meant."""
+
+    def error(self, message: str) -> NoReturn:
+        """End the program with a sentence and the status 2."""
+        if found := re.fullmatch(r"argument (\S+): invalid choice: '(.*)' \(choose from (.*)\)", message):
+            name, given, known = found[1], found[2], re.findall(r"'([^']*)'", found[3])
+            hint = did_you_mean(given, known) or f"; use {', '.join(known)}"
+            message = f"there is no {name.lower()} {given!r}{hint}"
+        elif found := re.match(r"unrecognized arguments: (-\S+)", message):
+            message = f"there is no option {found[1]}{did_you_mean(found[1], self._option_string_actions)}"
+        _, *command = self.prog.split()
+        self.exit(2, f"{self.prog}: {message}\n`friction-fmus help{' '.join(['', *command])}` shows the usage.\n")
+
+
 def parser() -> argparse.ArgumentParser:
     """Return the parser of all commands and options."""
-    top = argparse.ArgumentParser(
-        prog="friction-fmus", description="Friction models and friction compensators as FMI 2.0 and 3.0 FMUs."
+    top = _Parser(
+        prog="friction-fmus",
+        description="Friction models and friction compensators as FMI 2.0 and 3.0 FMUs.",
+        epilog="Exit status: 0 success; 1 the result needs attention, as the help of a command says; 2 error "
+        "(nothing was done); 130 interrupted.",
     )
     top.add_argument("--version", action="version", version=f"friction-fmus {VERSION}")
     top.add_argument("--debug", action="store_true", help="show the traceback of an error")
-    added = top.add_subparsers(title="commands", metavar="COMMAND", dest="command", required=True)
+    added = top.add_subparsers(title="commands", metavar="COMMAND", dest="command")
     for found in pkgutil.iter_modules(commands.__path__):
         module = importlib.import_module(f"{commands.__name__}.{found.name}")
         description = inspect.getdoc(module) or ""
         first = description.partition("\n")[0].rstrip(".")
         command = added.add_parser(found.name, help=first[:1].lower() + first[1:], description=description)
         command.add_argument("--debug", action="store_true", default=argparse.SUPPRESS, help=argparse.SUPPRESS)
-        command.set_defaults(run=module.run)
+        command.set_defaults(run=module.run, parser=command)
         module.add_arguments(command)
+    added.add_parser("help", help="show the options of a command: help COMMAND")
     return top
 
 
@@ -48,7 +71,17 @@ class _Visible(logging.Formatter):
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command."""
-    options = parser().parse_args(arguments)
+    given = list(sys.argv[1:] if arguments is None else arguments)
+    top = parser()
+    if "_ARGCOMPLETE" in os.environ:  # a shell asks what could follow
+        import argcomplete
+
+        argcomplete.autocomplete(top)
+    if given[:1] == ["help"] or not given:
+        given = [*given[1:2], "--help"]
+    options, unknown = top.parse_known_args(given)
+    if unknown:
+        options.parser.error(f"unrecognized arguments: {' '.join(unknown)}")
     if isinstance(sys.stdout, io.TextIOWrapper):
         sys.stdout.reconfigure(errors="backslashreplace")  # file names may be invalid UTF-8
     handler = logging.StreamHandler()
@@ -56,8 +89,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
     logging.basicConfig(level=logging.WARNING, handlers=[handler])
     try:
         stamped()  # libraries read the variable too, but raise errors of their own
-        return options.run(options) or 0
-    except (FrictionError, HarnessError, ModuleNotFoundError, OSError) as error:
+        options.stdout = sys.stdout
+        with redirect_stdout(sys.stderr) if vars(options).get("json") else nullcontext():
+            return options.run(options) or 0
+    except (FrictionError, ModuleNotFoundError, OSError) as error:
         if isinstance(error, ModuleNotFoundError) and not isinstance(error, HarnessError):
             if not error.name or extra_of(error.name) is None:
                 raise

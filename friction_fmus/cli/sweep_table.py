@@ -54,7 +54,7 @@ def show_sweep(console: Console, result: xr.Dataset) -> None:
     console.print(table)
     left = {"runs": result.sizes["run"] - runs, "results": len(parameters) + len(measures) - shown}
     if more := ", ".join(f"{number} more {what}" for what, number in left.items() if number):
-        console.print(f"... {more}")
+        console.print(f"... {more}: use -o FILE.csv", soft_wrap=True)
 
 
 def _heading(result: xr.Dataset, name: str) -> str:

@@ -8,7 +8,7 @@ from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 from friction_fmus.codegen.cost import Cost, measure
 from friction_fmus.codegen.emulation import COMPILER, CORES, EMULATOR, FLAGS, PACKAGES, RANDOM, missing
@@ -16,7 +16,7 @@ from friction_fmus.codegen.laws import law_of, start_values
 from friction_fmus.codegen.layout import Export
 from friction_fmus.codegen.position_table import arguments, table_header, table_source
 from friction_fmus.codegen.servo_law import loop_law, read_loop
-from friction_fmus.codegen.sources import example, header, implementation
+from friction_fmus.codegen.sources import example, header, implementation, unit_text
 from friction_fmus.codegen.unit_test import unit_test
 from friction_fmus.codegen.vectors import N, vectors
 from friction_fmus.codegen.wrapper import class_name, wrapper
@@ -25,6 +25,7 @@ from friction_fmus.lawkit.declarations import check_identifier
 from friction_fmus.lawkit.emit.c_text import DOUBLE, FLOAT
 from friction_fmus.version import VERSION
 from harness.storage.files import atomic_path, make_folder
+from harness.units import in_unit
 
 DEVIATIONS = {"12.1": "products in a sum have no brackets, as in the equations."}
 """Reasons by rule, for rules that cppcheck's addon reports in the header and the implementation of a law."""
@@ -251,7 +252,7 @@ def export_law(
     out_dir: str | Path,
     *,
     real: Literal["float", "double"] = "double",
-    start: Mapping[str, float | bool] | None = None,
+    start: Mapping[str, float | bool | str] | None = None,
     prefix: str = "",
 ) -> tuple[Path, ...]:
     """Write a law as C.
@@ -266,7 +267,7 @@ def export_law(
     real : {"float", "double"}
         Type of all numbers.
     start : mapping of str to number, optional
-        Other start values of parameters, states and inputs; elements of vectors are ``k[1]``.
+        Other start values of parameters, states and inputs, also with a unit; elements of vectors are ``k[1]``.
     prefix : str
         Prefix of names of files, types and functions, for several laws in one program; by default ``law``, or ``loop``
         for a loop.
@@ -316,15 +317,18 @@ def make_export(
     model: str | Path,
     *,
     real: Literal["float", "double"] = "double",
-    start: Mapping[str, float | bool] | None = None,
+    start: Mapping[str, float | bool | str] | None = None,
     prefix: str = "",
 ) -> Export:
     """Return the checked data of an export; arguments and errors are the same as for `export_law`."""
     loop = read_loop(Path(model)) if Path(model).suffix == ".toml" else None
-    law = loop_law(loop) if loop else law_of(model).with_room(start or {})
+    law = loop_law(loop) if loop else law_of(model)
+    units = {variable.name: unit_text(variable, rotary=loop is not None and loop.rotary) for variable in law.given}
+    values: dict[str, Any] = {n: in_unit(v, units.get(n.partition("[")[0]), None, n) for n, v in (start or {}).items()}
+    law = law if loop else law.with_room(values)
     prefix = prefix or ("loop" if loop else "law")
     check_identifier("codegen", "prefix", prefix)
     if prefix == "main":
         raise FrictionError("The prefix main is the name of the example; choose another prefix")
-    export = Export(law, FLOAT if real == "float" else DOUBLE, prefix, start_values(law, start or {}))
+    export = Export(law, FLOAT if real == "float" else DOUBLE, prefix, start_values(law, values))
     return replace(export, rotary=loop.rotary, table=loop.table) if loop else export

@@ -6,7 +6,7 @@ import re
 from collections.abc import Mapping
 from pathlib import Path
 
-from friction_fmus.blocks.catalogue import find
+from friction_fmus.blocks.catalogue import find, listing
 from friction_fmus.errors import FrictionError, UnknownNameError, did_you_mean
 from friction_fmus.lawkit.law import BOOLEANS, VECTORS, Law
 from friction_fmus.lawkit.law_files import discover_laws
@@ -15,11 +15,12 @@ from friction_fmus.lawkit.law_files import discover_laws
 def law_of(model: str | Path) -> Law:
     """Return a law."""
     block = find(model)
-    if block.kind != "law" and block.path.suffix != ".py":
-        raise FrictionError(
-            f"{block.name} is a block in C, {block.path.name}; codegen exports laws, such as LuGreFeedforward: "
-            "`friction-fmus list` shows all"
-        )
+    if not block.is_law:
+        laws = [entry.name for entry in listing().values() if entry.path.suffix == ".py"]
+        near = [name for name in laws if name.startswith(block.name)]
+        what = f"in C: copy {block.path}" if block.family else f"a {block.kind} block"
+        hint = f"; did you mean {' or '.join(near)}?" if near else ""
+        raise FrictionError(f"{block.name} is {what}, but codegen exports compensators written in Python{hint}")
     return next(law for law in discover_laws(block.path) if law.name == block.name)
 
 

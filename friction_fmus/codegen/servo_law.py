@@ -429,7 +429,7 @@ def _law(loop: LoopFile, name: str) -> Law:
     path = loop.path.parent / entry.law
     try:
         block = find(path if path.suffix in (".py", ".c") else entry.law)
-        if block.kind != "law":
+        if not block.is_law:
             raise FrictionError(
                 f"{block.name} is written in C and cannot be joined with the laws; choose a law, or compute it beside "
                 "the loop and pass its force to f_known, an input with known_force = true in [loop]"

@@ -146,6 +146,8 @@ class Condition:
         What to change.
     source : str
         Publication or derivation of the condition.
+    note : bool
+        Whether a violation may be intended, as where a system is built to show stick-slip.
     """
 
     name: str
@@ -156,6 +158,7 @@ class Condition:
     why: str
     change: str
     source: str
+    note: bool = False
 
     def __post_init__(self) -> None:
         """Keep the texts with their placeholders, such as ``{force}`` and ``{N_m}``, and fill in a linear axis."""

@@ -120,9 +120,10 @@ def belt(damping: float, Fc: float, Fs: float, vs: float, delta: float, v: float
         *compared(above, damping, fall),
         wrong=f"at the belt speed, {speed:.4g} {{m_s}}, friction falls with speed by {fall:.4g} {{Ns_m}}; the damping "
         f"is only {damping:.4g} {{Ns_m}}",
-        why="steady sliding is unstable at this speed: the {mass} sticks to the belt and slips (this may be intended)",
+        why="steady sliding is unstable at this speed: the {mass} sticks to the belt and slips",
         change=f"raise the damping above {fall:.4g} {{Ns_m}}, or change the belt speed",
         source="Leine, van Campen, de Kraker, van den Steen, Nonlinear Dynamics 16, 1998; rigid contact, linearised",
+        note=True,
     )
 
 
@@ -292,9 +293,10 @@ def pulled_mass(
         wrong=f"the spring of {k:.4g} {{N_m}} pulls the {{mass}} at {speed:.4g} {{m_s}}, which is not above the "
         f"critical speed, {critical:.4g} {{m_s}}",
         why=f"after break-away at Fs = {Fs:.4g} {{N}} friction falls to Fc = {Fc:.4g} {{N}}; the {{mass}} overtakes "
-        "the pulled end, comes to rest, and the cycle repeats: it sticks and slips (this may be intended)",
+        "the pulled end, comes to rest, and the cycle repeats: it sticks and slips",
         change=f"{', '.join(remedies[:-1])}, or {remedies[-1]}" if remedies else "no change is needed",
         source="Bo, Pavelescu, Wear 82, 1982 (critical velocity); rigid contact, computed here",
+        note=True,
     )
 
 

@@ -59,7 +59,7 @@ def _check_start_values(block: Block, description: Description) -> None:
 
 def computed(block: Block) -> dict[str, tuple[str, ...]]:
     """Return the dependencies of a law's outputs as casadi finds them; empty for other blocks."""
-    if block.kind != "law":
+    if not block.is_law:
         return {}
     from friction_fmus.lawkit.law import Kind
     from friction_fmus.lawkit.law_files import discover_laws

@@ -30,6 +30,7 @@ from harness.compiling import toolchain
 from harness.compiling.platforms import NATIVE, native_library, select
 from harness.storage.files import ScratchFolder, cached, read_source, reason
 from harness.storage.zip_file import find_outside
+from harness.units import in_unit
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -65,7 +66,7 @@ def build(
     out_dir : path-like
         Folder for ``NAME.fmu``, or for the folder ``NAME-wasm``; it is created if needed.
     start : mapping of str to number, optional
-        New default start values, in the units of the block.
+        New default start values, in the units of the block, or with a unit: ``{"Fc": "0.002 kN"}``.
     name : str, optional
         Model identifier and file name, if different from the model's name.
     files : mapping of str to str, optional
@@ -117,9 +118,10 @@ def block_source(
     if not (start or name or files or twin) and (shipped := _shipped(model)):
         return SourceFmu(shipped.stem, shipped.read_bytes(), (), compiling, ((NATIVE,), select(("all",))))
     block = find(model)
-    code = with_start_values(with_room(block, start or {}).code, start or {})
-    code = rotational(code) if twin else code
     identifier = name or block.name + ("Rotational" if twin else "")
+    start = _in_units(replace(block, code=rotational(block.code)) if twin else block, start or {})
+    code = with_start_values(with_room(block, start).code, start)
+    code = rotational(code) if twin else code
     code = renamed(code, identifier) if name else code
     block = replace(block, name=identifier, code=code)
     sources = identified(_sources(block, files or {}), identifier)
@@ -135,6 +137,14 @@ def block_source(
     return SourceFmu(identifier, cached(path, make), (), compiling, ((NATIVE,),))
 
 
+def _in_units(block: Block, start: Mapping[str, Any]) -> Start:
+    """Return start values with each text such as ``0.002 kN`` as a number in the unit of its variable."""
+    if not any(isinstance(value, str) for value in start.values()):
+        return start
+    units = {variable.name: variable.unit for variable in describe_block(block).variables}
+    return {name: in_unit(value, units.get(name), None, name) for name, value in start.items()}
+
+
 def _shipped(model: str | Path) -> Path | None:
     """Return the FMU in the installed package, if the model is one of its blocks."""
     path = SHIPPED / f"{model}.fmu"
@@ -145,8 +155,9 @@ def fmu(
     name: str | Path,
     domain: Literal["translational", "rotational"] = "translational",
     files: Mapping[str, str] | None = None,
+    **start: float | bool | str,
 ) -> Path:
-    """Return the path of the FMU of a block, with default parameters.
+    """Return the path of the FMU of a block, with default or other start values.
 
     An installed package contains the FMUs of its blocks for all platforms. For a user's file, or in a checkout, the FMU
     is built for this machine and cached.
@@ -159,6 +170,8 @@ def fmu(
         See `build`.
     files : mapping of str to str, optional
         See `build`.
+    **start
+        Other default start values, such as ``Fc=2.0`` or ``Fc="0.002 kN"``.
 
     Returns
     -------
@@ -170,9 +183,9 @@ def fmu(
     UnknownNameError, BuildError
         If the model is unknown; if it cannot be built.
     """
-    if domain == "translational" and not files and (shipped := _shipped(name)):
+    if domain == "translational" and not files and not start and (shipped := _shipped(name)):
         return shipped
-    source = block_source(name, None, None, files, domain)
+    source = block_source(name, start, None, files, domain)
     # one folder per content, as another version of this package may use the same cache
     folder = toolchain.cache_folder() / "models" / hashlib.sha256(source.content).hexdigest()[:16]
     path = folder / f"{source.identifier}.fmu"

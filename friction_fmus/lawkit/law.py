@@ -27,7 +27,7 @@ from typing import Any
 from casadi import SX, Function, symvar, vertcat
 
 from friction_fmus.blocks.axis_units import SLIDING
-from friction_fmus.blocks.block_declarations import REPLACES_SERVO, SHAPES_REFERENCE, About, Use
+from friction_fmus.blocks.block_declarations import About, Use, replaces_servo
 from friction_fmus.blocks.contact import Friction
 from friction_fmus.blocks.loop_role import InLoop, Loop
 from friction_fmus.errors import FrictionError, did_you_mean
@@ -83,8 +83,6 @@ __all__ = [
     "LENGTH",
     "MASS",
     "NO_UNIT",
-    "REPLACES_SERVO",
-    "SHAPES_REFERENCE",
     "STIFFNESS",
     "TIME",
     "VECTORS",
@@ -105,6 +103,7 @@ __all__ = [
     "Unit",
     "Use",
     "law",
+    "replaces_servo",
 ]
 
 

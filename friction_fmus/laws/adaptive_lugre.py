@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from casadi import SX, fabs, if_else, logic_and
 
-from friction_fmus.lawkit.law import REPLACES_SERVO, Command, Friction, Loop, Output, Parameter, SampleTime, State, law
+from friction_fmus.lawkit.law import Command, Friction, Loop, Output, Parameter, SampleTime, State, law, replaces_servo
 from friction_fmus.lawkit.parts import variables
 from friction_fmus.lawkit.parts.expressions import adapted, deflected, limited, relaxed, restarts, stribeck_level
 from friction_fmus.lawkit.quantities import DAMPING, FORCE, LENGTH, NO_UNIT
@@ -26,7 +26,7 @@ from friction_fmus.lawkit.quantities import DAMPING, FORCE, LENGTH, NO_UNIT
         adapts=("Gamma * max(Fc, Fs)**2", "Ks"),
         rules=("feeds_stiffness_back",),
     ),
-    use=REPLACES_SERVO,
+    use=replaces_servo("model feedback"),
     outputs={
         **variables.TRACKING,
         "theta": Output(NO_UNIT, "estimated normal force relative to the normal force of the parameters"),

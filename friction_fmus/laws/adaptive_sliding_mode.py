@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from casadi import SX, exp, fabs, if_else, sign
 
-from friction_fmus.lawkit.law import REPLACES_SERVO, Command, Loop, Output, Parameter, SampleTime, State, law
+from friction_fmus.lawkit.law import Command, Loop, Output, Parameter, SampleTime, State, law, replaces_servo
 from friction_fmus.lawkit.parts import variables
 from friction_fmus.lawkit.parts.expressions import adapted, clip, limited
 from friction_fmus.lawkit.quantities import DAMPING, FORCE, LENGTH, MASS, VELOCITY
@@ -22,7 +22,7 @@ from friction_fmus.lawkit.quantities import DAMPING, FORCE, LENGTH, MASS, VELOCI
         linear={},
         adapts=("Gamma_c", "Ks + K / phi"),
     ),
-    use=REPLACES_SERVO,
+    use=replaces_servo("sliding mode"),
     outputs={
         **variables.TRACKING,
         "Fc_hat": Output(FORCE, "estimated Coulomb friction"),

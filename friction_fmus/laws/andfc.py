@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from casadi import SX, exp, fabs, if_else
 
-from friction_fmus.lawkit.law import REPLACES_SERVO, Command, Friction, Loop, Output, Parameter, SampleTime, State, law
+from friction_fmus.lawkit.law import Command, Friction, Loop, Output, Parameter, SampleTime, State, law, replaces_servo
 from friction_fmus.lawkit.parts import variables
 from friction_fmus.lawkit.parts.expressions import (
     clip,
@@ -35,7 +35,7 @@ from friction_fmus.lawkit.quantities import DAMPING, FORCE, LENGTH, NO_UNIT, VEL
         adapts=("Gamma0 * max(Fc, Fs)**2 + sigma0 * k0", "Ks"),
         rules=("feeds_stiffness_back",),
     ),
-    use=REPLACES_SERVO,
+    use=replaces_servo("model feedback"),
     outputs={
         **variables.TRACKING,
         "theta_0": Output(NO_UNIT, "estimated factor of sigma0"),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from casadi import SX, if_else
 
-from friction_fmus.lawkit.law import REPLACES_SERVO, Loop, Parameter, SampleTime, State, law
+from friction_fmus.lawkit.law import Loop, Parameter, SampleTime, State, law, replaces_servo
 from friction_fmus.lawkit.parts import variables
 from friction_fmus.lawkit.parts.expressions import carried, clip, limits, restarts, tracked, unless_winding_up
 from friction_fmus.lawkit.quantities import DAMPING, LENGTH, STIFFNESS
@@ -18,7 +18,7 @@ from friction_fmus.lawkit.quantities import DAMPING, LENGTH, STIFFNESS
     Ts=1e-3,
     quotes=(*variables.POSITION_LOOP, "hunting"),
     loop=Loop(gains={"Kp": "kv * kp + ki", "Kd": "kv", "Ki": "ki * kp", "m": "m"}, linear={}),
-    use=REPLACES_SERVO,
+    use=replaces_servo("integral"),
     outputs=variables.CONTROL,
 )
 def cascade_ppi(

@@ -27,7 +27,7 @@ def square(pair: SX) -> SX:
     Ts=1e-3,
     quotes=("preview",),
     loop=Loop(rules=("looks_ahead",)),
-    use=Use("other", never="It inverts a linear plant without friction."),
+    use=Use("feedforward", never="It inverts a linear plant without friction."),
     outputs={
         "u": variables.U_FORWARD,
         "r_now": Output(LENGTH, "reference that the plant follows: r of preview + 1 samples earlier"),

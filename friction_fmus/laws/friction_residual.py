@@ -26,7 +26,7 @@ def hat(distance: SX) -> SX:
     source="This library; bilinear interpolation",
     cites=("FrictionFmus2026",),
     Ts=1e-3,
-    use=Use("other", never="It corrects the {force} of a friction model."),
+    use=Use("feedforward", never="It corrects the {force} of a friction model."),
     outputs={"u": Output(FORCE, "{force} with the residual"), "residual": Output(FORCE, "residual, u - f")},
 )
 def friction_residual(

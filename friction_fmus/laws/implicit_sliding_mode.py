@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from casadi import SX
 
-from friction_fmus.lawkit.law import REPLACES_SERVO, Loop, Output, Parameter, SampleTime, law
+from friction_fmus.lawkit.law import Loop, Output, Parameter, SampleTime, law, replaces_servo
 from friction_fmus.lawkit.parts import variables
 from friction_fmus.lawkit.parts.expressions import clip, limited
 from friction_fmus.lawkit.quantities import FORCE, NO_UNIT
@@ -20,7 +20,7 @@ from friction_fmus.lawkit.quantities import FORCE, NO_UNIT
     loop=Loop(
         gains={"Kp": "gain * m / Ts * lam", "Kd": "gain * m / Ts + m * lam"}, linear={}, rules=("covers_friction",)
     ),
-    use=REPLACES_SERVO,
+    use=replaces_servo("sliding mode"),
     outputs={
         "u": variables.U_CONTROL,
         "F_hat": Output(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from casadi import SX, fabs, if_else, sign, sqrt
 
-from friction_fmus.lawkit.law import REPLACES_SERVO, Command, Loop, Parameter, SampleTime, State, law
+from friction_fmus.lawkit.law import Command, Loop, Parameter, SampleTime, State, law, replaces_servo
 from friction_fmus.lawkit.parts import variables
 from friction_fmus.lawkit.parts.expressions import carried, clip, limited, restarts, unless_winding_up
 from friction_fmus.lawkit.quantities import FORCE, NO_UNIT
@@ -22,7 +22,7 @@ from friction_fmus.lawkit.quantities import FORCE, NO_UNIT
         linear={},
         rules=("follows_friction",),
     ),
-    use=REPLACES_SERVO,
+    use=replaces_servo("sliding mode"),
     outputs=variables.TRACKING,
 )
 def implicit_super_twisting(

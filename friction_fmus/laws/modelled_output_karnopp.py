@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from casadi import SX, exp, fabs, if_else, sign
 
-from friction_fmus.lawkit.law import REPLACES_SERVO, Command, Friction, Loop, Parameter, SampleTime, State, law
+from friction_fmus.lawkit.law import Command, Friction, Loop, Parameter, SampleTime, State, law, replaces_servo
 from friction_fmus.lawkit.parts import variables
 from friction_fmus.lawkit.parts.expressions import clip, limited
 from friction_fmus.lawkit.quantities import DAMPING, MASS, VELOCITY
@@ -18,7 +18,7 @@ from friction_fmus.lawkit.quantities import DAMPING, MASS, VELOCITY
     Ts=1e-3,
     quotes=(*variables.POSITION_LOOP, "overcompensation"),
     loop=Loop(gains={"Kp": "CV * KP", "Kd": "CV"}, friction=Friction("Fc", "Fs", "Fv"), linear={}),
-    use=REPLACES_SERVO,
+    use=replaces_servo("model feedback"),
     outputs=variables.TRACKING,
 )
 def modelled_output_karnopp(

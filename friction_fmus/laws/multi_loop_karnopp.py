@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from casadi import SX, fabs, if_else, sign, vertcat
 
-from friction_fmus.lawkit.law import REPLACES_SERVO, Command, Output, Parameter, SampleTime, Size, State, law
+from friction_fmus.lawkit.law import Command, Output, Parameter, SampleTime, Size, State, law, replaces_servo
 from friction_fmus.lawkit.parts import variables
 from friction_fmus.lawkit.parts.expressions import clip, limited
 from friction_fmus.lawkit.quantities import FORCE, MASS, NO_UNIT, VELOCITY
@@ -79,7 +79,7 @@ def no_pole(CV_num: SX, CV_den: SX, G_num: SX, G_den: SX) -> SX:
     source="Karnopp, ASME J. Dynamic Systems, Measurement and Control 107, 1985 (the friction)",
     cites=("Karnopp1985",),
     Ts=1e-3,
-    use=REPLACES_SERVO,
+    use=replaces_servo("model feedback"),
     outputs={
         "u": variables.U_CONTROL,
         "F_hat": variables.F_HAT,

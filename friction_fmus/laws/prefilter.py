@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from casadi import SX, if_else
 
-from friction_fmus.lawkit.law import SHAPES_REFERENCE, Command, Input, Loop, Output, Parameter, SampleTime, State, law
+from friction_fmus.blocks.block_declarations import SHAPES_REFERENCE, Use
+from friction_fmus.lawkit.law import Command, Input, Loop, Output, Parameter, SampleTime, State, law
 from friction_fmus.lawkit.parts import variables
 from friction_fmus.lawkit.parts.expressions import reference_shift, settles_fast, settles_slowly, when
 from friction_fmus.lawkit.quantities import DAMPING, FORCE, LENGTH, NO_UNIT, STIFFNESS, VELOCITY
@@ -18,7 +19,7 @@ from friction_fmus.lawkit.quantities import DAMPING, FORCE, LENGTH, NO_UNIT, STI
     Ts=1e-3,
     quotes=("prefilter", "prefilter_match"),
     loop=Loop(shapes=True),
-    use=SHAPES_REFERENCE,
+    use=Use("feedforward", never=SHAPES_REFERENCE),
     outputs={
         "r_out": Output(LENGTH, "reference position for the controller"),
         "rd_out": Output(VELOCITY, "reference velocity for the controller"),

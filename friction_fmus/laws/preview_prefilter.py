@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from casadi import SX, if_else, logic_or
 
-from friction_fmus.lawkit.law import SHAPES_REFERENCE, Command, Input, Loop, Output, Parameter, SampleTime, State, law
+from friction_fmus.blocks.block_declarations import SHAPES_REFERENCE, Use
+from friction_fmus.lawkit.law import Command, Input, Loop, Output, Parameter, SampleTime, State, law
 from friction_fmus.lawkit.parts import variables
 from friction_fmus.lawkit.parts.expressions import at_most, filled, reference_shift, settles_fast, settles_slowly, when
 from friction_fmus.lawkit.quantities import ACCELERATION, DAMPING, FORCE, LENGTH, NO_UNIT, STIFFNESS, VELOCITY
@@ -23,7 +24,7 @@ SECOND = (8.0 / 5.0, -1.0 / 5.0, 8.0 / 315.0, -1.0 / 560.0)
     Ts=1e-3,
     quotes=("prefilter", "prefilter_match"),
     loop=Loop(shapes=True),
-    use=SHAPES_REFERENCE,
+    use=Use("feedforward", never=SHAPES_REFERENCE),
     outputs={
         "r_out": Output(LENGTH, "reference position for the controller"),
         "rd_out": Output(VELOCITY, "reference velocity for the controller"),

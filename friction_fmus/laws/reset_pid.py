@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from casadi import SX, if_else, logic_or, sign
 
-from friction_fmus.lawkit.law import REPLACES_SERVO, Loop, Output, Parameter, SampleTime, State, law
+from friction_fmus.lawkit.law import Loop, Output, Parameter, SampleTime, State, law, replaces_servo
 from friction_fmus.lawkit.parts import variables
 from friction_fmus.lawkit.parts.expressions import carried, clip, limits, restarts, tracked, unless_winding_up
 from friction_fmus.lawkit.quantities import DAMPING, FORCE, LENGTH, MASS, NO_UNIT, STIFFNESS
@@ -18,7 +18,7 @@ from friction_fmus.lawkit.quantities import DAMPING, FORCE, LENGTH, MASS, NO_UNI
     Ts=1e-3,
     quotes=variables.POSITION_LOOP,
     loop=Loop(gains={"Kp": "Kp", "Kd": "Kd", "Ki": "Ki", "m": "m"}, linear={}, hunts=False),
-    use=REPLACES_SERVO,
+    use=replaces_servo("integral"),
     outputs={**variables.CONTROL, "jumped": Output(NO_UNIT, "1 in a sample in which the integral jumps")},
 )
 def reset_pid(

@@ -1,6 +1,11 @@
-"""Study of a measured axis: identified friction models, co-simulated compensators, recommendation and report."""
+"""Study of a measured axis: identified friction models, co-simulated compensators, recommendation and report.
 
-from typing import TYPE_CHECKING
+``study("my.csv", "out")`` is ``study.run_study("my.csv", "out")``.
+"""
+
+import sys
+from types import ModuleType
+from typing import TYPE_CHECKING, Any
 
 from harness.extras import lazy_names
 
@@ -11,6 +16,15 @@ if TYPE_CHECKING:
     from friction_fmus.study.study_result import StudyResult
 else:
     __getattr__, __dir__ = lazy_names(__name__)
+
+
+class _Callable(ModuleType):
+    def __call__(self, *arguments: Any, **options: Any) -> "StudyResult":
+        """Run a study; see `run_study`."""
+        return self.run_study(*arguments, **options)  # type: ignore[no-any-return]
+
+
+sys.modules[__name__].__class__ = _Callable
 
 __all__ = [
     "Compensation",

@@ -80,7 +80,7 @@ def _laws(
         return laws
     limits = {"u_min": -servo.force_limit, "u_max": servo.force_limit}
     values = {**limits, **compensator.values}
-    if find(compensator.model).kind == "law":
+    if find(compensator.model).is_law:
         at = speed if kind == "model feedback" else 0.0  # the other laws are linear
         law = linearised(compensator.model, values, servo.Ts, compensator.output, at)
         if kind == "model feedback" and speed == 0.0:

@@ -41,7 +41,6 @@ from friction_fmus.identification.fit.simulation_data import prepare
 from friction_fmus.identification.identifying import BELOW, FS_BELOW_FC
 from friction_fmus.identification.model_comparison import within_reach
 from friction_fmus.study.study_result import Fit, IdentifiedParameter, ModelResult, PositionPart, StudyCurve, thinned
-from harness import HarnessError
 
 
 def inverse_residual(fit: InverseModelFit, records: Sequence[Record]) -> Fit | None:
@@ -140,7 +139,7 @@ def identify_model(
         options = {"validation": list(validation) or None, "starts": starts}
         options |= {"position_map": position_map, "viscous": viscous}
         result = within_reach(identify, name, list(train), **options)
-    except (FrictionError, HarnessError, ArithmeticError, np.linalg.LinAlgError) as error:
+    except (FrictionError, ArithmeticError, np.linalg.LinAlgError) as error:
         return IdentifiedModel(ModelResult(name, summary, reason=str(error)))
     found = IdentifiedModel(
         row_of(result, summary, published),
@@ -212,7 +211,7 @@ def _simulated(found: IdentifiedModel, measured: Measured | None) -> IdentifiedM
         return found
     try:
         return in_closed_loop(found, measured)
-    except (FrictionError, HarnessError) as error:
+    except FrictionError as error:
         reason = f"the servo could not be co-simulated with this model: {error}"
         return replace(found, row=replace(found.row, reason=reason), error=None)
 
@@ -401,7 +400,7 @@ def refine(
                 simulations += fit.simulations
                 reached = fit.values()
                 unknowns = [replace(u, start=min(max(reached[u.name], u.lower), u.upper)) for u in unknowns]
-        except (FrictionError, HarnessError):
+        except FrictionError:
             return found
     values = fit.values()
     errors = {name: estimate.standard_error for name, estimate in fit.parameters.items()}

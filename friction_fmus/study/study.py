@@ -203,6 +203,15 @@ def _load(record: Record) -> float | None:
     return None if record.normal is None else float(np.mean(record.normal))
 
 
+STAGES: Final = {
+    0.02: "identifying friction models",
+    0.4: "fitting the best models to the closed loop",
+    0.6: "simulating compensators",
+    0.97: "writing the report",
+}
+"""What a study does, by the fraction at which it begins."""
+
+
 @dataclass
 class ProgressReporter:
     """Progress of a study from 0 to 1."""
@@ -430,7 +439,7 @@ class StudyError(FrictionError):
 
 def run_study(
     what: str | Path | StudyConfig,
-    out: str | Path,
+    out: str | Path = "out",
     *,
     executor: Executor | None = None,
     processes: int | None = None,

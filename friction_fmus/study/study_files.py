@@ -165,7 +165,7 @@ def export_composites(folder: Path, whole: System) -> tuple[WrittenFile, ...]:
 
 def without_code(servo: Servo, laws: Mapping[str, Compensator]) -> str:
     """Return a sentence that says why a loop cannot be written as one unit in C; empty if it can."""
-    in_c = [name for name in (servo.law, *(law.model for law in laws.values())) if find(name).kind != "law"]
+    in_c = [name for name in (servo.law, *(law.model for law in laws.values())) if not find(name).is_law]
     if in_c:
         return f"There is no C code of the loop, because {in_c[0]} is a block in C; use the source code in its FMU."
     return ""

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from harness.errors import HarnessError, PartError, StartValueError, not_whole
+from harness.extras import MODELS
 from harness.parts.archive import Archive, open_archive
 from harness.parts.flat_description import stated_sizes
 from harness.parts.fmi2 import DO_STEP, Instance, Library, State, exchanges
@@ -130,7 +131,7 @@ class FmuPart(Part):
     name : str
         Name within the system.
     path : path-like
-        The .fmu file.
+        The .fmu file, or the name of a model such as ``"LuGre"`` if a package with models is imported.
     every : int
         Sample time in communication steps.
     model : str or None
@@ -191,8 +192,9 @@ class FmuPart(Part):
         self.keep: object = None
         self.isolate = isolate
         self.timeout = float(timeout)
-        self.path = Path(path)
-        self.model = model
+        self.path, self.model = Path(path), model
+        if MODELS and model is None and isinstance(path, str) and path.isidentifier() and not self.path.is_file():
+            self.path, self.model = MODELS[0](path), path
         self.every = every
         self.reuse = False
         self._sizes: dict[str, int] = {}

@@ -26,7 +26,7 @@ from harness.sweeps.measures import Builtin, Measure, find_measures, label
 from harness.sweeps.pools import LOOK, Outcomes, Pool, ProcessPool, SerialPool, make_pool
 from harness.sweeps.samples import Given, Sample, checked_samples, column_types
 from harness.sweeps.worker import Job, Outcome
-from harness.system.experiment import SCALARS, Experiment
+from harness.system.experiment import SCALARS, Experiment, as_experiment
 from harness.system.graph import find_port, recorded_names, stepping_order
 from harness.system.system import System
 
@@ -118,7 +118,7 @@ def sweep(
     output: str | Path | None = None,
     executor: Any = "processes",
     workers: int | None = None,
-    experiment: Experiment | None = None,
+    experiment: Experiment | Mapping[str, Any] | None = None,
     keep: Sequence[str] = (),
     resolve: Callable[[str], Path] | None = None,
     progress: Progress | None = None,
@@ -144,9 +144,9 @@ def sweep(
         Where the runs are executed.
     workers : int or None
         Number of processes or threads; None uses one per processor.
-    experiment : Experiment or None
-        Settings of each run; None uses the settings of the system. Functions in ``measure`` receive the variables that
-        it records.
+    experiment : Experiment, mapping or None
+        Settings of each run; None uses those of the system, or stop and step of the samples. Functions in ``measure``
+        receive the variables that it records.
     keep : sequence of str
         Variables whose trajectories are also stored in the folder; ``*`` and ``?`` match outputs.
     resolve : callable or None
@@ -176,7 +176,10 @@ def sweep(
         parameter_sets = checked_samples(samples, model)
         types = column_types(parameter_sets)
         units = _check_names(model, parameter_sets)
-        job = replace(_make_job(system, model, measure, experiment, keep), accuracy=accuracy)
+        base = as_experiment(experiment) or model.experiment
+        if base is None and all({"stop", "step"} <= sample.keys() for sample in parameter_sets):
+            base = as_experiment({key: parameter_sets[0][key] for key in ("stop", "step")})  # each run replaces them
+        job = replace(_make_job(system, model, measure, base, keep), accuracy=accuracy)
         if output is None:
             if keep:
                 raise SweepError("keep names trajectories to store, but there is no folder: give an output folder")
@@ -252,10 +255,9 @@ def _make_job(
     system: System | Callable[[], System],
     model: System,
     measure: str | Measure | Iterable[str | Measure],
-    experiment: Experiment | None,
+    base: Experiment | None,
     keep: Sequence[str],
 ) -> Job:
-    base = experiment or model.experiment
     if base is None:
         raise SweepError(f"the system '{model.name}' has no experiment: give one with stop and step")
     measures = find_measures(measure, model.parts)

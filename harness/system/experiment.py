@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, fields
-from typing import Final
+from typing import Any, Final
 
-from harness.errors import ExperimentError
+from harness.errors import ExperimentError, nearest
 from harness.system.wire import Manipulator
 from harness.values import MOST_TICKS, is_count, is_number, make_plain, shown
 
@@ -125,6 +126,20 @@ class Experiment:
     def ticks(self) -> int:
         """Number of communication steps."""
         return round((self.stop - self.start) / self.step)
+
+
+def as_experiment(given: Experiment | Mapping[str, Any] | None) -> Experiment | None:
+    """Return an experiment, also of a mapping of its settings."""
+    if not isinstance(given, Mapping):
+        return given
+    known = [each.name for each in fields(Experiment)]
+    for name in given:
+        if name not in known:
+            raise ExperimentError(f"an experiment has no setting {shown(name)}: {nearest(str(name), known)}")
+    if not {"stop", "step"} <= given.keys():
+        raise ExperimentError(f"the experiment {shown(dict(given))} lacks stop or step: give both")
+    settings: dict[str, Any] = {name: tuple(value) if name in LISTS else value for name, value in given.items()}
+    return Experiment(**settings)
 
 
 LISTS: Final = ("record", "order", "manipulators")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import fields, replace
 from pathlib import Path
@@ -16,9 +17,10 @@ from harness.parts.guard import Guard
 from harness.parts.part import Part, Port, StartValue
 from harness.result import Result
 from harness.system.assembly import resize_parts
-from harness.system.experiment import LISTS, Experiment
+from harness.system.experiment import LISTS, Experiment, as_experiment
 from harness.system.system_file import SystemDescription, read_system, write_system
 from harness.system.wire import Manipulator, Wire, check_wires, find_part, parse_wire, split_name, stated_starts
+from harness.units import in_unit
 from harness.values import is_count, is_line, plain, shown
 
 if TYPE_CHECKING:
@@ -34,14 +36,14 @@ class System:
 
     Parameters
     ----------
-    parts : iterable of Part
-        The parts; their names must differ.
+    parts : iterable of Part, or mapping of str to str or path-like
+        The parts; their names must differ. A mapping such as ``{"friction": "LuGre"}`` has FMUs, see `FmuPart`.
     wires : iterable of str, (str, str) or Wire
         The connections, such as ``"a.y -> b.u"``.
     start : mapping of str to value
         Start values of parameters, and constants for unconnected inputs, such as ``{"mass.m": 2.0}``.
-    experiment : Experiment or None
-        Default settings of a run.
+    experiment : Experiment, mapping or None
+        Default settings of a run, also as a mapping such as ``{"stop": 25.0, "step": 1e-3}``.
     name : str
         Name of the system.
     strict : bool
@@ -65,10 +67,10 @@ class System:
 
     def __init__(
         self,
-        parts: Iterable[Part],
+        parts: Iterable[Part] | Mapping[str, str | Path],
         wires: Iterable[str | tuple[str, str] | Wire] = (),
         start: Mapping[str, StartValue] | None = None,
-        experiment: Experiment | None = None,
+        experiment: Experiment | Mapping[str, Any] | None = None,
         name: str = "system",
         strict: bool = False,
     ) -> None:
@@ -76,7 +78,8 @@ class System:
         self.name = name
         self.strict = strict
         self.parts: dict[str, Part] = {}
-        for part in parts:
+        given = [FmuPart(*one) for one in parts.items()] if isinstance(parts, Mapping) else parts
+        for part in given:
             if not part.name or "." in part.name or part.name != part.name.strip() or not is_line(part.name):
                 raise HarnessError(
                     f"{shown(part.name)} cannot be the name of a part: use letters, digits and _, no dot"
@@ -92,7 +95,7 @@ class System:
             self.parts[part.name] = part
         self.wires = tuple(parse_wire(wire) for wire in wires)
         self.start = {name: plain(value) for name, value in (start or {}).items()}
-        self.experiment = experiment
+        self.experiment = as_experiment(experiment)
         resize_parts(self)
         check_wires(self.parts, self.wires)
         self._check_start()
@@ -111,7 +114,8 @@ class System:
         path : path-like
             The TOML file; paths in it are relative to its folder.
         resolve : callable or None
-            ``resolve("LuGre") -> Path`` finds the FMU of a part with ``model = "LuGre"``.
+            ``resolve("LuGre") -> Path`` finds the FMU of a part with ``model = "LuGre"``; None takes the function of an
+            imported package with models.
         open_inputs : bool
             Whether unconnected inputs keep the start values of their FMUs, as inputs for `to_fmu`; otherwise
             each needs a start value.
@@ -359,7 +363,7 @@ class System:
         Parameters
         ----------
         values : mapping of str to value
-            Start values by ``part.variable``.
+            Start values by ``part.variable``; a text such as ``"0.002 kN"`` is converted to the unit of the variable.
 
         Returns
         -------
@@ -371,9 +375,9 @@ class System:
 
     def run(
         self,
+        stop: float | None = None,
         *,
         start: float | None = None,
-        stop: float | None = None,
         step: float | None = None,
         master: str | None = None,
         record: Sequence[str] | None = None,
@@ -397,9 +401,9 @@ class System:
 
         Parameters
         ----------
-        start, stop, step, master, record, decimate, tolerance, order, extrapolation, loop_tolerance, \
+        stop, start, step, master, record, decimate, tolerance, order, extrapolation, loop_tolerance, \
         coupling_tolerance, step_tolerance, manipulators
-            See `Experiment`.
+            See `Experiment`. Without an experiment, the step is the smallest one that an FMU of the system suggests.
         taps : sequence of Tap
             Functions that receive values during the run.
         progress : Progress or None
@@ -425,7 +429,7 @@ class System:
         Raises
         ------
         ExperimentError
-            If a setting is invalid, or stop and step are not given.
+            If a setting is invalid, or stop is not given.
         HarnessError
             If a part fails; the ``result`` of the error holds the values recorded until then.
         """
@@ -437,16 +441,23 @@ class System:
 
         if self.experiment is not None:
             experiment = replace(self.experiment, **changes)
-        elif stop is None or step is None:
+        elif stop is None or (step is None and not (steps := self._suggested_steps())):
             raise ExperimentError(f"the system '{self.name}' has no experiment: give stop and step")
         else:
-            experiment = Experiment(**changes)
+            experiment = Experiment(**({} if step is not None else {"step": min(steps)}) | changes)
         options = Options(taps, progress, resume, checkpoint, pace, events)
         if accuracy is False:
             return run(self, experiment, options)
         from harness.accuracy.assess import REQUIRED, run_with_accuracy  # scipy takes long to import
 
         return run_with_accuracy(self, experiment, options, REQUIRED if accuracy is True else accuracy)
+
+    def _suggested_steps(self) -> list[float]:
+        """Return the step sizes of the default experiments of the FMUs."""
+        archives = [part.archive for part in self.parts.values() if isinstance(part, FmuPart)]
+        defaults = [archive.description.defaultExperiment for archive in archives]
+        steps = [float(default.stepSize) for default in defaults if default is not None and default.stepSize]
+        return [step for step in steps if 0.0 < step < math.inf]
 
     def close(self) -> None:
         """Unload all parts and remove their temporary files."""
@@ -480,8 +491,10 @@ class System:
                     f"{dotted} is driven twice, by {wired[dotted].source} and by the start value {value!r}: "
                     "remove one of them"
                 )
-            settable = {port.name for port in (*part.inputs, *part.parameters)}
-            if name in settable:
+            settable = {port.name: port for port in (*part.inputs, *part.parameters)}
+            if port := settable.get(name):
+                if isinstance(value, str) and port.type == "Real":
+                    self.start[dotted] = plain(in_unit(value, port.unit, port.base, dotted))
                 continue
             if name in {port.name for port in (*part.outputs, *part.observables)}:
                 raise StartValueError(f"{dotted} is computed by its part: set a parameter or an input instead")

@@ -11,6 +11,7 @@ from typing import Any, Final, TypeAlias
 import tomli_w
 
 from harness.errors import ExperimentError, SystemFileError
+from harness.extras import MODELS
 from harness.parts.fmu import FmuPart
 from harness.parts.part import Part, StartValue
 from harness.parts.series import SeriesPart
@@ -117,11 +118,12 @@ def _read_part(name: str, entry: TomlTable, path: Path, resolve: Callable[[str],
             return SeriesPart.from_csv(name, path.parent / origin, **settings)
         if kind == "fmu":
             return FmuPart(name, path.parent / origin, **settings)
-        if resolve is None:
+        finders = [resolve] if resolve else MODELS
+        if not finders:
             raise SystemFileError(
                 f"{where} names the model '{origin}', but no function resolves models: give fmu = \"path.fmu\""
             )
-        return FmuPart(name, resolve(origin), model=origin, **settings)
+        return FmuPart(name, finders[0](origin), model=origin, **settings)
     except OSError as error:
         reason = error.strerror or str(error)
         raise SystemFileError(f"{kind} of {where} is not usable: {reason}; give another path") from error

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import itertools
 import json
 import os
@@ -23,9 +24,10 @@ from thorough import nightly, some
 from friction_fmus import build, fmu
 from friction_fmus.blocks.catalogue import catalogue
 from friction_fmus.cli import commands
-from friction_fmus.cli.console import RunBar
+from friction_fmus.cli.console import RunBar, progress_bar
 from friction_fmus.cli.main import main, parser
-from harness import Parameter, ParameterSet, System, load_result, masters, open_archive, write_ssv
+from friction_fmus.codegen.law_export import export_law
+from harness import Parameter, ParameterSet, System, UnitError, load_result, masters, open_archive, write_ssv
 from harness.compiling.platforms import NATIVE
 
 RAMP = """
@@ -72,8 +74,9 @@ def test_list_json_names_kind_summary_and_source_of_every_block(capsys: pytest.C
     entries = json.loads(capsys.readouterr().out)
     assert {"LuGre", "Stribeck", "Mass", "PID", "CascadePPI", "StaticFeedforward"} <= {e["name"] for e in entries}
     for entry in entries:
-        assert set(entry) == {"name", "kind", "summary", "source"}
-        assert entry["kind"] in {"friction", "plant", "law", "controller", "signal"}
+        assert set(entry) == {"name", "kind", "family", "summary", "source"}
+        assert entry["kind"] in {"friction", "plant", "compensator", "signal"}
+        assert bool(entry["family"]) == (entry["kind"] == "compensator")
         assert entry["summary"]
         assert entry["source"]
 
@@ -81,6 +84,27 @@ def test_list_json_names_kind_summary_and_source_of_every_block(capsys: pytest.C
 def test_list_shows_every_block(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["list"]) == 0
     assert "LuGre" in capsys.readouterr().out
+
+
+def listed(capsys: pytest.CaptureFixture[str], *arguments: str) -> dict[str, str]:
+    """The family of each block that `list` prints."""
+    assert main(["list", *arguments, "--json"]) == 0
+    return {entry["name"]: entry["family"] for entry in json.loads(capsys.readouterr().out)}
+
+
+def test_list_can_be_limited_to_a_kind_a_family_and_a_word(capsys: pytest.CaptureFixture[str]) -> None:
+    """Whether a compensator is written in Python or in C is no category."""
+    found = listed(capsys, "compensator")
+    for name, family in (
+        *(("PID", "integral"), ("LuGreFeedforward", "feedforward"), ("LeuvenFeedforward", "feedforward")),
+        *(("LuGreObserver", "observer"), ("DisturbanceObserver", "estimator"), ("RepetitiveController", "learning")),
+        ("ImplicitSuperTwisting", "sliding mode"),
+    ):
+        assert found[name] == family
+    assert listed(capsys, "sliding mode").keys() == {name for name in found if found[name] == "sliding mode"}
+    assert {"LuGre", "LuGreObserver"} <= listed(capsys, "--search", "lugre").keys()
+    assert all("lugre" in name.lower() for name in listed(capsys, "friction", "--search", "LuGre"))
+    assert main(["list", "--search", "no such word"]) == 1
 
 
 def shown(name: str, width: int, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> list[str]:
@@ -222,6 +246,83 @@ def test_the_text_of_an_error_can_be_saved_as_it_says(tmp_path: Path, capsys: py
     (tmp_path / "log.csv").write_text("Zeit,Weg\n0,0\n0.1,1\n0.2,2\n", encoding="utf-8")
     text = fails(capsys, "study", tmp_path / "log.csv")
     assert tomllib.loads(text[text.index("[data]") :])["data"] == {"file": "log.csv"}
+
+
+@pytest.mark.parametrize(
+    ("command", "hint"),
+    [
+        (("lst",), "there is no command 'lst' (did you mean list?)"),
+        (("run", "x.toml", "--stpo", "3"), "there is no option --stpo (did you mean --stop?)"),
+        (("list", "observr"), "there is no kind 'observr' (did you mean observer?)"),
+    ],
+)
+def test_a_misspelt_word_is_corrected(command: tuple[str, ...], hint: str, capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as end:
+        main(command)
+    assert end.value.code == 2
+    assert hint in capsys.readouterr().err
+
+
+def test_help_is_a_command_too(capsys: pytest.CaptureFixture[str]) -> None:
+    for words, shown in ((["help", "run"], "--record"), (["help"], "Exit status: 0 success"), ([], "Exit status: 0")):
+        with pytest.raises(SystemExit) as end:
+            main(words)
+        assert not end.value.code
+        assert shown in capsys.readouterr().out
+
+
+def test_a_shell_completes_commands_and_blocks(tmp_path: Path) -> None:
+    pytest.importorskip("argcomplete")
+    for line, expected in (("friction-fmus compo", "compose"), ("friction-fmus show LuGreF", "LuGreFeedforward")):
+        asked = {"_ARGCOMPLETE": "1", "COMP_LINE": line, "COMP_POINT": str(len(line)), "_ARGCOMPLETE_IFS": "\013"}
+        program = "from friction_fmus.cli.main import main; main()"
+        environment = os.environ | asked | {"_ARGCOMPLETE_STDOUT_FILENAME": str(tmp_path / "out")}
+        subprocess.run([sys.executable, "-c", program], env=environment, check=True, timeout=60)
+        assert [word.strip() for word in (tmp_path / "out").read_text().split("\013")] == [expected]
+
+
+def test_start_values_have_units(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """0.002 kN are 2 N, 0.01 N.s/mm are 10 N.s/m; a length is no force."""
+    assert main(["build", "LuGre", "-o", str(tmp_path), "--set", "Fc=0.002 kN", "--set", "Fs=2.5N"]) == 0
+    starts = {name: variable.start for name, variable in open_archive(tmp_path / "LuGre.fmu").variables.items()}
+    assert (float(starts["Fc"]), float(starts["Fs"])) == (2.0, 2.5)
+    capsys.readouterr()
+    assert "[mm] but has the unit [N]" in fails(capsys, "build", "LuGre", "-o", tmp_path, "--set", "Fc=2 mm")
+    files = export_law("CoulombFeedforward", tmp_path / "c", start={"Fc": "0.002 kN"})
+    assert "2.0" in next(path for path in files if path.suffix == ".c").read_text("utf-8")
+    with System.from_toml(STICK_SLIP, resolve=fmu) as system:
+        changed = system.with_start({"friction.Fc": "0.002 kN", "mass.k": "1 N/mm"})
+        assert (changed.start["friction.Fc"], changed.start["mass.k"]) == (2.0, 1000.0)
+        with pytest.raises(UnitError, match=r"friction\.Fc is given in"):
+            system.with_start({"friction.Fc": "2 mm"})
+
+
+def test_notes_of_the_doctor_are_no_problems(capsys: pytest.CaptureFixture[str]) -> None:
+    """The example is made to stick and slip."""
+    assert main(["doctor", str(STICK_SLIP)]) == 0
+    out = capsys.readouterr().out
+    assert "stick-slip cycle (mass, friction), may be intended" in out
+    assert out.endswith("2 conditions evaluated, no problem, 1 note\n")
+
+
+def test_stages_are_printed_where_there_is_no_terminal() -> None:
+    with progress_bar() as bar:
+        bar.console.file = io.StringIO()
+        shown = RunBar(bar, "study", {0.0: "reading", 0.4: "fitting"})
+        for done in (0, 10, 40, 41):
+            shown.update(done, 100)
+    assert bar.console.file.getvalue() == "reading\nfitting\n"
+
+
+def test_show_prints_json(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["show", "LuGre", "--json"]) == 0
+    shown = json.loads(capsys.readouterr().out)
+    assert (shown["name"], shown["kind"]) == ("LuGre", "friction")
+    assert {"name": "v", "unit": "m/s"}.items() <= shown["variables"]["Inputs"][0].items()
+
+
+def test_codegen_of_a_friction_model_names_its_compensators(capsys: pytest.CaptureFixture[str]) -> None:
+    assert "did you mean LuGreFeedforward or LuGreObserver?" in fails(capsys, "codegen", "LuGre")
 
 
 @pytest.mark.parametrize("suffix", [".nc", ".mat"])

@@ -111,7 +111,7 @@ def test_no_lazy_name_is_the_name_of_a_submodule() -> None:
         source = Path(str(package.__file__)).read_text(encoding="utf-8")
         submodules = {path.stem for path in Path(str(package.__file__)).parent.iterdir()}
         both = submodules & set(package.__all__)
-        assert all(f"\nfrom {package.__name__}.{name} import " in source for name in both - {"harness"}), both
+        assert all(f"\nfrom {package.__name__}.{name} import " in source for name in both - {"harness", "study"}), both
 
 
 def test_the_harness_has_a_second_name() -> None:
@@ -122,12 +122,32 @@ def test_the_harness_has_a_second_name() -> None:
     assert friction_fmus.harness.__all__ == harness.__all__
 
 
+def test_one_namespace_has_what_people_try_first() -> None:
+    from friction_fmus import FmuPart, FrictionError, System, fmu, plot
+
+    assert all(
+        issubclass(getattr(friction_fmus, name), FrictionError) for name in friction_fmus.__all__ if "Error" in name
+    )
+    assert callable(friction_fmus.study)
+    assert friction_fmus.study.run_study.__name__ == "run_study"
+    wires = ["mass.v -> friction.v", "friction.F -> mass.F_friction"]
+    start = {"mass.k": 2.0, "mass.v_support": 0.1, "mass.F_drive": 0.0}
+    with System({"mass": "Mass", "friction": "LuGre"}, wires, start) as system:
+        result = system.run(0.05)  # both FMUs suggest a step of 1 ms
+    assert result.sizes["time"] == 51
+    assert plot(result)._repr_png_().startswith(b"\x89PNG")  # as a notebook shows it
+    part = FmuPart("friction", fmu("LuGre", Fc=2, Fs="0.003 kN"))
+    assert {port.name: port.start for port in part.parameters}.items() >= {"Fc": 2.0, "Fs": 3.0}.items()
+    with pytest.raises(FrictionError, match="did you mean LuGre"):
+        FmuPart("friction", "Lugree")
+
+
 def test_the_list_is_that_of_the_catalogue() -> None:
     blocks = catalogue()
     assert list(listing()) == list(blocks)
     for name, entry in listing().items():
         block = blocks[name]
-        assert entry == Entry(block.name, block.kind, block.summary, block.source, block.path)
+        assert entry == Entry(block.name, block.kind, block.summary, block.source, block.path, block.family)
 
 
 LAW = '''

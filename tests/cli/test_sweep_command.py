@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import json
 import re
 import shlex
 import subprocess
@@ -16,7 +17,7 @@ from thorough import nightly
 
 from friction_fmus import fmu
 from friction_fmus.__main__ import main
-from harness import System
+from harness import CallablePart, ExperimentError, System, sweep
 
 ROOT = Path(__file__).parents[2]
 
@@ -71,7 +72,7 @@ def test_the_first_runs_are_shown_with_parameters_and_results(
         ["3", "0.5", "1", "1", "2"],
     ]
     assert all(len(row) <= 60 for row in rows)
-    assert more == "... 2 more runs, 3 more results"
+    assert more == "... 2 more runs, 3 more results: use -o FILE.csv"
     assert last.startswith(f"{system.parent / 'out'}: 12 runs, 3 failed")
 
 
@@ -158,3 +159,30 @@ def test_page_of_sweeps_tells_the_truth(
         for run, m in enumerate((0.5, 1.0, 2.0)):
             v = system.with_start({"mass.m": m}).run(stop=10.0)["mass.v"].to_numpy()
             assert ast.literal_eval(slips)[run] == int(((v[1:] > 1e-3) & (v[:-1] <= 1e-3)).sum()) > 0
+
+
+def test_a_sweep_without_a_folder_prints_and_one_into_a_csv_file_is_a_table(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    command = ["sweep", str(ROOT / "examples" / "stick_slip.toml"), "--stop", "0.01", "--master", "newton"]
+    command += ["--executor", "serial", "--vary", "friction.Fc=1,1.2", "--measure", "final(mass.x)"]
+    assert main([*command, "-o", str(tmp_path / "t.csv")]) == 0
+    assert "2 runs, workers: serial" in capsys.readouterr().err
+    assert list(pd.read_csv(tmp_path / "t.csv")["friction.Fc"]) == [1.0, 1.2]
+    assert main([*command, "--json"]) == 0
+    assert [row["friction.Fc"] for row in json.loads(capsys.readouterr().out)] == [1.0, 1.2]
+    assert [path.name for path in tmp_path.iterdir()] == ["t.csv"]
+
+
+def test_settings_of_a_sweep_can_be_a_mapping_or_come_from_the_samples() -> None:
+    def make() -> System:
+        return System([CallablePart("p", lambda t, u, x: 2.0 * u[0], ["u"], ["y"])], start={"p.u": 1.0})
+
+    for settings, samples in (
+        ({"stop": 2.0, "step": 1.0}, [{"p.u": 3.0}]),
+        (None, [{"p.u": 3.0, "stop": 2.0, "step": 1.0}]),
+    ):
+        found = sweep(make, samples, executor="serial", experiment=settings)
+        assert found["final(p.y)"].to_numpy() == [6.0]
+    with pytest.raises(ExperimentError, match="no setting 'stpe'"):
+        sweep(make, [{}], executor="serial", experiment={"stop": 1.0, "stpe": 1.0})

@@ -65,7 +65,7 @@ def test_every_table_stands_on_one_page_and_names_every_block(tables: ModuleType
         if block.kind == "friction":
             assert f"\n## {block.name}\n" in filled["models.md"]
             assert f"[{block.name}](models.md#" in filled["which-model.md"]
-        elif block.kind in ("law", "controller"):
+        elif block.kind == "compensator":
             assert f"| **{block.name}** |" in filled["which-compensator.md"]
 
 

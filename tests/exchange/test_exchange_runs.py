@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from ctypes import c_double
 from pathlib import Path
 from time import process_time
 
@@ -11,6 +12,7 @@ import pytest
 from exchange.cases import CASES, Case, agreement, covered, wanted
 from exchange.solver import Exchange
 from fmpy import extract
+from shell.instance import MODEL_EXCHANGE, Instance, load
 from thorough import THOROUGH, nightly, some
 
 from friction_fmus import build
@@ -115,3 +117,39 @@ def test_a_deflection_beyond_the_level_comes_back_to_it(build_fmu: Callable[...,
     forces, events = run.model_exchange(["F"])
     assert forces[:, 0] == pytest.approx([3.0, 2.0, 1.0], abs=1e-6)
     assert events == pytest.approx([0.02], abs=1e-6)
+
+
+def pass_event(run: Instance) -> None:
+    run.must("EnterEventMode")
+    run.event()
+    run.must("EnterContinuousTimeMode")
+
+
+@pytest.mark.parametrize("arrivals", [(-5e-10, 0.0), (0.0, 0.0)])
+def test_a_mass_that_arrives_beside_rest_and_then_stops_stays_at_rest(
+    arrivals: tuple[float, float], build_fmu: Callable[..., Path]
+) -> None:
+    """Until its velocity has changed by 1e-10 m/s."""
+    with Instance(load(build_fmu("Stiction")), kind=MODEL_EXCHANGE) as run:
+        run.exchange(v=5e-9, F_ext=0.5)
+        assert run.get("F", "stuck") == [pytest.approx(1.0), 0.0]
+        for v in arrivals:
+            run.set({"v": v})
+            pass_event(run)
+            assert run.get("F", "stuck") == [0.5, 1.0]
+            for change in (0.9e-10, -0.9e-10, 1.1e-10, -1.1e-10):
+                run.set({"v": v + change})
+                rests = run.vector("GetEventIndicators", run.library.indicators)[0] > 0.0
+                assert rests == (abs(change) < 1e-10)
+
+
+def test_a_stop_that_is_left_is_an_event(build_fmu: Callable[..., Path]) -> None:
+    """At |z| = z0 the spring has its stiffness of sliding, below it the larger one."""
+    with Instance(load(build_fmu("ResetIntegrator")), kind=MODEL_EXCHANGE) as run:
+        run.exchange(v=0.0, z=1e-5, sigma0=1e5, z0=1e-5, a=0.5)
+        assert run.get("F", "stuck") == [pytest.approx(1.0), 0.0]
+        assert run.vector("GetEventIndicators", run.library.indicators)[1] > 0.0
+        run.must("SetContinuousStates", (c_double * 1)(1e-5 * (1.0 - 1e-9)), 1)
+        assert run.vector("GetEventIndicators", run.library.indicators)[1] < 0.0
+        pass_event(run)
+        assert run.get("F", "stuck") == [pytest.approx(1.5), 1.0]

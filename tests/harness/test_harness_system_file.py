@@ -10,7 +10,17 @@ import numpy as np
 import pytest
 from harness_parts import mass
 
-from harness import Bias, Delay, Experiment, FmuPart, HarnessError, SeriesPart, System, SystemFileError, Wire
+from harness import (
+    Bias,
+    Delay,
+    Experiment,
+    FmuPart,
+    HarnessError,
+    SeriesPart,
+    System,
+    SystemFileError,
+    Wire,
+)
 
 TEXT = """
 name = "bench"
@@ -94,7 +104,7 @@ def test_round_trip_of_everything_else(folder: Path) -> None:
     assert isinstance(series, SeriesPart) and (series.interpolation, series.beyond) == ("previous", "hold")
 
 
-def test_models_are_resolved(folder: Path) -> None:
+def test_models_are_resolved(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     asked: list[str] = []
 
     def resolve(name: str) -> Path:
@@ -103,6 +113,7 @@ def test_models_are_resolved(folder: Path) -> None:
 
     System.from_toml(write(folder, TEXT.replace('fmu = "probe.fmu"', 'model = "Probe"')), resolve).close()
     assert asked == ["Probe"]
+    monkeypatch.setattr("harness.system.system_file.MODELS", [])
     with pytest.raises(SystemFileError, match="model 'Probe', but no function resolves models"):
         System.from_toml(folder / "system.toml")
 

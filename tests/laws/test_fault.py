@@ -19,7 +19,7 @@ from friction_fmus.lawkit.law_files import discover_laws
 from harness import CallablePart, FmuPart, System, Wire
 
 LAWS = {law.name: law for law in discover_laws(laws_folder())}
-CONTROLLERS = [block.name for block in catalogue().values() if block.kind == "controller"]
+CONTROLLERS = [block.name for block in catalogue().values() if block.kind == "compensator" and not block.is_law]
 
 
 def knows_time(library: Library) -> bool:

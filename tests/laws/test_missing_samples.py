@@ -24,7 +24,7 @@ from friction_fmus.lawkit.law import Kind
 from friction_fmus.lawkit.law_files import discover_laws
 
 LAWS = {law.name: law for law in discover_laws(laws_folder())}
-BLOCKS = [*LAWS, *(block.name for block in catalogue().values() if block.kind == "controller")]
+BLOCKS = [*LAWS, *(block.name for block in catalogue().values() if block.kind == "compensator" and not block.is_law)]
 PASSES = {"Prefilter", "PreviewPrefilter", "InverseDynamics"}
 """Laws that pass their reference on while disabled: these outputs are held."""
 NOT_ZERO = {"theta": 1.0, "theta_0": 1.0, "theta_1": 1.0, "theta_2": 1.0, "Fc_hat": 1.0, "Fv_hat": 0.4}
@@ -141,6 +141,7 @@ def test_a_feedforward_law_slides_at_the_true_velocity(name: str, build_fmu) -> 
     steady = 1.0 + 0.5 * np.exp(-1.0) + 0.4 * v
     assert found[499] == pytest.approx(steady, rel=2e-3)
     assert found[510] == pytest.approx(found[499], rel=1e-4)
+    assert found[599] == pytest.approx(steady, rel=2e-3)
 
 
 def test_the_preview_prefilter_sees_no_jump_after_missing_references(build_fmu) -> None:

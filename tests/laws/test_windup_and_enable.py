@@ -21,7 +21,7 @@ from friction_fmus.lawkit.law import Kind
 from friction_fmus.lawkit.law_files import discover_laws
 
 LAWS = {law.name: law for law in discover_laws(laws_folder())}
-BLOCKS = [block.name for block in catalogue().values() if block.kind in ("law", "controller")]
+BLOCKS = [block.name for block in catalogue().values() if block.kind == "compensator"]
 LIMITED = [name for name in BLOCKS if "u_sat" in catalogue()[name].code]
 ENABLED = [name for name in BLOCKS if re.search(r"\bCOMMAND\s*\(enable,", catalogue()[name].code)]
 ESTIMATING = [name for name in BLOCKS if re.search(r"\bOUTPUT\s*\(F_hat,", catalogue()[name].code)]

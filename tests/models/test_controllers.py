@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 
@@ -12,8 +13,10 @@ from shell.instance import Instance, load
 from thorough import nightly
 
 from friction_fmus import build
+from friction_fmus.blocks.arithmetic import evaluate
 from friction_fmus.blocks.customise import with_long_arrays
 from friction_fmus.errors import BuildError
+from friction_fmus.study.compensators import compensators
 from harness import CallablePart, FmuPart, System
 
 BuildFmu = Callable[..., Path]
@@ -61,6 +64,15 @@ def test_local_function_is_least_squares(samples, window, degree):
     assert np.abs(found[:, 0] - expected).max() < 1e-10 * np.abs(expected).max()
     assert np.array_equal(found[:, 1], 0.5 * found[:, 0])
     assert not found[:, 2].any()
+
+
+def test_the_window_of_the_local_function_has_the_delay_of_a_first_order_filter() -> None:
+    """The mean over the window is late by half of it; a filter with this corner frequency by 1 / (2 pi corner)."""
+    text = compensators()["LocalFunctionEstimator"].tuned["window"]
+    for corner, Ts in ((20.0, 1e-3), (5.0, 1e-3), (50.0, 2e-4)):
+        window = evaluate(text, {"corner": corner, "Ts": Ts})
+        assert 0.5 * window * Ts == pytest.approx(1.0 / (2.0 * math.pi * corner), abs=0.25 * Ts)
+    assert evaluate(text, {"corner": 1e4, "Ts": 1e-3}) == 3
 
 
 @pytest.mark.parametrize(("degree", "lag"), [(0, 8 * 1e-3 / 2.0), (1, 0.0), (2, 0.0)])

@@ -185,6 +185,27 @@ def test_adhesion_saturates(asperities: Library) -> None:
         assert run.get1("F_max") == pytest.approx(4.0 * mu * (1.0 + 0.02 * math.log1p(300.0)), rel=1e-12)
 
 
+@pytest.mark.parametrize("tau", [0.1, 10.0])
+def test_springs_break_bonds_whose_adhesion_still_grows(asperities: Library, tau: float) -> None:
+    """At the time at which k_t v t = k_n h (mu0 + dmu (1 - exp(-t/tau))), whatever the steps."""
+    v = K_N * HEIGHT * (MU0 + 0.5) / K_T / tau
+    values = {"age0": 0.0, "creep": 0.0, "dmu": 1.0, "tau": tau, "v": v} | FLAT | EQUAL
+
+    def excess(t: float) -> float:
+        return K_T * v * t - K_N * HEIGHT * (MU0 - math.expm1(-t / tau))
+
+    breaks = brentq(excess, 1e-3 * tau, 10.0 * tau, xtol=1e-18, rtol=1e-14)
+    for after in (1e-9, 1e-2):
+        with Instance(asperities) as run:
+            run.initialise(**values)
+            run.step(0.0, breaks * (1.0 - 1e-9))
+            assert run.get("F", "stuck") == pytest.approx([20 * K_T * v * breaks, 20.0], rel=1e-8)
+        with Instance(asperities) as run:
+            run.initialise(**values)
+            run.step(0.0, breaks * (1.0 + after))
+            assert run.get("F", "slipping") == pytest.approx([20 * MU0 * K_N * HEIGHT, 20.0], rel=1e-8)
+
+
 # ---- (iii) speed
 
 
@@ -483,6 +504,13 @@ def test_parameters_may_change_while_tips_slip(asperities: Library) -> None:
         steps(run, [(0.0, 1e-6)])
         assert run.get1("F") == pytest.approx(0.4)
     assert t == pytest.approx(1.05e-2)
+    with Instance(asperities) as run:
+        run.initialise(v=1e-2, **FLAT, **PLAIN, **EQUAL)
+        run.step(0.0, 1e-2)
+        run.set({"mu0": 0.2525})  # a hundredth more, which the springs take up over 0.1 um
+        for F, state in ((1.005, "stuck"), (1.01, "stuck"), (1.01, "slipping")):
+            steps(run, [(1e-2, 5e-6)])
+            assert run.get("F", state) == [pytest.approx(F), 20.0]
 
 
 def test_more_wavelengths_than_can_be_followed_are_refused(asperities: Library) -> None:

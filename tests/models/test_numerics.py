@@ -1,16 +1,21 @@
-"""Numerical methods and constants stand in fmu_src/numerics only."""
+"""Numerical methods and constants stand in fmu_src/numerics only, and compute what they say."""
 
 from __future__ import annotations
 
+import ctypes
 import re
+import subprocess
 import zipfile
 from collections import Counter
 from pathlib import Path
 
 import numpy as np
+import pytest
+from scipy.linalg import expm
 
 from friction_fmus import build
 from friction_fmus.blocks.catalogue import source_folder
+from harness.compiling.toolchain import compiler
 
 NUMERICS = source_folder() / "numerics"
 C_FILES = sorted(source_folder().rglob("*.[ch]"))
@@ -68,3 +73,64 @@ def test_quadrature_is_exact_for_polynomials() -> None:
     for end, row in zip(nodes[1:], weights[1:].reshape(4, 5), strict=True):
         for power in range(8 if end == 1.0 else 5):
             assert abs(row @ nodes**power - end ** (power + 1) / (power + 1)) < 1e-15
+
+
+CODE = """
+#include "elimination.h"
+#include "linear_step.h"
+#include "splitmix.h"
+uint64_t scrambled(uint64_t counter) { return scramble(counter * GOLDEN + 1234567); }
+bool solve(int n, double *a, double *b) { return solve_linear(n, a, b); }
+void advance(int n, const double *a, const double *b, const double *c, double *x, double h)
+{
+    linear_step(n, a, b, c, x, h);
+}
+"""
+BESIDE = -77.0
+
+
+@pytest.fixture(scope="module")
+def numerics(tmp_path_factory: pytest.TempPathFactory) -> ctypes.CDLL:
+    folder = tmp_path_factory.mktemp("numerics")
+    (folder / "numerics.c").write_text(CODE, encoding="utf-8")
+    flags = ["-std=c99", "-O1", "-shared", "-fPIC", f"-I{NUMERICS}"]
+    subprocess.run([*compiler(), *flags, "numerics.c", "-lm", "-o", "numerics.so"], cwd=folder, check=True)
+    loaded = ctypes.CDLL(str(folder / "numerics.so"))
+    numbers = np.ctypeslib.ndpointer(float, flags="C")
+    loaded.scrambled.restype = ctypes.c_uint64
+    loaded.scrambled.argtypes = (ctypes.c_uint64,)
+    loaded.solve.restype = ctypes.c_bool
+    loaded.solve.argtypes = (ctypes.c_int, numbers, numbers)
+    loaded.advance.argtypes = (ctypes.c_int, *[numbers] * 4, ctypes.c_double)
+    return loaded
+
+
+@pytest.mark.parametrize("n", [1, 2, 3, 6])
+def test_linear_equations_with_a_ramp_are_stepped_exactly(numerics: ctypes.CDLL, n: int) -> None:
+    """Against the exponential of the matrix [a c b; 0 0 1; 0 0 0] h of scipy; beside x nothing is written."""
+    drawn = np.random.default_rng(n)
+    a, b, c, x = (drawn.normal(size=shape) for shape in ((n, n), n, n, n))
+    whole = np.zeros((n + 2, n + 2))
+    whole[:n] = np.column_stack([a, c, b])
+    whole[n, n + 1] = 1.0
+    for h in (0.0, 1e-3, 0.2, 7.0):
+        found = np.array([*x, BESIDE])
+        numerics.advance(n, a, b, c, found, h)
+        expected = (expm(whole * h) @ [*x, 0.0, 1.0])[:n]
+        np.testing.assert_allclose(found[:n], expected, rtol=0.0, atol=1e-12 * max(1.0, abs(expected).max()))
+        assert found[n] == BESIDE
+
+
+def test_linear_systems_are_solved_with_exchanged_rows(numerics: ctypes.CDLL) -> None:
+    a = np.array([[0.0, 2.0, 1.0], [1.0, 0.0, 0.0], [4.0, 1.0, -3.0]])
+    b = np.array([7.0, -1.0, 0.5, BESIDE])
+    expected = np.linalg.solve(a, b[:3])
+    assert numerics.solve(3, np.array([*a.ravel(), BESIDE]), b)
+    assert [*b] == pytest.approx([*expected, BESIDE], rel=1e-14)
+    for singular in ([[1.0, 2.0], [2.0, 4.0]], [[0.0, 1.0], [0.0, 3.0]], [[np.nan, 1.0], [np.nan, 2.0]]):
+        assert not numerics.solve(2, np.array(singular), np.ones(2))
+
+
+def test_random_bits_are_those_of_splitmix64(numerics: ctypes.CDLL) -> None:
+    """The first three numbers that its authors' program gives for the seed 1234567."""
+    assert [numerics.scrambled(k) for k in (1, 2, 3)] == [6457827717110365317, 3203168211198807973, 9817491932198370423]

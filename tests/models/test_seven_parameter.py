@@ -313,6 +313,19 @@ def test_the_force_is_continuous_where_slip_ends(seven: Library, s: float) -> No
 
 
 @pytest.mark.parametrize("s", [1.0, -1.0])
+def test_a_spring_that_just_reaches_the_growing_static_friction_breaks_away(seven: Library, s: float) -> None:
+    """With kt d = 1 + t - t^2/2 and Fs = t/(1 + t), kt d - Fs is largest at the golden section."""
+    g = 0.5 * (math.sqrt(5.0) - 1.0)
+    most = 1.0 + g - 0.5 * g**2 - g / (1.0 + g)
+    for beyond in (1e-6, -1e-6):
+        with Instance(seven) as run:
+            run.initialise(v=s * 1e-5, d=s * 1e-5, Fc=most - beyond, Fs_inf=1.0, Fs_a=0.0, gamma=1.0, kt=1e5)
+            assert run.input_derivatives({"v": -s * 1e-5}) == OK
+            run.step(0.0, 0.9)
+            assert run.get1("stuck") == (0.0 if beyond > 0.0 else 1.0)
+
+
+@pytest.mark.parametrize("s", [1.0, -1.0])
 def test_deflection_and_dwell_time_grow_while_the_contact_sticks(seven: Library, s: float) -> None:
     with Instance(seven) as run:
         run.initialise(v=s * 1e-6)

@@ -10,7 +10,6 @@ from io import BytesIO
 from pathlib import Path
 
 from lxml import etree
-from quick import UNOPTIMISED
 from shell.selection import built
 
 from friction_fmus.export.targets import SourceFmu
@@ -67,7 +66,7 @@ def library_of(archive: zipfile.ZipFile, platform: str) -> bytes:
     build = etree.fromstring(sources["sources/buildDescription.xml"])
     main, *others = (str(file.get("name")) for file in build.iter("SourceFile"))
     plain = (flag for flag in FLAGS if flag not in ("-Werror", "-Wpedantic", "-O2"))
-    flags = [*plain, *UNOPTIMISED, f'-DFMI_3="{main}"', "-isystem", str(header_folder())]
+    flags = [*plain, "-O0", "-fno-sanitize=undefined", f'-DFMI_3="{main}"', "-isystem", str(header_folder())]
     (target,) = PLATFORMS[platform].targets
     command = [*compiler(target), *flags, FACADE.name, *others, "-shared", "-s", "-lm", "-o", "facade.so"]
 

@@ -14,12 +14,11 @@ import fmpy
 import numpy as np
 import pytest
 from fmpy.build import build_platform_binary
-from quick import quick_builds
-from shell.instance import Instance, Library, drive, load, signals
+from shell.instance import Library, load
 from shell.selection import one_of_each
-from thorough import THOROUGH, nightly, some
+from thorough import nightly, some
 
-from friction_fmus import build, catalogue, fmu
+from friction_fmus import build, catalogue
 from harness.compiling.toolchain import FLAGS, header_folder
 
 COMPILERS = {
@@ -103,22 +102,6 @@ def test_fmpy_compiles_a_binary_that_works(
     assert ours.dtype.names == theirs.dtype.names
     for column in ours.dtype.names:
         np.testing.assert_allclose(theirs[column], ours[column], rtol=1e-9, atol=1e-12)
-
-
-def trajectory(library: Library) -> list[bytes]:
-    """The bits of all variables over 50 steps with random inputs."""
-    with Instance(library) as run:
-        run.initialise()
-        return drive(run, signals(library, 1, 50), 0.0, 1e-3)
-
-
-@one_of_each
-def test_a_quick_build_computes_the_bits_of_users(library: Library) -> None:
-    """Other tests run what quick.py compiles without optimisation."""
-    with quick_builds(Path("laws")):
-        quick = load(fmu(library.identifier))
-    assert THOROUGH or quick.binary.read_bytes() != library.binary.read_bytes()
-    assert trajectory(quick) == trajectory(library)
 
 
 @pytest.mark.skipif(shutil.which("gcc") is None, reason="links with gcc")

@@ -127,7 +127,7 @@ def test_fewer_than_one_process_are_refused_before_anything_is_done(tmp_path: Pa
 
 
 def test_every_law_has_its_row() -> None:
-    assert set(compensators()) == {b.name for b in catalogue().values() if b.kind in ("law", "controller")}
+    assert set(compensators()) == {b.name for b in catalogue().values() if b.kind == "compensator"}
     check_names("all")
 
 

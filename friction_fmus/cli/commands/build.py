@@ -7,7 +7,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from friction_fmus.cli.arguments import add_fmu_target, parse_assignments, target_options
+from friction_fmus.cli.arguments import add_fmu_target, add_set, completed, parse_assignments, target_options
 from friction_fmus.errors import FrictionError
 
 if TYPE_CHECKING:
@@ -18,10 +18,10 @@ DOMAINS = ("translational", "rotational")
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options."""
-    parser.add_argument("names", nargs="*", metavar="NAME", help="name of a model, or its .c or .py file")
+    completed(parser.add_argument("names", nargs="*", metavar="NAME", help="name of a model, or its .c or .py file"))
     parser.add_argument("--all", action="store_true", help="build all models")
     parser.add_argument("-o", "--output", type=Path, default=Path(), metavar="DIR", help="folder for the results")
-    parser.add_argument("--set", action="append", metavar="NAME=VALUE", help="start value; may be repeated")
+    add_set(parser)
     parser.add_argument("--domain", choices=DOMAINS, default=DOMAINS[0], help="rotational: units N.m, rad, kg.m2")
     add_fmu_target(parser)
     parser.add_argument("--name", metavar="IDENTIFIER", help="model identifier and file name")
@@ -55,10 +55,16 @@ def run(options: argparse.Namespace) -> None:
                 compiling=partial(_show, bar, task, name, number * platforms),
                 **target_options(options, "fmu"),
             )
+            if start and not options.name:
+                text = f"note: {path.name} has other default values than the block; --name gives it a name of its own"
+                bar.console.print(text, soft_wrap=True)
             bar.update(task, completed=(number + 1) * platforms)
             bar.console.print(str(path), soft_wrap=True) if bar.console.is_terminal else print(path)
 
 
 def _show(bar: Progress, task: TaskID, name: str, before: int, platform: str, number: int) -> None:
     """Show that a model is being compiled for a platform, after ``number`` other platforms."""
-    bar.update(task, description=f"{name}, {platform}", completed=before + number)
+    from friction_fmus.cli.console import announce
+
+    bar.update(task, completed=before + number)
+    announce(bar, task, f"compiling {name} for {platform}", foreign=platform)

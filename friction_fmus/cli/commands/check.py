@@ -6,6 +6,7 @@ The exit status is 1 if there are errors or warnings, and 2 if a file cannot be 
 from __future__ import annotations
 
 import argparse
+import json
 from pathlib import Path
 
 from friction_fmus.errors import FrictionError
@@ -15,6 +16,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options."""
     parser.add_argument("files", nargs="*", type=Path, metavar="FILE", help="FMUs and SSPs to check")
     parser.add_argument("--format", choices=("text", "json", "sarif"), default="text", help="format of the report")
+    parser.add_argument("--json", dest="format", action="store_const", const="json", help="the same as --format json")
     parser.add_argument("-o", "--output", type=Path, metavar="FILE", help="report file; default: the terminal")
     parser.add_argument("--static", action="store_true", help="do not run the binary")
     parser.add_argument("--ignore", action="append", default=[], metavar="RULE", help="ignore a rule; may be repeated")
@@ -25,10 +27,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> int:
     """Check the files and write the report."""
     from friction_fmus.check import check
-    from friction_fmus.check.findings import as_json, as_sarif, as_text, failed, rules_table
+    from friction_fmus.check.findings import RULES, as_json, as_sarif, as_text, failed, rules_table
     from friction_fmus.cli.console import console, literal_console, progress_bar
     from harness.storage.files import atomic_path
 
+    if options.rules and options.format == "json":
+        fields = ("id", "severity", "section", "summary")
+        print(json.dumps([{field: getattr(rule, field) for field in fields} for rule in RULES.values()], indent=2))
+        return 0
     if options.rules:
         console.print(rules_table())
         return 0

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import argparse
 
+from friction_fmus.cli.arguments import completed
 from friction_fmus.errors import FrictionError
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options."""
     text = "name of a model, or its .c or .py file; without a name, the entries of all models are printed"
-    parser.add_argument("names", metavar="NAME", nargs="*", help=text)
+    completed(parser.add_argument("names", metavar="NAME", nargs="*", help=text))
 
 
 def run(options: argparse.Namespace) -> None:

@@ -10,15 +10,17 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from friction_fmus.cli.arguments import add_target, parse_assignments, target_options
+from friction_fmus.cli.arguments import add_set, add_target, completed, parse_assignments, target_options
 from friction_fmus.export.targets import choose_target
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options."""
-    parser.add_argument("law", metavar="LAW", help="name of a law, its .py file, or the .toml file of a loop")
-    parser.add_argument("-o", "--output", type=Path, metavar="DIR", help="folder for the files; default: LAW")
-    parser.add_argument("--set", action="append", metavar="NAME=VALUE", help="start value; may be repeated")
+    completed(
+        parser.add_argument("law", metavar="LAW", help="name of a law, its .py file, or the .toml file of a loop")
+    )
+    parser.add_argument("-o", "--output", type=Path, metavar="DIR", help="folder for the files; default: NAME")
+    add_set(parser)
     parser.add_argument(
         "--prefix", default="", metavar="NAME", help="prefix of files, types and functions; default: law or loop"
     )

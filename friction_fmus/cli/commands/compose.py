@@ -25,13 +25,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> None:
     """Write the FMU and print its path."""
+    from friction_fmus.cli.console import announce, progress_bar
     from friction_fmus.cli.inputs import open_system
     from harness.masters import best_first
 
     given = target_options(options, "fmu")
     target, _ = choose_target("fmu", options.target, given, options.platform)
     output = options.output or Path(options.system.stem + target.ending)
-    with open_system(options.system, open_inputs=True) as system:
+    with open_system(options.system, open_inputs=True) as system, progress_bar() as bar:
+        announce(bar, bar.add_task("", total=None), f"compiling {output}", foreign=" ".join(options.platform))
         system.to_fmu(
             output,
             name=options.name,

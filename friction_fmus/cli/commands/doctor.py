@@ -1,21 +1,21 @@
 """Check a closed loop with friction without running it.
 
-For each violated condition, print what is wrong, why, and what to change. The exit status is 1 if a condition is
-violated.
+For each violated condition, print the problem, its cause, and what to change. The exit status is 1 if there is a
+problem, and 0 if there are only notes, such as stick-slip of a system that may be meant to show it.
 """
 
 from __future__ import annotations
 
 import argparse
-import json
 import math
 from dataclasses import asdict, replace
 from typing import TYPE_CHECKING
 
 import harness
-from friction_fmus.cli.arguments import add_system, parse_assignments
+from friction_fmus.cli.arguments import add_json, add_set, add_system, parse_assignments, print_json
 from harness.errors import ExperimentError
 from harness.masters import master_names
+from harness.notebook import counted
 
 if TYPE_CHECKING:
     from friction_fmus.doctor import LoopFinding
@@ -26,9 +26,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_system(parser)
     parser.add_argument("--step", type=float, metavar="H", help="communication step [s]")
     parser.add_argument("--master", choices=master_names(), help="master algorithm")
-    parser.add_argument("--set", action="append", metavar="PART.NAME=VALUE", help="start value; may be repeated")
+    add_set(parser, "PART.NAME")
     parser.add_argument("--all", action="store_true", help="also show the conditions that hold")
-    parser.add_argument("--json", action="store_true", help="print JSON")
+    add_json(parser)
 
 
 def run(options: argparse.Namespace) -> int:
@@ -41,18 +41,20 @@ def run(options: argparse.Namespace) -> int:
         system = opened.with_start(parse_assignments(options.set))
         results = examine(system, _experiment(system, options))
         masses, unknown = axes(system), unknown_parts(system)
-    wrong = [finding for finding in results if not finding.condition.ok]
-    shown = results if options.all else wrong
+    violated = [finding for finding in results if not finding.condition.ok]
+    notes = [finding for finding in violated if finding.condition.note]
+    shown = results if options.all else violated
     if options.json:
-        text = json.dumps([_plain(finding) for finding in shown], indent=2)
-        console.print(text, soft_wrap=True)
+        print_json(options, [{"parts": finding.parts, **asdict(finding.condition)} for finding in shown])
     else:
         for finding in shown:
             _show(finding)
         _print_ignored(len(masses), unknown)
-        summary = f"{_counted(len(results), 'condition')} evaluated, {_counted(len(wrong), 'finding')}"
+        problems = counted(len(violated) - len(notes), "problem") if len(violated) > len(notes) else "no problem"
+        summary = f"{counted(len(results), 'condition')} evaluated, {problems}"
+        summary += f", {counted(len(notes), 'note')}" if notes else ""
         console.print(f"{options.system}: {summary}", soft_wrap=True)
-    return 1 if wrong else 0
+    return int(len(violated) > len(notes))
 
 
 def _experiment(system: harness.System, options: argparse.Namespace) -> harness.Experiment | None:
@@ -70,13 +72,6 @@ def _experiment(system: harness.System, options: argparse.Namespace) -> harness.
     return replace(experiment, master=options.master) if options.master else experiment
 
 
-def _plain(finding: LoopFinding) -> dict[str, object]:
-    """Return a finding for JSON, which has no infinity: such numbers become null."""
-    values = asdict(finding.condition)
-    numbers = {key: values[key] if math.isfinite(values[key]) else None for key in ("value", "bound")}
-    return {"parts": list(finding.parts), **values, **numbers}
-
-
 def _show(finding: LoopFinding) -> None:
     from friction_fmus.cli.console import console, styled
 
@@ -85,9 +80,10 @@ def _show(finding: LoopFinding) -> None:
         numbers = f"{condition.value:.4g} against {condition.bound:.4g}"
         console.print(styled(("holds", "green"), f" {condition.name} ({parts}): {numbers}"))
         return
-    console.print(styled((condition.name, "bold red"), f" ({parts})"))
-    for title in ("wrong", "why", "change", "source"):
-        console.print(f"  {title:<8}{getattr(condition, title)}", soft_wrap=True)
+    note = ", may be intended" if condition.note else ""
+    console.print(styled((condition.name, "bold yellow" if note else "bold red"), f" ({parts}){note}"))
+    for title, text in (("problem", "wrong"), ("cause", "why"), ("fix", "change"), ("reference", "source")):
+        console.print(f"  {title:<10}{getattr(condition, text)}", soft_wrap=True)
 
 
 def _print_ignored(masses: int, unknown: list[str]) -> None:
@@ -99,7 +95,3 @@ def _print_ignored(masses: int, unknown: list[str]) -> None:
     if not masses:
         text = "no known mass found: only sample times and the stepping order were checked"
         console.print(text, soft_wrap=True)
-
-
-def _counted(number: int, noun: str) -> str:
-    return f"{number or 'no'} {noun}{'' if number == 1 else 's'}"

@@ -6,12 +6,13 @@ The models are ranked. Their parameters with standard errors are written as TOML
 from __future__ import annotations
 
 import argparse
+import json
 import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from friction_fmus.cli.arguments import parse_assignment
+from friction_fmus.cli.arguments import add_json, parse_assignment, print_json
 from friction_fmus.errors import FrictionError
 from friction_fmus.identification.methods import method_names
 from harness.processors import available
@@ -35,7 +36,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--model", action="append", metavar="NAME", help="friction model, or all (default); may be repeated"
     )
-    parser.add_argument("-o", "--output", type=Path, required=True, metavar="DIR", help="folder for the results")
+    parser.add_argument(
+        "-o", "--output", type=Path, default=Path("identified"), metavar="DIR", help="folder; default: identified"
+    )
+    add_json(parser)
     window = {"nargs": 2, "type": float, "metavar": ("A", "B")}
     parser.add_argument("--train", help="training data from A to B seconds", **window)  # type: ignore[arg-type]
     parser.add_argument("--validation", help="validation data from A to B seconds", **window)  # type: ignore[arg-type]
@@ -119,6 +123,8 @@ def run(options: argparse.Namespace) -> int:
     if wrong:
         less = "" if options.force else " No FMU was written; --force writes them."
         console.print(styled((f"The parameters cannot be used: {', '.join(wrong)}.", "bold red"), less), soft_wrap=True)
+    if options.json:
+        print_json(options, json.loads((options.output / "identification.json").read_text(encoding="utf-8")))
     return 1 if wrong else 0
 
 
@@ -142,7 +148,7 @@ def parse_fixed(text: str) -> tuple[str, float | bool]:
         name, value = parse_assignment(text)
     except FrictionError as error:
         raise FrictionError(f"--fixed {text!r} is not NAME=VALUE; use a number as VALUE") from error
-    if not math.isfinite(value):
+    if isinstance(value, str) or not math.isfinite(value):
         raise FrictionError(f"--fixed {text!r} is not finite; use a finite number")
     return name, value
 

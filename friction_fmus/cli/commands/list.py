@@ -1,29 +1,50 @@
-"""List all models, laws, plants and signals."""
+"""List friction models, plants, compensators and signals."""
 
 from __future__ import annotations
 
 import argparse
-import json
+
+from friction_fmus.blocks.block_declarations import FAMILIES
+from friction_fmus.blocks.catalogue import KINDS
+from friction_fmus.cli.arguments import add_json, print_json
+
+_CHOICES = tuple(dict.fromkeys((*KINDS.values(), *FAMILIES.values())))
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options."""
-    parser.add_argument("--json", action="store_true", help="print JSON: name, kind, summary, source")
+    text = f"only this kind, or this family of compensators: {', '.join(_CHOICES)}"
+    parser.add_argument("kind", nargs="?", choices=_CHOICES, metavar="KIND", help=text)
+    parser.add_argument("--search", default="", metavar="WORD", help="word in name, summary or source")
+    add_json(parser)
 
 
-def run(options: argparse.Namespace) -> None:
-    """Print a table or JSON."""
+def run(options: argparse.Namespace) -> int:
+    """Print a table for each kind, or JSON; return 1 if there is no such block."""
     from friction_fmus.blocks.catalogue import listing
 
+    word = options.search.lower()
+    entries = [
+        entry
+        for entry in listing().values()
+        if options.kind in (None, entry.kind, entry.family)
+        and word in f"{entry.name} {entry.summary} {entry.source}".lower()
+    ]
     if options.json:
-        fields = ("name", "kind", "summary", "source")
-        print(
-            json.dumps([{field: getattr(entry, field) for field in fields} for entry in listing().values()], indent=2)
-        )
-        return
+        fields = ("name", "kind", "family", "summary", "source")
+        print_json(options, [{field: getattr(entry, field) for field in fields} for entry in entries])
+        return int(not entries)
 
-    from friction_fmus.cli.console import console, drawn
+    from friction_fmus.cli.console import console, drawn, styled
     from harness.notebook import Listing
 
-    rows = [(entry.name, entry.kind, entry.summary) for entry in listing().values()]
-    console.print(drawn(Listing("", ("name", "kind", "summary"), rows), title=False))
+    width = max((len(entry.name) for entry in entries), default=0)
+    groups = [(kind, family) for kind in KINDS.values() for family in ("", *FAMILIES.values())]
+    for group in groups:
+        rows = [(entry.name.ljust(width), entry.summary) for entry in entries if (entry.kind, entry.family) == group]
+        if rows:
+            console.print(styled((", ".join(filter(None, group)), "bold")))
+            console.print(drawn(Listing("", ("", ""), rows), title=False, headings=False))
+    if not entries:
+        console.print(f"no block matches {options.search!r}")
+    return int(not entries)

@@ -16,6 +16,7 @@ from friction_fmus.cli.arguments import (
     add_allow_inaccurate,
     add_json,
     add_master,
+    add_set,
     add_system,
     listed,
     parse_assignments,
@@ -38,7 +39,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--step", type=float, metavar="H", help="communication step [s]")
     parser.add_argument("--stop", type=float, metavar="T", help="end time [s]")
     add_master(parser)
-    parser.add_argument("--set", action="append", metavar="PART.NAME=VALUE", help="start value; may be repeated")
+    add_set(parser, "PART.NAME")
     parser.add_argument("--parameters", type=Path, metavar="FILE", help="parameter set (.ssv)")
     parser.add_argument("--record", action="append", metavar="PATTERN", help="variables to record; may be repeated")
     parser.add_argument("--resume", type=Path, metavar="FILE", help="resume from the state in this file")
@@ -55,7 +56,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Run the system and write the result."""
-    from friction_fmus.cli.console import RunBar, console, drawn, literal_console, progress_bar
+    from friction_fmus.cli.console import RunBar, console, drawn, progress_bar
     from friction_fmus.cli.inputs import open_system
     from harness.engine.defect import inaccurate
 
@@ -63,7 +64,6 @@ def run(options: argparse.Namespace) -> int:
         raise FrictionError(f"the format of {options.output} is unknown; use {listed(tuple(FORMATS))}")
     if options.plot and options.plot.suffix not in _PICTURES:
         raise FrictionError(f"the picture format of {options.plot} is unknown; use {listed(_PICTURES)}")
-    said = literal_console(stderr=True) if options.json else console
     output, picture = (path and path.absolute() for path in (options.output, options.plot))
     with open_system(options.system) as opened, progress_bar() as bar:
         system = opened.with_parameters(options.parameters) if options.parameters else opened
@@ -90,24 +90,24 @@ def run(options: argparse.Namespace) -> int:
     if output:
         done = "replaced" if output.exists() else "wrote"
         _save(result, output)
-        said.print(f"{done} {options.output}: {_size(result)}", soft_wrap=True)
+        console.print(f"{done} {options.output}: {_size(result)}", soft_wrap=True)
     else:
-        said.print(_size(result))
+        console.print(_size(result))
     if picture:
         done = "replaced" if picture.exists() else "wrote"
         make_folder(picture.parent)
         harness.plot(result, picture)
-        said.print(f"{done} {options.plot}", soft_wrap=True)
+        console.print(f"{done} {options.plot}", soft_wrap=True)
     values = _values(result)
     if options.json:
-        print_json(values.records)
+        print_json(options, values.records)
     elif not output:
         console.print(drawn(values, title=False, padding=(0, 2, 0, 0)))
     missed = False
     if "accuracy" in result.attrs:
         from friction_fmus.cli.accuracy_table import show_accuracy
 
-        reached = show_accuracy(said, result)
+        reached = show_accuracy(result)
         missed = options.require is not None and not reached
     return int((inaccurate(result.attrs) or missed) and not options.allow_inaccurate)
 

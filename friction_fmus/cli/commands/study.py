@@ -11,7 +11,7 @@ from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
-from friction_fmus.cli.arguments import add_scheduler, add_workers
+from friction_fmus.cli.arguments import add_json, add_scheduler, add_workers, print_json
 from harness.extras import require
 
 
@@ -31,6 +31,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         action="store_true",
         help="only write the configuration study.toml for a data file; asks for missing information",
     )
+    add_json(parser)
     where = parser.add_mutually_exclusive_group()
     add_workers(where)
     add_scheduler(where)
@@ -53,7 +54,7 @@ def run(options: argparse.Namespace) -> int:
     from friction_fmus.cli.study_tables import show_study
     from friction_fmus.study.settings_file import SETTINGS_FILE
     from friction_fmus.study.steps import clear_cache
-    from friction_fmus.study.study import run_study
+    from friction_fmus.study.study import STAGES, run_study
 
     output = options.output or Path("out")
     if options.fresh:
@@ -69,7 +70,7 @@ def run(options: argparse.Namespace) -> int:
                 output,
                 executor=executor,
                 processes=options.workers,
-                progress=RunBar(bar, "study"),
+                progress=RunBar(bar, "study", STAGES),
                 force=options.force,
             )
         except KeyboardInterrupt as error:
@@ -83,4 +84,11 @@ def run(options: argparse.Namespace) -> int:
     for name, text in what.items():
         if any(file.path.partition("/")[0] == name for file in result.files):
             console.print(f"{text}: {output / name}", soft_wrap=True)
+    if options.json:
+        names = ("recommendation", "findings", "doctor", "servo_check")
+        fields = ("name", "kind", "rank", "improves", "gain", "bandwidth", "metrics", "margins", "worst", "reason")
+        rows = [{field: getattr(row, field) for field in fields} for row in result.compensators]
+        models = [{"name": row.name, "rank": row.rank, "parameters": row.parameters} for row in result.models]
+        summary = {name: getattr(result, name) for name in names}
+        print_json(options, summary | {"models": models, "compensators": rows})
     return 0 if result.trusted else 1

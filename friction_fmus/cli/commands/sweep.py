@@ -1,7 +1,7 @@
 """Run a system of FMUs with many parameter sets.
 
-The results are written to a folder of Parquet files with a row for each run. The exit status is 1 if no run succeeds,
-or if a result is reported as wrong, unless --allow-inaccurate is given.
+With -o, the results are written to a folder of Parquet files, or to one .csv file, with a row for each run. The exit
+status is 1 if no run succeeds, or if a result is reported as wrong, unless --allow-inaccurate is given.
 """
 
 from __future__ import annotations
@@ -13,15 +13,27 @@ from pathlib import Path
 from typing import Any
 
 import harness
-from friction_fmus.cli.arguments import add_allow_inaccurate, add_master, add_scheduler, add_system
+from friction_fmus.cli.arguments import (
+    add_allow_inaccurate,
+    add_json,
+    add_master,
+    add_scheduler,
+    add_system,
+    print_json,
+)
+from friction_fmus.errors import FrictionError
+from harness.notebook import counted
+from harness.processors import available
+from harness.results import FORMATS
+from harness.storage.files import atomic_path, make_folder
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options."""
     add_system(parser)
-    parser.add_argument(
-        "-o", "--output", type=Path, required=True, metavar="DIR", help="output folder; resumes an interrupted sweep"
-    )
+    text = "output folder, in which an interrupted sweep resumes, or a .csv file"
+    parser.add_argument("-o", "--output", type=Path, metavar="DIR", help=text)
+    add_json(parser)
     parser.add_argument(
         "--vary",
         action="append",
@@ -69,6 +81,13 @@ def run(options: argparse.Namespace) -> int:
     from harness.engine.defect import WRONG
 
     samples = parameter_sets(options)
+    folder = options.output
+    if folder and folder.suffix.lower() in FORMATS:
+        if folder.suffix.lower() != ".csv":
+            raise FrictionError(f"-o {folder} would be a folder; give a folder, or a .csv file")
+        folder = None
+    workers = options.workers or available()
+    where = options.scheduler or (options.executor if options.executor == "serial" else f"{workers} {options.executor}")
     with ExitStack() as stack:
         executor: Any = stack.enter_context(connect(options.scheduler)) if options.scheduler else options.executor
         system = stack.enter_context(open_system(options.system))
@@ -77,12 +96,12 @@ def run(options: argparse.Namespace) -> int:
             system,
             samples,
             measure=options.measure or "final(*)",
-            output=options.output,
+            output=folder,
             executor=executor,
-            workers=options.workers,
+            workers=workers,
             experiment=_experiment(system, options),
             keep=options.keep,
-            progress=RunBar(bar, "sweep"),
+            progress=RunBar(bar, "sweep", {0.0: f"{counted(len(samples), 'run')}, workers: {where}"}),
             accuracy=options.accuracy,
         )
     errors = [str(error) for error in result["error"].to_numpy() if error]
@@ -91,8 +110,16 @@ def run(options: argparse.Namespace) -> int:
     notes = f", {len(warnings)} with warnings" * bool(warnings)
     notes += f", {wrong} of them reported as wrong" * bool(wrong)
     notes += f", {len(errors)} failed; first error: {errors[0]}" if errors else ""
-    show_sweep(console, result)
-    console.print(f"{options.output}: {result.sizes['run']} runs{notes}", soft_wrap=True)
+    if options.output and folder is None:
+        make_folder(options.output.parent)
+        with atomic_path(options.output) as temporary:
+            result.to_dataframe().to_csv(temporary)
+    if options.json:
+        print_json(options, result.to_dataframe().reset_index().to_dict("records"))
+    else:
+        show_sweep(console, result)
+    target = f"{options.output}: " if options.output else ""
+    console.print(f"{target}{counted(result.sizes['run'], 'run')}{notes}", soft_wrap=True)
     return int(len(errors) == result.sizes["run"] or (wrong > 0 and not options.allow_inaccurate))
 
 

@@ -16,7 +16,7 @@ from friction_fmus.fmi.image import Image, plain_style, png_of, svg_of
 from friction_fmus.fmi.portrait.bench import Curve, Panel
 
 COLOURS: Mapping[str, str] = MappingProxyType(
-    {"friction": "#1f4e79", "plant": "#3d5a3d", "law": "#5b3a75", "controller": "#5b3a75", "signal": "#7a4a12"}
+    {"friction": "#1f4e79", "plant": "#3d5a3d", "compensator": "#5b3a75", "signal": "#7a4a12"}
 )
 """Colour of frame and curve for each kind of block."""
 
