@@ -3,8 +3,8 @@
 #ifndef FMI2_SAVED_H
 #define FMI2_SAVED_H
 
-#include "fmi2_hash.h"
-
+#include <stddef.h>
+#include <stdint.h>
 #include <string.h>
 
 enum { MAGIC_SIZE = 8, GUID_SIZE = GUID_LENGTH + 2 }; /* texts, filled with zeros */
@@ -39,6 +39,15 @@ static const char *fault_of_header(const SavedHeader *h, const char magic[MAGIC_
 }
 
 static const char *const OTHER_KIND = "it was saved in the other kind of FMU, co-simulation or model exchange";
+
+/* FNV-1a, 64 bit. */
+static uint64_t mix(uint64_t hash, const void *data, size_t size)
+{
+    const unsigned char *byte = (const unsigned char *)data;
+    for (size_t i = 0; i < size; i++)
+        hash = (hash ^ byte[i]) * UINT64_C(1099511628211);
+    return hash;
+}
 
 static uint64_t checksum_of_bytes(const void *bytes, size_t size)
 {

@@ -23,7 +23,7 @@ PLACES = (
     *("accuracy", "check", "codegen", "composite", "conditions", "every_block", "exchange", "fmi3", "harness"),
     *("identification", "interop", "laws", "models", "portrait", "procedures", "shell", "study"),
     *("slow/fuzzing", "slow/importers", "slow/test_exchange_motions.py", "slow/test_fmi3_calls.py"),
-    "slow/test_fmi3_of_every_block.py",
+    *("docs/test_site.py", "slow/test_fmi3_of_every_block.py"),
 )
 """Folders and files of tests that do not look at figures."""
 FIGURES = "every_block/test_block_documentation.py"

@@ -66,7 +66,6 @@ struct slip_memory {
 
 #include "block.h"
 #include "presliding.h"
-#include "maxwell.h"
 #include "slip.h"
 
 static bool is_slip_memory(const Model *m)

@@ -6,7 +6,6 @@
 
 #include "presliding.h"
 #include "relaxation.h"
-#include "maxwell.h"
 #include "transition.h"
 
 /* What a block has decided about an element at the last event. */

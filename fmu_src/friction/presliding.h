@@ -24,4 +24,7 @@ static inline double time_to_slide(double path, double speed, double growth)
 }
 static inline double time_back(double path, double speed, double growth) { return time_to_slide(path, speed, -growth); }
 
+/* Return the force of an elastic, perfectly plastic element, limited to W in both directions. */
+static inline double limited(double force, double W) { return fabs(force) < W ? force : copysign(W, force); }
+
 #endif

@@ -1,10 +1,31 @@
-/* The transition 1 - sgn(r) |r|^n from sticking to sliding in both Leuven models. Included after block.h. */
+/* The transition 1 - sgn(r) |r|^n from sticking to sliding in both Leuven models, and their step at constant or linear
+   velocity without a change of sign. Included after block.h; the block uses `step` and defines `follow_motion`. */
 
 #ifndef TRANSITION_H
 #define TRANSITION_H
 
-#include "motion.h"
+#include "constants.h"
 #include "stribeck.h"
+
+/* The velocity v + slope s from s = start to end. */
+typedef struct {
+    double v, slope, start, end;
+} Motion;
+
+static bool follow_motion(Model *m, Motion motion);
+
+/* Before a stop, time counts backwards from it: floating-point numbers are densest around 0, where the Stribeck curve
+   may be steep. */
+static bool step(Model *m, double h)
+{
+    const double v = m->v, slope = SLOPE(v);
+    const bool stops = v * slope < 0.0 && fabs(v + slope * h) <= 4.0 * DBL_EPSILON * fabs(v);
+    if (!stops)
+        return follow_motion(m, (Motion){v, slope, 0.0, h});
+    return follow_motion(m, (Motion){v, slope, 0.0, 0.5 * h}) && follow_motion(m, (Motion){0.0, slope, -0.5 * h, 0.0});
+}
+
+static inline double velocity(const Motion *motion, double s) { return motion->v + motion->slope * s; }
 
 /* Return sign(r) |r|^n, limited to finite values. */
 static inline double signed_power(double r, double n)

@@ -11,14 +11,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from friction_fmus.axis.position_map import PositionMap
+from friction_fmus.blocks.arithmetic import evaluate, is_known
 from friction_fmus.blocks.axis_units import Words, words_of
+from friction_fmus.blocks.catalogue import find
 
 
 @dataclass(frozen=True)
 class AxisPlant:
     """Identified mass and friction of an axis."""
 
-    friction: str  # friction block
+    friction: str  # friction block, or its file
     values: Mapping[str, float]
     """Parameters of the friction block; if it has no parameter Fv, this is the coefficient of a viscous friction beside
     it [N.s/m]."""
@@ -28,9 +30,11 @@ class AxisPlant:
 
     @property
     def stiffness(self) -> float:
-        """Contact stiffness at rest [N/m]; 0 if rigid."""
-        elements = sum(value for name, value in self.values.items() if name.startswith("k["))
-        return max(self.values.get("sigma0", 0.0), self.values.get("sigma", 0.0), self.values.get("kt", 0.0), elements)
+        """Contact stiffness at rest, as the file of the block states it [N/m]; 0 if rigid."""
+        friction = find(self.friction).about.in_loop.friction
+        if friction is None or not is_known(friction.stiffness, self.values):
+            return 0.0
+        return float(evaluate(friction.stiffness, self.values))
 
 
 @dataclass(frozen=True)

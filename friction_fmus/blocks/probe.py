@@ -138,8 +138,8 @@ def _add(
 def _follow_limit(dependencies: dict[int, tuple[int, ...]], variables: tuple[BlockVariable, ...]) -> None:
     """Give u_sat the dependencies of u: it states the active limit of u, which a probe away from the limits misses."""
     references = {v.name: v.reference for v in variables}
-    if {"u", "u_sat"} <= references.keys():
-        flag, limited = references["u_sat"], references["u"]
+    flag, limited = references.get("u_sat", -1), references.get("u", -1)
+    if {flag, limited} <= dependencies.keys():
         dependencies[flag] = tuple(sorted({*dependencies[flag], *dependencies[limited]}))
 
 
@@ -166,51 +166,63 @@ class _Probe:
 
     FAR = 1e9
     LARGE, FEW_POINTS, MOST_POINTS = 500, 60, 400  # for this number of values, more points would take minutes
+    TOGETHER = 20  # number of points that are evaluated at once
 
     def __init__(self, handle: ctypes.CDLL, size: int, variables: tuple[BlockVariable, ...], sampled: bool) -> None:
         self._evaluate = handle.block_evaluate
         self._evaluate.restype = None
-        self._evaluate.argtypes = (ctypes.POINTER(ctypes.c_double), ctypes.c_int)
+        self._evaluate.argtypes = (ctypes.c_void_p, ctypes.c_int)
         self._size = size
         self._variables = variables
         self._sampled = sampled
         self._random = random.Random(1)
 
     def dependencies(self, initial: bool) -> dict[int, tuple[int, ...]]:
-        """Return the knowns on which each unknown depends, both as value references."""
-        unknown_roles = (OUTPUT, LOCAL, DERIVATIVE, STATE_OUTPUT)
+        """Return the knowns on which each output and derivative depends, both as value references."""
+        import numpy as np  # imported here, as every command imports this module
+
         known_roles: tuple[int, ...] = (TIME, INPUT, STATE, STATE_OUTPUT)
         if initial:
             known_roles = (TIME, INPUT, PARAMETER, FIXED, STATE)
         elif self._sampled:
             known_roles = (TIME, INPUT)  # the dependencies that FMI allows for a discrete output
-        unknowns = [v.reference for v in self._variables if v.role in unknown_roles]
+        itself = {v.reference: (v.reference,) for v in self._variables if v.role == STATE_OUTPUT and not initial}
+        probed = [v.reference for v in self._variables if v.role in (OUTPUT, STATE_OUTPUT, DERIVATIVE)]
+        unknowns = [reference for reference in probed if reference not in itself]
         knowns = [v for v in self._variables if v.role in known_roles]
-        found: dict[int, set[int]] = {reference: set() for reference in unknowns}
-        points = self.MOST_POINTS if self._size < self.LARGE else self.FEW_POINTS
-        for point in range(points):
-            values = (ctypes.c_double * self._size)(*self._point(plain=point == 0))
-            base = dict(zip(unknowns, self._run(values, initial, unknowns), strict=True))
-            for known in knowns:
-                poisons = [self._moved(known, values[known.reference])]
-                left = [reference for reference in unknowns if known.reference not in found[reference]]
-                if not left:
-                    continue
-                before = [base[reference] for reference in left]
-                if known.type == REAL:
-                    # a huge value reaches limits that are otherwise out of reach; 0 is the "no" of a flag
-                    places = (-self.FAR, 0.0, self.FAR)
-                    poisons += [math.nan, *(min(max(place, known.min), known.max) for place in places)]
-                for poison in poisons:
-                    after = self._run(values, initial, left, (known.reference, poison))
-                    if after != before:
-                        for reference, one, two in zip(left, before, after, strict=True):
-                            if not _same(one, two):
-                                found[reference].add(known.reference)
-        states = {v.reference for v in self._variables if v.role == STATE_OUTPUT}
-        for reference in states & found.keys() if not initial else ():
-            found[reference] = {reference}  # a state depends on itself
-        return {reference: tuple(sorted(knowns_of)) for reference, knowns_of in found.items()}
+        places, others = np.array([v.reference for v in knowns]), [self._poisons(v) for v in knowns]
+        found = np.zeros((len(knowns), len(unknowns)), dtype=bool)
+        done, points = 0, self.MOST_POINTS if self._size < self.LARGE else self.FEW_POINTS
+        while done < points:
+            # the first points find most dependencies, which need not be tried again
+            count = min(done + 1, self.TOGETHER, points - done) if self._size < self.LARGE else 1
+            values, moved = np.empty((count, self._size)), np.empty((count, len(knowns)))
+            for i in range(count):
+                point = self._point(plain=done + i == 0)
+                values[i], moved[i] = point, [self._moved(v, point[v.reference]) for v in knowns]
+            done += count
+            left = np.flatnonzero(~found.all(axis=1)).tolist()
+            trials = [(known, poison) for known in left for poison in (math.inf, *others[known])]  # inf: moved
+            if not trials:
+                continue
+            changed, poison = np.array([known for known, _ in trials]), np.array([each for _, each in trials])
+            # the last row of each point is without a change
+            table = np.repeat(values[:, np.newaxis], len(trials) + 1, axis=1)
+            table[:, np.arange(len(trials)), places[changed]] = np.where(np.isinf(poison), moved[:, changed], poison)
+            for row in range(table.ctypes.data, table.ctypes.data + table.nbytes, table.strides[1]):
+                self._evaluate(row, initial)
+            after = table[:, :, unknowns]
+            differs = (after != after[:, -1:]) & ~(np.isnan(after) & np.isnan(after[:, -1:]))
+            trial, unknown = np.nonzero(differs.any(axis=0))
+            found[changed[trial], unknown] = True
+        return {
+            reference: tuple(sorted(places[row].tolist())) for reference, row in zip(unknowns, found.T, strict=True)
+        } | itself
+
+    def _poisons(self, v: BlockVariable) -> tuple[float, ...]:
+        """Return values for a real known: NaN, huge values, which reach limits, and 0, which is the "no" of a flag."""
+        places = (-self.FAR, 0.0, self.FAR) if v.type == REAL else ()
+        return (math.nan, *(min(max(place, v.min), v.max) for place in places)) if places else ()
 
     def _point(self, plain: bool) -> list[float]:
         """Return start values, or random values around them within their limits."""
@@ -245,24 +257,6 @@ class _Probe:
             return value + 1.0 if value + 1.0 <= v.max else value - 1.0
         moved = value * self._random.uniform(1.1, 3.0) if value else 10.0 ** self._random.uniform(-5.0, 1.0)
         return min(max(moved, v.min), v.max)
-
-    def _run(
-        self,
-        values: ctypes.Array[ctypes.c_double],
-        initial: bool,
-        unknowns: list[int],
-        changed: tuple[int, float] | None = None,
-    ) -> list[float]:
-        """Return the unknowns, with one of the values changed."""
-        buffer = type(values).from_buffer_copy(values)
-        if changed:
-            buffer[changed[0]] = changed[1]
-        self._evaluate(buffer, int(initial))
-        return [buffer[reference] for reference in unknowns]
-
-
-def _same(a: float, b: float) -> bool:
-    return a == b or (math.isnan(a) and math.isnan(b))
 
 
 GROUPS = {

@@ -61,7 +61,7 @@ def axis_simulator(
         )
         start = float(record.column("q")[0]), float(v[0])
         trajectory = Trajectory(reference, len(r), *start, rotary=rotary, injected=record.injected)
-        plant, fmus = AxisPlant(contact.name, own, given["M"]), {"friction": contact.path}
+        plant, fmus = AxisPlant(contact.block, own, given["M"]), {"friction": contact.path}
         with closed_loop(feedback, plant, trajectory, fmus=fmus, longest=step) as system:
 
             def simulate(parameters: Mapping[str, float]) -> dict[str, Array]:

@@ -7,6 +7,8 @@
 
 #include "span.h"
 
+#include <float.h>
+
 #define NOISY 10.0 /* largest residual of a solution, over the tolerance, if no iteration reaches the tolerance */
 
 /* inverse += (s - inverse y) s' inverse / (s' inverse y), Broyden 1965, for the step s that changed r by y. */
@@ -144,6 +146,8 @@ static double inside(Bracket *b, double w, double r, double candidate, int64_t t
     return slow || !(candidate > low && candidate < high) ? 0.5 * (low + high) : candidate;
 }
 
+#define UNCERTAIN 0.01 /* largest remaining correction of a solution over its size: r may also decay without a zero */
+
 static int iterate(Engine *e, Newton *newton, const Group *g, int64_t number, const Span *s, bool again)
 {
     const int64_t n = g->unknowns, most = newton->most_unknowns;
@@ -152,6 +156,7 @@ static int iterate(Engine *e, Newton *newton, const Group *g, int64_t number, co
     double *const w0 = newton->work, *const r0 = w0 + most, *const step = r0 + most, *const change = step + most;
     Bracket bracket = {{0.0, 0.0}, INFINITY, {false, false}, 0.0, 0.0, 0.0, {0.0, 0.0}, 0.0};
     double norm = 0.0;
+    const double inverse_before = inverse[0];
 
     newton->jumped = false;
     for (int64_t j = 0; j < n; j++) /* warm start */
@@ -206,6 +211,13 @@ static int iterate(Engine *e, Newton *newton, const Group *g, int64_t number, co
         }
         if (status == SOLVED && !(n == 1 && step[0] * change[0] >= 0.0))
             update_inverse(inverse, n, step, change, newton->work + 4 * most);
+    }
+    if (n == 1 && status == SOLVED && !newton->jumped &&
+        fabs(inverse[0]) * (fabs(r[0]) + DBL_EPSILON * fabs(w[0])) >
+            UNCERTAIN * fmax(newton->scale[g->unknown], fabs(w[0]))) {
+        inverse[0] = inverse_before;
+        newton->worst_residual = norm;
+        return NOT_CONVERGED;
     }
     return status;
 }

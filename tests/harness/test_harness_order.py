@@ -51,16 +51,21 @@ def test_source_comes_before_what_reads_it_directly() -> None:
     assert order(parts, ["sine.v -> friction.v", "friction.F -> mass.u"]) == ["mass", "sine", "friction"]
 
 
-def test_ring_of_parts_that_is_no_loop_of_variables_begins_at_the_state() -> None:
-    body = CallablePart(
+def accelerated(v: float) -> CallablePart:
+    """A mass of 1 kg with its velocity, and its acceleration, which depends directly on the force."""
+    return CallablePart(
         "body",
         lambda t, u, x: [x[0], u[0]],
         ["F"],
         ["v", "a"],
         advance=lambda t, h, u, x: x + h * u[0],
-        state=[1.0],
+        state=[v],
         dependencies={"v": (), "a": ("F",)},
     )
+
+
+def test_ring_of_parts_that_is_no_loop_of_variables_begins_at_the_state() -> None:
+    body = accelerated(1.0)
     parts = [memoryless("display", ["a"], ["y"]), memoryless("friction", ["v"], ["F"]), body]
     wires = ["body.v -> friction.v", "friction.F -> body.F", "body.a -> display.a"]
     assert order(parts, wires)[0] == "body"
@@ -192,15 +197,7 @@ def test_rate_must_be_positive() -> None:
 
 
 def test_a_held_force_acts_from_its_sample_on_even_if_an_output_depends_on_it_directly() -> None:
-    body = CallablePart(
-        "body",
-        lambda t, u, x: [x[0], u[0]],
-        ["F"],
-        ["v", "a"],
-        advance=lambda t, h, u, x: x + h * u[0],
-        state=[0.0],
-        dependencies={"v": (), "a": ("F",)},
-    )
+    body = accelerated(0.0)
     scale = CallablePart("scale", lambda t, u, x: [2.0 * u[0]], ["a"], ["F"])
     force = SeriesPart("force", [0.0, 1.0, 2.0, 3.0], {"F": [1.0, 10.0, 0.0, 0.0]}, interpolation="previous")
     system = System([body, scale, force], ["force.F -> body.F", "body.a -> scale.a"])

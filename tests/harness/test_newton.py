@@ -224,6 +224,8 @@ def test_a_part_with_noisy_outputs_is_solved_to_ten_times_the_tolerance() -> Non
         pytest.param(lambda w, c: c - 1.0 + math.sqrt(1.0 - w) if w <= 1.0 else math.nan, 0.1, id="edge of the domain"),
         pytest.param(lambda w, c: w - 0.7 + 1.0 / (w - 0.7) if c > 0.0 else -w, 1.0, id="pole"),
         pytest.param(lambda w, c: 1.0 / (0.7 - w) if c > 0.0 else -w, 1e3, id="simple pole"),
+        pytest.param(lambda w, c: 1.0 / (w - 0.7) if c > 0.0 else -w, 0.0, id="decay away from a pole"),
+        pytest.param(lambda w, c: math.exp(-abs(w)) if c > 0.0 else -w, 0.0, id="decay"),
     ],
 )
 def test_where_a_residual_is_no_number_or_has_a_pole_is_no_solution(
@@ -231,7 +233,8 @@ def test_where_a_residual_is_no_number_or_has_a_pole_is_no_solution(
 ) -> None:
     """w = 0 solves the loop at t = 0. From the first step on, the least residual is 0.1, or 2 beside a pole.
 
-    A simple pole has small residuals far from it, but is between those of opposite sign.
+    A simple pole has small residuals far from it, but is between those of opposite sign. A residual that only decays
+    is below any tolerance somewhere, where Newton's method still moves on by a part of the value.
     """
     steep = CallablePart("steep", lambda t, u, x: u[0] + residual(u[0], 1.1 if t > 0.0 else 0.0), ["u"], ["y"])
     back = CallablePart("back", lambda t, u, x: u[0], ["u"], ["y"])

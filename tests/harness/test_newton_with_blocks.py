@@ -56,6 +56,34 @@ def test_rigid_models_stick_and_break_away(build_fmu: BuildFmu, name: str, maste
     assert result["mass.v"].values.max() < 1.0
 
 
+LOOPS = {
+    "a": ("Stiction", {"k": 20.0, "v_support": 0.1}),
+    "b": ("LuGre", {"k": 50.0, "v_support": 0.2}),
+    "c": ("Stiction", {"k": 35.0, "v_support": -0.2, "m": 0.7}),
+}
+
+
+@pytest.mark.parametrize("master", ["newton", "adaptive"])
+def test_loops_beside_each_other_move_as_each_alone(build_fmu: BuildFmu, master: str) -> None:
+    def run(*names: str) -> Result:
+        parts, wires, start = [], [], {}
+        for i in names:
+            friction, values = LOOPS[i]
+            parts += [FmuPart(f"mass_{i}", build_fmu("Mass")), FmuPart(f"friction_{i}", build_fmu(friction))]
+            wires += [f"mass_{i}.v -> friction_{i}.v", f"friction_{i}.F -> mass_{i}.F_friction"]
+            wires += [f"mass_{i}.F_ext -> friction_{i}.F_ext"] if friction == "Stiction" else []
+            start |= {f"mass_{i}.{name}": value for name, value in {"F_drive": 0.0, **values}.items()}
+        with System(parts, wires, start) as system:
+            return system.run(stop=1.0, step=2e-3, master=master, record=["*"])
+
+    together = run(*LOOPS)
+    for i in LOOPS:
+        alone = run(i)
+        assert len(alone.data_vars) >= 3
+        assert [name for name in alone.data_vars if not np.array_equal(alone[name], together[name])] == []
+    assert together["mass_a.v"].values[-1] != 0.0
+
+
 @pytest.mark.parametrize("master", ["newton", "adaptive"])
 def test_a_force_that_jumps_at_samples_moves_a_sliding_mass_exactly(build_fmu: BuildFmu, master: str) -> None:
     """1 kg on Coulomb friction of 1 N, driven by a force held for 10 ms; it moves with piecewise constant acceleration.

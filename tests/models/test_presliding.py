@@ -641,7 +641,7 @@ def test_bristles_on_random_ramps(
 
 
 def test_the_elastic_range_ends_where_the_level_passes_it(plastic: Library) -> None:
-    """Braking raises z_max = S/sigma0; up to z_ba, z is at that limit, from there on the law holds with z below it."""
+    """Braking raises z_max = S/sigma0; up to z_ba, z is at that limit; above, the law holds with z below it."""
     v, passed, end, slope = 1.37e-3, 1.18e-3, 1.05e-3, -0.1
     p = {**P95, "z_ba": steady(passed, P95) / P95["sigma0"]}
     expected = followed(p["z_ba"], passed, slope, (end - passed) / slope, p)

@@ -18,7 +18,7 @@ FOLDERS = [
 HEADERS = {path.name: path for folder in FOLDERS for path in sorted(folder.glob("*.h"))}
 BLOCKS = sorted(path for folder in FOLDERS for path in folder.glob("*.c") if folder.name not in ("fmu_src", "wasm"))
 SHELLS = {"composite.h", "composite_parts.h", "fmi3.h", "fmi3_values.h"}
-"""The generated file of a composite or of an FMU of FMI 3.0 defines tables before them; every build compiles them."""
+"""The generated file of a composite or of an FMI 3.0 FMU defines tables before them; every build compiles them."""
 
 
 def compiles(text: str, folder: Path) -> str:

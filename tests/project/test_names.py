@@ -11,7 +11,7 @@ FILES = sorted(path for package in ("friction_fmus", "harness") for path in (ROO
 
 FILE_NAMES = {
     "errors.py": "the exceptions of each package",
-    "fmi2.py": "an FMU of FMI 2.0 as a part, and as an export target, which has this name in commands",
+    "fmi2.py": "an FMI 2.0 FMU as a part, and as an export target, which has this name in commands",
     "output_error.py": "the method of identification of this name, and the fit that it calls",
     "run.py": "the command of this name, and what it calls",
     "study.py": "the command of this name, and what it calls",

@@ -35,7 +35,7 @@ def facade(two: Path, folder: Path, platform: str = "linux64", *, full: bool = F
     platform : str
         The platform of the library.
     full : bool
-        Whether the FMU of FMI 3.0 has arrays and clocks.
+        Whether the FMI 3.0 FMU has arrays and clocks.
     """
     path = folder / f"{two.stem}-facade-{platform}.fmu"
     if path.exists():
@@ -60,7 +60,7 @@ def in_either(name: str, folder: str | Path) -> Path:
 
 
 def library_of(archive: zipfile.ZipFile, platform: str) -> bytes:
-    """The sources of an FMU of FMI 3.0, compiled with the facade; from the cache if they were compiled before."""
+    """The sources of an FMI 3.0 FMU, compiled with the facade; from the cache if they were compiled before."""
     sources = {name: archive.read(name) for name in archive.namelist() if name.startswith("sources/")}
     sources[f"sources/{FACADE.name}"] = FACADE.read_bytes()
     build = etree.fromstring(sources["sources/buildDescription.xml"])

@@ -72,6 +72,10 @@ EQUIVALENT = {
     " double viscous = asymmetric && v <= 0.0 ? sigma2_neg : sigma2;": (
         "at v = 0, viscous friction is 0 for all coefficients"
     ),
+    "fmu_src/friction/PrandtlTomlinson.c: const double shift = floor(y[0] / a + 0.5) * a, from = X - shift;  "
+    "->  const double shift = floor(y[0] * a + 0.5) * a, from = X - shift;": (
+        "whole periods, too; the rounding that they save is below that of x"
+    ),
     "fmu_src/friction/PrandtlTomlinson.c: if (!noise->drawn || noise->left <= slack) {  ->  if (!noise->drawn"
     " || noise->left < slack) {": ("a rest of exactly a millionth of the interval"),
     "fmu_src/friction/ResetIntegrator.c: if (dx > 0.0 && z < z0)  ->  if (dx > 0.0 && z <= z0)": (
@@ -85,9 +89,18 @@ EQUIVALENT = {
         "no force exceeds static friction in both directions, and at the end of the step the phase follows from "
         "the states"
     ),
-    "fmu_src/friction/motion.h: const bool stops = v * slope < 0.0 && fabs(v + slope * h) <= 4.0 * "
-    "DBL_EPSILON * fabs(v);  ->  const bool stops = v / slope < 0.0 && fabs(v + slope * h) <= 4.0 * "
-    "DBL_EPSILON * fabs(v);": ("the sign is the same, and without a slope the second condition fails"),
+    "fmu_src/friction/transition.h: const bool stops = v * slope < 0.0 && fabs(v + slope * h) <= 4.0 * DBL_EPSILON "
+    "* fabs(v);  ->  const bool stops = v / slope < 0.0 && fabs(v + slope * h) <= 4.0 * DBL_EPSILON * fabs(v);": (
+        "the sign is the same, and without a slope the second condition fails"
+    ),
+    "fmu_src/friction/chain.h: const double turns = floor(mean + 0.5);  ->  const double turns = floor(mean - 0.5);": (
+        "whole periods, too"
+    ),
+    "fmu_src/friction/modified_leuven.h: p.near = slope != 0.0 && (p.backwards ? -p.force : p.force) > 0.999 "
+    "* nearness * piece_level(&p, s);  ->  p.near = slope != 1.0 && (p.backwards ? -p.force : p.force) > "
+    "0.999 * nearness * piece_level(&p, s);": (
+        "at constant velocity, the place to which the force is drawn does not move"
+    ),
     "fmu_src/friction/transition.h: static inline double flat_until(double n) { return n < 8.0 ? 0.0 : "
     "exp(-36.0 / n); }  ->  static inline double flat_until(double n) { return n < (1.05 * 8.0) ? 0.0 : "
     "exp(-36.0 / n); }": ("where the parts of a step end; |r|^n is below rounding there"),

@@ -145,7 +145,8 @@ def broken_links(pages: dict[Path, html.HtmlElement]) -> list[str]:
                 continue
             goal = (path.parent / unquote(parts.path)).resolve() if parts.path else path
             goal = goal / "index.html" if goal.is_dir() else goal
-            found = not parts.fragment or goal not in anchors or unquote(parts.fragment) in anchors[goal]
+            is_state = goal.name == "lab.html" and parts.fragment.startswith("view=")
+            found = not parts.fragment or is_state or goal not in anchors or unquote(parts.fragment) in anchors[goal]
             if not (goal.is_file() and found):
                 broken.append(f"{path.name}: {target}")
     return broken

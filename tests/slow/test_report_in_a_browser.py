@@ -135,6 +135,19 @@ def test_legend_and_zoom_work_by_key(browser: Browser, report: Path) -> None:
         assert watched.messages == []
 
 
+def test_texts_of_the_user_run_no_code(browser: Browser, panel: WhatIf, tmp_path: Path) -> None:
+    text = '</script><img src=x onerror="window.ran = 1"><a href="javascript:window.ran = 1">\u202e\x1b${"'
+    study = made_up_study()
+    record = tuple(replace(each, y_label=text, models={text: each.models["LuGre"]}) for each in study.record)
+    named = replace(study, name=text, command=text, citation=text, overview={text: text}, record=record)
+    write_report(named, tmp_path / "report.html", panel)
+    with opened(browser, tmp_path / "report.html", "desktop") as watched:
+        found = "[window.ran ?? 0, document.querySelectorAll('[onerror], a[href^=javascript]').length]"
+        assert watched.page.evaluate(found) == [0, 0]
+        assert "</script><img" in watched.page.locator("h1").inner_text()
+        assert watched.messages == []
+
+
 @nightly
 def test_a_curve_in_two_panels_has_one_entry_in_the_legend(browser: Browser, report: Path) -> None:
     with opened(browser, report, "desktop") as watched:

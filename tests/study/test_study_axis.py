@@ -50,6 +50,38 @@ def run(bench: AxisBench, compensator: Compensator | None, tried: tuple[Case, ..
     return evaluate(bench, [Scheme(bench.servo, compensator=compensator)], tried)
 
 
+OWN = """
+#define MODEL   Own
+#define SUMMARY "friction whose sigma0 is a number and whose stiffness is c"
+#define VARIABLES                                                      \\
+    INPUT    (v,      VELOCITY, 0.0,         "sliding velocity")       \\
+    OUTPUT   (F,      FORCE,                 "friction force")         \\
+    PARAMETER(sigma0, NO_UNIT, 1e9, 0.0, INF, "a number")              \\
+    PARAMETER(c,      STIFFNESS, 7.0, 0.0, INF, "stiffness")
+#define CONTACT STIFFNESS(2 * c)
+#include "block.h"
+static void equations(Model *m) { m->F = m->v; }
+"""
+
+
+@pytest.mark.parametrize(
+    ("friction", "values", "stiffness"),
+    [
+        ("GMS", {"k[1]": 2e4, "k[2]": 3e4, "sigma": 1e6}, 5e4),
+        ("Leuven", {"A": 4.0, "zc": 4e-5}, 1e5),
+        ("Stribeck", {"Fc": 1.0}, 0.0),
+        ("Own.c", {"sigma0": 1e9, "c": 7.0}, 14.0),
+    ],
+)
+def test_the_stiffness_of_an_axis_is_that_of_its_contact(
+    tmp_path: Path, friction: str, values: dict[str, float], stiffness: float
+) -> None:
+    """By its meaning in the file of the block: sigma is a damping in GMS, and sigma0 a number in another block."""
+    (tmp_path / "Own.c").write_text(OWN, encoding="utf-8")
+    block = str(tmp_path / friction) if friction.endswith(".c") else friction
+    assert AxisPlant(block, values, 1.0).stiffness == pytest.approx(stiffness, rel=1e-12)
+
+
 @nightly
 def test_an_axis_that_turns_is_the_same_axis(tmp_path: Path) -> None:
     known = AxisKnowledge(SERVO, PLANT, {"LuGre": LUGRE})

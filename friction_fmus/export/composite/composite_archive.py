@@ -46,7 +46,7 @@ from harness.system.graph import check_loops, make_plan, state_outputs, stepping
 from harness.system.initialisation import start_order
 from harness.values import is_number
 
-_HEADERS: Final = ("fmi2_modes.h", "fmi2_calls.h", "fmi2_hash.h", "fmi2_saved.h")
+_HEADERS: Final = ("fmi2_modes.h", "fmi2_calls.h", "fmi2_saved.h")
 
 
 def compose(

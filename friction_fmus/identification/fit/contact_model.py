@@ -73,6 +73,7 @@ class ContactModel:
     """Friction block with the properties needed for its identification."""
 
     name: str  # name of the block
+    block: str  # its name or file, as given
     path: Path  # FMU of the block
     parameters: Mapping[str, ModelParameter]  # all parameters, by name
     states: Mapping[str, str]  # units of the states, by name
@@ -200,6 +201,7 @@ def _read(model: str | Path, units: AxisUnits) -> ContactModel:
     friction, fits = block.about.in_loop.friction, block.about.identified.fits.values()
     return ContactModel(
         block.name,
+        str(model),
         path,
         parameters,
         states,

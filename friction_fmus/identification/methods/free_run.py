@@ -106,7 +106,7 @@ def _free(result: Identification, record: Record, longest: float = FINEST) -> Sy
     values = result.values()
     own = {name: value for name, value in values.items() if name in contact.parameters}
     table = None if result.position is None else result.position.table
-    plant = AxisPlant(contact.name, own, values["M"], values.get("OF", 0.0), table)
+    plant = AxisPlant(contact.block, own, values["M"], values.get("OF", 0.0), table)
     middle = 0.5 * (result.records[0].t[0] + result.records[-1].t[-1])
     rotary = record.units == ROTARY
     force, trend = record.with_total_force().column("force"), record.t - middle

@@ -1,4 +1,4 @@
-/* An FMU of FMI 3.0 as another tool would export it: variables of all types, arrays, a clock, events. Each output is
+/* An FMI 3.0 FMU as another tool would export it: variables of all types, arrays, a clock, events. Each output is
    its input plus one step after another; `fault` makes it misbehave. */
 
 #include <math.h>

@@ -221,7 +221,7 @@ def write_seeds(folder: Path) -> None:
 
 
 def _write_arrays(folder: Path) -> None:
-    """An FMU of FMI 3.0 whose arrays have another size: in an archive of SSP 2.0, and beside a system file."""
+    """An FMI 3.0 FMU whose arrays have another size: in an archive of SSP 2.0, and beside a system file."""
     place = folder / "fmu3"
     _system(place, ARRAYS)
     build("GMS", place, fmi=3).rename(place / "part.fmu")
