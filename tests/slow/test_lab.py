@@ -206,7 +206,7 @@ def test_copied_texts_run(browser: Browser, lab: Path, tmp_path: Path, monkeypat
         for name in ("Python", "TOML of LuGre"):
             page.select_option("#format", name)
             texts[name] = str(page.text_content(".exported pre"))
-        steady, miss, drift = (figures(show(page, "view", value=name)) for name in ("contact", "contact", "hold"))
+        steady, drift = (figures(show(page, "view", value=name)) for name in ("contact", "hold"))
         page.select_option("#format", "Python")
         texts["hold"] = str(page.text_content(".exported pre"))
         show(page, "view", value="contact")
@@ -225,8 +225,6 @@ def test_copied_texts_run(browser: Browser, lab: Path, tmp_path: Path, monkeypat
     assert (x[-1] - x[x.size - 1 - 2000]) / 10 == pytest.approx(drift[-1], rel=0.02)
     exec(texts["contact"], names)
     assert max(names["steady"]) == pytest.approx(steady[3], rel=0.02)
-    force = names["result"]  # at the turning point of the detour, and where the loop closes
-    assert abs(force[258] - force[258 + 2 * 48]) == pytest.approx(miss[-1], rel=0.02)
 
 
 RECORDS = {
