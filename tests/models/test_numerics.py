@@ -78,7 +78,9 @@ def test_quadrature_is_exact_for_polynomials() -> None:
 CODE = """
 #include "elimination.h"
 #include "linear_step.h"
+#include "oscillator.h"
 #include "splitmix.h"
+void swing(double *y, double omega2, double zeta, double a, double t) { ring(&y[0], &y[1], omega2, zeta, a, t); }
 uint64_t scrambled(uint64_t counter) { return scramble(counter * GOLDEN + 1234567); }
 bool solve(int n, double *a, double *b) { return solve_linear(n, a, b); }
 void advance(int n, const double *a, const double *b, const double *c, double *x, double h)
@@ -99,6 +101,7 @@ def numerics(tmp_path_factory: pytest.TempPathFactory) -> ctypes.CDLL:
     numbers = np.ctypeslib.ndpointer(float, flags="C")
     loaded.scrambled.restype = ctypes.c_uint64
     loaded.scrambled.argtypes = (ctypes.c_uint64,)
+    loaded.swing.argtypes = (numbers, *[ctypes.c_double] * 4)
     loaded.solve.restype = ctypes.c_bool
     loaded.solve.argtypes = (ctypes.c_int, numbers, numbers)
     loaded.advance.argtypes = (ctypes.c_int, *[numbers] * 4, ctypes.c_double)
@@ -134,3 +137,13 @@ def test_linear_systems_are_solved_with_exchanged_rows(numerics: ctypes.CDLL) ->
 def test_random_bits_are_those_of_splitmix64(numerics: ctypes.CDLL) -> None:
     """The first three numbers that its authors' program gives for the seed 1234567."""
     assert [numerics.scrambled(k) for k in (1, 2, 3)] == [6457827717110365317, 3203168211198807973, 9817491932198370423]
+
+
+@pytest.mark.parametrize("zeta", [0.0, 0.2, 1.0, 3.0])
+def test_an_oscillator_on_an_accelerated_base_moves_by_its_exponential(numerics: ctypes.CDLL, zeta: float) -> None:
+    omega, a, t = 30.0, -2.0, 0.04
+    found = np.array([1e-3, 0.05])
+    rates = np.array([[0.0, 1.0, 0.0], [-(omega**2), -2.0 * zeta * omega, a], [0.0, 0.0, 0.0]])
+    expected = (expm(rates * t) @ [*found, 1.0])[:2]
+    numerics.swing(found, omega**2, zeta, a, t)
+    np.testing.assert_allclose(found, expected, rtol=1e-11)
