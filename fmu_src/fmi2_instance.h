@@ -94,7 +94,8 @@ static double to_next_sample(const Model *m) { return m->run.exchange ? next_sam
 /* Return the rounding of a time in which a sample is still due. */
 static double sample_slack(const Model *m)
 {
-    return fmin(1e-6 * m->Ts + time_rounding(m->time, m->run.start), 0.25 * m->Ts);
+    const double slack = 1e-6 * m->Ts + time_rounding(m->time, m->run.start), most = 0.25 * m->Ts;
+    return slack < most ? slack : most; /* without the treatment of NaN by fmin */
 }
 
 /* Follow the time of the importer if its steps do not add up to it. */
@@ -154,7 +155,12 @@ static bool results_finite(const Model *m)
 }
 
 /* Everything that a step may change is copied to the backup and, if the step fails, back. */
-enum { VARYING = offsetof(Model, time), VARYING_SIZE = offsetof(Model, run) + offsetof(Run, start) - VARYING };
+#ifdef SAMPLED
+#define KEPT_BEFORE start
+#else
+#define KEPT_BEFORE rest /* the time to the next sample, which there is not */
+#endif
+enum { VARYING = offsetof(Model, time), VARYING_SIZE = offsetof(Model, run) + offsetof(Run, KEPT_BEFORE) - VARYING };
 
 static void keep(Instance *c)
 {
