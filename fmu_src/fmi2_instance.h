@@ -94,8 +94,7 @@ static double to_next_sample(const Model *m) { return m->run.exchange ? next_sam
 /* Return the rounding of a time in which a sample is still due. */
 static double sample_slack(const Model *m)
 {
-    const double slack = 1e-6 * m->Ts + time_rounding(m->time, m->run.start), most = 0.25 * m->Ts;
-    return slack < most ? slack : most; /* without the treatment of NaN by fmin */
+    return fmin(1e-6 * m->Ts + time_rounding(m->time, m->run.start), 0.25 * m->Ts);
 }
 
 /* Follow the time of the importer if its steps do not add up to it. */
