@@ -119,8 +119,6 @@ enum type { TYPE_REAL, TYPE_INTEGER, TYPE_BOOLEAN };
 typedef struct {
     double inner_step;             /* [s] last accepted step of the inner solver, initially 0 */
     double last_step;              /* [s] last communication step */
-    double rest;                   /* [s] in co-simulation: time to the next sample, counted by the lengths of steps */
-    double drift;                  /* [s] bound of the rounding in the times of an importer that sums its steps */
     int64_t tick;                  /* number of samples taken by a sampled block */
     int mode;                      /* mode of the call-sequence table */
     int exchange;                  /* 1: for model exchange, 0: for co-simulation */
@@ -130,8 +128,10 @@ typedef struct {
     bool warning, warned;          /* the block's WARNING is due; it has been logged */
     bool too_much;                 /* the failed step would exceed the limit of work */
     bool frozen;                   /* in model exchange: what the block decides at events is in `memory` */
-    double start, stop, tolerance; /* [s], [s], relative; stop = INF and tolerance = 0 if not given. They are
-                                      last, as no step changes them                                */
+    double rest;                   /* [s] in co-simulation: time to the next sample, counted by the lengths of steps;
+                                      what follows is last, as no step changes it before it has succeeded */
+    double start, stop, tolerance; /* [s], [s], relative; stop = INF and tolerance = 0 if not given */
+    double drift;                  /* [s] bound of the rounding in the times of an importer that sums its steps */
 } Run;
 
 #ifdef MEMORY

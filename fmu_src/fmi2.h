@@ -199,9 +199,9 @@ static bool advance(Model *m, double t, double h)
         return false;
     const Model begin = *m;
     for (const double last = h - sample_slack(m); m->run.rest < last; m->run.rest += m->Ts) {
+        const double passed = m->run.rest > 0.0 ? m->run.rest : 0.0;
         for (int i = 0; i < INPUTS; i++)
-            *value_of(m, inputs[i]) =
-                ((const double *)(const void *)&begin)[inputs[i]] + begin.slope[i] * fmax(m->run.rest, 0.0);
+            *value_of(m, inputs[i]) = ((const double *)(const void *)&begin)[inputs[i]] + begin.slope[i] * passed;
         m->time = next_sample(m);
         take_sample(m);
         m->run.tick++;
@@ -298,7 +298,6 @@ fmi2Status fmi2DoStep(fmi2Component component, fmi2Real t, fmi2Real h, fmi2Boole
         memset(m->slope, 0, sizeof m->slope);
     const bool done = advance(m, t, h);
     m->time = t + h;
-    m->run.drift += DBL_EPSILON * fabs(m->time);
     if (!done || !results_finite(m)) {
         const char *const undone =
             m->run.too_much ? "exceeds the limit of work in one communication step; use shorter steps" : UNDONE;
@@ -311,6 +310,7 @@ fmi2Status fmi2DoStep(fmi2Component component, fmi2Real t, fmi2Real h, fmi2Boole
     m->run.stale = false;
     m->run.slopes_used = true;
     m->run.last_step = h;
+    m->run.drift += DBL_EPSILON * fabs(m->time);
     return warned(c, t);
 }
 

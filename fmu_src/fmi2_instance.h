@@ -154,7 +154,12 @@ static bool results_finite(const Model *m)
 }
 
 /* Everything that a step may change is copied to the backup and, if the step fails, back. */
-enum { VARYING = offsetof(Model, time), VARYING_SIZE = offsetof(Model, run) + offsetof(Run, start) - VARYING };
+#ifdef SAMPLED
+#define KEPT_BEFORE start
+#else
+#define KEPT_BEFORE rest /* the time to the next sample, which there is not */
+#endif
+enum { VARYING = offsetof(Model, time), VARYING_SIZE = offsetof(Model, run) + offsetof(Run, KEPT_BEFORE) - VARYING };
 
 static void keep(Instance *c)
 {

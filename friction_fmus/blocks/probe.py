@@ -206,8 +206,7 @@ class _Probe:
             if not trials:
                 continue
             changed, poison = np.array([known for known, _ in trials]), np.array([each for _, each in trials])
-            # the last row of each point is without a change
-            table = np.repeat(values[:, np.newaxis], len(trials) + 1, axis=1)
+            table = np.repeat(values[:, np.newaxis], len(trials) + 1, axis=1)  # the last row of a point is unchanged
             table[:, np.arange(len(trials)), places[changed]] = np.where(np.isinf(poison), moved[:, changed], poison)
             for row in range(table.ctypes.data, table.ctypes.data + table.nbytes, table.strides[1]):
                 self._evaluate(row, initial)
