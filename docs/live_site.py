@@ -221,10 +221,10 @@ def split_notes(block: Block) -> tuple[list[Paragraph], list[Paragraph]]:
 def use(block: Block) -> list[str]:
     """Return how to use a block on the command line, in Python and in the lab."""
     address = f"../lab.html#view=contact&amp;models={block.name}"  # of no heading, as MkDocs would expect
-    lab = f'<a href="{address}">Move its parameters in the lab</a>. ' if block.name in models() else ""
+    lab = [f'<a href="{address}">Move its parameters in the lab</a>', ""] if block.name in models() else []
     code = [f"$ friction-fmus codegen {block.name} -o c"] if block.is_law else []
     return [
-        *("## Use it", "", f"{lab}`friction-fmus show {block.name}` lists its variables on the command line.", ""),
+        *("## Use it", "", *lab, f"`friction-fmus show {block.name}` lists its variables on the command line.", ""),
         *("```console", f"$ friction-fmus build {block.name} -o fmus", *code, "```", ""),
         *("```python", "from friction_fmus import fmu", f'path = fmu("{block.name}")', "```", ""),
         "The FMU runs in Simulink, Dymola, OpenModelica, OMSimulator and FMPy: see [first FMU](../first-fmu.md).",
