@@ -122,7 +122,7 @@ def test_show_says_when_to_use_a_model_and_what_it_cannot_do(
     assert max(map(len, lines)) <= width
     for lead in (
         "Use it     as a first model",
-        "Limits     a jump of v causes a jump of F",
+        "Limits     if v jumps, F jumps by sigma1",
         "Features   presliding: ",
         "Source     Canudas",
     ):

@@ -47,7 +47,7 @@ def test_the_rows_before_the_failure_are_written(
     message = f"part 'spindle' failed in fmi2DoStep at t = 0.5 s: it returned {label} and logged 'bearing seized'"
     assert captured.out == ""
     assert captured.err.splitlines()[-1] == (
-        f"friction-fmus: {message}; the incomplete result is in {path}, 3 rows of 4 variables"
+        f"friction-fmus: {message}; the incomplete result is in {path}, 4 variables, 3 time points (0 to 0.5 s)"
     )
     result = load_result(path)
     np.testing.assert_array_equal(result["time"], [0.0, 0.25, 0.5])

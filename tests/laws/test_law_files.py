@@ -51,7 +51,7 @@ def test_a_file_outside_the_package(tmp_path):
 def test_a_users_file_is_a_model(tmp_path):
     (tmp_path / "p.py").write_text(GOOD, encoding="utf-8")
     block = find(tmp_path / "p.py")
-    assert (block.name, block.kind) == ("P", "law")
+    assert (block.name, block.kind) == ("P", "compensator")
     assert "#define SAMPLED" in block.code
 
 

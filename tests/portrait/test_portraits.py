@@ -183,5 +183,5 @@ def test_icons_name_their_axes_by_letters() -> None:
 def test_nothing_to_draw_leaves_the_frame() -> None:
     x = np.zeros(3)
     flat = Panel((Curve(x, x),), ("time", "s"), ("a", ""), "Nothing happens.")
-    empty, drawn = icon("A", "law", ()), icon("A", "law", (flat,))
+    empty, drawn = icon("A", "compensator", ()), icon("A", "compensator", (flat,))
     assert empty.png.startswith(b"\x89PNG") and len(drawn.svg) > len(empty.svg)

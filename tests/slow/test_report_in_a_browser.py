@@ -295,7 +295,7 @@ def test_the_panel_of_a_rotary_axis_has_its_words_and_units(browser: Browser, tm
     with opened(browser, tmp_path / "report.html", "phone") as watched:
         page, box = watched.page, watched.page.locator("#what-if")
         names = box.locator(".slider b").all_inner_texts()
-        assert names == ["friction", "inertia", "delay", "loop gain", "encoder step"]
+        assert names == ["friction", "inertia", "delay", "controller gains", "encoder step"]
         units = dict(zip(names, box.locator(".slider .unit").all_inner_texts(), strict=True))
         assert (units["inertia"], units["encoder step"]) == ("kg·m²", "µrad")
         assert linear_words(box.inner_text()) == []
@@ -358,7 +358,7 @@ def test_with_reduced_motion_nothing_moves_by_itself(browser: Browser, report: P
 def test_an_unstable_loop_is_called_unstable(browser: Browser, report: Path) -> None:
     with opened(browser, report, "desktop") as watched:
         page = watched.page
-        for name, value in (("delay", "7"), ("loop gain", "3"), ("mass", "0.25")):
+        for name, value in (("delay", "7"), ("controller gains", "3"), ("mass", "0.25")):
             page.locator("#what-if .slider", has=page.get_by_text(name, exact=True)).get_by_role("spinbutton").fill(
                 value
             )
@@ -376,7 +376,7 @@ def test_without_scripts_there_is_a_picture_and_a_sentence(browser: Browser, rep
     assert picture.is_visible()
     assert inked(Image.open(io.BytesIO(picture.screenshot()))) > 0.005
     assert (
-        "sliders change friction, mass, delay, loop gain and encoder step"
+        "sliders change friction, mass, delay, controller gains and encoder step"
         in page.locator(".what-if-picture").inner_text()
     )
     assert not page.locator("#what-if").is_visible()

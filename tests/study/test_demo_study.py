@@ -168,7 +168,13 @@ def test_the_report_contains_the_axis_twice(study: Study) -> None:
     (data,) = re.findall(r'<script type="application/json" id="what-if-data">(.*?)</script>', page, re.DOTALL)
     content = json.loads(data)
     assert [run["label"] for run in content["runs"]] == ["recommended", "no compensation"]
-    assert [knob["name"] for knob in content["knobs"]] == ["friction", "mass", "delay", "loop gain", "encoder step"]
+    assert [knob["name"] for knob in content["knobs"]] == [
+        "friction",
+        "mass",
+        "delay",
+        "controller gains",
+        "encoder step",
+    ]
     (mass,) = (each.value for each in study.result.model("LuGre").parameters if each.name == "M")
     assert content["knobs"][1]["start"] == pytest.approx(mass, rel=1e-4)
     for run in content["runs"]:

@@ -101,11 +101,11 @@ def test_every_section_has_its_content(text: str) -> None:
     for phrase in (
         "LuGreFeedforward makes the tracking error 2.9 times smaller",
         "3.40 % force residual on validation data",
-        "12.0 µm → 4.20 µm rms, at most 5.46 µm in the cases that count",
+        "12.0 µm → 4.20 µm rms, at most 5.46 µm when friction, mass, delay, encoder and load vary",
         "Switch on the feedforward of velocity.",
         "(2 more samples)",
         "95.11 ± 0.10",
-        "does not reproduce the recorded drive force",
+        "% allowed): they do not match.",
         "wrong-gains it fits kp = 40 instead of kp = 30. Set kp = 40 in [servo].",
         "40.00 ± 0.20",
         "(1.234 ± 0.045)·10⁶",

@@ -61,7 +61,7 @@ def test_the_loop_gain_scales_the_feedback(tmp_path: Path) -> None:
         bench, scheme = bench_of(tmp_path, servo), Scheme(servo)
         with PartPool() as pool:
             system = variable_system(bench, scheme, pool)
-            (gain,) = (knob for knob in knobs_of(bench, [scheme], [system]) if knob.name == "loop gain")
+            (gain,) = (knob for knob in knobs_of(bench, [scheme], [system]) if knob.name == "controller gains")
         scaled = {**servo.gains, **{name.removeprefix("servo."): 2.0 * v for name, v in gain.settings[0].items()}}
         np.testing.assert_allclose(replace(servo, gains=scaled).pid, 2.0 * np.array(servo.pid), rtol=1e-15)
 
