@@ -23,6 +23,8 @@ COMMANDS: dict[str, tuple[list[object], set[int], set[str]]] = {
     "list": ([], {0}, set()),
     "show": (["LuGre"], {0}, set()),
     "cite": (["LuGre"], {0}, set()),
+    "help": (["run"], {0}, set()),
+    "completion": ([], {0}, set()),
     "build": (["Viscous", "--platform", "darwin64", "-o", "out"], {0}, {"out"}),
     "check": (["Viscous.fmu"], {0}, set()),
     "doctor": ([STICK_SLIP], {0, 1}, set()),

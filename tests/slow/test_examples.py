@@ -149,7 +149,7 @@ def test_page_has_these_scripts_and_no_others(page: ModuleType) -> None:
 def test_every_figure_belongs_to_a_page() -> None:
     shown = sorted(path.stem for path in (ROOT / "docs" / "figures").glob("*"))
     pages = "".join(path.read_text("utf-8") for path in (ROOT / "docs").glob("*.md"))
-    assert shown == sorted(set(re.findall(r"\]\(figures/(\w+)\.\w+\)", pages)))
+    assert shown == sorted(set(re.findall(r"\bfigures/([\w-]+)\.(?!csv)\w+", pages)))
     assert set(shown) >= {name for names in SCRIPTS.values() for name in names}
 
 
