@@ -42,6 +42,11 @@ class DataTable:
     notes: Mapping[str, RecordFinding] = field(
         default_factory=dict
     )  # problems that concern one column only, by heading
+    format: str = ""  # what was read, in one line, such as ``12000 rows, UTF-16, semicolons, preamble of 11 lines``
+    preamble: Mapping[str, str] = field(default_factory=dict)  # keys and values above the table, such as scale factors
+    period: float = 0.0  # sample time that the file states beside its columns [s]; 0 if there is none
+    start: str = ""  # date and time of the first row (ISO 8601); empty if unknown
+    clocks: tuple[str, ...] = ()  # headings of columns that are times for certain, such as dates, in s from the first
 
     def place(self, row: int) -> str:
         """Return the location of a row in the file, for messages."""
