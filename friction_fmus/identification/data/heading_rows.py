@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from typing import Final
 
 from friction_fmus.identification.data.cells import is_moment, numeric
-from friction_fmus.identification.data.column_headings import meaning_of
+from friction_fmus.identification.data.column_headings import LONGEST, meaning_of
 from friction_fmus.identification.data.record import unit_of
 
 _HEADING = re.compile(r"(?P<name>.*?)\s*[\[(](?P<unit>[^\[\]()]*(\([^()]*\))?[^\[\]()]*)[\])]\s*")
@@ -60,7 +60,7 @@ class Headings:
 def split_unit(heading: str) -> tuple[str, str]:
     """Return name and unit of a heading such as ``x [mm]`` or ``x (mm)``; the unit may be empty."""
     heading = heading.strip().strip('"').strip()
-    match = _HEADING.fullmatch(heading)
+    match = _HEADING.fullmatch(heading) if len(heading) <= LONGEST else None
     if not match or not match["name"] or match["unit"].isdigit():  # q[0]
         return heading, ""
     return match["name"].removesuffix("/").rstrip(), match["unit"].strip(" -")
@@ -173,13 +173,15 @@ def _fitted(row: Sequence[str], width: int) -> list[str] | None:
 
 def _kind(row: Sequence[str]) -> str:
     filled = [cell for cell in row if cell]
+    if filled[0].endswith((":", "=")):
+        return "settings"
     if sum(map(is_unit, filled)) >= max(1, len(filled) - (len(filled) > 3)) and all(len(each) < 25 for each in filled):
         return "units"
     if all(map(_TYPES.fullmatch, filled)):
         return "types"
     if all(map(_INDEX.fullmatch, filled)) and any(any(c.isdigit() for c in cell) for cell in filled):
         return "indices"
-    if any(numeric(cell) or is_moment(cell) for cell in filled) or filled[0].endswith((":", "=")):
+    if any(numeric(cell) or is_moment(cell) for cell in filled):
         return "settings"
     return "names"
 
