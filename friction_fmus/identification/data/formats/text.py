@@ -89,14 +89,16 @@ def find_layout(path: Path, lines: Sequence[str], comments: tuple[str, ...]) -> 
     keys = comments[len(COMMENTS) :]  # of a format that has no headings among them
     cells = [_heading_cells(line, separator, width) for line in above]
     cells = [[f"{row[0]}:", *row[1:]] if row and row[0].startswith(keys) else row for row in cells]
-    heading = headings(cells, width)
+    if [row[0] for row in whole[:3]] == ["1", "2", "3"]:  # numbers of rows, which R gives no heading
+        cells = [["", *row] if len(row) == width - 1 else row for row in cells]
+    loose, repeated = not any(row[-1] for row in whole), frozenset(line.strip() for line in lines[:first])
+    heading = headings(cells, width, loose)
     if not heading.named and heading.mismatch and separator == "," and width == 2 * int(heading.mismatch.split()[0]):
         raise RecordError(
             f"The heading of {path} has {heading.mismatch}, but the numbers below have {width} columns; if the commas "
             "are decimal points, use semicolons between the columns."
         )
     valued = tuple(j for j in range(width) if 2 * sum(cell.is_value(row[j]) for row in whole) > len(whole))
-    loose, repeated = not any(row[-1] for row in whole), frozenset(line.strip() for line in lines[:first])
     return Layout(separator, first, width, heading, comma, valued, loose, comments, repeated)
 
 
@@ -151,8 +153,6 @@ def _first_row(rows: Sequence[Sequence[str]]) -> int | None:
     last = len(rows) - 1
     starts = (i for i, row in enumerate(rows) if is_row(row) and is_row(rows[min(i + 1, last)]))
     first = next((i for i in starts if cell.is_value(rows[i][filled[0]])), None)
-    while first and is_row(rows[first - 1]) and not _is_count(rows[first - 1]):
-        first -= 1  # its first cell is a text, which is reported
     if first and first < last and _is_count(rows[first]) and cell.numeric(rows[first + 1][0]):
         first += float(rows[first + 1][0].replace(",", ".")) <= float(rows[first][0])
     return first
