@@ -182,7 +182,7 @@ def test_missing_cells_are_left_out_and_named(tmp_path: Path) -> None:
         ("a.mat", b"nothing of MATLAB" * 50, "cannot be read as a .mat file"),
         ("a.parquet", b"PAR1", "cannot be read as a .parquet file"),
         ("a.xlsx", b"", "is not a workbook of the format .xlsx; save it in this format, or as text"),
-        (
+        ("a.xls", b"\xd0\xcf\x11\xe0" * 99, "is not a workbook of the format .xlsx; save it in this format"),
             "a.xls",
             b"\xd0\xcf\x11\xe0" * 99,
             "is not a workbook of the format .xlsx; save it in this format, or as text",

@@ -14,7 +14,7 @@ from typing import IO, Any, Final
 import numpy as np
 
 from friction_fmus.errors import RecordError
-from friction_fmus.identification.data.columns import ColumnBuilder, made_table
+from friction_fmus.identification.data.column_builder import ColumnBuilder, made_table
 from friction_fmus.identification.data.heading_rows import headings
 from friction_fmus.identification.data.tables import DataTable, limit_size
 from harness.extras import missing

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from friction_fmus.errors import RecordError
 from friction_fmus.identification.data import cells as cell
 from friction_fmus.identification.data.cells import split_cells
-from friction_fmus.identification.data.columns import ColumnBuilder, made_table
+from friction_fmus.identification.data.column_builder import ColumnBuilder, made_table
 from friction_fmus.identification.data.heading_rows import Headings, headings
 from friction_fmus.identification.data.record import RecordFinding
 from friction_fmus.identification.data.tables import DataTable, limit_size
