@@ -26,7 +26,7 @@ MASSES: Final[Mapping[str, tuple[float, float]]] = {"m": (1e-6, 1e7), "rad": (1e
 
 FORBIDDING: Final = (
     *("wrong-sign", "negative-mass", "driving-friction", "implausible-mass", "missing-force"),
-    *("position-jumps", "position-clipped", "position-held"),
+    *("position-jumps", "position-clipped", "position-held", "force-clipped"),
 )
 """Findings after which identified parameters cannot be used."""
 
@@ -35,6 +35,10 @@ MISSING: Final = 0.15  # residual over the rms force above which another force a
 
 BESIDE: Final = 5
 """Number of decimated samples on either side of a reversal that are left out, and half of those at an end."""
+
+PILED: Final = 0.005  # fraction of samples at exactly the largest or smallest force that may be clipped
+BEYOND: Final = 0.05  # mean force that clipped samples lack over the rms force, above which they are clipped
+FREE: Final = 20  # smallest number of other samples from which mass and friction are fitted
 
 ITERATIONS: Final = 15  # iterations of the robust fit
 SIGNIFICANT: Final = 3.0  # number of standard errors by which a negative mass must differ from zero
@@ -130,14 +134,52 @@ def missing_force(records: Sequence[Record]) -> RecordFinding | None:
     return RecordFinding("missing-force" if share > 0.1 else "disturbed-force", what, change)
 
 
+def clipped_force(records: Sequence[Record]) -> RecordFinding | None:
+    """Return a finding if the motion needs a larger force wherever the recorded one has its largest value.
+
+    A drive that gives its largest force moves the axis with it; a measurement that is clipped lacks a part. Mass and
+    friction are fitted to the other samples.
+    """
+    equations = _equations(records)
+    if equations is None:
+        return None
+    A, F, t, _ = equations
+    force = np.concatenate([record.column("force") for record in records])
+    at = np.concatenate([record.t for record in records])
+    largest = 1e-9 * float(np.max(np.abs(force)))
+    sides = [(side, side * force >= np.max(side * force) - largest) for side in (1.0, -1.0)]
+    sides = [(side, limit) for side, limit in sides if np.mean(limit) > PILED and np.mean(limit[1:][limit[:-1]]) > 0.5]
+    if not sides:
+        return None
+    free = np.all([np.interp(t, at, limit.astype(float)) < 0.01 for _, limit in sides], axis=0)
+    if np.count_nonzero(free) < FREE:
+        return None
+    scale = np.maximum(np.linalg.norm(A, axis=0), 1e-300)
+    theta = np.linalg.lstsq(A[free] / scale, F[free], rcond=None)[0]
+    lacking = A / scale @ theta - F
+    core = rms(lacking[free])
+    for side, limit in sides:
+        stuck = np.interp(t, at, limit.astype(float)) > 0.99
+        missing = float(np.mean(side * lacking[stuck])) if np.count_nonzero(stuck) >= 3 else 0.0
+        if missing > max(BEYOND * rms(F), 0.5 * core):
+            u = records[0].units.words
+            value = float(force[limit][0])
+            what = (
+                f"{100 * np.mean(limit):.2g} % of the samples have exactly the {u.force} {value:.4g} {u.N}, but the "
+                f"motion needs {missing:.3g} {u.N} more there on average; the {u.force} is clipped."
+            )
+            return RecordFinding("force-clipped", what, f"Record the whole {u.force}, or choose windows without it.")
+    return None
+
+
 def contradictions(records: Sequence[Record]) -> tuple[RecordFinding, ...]:
     """Return findings about a motion that no axis makes, and a force that no mass with friction needs for it."""
     about_position = tuple(position_findings(records))
     balance = drive_balance(records)
     if balance is None:
         return about_position
-    missing = missing_force(records)
-    return (*about_position, *_about_mass(balance, records[0].units), *(() if missing is None else (missing,)))
+    about_force = [each for each in (missing_force(records), clipped_force(records)) if each is not None]
+    return (*about_position, *_about_mass(balance, records[0].units), *about_force)
 
 
 def _about_mass(balance: DriveBalance, units: AxisUnits) -> tuple[RecordFinding, ...]:
