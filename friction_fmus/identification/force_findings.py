@@ -37,8 +37,10 @@ BESIDE: Final = 5
 """Number of decimated samples on either side of a reversal that are left out, and half of those at an end."""
 
 PILED: Final = 0.005  # fraction of samples at exactly the largest or smallest force that may be clipped
-BEYOND: Final = 0.05  # mean force that clipped samples lack over the rms force, above which they are clipped
-FREE: Final = 20  # smallest number of other samples from which mass and friction are fitted
+FEW: Final = 10  # smallest number of such samples, after decimation, that are examined
+
+VARIES: Final = 0.15
+"""Deviation of the acceleration of such samples from a function of the velocity, over that of all accelerations."""
 
 ITERATIONS: Final = 15  # iterations of the robust fit
 SIGNIFICANT: Final = 3.0  # number of standard errors by which a negative mass must differ from zero
@@ -135,38 +137,31 @@ def missing_force(records: Sequence[Record]) -> RecordFinding | None:
 
 
 def clipped_force(records: Sequence[Record]) -> RecordFinding | None:
-    """Return a finding if the motion needs a larger force wherever the recorded one has its largest value.
+    """Return a finding if the acceleration varies while the force has its largest value, at the same velocity.
 
-    A drive that gives its largest force moves the axis with it; a measurement that is clipped lacks a part. Mass and
-    friction are fitted to the other samples.
+    A drive that gives its largest force accelerates the axis by what friction leaves, a function of the velocity; a
+    measurement that is clipped does not.
     """
     equations = _equations(records)
     if equations is None:
         return None
-    A, F, t, _ = equations
+    A, _, t, _ = equations
     force = np.concatenate([record.column("force") for record in records])
     at = np.concatenate([record.t for record in records])
-    largest = 1e-9 * float(np.max(np.abs(force)))
-    sides = [(side, side * force >= np.max(side * force) - largest) for side in (1.0, -1.0)]
-    sides = [(side, limit) for side, limit in sides if np.mean(limit) > PILED and np.mean(limit[1:][limit[:-1]]) > 0.5]
-    if not sides:
-        return None
-    free = np.all([np.interp(t, at, limit.astype(float)) < 0.01 for _, limit in sides], axis=0)
-    if np.count_nonzero(free) < FREE:
-        return None
-    scale = np.maximum(np.linalg.norm(A, axis=0), 1e-300)
-    theta = np.linalg.lstsq(A[free] / scale, F[free], rcond=None)[0]
-    lacking = A / scale @ theta - F
-    core = rms(lacking[free])
-    for side, limit in sides:
+    near = 1e-9 * float(np.max(np.abs(force)))
+    for side in (1.0, -1.0):
+        limit = side * force >= np.max(side * force) - near
         stuck = np.interp(t, at, limit.astype(float)) > 0.99
-        missing = float(np.mean(side * lacking[stuck])) if np.count_nonzero(stuck) >= 3 else 0.0
-        if missing > max(BEYOND * rms(F), 0.5 * core):
+        if np.mean(limit) < PILED or np.mean(limit[1:][limit[:-1]]) < 0.5 or np.count_nonzero(stuck) < FEW:
+            continue
+        a, rest = A[stuck, 0], A[stuck, 1:] / np.maximum(np.linalg.norm(A[stuck, 1:], axis=0), 1e-300)
+        varies = float(np.std(a - rest @ np.linalg.lstsq(rest, a, rcond=None)[0]))
+        if varies > VARIES * float(np.std(A[:, 0])):
             u = records[0].units.words
-            value = float(force[limit][0])
             what = (
-                f"{100 * np.mean(limit):.2g} % of the samples have exactly the {u.force} {value:.4g} {u.N}, but the "
-                f"motion needs {missing:.3g} {u.N} more there on average; the {u.force} is clipped."
+                f"{100 * np.mean(limit):.2g} % of the samples have exactly the {u.force} {force[limit][0]:.4g} {u.N}, "
+                f"but their acceleration varies by {varies:.3g} {records[0].units.velocity}/s at the same velocity; "
+                f"the {u.force} is clipped."
             )
             return RecordFinding("force-clipped", what, f"Record the whole {u.force}, or choose windows without it.")
     return None

@@ -172,21 +172,21 @@ def test_positions_that_no_axis_has_forbid_their_use(tmp_path: Path) -> None:
     assert forbidding(axis(tmp_path, T, held, force)) == ["position-held"]
 
 
-@pytest.mark.parametrize("lowest", [-0.35, -9.0])
+@pytest.mark.parametrize("lowest", [-0.25, -9.0])
 def test_a_force_that_is_clipped_forbids_its_use_but_not_one_that_is_limited(tmp_path: Path, lowest: float) -> None:
-    """20 g with 0.2 N of friction: a sensor that ends at 0.35 N, and a drive that does, which moves the mass less."""
+    """20 g with 0.2 N of friction: a sensor that ends at 0.25 N, and a drive that does, which moves the mass less."""
     noise = 1e-3 * np.random.default_rng(1).normal(size=4000)
     t = np.arange(4000) * 1e-3
     a = -0.01 * (2 * np.pi * HZ) ** 2 * np.sin(2 * np.pi * HZ * t) * (1.0 + 0.5 * np.sin(2 * np.pi * 0.7 * t))
     for limited in (False, True):
         v = np.cumsum(a) * 1e-3
         needed = 0.02 * a + 0.2 * np.sign(v)
-        force = np.clip(needed, lowest, 0.35)
+        force = np.clip(needed, lowest, 0.25)
         if limited:  # what the force lacks, the acceleration lacks as well
             acceleration = a + (force - needed) / 0.02
             v = np.cumsum(acceleration) * 1e-3
         q = np.cumsum(v) * 1e-3
-        force = np.clip(force + np.where(np.abs(force) < 0.35, noise, 0.0), lowest, 0.35)
+        force = np.clip(force + np.where(np.abs(force) < 0.25, noise, 0.0), lowest, 0.25)
         measurement = read_measurement(axis(tmp_path, t, q, force))
         found = [finding.name for finding in contradictions(measurement.records)]
         assert ("force-clipped" in found) == (not limited), found
