@@ -85,7 +85,11 @@ def on_post_build(config: MkDocsConfig, **_: Any) -> None:
         text = text.replace(
             'data-md-component="search" role="dialog"', 'data-md-component="search" role="dialog" aria-label="Search"'
         )
-        text = text.replace("<table>", '<table tabindex="0">').replace("<span></span><code>", '<code tabindex="0">')
+        text = (
+            text.replace("<th></th>", "<td></td>")
+            .replace("<table>", '<table tabindex="0">')
+            .replace("<span></span><code>", '<code tabindex="0">')
+        )
         path.write_text(text, encoding="utf-8")
     for path in site.glob("assets/javascripts/bundle.*.js"):
         text = path.read_text(encoding="utf-8")

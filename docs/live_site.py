@@ -220,9 +220,8 @@ def split_notes(block: Block) -> tuple[list[Paragraph], list[Paragraph]]:
 
 def use(block: Block) -> list[str]:
     """Return how to use a block on the command line, in Python and in the lab."""
-    address = (
-        f"../lab.html#view=contact&amp;models={block.name}"  # a link in Markdown would need a heading of this name
-    )
+    # as HTML, since a link in Markdown would need a heading of this name
+    address = f"../lab.html#view=contact&amp;models={block.name}"
     lab = [f'<a href="{address}">Move its parameters in the lab</a>', ""] if block.name in models() else []
     code = [f"$ friction-fmus codegen {block.name} -o c"] if block.is_law else []
     return [
