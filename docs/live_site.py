@@ -157,8 +157,8 @@ def blocks_by_kind() -> list[dict[str, list[dict[str, str]]]]:
     """Return the pages of the blocks as sections of the navigation."""
     blocks = catalogue().values()
     return [
-        {heading: [{each.name: f"blocks/{each.name}.md"} for each in blocks if each.kind == kind]}
-        for kind, heading in KINDS.items()
+        {f"{kind.capitalize()} blocks": [{each.name: f"blocks/{each.name}.md"} for each in blocks if each.kind == kind]}
+        for kind in KINDS
     ]
 
 

@@ -58,8 +58,8 @@ def show_servo(console: Console, result: StudyResult) -> None:
     if check.residual is not None:
         within = "reproduces" if check.residual.percent <= check.allowed else "does not reproduce"
         console.print(
-            f"The servo as configured {within} the logged drive {u.force}: residual {percent(check.residual.percent)} of "
-            f"its rms value, {check.allowed:.3g} % allowed."
+            f"The servo as configured {within} the logged drive {u.force}: "
+            f"residual {percent(check.residual.percent)} of its rms value, {check.allowed:.3g} % allowed."
         )
     elif check.reason:
         console.print(check.reason)
