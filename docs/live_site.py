@@ -8,7 +8,7 @@ from __future__ import annotations
 import json
 import re
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import Executor, Future, ThreadPoolExecutor
 from dataclasses import replace
 from functools import cache
@@ -20,7 +20,7 @@ from friction_fmus import fmu
 from friction_fmus.blocks.block_declarations import FILE
 from friction_fmus.blocks.catalogue import Block, catalogue
 from friction_fmus.blocks.macros import Paragraph, paragraphs
-from friction_fmus.blocks.probe import variable_groups
+from friction_fmus.blocks.probe import VariableRow, variable_groups
 from friction_fmus.export.block_fmu import block_source
 from friction_fmus.export.composite.composite_archive import composite_source
 from friction_fmus.export.targets import SourceFmu
@@ -62,9 +62,10 @@ def described(name: str) -> dict[str, Any]:
     """Return what the page of a block shows: the variables, the picture, and what its script tells."""
     block = catalogue()[name]
     with opened(block, fmu(name)) as bench:
+        groups = variable_groups(bench.description)
         return {
-            "about": about_block(bench) | {"equations": equations(block)},
-            "groups": variable_groups(bench.description),
+            "about": about_block(bench) | {"equations": equations(block, groups)},
+            "groups": groups,
             "pictures": pictures(bench),
         }
 
@@ -86,9 +87,10 @@ def prepare(threads: Executor, chosen: Sequence[str] | None = None) -> list[Futu
     ]
 
 
-def equations(block: Block) -> str:
-    """Return the equations of a block as text."""
-    return "\n\n".join("\n".join(each.lines) for each in paragraphs(block.notes) if each.equations)
+def equations(block: Block, groups: Mapping[str, Sequence[VariableRow]]) -> str:
+    """Return the equations of a block as HTML."""
+    names = {entry.name for entries in groups.values() for entry in entries}
+    return "".join(typeset(each.lines, names) for each in paragraphs(block.notes) if each.equations)
 
 
 def lab_files(chosen: Sequence[str] | None = None) -> Iterator[tuple[str, str]]:

@@ -166,7 +166,7 @@
     const name = state.models[side];
     const { summary, equations, source, bibtex } = live.about[name];
     return element("article", { className: "paper " + ROLES[side] }, element("h2", {}, name), element("p", {}, summary + ". "),
-      element("pre", { tabIndex: 0, "aria-label": "Equations of " + name }, equations),
+      element("div", { innerHTML: equations }),
       element("p", {}, "Source: " + source + "."),
       element("details", {}, element("summary", {}, "BibTeX"), element("pre", { tabIndex: 0, "aria-label": "BibTeX of " + name }, bibtex)));
   }
