@@ -3,18 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from rich.console import Console, ConsoleOptions, RenderableType
-from rich.progress import (
-    BarColumn,
-    MofNCompleteColumn,
-    Progress,
-    ProgressColumn,
-    TaskID,
-    TextColumn,
-    TimeRemainingColumn,
-)
 from rich.segment import Segment
 from rich.table import Table
 from rich.text import Text
@@ -22,6 +13,9 @@ from rich.text import Text
 from friction_fmus.errors import visible
 from harness.compiling.platforms import NATIVE
 from harness.notebook import Listing
+
+if TYPE_CHECKING:
+    from rich.progress import Progress, ProgressColumn, TaskID
 
 LITERAL: dict[str, Any] = {"markup": False, "emoji": False, "highlight": False}
 """Options of a console that prints strings as they are."""
@@ -68,6 +62,8 @@ def drawn(listing: Listing, *, title: bool = True, headings: bool = True, paddin
 
 def progress_bar(*columns: ProgressColumn, **options: Any) -> Progress:
     """Return a progress bar on stderr that disappears at the end; it is not shown if stderr is not a terminal."""
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
     screen = literal_console(stderr=True)
     first = (TextColumn("{task.description}", markup=False), BarColumn(), MofNCompleteColumn())
     shown = (*first, *columns, TimeRemainingColumn())
