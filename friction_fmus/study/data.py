@@ -17,7 +17,6 @@ from friction_fmus.blocks.axis_units import domain_of
 from friction_fmus.data import EMPS_PUBLISHED, load_emps
 from friction_fmus.export.block_fmu import build_record
 from friction_fmus.identification import (
-    ROTARY,
     Array,
     Measurement,
     Record,
@@ -66,7 +65,7 @@ class Data:
     @property
     def rotary(self) -> bool:
         """Whether the position is an angle."""
-        return self.longest.units == ROTARY
+        return self.longest.units.rotary
 
 
 def load_data(config: StudyConfig, scratch: Path) -> Data:

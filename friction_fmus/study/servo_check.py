@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from friction_fmus.axis.loop_assembly import block
 from friction_fmus.axis.servo import GAIN_UNITS, GAINS, Servo
 from friction_fmus.blocks.axis_units import Words
-from friction_fmus.identification import ROTARY, Array, Record
+from friction_fmus.identification import Array, Record
 from friction_fmus.identification.fit.scores import independent_samples, rms
 from friction_fmus.study.study_result import Fit, IdentifiedParameter, ServoCheck, StudyFinding, thinned
 from harness import Experiment, FmuPart, SeriesPart, System
@@ -528,7 +528,7 @@ def _compared(record: Record, servo: Servo) -> ComparedForce:
     assert record.q is not None
     assert record.reference is not None
     assert record.force is not None
-    rotary = record.units == ROTARY
+    rotary = record.units.rotary
     command = commanded(servo, record.reference, record.q, rotary)
     free = commanded(replace(servo, force_limit=1e6 * servo.force_limit), record.reference, record.q, rotary)
     used = np.maximum(np.abs(record.force), np.abs(command)) < SATURATED * servo.force_limit

@@ -185,8 +185,8 @@ def over_position(record: Record, models: Sequence[IdentifiedModel]) -> Picture 
 def drive(found: IdentifiedModel, units: AxisUnits, t: Array, v: Array, load: float | None) -> Array:
     """Return the friction force of a model's FMU driven by a velocity, shape (n,)."""
     step = float(t[1] - t[0])
-    contact = FmuPart("friction", block(found.block, units.position == "rad"))
-    sweep = SeriesPart("sweep", t, {"v": v}, {"v": units.velocity})
+    contact = FmuPart("friction", block(found.block, units.rotary))
+    sweep = SeriesPart("sweep", t, {"v": v}, {"v": "rad/s" if units.rotary else "m/s"})
     inputs = {port.name for port in contact.inputs}
     start: dict[str, float | int | bool | str] = {f"friction.{k}": v for k, v in typed(contact, found.values).items()}
     start |= {"friction.F_ext": 0.0} if "F_ext" in inputs else {}
@@ -569,7 +569,8 @@ class _Study:
         missing = self._missing(data, best) if goes_on else not_trusted(findings)
         comparison: Comparison | None = None
         doctor: tuple[ConditionResult, ...] = ()
-        files = list(export_models(self.out, models, data.rotary, data.longest.citation)) if goes_on else []
+        written = goes_on and data.longest.units.known
+        files = list(export_models(self.out, models, data.rotary, data.longest.citation)) if written else []
         if not missing:
             bench = self._bench(data, best)
             comparison = self._comparison(data, models, bench)
@@ -620,7 +621,7 @@ class _Study:
         """Identify all models, fit the best ones to the closed loop unless the servo is wrong, and rank them."""
         config = self.config
         measured = None
-        if config.servo is not None and in_loop:
+        if config.servo is not None and in_loop and data.longest.units.known:
             name = identifier(data.longest.name)
             measured = measured_servo(data, config.servo, self.out / CACHE, name, checked.injected)
         names = list(identifiable()) if config.models == ALL else list(config.models)
@@ -656,7 +657,13 @@ class _Study:
 
     def _missing(self, data: Data, best: IdentifiedModel) -> str:
         """Return the reason why no compensator can be simulated; empty if they can."""
-        servo = self.config.servo
+        servo, units = self.config.servo, data.longest.units
+        if not units.known:
+            own = " and ".join(unit if unit != "1" else "no unit" for unit in (units.force, units.position))
+            return (
+                f"No compensator was compared and no FMU was written, because the results are in {own}. Give the "
+                "scales of the columns, with --gain and --columns or in [columns]."
+            )
         if servo is None:
             where = f" to {SETTINGS_FILE}" if self.config.bare else ""
             entries = "law, gains, Ts and force_limit" if best.mass > 0.0 else "law, gains, Ts, force_limit and mass"

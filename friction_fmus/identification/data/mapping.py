@@ -17,6 +17,8 @@ WINDOWS = ("train", "validation")
 STUDY_TABLES = ("servo", "identify", "compensation")
 """Tables of the settings of a study, which `load_mapping` ignores, so that one file serves both."""
 
+UNKNOWN = "unknown"  # gain of a position, velocity or force whose results are wanted in the unit of the column
+
 MISSING = "?"  # mark of a missing entry in a file that was written for completion
 
 
@@ -26,7 +28,7 @@ class Column:
 
     column: str  # heading; empty if the file has no column for the time
     unit: str = ""  # unit of the numbers; empty for the unit in the heading
-    gain: str = ""  # factor with unit, such as ``35.15 N/V`` for the force of a command in V; empty for none
+    gain: str = ""  # factor with unit, such as ``35.15 N/V``; `UNKNOWN` for results in the unit; empty for none
     sign: int = 1  # 1, or -1 to invert the sign
     period: str = ""  # sample time, such as ``1 ms``, if the file has no column for the time
     held: bool = False  # whether the force is a command that the drive holds until the next sample
@@ -53,6 +55,9 @@ class DataMapping:
     citation: str = ""
     columns: Mapping[str, Column] = field(default_factory=dict)
     windows: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    option: str = ""  # value of the option ``--columns``, which needs the headings of the file
+    gain: str = ""  # value of the option ``--gain``
+    more: tuple[Path, ...] = ()  # further files with the same columns
 
 
 def load_mapping(path: Path) -> DataMapping:
@@ -214,8 +219,10 @@ def _check_units(role: str, column: Column, where: str) -> None:
         seconds, unit = parse_quantity(column.period, f"{where} period")
         if not fits("time", unit) or seconds <= 0.0:
             raise RecordError(f"{where} has the period {column.period!r}; use a positive time, such as '1 ms'.")
-    if column.unit:
+    if column.unit and column.gain != UNKNOWN:
         combined_unit(role, column, where)
+    if column.gain == UNKNOWN and ROLES[role].quantity not in ("position", "velocity", "force"):
+        raise RecordError(f"{where} has an unknown gain; give its unit.")
 
 
 def combined_unit(role: str, column: Column, where: str, unit: str = "") -> tuple[float, Any]:
@@ -235,7 +242,8 @@ def combined_unit(role: str, column: Column, where: str, unit: str = "") -> tupl
         total = times(known, per)
     if not fits(role, total):
         product = f"{text} times the gain {column.gain}" if column.gain else f"the unit {text!r}"
-        hint = "" if column.gain else f', or add a gain with units, such as gain = "2.5 {ROLES[role].example}/{text}"'
+        hint = f', or add a gain with units, such as gain = "2.5 {ROLES[role].example}/{text}"'
+        hint = "" if column.gain else f'{hint}, or gain = "{UNKNOWN}" for results in {text}'
         raise RecordError(
             f"{where} has {product}, which has the wrong dimension; use a unit such as {ROLES[role].example}{hint}."
         )
