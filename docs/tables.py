@@ -30,7 +30,7 @@ from friction_fmus.cli.main import parser
 from friction_fmus.export.block_fmu import describe_block
 from friction_fmus.fmi.documentation import markdown
 from friction_fmus.fmi.model_description import CAPABILITIES, ROLE
-from friction_fmus.identification.data.formats import formats as data_formats
+from friction_fmus.identification.data.formats import modules as data_formats
 from harness.masters import master_names
 
 DOCS = Path(__file__).parent
@@ -319,10 +319,11 @@ def masters() -> str:
 
 def formats() -> str:
     """Return the formats of data files, as their modules describe them."""
-    suffixes: dict[str, list[str]] = {}
-    for suffix, module in data_formats().items():
-        suffixes.setdefault(str(inspect.getdoc(module)).replace("``", "`"), []).append(f"`{suffix}`")
-    return "\n".join(f"* {', '.join(names)}: {text}" for text, names in suffixes.items())
+    rows = []
+    for module in data_formats():
+        suffixes = ", ".join(f"`{suffix}`" for suffix in module.SUFFIXES) or "any text"
+        rows.append(f"* {suffixes}: {str(inspect.getdoc(module)).replace('``', '`')}")
+    return "\n".join(rows)
 
 
 def commands() -> str:

@@ -181,7 +181,9 @@ def test_missing_cells_are_left_out_and_named(tmp_path: Path) -> None:
         ("a.csv", b"one\ntwo\nthree\nfour\n", "has no line of numbers"),
         ("a.mat", b"nothing of MATLAB" * 50, "cannot be read as a .mat file"),
         ("a.parquet", b"PAR1", "cannot be read as a .parquet file"),
-        ("a.xlsx", b"", "is unknown; use a file that ends in .mat, .mcap, .parquet"),
+        ("a.xlsx", b"", "cannot be read as a .xlsx file"),
+        ("a.bin", b"\0\1\2" * 99, r"is unknown; use a file that ends in .*\.mat, \.mcap, .*\.parquet"),
+        ("a.bin", b"", "is unknown; use a file that ends in"),
     ],
 )
 def test_files_that_are_none_are_refused(tmp_path: Path, name: str, content: bytes, message: str) -> None:

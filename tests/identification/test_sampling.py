@@ -123,12 +123,13 @@ def test_forces_of_the_other_sign_are_named(tmp_path: Path) -> None:
     assert findings[0].measure == "Set sign = -1 for this column."
 
 
-def test_an_angle_that_begins_anew_after_each_turn_is_named(tmp_path: Path) -> None:
+def test_an_angle_that_begins_anew_after_each_turn_is_made_continuous_and_named(tmp_path: Path) -> None:
     turns = 500.0 * motion(T)  # 5 rad to either side
     path = axis(tmp_path, T, np.mod(turns + np.pi, 2 * np.pi) - np.pi, velocity(T))
     path.write_text(path.read_text().replace("x [m]", "x [rad]").replace("force [N]", "force [N.m]"))
-    findings = read_measurement(path).findings
-    assert [finding.name for finding in findings if finding.name == "position-jumps"]
+    measurement = read_measurement(path)
+    assert named(measurement.findings) == ["wrapped"]
+    assert measurement.records[0].q == pytest.approx(turns, abs=1e-9)
     path = axis(tmp_path, T, turns, velocity(T))
     path.write_text(path.read_text().replace("x [m]", "x [rad]").replace("force [N]", "force [N.m]"))
     assert read_measurement(path).findings == ()

@@ -12,7 +12,8 @@ from thorough import nightly
 
 from friction_fmus import BuildError, build
 from friction_fmus.errors import RecordError
-from friction_fmus.identification.data.formats import read_table, text
+from friction_fmus.identification.data import text_file
+from friction_fmus.identification.data.formats import read_table
 
 FILES: dict[str, list[str]] = {
     "run {}.toml -o out.csv": ["toml"],
@@ -75,7 +76,7 @@ def test_large_files_and_texts_that_are_none(folder: Path) -> None:
 
 
 def test_a_text_that_unpacks_to_too_much(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(text, "LARGEST_DATA", 1 << 20)
+    monkeypatch.setattr(text_file, "LARGEST_DATA", 1 << 20)
     with gzip.open(tmp_path / "large.txt.gz", "wb") as file:
         file.write(bytes((1 << 20) + 1))
     with pytest.raises(RecordError, match=r"large\.txt\.gz has more than 1048576 bytes of text"):

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from itertools import pairwise
 from pathlib import Path
 from typing import Any, Final
 
@@ -23,8 +25,8 @@ def limit_size(path: Path, size: int) -> None:
     """Raise RecordError for contents that would fill the memory."""
     if size > UNPACKED:
         raise RecordError(
-            f"{path} unpacks to more than {UNPACKED // 2**20} MiB; save only the columns that are needed, or fewer "
-            "samples."
+            f"{path} unpacks to more than {UNPACKED // 2**20} MiB (at least {size / 2**20:.0f} MiB); save only the "
+            "columns that are needed, or fewer samples."
         )
 
 
@@ -131,3 +133,24 @@ def on_one_clock(path: Path, groups: Sequence[ChannelGroup], time: str, unit: st
                 what = f"{name!r} was sampled at other times than most signals of {path.name}, and is interpolated."
                 notes[name] = RecordFinding("other-clock", what, "Log all signals of the axis with one sample time.")
     return DataTable(path, columns, {time: unit}, notes=notes)
+
+
+def one_clock(table: DataTable) -> DataTable:
+    """Return a table with one clock, instead of one before the signals of each channel under the same heading."""
+    names = list(table.columns)
+    base = names[0] if names else ""
+    starts = [i for i, name in enumerate(names) if re.fullmatch(rf"{re.escape(base)}( \(\d+\))?", name)]
+    if len(starts) < 2 or any(b - a < 2 for a, b in pairwise([*starts, len(names)])):
+        return table
+    groups = []
+    for start, end in pairwise([*starts, len(names)]):
+        t = table.columns[names[start]]
+        there = np.isfinite(t)
+        if np.count_nonzero(there) < 3 or np.any(np.diff(t[there]) <= 0.0):
+            return table
+        groups.append(ChannelGroup(t[there], {name: table.columns[name][there] for name in names[start + 1 : end]}))
+    merged = on_one_clock(table.file, groups, base, table.units.get(base, ""))
+    units = {name: unit for name, unit in table.units.items() if name in merged.columns}
+    lines = table.lines if len(merged.columns[base]) == len(table.columns[base]) else None
+    clocks = tuple(name for name in table.clocks if name in merged.columns)
+    return replace(table, columns=merged.columns, notes=merged.notes, units=units, lines=lines, clocks=clocks)

@@ -1,4 +1,4 @@
-"""Files of MATLAB (vectors, columns of matrices as ``a(:,2)``, members of structures as ``log.x``) and of Dymola."""
+"""Files of MATLAB, versions 4 to 7.3, and of Dymola: vectors, matrices as ``a(:,2)``, structures as ``log.x``."""
 
 from __future__ import annotations
 
@@ -12,13 +12,17 @@ import numpy as np
 
 from friction_fmus.errors import RecordError
 from friction_fmus.identification.data import tables
-from friction_fmus.identification.data.record import Array
+from friction_fmus.identification.data.formats.hdf5 import HDF5, matlab_vectors
 from friction_fmus.identification.data.tables import DataTable, limit_size
+from friction_fmus.identification.data.vectors import columns_of, vector_table
 
 SUFFIXES: Final = (".mat",)
 
+LABELS: Final = ("label", "Label", "Name", "name", "signalName", "blockName")
+"""Members of a structure that name its values."""
 
-HDF5: Final = b"\x89HDF\r\n\x1a\n"  # signature of HDF5, at offset 512 of a MATLAB 7.3 file or at its start
+VALUES: Final = ("values", "Data", "data", "Value", "value", "Values")
+"""Members of a structure that are its values."""
 
 
 def read(path: Path) -> DataTable:
@@ -26,14 +30,26 @@ def read(path: Path) -> DataTable:
     with path.open("rb") as file:
         header = file.read(520)
     if HDF5 in (header[:8], header[512:]):
-        return DataTable(path, _same_length(path, _hdf5(path)))
+        return vector_table(path, matlab_vectors(path), {}, "MATLAB 7.3")
     limit_size(path, _unpacked(path))
     import scipy.io
 
     content = scipy.io.loadmat(path, squeeze_me=True, struct_as_record=False)
     if "Aclass" in content:
         return _trajectory(path)
-    return DataTable(path, _same_length(path, (item for key, value in content.items() for item in _flat(key, value))))
+    if any(type(value).__name__ == "MatlabOpaque" for value in content.values()) or "None" in content:
+        _refuse_objects(path, content)
+    vectors = [each for key, value in content.items() for each in _flat(key, value)]
+    return vector_table(path, vectors, {}, "MATLAB")
+
+
+def _refuse_objects(path: Path, content: dict[str, Any]) -> None:
+    """Raise RecordError if a file has nothing but objects, which only MATLAB can read."""
+    if not any(True for key, value in content.items() for _ in _flat(key, value)):
+        raise RecordError(
+            f"{path} contains objects of MATLAB, such as a timeseries or a table; save their numbers, such as "
+            "log = struct('time', x.Time, 'position', x.Data)."
+        )
 
 
 def _unpacked(path: Path) -> int:
@@ -64,67 +80,68 @@ def _trajectory(path: Path) -> DataTable:
 
     result = load_result(path)
     columns = {name: result[name].to_numpy().astype(np.float64) for name in ("time", *map(str, result.data_vars))}
-    return DataTable(path, columns, {name: result[name].attrs.get("units", "") for name in columns})
+    units = {name: result[name].attrs.get("units", "") for name in columns}
+    return DataTable(path, columns, units, format=f"{len(columns['time'])} rows, trajectory of Dymola")
 
 
-def _flat(name: str, value: Any) -> Iterator[tuple[str, Array]]:
+def _flat(name: str, value: Any) -> Iterator[tuple[str, Any]]:
     """Yield the vectors of a variable: itself, columns of a matrix ``a(:,1)``, or members of a structure ``a.b``."""
     if name.startswith("__"):
         return
     if hasattr(value, "_fieldnames"):
-        for member in value._fieldnames:
-            yield from _flat(f"{name}.{member}", getattr(value, member))
+        members = {member: getattr(value, member) for member in value._fieldnames}
+        labels = _labels(members)
+        for member, inside in members.items():
+            if member == "signals" or (member in VALUES and len(labels) > 1):
+                yield from _labelled(name, inside, labels)
+            else:
+                yield from _flat(f"{name}.{member}", inside)
         return
     array = np.asarray(value)
-    if array.dtype.kind not in "biuf":
+    if array.dtype == object:
+        if array.ndim <= 1 and array.size <= 1000:
+            for index, each in enumerate(array.ravel(), start=1):
+                yield from _labelled(f"{name}({index})", each, [])
         return
-    if array.ndim == 1:
-        yield name, array.astype(np.float64)
-    elif array.ndim == 2:
-        if 1 in array.shape:
-            yield name, array.ravel().astype(np.float64)
+    yield from columns_of(name, array, "{}(:,{})", 1)
+
+
+def _labelled(name: str, value: Any, labels: list[str]) -> Iterator[tuple[str, Any]]:
+    """Yield the vectors of a structure of signals by their labels, without the names of its members."""
+    base = name.rpartition("(")[0] or name
+    if isinstance(value, np.ndarray) and value.dtype == object:
+        for index, each in enumerate(value.ravel()[:1000], start=1):
+            yield from _labelled(f"{name}({index})", each, [])
+        return
+    if hasattr(value, "_fieldnames"):
+        members = {member: getattr(value, member) for member in value._fieldnames}
+        data = next((member for member in VALUES if member in members), None)
+        labels = _labels(members) or labels
+        if data is not None:
+            yield from _named(base if labels else name, members[data], labels)
+            for member, inside in members.items():
+                if member in ("time", "Time"):
+                    yield from _flat(f"{name}.{member}", inside)
             return
-        for column in range(array.shape[1]):
-            yield f"{name}(:,{column + 1})", array[:, column].astype(np.float64)
+        yield from _flat(name, value)
+        return
+    yield from _named(base if labels else name, value, labels)
 
 
-def _hdf5(path: Path) -> Iterator[tuple[str, Array]]:
-    """Yield the vectors of an HDF5 file, each object once and nothing from other files."""
-    import h5py
-
-    seen: set[int] = set()
-    total = 0
-
-    def walk(group: Any, prefix: str) -> Iterator[tuple[str, Array]]:
-        nonlocal total
-        for key in group:
-            if key.startswith("#"):
-                continue
-            if not isinstance(group.get(key, getlink=True), h5py.HardLink):
-                raise RecordError(f"{path}: {prefix}{key} is a link; save the data themselves.")
-            value = group[key]
-            at = h5py.h5o.get_info(value.id).addr
-            if at in seen:
-                continue
-            seen.add(at)
-            if isinstance(value, h5py.Group):
-                yield from walk(value, f"{prefix}{key}.")
-            elif isinstance(value, h5py.Dataset) and value.dtype.kind in "biuf" and "MATLAB_empty" not in value.attrs:
-                if value.is_virtual or value.external:
-                    raise RecordError(f"{path}: {prefix}{key} is stored in another file; save the data themselves.")
-                total += 8 * (value.size or 0)
-                limit_size(path, total)
-                yield from _flat(prefix + key, np.asarray(value[()]).T)  # MATLAB stores columns first
-
-    with h5py.File(path, "r") as file:
-        yield from walk(file, "")
+def _named(name: str, value: Any, labels: list[str]) -> Iterator[tuple[str, Any]]:
+    found = list(_flat(name, value))
+    if len(found) == len(labels):
+        yield from ((f"{name}.{label}", values) for label, (_, values) in zip(labels, found, strict=True))
+    else:
+        yield from found
 
 
-def _same_length(path: Path, vectors: Iterator[tuple[str, Array]]) -> dict[str, Array]:
-    """Return the vectors with the most frequent length; others, such as scalars and settings, are ignored."""
-    found = {name: values for name, values in vectors if values.size >= 3}
-    if not found:
-        raise RecordError(f"{path} has no numeric vectors; save time, position and force as vectors or matrices.")
-    sizes = [values.size for values in found.values()]
-    length = max(set(sizes), key=lambda size: (sizes.count(size), size))
-    return {name: values for name, values in found.items() if values.size == length}
+def _labels(members: dict[str, Any]) -> list[str]:
+    """Return the labels in a structure: one text, several with commas between them, or a cell of texts."""
+    for member in LABELS:
+        value = members.get(member)
+        if isinstance(value, str) and value.strip():
+            return [label.strip() for label in value.split(",")]
+        if isinstance(value, np.ndarray) and value.size and all(isinstance(each, str) for each in value.ravel()):
+            return [each.strip() for each in value.ravel()]
+    return []
