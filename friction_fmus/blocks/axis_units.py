@@ -90,6 +90,8 @@ class AxisUnits:
         force, way = of["kg"], of["rad"] if self.rotary else of["m"] - of["kg"]
         symbol = self.position.removesuffix(".s")  # "u.s": only the velocity has a name
         time = of["s"] + 2 * force + (way if symbol != self.position else 0)
+        if self.force == f"{self.position}/s2":  # a force over inertia
+            way, time, force = way + force, time - 2 * force, 0
 
         def product(sign: int) -> str:
             powers = [(self.force, force * sign), ("s", time * sign), (symbol, way * sign)]

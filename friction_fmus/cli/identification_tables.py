@@ -35,7 +35,7 @@ def show_data(train: Sequence[Record], validation: Sequence[Record], findings: S
 def show_understood(measurement: Measurement) -> None:
     """Print what was read and why."""
     for subject, text in measurement.understood:
-        console.print(styled((f"{subject:<9}", "bold"), text), soft_wrap=True)
+        console.print(styled((f"{subject:<8} ", "bold"), text), soft_wrap=True)
 
 
 def show_first_look(records: Sequence[Record]) -> None:

@@ -85,7 +85,9 @@ def load_data(config: StudyConfig, scratch: Path) -> Data:
     else:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
-            measurement = read_measurement(read_mapping(config.data, config.folder, config.name))
+            measurement = config.measurement
+            if measurement is None:
+                measurement = read_measurement(read_mapping(config.data, config.folder, config.name))
         records, findings = measurement.records, tuple(str(finding) for finding in measurement.findings)
         windows = dict(measurement.mapping.windows)
     return Data(records, *_windows(records, windows, config.name), published, findings, measurement)
@@ -171,7 +173,8 @@ def _windows(
         if name not in windows:
             return ()
         low, high = windows[name]
-        inside = [r for r in records if np.count_nonzero((r.t >= low) & (r.t <= high)) >= 50]
+        least = min(50, max(map(len, records)))
+        inside = [r for r in records if np.count_nonzero((r.t >= low) & (r.t <= high)) >= least]
         if not inside:
             raise ConfigError(
                 f"{origin}, [windows], has {name} = [{low:g}, {high:g}], but the record extends from {begin:g} to "

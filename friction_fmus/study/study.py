@@ -24,6 +24,7 @@ from friction_fmus.conditions.condition import spectral_radius
 from friction_fmus.doctor import examine
 from friction_fmus.errors import FrictionError
 from friction_fmus.identification import Array, AxisUnits, Record, decimate, filtered_motion, identifiable
+from friction_fmus.identification.fit.contact_model import contact_model
 from friction_fmus.identification.force_findings import FORBIDDING, contradictions
 from friction_fmus.listings import shown
 from friction_fmus.study.comparison import Comparison, compare
@@ -625,6 +626,8 @@ class _Study:
             name = identifier(data.longest.name)
             measured = measured_servo(data, config.servo, self.out / CACHE, name, checked.injected)
         names = list(identifiable()) if config.models == ALL else list(config.models)
+        if data.measurement is not None and data.measurement.static:
+            names = [name for name in names if contact_model(name, data.longest.units).static]
         names.sort(key=lambda name: "presliding" not in catalogue()[name].features)  # the slowest first
         records = data.train, data.validation
         known = data.published

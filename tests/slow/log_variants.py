@@ -24,7 +24,13 @@ INERTIA, COULOMB, VISCOUS, OFFSET = 0.012, 0.8, 0.05, 0.04
 
 #: Styles of headings: names of time, position, reference, velocity, drive; empty for none.
 STYLES: dict[str, tuple[str, str, str, str, str] | None] = {
-    "english": ("Time", "Position actual value", "Position demand value", "Velocity actual value", "{drive} actual value"),
+    "english": (
+        "Time",
+        "Position actual value",
+        "Position demand value",
+        "Velocity actual value",
+        "{drive} actual value",
+    ),
     "short": ("t", "pos", "pos_ref", "vel", "{short}"),
     "symbols": ("t", "q", "q_ref", "dq", "{symbol}"),
     "german": ("Zeit", "Istposition", "Sollposition", "Istdrehzahl", "{german}"),
@@ -161,7 +167,9 @@ def written(seed: int, folder: Path) -> Variant:
     if titled and units and rng.random() < 0.4:
         lines += [delimiter.join(headings), delimiter.join(unit for _, _, unit in every)]
     elif titled:
-        lines += [delimiter.join(f"{h} [{u}]" if units and u else h for h, (_, _, u) in zip(headings, every, strict=True))]
+        lines += [
+            delimiter.join(f"{h} [{u}]" if units and u else h for h, (_, _, u) in zip(headings, every, strict=True))
+        ]
     formats = [f"%.{digits[clock]}f" if role == "time" else "%.7g" for role, _, _ in every]
     for row in np.column_stack([values for _, values, _ in every])[keep]:
         line = delimiter.join(form % value for form, value in zip(formats, row, strict=True))

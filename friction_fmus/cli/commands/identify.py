@@ -88,6 +88,7 @@ def run(options: argparse.Namespace) -> int:
     )
     from friction_fmus.identification import DataMapping, examine_segments
     from friction_fmus.identification.data.reading import default_windows
+    from friction_fmus.identification.fit.contact_model import contact_model
     from friction_fmus.identification.force_findings import FORBIDDING, contradictions
     from friction_fmus.identification.model_comparison import IdentificationTask, compare_models
     from friction_fmus.identification.result_files import write_results
@@ -108,7 +109,12 @@ def run(options: argparse.Namespace) -> int:
     windows = _windows(options, measurement) or default_windows(measurement.records)
     train = measurement.window(*windows["train"])
     validation = measurement.window(*windows["validation"]) if "validation" in windows else ()
-    findings = (*measurement.findings, *examine_segments(train), *contradictions(train))
+    if measurement.static:
+        models = [name for name in models if contact_model(name, train[0].units).static]
+        if not models:
+            raise FrictionError(f"{data} shows friction over velocity only; choose static models, such as Stribeck")
+    about = () if measurement.static else (*examine_segments(train), *contradictions(train))
+    findings = (*measurement.findings, *about)
     wrong = [finding.name for finding in findings if finding.name in FORBIDDING]
     show_data(train, validation, findings)
     show_first_look(measurement.records)

@@ -117,9 +117,9 @@ def read_mapping(table: Mapping[str, Any], folder: Path, origin: str = "The mapp
         TomlTable(table.get(name, {}), f"{origin}, [{name}],", RecordError) for name in ("data", "columns", "windows")
     )
     about.known(("file", "name", "citation"))
-    data = {
-        key: about.take(key, text if key == "file" else _line, "a string without control characters") for key in about
-    }
+    data = {key: about.take(key, _line, "a string without control characters") for key in about if key != "file"}
+    remedy = "a string without control characters, or a list of them"
+    files = [folder / name for name in about.take("file", _files, remedy)] if "file" in about.content else []
     headings.known(tuple(ROLES), "role")
     columns = {role: _column(role, value, origin) for role, value in headings.content.items()}
     if columns:
@@ -128,8 +128,8 @@ def read_mapping(table: Mapping[str, Any], folder: Path, origin: str = "The mapp
         if not columns.keys() & {"position", "velocity"}:
             raise RecordError(f"{origin} has neither position nor velocity in [columns]; add one of them.")
     windows = read_windows(times.content, times.where)
-    file = folder / data["file"] if "file" in data else None
-    return DataMapping(file, data.get("name", ""), data.get("citation", ""), columns, windows)
+    file = files[0] if files else None
+    return DataMapping(file, data.get("name", ""), data.get("citation", ""), columns, windows, more=tuple(files[1:]))
 
 
 def read_windows(table: Mapping[str, Any], where: str) -> dict[str, tuple[float, float]]:
@@ -171,6 +171,13 @@ def _pair(value: object) -> tuple[float, float] | None:
         case [float(first), float(last)] if first < last:
             return first, last
     return None
+
+
+def _files(value: object) -> tuple[str, ...] | None:
+    """Return the names of one or several files."""
+    names = [text(each) for each in (value if isinstance(value, list) else [value])]
+    known = [name for name in names if name is not None]
+    return tuple(known) if known and len(known) == len(names) else None
 
 
 def _string(value: object) -> str | None:

@@ -14,7 +14,7 @@ from scipy.integrate import cumulative_trapezoid
 from scipy.interpolate import CubicSpline
 
 from friction_fmus.blocks.axis_units import LINEAR, ROTARY, SLIDING, AxisUnits, Words, units_of_channels
-from friction_fmus.errors import RecordError, visible
+from friction_fmus.errors import AmbiguousColumnsError, RecordError, visible
 from friction_fmus.identification.data.column_choice import chosen_columns
 from friction_fmus.identification.data.formats import read_table
 from friction_fmus.identification.data.mapping import (
@@ -25,6 +25,7 @@ from friction_fmus.identification.data.mapping import (
     load_mapping,
     read_mapping,
 )
+from friction_fmus.identification.data.other_records import other_record
 from friction_fmus.identification.data.record import (
     JITTER,
     ROLES,
@@ -268,12 +269,15 @@ class Measurement:
         Problems found in the data; for the excitation, see `examine`.
     understood : tuple of (str, str)
         What was read and why, as subject and text.
+    static : bool
+        Whether the record shows friction over velocity only, so that models with state cannot be identified.
     """
 
     records: tuple[Record, ...]
     mapping: DataMapping
     findings: tuple[RecordFinding, ...]
     understood: tuple[tuple[str, str], ...] = ()
+    static: bool = False
 
     def window(self, begin: float, end: float) -> tuple[Record, ...]:
         """Return the parts of the records with begin <= t <= end.
@@ -293,7 +297,8 @@ class Measurement:
         RecordError
             If no segment has `SHORTEST` samples in the window.
         """
-        inside = [r for r in self.records if np.count_nonzero((r.t >= begin) & (r.t <= end)) >= SHORTEST]
+        least = min(SHORTEST, max(map(len, self.records)))
+        inside = [r for r in self.records if np.count_nonzero((r.t >= begin) & (r.t <= end)) >= least]
         if not inside:
             raise RecordError(
                 f"The window {begin:g} .. {end:g} s has fewer than {SHORTEST} samples of the record "
@@ -368,7 +373,12 @@ def read_measurement(
     reasons: Mapping[str, str] = {}
     notes: tuple[str, ...] = ()
     if not known.columns:
-        chosen, reasons, notes = chosen_columns(table, path, known.option, known.gain)
+        try:
+            chosen, reasons, notes = chosen_columns(table, path, known.option, known.gain)
+        except AmbiguousColumnsError as refusal:
+            if known.option:
+                raise
+            return _other(table, replace(known, file=path, name=known.name or visible(path.stem)), refusal)
         known = replace(known, columns=chosen)
     known = replace(known, file=path, name=known.name or " ".join(visible(path.stem).split()))
     findings = list(table.findings)
@@ -395,6 +405,13 @@ def read_measurement(
     )
     findings += plausible(records, known.columns)
     return Measurement(records, known, tuple(findings), understood(table, known, records, reasons, notes))
+
+
+def _other(table: DataTable, known: DataMapping, refusal: AmbiguousColumnsError) -> Measurement:
+    """Return a record without a drive force over time."""
+    found = other_record(table, known, refusal)
+    lines = (("read", f"{table.file.name}: {table.format}"), *found.lines)
+    return Measurement((found.record,), replace(known, columns=found.columns), table.findings, lines, static=True)
 
 
 def _read_runs(known: DataMapping) -> Measurement:

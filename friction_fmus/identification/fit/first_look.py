@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Final
 
 import numpy as np
@@ -15,6 +15,7 @@ from friction_fmus.identification.fit.scores import independent_samples
 WIDTHS: Final = (0.8, 1.2, 2.0, 3.0, 5.0, 8.0, 12.0, 18.0, 25.0)  # widths of the smoothing [samples]
 KEPT: Final = 0.6  # share of the samples in motion that the widest smoothing leaves
 SLIDING: Final = 0.02  # speed above which the axis slides, over the top speed
+LIGHT: Final = 3.0  # width of the smoothing of the speed that shows where the axis may stick [samples]
 FEWEST: Final = 50
 
 
@@ -25,6 +26,8 @@ def first_look(records: Sequence[Record]) -> dict[str, Estimate]:
     rounding of the acceleration would make M too small and Fc too large. Samples whose filter reaches across a reversal
     are left out, as the axis may stick there.
     """
+    if records[0].friction is not None and records[0].normal is None:
+        return _of_friction(records)
     found: list[Array] = []
     for width in WIDTHS:
         parts = [part for record in records if (part := _rows(record, width)) is not None]
@@ -34,17 +37,33 @@ def first_look(records: Sequence[Record]) -> dict[str, Estimate]:
     if not found or sum(map(len, found[1:])) < FEWEST:
         return {}
     rows = np.concatenate(found[1:])
-    A, F = rows[:, :4], rows[:, 4]
+    units = records[0].units
+    own = {"M": units.inertia, "Fc": units.force, "Fv": units.viscous, "OF": units.force}
+    return _estimated(rows[:, :4], rows[:, 4], own)
+
+
+def _of_friction(records: Sequence[Record]) -> dict[str, Estimate]:
+    """Return Fc and Fv of a measured friction force."""
+    moving = [record for record in records if record.v is not None and record.friction is not None]
+    if len(moving) < len(records):
+        return {}
+    v, F = (np.concatenate([record.column(name) for record in moving]) for name in ("v", "friction"))
+    sliding = np.abs(v) > SLIDING * float(np.max(np.abs(v)))
+    units = records[0].units
+    rows = np.column_stack([np.sign(v), v])[sliding]
+    return _estimated(rows, F[sliding], {"Fc": units.force, "Fv": units.viscous})
+
+
+def _estimated(A: Array, F: Array, own: Mapping[str, str]) -> dict[str, Estimate]:
+    """Return the least squares solution with standard errors, by name; units are given by name."""
     length = np.linalg.norm(A, axis=0)
     if not np.all(length > 0.0):
         return {}
     theta = np.linalg.lstsq(A / length, F, rcond=None)[0] / length
     rest = F - A @ theta
     inverse = np.linalg.pinv((A / length).T @ (A / length)) / np.outer(length, length)
-    samples = max(independent_samples([rest]) - 4.0, 1.0)
+    samples = max(independent_samples([rest]) - A.shape[1], 1.0)
     errors = np.sqrt(np.maximum(np.diag(inverse), 0.0) * float(rest @ rest) / samples)
-    units = records[0].units
-    own = {"M": units.inertia, "Fc": units.force, "Fv": units.viscous, "OF": units.force}
     return {
         name: Estimate(name, float(value), float(error), unit)
         for (name, unit), value, error in zip(own.items(), theta, errors, strict=True)
@@ -60,13 +79,11 @@ def _rows(record: Record, width: float) -> Array | None:
     def smooth(values: Array, order: int = 0) -> Array:
         return np.asarray(gaussian_filter1d(values, width, order=order) / record.Ts**order, dtype=np.float64)
 
-    if record.q is not None:
-        v, a = smooth(record.q, 1), smooth(record.q, 2)
-    else:
-        v, a = smooth(record.column("v")), smooth(record.column("v"), 1)
-    direction = smooth(np.sign(v))
-    top = float(np.quantile(np.abs(v), 0.99))
-    sliding = (np.abs(v) > SLIDING * top) & (np.abs(direction) > 0.999)
+    signal, order = (record.q, 1) if record.q is not None else (record.column("v"), 0)
+    v, a = smooth(signal, order), smooth(signal, order + 1)
+    light = np.asarray(gaussian_filter1d(signal, min(width, LIGHT), order=order), dtype=np.float64)
+    slow = np.abs(light) <= SLIDING * float(np.quantile(np.abs(light), 0.99))
+    sliding = (np.abs(smooth(np.sign(light))) > 0.999) & (smooth(slow.astype(np.float64)) < 0.001)
     rows = np.column_stack([a, np.sign(v), v, np.ones_like(v), smooth(record.force_at_samples())])
     inside = np.arange(len(v))
     return rows[sliding & (inside >= edge) & (inside < len(v) - edge)]
