@@ -128,16 +128,22 @@ def build_reference(t: Array, r: Array, folder: Path, name: str, rotary: bool = 
     return build_record(t, r, rd, np.gradient(rd, t), folder, name=name, domain=domain_of(rotary))
 
 
-def measured_servo(data: Data, servo: Servo, folder: Path, name: str, injected: Array | None = None) -> Measured | None:
-    """Return the measured servo; None if the record has no position or no reference."""
-    record = data.longest
-    if record.q is None or record.reference is None:
-        return None
+def check_period(record: Record, servo: Servo | None) -> None:
+    """Raise ConfigError if the sample time of the servo is not that of the record, before anything is estimated."""
+    if servo is None or record.q is None or record.reference is None:
+        return
     if abs(record.Ts / servo.Ts - 1.0) > 1e-3:
         raise ConfigError(
             f"[servo] has Ts = {servo.Ts:g} s, but the record {record.name!r} was sampled every {record.Ts:g} s; log "
             "every sample of the servo, or correct Ts."
         )
+
+
+def measured_servo(data: Data, servo: Servo, folder: Path, name: str, injected: Array | None = None) -> Measured | None:
+    """Return the measured servo; None if the record has no position or no reference."""
+    record = data.longest
+    if record.q is None or record.reference is None:
+        return None
     t = servo.Ts * np.arange(float(len(record)))
     reference = build_reference(t, record.reference, folder, f"{name}Reference", data.rotary)
     # the axis may be in motion at the start of the record

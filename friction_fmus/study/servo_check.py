@@ -383,7 +383,7 @@ def _of_gains(u: Words, servo: Servo, gains: Sequence[IdentifiedParameter]) -> S
 def _added(compared: ComparedForce, fit: LinearFit, shown: set[str] | None = None) -> tuple[StudyFinding, ...]:
     """Return a sentence for each signal of `references` that the recorded force contains."""
     u, servo = compared.record.units.words, compared.servo
-    Kd = servo.pid[1]
+    Kd = fit.values.get("d", servo.pid[1])  # the estimated gain, as the configured one may be wrong
     declare = f"Log this {u.force} and declare its column as injected."
     found = []
     for name in ("rd", "rdd", "sign", "constant"):

@@ -125,5 +125,6 @@ def _servo(known: Known) -> list[str]:
         return lines
     return [
         f"# To compare compensators, describe the controller of the axis: remove the # and replace each {MISSING}.",
+        "# Guesses of the gains are enough: the study estimates them from the record, and says what to correct.",
         *(f"# {line}" for line in lines),
     ]

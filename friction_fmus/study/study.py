@@ -30,7 +30,7 @@ from friction_fmus.listings import shown
 from friction_fmus.study.comparison import Comparison, compare
 from friction_fmus.study.compensators import AxisKnowledge, check_names, period_of
 from friction_fmus.study.config import ALL, ConfigError, StudyConfig, load_config
-from friction_fmus.study.data import Data, build_reference, load_data, measured_servo
+from friction_fmus.study.data import Data, build_reference, check_period, load_data, measured_servo
 from friction_fmus.study.evaluation import AxisBench, Scheme
 from friction_fmus.study.model_ranking import (
     INVERSE,
@@ -549,6 +549,7 @@ class _Study:
         self.progress(0.0)
         data = load_data(self.config, self.out / CACHE)
         _check_duration(self.config, data)
+        check_period(data.longest, self.config.servo)
         checked = check_servo(data.longest, self.config.servo)
         data = data.with_total_force(checked.included)
         findings = list(checked.result.findings)
@@ -672,7 +673,8 @@ class _Study:
             entries = "law, gains, Ts and force_limit" if best.mass > 0.0 else "law, gains, Ts, force_limit and mass"
             return (
                 "No compensator was compared, because the configuration has no servo. To compare compensators on the "
-                f"axis, add [servo] with {entries}{where}."
+                f"axis, add [servo] with {entries}{where}. Guesses of the gains are enough: the study estimates them "
+                "from a record with reference, and says what to correct."
             )
         if best.mass <= 0.0 and servo.mass is None:
             moved = data.longest.units.words.moved_mass

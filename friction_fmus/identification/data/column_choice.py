@@ -150,7 +150,7 @@ def _scaled(role: str, column: Column, unit: str, table: DataTable) -> Column:
         return replace(column, unit=unit)
     if fraction := _FRACTION.fullmatch(unit):
         unit = f"{float(fraction[1]) / float(fraction[2]):.15g} {fraction[3]}"
-    if unit[:1].isdigit() and unit != "1":
+    if unit[:1].isdigit() and unit_of(unit) is None:
         parse_quantity(unit, f"--columns, {role},")
         return replace(column, unit="1", gain=unit)
     known = unit_of(unit) if unit else BaseUnit()

@@ -14,7 +14,7 @@ from friction_fmus.errors import AmbiguousColumnsError
 from friction_fmus.identification.data.column_guess import Guesser
 from friction_fmus.identification.data.mapping import Column, DataMapping
 from friction_fmus.identification.data.motion_tests import unwrapped
-from friction_fmus.identification.data.record import Array, Record, axis_units, fits, unit_of
+from friction_fmus.identification.data.record import Array, Record, axis_units, factor, fits, unit_of
 from friction_fmus.identification.data.tables import DataTable
 
 FEWEST: Final = 6  # fewest steady speeds
@@ -45,9 +45,7 @@ def other_record(table: DataTable, known: DataMapping, refusal: AmbiguousColumns
     one = {kind: found[0] for kind, found in named.items() if len(found) == 1}
     found = None
     if not named["time"] and not table.clocks and {"velocity", "force"} <= one.keys() and not table.period:
-        found = _steady(
-            table, known, one["velocity"], one["force"], kinds[one["velocity"]].unit, kinds[one["force"]].unit
-        )
+        found = _steady(table, known, *(Column(one[kind], kinds[one[kind]].unit) for kind in ("velocity", "force")))
     elif "time" in one and not forces and kinds[one["time"]].unit:
         scale = unit_of(kinds[one["time"]].unit)
         t = table.columns[one["time"]] * (scale.factor if scale is not None else 1.0)
@@ -60,41 +58,31 @@ def other_record(table: DataTable, known: DataMapping, refusal: AmbiguousColumns
     return found
 
 
-def _steady(
-    table: DataTable, known: DataMapping, speed: str, force: str, speed_unit: str, force_unit: str
-) -> OtherRecord | None:
+def _steady(table: DataTable, known: DataMapping, speed: Column, force: Column) -> OtherRecord | None:
     """Return friction at steady speeds, without the offset of the drive if both directions were measured."""
-    v, F = table.columns[speed], table.columns[force]
+    v, F = table.columns[speed.column], table.columns[force.column]
     good = np.isfinite(v) & np.isfinite(F) & (v != 0.0)
     v, F = v[good], F[good]
-    unit, own = unit_of(speed_unit), unit_of(force_unit) if force_unit else None
+    unit, own = unit_of(speed.unit), unit_of(force.unit) if force.unit else None
     if not FEWEST <= len(v) <= MOST or unit is None or not fits("velocity", unit):
         return None
     si = axis_units("velocity", unit) or LINEAR
-    scale = own.factor if own is not None and fits("force", own) else 1.0
-    units = si if own is not None and fits("force", own) else units_of_channels(si.position, force_unit or "1")
-    v, F = unit.factor * v, scale * F
-    both = np.any(v > 0.0) and np.any(v < 0.0)
+    scaled = own is not None and factor("force", own, si) is not None
+    units = si if scaled else units_of_channels(si.position, force.unit or "1")
+    v, F = unit.factor * v, (own.factor if own is not None and scaled else 1.0) * F
+    both = bool(np.any(v > 0.0) and np.any(v < 0.0))
     A = np.column_stack([np.sign(v), v, *([np.ones_like(v)] if both else [])])
     theta = np.linalg.lstsq(A, F, rcond=None)[0]
-    if np.sum((F - A @ theta) ** 2) > (1.0 - FIT) * np.sum((F - np.mean(F)) ** 2) and both:
+    if np.sum((F - A @ theta) ** 2) > (1.0 - FIT) * np.sum((F - np.mean(F)) ** 2):
         return None
     offset = float(theta[2]) if both else 0.0
-    record = Record(
-        known.name, np.arange(float(len(v))), v=v, friction=F - offset, units=units, citation=known.citation
-    )
+    at = np.arange(float(len(v)))
+    record = Record(known.name, at, v=v, friction=F - offset, units=units, citation=known.citation)
     what = f"{len(v)} steady speeds from {v.min():.3g} to {v.max():.3g} {units.velocity}, no time: static models only"
-    lines = [
-        ("velocity", f"{speed!r} [{speed_unit}]"),
-        (units.words.force, f"{force!r} [{force_unit}]"),
-        ("record", what),
-    ]
+    named = (("velocity", speed), (units.words.force, force))
+    lines = [*((subject, f"{each.column!r} [{each.unit}]") for subject, each in named), ("record", what)]
     lines += [("offset", f"{offset:.4g} {units.force}, subtracted")] if both else []
-    columns = {
-        "time": Column("", period="1 s"),
-        "velocity": Column(speed, speed_unit),
-        "friction": Column(force, force_unit),
-    }
+    columns = {"time": Column("", period="1 s"), "velocity": speed, "friction": force}
     return OtherRecord(record, columns, tuple(lines))
 
 
