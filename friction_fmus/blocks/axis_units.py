@@ -70,6 +70,13 @@ class AxisUnits:
         return self in (LINEAR, ROTARY)
 
     @property
+    def results(self) -> str:
+        """Units of force and position for texts."""
+        known = {"1": "no unit", "u.s": "the unit of the velocity"}
+        both = [known.get(unit, unit) for unit in (self.force, self.position)]
+        return " and ".join(dict.fromkeys(both))
+
+    @property
     def words(self) -> Words:
         """Nouns and units for texts."""
         words = TURNING if self.rotary else SLIDING

@@ -663,10 +663,9 @@ class _Study:
         """Return the reason why no compensator can be simulated; empty if they can."""
         servo, units = self.config.servo, data.longest.units
         if not units.known:
-            own = " and ".join(unit if unit != "1" else "no unit" for unit in (units.force, units.position))
             return (
-                f"No compensator was compared and no FMU was written, because the results are in {own}. Give the "
-                "scales of the columns, with --gain and --columns or in [columns]."
+                "No compensator was compared and no FMU was written, because the results are in "
+                f"{units.results}. Give the scales of the columns, with --gain and --columns or in [columns]."
             )
         if servo is None:
             where = f" to {SETTINGS_FILE}" if self.config.bare else ""

@@ -148,8 +148,8 @@ def run(options: argparse.Namespace) -> int:
         console.print(styled((name, "bold red"), f" was not identified: {reason}"), soft_wrap=True)
     console.print(f"{options.output}: {_listed(files)}", soft_wrap=True)
     if not known:
-        units = f"{train[0].units.force} and {train[0].units.position}".replace("1 and", "no unit and")
-        text = f"No FMU was written, as the results are in {units}; give the scales with --gain and --columns."
+        own = train[0].units.results
+        text = f"No FMU was written, as the results are in {own}; give the scales with --gain and --columns."
         console.print(text, soft_wrap=True)
     if wrong:
         less = "" if options.force else " No FMU was written; --force writes them."

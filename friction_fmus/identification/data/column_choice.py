@@ -12,7 +12,7 @@ from typing import Final
 from friction_fmus.errors import AmbiguousColumnsError, RecordError
 from friction_fmus.identification.data.column_guess import Candidate, Guesser
 from friction_fmus.identification.data.column_headings import Guess, columns_text, guess_columns, quoted
-from friction_fmus.identification.data.mapping import UNKNOWN, Column
+from friction_fmus.identification.data.mapping import UNKNOWN, Column, scale_text
 from friction_fmus.identification.data.record import ROLES, fits, parse_quantity, unit_of
 from friction_fmus.identification.data.tables import DataTable
 from harness.units import BaseUnit
@@ -94,8 +94,7 @@ def command_text(columns: Mapping[str, Column]) -> str:
             parts.append(f"period={column.period}")
             continue
         quote = '"' if "'" in column.column else "'"
-        scale = column.gain if column.gain and column.gain != UNKNOWN and column.unit == "1" else column.unit
-        scale = "" if scale == "1" else f" {scale}"
+        scale = f" {scale_text(column)}".rstrip()
         parts.append(f"{role}={'-' * (column.sign < 0)}{quote}{column.column}{quote}{scale}")
     return ", ".join(parts)
 

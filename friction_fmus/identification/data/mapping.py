@@ -34,6 +34,15 @@ class Column:
     held: bool = False  # whether the force is a command that the drive holds until the next sample
 
 
+def scale_text(column: Column) -> str:
+    """Return unit or scale of a column as in the option ``--columns``, such as ``1/4096 rev``; empty for none."""
+    if column.unit not in ("", "1") or not column.gain or column.gain == UNKNOWN:
+        return "" if column.unit == "1" else column.unit
+    number, _, unit = column.gain.partition(" ")
+    parts = 1.0 / float(number)
+    return f"1/{parts:.0f} {unit}" if parts > 1.5 and abs(parts - round(parts)) < 1e-9 * parts else column.gain
+
+
 @dataclass(frozen=True)
 class DataMapping:
     """Data file, mapping of its columns, and windows.

@@ -35,6 +35,16 @@ def unwrapped(x: Array) -> Array:
     return np.concatenate([x[:1], x[0] + np.cumsum(steps)])
 
 
+def smoothed(values: Array, width: float, order: int = 0) -> Array:
+    """Return columns behind a Gaussian filter, or their first or second derivative per sample.
+
+    The second derivative is the difference of the first: the sum of a truncated kernel of it is not zero, and adds a
+    multiple of the values.
+    """
+    found = gaussian_filter1d(values, width, axis=0, order=min(order, 1))
+    return np.asarray(np.gradient(found, axis=0) if order == 2 else found, dtype=np.float64)
+
+
 def longest_run(t: Array) -> slice:
     """Return the longest part of at most `MOST` samples with increasing times at one rate."""
     steps = np.diff(t)
@@ -81,8 +91,8 @@ class Columns:
         """Return smoothed columns, or their derivatives per sample, shape (n, names)."""
         given = [unwrapped(self.values[name]) if order else self.values[name] for name in names]
         edge = round(4.0 * width)
-        found = gaussian_filter1d(np.column_stack(given), width, axis=0, order=order)
-        return np.asarray(found[edge : len(found) - edge], dtype=np.float64)
+        found = smoothed(np.column_stack(given), width, order)
+        return found[edge : len(found) - edge]
 
     def same(self, a: str, b: str) -> float:
         """Return the correlation of two columns."""
@@ -123,7 +133,7 @@ class Columns:
             moving = np.abs(v) > 0.02 * top
             if np.count_nonzero(moving) < LEAST or not np.ptp(a[moving]) or not np.ptp(v[moving]):
                 continue
-            direction = gaussian_filter1d(v / (np.abs(v) + 0.005 * top), width)
+            direction = smoothed(v / (np.abs(v) + 0.005 * top), width)
             smooth = np.column_stack([np.ones_like(v), a / a.std(), v / v.std()])[moving]
             every = np.column_stack([smooth, direction[moving]])
             F = self.smooth(drives, width)[moving]

@@ -7,13 +7,12 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from scipy.ndimage import gaussian_filter1d
 
 from friction_fmus.blocks.axis_units import LINEAR, ROTARY, units_of_channels
 from friction_fmus.errors import AmbiguousColumnsError
 from friction_fmus.identification.data.column_guess import Guesser
 from friction_fmus.identification.data.mapping import Column, DataMapping
-from friction_fmus.identification.data.motion_tests import unwrapped
+from friction_fmus.identification.data.motion_tests import smoothed, unwrapped
 from friction_fmus.identification.data.record import Array, Record, axis_units, factor, fits, unit_of
 from friction_fmus.identification.data.tables import DataTable
 
@@ -105,13 +104,13 @@ def _coasting(
         return None
     t, v = even[0], unit.factor * even[1]
     v = v * np.sign(v[0])
-    smooth = gaussian_filter1d(v, WIDTH)
+    smooth = smoothed(v, WIDTH)
     moving = smooth > 0.03 * smooth.max()
     end = int(np.argmin(moving)) if not moving.all() else len(v)
     edge = round(3.0 * WIDTH)
     if end < LEAST or np.mean(np.diff(smooth[:end]) < 0.0) < 0.95 or smooth[end - 1] > 0.5 * smooth[0]:
         return None
-    friction = -gaussian_filter1d(v, WIDTH, order=1) * (len(t) - 1) / (t[-1] - t[0])
+    friction = -smoothed(v, WIDTH, order=1) * (len(t) - 1) / (t[-1] - t[0])
     kept = slice(edge, end - edge)
     position = (axis_units("velocity", unit) or LINEAR).position
     units = units_of_channels(position, f"{position}/s2")
@@ -134,8 +133,8 @@ def _pendulum(
         return None
     t, q = even[0], unit.factor * even[1]
     rate = (len(t) - 1) / (t[-1] - t[0])
-    v, a = gaussian_filter1d(q, WIDTH, order=1) * rate, gaussian_filter1d(q, WIDTH, order=2) * rate**2
-    q = gaussian_filter1d(q, WIDTH)
+    v, a = smoothed(q, WIDTH, order=1) * rate, smoothed(q, WIDTH, order=2) * rate**2
+    q = smoothed(q, WIDTH)
     moving = np.abs(v) > 0.02 * np.abs(v).max()
     A = np.column_stack([np.sin(q), np.cos(q), np.sign(v), v])
     theta = np.linalg.lstsq(A[moving], -a[moving], rcond=None)[0]

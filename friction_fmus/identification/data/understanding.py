@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Final
 
-from friction_fmus.identification.data.mapping import UNKNOWN, Column, DataMapping
+from friction_fmus.identification.data.mapping import UNKNOWN, Column, DataMapping, scale_text
 from friction_fmus.identification.data.motion_tests import Columns, Drive
 from friction_fmus.identification.data.record import Record, unit_of
 from friction_fmus.identification.data.tables import DataTable
@@ -86,6 +86,7 @@ def _subject(role: str, column: Column) -> str:
 
 
 def _unit_text(column: Column, table: DataTable) -> str:
-    if column.gain and column.gain != UNKNOWN:
-        return column.gain if column.unit in ("", "1") else f"{column.unit}, {column.gain}"
-    return column.unit if column.unit != "1" else table.units.get(column.column, "")
+    scale = scale_text(column)
+    if column.unit != "1" and column.gain not in ("", UNKNOWN):
+        return f"{scale}, {column.gain}"
+    return scale or ("" if column.gain else table.units.get(column.column, ""))

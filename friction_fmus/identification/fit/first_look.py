@@ -6,14 +6,14 @@ from collections.abc import Mapping, Sequence
 from typing import Final
 
 import numpy as np
-from scipy.ndimage import gaussian_filter1d
 
+from friction_fmus.identification.data.motion_tests import smoothed
 from friction_fmus.identification.data.record import Array, Record
 from friction_fmus.identification.fit.estimate import Estimate
 from friction_fmus.identification.fit.scores import independent_samples
 
 WIDTHS: Final = (0.8, 1.2, 2.0, 3.0, 5.0, 8.0, 12.0, 18.0, 25.0)  # widths of the smoothing [samples]
-KEPT: Final = 0.6  # share of the samples in motion that the widest smoothing leaves
+KEPT: Final = 0.5  # share of the samples in motion that the widest smoothing leaves
 SLIDING: Final = 0.02  # speed above which the axis slides, over the top speed
 LIGHT: Final = 3.0  # width of the smoothing of the speed that shows where the axis may stick [samples]
 FEWEST: Final = 50
@@ -77,11 +77,11 @@ def _rows(record: Record, width: float) -> Array | None:
         return None
 
     def smooth(values: Array, order: int = 0) -> Array:
-        return np.asarray(gaussian_filter1d(values, width, order=order) / record.Ts**order, dtype=np.float64)
+        return smoothed(values, width, order) / record.Ts**order
 
     signal, order = (record.q, 1) if record.q is not None else (record.column("v"), 0)
     v, a = smooth(signal, order), smooth(signal, order + 1)
-    light = np.asarray(gaussian_filter1d(signal, min(width, LIGHT), order=order), dtype=np.float64)
+    light = smoothed(signal, min(width, LIGHT), order)
     slow = np.abs(light) <= SLIDING * float(np.quantile(np.abs(light), 0.99))
     sliding = (np.abs(smooth(np.sign(light))) > 0.999) & (smooth(slow.astype(np.float64)) < 0.001)
     rows = np.column_stack([a, np.sign(v), v, np.ones_like(v), smooth(record.force_at_samples())])
