@@ -199,7 +199,7 @@ def _in_parallel(
     models: Sequence[str | Path],
     task: IdentificationTask,
     progress: ProgressCallback | None,
-    ready: Callable[[Identification | str], None] | None,
+    ready: Callable[[Identification | str], None] | None = None,
 ) -> dict[str, Identification | str]:
     found: dict[str, Identification | str] = {}
     waiting = {pool.submit(identify_one, model, task): str(model) for model in models}

@@ -212,7 +212,7 @@ def _servo(table: TomlTable) -> Servo:
         Ts=_period(table),
         force_limit=_number(table, "force_limit", low=0.0, above=True),
         window=_whole(table, "window", 2, low=1, high=LONGEST_WINDOW),
-        quantum=_number(table, "quantum", 0.0, low=0.0),
+        quantum=_number(table, "quantum", low=0.0) if "quantum" in table else math.nan,  # that of the record
         velocity_feedforward=_flag(table, "velocity_feedforward", False),
         inertia_feedforward=_number(table, "inertia_feedforward", 0.0, low=0.0),
         mass=_number(table, "mass", low=0.0, above=True) if "mass" in table else None,

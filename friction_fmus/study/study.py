@@ -549,6 +549,9 @@ class _Study:
         self.progress(0.0)
         data = load_data(self.config, self.out / CACHE)
         _check_duration(self.config, data)
+        servo = self.config.servo
+        if servo is not None and math.isnan(servo.quantum):
+            self.config = replace(self.config, servo=replace(servo, quantum=data.longest.quantum))
         check_period(data.longest, self.config.servo)
         checked = check_servo(data.longest, self.config.servo)
         data = data.with_total_force(checked.included)
