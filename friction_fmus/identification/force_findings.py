@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from friction_fmus.blocks.axis_units import AxisUnits
 from friction_fmus.errors import RecordError
+from friction_fmus.identification.data.position_findings import position_findings
 from friction_fmus.identification.data.record import Array, Record, RecordFinding
 from friction_fmus.identification.fit.contact_model import contact_model
 from friction_fmus.identification.fit.scores import independent_samples, rms
@@ -23,7 +24,10 @@ from friction_fmus.identification.fit.simulation_data import prepare
 MASSES: Final[Mapping[str, tuple[float, float]]] = {"m": (1e-6, 1e7), "rad": (1e-10, 1e7)}
 """Smallest and largest mass [kg] or moment of inertia [kg.m2] of a machine, by unit of the position."""
 
-FORBIDDING: Final = ("wrong-sign", "negative-mass", "driving-friction", "implausible-mass", "missing-force")
+FORBIDDING: Final = (
+    *("wrong-sign", "negative-mass", "driving-friction", "implausible-mass", "missing-force"),
+    *("position-jumps", "position-clipped", "position-held"),
+)
 """Findings after which identified parameters cannot be used."""
 
 OUTSIDE: Final = 8.0  # residual over its robust standard deviation above which another force acts
@@ -127,12 +131,13 @@ def missing_force(records: Sequence[Record]) -> RecordFinding | None:
 
 
 def contradictions(records: Sequence[Record]) -> tuple[RecordFinding, ...]:
-    """Return findings about a drive force that no mass with friction can need for the measured motion."""
+    """Return findings about a motion that no axis makes, and a force that no mass with friction needs for it."""
+    about_position = tuple(position_findings(records))
     balance = drive_balance(records)
     if balance is None:
-        return ()
+        return about_position
     missing = missing_force(records)
-    return (*_about_mass(balance, records[0].units), *(() if missing is None else (missing,)))
+    return (*about_position, *_about_mass(balance, records[0].units), *(() if missing is None else (missing,)))
 
 
 def _about_mass(balance: DriveBalance, units: AxisUnits) -> tuple[RecordFinding, ...]:

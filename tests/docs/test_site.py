@@ -112,6 +112,7 @@ def test_decision_tables_recommend_blocks_that_there_are(tables: ModuleType) -> 
     assert {name for row in rows for name in tables.choices(row)} <= tables.catalogue().keys()
 
 
+@nightly
 def test_what_estimates_friction_has_a_gain(tables: ModuleType) -> None:
     for block in tables.of_kind("compensator"):
         named = {(v.name, v.role) for v in tables.described(block.name).variables}

@@ -98,6 +98,20 @@ def test_headings_that_repeat_or_are_empty_have_names_of_their_own(tmp_path: Pat
     assert dict(table.texts) == {"column 4": "only empty cells", "column 5": "only empty cells"}
 
 
+def test_rows_that_are_numbered_without_a_heading_for_it(tmp_path: Path) -> None:
+    """As by R."""
+    lines = [f'"{i}" {t:.3f} {x:.6f}' for i, (t, x) in enumerate(zip(T, X, strict=True), 1)]
+    table = read(tmp_path, '"t" "x"\n' + "\n".join(lines), "log.txt")
+    assert_columns(table, {"column 1": np.arange(1.0, 61.0), "t": T, "x": X})
+
+
+def test_comments_and_keys_are_no_headings(tmp_path: Path) -> None:
+    head = "# Created by Octave\n# name: log\n# columns: 3\n"
+    assert next(iter(read(tmp_path, head + rows(T, X, F, separator=" "), "log.txt").columns)) == "column 1"
+    head = "Name;Pos;Name;Torque\nSampleTime[ms];4;SampleTime[ms];4\n"
+    assert len(read(tmp_path, head + rows(T, X, T, F)).columns["Pos"]) == 60
+
+
 def test_too_few_headings_are_not_used(tmp_path: Path) -> None:
     table = read(tmp_path, "time;x\n" + rows(T, X, F, X))
     assert list(table.columns) == ["column 1", "column 2", "column 3", "column 4"]
@@ -420,6 +434,20 @@ def test_a_workbook_with_units_below_the_headings_of_its_second_sheet(tmp_path: 
     assert table.preamble == {"Axis": "7.0"}
     assert "60 rows, sheet 'Data'" in table.format
     assert table.place(0) == "line 5"
+
+
+def test_a_workbook_of_two_cells_far_apart_is_refused(tmp_path: Path) -> None:
+    pytest.importorskip("python_calamine")
+    cells = '<row><c r="A1"><v>1</v></c></row><row><c r="XFD1048576"><v>1</v></c></row>'
+    path = workbook(tmp_path / "a.xlsx", {"a": sheet([]).replace("<sheetData>", f"<sheetData>{cells}")})
+    with pytest.raises(RecordError, match="unpacks to more than 1024 MiB \\(at least 655360 MiB\\)"):
+        read_table(path)
+
+
+def test_a_text_that_unpacks_to_much_more_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "a.csv.gz").write_bytes(gzip.compress(bytes(1 << 27)))
+    with pytest.raises(RecordError, match="has more than 67108864 bytes of text; split the file, or unpack it"):
+        read_table(tmp_path / "a.csv.gz")
 
 
 def test_a_workbook_needs_a_package(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

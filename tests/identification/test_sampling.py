@@ -7,6 +7,7 @@ import pytest
 
 from friction_fmus.identification import RecordError, RecordFinding, read_measurement
 from friction_fmus.identification.data.record import Array
+from friction_fmus.identification.force_findings import FORBIDDING, contradictions
 
 HZ = 5.0
 T = np.arange(1000) * 1e-3
@@ -71,17 +72,112 @@ def test_gaps_split_the_record(tmp_path: Path) -> None:
     assert [len(part) for part in measurement.window(0.2, 0.6)] == [100, 150]
 
 
-def test_a_doubled_time_is_an_error_with_its_line(tmp_path: Path) -> None:
+def test_a_doubled_time_in_a_regular_clock_is_replaced_and_named_with_its_line(tmp_path: Path) -> None:
     t = T.copy()
     t[500] = t[499]
-    with pytest.raises(RecordError, match=r"has the time 0\.499 s twice, the second time in line 502"):
-        read_measurement(axis(tmp_path, t, motion(t), velocity(t)))
+    measurement = read_measurement(axis(tmp_path, t, motion(T), velocity(T)))
+    assert named(measurement.findings) == ["wrong-times"]
+    assert "1 times do not fit the regular clock of the others, the first in line 502" in measurement.findings[0].what
+    assert measurement.records[0].t == pytest.approx(T, abs=1e-9)
 
 
-def test_a_time_that_goes_back_is_an_error_with_its_line(tmp_path: Path) -> None:
+def test_a_doubled_time_without_a_regular_clock_is_an_error_with_its_line(tmp_path: Path) -> None:
+    t = np.cumsum(np.random.default_rng(2).uniform(0.5e-3, 1.5e-3, len(T)))
+    t[500] = t[499]
+    with pytest.raises(RecordError, match=r"has the time [\d.]+ s twice, the second time in line 502 \(once in"):
+        read_measurement(axis(tmp_path, t, motion(T), velocity(T)))
+
+
+def test_joined_logs_are_segments(tmp_path: Path) -> None:
     t = np.where(T >= 0.5, T - 0.2, T)
-    with pytest.raises(RecordError, match=r"decreases from 0\.499 s to 0\.3 s in line 502 \(once in the file\)"):
+    measurement = read_measurement(axis(tmp_path, t, motion(t), velocity(t)))
+    assert named(measurement.findings) == ["joined-logs", "gaps"]
+    assert "goes back from 0.499 s to 0.3 s in line 502 (once in the file)" in measurement.findings[0].what
+    first, second = measurement.records
+    assert first.q == pytest.approx(motion(t[:500]), abs=1e-12)
+    assert second.q == pytest.approx(motion(t[500:]), abs=1e-12)
+    assert second.t[0] - first.t[-1] == pytest.approx(0.01)
+
+
+def test_times_that_go_back_without_order_are_an_error_with_its_line(tmp_path: Path) -> None:
+    t = np.random.default_rng(3).permutation(np.cumsum(np.random.default_rng(2).uniform(0.1e-3, 2e-3, len(T))))
+    with pytest.raises(RecordError, match=r"decreases from [\d.]+ s to [\d.]+ s in line \d+ \(\d+ times in the file\)"):
         read_measurement(axis(tmp_path, t, motion(t), velocity(t)))
+
+
+def test_rows_in_another_order_are_sorted(tmp_path: Path) -> None:
+    t = T.copy()
+    t[[100, 101, 500, 502]] = t[[101, 100, 502, 500]]
+    measurement = read_measurement(axis(tmp_path, t, motion(t), velocity(t)))
+    assert named(measurement.findings) == ["unsorted-rows"]
+    assert measurement.records[0].q == pytest.approx(motion(T), abs=1e-12)
+
+
+def test_repeated_rows_are_left_out(tmp_path: Path) -> None:
+    t = np.insert(T, [100, 500], T[[99, 499]])
+    measurement = read_measurement(axis(tmp_path, t, motion(t), velocity(t)))
+    assert named(measurement.findings) == ["repeated-rows"]
+    assert measurement.records[0].t == pytest.approx(T, abs=1e-12)
+
+
+def test_times_of_fewer_digits_than_the_rate_are_a_regular_clock(tmp_path: Path) -> None:
+    t = np.arange(4000) / 4000  # in whole milliseconds
+    measurement = read_measurement(axis(tmp_path, np.floor(1e3 * t) / 1e3, motion(t), velocity(t)))
+    assert named(measurement.findings) == ["rounded-time"]
+    assert np.diff(measurement.records[0].t) == pytest.approx(0.25e-3, rel=1e-3)
+
+
+def test_stamps_that_jitter_around_a_regular_clock_are_replaced(tmp_path: Path) -> None:
+    """The motion decides: here the samples were taken on the clock, in the test above at the stamps."""
+    stamps = T + np.random.default_rng(1).uniform(-2e-4, 2e-4, len(T))
+    measurement = read_measurement(axis(tmp_path, stamps, motion(T), velocity(T)))
+    assert named(measurement.findings) == ["jittered-times"]
+    assert measurement.records[0].q == pytest.approx(motion(T), abs=1e-12)
+    assert np.ptp(np.diff(measurement.records[0].t)) < 1e-12
+
+
+def test_a_change_of_rate_is_no_gap(tmp_path: Path) -> None:
+    t = np.concatenate([np.arange(100) * 0.01, 1.0 + np.arange(500) * 0.001])
+    measurement = read_measurement(axis(tmp_path, t, motion(t), velocity(t)))
+    assert named(measurement.findings) == ["rate-change"]
+    assert "from 0.01 s to 0.001 s" in measurement.findings[0].what
+    slow, fast = measurement.records
+    assert (len(slow), len(fast)) == (100, 500)
+    assert (slow.Ts, fast.Ts) == (pytest.approx(0.01), pytest.approx(0.001))
+
+
+def test_a_position_that_is_updated_less_often_is_reduced_to_its_updates(tmp_path: Path) -> None:
+    held = motion(T)[np.arange(len(T)) // 4 * 4]
+    measurement = read_measurement(axis(tmp_path, T, held, velocity(T)))
+    assert named(measurement.findings) == ["held-position"]
+    (record,) = measurement.records
+    assert record.Ts == pytest.approx(4e-3)
+    assert record.q == pytest.approx(motion(record.t), abs=1e-12)
+    assert record.force == pytest.approx(velocity(record.t), abs=1e-9)
+
+
+def forbidding(path: Path) -> list[str]:
+    found = contradictions(read_measurement(path).records)
+    return [finding.name for finding in found if finding.name in FORBIDDING and finding.name.startswith("position")]
+
+
+def test_positions_that_no_axis_has_forbid_their_use(tmp_path: Path) -> None:
+    force = velocity(T)
+    assert forbidding(axis(tmp_path, T, motion(T), force)) == []
+    assert forbidding(axis(tmp_path, T, np.where(T > 0.52, motion(T) + 0.005, motion(T)), force)) == ["position-jumps"]
+    assert forbidding(axis(tmp_path, T, np.minimum(motion(T), 0.006), force)) == ["position-clipped"]
+    assert forbidding(axis(tmp_path, T, np.clip(motion(T), -0.006, 0.006), force)) == ["position-clipped"]
+    updates = np.sort(np.random.default_rng(1).choice(len(T), 250, replace=False))
+    held = motion(T)[updates[np.maximum(np.searchsorted(updates, np.arange(len(T)), "right") - 1, 0)]]
+    assert forbidding(axis(tmp_path, T, held, force)) == ["position-held"]
+
+
+def test_dwells_and_counts_of_an_encoder_are_no_faults(tmp_path: Path) -> None:
+    """A slow stroke with stops in counts of 10 um, whose ends are reached with a constant deceleration."""
+    stroke = np.repeat([1.0, 0.0, -1.0, 0.0, -1.0, 0.0, 1.0, 0.0], [100, 200, 100, 100, 100, 200, 100, 100])
+    q = 0.1 * np.cumsum(np.cumsum(np.tile(stroke, 2))) * 1e-6
+    t = np.arange(len(q)) * 1e-3
+    assert forbidding(axis(tmp_path, t, 1e-5 * np.round(q / 1e-5), np.gradient(q, t))) == []
 
 
 def test_a_record_of_a_few_samples_is_refused(tmp_path: Path) -> None:

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from typing import Final
 
 from friction_fmus.identification.data.cells import is_moment, numeric
-from friction_fmus.identification.data.column_headings import meaning_of
+from friction_fmus.identification.data.column_headings import LONGEST, meaning_of
 from friction_fmus.identification.data.record import unit_of
 
 _HEADING = re.compile(r"(?P<name>.*?)\s*[\[(](?P<unit>[^\[\]()]*(\([^()]*\))?[^\[\]()]*)[\])]\s*")
@@ -60,21 +60,22 @@ class Headings:
 def split_unit(heading: str) -> tuple[str, str]:
     """Return name and unit of a heading such as ``x [mm]`` or ``x (mm)``; the unit may be empty."""
     heading = heading.strip().strip('"').strip()
-    match = _HEADING.fullmatch(heading)
+    match = _HEADING.fullmatch(heading) if len(heading) <= LONGEST else None
     if not match or not match["name"] or match["unit"].isdigit():  # q[0]
         return heading, ""
     return match["name"].removesuffix("/").rstrip(), match["unit"].strip(" -")
 
 
-def headings(rows: Sequence[Sequence[str]], width: int) -> Headings:
+def headings(rows: Sequence[Sequence[str]], width: int, loose: bool = False) -> Headings:
     """Return names and units of the columns of a table from the cells of the rows above it.
 
     Rows with one cell per column directly above the table are names, units, data types or indices, in any order. If
-    there are two rows of names, and the upper one only counts channels (``Analog 1``) or groups them, both are used.
+    there are two rows of names, and the upper one only counts channels (``Analog 1``) or groups them, both are used. A
+    table with a `loose` end has an empty last column, whose cell may be missing.
     """
     fitting: list[list[str]] = []
     begin = len(rows)
-    while begin and len(fitting) < 8 and (row := _fitted(rows[begin - 1], width)) is not None:
+    while begin and len(fitting) < 8 and (row := _fitted(rows[begin - 1], width, loose)) is not None:
         fitting.insert(0, row)
         begin -= 1
     kinds = [_kind(row) for row in fitting]
@@ -161,25 +162,27 @@ def stated_period(keys: Mapping[str, str]) -> float:
     return 0.0
 
 
-def _fitted(row: Sequence[str], width: int) -> list[str] | None:
+def _fitted(row: Sequence[str], width: int, loose: bool) -> list[str] | None:
     """Return the cells of a row above a table with one cell per column; None if there are more or fewer."""
     cells = list(row)
     while len(cells) > width and cells[-1].casefold() in ("", "comment"):
         cells.pop()
-    if len(cells) == width - 1 and width > 2 and any(cells):
+    if len(cells) == width - 1 and loose:
         cells.append("")
     return cells if len(cells) == width and any(cells) else None
 
 
 def _kind(row: Sequence[str]) -> str:
     filled = [cell for cell in row if cell]
+    if filled[0].endswith((":", "=")):
+        return "settings"
     if sum(map(is_unit, filled)) >= max(1, len(filled) - (len(filled) > 3)) and all(len(each) < 25 for each in filled):
         return "units"
     if all(map(_TYPES.fullmatch, filled)):
         return "types"
     if all(map(_INDEX.fullmatch, filled)) and any(any(c.isdigit() for c in cell) for cell in filled):
         return "indices"
-    if any(numeric(cell) or is_moment(cell) for cell in filled) or filled[0].endswith((":", "=")):
+    if any(numeric(cell) or is_moment(cell) for cell in filled):
         return "settings"
     return "names"
 
@@ -201,7 +204,7 @@ def _pairs(rows: Sequence[Sequence[str]], stride: int, keys: Mapping[str, str], 
     width = len(rows[0])
     names, units = [""] * width, [""] * width
     at = range(0, width, stride)
-    clock = next((row[0] for row in keyed if re.search("time|zeit|^x", row[0], re.I)), "time")
+    clock = next((row[0] for row in keyed if re.match("x|time|zeit", row[0], re.I)), "time")
     for i in at:
         names[i] = clock
     for row in keyed:

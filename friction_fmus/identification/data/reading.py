@@ -5,15 +5,13 @@ from __future__ import annotations
 import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from itertools import pairwise
 from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
 from scipy.integrate import cumulative_trapezoid
-from scipy.interpolate import CubicSpline
 
-from friction_fmus.blocks.axis_units import LINEAR, ROTARY, SLIDING, AxisUnits, Words, units_of_channels
+from friction_fmus.blocks.axis_units import LINEAR, ROTARY, AxisUnits, units_of_channels
 from friction_fmus.errors import AmbiguousColumnsError, RecordError, visible
 from friction_fmus.identification.data.column_choice import chosen_columns
 from friction_fmus.identification.data.formats import read_table
@@ -27,7 +25,6 @@ from friction_fmus.identification.data.mapping import (
 )
 from friction_fmus.identification.data.other_records import other_record
 from friction_fmus.identification.data.record import (
-    JITTER,
     ROLES,
     Array,
     Record,
@@ -38,107 +35,10 @@ from friction_fmus.identification.data.record import (
     parse_quantity,
     wanted_unit,
 )
+from friction_fmus.identification.data.sampling import SHORTEST, equally_spaced, in_order, without_held_samples
 from friction_fmus.identification.data.tables import DataTable
 from friction_fmus.identification.data.understanding import understood
 from harness.units import BaseUnit
-
-GAP = 5.0  # ratio of an interval to the median above which it is a gap, across which nothing is interpolated
-SHORTEST = 50  # smallest number of samples of a segment
-SMOOTH = ("q", "v", "reference")  # columns that are smooth because of inertia; the others are interpolated linearly
-
-
-@dataclass(frozen=True, eq=False)
-class SampledSegment:
-    """Equally spaced segment of a measurement without gaps."""
-
-    t: Array  # time [s]
-    columns: Mapping[str, Array]  # other columns
-
-
-def equally_spaced(
-    t: Array, columns: Mapping[str, Array], u: Words = SLIDING
-) -> tuple[list[SampledSegment], list[RecordFinding]]:
-    """Split a measurement at gaps, and convert each segment to equal intervals.
-
-    A segment whose intervals deviate by more than 1 % from their mean gets a new time grid. If the times are equally
-    spaced except for rounding, samples are not interpolated. Otherwise they are resampled at the median interval by a
-    cubic spline (position, velocity, reference) or linearly (forces, which may jump). The result contains no
-    information above half the local sample rate.
-    """
-    steps = np.diff(t)
-    usual = float(np.median(steps))
-    cuts = np.flatnonzero(steps > GAP * usual)
-    findings = []
-    if cuts.size:
-        longest = float(steps.max())
-        what = (
-            f"The record has {cuts.size} gap{'s' * (cuts.size > 1)}, the longest of {longest:.4g} s after "
-            f"t = {t[int(np.argmax(steps))]:.6g} s (median interval {usual:.4g} s); it is split at each gap."
-        )
-        findings.append(RecordFinding("gaps", what, "Log without pauses: each segment needs its own initial state."))
-    starts = np.concatenate([[0], cuts + 1, [len(t)]])
-    spans = [slice(int(a), int(b)) for a, b in pairwise(starts)]
-    long_enough = [span for span in spans if span.stop - span.start >= SHORTEST]
-    if len(long_enough) < len(spans):
-        lost = sum(span.stop - span.start for span in spans if span not in long_enough)
-        what = f"{len(spans) - len(long_enough)} segments with {lost} samples in total are too short and are ignored."
-        findings.append(RecordFinding("short-pieces", what, f"Log at least {SHORTEST} samples without a gap."))
-    segments, rounded, resampled = [], [], []
-    for span in long_enough:
-        part = {name: values[span] for name, values in columns.items()}
-        grid, method = _grid(t[span], usual)
-        if method == "resampled":
-            part = {name: _interpolated(name, t[span], values, grid) for name, values in part.items()}
-            resampled.append(float(np.diff(t[span]).max()))
-        elif method == "rounded":
-            rounded.append(_digits(t[span]))
-        segments.append(SampledSegment(grid, part))
-    if rounded:
-        what = f"The times are rounded to {max(rounded):.3g} s; they are replaced by equally spaced times."
-        findings.append(RecordFinding("rounded-time", what, "Log the time with more digits."))
-    if resampled:
-        off = np.abs(steps[steps <= GAP * usual] / usual - 1.0) > JITTER
-        first, longest = t[:-1][steps <= GAP * usual][off][0], max(resampled)
-        what = (
-            f"{np.count_nonzero(off)} of {len(off)} intervals deviate by more than 1 % from the median {usual:.4g} s, "
-            f"the first one at t = {first:.6g} s; positions and velocities are resampled at the median interval by a "
-            f"cubic spline, {u.force}s linearly. With the longest interval, {longest:.4g} s, the record has no "
-            f"information above {0.5 / longest:.4g} Hz."
-        )
-        findings.append(RecordFinding("irregular-sampling", what, "Log at equal intervals, from a real-time task."))
-    return segments, findings
-
-
-def _grid(t: Array, usual: float) -> tuple[Array, str]:
-    """Return equally spaced times of a segment, and how they were determined: "kept", "rounded" or "resampled"."""
-    count = len(t) - 1
-    mean = (t[-1] - t[0]) / count
-    if np.all(np.abs(np.diff(t) / mean - 1.0) <= JITTER):
-        return t, "kept"
-    k = np.arange(len(t))
-    slope, begin = np.polyfit(k, t - t[0], 1)
-    line = t[0] + begin + slope * k
-    digits = _digits(t)
-    if np.max(np.abs(t - line)) <= 0.6 * digits and digits <= 0.4 * slope:
-        return line, "rounded"
-    # the grid starts at the first sample, so that the others are unchanged if only some samples are missing
-    return t[0] + usual * np.arange(int((t[-1] - t[0]) / usual + 1e-3) + 1), "resampled"
-
-
-def _digits(t: Array) -> float:
-    """Return the decimal place to which all times are rounded [s]; 0 if it is below a nanosecond."""
-    for places in range(10):
-        scaled = (t - t[0]) * 10.0**places
-        if np.max(np.abs(scaled - np.round(scaled))) < 1e-3:
-            return float(10.0**-places)
-    return 0.0
-
-
-def _interpolated(name: str, t: Array, values: Array, at: Array) -> Array:
-    if name in SMOOTH:
-        return np.asarray(CubicSpline(t, values)(at), dtype=np.float64)
-    return np.asarray(np.interp(at, t, values), dtype=np.float64)
-
 
 TRAIN: Final = 0.6  # fraction of a record that is fitted; the rest is validation data
 
@@ -168,7 +68,6 @@ def plausible(records: Sequence[Record], columns: Mapping[str, Column]) -> Itera
     yield from _velocity(longest)
     yield from _reference(longest)
     yield from _size(longest)
-    yield from _turns(longest)
     yield from _sign(longest, columns)
 
 
@@ -213,17 +112,6 @@ def _size(record: Record) -> Iterator[RecordFinding]:
         "implausible."
     )
     yield RecordFinding("implausible-motion", what, "Correct the unit of the position, of the velocity or of the time.")
-
-
-def _turns(record: Record) -> Iterator[RecordFinding]:
-    """Yield a finding about an angle that wraps around after each turn, as from absolute encoders and resolvers."""
-    if record.q is None or record.units.position != "rad":
-        return
-    jumps = np.abs(np.diff(record.q))
-    jumps = jumps[jumps > np.pi]
-    if jumps.size:
-        what = f"The position jumps by {jumps.max():.4g} rad from one sample to the next, {_times(jumps.size)}."
-        yield RecordFinding("position-jumps", what, "Log a multi-turn position, or unwrap the angle.")
 
 
 def _sign(record: Record, columns: Mapping[str, Column]) -> Iterator[RecordFinding]:
@@ -384,7 +272,7 @@ def read_measurement(
     findings = list(table.findings)
     columns, units = _converted(table, known, path, findings)
     t, columns = _complete(table, columns, findings, path)
-    _check_time(table, t, columns.pop("row"), known.columns["time"], path)
+    t, columns = in_order(table, t, columns, findings)
     if t[0] > EPOCH:
         shift = float(t[0])
         t = t - shift
@@ -395,7 +283,8 @@ def read_measurement(
     quantum = _quantum(columns["q"]) if "q" in columns else 0.0
     held = "force" in known.columns and known.columns["force"].held
     segments, about_time = equally_spaced(t, columns, units.words)
-    findings += about_time
+    segments, about_position = without_held_samples(segments)
+    findings += about_time + about_position
     if not segments:
         raise RecordError(f"{path} has no {SHORTEST} samples without a gap; log longer without interruption.")
     names = [known.name] if len(segments) == 1 else [f"{known.name}, segment {i + 1}" for i in range(len(segments))]
@@ -557,29 +446,6 @@ def _complete(
             )
     kept["row"] = np.flatnonzero(good).astype(np.float64)
     return kept.pop("t"), kept
-
-
-def _check_time(table: DataTable, t: Array, rows: Array, column: Column, path: Path) -> None:
-    if len(t) < SHORTEST:
-        raise RecordError(f"{path} has {len(t)} samples; an identification needs at least {SHORTEST}.")
-    wrong = np.flatnonzero(np.diff(t) <= 0.0)
-    if not wrong.size:
-        return
-    at = int(wrong[0]) + 1
-    place = table.place(int(rows[at]))
-    if t[at] == t[at - 1]:
-        raise RecordError(
-            f"{path} has the time {t[at]:.9g} s twice, the second time in {place} ({_times(wrong.size)} in the file); "
-            f'remove duplicate rows, log the time with more digits, or use time = {{ period = "..." }}.'
-        )
-    raise RecordError(
-        f"The time in {path} decreases from {t[at - 1]:.9g} s to {t[at]:.9g} s in {place} ({_times(wrong.size)} in the "
-        "file); sort the rows, or split the file there if the log was restarted."
-    )
-
-
-def _times(count: int) -> str:
-    return "once" if count == 1 else f"{count} times"
 
 
 def _quantum(q: Array) -> float:

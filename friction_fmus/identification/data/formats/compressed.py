@@ -20,6 +20,8 @@ SUFFIXES: Final = (".gz", ".xz", ".bz2", ".zip")
 
 _OPENERS: Final[dict[str, Callable[..., Any]]] = {".gz": gzip.open, ".xz": lzma.open, ".bz2": bz2.open}
 
+RATIO: Final = 200  # largest ratio of a file to its compressed one
+LOOSE: Final = 1 << 26  # size below which any ratio is allowed [bytes]
 PIECE: Final = 1 << 20  # number of bytes that are unpacked at once
 
 
@@ -50,12 +52,12 @@ def read(path: Path) -> DataTable:
 
 
 def _copy(path: Path, source: IO[bytes], unpacked: Path) -> None:
-    left = text_file.LARGEST_DATA
+    size = left = min(text_file.LARGEST_DATA, max(LOOSE, RATIO * path.stat().st_size))
     with unpacked.open("wb") as file:
         while piece := source.read(PIECE):
             left -= len(piece)
             if left < 0:
-                raise RecordError(f"{path} has more than {text_file.LARGEST_DATA} bytes of text; split the file.")
+                raise RecordError(f"{path} has more than {size} bytes of text; split the file, or unpack it yourself.")
             file.write(piece)
 
 

@@ -13,7 +13,7 @@ from typing import Any, Final
 import numpy as np
 
 from friction_fmus.errors import RecordError
-from friction_fmus.identification.data.tables import EXACT, ChannelGroup, DataTable, on_one_clock
+from friction_fmus.identification.data.tables import EXACT, ChannelGroup, DataTable, limit_size, on_one_clock
 from harness.extras import require
 
 SUFFIXES: Final = (".mcap",)
@@ -21,6 +21,8 @@ SUFFIXES: Final = (".mcap",)
 JOINT: Final = ("position", "velocity", "effort")  # arrays of ``sensor_msgs/JointState`` with one element for each name
 
 DEEPEST: Final = 8  # largest depth of nested fields
+
+VALUE: Final = 100  # memory of a number while a file is read [bytes]
 
 LONGEST: Final = 64  # largest number of elements of an array whose elements become columns
 
@@ -41,8 +43,13 @@ def read(path: Path) -> DataTable:
     rows: dict[str, list[tuple[int, dict[str, float]]]] = {}
     ignored: dict[str, str] = {}
     damaged: dict[str, str] = {}
+    count = 0
     with path.open("rb") as file:
-        for schema, channel, message in make_reader(file).iter_messages():
+        reader = make_reader(file)
+        summary = reader.get_summary()
+        for chunk in summary.chunk_indexes if summary is not None else ():
+            limit_size(path, chunk.uncompressed_size)
+        for schema, channel, message in reader.iter_messages():
             if channel.id not in decoders:
                 coded_as_json = channel.message_encoding == "json"
                 decoders[channel.id] = (
@@ -58,6 +65,8 @@ def read(path: Path) -> DataTable:
             except Exception as error:  # a damaged message may raise any exception in the decoders
                 damaged[channel.topic] = f"a damaged message ({' '.join(str(error).split()) or type(error).__name__})"
                 continue
+            count += len(values)
+            limit_size(path, VALUE * count)
             if values:
                 rows.setdefault(channel.topic, []).append((_stamp(content) or message.log_time, values))
     texts = {name: why for topic, why in damaged.items() for _, values in rows.pop(topic, ()) for name in values}

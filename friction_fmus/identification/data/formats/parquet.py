@@ -17,5 +17,6 @@ def read(path: Path) -> DataTable:
     import pyarrow.parquet as pq
 
     with pq.ParquetFile(path) as file:
-        limit_size(path, 8 * file.metadata.num_rows * file.metadata.num_columns)
+        groups = [file.metadata.row_group(i).total_byte_size for i in range(file.metadata.num_row_groups)]
+        limit_size(path, max(8 * file.metadata.num_rows * file.metadata.num_columns, sum(groups)))
     return from_arrow(path, pq.read_table(path))

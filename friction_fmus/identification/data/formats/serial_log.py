@@ -27,11 +27,12 @@ _STAMP = re.compile(r"\s*(\d{1,2}:\d{2}:\d{2}[.,]\d+)\s*->\s*")
 _CELLS = re.compile(r"[\s,;]+")
 
 EXAMINED: Final = 200  # number of lines that are examined
+LONGEST: Final = 1000  # largest number of characters of a line that is read
 
 
 def recognises(head: str) -> bool:
     """Return whether most lines have names beside their numbers, or the time of the day in front of an arrow."""
-    lines = [line for line in head.split("\n")[:-1] if line.strip()][-EXAMINED:]
+    lines = [line[:LONGEST] for line in head.split("\n")[:-1] if line.strip()][-EXAMINED:]
     return len(lines) > 2 and sum(bool(_STAMP.match(line) or _LINE.fullmatch(line)) for line in lines) > 0.8 * len(
         lines
     )
@@ -46,6 +47,9 @@ def read(path: Path) -> DataTable:
         stamp = _STAMP.match(line)
         rest = line[stamp.end() :] if stamp else line
         if not rest.strip():
+            continue
+        if len(rest) > LONGEST:
+            others += 1
             continue
         pairs = _PAIR.findall(rest)
         if pairs and _PAIR.sub("", rest).strip(" \t,;|") == "":

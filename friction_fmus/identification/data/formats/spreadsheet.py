@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import datetime
+import re
 import zipfile
 from collections.abc import Sequence
+from functools import reduce
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Any, Final
+from typing import IO, Any, Final
 
 import numpy as np
 
@@ -17,9 +19,11 @@ from friction_fmus.identification.data.heading_rows import headings
 from friction_fmus.identification.data.tables import DataTable, limit_size
 from harness.extras import missing
 
-SUFFIXES: Final = (".xlsx", ".xlsm", ".xlsb", ".xls", ".ods")
+SUFFIXES: Final = (".xlsx", ".xlsm", ".xls")
 
-CELL: Final = 40  # memory of a cell while a sheet is read [bytes]
+CELL: Final = 40  # memory of a cell while a sheet is read, also of one that is empty [bytes]
+
+_CELL = re.compile(rb"""\br\s*=\s*["']([A-Z]{1,3})(\d{1,7})["']""")
 
 
 def read(path: Path) -> DataTable:
@@ -31,18 +35,38 @@ def read(path: Path) -> DataTable:
     if zipfile.is_zipfile(path):
         with zipfile.ZipFile(path) as archive:
             limit_size(path, sum(info.file_size for info in archive.infolist()))
-    with CalamineWorkbook.from_path(path) as book:
-        best, name, count = [], "", 0
-        for each in book.sheet_names:
-            sheet = book.get_sheet_by_name(each)
-            limit_size(path, CELL * sheet.total_height * sheet.total_width)
-            rows = sheet.to_python()
-            numbers = sum(isinstance(cell, (float, int)) for row in rows for cell in row)
-            if numbers > count:
-                best, name, count = rows, each, numbers
+            for member in archive.namelist():
+                if "sheet" in member.lower():
+                    with archive.open(member) as sheet:
+                        limit_size(path, CELL * _area(sheet))
+    best: list[list[Any]] = []
+    name, count = "", 0
+    try:
+        with CalamineWorkbook.from_path(path) as book:
+            for each in book.sheet_names:
+                rows = book.get_sheet_by_name(each).to_python()
+                numbers = sum(isinstance(cell, (float, int)) for row in rows for cell in row)
+                if numbers > count:
+                    best, name, count = rows, each, numbers
+    except BaseException as error:  # the library raises its internal errors as exceptions of their own kind
+        if isinstance(error, (Exception, KeyboardInterrupt)):
+            raise
+        raise ValueError(str(error)) from error
     if not count:
         raise RecordError(f"{path} has no sheet with numbers; save time, position and force in one.")
     return _table(path, best, name)
+
+
+def _area(sheet: IO[bytes]) -> int:
+    """Return the number of cells of the rectangle that a sheet fills, most of which may be empty."""
+    rows, columns, rest = 1, 1, b""
+    while piece := sheet.read(1 << 20):
+        places = _CELL.findall(rest + piece)
+        rows = max([rows, *(int(number) for _, number in places)])
+        for letters in {letters for letters, _ in places}:
+            columns = max(columns, reduce(lambda number, letter: 26 * number + letter - 64, letters, 0))
+        rest = piece[-100:]
+    return rows * columns
 
 
 def _table(path: Path, rows: Sequence[Sequence[Any]], name: str) -> DataTable:

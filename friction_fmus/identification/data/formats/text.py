@@ -41,15 +41,19 @@ class Layout:
     comma: bool  # whether the examined numbers have decimal commas
     valued: tuple[int, ...]  # columns of numbers and times
     loose: bool  # whether the last column is empty, so that its separator may be missing
+    comments: tuple[str, ...] = COMMENTS  # beginnings of lines that are no rows
     above: frozenset[str] = field(default_factory=frozenset)  # lines above the table, which may be repeated in it
 
 
-def read(path: Path) -> DataTable:
-    """Read a text table: columns separated by ; tab , | or spaces, after comments, keys and headings."""
+def read(path: Path, others: tuple[str, ...] = ()) -> DataTable:
+    """Read a text table: columns separated by ; tab , | or spaces, after comments, keys and headings.
+
+    Lines that start with one of the `others` are no rows either.
+    """
     with pieces(path) as (encoding, parts):
         head = next(parts, "")
         lines = head.split("\n")
-        layout = find_layout(path, lines)
+        layout = find_layout(path, lines, COMMENTS + others)
         table = _Body(path, layout)
         start = 1 + layout.first
         table.add("\n".join(lines[layout.first :]), start)
@@ -60,13 +64,13 @@ def read(path: Path) -> DataTable:
         return table.finished(NAMES.get(encoding, encoding.upper()))
 
 
-def find_layout(path: Path, lines: Sequence[str]) -> Layout:
+def find_layout(path: Path, lines: Sequence[str], comments: tuple[str, ...]) -> Layout:
     """Return separator, headings and first row of the table in the first lines of a text."""
     numbered = [(i, line) for i, line in enumerate(lines) if line.strip()]
-    rows = [(i, line) for i, line in numbered if not line.lstrip().startswith(COMMENTS)]
+    rows = [(i, line) for i, line in numbered if not line.lstrip().startswith(comments)]
     if len(rows) < 4:
         raise RecordError(f"{path} has too few lines for a table ({len(rows)}); use a heading and rows of numbers.")
-    separator = _separator([line for _, line in rows[-EXAMINED:]])
+    separator = _separator([line for _, line in rows[-max(3, min(EXAMINED, len(rows) // 2)) :]])
     split = [(i, split_cells(line, separator)) for i, line in rows]
     if len(split[-1][1]) == 1 and len(split[-2][1]) > 1 and not cell.numeric(split[-1][1][0]):
         del split[-1]  # EOF
@@ -82,23 +86,20 @@ def find_layout(path: Path, lines: Sequence[str]) -> Layout:
     above = [
         line.lstrip("#%/! \t" if line.lstrip().startswith(COMMENTS) else " \t") for i, line in numbered if i < first
     ]
-    heading = headings([_heading_cells(line, separator, width) for line in above], width)
+    keys = comments[len(COMMENTS) :]  # of a format that has no headings among them
+    cells = [_heading_cells(line, separator, width) for line in above]
+    cells = [[f"{row[0]}:", *row[1:]] if row and row[0].startswith(keys) else row for row in cells]
+    if [row[0] for row in whole[:3]] == ["1", "2", "3"]:  # numbers of rows, which R gives no heading
+        cells = [["", *row] if len(row) == width - 1 else row for row in cells]
+    loose, repeated = not any(row[-1] for row in whole), frozenset(line.strip() for line in lines[:first])
+    heading = headings(cells, width, loose)
     if not heading.named and heading.mismatch and separator == "," and width == 2 * int(heading.mismatch.split()[0]):
         raise RecordError(
             f"The heading of {path} has {heading.mismatch}, but the numbers below have {width} columns; if the commas "
             "are decimal points, use semicolons between the columns."
         )
     valued = tuple(j for j in range(width) if 2 * sum(cell.is_value(row[j]) for row in whole) > len(whole))
-    return Layout(
-        separator,
-        first,
-        width,
-        heading,
-        comma,
-        valued,
-        not any(row[-1] for row in whole),
-        frozenset(line.strip() for line in lines[:first]),
-    )
+    return Layout(separator, first, width, heading, comma, valued, loose, comments, repeated)
 
 
 def _heading_cells(line: str, separator: str, width: int) -> list[str]:
@@ -134,12 +135,16 @@ def _separator(lines: Sequence[str]) -> str:
 
 def _first_row(rows: Sequence[Sequence[str]]) -> int | None:
     """Return the index of the first row of data: as wide as the last rows, with numbers where they have numbers."""
-    tail = rows[-50:]
-    width = Counter(map(len, tail)).most_common(1)[0][0]
-    tail = [row for row in tail if len(row) == width]
-    columns = [i for i in range(width) if 2 * sum(cell.is_value(row[i]) for row in tail) > len(tail)]
-    filled = [i for i in columns if 2 * sum(row[i] != "" for row in tail) > len(tail)]
-    if not filled or not any(cell.numeric(row[i]) for row in tail for i in filled):
+    for size in (50, 8, 3):  # the table may be shorter than the lines above it
+        tail = rows[-size:]
+        width = Counter(map(len, tail)).most_common(1)[0][0]
+        tail = [row for row in tail if len(row) == width]
+        filled = [
+            i for i in range(width) if 2 * sum(row[i] != "" and cell.is_value(row[i]) for row in tail) > len(tail)
+        ]
+        if any(cell.numeric(row[i]) for row in tail for i in filled):
+            break
+    else:
         return None
 
     def is_row(row: Sequence[str]) -> bool:
@@ -148,8 +153,6 @@ def _first_row(rows: Sequence[Sequence[str]]) -> int | None:
     last = len(rows) - 1
     starts = (i for i, row in enumerate(rows) if is_row(row) and is_row(rows[min(i + 1, last)]))
     first = next((i for i in starts if cell.is_value(rows[i][filled[0]])), None)
-    while first and is_row(rows[first - 1]) and not _is_count(rows[first - 1]):
-        first -= 1  # its first cell is a text, which is reported
     if first and first < last and _is_count(rows[first]) and cell.numeric(rows[first + 1][0]):
         first += float(rows[first + 1][0].replace(",", ".")) <= float(rows[first][0])
     return first
@@ -195,7 +198,9 @@ class _Body:
 
     def _irregular(self, text: str) -> bool:
         """Return whether there may be empty lines, comments, or rows of different length."""
-        if text.startswith(("\n", *COMMENTS)) or any(f"\n{mark}" in text for mark in ("\n", *COMMENTS, " #", " %")):
+        if text.startswith(("\n", *self.layout.comments)) or any(
+            f"\n{mark}" in text for mark in ("\n", *self.layout.comments, " #", " %")
+        ):
             return True
         separator = self.layout.separator
         if '"' in text or separator == " ":
@@ -236,7 +241,7 @@ class _Body:
         lines = text.split("\n")
         for number, line in enumerate(lines, start=start):
             plain = line.strip()
-            if not plain or plain.startswith(COMMENTS) or plain in self.layout.above:
+            if not plain or plain.startswith(self.layout.comments) or plain in self.layout.above:
                 continue
             if self.cut is not None:
                 self._other_width(self.cut_line, self.cut_cells)
