@@ -27,6 +27,7 @@ MASSES: Final[Mapping[str, tuple[float, float]]] = {"m": (1e-6, 1e7), "rad": (1e
 FORBIDDING: Final = (
     *("wrong-sign", "negative-mass", "driving-friction", "implausible-mass", "missing-force"),
     *("position-jumps", "position-clipped", "position-held"),
+    *("position-and-velocity-disagree", "implausible-motion"),
 )
 """Findings after which identified parameters cannot be used."""
 

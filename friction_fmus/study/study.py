@@ -558,6 +558,10 @@ class _Study:
         findings = list(checked.result.findings)
         named = {finding.name for finding in findings}
         findings += [each for each in force_findings(data.records, self.config.servo) if each.name not in named]
+        about = data.measurement.findings if data.measurement is not None else ()
+        findings += [
+            StudyFinding(each.name, each.what, each.measure, True) for each in about if each.name in FORBIDDING
+        ]
         models = self._models(data, checked, self._goes_on(findings))
         findings += loop_findings(models, any(found.row.closed_loop for found in models), data.longest.units.words)
         if models[0].row.rank is None:

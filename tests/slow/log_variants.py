@@ -97,11 +97,10 @@ class Variant:
 
     path: Path
     coulomb: float  # in the unit of the channel
-    viscous: float | None  # in the unit of the channel over rad/s; None if the position has no unit in the file
-    position: tuple[int, ...]
-    force: int
+    viscous: float  # in the unit of the channel over rad/s
+    motion: tuple[str, ...]  # names of position and velocity
+    force: str  # name of the drive signal
     what: dict[str, object] = field(default_factory=dict)
-    order: list[str] = field(default_factory=list)
 
 
 def written(seed: int, folder: Path) -> Variant:
@@ -177,10 +176,11 @@ def written(seed: int, folder: Path) -> Variant:
     encoding = str(one("utf-8", "utf-8-sig", "iso-8859-1", "utf-16"))
     path = folder / f"variant_{seed}.{one('csv', 'txt')}"
     path.write_text("\n".join(lines) + "\n", encoding=encoding)
-    place = [role for role, _, _ in every]
-    right = (place.index("position"), *((place.index("velocity"),) if "velocity" in place else ()))
+    shown = headings if titled else [f"column {i}" for i in range(1, len(every) + 1)]
+    names_of = dict(zip((role for role, _, _ in every), shown, strict=True))
+    motion = tuple(names_of[role] for role in ("position", "velocity") if role in names_of)
     what = {"style": style, "units": units, "time": clock, "position": where, "force": force, "second": second}
-    return Variant(path, COULOMB * scale, VISCOUS * scale, right, place.index("force"), what, headings)
+    return Variant(path, COULOMB * scale, VISCOUS * scale, motion, names_of["force"], what)
 
 
 def judged(variant: Variant) -> tuple[str, str]:
@@ -195,17 +195,17 @@ def judged(variant: Variant) -> tuple[str, str]:
 
 def wrong(variant: Variant, measurement: Measurement) -> str:
     """Return what is wrong with a measurement; empty if nothing is."""
-    columns = measurement.mapping.columns
     text = " | ".join(text for _, text in measurement.understood)
-    used = {role: column.column for role, column in columns.items()}
+    used = {role: column.column for role, column in measurement.mapping.columns.items()}
+    for role, right in (("position", variant.motion), ("velocity", variant.motion), ("force", (variant.force,))):
+        if role in used and used[role] not in right:
+            return f"{used[role]!r} is not the {role}: {text}"
     looked = first_look(measurement.records)
     if not looked:
-        return f"no result, {used}"
+        return f"no result: {text}"
     record = measurement.records[0]
-    units, gain = record.units, 1.0
-    if units.force not in ("N.m", "Nm") and units.known:
-        gain = 1.0
-    found = looked["Fc"].value * gain
+    units = record.units
+    found = looked["Fc"].value
     if abs(found / variant.coulomb - 1.0) > 0.1:
         return f"Coulomb {found:.4g} {units.force} instead of {variant.coulomb:.4g}: {text}"
     if units.position == "rad" and abs(looked["Fv"].value / variant.viscous - 1.0) > 0.35:

@@ -106,6 +106,7 @@ def run(options: argparse.Namespace) -> int:
     )
     measurement = read_asking(data, None if data.suffix.lower() == ".toml" else given)
     show_understood(measurement)
+    show_first_look(measurement.records)  # before anything takes time
     windows = _windows(options, measurement) or default_windows(measurement.records)
     train = measurement.window(*windows["train"])
     validation = measurement.window(*windows["validation"]) if "validation" in windows else ()
@@ -117,7 +118,6 @@ def run(options: argparse.Namespace) -> int:
     findings = (*measurement.findings, *about)
     wrong = [finding.name for finding in findings if finding.name in FORBIDDING]
     show_data(train, validation, findings)
-    show_first_look(measurement.records)
     task = IdentificationTask(
         train,
         validation,
