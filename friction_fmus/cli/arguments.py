@@ -138,3 +138,19 @@ def add_workers(parser: argparse._ActionsContainer) -> None:
 def add_scheduler(parser: argparse._ActionsContainer) -> None:
     """Add the option for the address of a dask cluster."""
     parser.add_argument("--scheduler", metavar="tcp://HOST:PORT", help="run on this dask cluster")
+
+
+def add_column_options(parser: argparse.ArgumentParser) -> None:
+    """Add the options that say what the columns of a data file are."""
+    parser.add_argument(
+        "--columns",
+        default="",
+        metavar="TEXT",
+        help="columns by number or heading, such as \"time=1 ms, position=4 1/8192 rev, current='Motor current' mA\"",
+    )
+    parser.add_argument(
+        "--gain",
+        default="",
+        metavar="GAIN",
+        help="factor of the drive signal, such as '0.5 N.m/A', or '6 N.m' for 100 %%",
+    )
