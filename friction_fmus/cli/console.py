@@ -70,11 +70,15 @@ def progress_bar(*columns: ProgressColumn, **options: Any) -> Progress:
     return Progress(*shown, console=screen, transient=True, disable=not screen.is_terminal, **options)
 
 
+FIRST = "the first time for a platform takes a minute or more, later ones a few seconds"
+
+
 def announce(bar: Progress, task: TaskID, text: str, foreign: str = "other") -> None:
     """Show what happens now: on the bar, or as a line on stderr where that is no terminal, unless it is soon done."""
     bar.update(task, description=text)
     if not bar.console.is_terminal and foreign not in ("native", NATIVE.folder):
-        bar.console.print(text, soft_wrap=True)
+        first = f" ({FIRST})" if foreign != "other" else ""
+        bar.console.print(text + first, soft_wrap=True)
 
 
 class RunBar:
