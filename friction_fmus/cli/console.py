@@ -74,9 +74,7 @@ def progress_bar(*columns: ProgressColumn, **options: Any) -> Progress:
 @cache
 def _note_on_time(screen: Console) -> None:
     """Say once how long a cross-compilation takes."""
-    screen.print(
-        "(the first compilation for a platform takes a minute or more, later ones a few seconds)", soft_wrap=True
-    )
+    screen.print("(the first compilation for a platform takes a minute or more, later ones seconds)", soft_wrap=True)
 
 
 def announce(bar: Progress, task: TaskID, text: str, foreign: str = "other") -> None:
