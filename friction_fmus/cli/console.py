@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
+from functools import cache
 from typing import TYPE_CHECKING, Any
 
 from rich.console import Console, ConsoleOptions, RenderableType
@@ -70,11 +71,19 @@ def progress_bar(*columns: ProgressColumn, **options: Any) -> Progress:
     return Progress(*shown, console=screen, transient=True, disable=not screen.is_terminal, **options)
 
 
+@cache
+def _note_on_time(screen: Console) -> None:
+    """Say once how long a cross-compilation takes."""
+    screen.print("(the first compilation for a platform takes a minute or more, later ones seconds)", soft_wrap=True)
+
+
 def announce(bar: Progress, task: TaskID, text: str, foreign: str = "other") -> None:
     """Show what happens now: on the bar, or as a line on stderr where that is no terminal, unless it is soon done."""
     bar.update(task, description=text)
     if not bar.console.is_terminal and foreign not in ("native", NATIVE.folder):
         bar.console.print(text, soft_wrap=True)
+        if foreign != "other":
+            _note_on_time(bar.console)
 
 
 class RunBar:
