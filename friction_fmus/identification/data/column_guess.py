@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Final
 
 import numpy as np
@@ -20,7 +20,7 @@ from friction_fmus.identification.data.motion_tests import (
     unwrapped,
     without_gaps,
 )
-from friction_fmus.identification.data.record import Array, axis_units, factor, fits, unit_of
+from friction_fmus.identification.data.record import Array, RecordFinding, axis_units, factor, fits, unit_of
 from friction_fmus.identification.data.tables import DataTable
 from harness.units import BaseUnit
 
@@ -31,6 +31,7 @@ TIMES: Final = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 LATE: Final = 0.3  # share of the difference of two signals that a lag explains if one is the command of the other
 CLOSE: Final = 0.03  # relative difference of a factor between two columns that rounding and noise can cause
 CERTAIN: Final = 0.995  # correlation with a derivative that no force has, in spite of inertia
+DERIVED: Final = "actual position"  # heading of a position computed from reference and error
 MOST: Final = 40  # most columns without a name that are tried
 
 
@@ -436,6 +437,38 @@ class Guesser:
         if len(found) == 1:
             given = columns["position"]
             columns["reference"] = Column(found[0], given.unit, given.gain)
+
+
+def with_actual_position(table: DataTable) -> DataTable:
+    """Return the table with the position that a reference and a following error give, if it has no other.
+
+    The error is added or subtracted so that the position lags behind the reference.
+    """
+    kinds = {name: about(name, table.units.get(name, "")) for name in table.columns}
+    signals = {
+        qualifier: [name for name, each in kinds.items() if (each.kind, each.qualifier) == ("position", qualifier)]
+        for qualifier in ("", "actual", "reference", "error")
+    }
+    if signals[""] or signals["actual"] or len(signals["reference"]) != 1 or len(signals["error"]) != 1:
+        return table
+    (r,), (e,) = signals["reference"], signals["error"]
+    if kinds[r].unit != kinds[e].unit or not kinds[r].unit or any(each.kind == "velocity" for each in kinds.values()):
+        return table
+    reference, error = (without_gaps(table.columns[name][: 4 * 20_000]) for name in (r, e))
+    data = Columns({"r": reference, "-": reference - error, "+": reference + error}, 1.0)
+    late = {sign: data.lag("r", sign) for sign in "-+"}
+    sign = max(late, key=lambda each: late[each][0])
+    if late[sign][0] <= 0.0 or late[sign][1] < LATE:
+        return table
+    values = table.columns[r] + (-1.0 if sign == "-" else 1.0) * table.columns[e]
+    what = f"The position is {r!r} {'−' if sign == '-' else '+'} {e!r}."
+    note = RecordFinding("derived-position", what, "Log the actual position.")
+    return replace(
+        table,
+        columns={**table.columns, DERIVED: values},
+        units={**table.units, DERIVED: kinds[r].unit},
+        notes={**table.notes, DERIVED: note},
+    )
 
 
 def _left(fit: Fit) -> float:
