@@ -24,6 +24,7 @@ ALL: Final = "all"
 
 PERIODS: Final = (1e-6, 0.1)  # shortest and longest sample time of a servo [s]
 LONGEST_WINDOW: Final = 64  # largest window of the velocity estimate in samples: the limit of the block Differentiator
+OF_RECORD: Final = -1.0  # resolution of the position that stands for that of the record
 LONGEST_DELAY: Final = 100  # longest delay of the drive in samples
 
 _TABLES = ("data", "columns", "windows", "servo", "identify", "compensation")
@@ -212,7 +213,7 @@ def _servo(table: TomlTable) -> Servo:
         Ts=_period(table),
         force_limit=_number(table, "force_limit", low=0.0, above=True),
         window=_whole(table, "window", 2, low=1, high=LONGEST_WINDOW),
-        quantum=_number(table, "quantum", low=0.0) if "quantum" in table else math.nan,  # that of the record
+        quantum=_number(table, "quantum", low=0.0) if "quantum" in table else OF_RECORD,
         velocity_feedforward=_flag(table, "velocity_feedforward", False),
         inertia_feedforward=_number(table, "inertia_feedforward", 0.0, low=0.0),
         mass=_number(table, "mass", low=0.0, above=True) if "mass" in table else None,

@@ -29,7 +29,7 @@ from friction_fmus.identification.force_findings import FORBIDDING, contradictio
 from friction_fmus.listings import shown
 from friction_fmus.study.comparison import Comparison, compare
 from friction_fmus.study.compensators import AxisKnowledge, check_names, period_of
-from friction_fmus.study.config import ALL, ConfigError, StudyConfig, load_config
+from friction_fmus.study.config import ALL, OF_RECORD, ConfigError, StudyConfig, load_config
 from friction_fmus.study.data import Data, build_reference, check_period, load_data, measured_servo
 from friction_fmus.study.evaluation import AxisBench, Scheme
 from friction_fmus.study.model_ranking import (
@@ -558,7 +558,7 @@ class _Study:
         data = load_data(self.config, self.out / CACHE)
         _check_duration(self.config, data)
         servo = self.config.servo
-        if servo is not None and math.isnan(servo.quantum):
+        if servo is not None and servo.quantum == OF_RECORD:
             self.config = replace(self.config, servo=replace(servo, quantum=data.longest.quantum))
         check_period(data.longest, self.config.servo)
         checked = check_servo(data.longest, self.config.servo)

@@ -13,6 +13,7 @@ from thorough import nightly
 
 from friction_fmus.__main__ import main
 from friction_fmus.blocks.axis_units import ROTARY, units_of_channels
+from friction_fmus.cli.column_question import read_asking
 from friction_fmus.errors import AmbiguousColumnsError
 from friction_fmus.identification import DataMapping, Measurement, RecordError, read_measurement
 from friction_fmus.identification.fit.first_look import first_look
@@ -87,6 +88,31 @@ def test_a_following_error_beside_the_torque_is_no_force(tmp_path: Path) -> None
     measurement = read_measurement(saved(tmp_path, headings, T, reference, reference - Q, Q, TAU))
     assert used(measurement)["force"] == "Motor torque"
     assert used(measurement)["position"] == "Actual position"
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_a_reference_and_a_following_error_give_the_position(tmp_path: Path, sign: float) -> None:
+    reference = Q + (V + TAU / 3.0) / 40.0
+    headings = "t [s],Sollposition [rad],Schleppfehler [rad],Drehmoment [Nm]"
+    measurement = read_measurement(saved(tmp_path, headings, T, reference, sign * (reference - Q), TAU))
+    assert measurement.records[0].q == pytest.approx(Q, abs=1e-6)
+
+
+@pytest.mark.parametrize(("unit", "force"), [("N.m", "N.m"), ("V", "V"), ("mA", "mA"), ("%", "%")])
+def test_a_command_named_u_is_a_force_in_its_unit(tmp_path: Path, unit: str, force: str) -> None:
+    measurement = read_measurement(saved(tmp_path, f"t [s],phi [rad],u [{unit}]", T, Q, TAU))
+    assert measurement.records[0].units.force == force
+
+
+def test_on_a_terminal_a_doubtful_mapping_is_asked_about(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = saved(tmp_path, "t [s],q [rad],Ch 1,Ch 2", T, Q, 1.02 * TAU + 0.01 * np.cos(T), 300 * TAU)
+    monkeypatch.setattr("sys.stdin.isatty", lambda: True, raising=False)
+    monkeypatch.setattr("sys.stdout.isatty", lambda: True, raising=False)
+    monkeypatch.setattr("builtins.input", lambda _: "2")
+    assert used(read_asking(path, DataMapping(path)))["force"] == "Ch 2"
+    monkeypatch.setattr("builtins.input", lambda _: "")
+    with pytest.raises(AmbiguousColumnsError):
+        read_asking(path, DataMapping(path))
 
 
 @pytest.mark.parametrize("scale", [1.0, 1e3])

@@ -4,23 +4,23 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Final
 
 import numpy as np
 
-from friction_fmus.identification.data.column_headings import About, about, epoch_unit
+from friction_fmus.identification.data.column_headings import ColumnMeaning, about, epoch_unit
 from friction_fmus.identification.data.mapping import UNKNOWN, Column
 from friction_fmus.identification.data.motion_tests import (
     DERIVATIVE,
     SAME,
-    Columns,
-    Drive,
+    DriveShare,
+    SampledColumns,
     longest_run,
     unwrapped,
     without_gaps,
 )
-from friction_fmus.identification.data.record import Array, axis_units, factor, fits, unit_of
+from friction_fmus.identification.data.record import Array, RecordFinding, axis_units, factor, fits, unit_of
 from friction_fmus.identification.data.tables import DataTable
 from harness.units import BaseUnit
 
@@ -31,11 +31,12 @@ TIMES: Final = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 LATE: Final = 0.3  # share of the difference of two signals that a lag explains if one is the command of the other
 CLOSE: Final = 0.03  # relative difference of a factor between two columns that rounding and noise can cause
 CERTAIN: Final = 0.995  # correlation with a derivative that no force has, in spite of inertia
+DERIVED: Final = "actual position"  # heading of a position computed from reference and error
 MOST: Final = 40  # most columns without a name that are tried
 
 
 @dataclass(frozen=True)
-class Motion:
+class MotionColumns:
     """Columns that describe the motion of one axis."""
 
     position: str
@@ -51,12 +52,12 @@ class Motion:
 
 
 @dataclass(frozen=True)
-class Fit:
+class ForceFit:
     """A motion, the force that it explains, and how well."""
 
-    motion: Motion
+    motion: MotionColumns
     force: str
-    drive: Drive
+    drive: DriveShare
 
 
 @dataclass(frozen=True)
@@ -82,7 +83,7 @@ class Guesser:
     def __init__(self, table: DataTable, given: Mapping[str, Column] | None = None) -> None:
         """Read names and units of the columns."""
         self.table, self.given = table, dict(given or {})
-        self.about: dict[str, About] = {}
+        self.about: dict[str, ColumnMeaning] = {}
         self.problems: list[str] = []
         self.notes: list[str] = []
         for name, values in table.columns.items():
@@ -93,11 +94,13 @@ class Guesser:
             kind = {"reference": "position"}.get(role, role)
             if role != "reference":
                 self.about = {
-                    name: About("other") if each.kind == kind and not each.qualifier else each
+                    name: ColumnMeaning("other") if each.kind == kind and not each.qualifier else each
                     for name, each in self.about.items()
                 }
             if column.column in table.columns:
-                self.about[column.column] = About(kind, role if role == "reference" else "", "", column.unit, True)
+                self.about[column.column] = ColumnMeaning(
+                    kind, role if role == "reference" else "", "", column.unit, True
+                )
 
     def guess(self) -> Guessed:
         """Return the mappings that fit."""
@@ -107,7 +110,7 @@ class Guesser:
         t = unwrapped(self.table.columns[clock]) if clock else np.arange(float(self.table_length))
         run = longest_run(t)
         names = [name for name, each in self.about.items() if name != clock and each.kind not in ("time", "other")]
-        self.data = Columns(
+        self.data = SampledColumns(
             {name: without_gaps(self.table.columns[name][run]) for name in names}, float(np.median(np.diff(t[run])))
         )
         names = self._without_copies(names)
@@ -118,7 +121,7 @@ class Guesser:
         elif not fits_found:
             moved = " or ".join(repr(motion.main) for motion in motions[:3])
             self.problems.append(f"no column is recognised as the force, torque or current that moves {moved}")
-            fits_found = [Fit(motions[0], "", Drive(0.0, 0.0, False))] if len(motions) == 1 else []
+            fits_found = [ForceFit(motions[0], "", DriveShare(0.0, 0.0, False))] if len(motions) == 1 else []
         candidates = []
         for fit in fits_found:
             for time in self._times(clock, fit.motion):
@@ -168,7 +171,7 @@ class Guesser:
         steps = np.diff(self.table.columns[name])
         return len(found) > 1 and bool(np.all(steps == 1.0)) and not self.about[name].unit
 
-    def _times(self, clock: str, motion: Motion) -> list[tuple[Column, str]]:
+    def _times(self, clock: str, motion: MotionColumns) -> list[tuple[Column, str]]:
         """Return the mappings of the time with their reasons; several if its unit is open."""
         if "time" in self.given:
             return [(self.given["time"], "as given")]
@@ -199,7 +202,7 @@ class Guesser:
         self.problems.append(f"the time {clock!r} has no unit")
         return [(Column(clock, name), "") for name in usual or TIMES]
 
-    def _agrees(self, motion: Motion, seconds: float) -> bool:
+    def _agrees(self, motion: MotionColumns, seconds: float) -> bool:
         """Return whether velocity and position agree if the time is in this unit."""
         if not motion.slope:
             return False
@@ -226,7 +229,7 @@ class Guesser:
                 kept.append(name)
         return [name for name in names if name in kept]
 
-    def _motions(self, names: Sequence[str]) -> list[Motion]:
+    def _motions(self, names: Sequence[str]) -> list[MotionColumns]:
         """Return the motions in a file."""
         positions, velocities = self._named(names, "position"), self._named(names, "velocity")
         if not positions and not velocities:
@@ -242,16 +245,16 @@ class Guesser:
             best = max(own, key=lambda v: own[v][0], default="")
             followed |= {v for v, (r, _) in scores.items() if r > 0.8 and not free}
             if best and own[best][0] >= DERIVATIVE:
-                found.append(Motion(p, best, axis, own[best][1], own[best][0]))
+                found.append(MotionColumns(p, best, axis, own[best][1], own[best][0]))
             elif not free or not scores:
-                found.append(Motion(p, "", axis))
+                found.append(MotionColumns(p, "", axis))
             if free:
-                found += [Motion(p, "", axis), Motion("", p, axis)]
+                found += [MotionColumns(p, "", axis), MotionColumns("", p, axis)]
         if not free:
-            found += [Motion("", v, self.about[v].axis) for v in velocities if v not in followed]
+            found += [MotionColumns("", v, self.about[v].axis) for v in velocities if v not in followed]
         return list(dict.fromkeys(found))
 
-    def _fits(self, motion: Motion, names: Sequence[str]) -> list[Fit]:
+    def _fits(self, motion: MotionColumns, names: Sequence[str]) -> list[ForceFit]:
         """Return the forces that a motion may explain."""
         left = [name for name in names if name not in (motion.position, motion.velocity)]
         forces = self._named(left, "force") or self._named(left, "force", ("reference",))
@@ -262,25 +265,25 @@ class Guesser:
         if named and own and len({self.about[name].axis for name in forces}) > 1:
             forces = own
         drives = self.data.explained(motion.position, motion.velocity, forces)
-        found = [Fit(motion, name, drive) for name, drive in zip(forces, drives, strict=True)]
+        found = [ForceFit(motion, name, drive) for name, drive in zip(forces, drives, strict=True)]
         if named:
             return found
         return [fit for fit in found if fit.drive.share >= EXPLAINED[1] and fit.drive.right and fit.drive.friction]
 
     # decision --------------------------------------------------------------------------------------------------------
 
-    def _decided(self, fits_found: Sequence[Fit]) -> list[Fit]:
+    def _decided(self, fits_found: Sequence[ForceFit]) -> list[ForceFit]:
         """Return the fit to use, or several between which physics does not decide."""
         pairs = [fit.motion for fit in fits_found if fit.motion.correlation > CERTAIN]
         paired = {name for motion in pairs for name in (motion.position, motion.velocity)}  # what moves is no force
         good = [fit for fit in fits_found if fit.drive.share >= EXPLAINED[0] and fit.force not in paired]
         if not good:
             return list(fits_found) if len(fits_found) == 1 else []
-        by_force: dict[str, list[Fit]] = {}
+        by_force: dict[str, list[ForceFit]] = {}
         for fit in good:
             by_force.setdefault(fit.force, []).append(fit)
         chosen = [fit for fits_of in by_force.values() for fit in self._best_motions(fits_of)]
-        by_motion: dict[str, list[Fit]] = {}
+        by_motion: dict[str, list[ForceFit]] = {}
         for fit in chosen:
             by_motion.setdefault(fit.motion.main, []).append(fit)
         chosen = [fit for fits_of in by_motion.values() for fit in self._best_forces(fits_of)]
@@ -291,12 +294,17 @@ class Guesser:
             abs(self._together(chosen[0].motion, fit.motion)) > SAME for fit in chosen[1:]
         ):
             return chosen
-        widest = max(chosen, key=lambda fit: float(np.ptp(unwrapped(self.data.values[fit.motion.main]))))
+        plain = [fit for fit in chosen if not fit.motion.axis]
+        widest = max(
+            plain if len(plain) == 1 else chosen,
+            key=lambda fit: float(np.ptp(unwrapped(self.data.values[fit.motion.main]))),
+        )
         rest = ", ".join(f"{fit.motion.main!r} with {fit.force!r}" for fit in chosen if fit is not widest)
-        self.notes.append(f"{widest.motion.main!r} moves furthest; other axes, not used: {rest}")
+        why = "has no number" if len(plain) == 1 else "moves furthest"
+        self.notes.append(f"{widest.motion.main!r} {why}; other axes, not used: {rest}")
         return [widest]
 
-    def _best_motions(self, fits_of: Sequence[Fit]) -> list[Fit]:
+    def _best_motions(self, fits_of: Sequence[ForceFit]) -> list[ForceFit]:
         """Return the motion that explains a force best, and those that explain it about as well."""
         best = max(fits_of, key=lambda fit: (fit.drive.share, bool(fit.motion.velocity)))
         close = [fit for fit in fits_of if _left(fit) < CLEARER * _left(best)]
@@ -325,7 +333,7 @@ class Guesser:
                         self.notes.append(f"{fit.motion.main!r} leads {other.motion.main!r}: it is the reference")
         return actual
 
-    def _best_forces(self, fits_of: Sequence[Fit]) -> list[Fit]:
+    def _best_forces(self, fits_of: Sequence[ForceFit]) -> list[ForceFit]:
         """Return the force of a motion: in a unit of force, then a current, then others; several if that is open."""
         first = min(self._rank(fit.force) for fit in fits_of)
         ranked = [fit for fit in fits_of if self._rank(fit.force) == first]
@@ -356,7 +364,7 @@ class Guesser:
         exponents = [known.exponents for known in map(unit_of, ("A", "V")) if known is not None]
         return {0: 1, 1: 3}.get(exponents.index(unit.exponents) if unit.exponents in exponents else 2, 2)
 
-    def _together(self, a: Motion, b: Motion) -> float:
+    def _together(self, a: MotionColumns, b: MotionColumns) -> float:
         """Return the correlation of two velocities."""
         x, y = (
             self.data.smooth([motion.velocity or motion.position], 2.0, 0 if motion.velocity else 1)[:, 0]
@@ -366,7 +374,7 @@ class Guesser:
 
     # mapping ---------------------------------------------------------------------------------------------------------
 
-    def _candidate(self, time: tuple[Column, str], fit: Fit) -> Candidate:
+    def _candidate(self, time: tuple[Column, str], fit: ForceFit) -> Candidate:
         """Return the mapping of a guess, with its reasons."""
         column, why = time
         columns, reasons = {"time": column}, {"time": why}
@@ -387,7 +395,7 @@ class Guesser:
             columns[role] = given
         return Candidate(columns, reasons)
 
-    def _motion_columns(self, motion: Motion, seconds: float, reasons: dict[str, str]) -> dict[str, Column]:
+    def _motion_columns(self, motion: MotionColumns, seconds: float, reasons: dict[str, str]) -> dict[str, Column]:
         """Return the columns of position, velocity and reference."""
         p, v = (unit_of(self.about[name].unit) if name else None for name in (motion.position, motion.velocity))
         columns: dict[str, Column] = {}
@@ -424,7 +432,7 @@ class Guesser:
         self._reference(motion, columns)
         return columns
 
-    def _reference(self, motion: Motion, columns: dict[str, Column]) -> None:
+    def _reference(self, motion: MotionColumns, columns: dict[str, Column]) -> None:
         """Add the reference of the position."""
         found = [
             name
@@ -438,7 +446,39 @@ class Guesser:
             columns["reference"] = Column(found[0], given.unit, given.gain)
 
 
-def _left(fit: Fit) -> float:
+def with_actual_position(table: DataTable) -> DataTable:
+    """Return the table with the position that a reference and a following error give, if it has no other.
+
+    The error is added or subtracted so that the position lags behind the reference.
+    """
+    kinds = {name: about(name, table.units.get(name, "")) for name in table.columns}
+    signals = {
+        qualifier: [name for name, each in kinds.items() if (each.kind, each.qualifier) == ("position", qualifier)]
+        for qualifier in ("", "actual", "reference", "error")
+    }
+    if signals[""] or signals["actual"] or len(signals["reference"]) != 1 or len(signals["error"]) != 1:
+        return table
+    (r,), (e,) = signals["reference"], signals["error"]
+    if kinds[r].unit != kinds[e].unit or not kinds[r].unit or any(each.kind == "velocity" for each in kinds.values()):
+        return table
+    reference, error = (without_gaps(table.columns[name][: 4 * 20_000]) for name in (r, e))
+    data = SampledColumns({"r": reference, "-": reference - error, "+": reference + error}, 1.0)
+    late = {sign: data.lag("r", sign) for sign in "-+"}
+    sign = max(late, key=lambda each: late[each][0])
+    if late[sign][0] <= 0.0 or late[sign][1] < LATE:
+        return table
+    values = table.columns[r] + (-1.0 if sign == "-" else 1.0) * table.columns[e]
+    what = f"The position is {r!r} {'−' if sign == '-' else '+'} {e!r}."
+    note = RecordFinding("derived-position", what, "Log the actual position.")
+    return replace(
+        table,
+        columns={**table.columns, DERIVED: values},
+        units={**table.units, DERIVED: kinds[r].unit},
+        notes={**table.notes, DERIVED: note},
+    )
+
+
+def _left(fit: ForceFit) -> float:
     """Return what a fit leaves unexplained."""
     return max(1.0 - fit.drive.share, 1e-4)
 

@@ -292,7 +292,7 @@ NEEDED: Final = (("time",), ("position", "velocity"), ("force", "friction"))
 
 
 @dataclass(frozen=True)
-class About:
+class ColumnMeaning:
     """What heading and unit say about a column."""
 
     kind: str = ""  # time, position, velocity, acceleration, force, friction, other; empty if they say nothing
@@ -302,7 +302,7 @@ class About:
     named: bool = False  # whether a name says so, not only the unit
 
 
-def about(heading: str, unit: str) -> About:
+def about(heading: str, unit: str) -> ColumnMeaning:
     """Return what heading and unit say about a column, with less certainty than `meaning_of`."""
     read = next(((name, its) for name, its in _readings(heading, unit) if its), (heading, ""))
     name, its_unit = read if not _OBJECT.fullmatch(read[1]) else (heading, "")
@@ -323,15 +323,15 @@ def about(heading: str, unit: str) -> About:
     if by_unit and by_unit in found:
         found = [by_unit]
     if set(words) & {"qd"} and not found:
-        return About("velocity", "", axis, its_unit, True)
+        return ColumnMeaning("velocity", "", axis, its_unit, True)
     if qualifier == "other" and by_unit != "time":
-        return About("other", qualifier, axis, its_unit, True)
+        return ColumnMeaning("other", qualifier, axis, its_unit, True)
     if not found and by_unit:
-        return About(by_unit, qualifier, axis, its_unit)
+        return ColumnMeaning(by_unit, qualifier, axis, its_unit)
     kind = found[-1] if found else "position" if qualifier == "error" else ""
     if kind and by_unit and by_unit != kind:
-        return About("other" if by_unit == "other" else by_unit, qualifier, axis, its_unit)
-    return About(kind, qualifier, axis, its_unit, bool(kind))
+        return ColumnMeaning("other" if by_unit == "other" else by_unit, qualifier, axis, its_unit)
+    return ColumnMeaning(kind, qualifier, axis, its_unit, bool(kind))
 
 
 _TOKEN = re.compile(r"[A-ZÄÖÜ]{2,}(?![a-zäöü])|[A-ZÄÖÜ]?[a-zäöüß]+|[A-ZÄÖÜ]|\d+")

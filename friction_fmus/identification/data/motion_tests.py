@@ -58,7 +58,7 @@ def longest_run(t: Array) -> slice:
 
 
 @dataclass(frozen=True)
-class Drive:
+class DriveShare:
     """How well a motion explains a force."""
 
     share: float  # share of the variance that acceleration, direction and speed explain
@@ -72,11 +72,11 @@ class Drive:
         return self.without_direction < 0.97 and 1.0 - self.share < 0.7 * (1.0 - self.without_direction)
 
 
-NOTHING: Final = Drive(0.0, 0.0, False)
+NOTHING: Final = DriveShare(0.0, 0.0, False)
 
 
 @dataclass(frozen=True, eq=False)
-class Columns:
+class SampledColumns:
     """Columns of a table on samples at one rate."""
 
     values: Mapping[str, Array]  # without empty cells
@@ -121,7 +121,7 @@ class Columns:
             share, late = max((share, late), (explained, now))
         return late, share
 
-    def explained(self, position: str, velocity: str, drives: Sequence[str]) -> list[Drive]:
+    def explained(self, position: str, velocity: str, drives: Sequence[str]) -> list[DriveShare]:
         """Return how well acceleration, direction and speed of a motion explain each of some forces."""
         best = [NOTHING] * len(drives)
         for width in self.widths() if drives else ():
@@ -146,7 +146,7 @@ class Columns:
             for i, old in enumerate(best):
                 if (share := 1.0 - float(left[i])) > old.share:
                     right = bool((theta[1, i] > 0.0) == (lost[i] > 0.0) or not heavy[i])
-                    best[i] = Drive(share, 1.0 - float(left_smooth[i]), right, bool(lost[i] < 0.0))
+                    best[i] = DriveShare(share, 1.0 - float(left_smooth[i]), right, bool(lost[i] < 0.0))
         return best
 
 

@@ -14,6 +14,7 @@ from scipy.integrate import cumulative_trapezoid
 from friction_fmus.blocks.axis_units import LINEAR, ROTARY, AxisUnits, units_of_channels
 from friction_fmus.errors import AmbiguousColumnsError, RecordError, visible
 from friction_fmus.identification.data.column_choice import chosen_columns
+from friction_fmus.identification.data.column_guess import with_actual_position
 from friction_fmus.identification.data.formats import read_table
 from friction_fmus.identification.data.mapping import (
     UNKNOWN,
@@ -257,7 +258,7 @@ def read_measurement(
     known, path = _located(source, mapping)
     if known.more:
         return _read_runs(replace(known, file=path))
-    table = read_table(path)
+    table = with_actual_position(read_table(path))
     reasons: Mapping[str, str] = {}
     notes: tuple[str, ...] = ()
     if not known.columns:

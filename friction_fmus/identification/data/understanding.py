@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Final
 
 from friction_fmus.identification.data.mapping import UNKNOWN, Column, DataMapping, scale_text
-from friction_fmus.identification.data.motion_tests import Columns, Drive
+from friction_fmus.identification.data.motion_tests import DriveShare, SampledColumns
 from friction_fmus.identification.data.record import Record, unit_of
 from friction_fmus.identification.data.tables import DataTable
 
@@ -67,13 +67,13 @@ def _lines(
         yield "result", f"lengths and speeds in {per}; give its scale with --columns, such as position=... 1/4096 rev"
 
 
-def explained(record: Record) -> Drive:
+def explained(record: Record) -> DriveShare:
     """Return how well the motion of a record explains its drive force."""
     motion = {name: value for name, value in (("q", record.q), ("v", record.v)) if value is not None}
     part = slice(0, 20_000)
     values = {name: value[part] for name, value in (motion | {"force": record.column("force")}).items()}
     position = "" if record.q is None else "q"
-    return Columns(values, record.Ts).explained(position, "" if position else "v", ["force"])[0]
+    return SampledColumns(values, record.Ts).explained(position, "" if position else "v", ["force"])[0]
 
 
 def _is_current(unit: str) -> bool:
