@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from typing import Final
 
 from harness.errors import BuildError, FrictionError, UnknownNameError, closest
@@ -31,6 +31,15 @@ class IdentificationError(FrictionError):
 
 class RecordError(IdentificationError):
     """Record that cannot be read or used."""
+
+
+class AmbiguousColumnsError(RecordError):
+    """Data file whose columns can be read in more than one way, or in none."""
+
+    def __init__(self, message: str, choices: Sequence[tuple[str, str]] = ()) -> None:
+        """Keep the values of ``--columns`` that fit, with their reasons."""
+        super().__init__(message)
+        self.choices = choices
 
 
 class ExcitationError(IdentificationError):

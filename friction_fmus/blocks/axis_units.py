@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal, NamedTuple, TypeAlias
+
+from harness.units import BASE_SYMBOLS, parse_unit
 
 
 class Words(NamedTuple):
@@ -58,13 +60,65 @@ class AxisUnits:
     viscous: str = "N.s/m"
 
     @property
+    def rotary(self) -> bool:
+        """Whether the position is an angle."""
+        return self.position == "rad"
+
+    @property
+    def known(self) -> bool:
+        """Whether all are SI units; otherwise a channel without a scale keeps its own unit."""
+        return self in (LINEAR, ROTARY)
+
+    @property
+    def results(self) -> str:
+        """Units of force and position for texts."""
+        known = {"1": "no unit", "u.s": "the unit of the velocity"}
+        both = [known.get(unit, unit) for unit in (self.force, self.position)]
+        return " and ".join(dict.fromkeys(both))
+
+    @property
     def words(self) -> Words:
         """Nouns and units for texts."""
-        return TURNING if self == ROTARY else SLIDING
+        words = TURNING if self.rotary else SLIDING
+        if self.known:
+            return words
+        units = {name: self.own(unit) for name, unit in words._asdict().items() if name in Words._fields[5:]}
+        nouns = {"mass": "inertia", "a_mass": "an inertia", "moving_mass": "inertia", "moved_mass": "inertia"}
+        amperes = self.force.endswith("A")
+        force = "current" if amperes else "torque" if self.force.endswith("N.m") else words.force
+        return words._replace(force=force, **nouns, **units)
+
+    def own(self, unit: str) -> str:
+        """Return the unit of a quantity of a block, such as ``N.m.s/rad``, in the units of the axis: ``mA.s/rad``."""
+        known = parse_unit(unit)
+        if self.known or known is None:
+            return unit
+        of = dict(zip(BASE_SYMBOLS, known.exponents, strict=True))
+        force, way = of["kg"], of["rad"] if self.rotary else of["m"] - of["kg"]
+        symbol = self.position.removesuffix(".s")  # "u.s": only the velocity has a name
+        time = of["s"] + 2 * force + (way if symbol != self.position else 0)
+        if self.force == f"{self.position}/s2":  # a force over inertia
+            way, time, force = way + force, time - 2 * force, 0
+
+        def product(sign: int) -> str:
+            powers = [(self.force, force * sign), ("s", time * sign), (symbol, way * sign)]
+            return ".".join(f"{name}{n if n > 1 else ''}" for name, n in powers if n > 0 and name != "1")
+
+        over, under = product(1) or "1", product(-1)
+        return f"{over}/({under})" if "." in under else f"{over}/{under}" if under else over
 
 
 LINEAR = AxisUnits()
 ROTARY = AxisUnits("rad", "rad/s", "N.m", "kg.m2", "N.m.s/rad")
+
+
+def units_of_channels(position: str, force: str) -> AxisUnits:
+    """Return the units of an axis of which a channel has its own unit; ``1`` if it has none."""
+    si = ROTARY if position == "rad" else LINEAR
+    if (position, force) == (si.position, si.force):
+        return si
+    given = AxisUnits(position, force=force)
+    return replace(given, **{name: given.own(getattr(si, name)) for name in ("velocity", "inertia", "viscous")})
 
 
 Domain: TypeAlias = Literal["translational", "rotational"]

@@ -5,32 +5,56 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
+from rich.progress import Progress
+
 from friction_fmus.cli.console import console, drawn, styled
 from friction_fmus.identification import AxisUnits, Identification, LearnedResidual, Measurement, Record, RecordFinding
+from friction_fmus.identification.fit.first_look import first_look
 from friction_fmus.identification.fit.position import PositionFit
 from friction_fmus.identification.identification_result import name_of
 from friction_fmus.identification.model_comparison import ModelComparison
 from friction_fmus.listings import parameter_listing, ranking_listing
 
 
-def show_data(
-    measurement: Measurement, train: Sequence[Record], validation: Sequence[Record], findings: Sequence[RecordFinding]
-) -> None:
+def show_data(train: Sequence[Record], validation: Sequence[Record], findings: Sequence[RecordFinding]) -> None:
     """Print training data, validation data and findings."""
 
     def span(records: Sequence[Record]) -> str:
         samples = sum(map(len, records))
         return f"{records[0].t[0]:.4g} to {records[-1].t[-1]:.4g} s, {samples} samples"
 
-    mapping, record = measurement.mapping, train[0]
-    columns = ", ".join(f"{role} {c.column or c.period!r}" for role, c in mapping.columns.items())
-    console.print(styled((mapping.name, "bold"), f": {columns}"), soft_wrap=True)
+    record = train[0]
     text = f"training data {span(train)} at {1e3 * record.Ts:.4g} ms; "
     text += f"validation data {span(validation)}" if validation else "no validation data, so models are ranked by BIC"
     console.print(text, soft_wrap=True)
     for finding in findings:
         console.print(styled((finding.name, "yellow"), f" {finding.what}"), soft_wrap=True)
         console.print(f"  {finding.measure}", soft_wrap=True)
+
+
+def show_understood(measurement: Measurement) -> None:
+    """Print what was read and why."""
+    for subject, text in measurement.understood:
+        console.print(styled((f"{subject:<8} ", "bold"), text), soft_wrap=True)
+
+
+def show_first_look(records: Sequence[Record]) -> None:
+    """Print inertia, Coulomb and viscous friction by least squares, before any model is fitted."""
+    found = first_look(records)
+    if found:
+        values = ", ".join(
+            f"{name} {e.value:.4g} ± {e.standard_error:.2g}{'' if e.unit == '1' else f' {e.unit}'}"
+            for name, e in found.items()
+        )
+        console.print(styled(("first look", "bold"), f" (least squares over sliding): {values}"), soft_wrap=True)
+
+
+def show_ready(bar: Progress, found: Identification | str) -> None:
+    """Print a line about a model on stderr as soon as it is identified."""
+    if isinstance(found, Identification):
+        score = found.validation or found.train
+        what = "validation" if found.validation else "training"
+        bar.console.print(f"{found.model}: {what} error {score.relative_percent:.3g} %, {found.seconds:.2g} s")
 
 
 def show_ranking(found: ModelComparison) -> None:

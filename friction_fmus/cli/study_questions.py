@@ -102,8 +102,10 @@ def _ask_column(table: DataTable, guess: Guess, role: str, optional: bool) -> No
             guess.suggestions[role] = replace(column, unit="")
             return
         gain = ""
+        if unit_of(unit) is None:  # the factor, where its unit was asked for
+            unit, gain = column.unit or "1", unit
         known_unit = unit_of(unit)
-        if suggested.gain or known_unit is None or not fits(role, known_unit):
+        if not gain and (suggested.gain or known_unit is None or not fits(role, known_unit)):
             gain = _ask(f"Factor to the unit of the {role}, such as '2.5 {example}/{unit}'", "", _quantity)
         column = replace(column, unit=unit, gain=gain)
         try:
@@ -156,6 +158,8 @@ def _ask(question: str, default: str, check: Check) -> str:
 
 
 def _unit(answer: str) -> str:
+    if answer[0].isdigit() and unit_of(answer) is None:
+        return _quantity(answer)
     return "" if unit_of(answer) is not None else f"the unit {answer!r} is unknown; use one such as mm, N.m, rad/s"
 
 

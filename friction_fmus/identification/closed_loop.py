@@ -13,7 +13,7 @@ import numpy as np
 
 from friction_fmus.axis.servo import AxisPlant, Servo, Trajectory
 from friction_fmus.axis.servo_loop import closed_loop, run_loop
-from friction_fmus.blocks.axis_units import ROTARY, domain_of
+from friction_fmus.blocks.axis_units import domain_of
 from friction_fmus.errors import FitError
 from friction_fmus.export.block_fmu import build_record
 from friction_fmus.identification.data.record import Array, MeasuredAxis, Record
@@ -53,7 +53,7 @@ def axis_simulator(
     feedback = Servo("CascadePPI", gains, servo.Ts, servo.force_limit, servo.window, servo.quantum)
     r = record.column("reference")
     t = servo.Ts * np.arange(float(len(r)))
-    rd, rotary = np.gradient(r, servo.Ts), record.units == ROTARY
+    rd, rotary = np.gradient(r, servo.Ts), record.units.rotary
     own = {name: value for name, value in given.items() if name in contact.parameters}
     with ScratchFolder() as folder:
         reference = build_record(

@@ -27,6 +27,7 @@ MASSES: Final[Mapping[str, tuple[float, float]]] = {"m": (1e-6, 1e7), "rad": (1e
 FORBIDDING: Final = (
     *("wrong-sign", "negative-mass", "driving-friction", "implausible-mass", "missing-force"),
     *("position-jumps", "position-clipped", "position-held", "force-clipped"),
+    *("position-and-velocity-disagree", "implausible-motion"),
 )
 """Findings after which identified parameters cannot be used."""
 
@@ -180,7 +181,7 @@ def contradictions(records: Sequence[Record]) -> tuple[RecordFinding, ...]:
 def _about_mass(balance: DriveBalance, units: AxisUnits) -> tuple[RecordFinding, ...]:
     """Return the finding about sign and size of mass and friction."""
     u = units.words
-    low, high = MASSES[units.position]
+    low, high = MASSES[units.position] if units.known else (0.0, np.inf)
     shown = f"{balance.mass:.3g} ± {balance.error:.2g} {u.kg}"
     fits = f"{u.a_mass} of {shown}"
     negative = balance.mass < -SIGNIFICANT * balance.error

@@ -12,7 +12,7 @@ import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from friction_fmus.blocks.axis_units import ROTARY, domain_of
+from friction_fmus.blocks.axis_units import domain_of
 from friction_fmus.export.block_fmu import build
 from friction_fmus.identification.closed_loop import axis_response
 from friction_fmus.identification.data.record import Array, Record
@@ -268,7 +268,7 @@ class Identification:
         BuildError
             If the FMU cannot be built, see `friction_fmus.build`.
         """
-        domain = domain_of(self.records[0].units == ROTARY)
+        domain = domain_of(self.records[0].units.rotary)
         return build(self.block, Path(folder), self._start(), name, domain=domain)
 
     def to_ssv(self, path: str | Path) -> Path:

@@ -42,6 +42,34 @@ def within_reach(
     return identify(model, train, **{**options, "bounds": bounds}) if far else found
 
 
+WORSE: Final = 100.0  # training error in % of the signal above which a model describes nothing
+
+
+def useless(result: Identification) -> str:
+    """Return why an identified model must not be used; empty if it may."""
+    if not result.train.relative_percent <= WORSE:
+        return (
+            f"its error on the training data is {result.train.relative_percent:.3g} % of the signal, so that it "
+            "describes nothing; check columns and units"
+        )
+    record = max(result.records, key=len)
+    viscous = record.units.viscous
+    peak = max(float(np.max(np.abs(values))) for values in (result.measured, [1e-300]))
+    v = record.v if record.v is not None else np.gradient(record.column("q"), record.Ts)
+    top = float(np.quantile(np.abs(v), 0.99))
+    far = [e for e in result.parameters.values() if e.unit == viscous and e.name in VISCOUS]
+    wrong = [e for e in far if abs(e.value) * top > FAR * peak]
+    if wrong and result.signal in ("force", "friction"):
+        e = wrong[0]
+        return (
+            f"{e.name} = {e.value:.3g} {e.unit} would need {abs(e.value) * top:.3g} {record.units.force} at the speeds "
+            f"of the record, whose largest force is {peak:.3g}; check columns and units"
+        )
+    return ""
+
+
+VISCOUS: Final = ("Fv", "sigma2")  # names of coefficients of viscous friction
+
 ProgressCallback = Callable[[int, int], None]
 
 TIE = 3  # number of digits in which the validation errors of models must differ to determine their order
@@ -96,7 +124,11 @@ class ModelComparison:
 
 
 def compare_models(
-    models: Sequence[str | Path], task: IdentificationTask, workers: int = 1, progress: ProgressCallback | None = None
+    models: Sequence[str | Path],
+    task: IdentificationTask,
+    workers: int = 1,
+    progress: ProgressCallback | None = None,
+    ready: Callable[[Identification | str], None] | None = None,
 ) -> ModelComparison:
     """Identify several models on the same data and rank them.
 
@@ -110,6 +142,8 @@ def compare_models(
         Number of parallel processes; a script needs the guard ``if __name__ == "__main__":`` for more than 1.
     progress : callable, optional
         Called with the number of finished models and the total number.
+    ready : callable, optional
+        Called with each result as soon as it is there, or with the reason why there is none.
 
     Returns
     -------
@@ -126,11 +160,13 @@ def compare_models(
     if workers < 2 or len(models) < 2:
         for done, model in enumerate(models, start=1):
             found[str(model)] = identify_one(model, task)
+            if ready:
+                ready(found[str(model)])
             if progress:
                 progress(done, len(models))
     else:
         with ProcessPoolExecutor(min(workers, len(models)), mp_context=get_context("spawn")) as pool:
-            found = _in_parallel(pool, models, task, progress)
+            found = _in_parallel(pool, models, task, progress, ready)
     failed = {name: result for name, result in found.items() if isinstance(result, str)}
     results = [found[str(model)] for model in models if str(model) not in failed]
     if not results:
@@ -150,7 +186,8 @@ def identify_one(model: str | Path, task: IdentificationTask) -> Identification 
         known = {*contact_model(model, task.train[0].units).parameters, *DRIVE_PARAMETERS} if task.fixed else set()
         fixed = {name: value for name, value in task.fixed.items() if name in known}
         data = {"fixed": fixed, "validation": task.validation or None}
-        return within_reach(identify, model, task.train, **data, **task.options)
+        result = within_reach(identify, model, task.train, **data, **task.options)
+        return useless(result) or result
     except FrictionError as error:
         return " ".join(str(error).split())
     except Exception as error:  # a failing model must not stop the others
@@ -158,7 +195,11 @@ def identify_one(model: str | Path, task: IdentificationTask) -> Identification 
 
 
 def _in_parallel(
-    pool: Executor, models: Sequence[str | Path], task: IdentificationTask, progress: ProgressCallback | None
+    pool: Executor,
+    models: Sequence[str | Path],
+    task: IdentificationTask,
+    progress: ProgressCallback | None,
+    ready: Callable[[Identification | str], None] | None = None,
 ) -> dict[str, Identification | str]:
     found: dict[str, Identification | str] = {}
     waiting = {pool.submit(identify_one, model, task): str(model) for model in models}
@@ -168,6 +209,8 @@ def _in_parallel(
                 found[waiting[future]] = future.result()
             except BrokenProcessPool:
                 found[waiting[future]] = "a worker process died during this or another model; identify it alone"
+            if ready:
+                ready(found[waiting[future]])
             if progress:
                 progress(done, len(models))
     except BaseException:

@@ -18,7 +18,6 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from friction_fmus.blocks.axis_units import ROTARY
 from friction_fmus.errors import IdentificationError
 from friction_fmus.identification.data.reading import Measurement
 from friction_fmus.identification.data.record import RecordFinding
@@ -62,10 +61,12 @@ def write_results(
                 if fmus and lacking is None:
                     result.to_fmu(stage)
                     if result.position is not None:
-                        rotary = result.records[0].units == ROTARY
+                        rotary = result.records[0].units.rotary
                         result.position.table.to_fmu(stage, f"{result.model}PositionMap", rotary)
-                result.to_ssv(stage / f"{result.model}.ssv")
-                if beside := viscous_beside(result):
+                si = result.records[0].units.known
+                if si:
+                    result.to_ssv(stage / f"{result.model}.ssv")
+                if si and (beside := viscous_beside(result)):
                     write_viscous(result, beside, stage / f"{result.model}Viscous.ssv")
                 result.plot(stage / f"{result.model}.png")
             (stage / "parameters.toml").write_text(toml_text(found, measurement), encoding="utf-8")

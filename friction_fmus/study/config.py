@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from typing import Any, Final
 
 from friction_fmus.axis.servo import GAINS, Servo
 from friction_fmus.errors import FrictionError, did_you_mean
+from friction_fmus.identification import Measurement
 from friction_fmus.study.study_result import Limits, Weights
 from harness.storage.toml_file import TomlTable, read_table
 from harness.values import finite, flag, texts
@@ -23,6 +24,7 @@ ALL: Final = "all"
 
 PERIODS: Final = (1e-6, 0.1)  # shortest and longest sample time of a servo [s]
 LONGEST_WINDOW: Final = 64  # largest window of the velocity estimate in samples: the limit of the block Differentiator
+OF_RECORD: Final = -1.0  # resolution of the position that stands for that of the record
 LONGEST_DELAY: Final = 100  # longest delay of the drive in samples
 
 _TABLES = ("data", "columns", "windows", "servo", "identify", "compensation")
@@ -92,6 +94,8 @@ class StudyConfig:
         Settings of the comparison of compensators.
     bare : bool
         Whether the study was started with a data file instead of its configuration, which it then writes.
+    measurement : Measurement or None
+        The data, if they are read already.
     """
 
     name: str
@@ -104,6 +108,11 @@ class StudyConfig:
     viscous: bool = True
     compensation: Compensation = field(default_factory=Compensation)
     bare: bool = False
+    measurement: Measurement | None = None
+
+    def with_measurement(self, measurement: Measurement) -> StudyConfig:
+        """Return the configuration of a study whose data file is read."""
+        return replace(self, measurement=measurement)
 
 
 def load_config(what: str | Path) -> StudyConfig:
@@ -204,7 +213,7 @@ def _servo(table: TomlTable) -> Servo:
         Ts=_period(table),
         force_limit=_number(table, "force_limit", low=0.0, above=True),
         window=_whole(table, "window", 2, low=1, high=LONGEST_WINDOW),
-        quantum=_number(table, "quantum", 0.0, low=0.0),
+        quantum=_number(table, "quantum", low=0.0) if "quantum" in table else OF_RECORD,
         velocity_feedforward=_flag(table, "velocity_feedforward", False),
         inertia_feedforward=_number(table, "inertia_feedforward", 0.0, low=0.0),
         mass=_number(table, "mass", low=0.0, above=True) if "mass" in table else None,

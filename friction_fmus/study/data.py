@@ -17,7 +17,6 @@ from friction_fmus.blocks.axis_units import domain_of
 from friction_fmus.data import EMPS_PUBLISHED, load_emps
 from friction_fmus.export.block_fmu import build_record
 from friction_fmus.identification import (
-    ROTARY,
     Array,
     Measurement,
     Record,
@@ -66,7 +65,7 @@ class Data:
     @property
     def rotary(self) -> bool:
         """Whether the position is an angle."""
-        return self.longest.units == ROTARY
+        return self.longest.units.rotary
 
 
 def load_data(config: StudyConfig, scratch: Path) -> Data:
@@ -86,7 +85,9 @@ def load_data(config: StudyConfig, scratch: Path) -> Data:
     else:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
-            measurement = read_measurement(read_mapping(config.data, config.folder, config.name))
+            measurement = config.measurement
+            if measurement is None:
+                measurement = read_measurement(read_mapping(config.data, config.folder, config.name))
         records, findings = measurement.records, tuple(str(finding) for finding in measurement.findings)
         windows = dict(measurement.mapping.windows)
     return Data(records, *_windows(records, windows, config.name), published, findings, measurement)
@@ -127,16 +128,22 @@ def build_reference(t: Array, r: Array, folder: Path, name: str, rotary: bool = 
     return build_record(t, r, rd, np.gradient(rd, t), folder, name=name, domain=domain_of(rotary))
 
 
-def measured_servo(data: Data, servo: Servo, folder: Path, name: str, injected: Array | None = None) -> Measured | None:
-    """Return the measured servo; None if the record has no position or no reference."""
-    record = data.longest
-    if record.q is None or record.reference is None:
-        return None
+def check_period(record: Record, servo: Servo | None) -> None:
+    """Raise ConfigError if the sample time of the servo is not that of the record, before anything is estimated."""
+    if servo is None or record.q is None or record.reference is None:
+        return
     if abs(record.Ts / servo.Ts - 1.0) > 1e-3:
         raise ConfigError(
             f"[servo] has Ts = {servo.Ts:g} s, but the record {record.name!r} was sampled every {record.Ts:g} s; log "
             "every sample of the servo, or correct Ts."
         )
+
+
+def measured_servo(data: Data, servo: Servo, folder: Path, name: str, injected: Array | None = None) -> Measured | None:
+    """Return the measured servo; None if the record has no position or no reference."""
+    record = data.longest
+    if record.q is None or record.reference is None:
+        return None
     t = servo.Ts * np.arange(float(len(record)))
     reference = build_reference(t, record.reference, folder, f"{name}Reference", data.rotary)
     # the axis may be in motion at the start of the record
@@ -172,7 +179,8 @@ def _windows(
         if name not in windows:
             return ()
         low, high = windows[name]
-        inside = [r for r in records if np.count_nonzero((r.t >= low) & (r.t <= high)) >= 50]
+        least = min(50, max(map(len, records)))
+        inside = [r for r in records if np.count_nonzero((r.t >= low) & (r.t <= high)) >= least]
         if not inside:
             raise ConfigError(
                 f"{origin}, [windows], has {name} = [{low:g}, {high:g}], but the record extends from {begin:g} to "

@@ -39,7 +39,7 @@ from friction_fmus.identification.fit.position import PositionFit
 from friction_fmus.identification.fit.scores import rms, weak_parameters
 from friction_fmus.identification.fit.simulation_data import prepare
 from friction_fmus.identification.identifying import BELOW, FS_BELOW_FC
-from friction_fmus.identification.model_comparison import within_reach
+from friction_fmus.identification.model_comparison import useless, within_reach
 from friction_fmus.study.study_result import Fit, IdentifiedParameter, ModelResult, PositionPart, StudyCurve, thinned
 
 
@@ -141,6 +141,8 @@ def identify_model(
         result = within_reach(identify, name, list(train), **options)
     except (FrictionError, ArithmeticError, np.linalg.LinAlgError) as error:
         return IdentifiedModel(ModelResult(name, summary, reason=str(error)))
+    if reason := useless(result):
+        return IdentifiedModel(ModelResult(name, summary, reason=f"{reason}."))
     found = IdentifiedModel(
         row_of(result, summary, published),
         name,

@@ -1,7 +1,7 @@
 """Ranking of the compensators, and the recommendation in words: reasons, ladder of improvements, what to do next.
 
 1. A compensator improves the axis if it reduces the tracking error by at least `WORTH`, both on the identified axis and
-   in every case that counts and that the servo alone survives.
+   in every case that counts and that the servo alone survives, and by more than the numerical error of its simulation.
 2. Compensators that improve the axis come first.
 3. Within both groups, the lower score comes first. The score is the weighted sum of binary logarithms of four figures,
    each relative to the servo without compensation: the worst-case error, the drive force above the bandwidth of the
@@ -77,6 +77,7 @@ def _judged(none: CompensatorResult, row: CompensatorResult, weights: Weights, M
     row = extremes(row, none)
     counted = [(a.metrics, b.metrics) for a, b in zip(none.corners, row.corners, strict=True) if b.counts]
     improves = all(_reduces(a, b) for a, b in [(none.metrics, row.metrics), *counted])
+    improves = improves and _certain(none.metrics, row.metrics)
     error, effort, margin, cost = figures(none, row, Ms)
     score = weights.error * error + weights.effort * effort + weights.margin * margin + weights.cost * cost
     return replace(row, improves=improves, score=None if score == inf else score)
@@ -84,6 +85,13 @@ def _judged(none: CompensatorResult, row: CompensatorResult, weights: Weights, M
 
 def _reduces(without: Metrics | None, own: Metrics | None) -> bool:
     return without is None or (own is not None and own.rms <= (1.0 - WORTH) * without.rms)
+
+
+def _certain(without: Metrics | None, own: Metrics | None) -> bool:
+    """Return whether the numerical error of a simulation is smaller than the improvement that it shows."""
+    if without is None or own is None or own.rms_bound is None:
+        return True
+    return own.rms_bound <= without.rms - own.rms
 
 
 AS_MEASURED = "as measured"
@@ -108,16 +116,24 @@ def ladder(
         row = next((row for row in ranked if row.kind == kind and row.rank is not None), None)
         if row is not None and row.metrics is not None:
             rungs.append(Rung(title, row.name, row.metrics))
-    return tuple(rungs)
+    return tuple(
+        replace(rung, title=f"{rung.title} (no improvement)") if place and not improves(rungs[:place], rung) else rung
+        for place, rung in enumerate(rungs)
+    )
+
+
+def improves(before: Sequence[Rung], rung: Rung) -> bool:
+    """Return whether a rung has a smaller error than those before it, by more than can be ignored."""
+    return rung.metrics.rms <= (1.0 - WORTH) * min(each.metrics.rms for each in before)
 
 
 def largest_step(rungs: Sequence[Rung]) -> tuple[Rung, Rung] | None:
-    """Return the rung that reduces the error most and the best rung before it; None if no rung reduces it."""
+    """Return the rung that reduces the error most and the best rung before it; None if no rung improves it."""
     best: tuple[float, Rung, Rung] | None = None
     for place, rung in enumerate(rungs[1:], start=1):
         before = min(rungs[:place], key=lambda each: each.metrics.rms)
         factor = before.metrics.rms / rung.metrics.rms if rung.metrics.rms > 0.0 else 1.0
-        if factor > 1.0 and (best is None or factor > best[0]):
+        if improves(rungs[:place], rung) and (best is None or factor > best[0]):
             best = factor, before, rung
     return None if best is None else best[1:]
 

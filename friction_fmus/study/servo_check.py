@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from friction_fmus.axis.loop_assembly import block
 from friction_fmus.axis.servo import GAIN_UNITS, GAINS, Servo
 from friction_fmus.blocks.axis_units import Words
-from friction_fmus.identification import ROTARY, Array, Record
+from friction_fmus.identification import Array, Record
 from friction_fmus.identification.fit.scores import independent_samples, rms
 from friction_fmus.study.study_result import Fit, IdentifiedParameter, ServoCheck, StudyFinding, thinned
 from harness import Experiment, FmuPart, SeriesPart, System
@@ -383,7 +383,7 @@ def _of_gains(u: Words, servo: Servo, gains: Sequence[IdentifiedParameter]) -> S
 def _added(compared: ComparedForce, fit: LinearFit, shown: set[str] | None = None) -> tuple[StudyFinding, ...]:
     """Return a sentence for each signal of `references` that the recorded force contains."""
     u, servo = compared.record.units.words, compared.servo
-    Kd = servo.pid[1]
+    Kd = fit.values.get("d", servo.pid[1])  # the estimated gain, as the configured one may be wrong
     declare = f"Log this {u.force} and declare its column as injected."
     found = []
     for name in ("rd", "rdd", "sign", "constant"):
@@ -528,7 +528,7 @@ def _compared(record: Record, servo: Servo) -> ComparedForce:
     assert record.q is not None
     assert record.reference is not None
     assert record.force is not None
-    rotary = record.units == ROTARY
+    rotary = record.units.rotary
     command = commanded(servo, record.reference, record.q, rotary)
     free = commanded(replace(servo, force_limit=1e6 * servo.force_limit), record.reference, record.q, rotary)
     used = np.maximum(np.abs(record.force), np.abs(command)) < SATURATED * servo.force_limit

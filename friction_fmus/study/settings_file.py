@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final
@@ -38,8 +38,9 @@ class Known:
 def write_settings(folder: Path, table: DataTable, known: Known) -> Path:
     """Write the settings of a study, complete as far as they are known, with comments on the rest."""
     path = folder / SETTINGS_FILE
+    more = [] if known.measurement is None else [_relative(file, folder) for file in known.measurement.mapping.more]
     with atomic_path(path) as temporary:
-        temporary.write_text(settings_text(table, known, _relative(table.file, folder)), encoding="utf-8")
+        temporary.write_text(settings_text(table, known, _relative(table.file, folder), more), encoding="utf-8")
     return path
 
 
@@ -53,9 +54,10 @@ def settings_of(config: StudyConfig, data: Data, out: Path) -> tuple[WrittenFile
     return (WrittenFile(SETTINGS_FILE, "Settings of the study, to add the controller of the axis"),)
 
 
-def settings_text(table: DataTable, known: Known, file: str) -> str:
+def settings_text(table: DataTable, known: Known, file: str, more: Sequence[str] = ()) -> str:
     """Return the settings of a study as TOML; see `write_settings`."""
     name = table.file.name.partition(".")[0]
+    files = f"[{', '.join(map(quoted, [file, *more]))}]"
     return "\n".join(
         [
             "# Settings of a study, for the commands",
@@ -63,7 +65,7 @@ def settings_text(table: DataTable, known: Known, file: str) -> str:
             f"#   friction-fmus identify {SETTINGS_FILE} -o out    models with figures and FMUs",
             "",
             "[data]",
-            f"file = {quoted(file)}",
+            f"file = {files if more else quoted(file)}",
             f"name = {quoted(name)}",
             "",
             columns_text(table, known.columns, known.suggestions),
@@ -123,5 +125,6 @@ def _servo(known: Known) -> list[str]:
         return lines
     return [
         f"# To compare compensators, describe the controller of the axis: remove the # and replace each {MISSING}.",
+        "# Guesses of the gains are enough: the study estimates them from the record, and says what to correct.",
         *(f"# {line}" for line in lines),
     ]

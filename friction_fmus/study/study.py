@@ -24,12 +24,13 @@ from friction_fmus.conditions.condition import spectral_radius
 from friction_fmus.doctor import examine
 from friction_fmus.errors import FrictionError
 from friction_fmus.identification import Array, AxisUnits, Record, decimate, filtered_motion, identifiable
+from friction_fmus.identification.fit.contact_model import contact_model
 from friction_fmus.identification.force_findings import FORBIDDING, contradictions
 from friction_fmus.listings import shown
 from friction_fmus.study.comparison import Comparison, compare
 from friction_fmus.study.compensators import AxisKnowledge, check_names, period_of
-from friction_fmus.study.config import ALL, ConfigError, StudyConfig, load_config
-from friction_fmus.study.data import Data, build_reference, load_data, measured_servo
+from friction_fmus.study.config import ALL, OF_RECORD, ConfigError, StudyConfig, load_config
+from friction_fmus.study.data import Data, build_reference, check_period, load_data, measured_servo
 from friction_fmus.study.evaluation import AxisBench, Scheme
 from friction_fmus.study.model_ranking import (
     INVERSE,
@@ -40,6 +41,7 @@ from friction_fmus.study.model_ranking import (
     ranked,
     refine,
 )
+from friction_fmus.study.recommendation import AS_MEASURED, improves
 from friction_fmus.study.servo_check import CheckedServo, check_servo
 from friction_fmus.study.settings_file import SETTINGS_FILE, settings_of
 from friction_fmus.study.steps import CACHE, Step, StepCache, run_steps, workers
@@ -50,6 +52,7 @@ from friction_fmus.study.study_result import (
     ModelResult,
     Picture,
     Recommendation,
+    Rung,
     StudyCurve,
     StudyFinding,
     StudyResult,
@@ -185,8 +188,8 @@ def over_position(record: Record, models: Sequence[IdentifiedModel]) -> Picture 
 def drive(found: IdentifiedModel, units: AxisUnits, t: Array, v: Array, load: float | None) -> Array:
     """Return the friction force of a model's FMU driven by a velocity, shape (n,)."""
     step = float(t[1] - t[0])
-    contact = FmuPart("friction", block(found.block, units.position == "rad"))
-    sweep = SeriesPart("sweep", t, {"v": v}, {"v": units.velocity})
+    contact = FmuPart("friction", block(found.block, units.rotary))
+    sweep = SeriesPart("sweep", t, {"v": v}, {"v": "rad/s" if units.rotary else "m/s"})
     inputs = {port.name for port in contact.inputs}
     start: dict[str, float | int | bool | str] = {f"friction.{k}": v for k, v in typed(contact, found.values).items()}
     start |= {"friction.F_ext": 0.0} if "F_ext" in inputs else {}
@@ -352,11 +355,12 @@ SMALL = 1e-3  # constant force over the force limit up to which it is not worth 
 
 
 def next_steps(
-    bench: AxisBench, scheme: Scheme, row: CompensatorResult, models: Sequence[ModelResult], units: AxisUnits
+    bench: AxisBench, scheme: Scheme, found: Comparison, models: Sequence[ModelResult], units: AxisUnits
 ) -> tuple[str, ...]:
     """Return what to set in the drive and what to measure, one or two sentences each."""
+    row = found.recommended
     return (
-        *_motion(bench, units),
+        *_motion(bench, found.ladder, units),
         *_integral(bench, scheme),
         *_laws(scheme, row, units.words),
         *_sensitive(row, units),
@@ -365,16 +369,21 @@ def next_steps(
     )
 
 
-def _motion(bench: AxisBench, units: AxisUnits) -> Iterator[str]:
+def _motion(bench: AxisBench, rungs: Sequence[Rung], units: AxisUnits) -> Iterator[str]:
     if not bench.trajectory.motion:
         return
     force = bench.plant.offset
     known = abs(force) > SMALL * bench.servo.force_limit
     constant = f", and a constant {units.words.force} of {force:.3g} {units.force}" if known else ""
-    yield (
+    text = (
         f"Switch on the feedforward of velocity (100 %) and acceleration ({units.words.mass} "
         f"{bench.plant.mass:.4g} {units.inertia}){constant}."
     )
+    if len(rungs) > 1 and rungs[0].title == AS_MEASURED and not improves(rungs[:1], rungs[1]):
+        before, after = (shown(rung.metrics.rms, units.position) for rung in rungs[:2])
+        text += f" Alone, it does not reduce the tracking error of this axis ({before} before, {after} after), but the "
+        text += "compensators are tuned with it."
+    yield text
 
 
 def _integral(bench: AxisBench, scheme: Scheme) -> Iterator[str]:
@@ -548,11 +557,19 @@ class _Study:
         self.progress(0.0)
         data = load_data(self.config, self.out / CACHE)
         _check_duration(self.config, data)
+        servo = self.config.servo
+        if servo is not None and servo.quantum == OF_RECORD:
+            self.config = replace(self.config, servo=replace(servo, quantum=data.longest.quantum))
+        check_period(data.longest, self.config.servo)
         checked = check_servo(data.longest, self.config.servo)
         data = data.with_total_force(checked.included)
         findings = list(checked.result.findings)
         named = {finding.name for finding in findings}
         findings += [each for each in force_findings(data.records, self.config.servo) if each.name not in named]
+        about = data.measurement.findings if data.measurement is not None else ()
+        findings += [
+            StudyFinding(each.name, each.what, each.measure, True) for each in about if each.name in FORBIDDING
+        ]
         models = self._models(data, checked, self._goes_on(findings))
         findings += loop_findings(models, any(found.row.closed_loop for found in models), data.longest.units.words)
         if models[0].row.rank is None:
@@ -569,7 +586,8 @@ class _Study:
         missing = self._missing(data, best) if goes_on else not_trusted(findings)
         comparison: Comparison | None = None
         doctor: tuple[ConditionResult, ...] = ()
-        files = list(export_models(self.out, models, data.rotary, data.longest.citation)) if goes_on else []
+        written = goes_on and data.longest.units.known
+        files = list(export_models(self.out, models, data.rotary, data.longest.citation)) if written else []
         if not missing:
             bench = self._bench(data, best)
             comparison = self._comparison(data, models, bench)
@@ -620,10 +638,12 @@ class _Study:
         """Identify all models, fit the best ones to the closed loop unless the servo is wrong, and rank them."""
         config = self.config
         measured = None
-        if config.servo is not None and in_loop:
+        if config.servo is not None and in_loop and data.longest.units.known:
             name = identifier(data.longest.name)
             measured = measured_servo(data, config.servo, self.out / CACHE, name, checked.injected)
         names = list(identifiable()) if config.models == ALL else list(config.models)
+        if data.measurement is not None and data.measurement.static:
+            names = [name for name in names if contact_model(name, data.longest.units).static]
         names.sort(key=lambda name: "presliding" not in catalogue()[name].features)  # the slowest first
         records = data.train, data.validation
         known = data.published
@@ -656,13 +676,19 @@ class _Study:
 
     def _missing(self, data: Data, best: IdentifiedModel) -> str:
         """Return the reason why no compensator can be simulated; empty if they can."""
-        servo = self.config.servo
+        servo, units = self.config.servo, data.longest.units
+        if not units.known:
+            return (
+                "No compensator was compared and no FMU was written, because the results are in "
+                f"{units.results}. Give the scales of the columns, with --gain and --columns or in [columns]."
+            )
         if servo is None:
             where = f" to {SETTINGS_FILE}" if self.config.bare else ""
             entries = "law, gains, Ts and force_limit" if best.mass > 0.0 else "law, gains, Ts, force_limit and mass"
             return (
                 "No compensator was compared, because the configuration has no servo. To compare compensators on the "
-                f"axis, add [servo] with {entries}{where}."
+                f"axis, add [servo] with {entries}{where}. Guesses of the gains are enough: the study estimates them "
+                "from a record with reference, and says what to correct."
             )
         if best.mass <= 0.0 and servo.mass is None:
             moved = data.longest.units.words.moved_mass
@@ -720,7 +746,7 @@ class _Study:
 
         units = data.longest.units
         found = compare(bench, known, self.config.compensation, run)
-        steps = next_steps(bench, found.chosen, found.recommended, [model.row for model in models], units)
+        steps = next_steps(bench, found.chosen, found, [model.row for model in models], units)
         return replace(found, recommendation=replace(found.recommendation, next_steps=steps))
 
     def _panel(self, bench: AxisBench, comparison: Comparison) -> WhatIf | str:

@@ -143,10 +143,11 @@ def test_two_axes_in_a_file_are_a_choice(tmp_path: Path) -> None:
         read_records(path)
 
 
-def test_a_motor_torque_beside_a_linear_position_needs_a_gain(tmp_path: Path) -> None:
+def test_a_motor_torque_beside_a_linear_position_keeps_its_unit_without_a_gain(tmp_path: Path) -> None:
     path = saved(tmp_path, table("t [ms];ActPos [mm];ActTorque [Nm];Drehzahl [U/min]", columns=(1e3 * T, X, F, F)))
-    with pytest.raises(RecordError, match=r"'ActTorque' is in Nm, but the position in mm, .* gain = \"100 N/\(Nm\)\""):
-        read_records(path)
+    (record,) = read_measurement(path).records
+    assert (record.units.force, record.units.viscous) == ("Nm", "Nm.s/m")
+    assert record.force == pytest.approx(F, abs=1e-6)
     columns = {"time": "t", "position": "ActPos", "force": {"column": "ActTorque", "gain": "100 N/(Nm)"}}
     (record,) = read_records(path, {"columns": columns})
     assert record.force == pytest.approx(100 * F, abs=1e-4)

@@ -80,9 +80,11 @@ def test_settings_that_were_edited_are_kept(tmp_path: Path) -> None:
 def test_a_study_of_ambiguous_headings_names_the_command_that_asks(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    data = log(tmp_path, "t [s];ActPos [mm];u [V]")
+    data = log(tmp_path, "t [s];X ActPos [mm];Y ActPos [mm]")
     assert main(["study", str(data), "-o", str(tmp_path / "out")]) == 2
-    assert "Run friction-fmus study --init my.csv, which asks for them" in capsys.readouterr().err
+    refusal = capsys.readouterr().err
+    assert "friction-fmus study --init my.csv, which asks" in refusal
+    assert "\n    friction-fmus study my.csv --columns " in refusal
 
 
 def test_the_servo_is_added_by_removing_the_marks(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -11,6 +11,7 @@ import pytest
 from friction_fmus.blocks.catalogue import catalogue
 from friction_fmus.study import ConfigError, Servo, StudyConfig, StudyError, load_config, parse_config, run_study
 from friction_fmus.study.compensators import check_names, compensators
+from friction_fmus.study.config import OF_RECORD
 
 SERVO: dict[str, Any] = {"law": "PID", "Kp": 1e4, "Kd": 100.0, "Ts": 1e-3, "force_limit": 50.0}
 DATA: dict[str, Any] = {"data": {"file": "log.csv"}}
@@ -36,7 +37,8 @@ def test_a_configuration_is_read(tmp_path: Path) -> None:
     config = load_config(file)
     assert config.folder == tmp_path
     assert config.data["columns"]["position"]["unit"] == "mm"
-    assert config.servo == Servo("CascadePPI", {"kp": 50.0, "kv": 2000.0, "ki": 10.0}, 5e-4, 80.0, window=4)
+    gains = {"kp": 50.0, "kv": 2000.0, "ki": 10.0}
+    assert config.servo == Servo("CascadePPI", gains, 5e-4, 80.0, window=4, quantum=OF_RECORD)
     assert config.models == ("LuGre",)
     assert config.compensation.gains == (0.5, 1.0)
     assert config.compensation.mismatch == 0.2

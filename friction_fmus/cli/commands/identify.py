@@ -12,7 +12,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from friction_fmus.cli.arguments import add_json, parse_assignment, print_json
+from friction_fmus.cli.arguments import add_column_options, add_json, parse_assignment, print_json
 from friction_fmus.errors import FrictionError
 from friction_fmus.identification.methods import method_names
 from harness.processors import available
@@ -29,9 +29,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "data",
         type=Path,
+        nargs="+",
         metavar="DATA",
-        help="data file (.csv, .parquet, .mat, ...), or its mapping or the configuration of a study (.toml)",
+        help="data file (.csv, .parquet, .mat, ...), several of one axis, or a mapping or configuration (.toml)",
     )
+    add_column_options(parser)
     parser.add_argument("--mapping", type=Path, metavar="FILE", help="mapping of the columns of DATA (.toml)")
     parser.add_argument(
         "--model", action="append", metavar="NAME", help="friction model, or all (default); may be repeated"
@@ -74,26 +76,48 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Identify the models, write the files and print the ranking."""
+    from friction_fmus.cli.column_question import read_asking
     from friction_fmus.cli.console import RunBar, console, progress_bar, styled
-    from friction_fmus.cli.identification_tables import show_data, show_parameters, show_ranking
-    from friction_fmus.identification import examine_segments, read_measurement
+    from friction_fmus.cli.identification_tables import (
+        show_data,
+        show_first_look,
+        show_parameters,
+        show_ranking,
+        show_ready,
+        show_understood,
+    )
+    from friction_fmus.identification import DataMapping, examine_segments
     from friction_fmus.identification.data.reading import default_windows
+    from friction_fmus.identification.fit.contact_model import contact_model
     from friction_fmus.identification.force_findings import FORBIDDING, contradictions
     from friction_fmus.identification.model_comparison import IdentificationTask, compare_models
     from friction_fmus.identification.result_files import write_results
 
-    models = _models(options.model or _configured(options.data))
+    data = options.data[0]
+    models = _models(options.model or _configured(data))
     if options.residual and options.method == "free-run":
         raise FrictionError("--residual needs a fit to forces; --method free-run fits positions: use another method")
     if options.output.exists() and not options.output.is_dir():
         raise FrictionError(f"{options.output} is a file; choose a folder for the results")
-    measurement = read_measurement(options.data, options.mapping)
+    if options.mapping and (options.columns or options.gain or len(options.data) > 1):
+        raise FrictionError("--mapping describes one file by itself; omit --columns, --gain and further files")
+    given = options.mapping or DataMapping(
+        data, option=options.columns, gain=options.gain, more=tuple(options.data[1:])
+    )
+    measurement = read_asking(data, None if data.suffix.lower() == ".toml" else given)
+    show_understood(measurement)
+    show_first_look(measurement.records)  # before anything takes time
     windows = _windows(options, measurement) or default_windows(measurement.records)
     train = measurement.window(*windows["train"])
     validation = measurement.window(*windows["validation"]) if "validation" in windows else ()
-    findings = (*measurement.findings, *examine_segments(train), *contradictions(train))
+    if measurement.static:
+        models = [name for name in models if contact_model(name, train[0].units).static]
+        if not models:
+            raise FrictionError(f"{data} shows friction over velocity only; choose static models, such as Stribeck")
+    about = () if measurement.static else (*examine_segments(train), *contradictions(train))
+    findings = (*measurement.findings, *about)
     wrong = [finding.name for finding in findings if finding.name in FORBIDDING]
-    show_data(measurement, train, validation, findings)
+    show_data(train, validation, findings)
     task = IdentificationTask(
         train,
         validation,
@@ -106,8 +130,11 @@ def run(options: argparse.Namespace) -> int:
         },
     )
     with progress_bar() as bar:
-        found = compare_models(models, task, max(1, options.workers), RunBar(bar, "identifying").update)
-    files = write_results(found, measurement, findings, windows, options.output, fmus=options.force or not wrong)
+        progress = RunBar(bar, "identifying").update
+        found = compare_models(models, task, max(1, options.workers), progress, lambda each: show_ready(bar, each))
+    known = train[0].units.known
+    fmus = known and (options.force or not wrong)
+    files = write_results(found, measurement, findings, windows, options.output, fmus=fmus)
     show_ranking(found)
     for result in found.results if len(found.results) <= SHOWN else found.results[:1]:
         show_parameters(result)
@@ -116,10 +143,14 @@ def run(options: argparse.Namespace) -> int:
             f"\nThe parameters of the other models are in {options.output / 'parameters.toml'}.", soft_wrap=True
         )
     if options.residual:
-        files += _residual(found.results[0], validation, options.output, fmus=options.force or not wrong)
+        files += _residual(found.results[0], validation, options.output, fmus=fmus)
     for name, reason in found.failed.items():
         console.print(styled((name, "bold red"), f" was not identified: {reason}"), soft_wrap=True)
     console.print(f"{options.output}: {_listed(files)}", soft_wrap=True)
+    if not known:
+        own = train[0].units.results
+        text = f"No FMU was written, as the results are in {own}; give the scales with --gain and --columns."
+        console.print(text, soft_wrap=True)
     if wrong:
         less = "" if options.force else " No FMU was written; --force writes them."
         console.print(styled((f"The parameters cannot be used: {', '.join(wrong)}.", "bold red"), less), soft_wrap=True)
@@ -131,14 +162,14 @@ def run(options: argparse.Namespace) -> int:
 def _residual(result: Identification, validation: Sequence[Record], folder: Path, fmus: bool) -> list[Path]:
     """Learn the residual of a model, print its errors and write its FMU."""
     from friction_fmus.cli.identification_tables import show_residual
-    from friction_fmus.identification import ROTARY, learn_residual
+    from friction_fmus.identification import learn_residual
     from harness.compiling import toolchain
 
     learned = learn_residual(result, validation)
     show_residual(result, learned)
     if learned is None or not fmus or toolchain.lacking() is not None:
         return []
-    rotary = result.records[0].units == ROTARY
+    rotary = result.records[0].units.rotary
     return [learned.table.to_fmu(folder, f"{result.model}Residual", rotary)]
 
 

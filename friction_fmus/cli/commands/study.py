@@ -11,7 +11,8 @@ from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
-from friction_fmus.cli.arguments import add_json, add_scheduler, add_workers, print_json
+from friction_fmus.cli.arguments import add_column_options, add_json, add_scheduler, add_workers, print_json
+from friction_fmus.errors import FrictionError
 from harness.extras import require
 
 
@@ -19,10 +20,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options."""
     parser.add_argument(
         "config",
+        nargs="+",
         metavar="CONFIG",
         help="configuration (.toml), data file (.csv, .mat, ...) with units in its headings, or one of emps, "
-        "tribometer, demo",
+        "tribometer, demo; several data files are fitted together",
     )
+    add_column_options(parser)
     parser.add_argument(
         "-o", "--output", type=Path, metavar="DIR", help="output folder; resumes an interrupted study (default: out)"
     )
@@ -46,16 +49,30 @@ def run(options: argparse.Namespace) -> int:
     if options.init:
         from friction_fmus.cli.study_questions import write_configuration
 
-        write_configuration(Path(options.config), options.output or Path())
+        write_configuration(Path(options.config[0]), options.output or Path())
         return 0
     require("plotly", "the report of a study needs it")
+    from friction_fmus.cli.column_question import read_asking
     from friction_fmus.cli.console import RunBar, console, progress_bar
+    from friction_fmus.cli.identification_tables import show_first_look, show_understood
     from friction_fmus.cli.inputs import connect
     from friction_fmus.cli.study_tables import show_study
+    from friction_fmus.identification import DataMapping
+    from friction_fmus.study.config import RECORDS, StudyConfig, load_config
     from friction_fmus.study.settings_file import SETTINGS_FILE
     from friction_fmus.study.steps import clear_cache
     from friction_fmus.study.study import STAGES, run_study
 
+    config, *more = options.config
+    what = config if config in RECORDS else load_config(config)
+    if isinstance(what, StudyConfig) and what.bare:
+        asked = DataMapping(Path(config), option=options.columns, gain=options.gain, more=tuple(map(Path, more)))
+        measurement = read_asking(Path(config), asked)
+        show_understood(measurement)
+        show_first_look(measurement.records)
+        what = what.with_measurement(measurement)
+    elif more or options.columns or options.gain:
+        raise FrictionError(f"{config} is a configuration; --columns, --gain and further files are for data files")
     output = options.output or Path("out")
     if options.fresh:
         clear_cache(output)
@@ -66,7 +83,7 @@ def run(options: argparse.Namespace) -> int:
         bar = stack.enter_context(progress_bar())
         try:
             result = run_study(
-                options.config,
+                what,
                 output,
                 executor=executor,
                 processes=options.workers,

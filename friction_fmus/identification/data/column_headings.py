@@ -6,15 +6,15 @@ import json
 import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
-from pathlib import Path
+from itertools import pairwise
 from typing import Final
 
 import numpy as np
 
-from friction_fmus.errors import RecordError
-from friction_fmus.identification.data.mapping import Column, DataMapping
+from friction_fmus.identification.data.mapping import Column
 from friction_fmus.identification.data.record import ROLES, Array, axis_units, factor, fits, unit_of, wanted_unit
 from friction_fmus.identification.data.tables import DataTable
+from harness.units import BaseUnit
 from harness.values import is_line
 
 NAMES = {
@@ -79,6 +79,147 @@ _UNMEASURED = re.compile(
     "ref|set|soll|demand|target|ziel|command|cmd|des|err|fehler|abweichung|diff|dev|lag|schlepp|follow|lim|max|min"
 )
 """Parts of a qualified name whose last part is then not a measured signal, such as ``error.position``."""
+
+WORDS: Final[Mapping[str, tuple[str, ...]]] = {
+    "time": ("t", "time", "timestamp", "stamp", "elapsed", "zeit", "zeitstempel", "clock", "tick"),
+    "position": (
+        *("position", "positions", "pos", "lage", "angle", "winkel", "weg", "x", "q", "phi", "theta", "displacement"),
+        *(
+            "encoder",
+            "enc",
+            "stroke",
+            "qpos",
+            "actpos",
+            "setpos",
+            "istposition",
+            "sollposition",
+            "istwinkel",
+            "istlage",
+        ),
+    ),
+    "velocity": (
+        *("velocity", "velo", "vel", "speed", "omega", "drehzahl", "istdrehzahl", "geschwindigkeit", "dq", "qdot", "v"),
+        *(
+            "n",
+            "w",
+            "qvel",
+            "actvelo",
+            "actvel",
+            "rpm",
+            "xdot",
+            "winkelgeschwindigkeit",
+            "sollgeschwindigkeit",
+            "thetadot",
+        ),
+        *("solldrehzahl", "istgeschwindigkeit", "dtheta", "dphi", "dx"),
+    ),
+    "acceleration": (
+        "acceleration",
+        "acc",
+        "accel",
+        "ddq",
+        "qddot",
+        "qdd",
+        "beschleunigung",
+        "ddx",
+        "ddtheta",
+        "xddot",
+    ),
+    "force": (
+        *(
+            "torque",
+            "tau",
+            "force",
+            "kraft",
+            "moment",
+            "drehmoment",
+            "current",
+            "curr",
+            "cur",
+            "strom",
+            "iststrom",
+            "i",
+        ),
+        *("iq", "isq", "u", "effort", "ampere", "istmoment", "sollstrom", "sollmoment", "acttorque", "motorstrom"),
+        *("antriebsmoment", "istdrehmoment", "motormoment", "trq", "stromistwert", "loadratio", "loadfactor"),
+        *("effectiveload", "voltage", "spannung", "duty", "pwm", "torqueratio"),
+    ),
+}
+"""Words in headings, by what they stand for; without a unit they are enough for a guess that the motion confirms."""
+
+QUALIFIERS: Final[Mapping[str, tuple[str, ...]]] = {
+    "reference": (
+        *(
+            "ref",
+            "reference",
+            "soll",
+            "sollwert",
+            "target",
+            "goal",
+            "set",
+            "setpoint",
+            "sp",
+            "demand",
+            "desired",
+            "des",
+        ),
+        *("cmd", "command", "commanded", "ziel", "setpos", "sollposition", "solldrehzahl", "sollstrom", "sollmoment"),
+        *("sollgeschwindigkeit", "planned", "nominal", "profile", "input"),
+    ),
+    "error": (
+        *("error", "err", "fehler", "deviation", "dev", "abweichung", "lag", "following", "schlepp", "schleppfehler"),
+        *("droop", "diff", "difference", "regelabweichung"),
+    ),
+    "actual": ("actual", "act", "ist", "istwert", "measured", "meas", "feedback", "fb", "fbk", "present", "actpos"),
+    "other": (
+        *(
+            "lim",
+            "limit",
+            "limits",
+            "max",
+            "min",
+            "ff",
+            "feedforward",
+            "temp",
+            "temperature",
+            "temperatur",
+            "bus",
+            "dc",
+        ),
+        *(
+            "status",
+            "state",
+            "fault",
+            "alarm",
+            "mode",
+            "flag",
+            "index",
+            "counter",
+            "count",
+            "cycle",
+            "sample",
+            "samples",
+        ),
+        *("nr", "no", "number", "id", "isd", "external", "ext", "gain", "limiter", "rated", "vibration", "power"),
+        *(
+            "leistung",
+            "friction",
+            "reibung",
+            "reibkraft",
+            "reibmoment",
+            "normal",
+            "disturbance",
+            "zaehler",
+            "zähler",
+            "pressure",
+            "druck",
+            "gripper",
+            "humidity",
+            "inp",
+        ),
+    ),
+}
+"""Words that say which of several signals of a kind a column is."""
 
 _OBJECT = re.compile(r"(0x[0-9a-f]{4}|[0-9a-f]{4}h)([:._\s]?(0x)?[0-9a-f]{1,2})?\b|[0-9a-f]{4}:[0-9a-f]{1,2}\b", re.I)
 """Index of an object of CANopen or EtherCAT, such as ``0x6064`` or ``6064h:00``."""
@@ -151,6 +292,70 @@ NEEDED: Final = (("time",), ("position", "velocity"), ("force", "friction"))
 
 
 @dataclass(frozen=True)
+class ColumnMeaning:
+    """What heading and unit say about a column."""
+
+    kind: str = ""  # time, position, velocity, acceleration, force, friction, other; empty if they say nothing
+    qualifier: str = ""  # reference, error, actual or empty
+    axis: str = ""  # number or letter of axis or joint
+    unit: str = ""  # unit of the file
+    named: bool = False  # whether a name says so, not only the unit
+
+
+def about(heading: str, unit: str) -> ColumnMeaning:
+    """Return what heading and unit say about a column, with less certainty than `meaning_of`."""
+    read = next(((name, its) for name, its in _readings(heading, unit) if its), (heading, ""))
+    name, its_unit = read if not _OBJECT.fullmatch(read[1]) else (heading, "")
+    tokens = [token.casefold() for token in _TOKEN.findall(name)]
+    digits = [token for token in tokens if token.isdigit()]
+    axis = digits[-1] if digits else next((token for token in tokens if token in ("x", "y", "z")), "")
+    words = [token for token in tokens if not token.isdigit()]
+    if "d" in words[1:] and {"q", "dq", "tau"} & {*words}:  # desired
+        words.append("desired")
+    joined = {"".join(pair) for pair in pairwise(words)} | set(words)
+    qualifier = next((kind for kind in ("other", "error", "reference", "actual") if joined & {*QUALIFIERS[kind]}), "")
+    by_unit = _kind_of_unit(its_unit)
+    found = [kind for kind, known in WORDS.items() if joined & {*known}]
+    if "current" in words and len(found) > 1:  # the position at present
+        found.remove("force")
+    longer = [kind for kind in found if any(len(word) > 1 and word in WORDS[kind] for word in joined)]
+    found = longer or found
+    if by_unit and by_unit in found:
+        found = [by_unit]
+    if set(words) & {"qd"} and not found:
+        return ColumnMeaning("velocity", "", axis, its_unit, True)
+    if qualifier == "other" and by_unit != "time":
+        return ColumnMeaning("other", qualifier, axis, its_unit, True)
+    if not found and by_unit:
+        return ColumnMeaning(by_unit, qualifier, axis, its_unit)
+    kind = found[-1] if found else "position" if qualifier == "error" else ""
+    if kind and by_unit and by_unit != kind:
+        return ColumnMeaning("other" if by_unit == "other" else by_unit, qualifier, axis, its_unit)
+    return ColumnMeaning(kind, qualifier, axis, its_unit, bool(kind))
+
+
+_TOKEN = re.compile(r"[A-ZÄÖÜ]{2,}(?![a-zäöü])|[A-ZÄÖÜ]?[a-zäöüß]+|[A-ZÄÖÜ]|\d+")
+
+
+_FORCES: Final = tuple(known.exponents for known in map(unit_of, ("1", "A", "V")) if known is not None)
+_ACCELERATIONS: Final = tuple(known.exponents for known in map(unit_of, ("m/s2", "rad/s2")) if known is not None)
+
+
+def _kind_of_unit(unit: str) -> str:
+    """Return what a unit says about a column: its kind, ``other`` for a quantity of no role, empty if it is unknown."""
+    known = unit_of(unit) if unit else None
+    if known is None:
+        return "velocity" if unit.endswith("/s") and unit_of(unit[:-2]) == BaseUnit() else ""
+    if known == BaseUnit():
+        return "" if unit in ("1", "-") else "position"
+    if known.exponents in _FORCES:
+        return "force"
+    if known.exponents in _ACCELERATIONS:
+        return "acceleration"
+    return next((role for role in ("time", "position", "velocity", "force") if fits(role, known)), "other")
+
+
+@dataclass(frozen=True)
 class Guess:
     """Columns recognised by the headings of a file."""
 
@@ -184,20 +389,6 @@ def guess_columns(table: DataTable) -> Guess:
         if not named & set(need):
             guess.problems[need[0]] = [f"no heading is recognised as {' or '.join(need)}"]
     return guess
-
-
-def guess_mapping(table: DataTable, path: Path) -> DataMapping:
-    """Return the mapping implied by headings with units."""
-    guess = guess_columns(table)
-    if guess.problems:
-        reasons = "; ".join(problem for problems in guess.problems.values() for problem in problems)
-        raise RecordError(
-            f"The headings of {path} do not identify its columns: {reasons}. Run friction-fmus study --init "
-            f"{path.name}, which asks for them, or save the following text as {path.stem}.toml in the same folder, "
-            f"correct it, and use that file instead:\n\n[data]\nfile = {quoted(path.name)}\n\n"
-            f"{columns_text(table, guess.columns, guess.suggestions)}"
-        )
-    return DataMapping(path, columns=guess.columns)
 
 
 def columns_text(table: DataTable, known: Mapping[str, Column], suggestions: Mapping[str, Column]) -> str:
@@ -243,7 +434,7 @@ def _columns_by_role(table: DataTable) -> dict[str, list[Column]]:
         if meaning is not None:
             unit = meaning.unit
             if meaning.role == "time" and not unit and heading in table.columns:
-                unit = _epoch_unit(table.columns[heading])
+                unit = epoch_unit(table.columns[heading])
             found.setdefault(meaning.role, []).append((meaning.fallback, Column(heading, unit)))
     return {
         role: [column for fallback, column in columns if fallback == all(later for later, _ in columns)]
@@ -272,7 +463,13 @@ def _remove_other_axis(guess: Guess) -> None:
                 ]
 
 
-def _epoch_unit(times: Array) -> str:
-    """Return the unit of times since 1970 that lie between the years 2001 and 2096; empty for others."""
-    first = float(times[np.argmax(np.isfinite(times))]) if times.size else 0.0
-    return next((unit for unit, factor in EPOCH_UNITS.items() if 1e9 * factor < first < 4e9 * factor), "")
+def epoch_unit(times: Array) -> str:
+    """Return the unit of times since 1970 that lie between the years 2001 and 2096; empty for others.
+
+    Their steps are at most a second: a counter of microseconds passes the same numbers.
+    """
+    known = times[np.isfinite(times)]
+    if len(known) < 2:
+        return ""
+    first, step = float(known[0]), float(np.median(np.abs(np.diff(known))))
+    return next((u for u, each in EPOCH_UNITS.items() if 1e9 * each < first < 4e9 * each and step <= each), "")

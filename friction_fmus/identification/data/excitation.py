@@ -91,7 +91,8 @@ class _ExaminedRecord:
         return f"{value * 1e9:.3g} nm" if unit == "m" else f"{value:.3g} {unit}"
 
     def speed(self, value: float) -> str:
-        return f"{self.length(value)}/s" if self.record.units.position == "m" else f"{value:.3g} rad/s"
+        units = self.record.units
+        return f"{self.length(value)}/s" if units.position == "m" else f"{value:.3g} {units.velocity}"
 
     @property
     def presliding(self) -> float:
@@ -130,15 +131,9 @@ def examine(record: Record) -> tuple[RecordFinding, ...]:
             *constant,
             RecordFinding("no-motion", what, "Move the axis back and forth at several speeds and amplitudes."),
         )
+    small = (_presliding, _resolution, _sampling) if record.units.position in PRESLIDING else ()
     checks: tuple[Callable[[_ExaminedRecord], Iterator[RecordFinding]], ...] = (
-        _reversals,
-        _one_speed,
-        _low_speed,
-        _presliding,
-        _resolution,
-        _sampling,
-        _inertia,
-        _saturation,
+        *(_reversals, _one_speed, _low_speed, *small, _inertia, _saturation),
     )
     return (*constant, *(finding for check in checks for finding in check(data)))
 

@@ -17,6 +17,8 @@ WINDOWS = ("train", "validation")
 STUDY_TABLES = ("servo", "identify", "compensation")
 """Tables of the settings of a study, which `load_mapping` ignores, so that one file serves both."""
 
+UNKNOWN = "unknown"  # gain of a position, velocity or force whose results are wanted in the unit of the column
+
 MISSING = "?"  # mark of a missing entry in a file that was written for completion
 
 
@@ -26,10 +28,19 @@ class Column:
 
     column: str  # heading; empty if the file has no column for the time
     unit: str = ""  # unit of the numbers; empty for the unit in the heading
-    gain: str = ""  # factor with unit, such as ``35.15 N/V`` for the force of a command in V; empty for none
+    gain: str = ""  # factor with unit, such as ``35.15 N/V``; `UNKNOWN` for results in the unit; empty for none
     sign: int = 1  # 1, or -1 to invert the sign
     period: str = ""  # sample time, such as ``1 ms``, if the file has no column for the time
     held: bool = False  # whether the force is a command that the drive holds until the next sample
+
+
+def scale_text(column: Column) -> str:
+    """Return unit or scale of a column as in the option ``--columns``, such as ``1/4096 rev``; empty for none."""
+    if column.unit not in ("", "1") or not column.gain or column.gain == UNKNOWN:
+        return "" if column.unit == "1" else column.unit
+    number, _, unit = column.gain.partition(" ")
+    parts = 1.0 / float(number)
+    return f"1/{parts:.0f} {unit}" if parts > 1.5 and abs(parts - round(parts)) < 1e-9 * parts else column.gain
 
 
 @dataclass(frozen=True)
@@ -53,6 +64,9 @@ class DataMapping:
     citation: str = ""
     columns: Mapping[str, Column] = field(default_factory=dict)
     windows: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    option: str = ""  # value of the option ``--columns``, which needs the headings of the file
+    gain: str = ""  # value of the option ``--gain``
+    more: tuple[Path, ...] = ()  # further files with the same columns
 
 
 def load_mapping(path: Path) -> DataMapping:
@@ -112,9 +126,9 @@ def read_mapping(table: Mapping[str, Any], folder: Path, origin: str = "The mapp
         TomlTable(table.get(name, {}), f"{origin}, [{name}],", RecordError) for name in ("data", "columns", "windows")
     )
     about.known(("file", "name", "citation"))
-    data = {
-        key: about.take(key, text if key == "file" else _line, "a string without control characters") for key in about
-    }
+    data = {key: about.take(key, _line, "a string without control characters") for key in about if key != "file"}
+    remedy = "a string without control characters, or a list of them"
+    files = [folder / name for name in about.take("file", _files, remedy)] if "file" in about.content else []
     headings.known(tuple(ROLES), "role")
     columns = {role: _column(role, value, origin) for role, value in headings.content.items()}
     if columns:
@@ -123,8 +137,8 @@ def read_mapping(table: Mapping[str, Any], folder: Path, origin: str = "The mapp
         if not columns.keys() & {"position", "velocity"}:
             raise RecordError(f"{origin} has neither position nor velocity in [columns]; add one of them.")
     windows = read_windows(times.content, times.where)
-    file = folder / data["file"] if "file" in data else None
-    return DataMapping(file, data.get("name", ""), data.get("citation", ""), columns, windows)
+    file = files[0] if files else None
+    return DataMapping(file, data.get("name", ""), data.get("citation", ""), columns, windows, more=tuple(files[1:]))
 
 
 def read_windows(table: Mapping[str, Any], where: str) -> dict[str, tuple[float, float]]:
@@ -166,6 +180,13 @@ def _pair(value: object) -> tuple[float, float] | None:
         case [float(first), float(last)] if first < last:
             return first, last
     return None
+
+
+def _files(value: object) -> tuple[str, ...] | None:
+    """Return the names of one or several files."""
+    names = [text(each) for each in (value if isinstance(value, list) else [value])]
+    known = [name for name in names if name is not None]
+    return tuple(known) if known and len(known) == len(names) else None
 
 
 def _string(value: object) -> str | None:
@@ -214,8 +235,10 @@ def _check_units(role: str, column: Column, where: str) -> None:
         seconds, unit = parse_quantity(column.period, f"{where} period")
         if not fits("time", unit) or seconds <= 0.0:
             raise RecordError(f"{where} has the period {column.period!r}; use a positive time, such as '1 ms'.")
-    if column.unit:
+    if column.unit and column.gain != UNKNOWN:
         combined_unit(role, column, where)
+    if column.gain == UNKNOWN and ROLES[role].quantity not in ("position", "velocity", "force"):
+        raise RecordError(f"{where} has an unknown gain; give its unit.")
 
 
 def combined_unit(role: str, column: Column, where: str, unit: str = "") -> tuple[float, Any]:
@@ -235,7 +258,8 @@ def combined_unit(role: str, column: Column, where: str, unit: str = "") -> tupl
         total = times(known, per)
     if not fits(role, total):
         product = f"{text} times the gain {column.gain}" if column.gain else f"the unit {text!r}"
-        hint = "" if column.gain else f', or add a gain with units, such as gain = "2.5 {ROLES[role].example}/{text}"'
+        hint = f', or add a gain with units, such as gain = "2.5 {ROLES[role].example}/{text}"'
+        hint = "" if column.gain else f'{hint}, or gain = "{UNKNOWN}" for results in {text}'
         raise RecordError(
             f"{where} has {product}, which has the wrong dimension; use a unit such as {ROLES[role].example}{hint}."
         )

@@ -11,11 +11,20 @@ from typing import Any, Final
 import numpy as np
 from scipy.integrate import cumulative_trapezoid
 
-from friction_fmus.blocks.axis_units import LINEAR, AxisUnits
-from friction_fmus.errors import RecordError, visible
-from friction_fmus.identification.data.column_headings import guess_mapping
+from friction_fmus.blocks.axis_units import LINEAR, ROTARY, AxisUnits, units_of_channels
+from friction_fmus.errors import AmbiguousColumnsError, RecordError, visible
+from friction_fmus.identification.data.column_choice import chosen_columns
+from friction_fmus.identification.data.column_guess import with_actual_position
 from friction_fmus.identification.data.formats import read_table
-from friction_fmus.identification.data.mapping import Column, DataMapping, combined_unit, load_mapping, read_mapping
+from friction_fmus.identification.data.mapping import (
+    UNKNOWN,
+    Column,
+    DataMapping,
+    combined_unit,
+    load_mapping,
+    read_mapping,
+)
+from friction_fmus.identification.data.other_records import other_record
 from friction_fmus.identification.data.record import (
     ROLES,
     Array,
@@ -29,6 +38,8 @@ from friction_fmus.identification.data.record import (
 )
 from friction_fmus.identification.data.sampling import SHORTEST, equally_spaced, in_order, without_held_samples
 from friction_fmus.identification.data.tables import DataTable
+from friction_fmus.identification.data.understanding import understood
+from harness.units import BaseUnit
 
 TRAIN: Final = 0.6  # fraction of a record that is fitted; the rest is validation data
 
@@ -91,7 +102,7 @@ def _reference(record: Record) -> Iterator[RecordFinding]:
 
 
 def _size(record: Record) -> Iterator[RecordFinding]:
-    distance, speed = LARGEST_PLAUSIBLE[record.units.position]
+    distance, speed = LARGEST_PLAUSIBLE.get(record.units.position, (np.inf, np.inf))
     found = float(np.ptp(record.q)) if record.q is not None else 0.0
     v = record.v if record.v is not None else np.gradient(record.column("q"), record.Ts)
     fast = float(np.quantile(np.abs(v), 0.99))
@@ -145,11 +156,17 @@ class Measurement:
         Mapping of the columns, as given or derived from the headings.
     findings : tuple of RecordFinding
         Problems found in the data; for the excitation, see `examine`.
+    understood : tuple of (str, str)
+        What was read and why, as subject and text.
+    static : bool
+        Whether the record shows friction over velocity only, so that models with state cannot be identified.
     """
 
     records: tuple[Record, ...]
     mapping: DataMapping
     findings: tuple[RecordFinding, ...]
+    understood: tuple[tuple[str, str], ...] = ()
+    static: bool = False
 
     def window(self, begin: float, end: float) -> tuple[Record, ...]:
         """Return the parts of the records with begin <= t <= end.
@@ -169,7 +186,8 @@ class Measurement:
         RecordError
             If no segment has `SHORTEST` samples in the window.
         """
-        inside = [r for r in self.records if np.count_nonzero((r.t >= begin) & (r.t <= end)) >= SHORTEST]
+        least = min(SHORTEST, max(map(len, self.records)))
+        inside = [r for r in self.records if np.count_nonzero((r.t >= begin) & (r.t <= end)) >= least]
         if not inside:
             raise RecordError(
                 f"The window {begin:g} .. {end:g} s has fewer than {SHORTEST} samples of the record "
@@ -238,9 +256,19 @@ def read_measurement(
         As `read_records`.
     """
     known, path = _located(source, mapping)
-    table = read_table(path)
+    if known.more:
+        return _read_runs(replace(known, file=path))
+    table = with_actual_position(read_table(path))
+    reasons: Mapping[str, str] = {}
+    notes: tuple[str, ...] = ()
     if not known.columns:
-        known = replace(guess_mapping(table, path), name=known.name, citation=known.citation, windows=known.windows)
+        try:
+            chosen, reasons, notes = chosen_columns(table, path, known.option, known.gain)
+        except AmbiguousColumnsError as refusal:
+            if known.option:
+                raise
+            return _other(table, replace(known, file=path, name=known.name or visible(path.stem)), refusal)
+        known = replace(known, columns=chosen)
     known = replace(known, file=path, name=known.name or " ".join(visible(path.stem).split()))
     findings = list(table.findings)
     columns, units = _converted(table, known, path, findings)
@@ -266,7 +294,37 @@ def read_measurement(
         for name, segment in zip(names, segments, strict=True)
     )
     findings += plausible(records, known.columns)
-    return Measurement(records, known, tuple(findings))
+    return Measurement(records, known, tuple(findings), understood(table, known, records, reasons, notes))
+
+
+def _other(table: DataTable, known: DataMapping, refusal: AmbiguousColumnsError) -> Measurement:
+    """Return a record without a drive force over time."""
+    found = other_record(table, known, refusal)
+    lines = (("read", f"{table.file.name}: {table.format}"), *found.lines)
+    return Measurement((found.record,), replace(known, columns=found.columns), table.findings, lines, static=True)
+
+
+def _read_runs(known: DataMapping) -> Measurement:
+    """Return several files with the same columns as one measurement; the last files are validation data."""
+    assert known.file is not None
+    first = read_measurement(replace(known, more=()))
+    columns = replace(known, columns=first.mapping.columns, option="", gain="", more=(), name="")
+    runs = [first, *(read_measurement(replace(columns, file=file)) for file in known.more)]
+    if any(run.records[0].units != first.records[0].units for run in runs):
+        raise RecordError(f"{known.file} and the other files have different units; give files of one axis.")
+    records: list[Record] = []
+    ends = []
+    for run in runs:
+        shift = (records[-1].t[-1] + 1.0 if records else run.records[0].t[0]) - run.records[0].t[0]
+        records += [replace(record, t=record.t + shift) for record in run.records]
+        ends.append((float(records[-len(run.records)].t[0]), float(records[-1].t[-1])))
+    fitted = min(max(1, round(TRAIN * len(runs))), len(runs) - 1)
+    windows = {"train": (ends[0][0], ends[fitted - 1][1]), "validation": (ends[fitted][0], ends[-1][1])}
+    findings = {finding: None for run in runs for finding in run.findings}
+    files = ", ".join(file.name for file in (known.file, *known.more))
+    lines = [("files", f"{files}; validation with the last {len(runs) - fitted}"), *first.understood]
+    mapping = replace(first.mapping, windows=known.windows or windows, more=known.more, name=known.name or files)
+    return Measurement(tuple(records), mapping, tuple(findings), tuple(lines))
 
 
 def _located(
@@ -284,7 +342,7 @@ def _located(
     if mapping is None:
         return DataMapping(path), path
     if isinstance(mapping, DataMapping):
-        return mapping, path
+        return replace(mapping, file=path), path
     if isinstance(mapping, Mapping):
         return read_mapping(mapping, path.parent), path
     return load_mapping(Path(mapping)), path
@@ -294,8 +352,9 @@ def _converted(
     table: DataTable, known: DataMapping, path: Path, findings: list[RecordFinding]
 ) -> tuple[dict[str, Array], AxisUnits]:
     """Return the columns converted to the units of the record, with all rows of the file."""
-    units: AxisUnits | None = None
-    scales = {}
+    scales: dict[str, tuple[float, BaseUnit]] = {}
+    own: dict[str, str] = {}
+    si: AxisUnits | None = None
     for role, column in known.columns.items():
         where = f"{path}, column {column.column!r} for the {role},"
         if column.period:
@@ -305,25 +364,59 @@ def _converted(
         if column.column not in table.columns:
             there = ", ".join(repr(name) for name in (*table.columns, *table.texts)) or "none"
             raise RecordError(f"{path} has no column {column.column!r} for the {role}; it has {there}.")
+        if column.gain == UNKNOWN:
+            own[role] = column.unit or table.units.get(column.column, "") or "1"
+            continue
         scales[role] = combined_unit(role, column, where, table.units.get(column.column, ""))
-        units = units or axis_units(role, scales[role][1])
-    units = units or LINEAR
+        si = si or axis_units(role, scales[role][1])
+    units = si or LINEAR
+    if own:
+        units = _channel_units(own, si, scales, path)
     columns = {}
-    for role, (gain, unit) in scales.items():
-        column = known.columns[role]
-        scale = factor(role, unit, units)
+    for role, column in known.columns.items():
+        if role in own:
+            columns[ROLES[role].field] = column.sign * table.columns[column.column]
+        if role not in scales:
+            continue
+        gain, unit = scales[role]
+        scale = factor(role, unit, si or (ROTARY if units.force == ROTARY.force else LINEAR))
         if scale is None:
             raise RecordError(
                 f"{path}, column {column.column!r} for the {role}, has a unit that is not valid for an axis with the "
-                f"position in {units.position}; use a unit such as {wanted_unit(role, units)}, or correct the position."
+                f"position in {units.position}; use a unit such as {wanted_unit(role, si or LINEAR)}, or correct the "
+                "position."
             )
-        findings += [note for name, note in table.notes.items() if name == column.column]
         columns[ROLES[role].field] = column.sign * gain * scale * table.columns[column.column]
+    for column in known.columns.values():
+        findings += [note for name, note in table.notes.items() if name == column.column]
     period = known.columns["time"].period
     if period:
         seconds, unit = parse_quantity(period, "The period")
         columns["t"] = seconds * unit.factor * np.arange(len(next(iter(columns.values()))), dtype=np.float64)
     return columns, units
+
+
+def _channel_units(
+    own: Mapping[str, str], si: AxisUnits | None, scales: Mapping[str, tuple[float, BaseUnit]], path: Path
+) -> AxisUnits:
+    """Return the units of an axis with channels that keep their own units."""
+    ways = {role: unit for role, unit in own.items() if ROLES[role].quantity in ("position", "velocity")}
+    if ways and (si is not None or len(set(ways.values())) > 1 or ways.keys() > {"velocity"}):
+        raise RecordError(
+            f"{path}: the {' and the '.join(ways)} have no scale, but another column of the motion has a different "
+            "unit; give both in one unit, or leave one of them out."
+        )
+    if "velocity" in ways:
+        unit = ways["velocity"]
+        position = unit.removesuffix("/s") if unit.endswith("/s") else f"{unit if unit != '1' else 'u'}.s"
+    else:
+        position = next(iter(ways.values()), (si or LINEAR).position)
+    turning = position == "rad" or (
+        si is None
+        and any(role in scales and factor(role, scales[role][1], LINEAR) is None for role in ("force", "friction"))
+    )
+    force = own.get("force", own.get("friction", (ROTARY if turning else LINEAR).force))
+    return units_of_channels(position, force)
 
 
 def _complete(

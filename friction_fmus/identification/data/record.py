@@ -263,9 +263,14 @@ _LONGEST = 2 * LONGEST_UNIT  # largest number of characters of a number with a u
 DRIVE_UNITS = {
     **dict.fromkeys(("1/min", "min-1", "min^-1"), "rpm"),
     **dict.fromkeys(("Sek", "sek", "Sekunden", "Sekunde"), "s"),
-    **{"Grad": "deg", "grad": "deg", "Grad/s": "deg/s"},
+    **{"Grad": "deg", "grad": "deg", "Grad/s": "deg/s", "U": "rev", "Umdr": "rev", "°/s": "deg/s"},
+    **{"Arms": "A", "A_rms": "A", "A rms": "A", "Aeff": "A", "rps": "rev/s"},
+    **dict.fromkeys(("qc", "inc", "incr", "increments", "Ink", "Inkremente", "count", "counts", "cnt", "cts"), "1"),
+    **dict.fromkeys(("pulse", "pulses", "pls", "puls", "ticks", "steps", "LSB", "digit", "digits"), "1"),
 }
 """Units as drives write them, which mean something else or nothing in a model."""
+
+PER_MILLE = ("‰", "permille", "per mille", "0.1%", "0.1 %")
 
 _NUMBER = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(.*)")
 
@@ -320,6 +325,8 @@ class MeasuredAxis:
 def unit_of(text: str) -> BaseUnit | None:
     """Return the base unit of a unit such as ``mm``, ``N.m``, ``rpm``; None if the unit is unknown."""
     symbol = DRIVE_UNITS.get(text.strip(), text)
+    if symbol in PER_MILLE:
+        return BaseUnit(factor=1e-3)
     known = parse_unit(symbol)
     if known is not None or not symbol.strip():
         return known

@@ -50,6 +50,8 @@ class DataTable:
     start: str = ""  # date and time of the first row (ISO 8601); empty if unknown
     clocks: tuple[str, ...] = ()  # headings of columns that are times for certain, such as dates, in s from the first
 
+    order: tuple[str, ...] = ()  # headings of all columns in the order of the file; empty if it is that of `columns`
+
     def place(self, row: int) -> str:
         """Return the location of a row in the file, for messages."""
         return f"line {self.lines[row]}" if self.lines is not None else f"row {row + 1}"
@@ -81,7 +83,7 @@ def from_arrow(path: Path, table: Any, lines: NDArray[np.int64] | None = None) -
             cell = next((str(value) for value in values.to_pylist() if value is not None and not _number(value)), "")
             row = next((i for i, value in enumerate(values.to_pylist()) if value is not None and str(value) == cell), 0)
             texts[name] = f"{cell!r} in {f'line {lines[row]}' if lines is not None else f'row {row + 1}'}"
-    return DataTable(path, columns, units, texts, lines)
+    return DataTable(path, columns, units, texts, lines, order=tuple(table.column_names))
 
 
 def _number(value: Any) -> bool:

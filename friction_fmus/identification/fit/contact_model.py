@@ -14,7 +14,7 @@ from functools import cache
 from pathlib import Path
 
 from friction_fmus.blocks.arithmetic import evaluate, names_in
-from friction_fmus.blocks.axis_units import ROTARY, AxisUnits, domain_of
+from friction_fmus.blocks.axis_units import AxisUnits, domain_of
 from friction_fmus.blocks.catalogue import find, listing
 from friction_fmus.blocks.contact import NOT_IDENTIFIED, Fitted, Identified
 from friction_fmus.errors import FitError, IdentificationError
@@ -168,7 +168,7 @@ def _read(model: str | Path, units: AxisUnits) -> ContactModel:
             f"{block.name} cannot be identified from a record of motion and force; use one of "
             f"{', '.join(identifiable())}."
         )
-    path = fmu(model, domain_of(units == ROTARY))
+    path = fmu(model, domain_of(units.rotary))
     part = FmuPart(block.name, path)
     names = {port.name for port in part.inputs}
     if "v" not in names or "F" not in {port.name for port in part.outputs}:
@@ -181,7 +181,7 @@ def _read(model: str | Path, units: AxisUnits) -> ContactModel:
             continue
         parameters[port.name] = ModelParameter(
             port.name,
-            v.unit or "1",
+            units.own(v.unit or "1"),
             float(v.start if v.type != "Boolean" else v.start in ("true", "1", True)),
             -math.inf if v.min is None else float(v.min),
             math.inf if v.max is None else float(v.max),
@@ -189,7 +189,7 @@ def _read(model: str | Path, units: AxisUnits) -> ContactModel:
             v.type,
         )
     states = {
-        p.name: variables[p.name].unit or "1"
+        p.name: units.own(variables[p.name].unit or "1")
         for p in part.parameters
         if variables[p.name].causality == "local" and p.type == "Real"
     }

@@ -125,11 +125,28 @@ SETTLING = 4.9
 PUBLISHED_SETTINGS = InverseModelSettings(border=(0.049, 0.0), order_of_differences=2)
 
 
+ROUNDING = 0.05  # largest acceleration from rounding, relative to that of the motion, both rms
+LOWEST = 8.0  # lowest cut-off frequency for a coarse position [Hz]
+
+
 def default_settings(record: Record) -> InverseModelSettings:
-    """Return the filter used for the EMPS record, scaled to the sample rate and limited to its 100 Hz."""
+    """Return the filter used for the EMPS record, scaled to the sample rate and limited to its 100 Hz.
+
+    A coarse position needs a lower cut-off frequency, as its rounding must not dominate the acceleration.
+    """
     rate = 1.0 / record.Ts
     cutoff = min(100.0, 0.1 * rate)
-    return InverseModelSettings(cutoff=cutoff, decimation=max(1, round(rate / cutoff)))
+    settings = InverseModelSettings(cutoff=cutoff, decimation=max(1, round(rate / cutoff)))
+    if record.q is None or record.quantum <= 0.0 or len(record) <= 3 * settings.order + 1:
+        return settings
+    while cutoff > LOWEST:
+        # white noise of the variance of a rounding behind an ideal low-pass filter and two derivatives
+        rounding = record.quantum / 12.0**0.5 * (2.0 * np.pi * cutoff) ** 2 * (2.0 * cutoff / (5.0 * rate)) ** 0.5
+        if rounding <= ROUNDING * float(np.std(filtered_motion(record, settings).a)):
+            break
+        cutoff *= 0.7
+        settings = InverseModelSettings(cutoff=cutoff, decimation=max(1, round(rate / cutoff)))
+    return settings
 
 
 @dataclass(frozen=True, eq=False)

@@ -18,7 +18,6 @@ from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
 from friction_fmus.axis.position_map import Grid, PositionMap
-from friction_fmus.blocks.axis_units import ROTARY
 from friction_fmus.identification.data.record import Array
 from friction_fmus.identification.fit.block_fit import BlockFit, FitData
 from friction_fmus.identification.fit.scores import Score, rms
@@ -162,7 +161,7 @@ def _regressor(segments: Sequence[PreparedSegment], nodes: int) -> TableRegresso
     q = np.concatenate([segment.record.column("q") for segment in segments])
     v_sign = SIGN * max(float(np.max(np.abs(segment.inputs["v"]))) for segment in segments)
     begin, travel = float(np.min(q)), float(np.ptp(q))
-    turns = segments[0].record.units == ROTARY and travel > 2.0 * np.pi
+    turns = segments[0].record.units.rotary and travel > 2.0 * np.pi
     grid = Grid(0.0, 2.0 * np.pi / nodes, nodes, True) if turns else Grid(begin, travel / (nodes - 1), nodes)
     small = sum(len(segment.measured) for segment in segments) * nodes <= KEPT
     rows = _rows if small else _rows.__wrapped__

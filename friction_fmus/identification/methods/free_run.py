@@ -15,7 +15,6 @@ import numpy as np
 
 from friction_fmus.axis.servo import AxisPlant
 from friction_fmus.axis.servo_loop import FINEST, free_axis, quiet_runs, run_free
-from friction_fmus.blocks.axis_units import ROTARY
 from friction_fmus.errors import FitError
 from friction_fmus.identification.data.record import Array, Record
 from friction_fmus.identification.fit.contact_model import axis_start, contact_model
@@ -108,7 +107,7 @@ def _free(result: Identification, record: Record, longest: float = FINEST) -> Sy
     table = None if result.position is None else result.position.table
     plant = AxisPlant(contact.block, own, values["M"], values.get("OF", 0.0), table)
     middle = 0.5 * (result.records[0].t[0] + result.records[-1].t[-1])
-    rotary = record.units == ROTARY
+    rotary = record.units.rotary
     force, trend = record.with_total_force().column("force"), record.t - middle
     return free_axis(plant, record.t, force, trend, rotary=rotary, contact=contact.path, longest=longest)
 

@@ -1,0 +1,243 @@
+"""Columns found by physics: right, asked about or refused, but never wrong without a word."""
+
+from __future__ import annotations
+
+import re
+import runpy
+import shlex
+from pathlib import Path
+
+import numpy as np
+import pytest
+from thorough import nightly
+
+from friction_fmus.__main__ import main
+from friction_fmus.blocks.axis_units import ROTARY, units_of_channels
+from friction_fmus.cli.column_question import read_asking
+from friction_fmus.errors import AmbiguousColumnsError
+from friction_fmus.identification import DataMapping, Measurement, RecordError, read_measurement
+from friction_fmus.identification.fit.first_look import first_look
+
+ROOT = Path(__file__).parents[2]
+PAGE = (ROOT / "docs" / "my-log-file.md").read_text(encoding="utf-8")
+VARIANTS = runpy.run_path(str(ROOT / "tests" / "slow" / "log_variants.py"))
+
+J, FC, FV, OF = 0.012, 0.8, 0.05, 0.04
+T = np.arange(3000) * 2e-3
+Q = 1.1 * np.sin(2 * np.pi * 0.7 * T) + 0.4 * np.sin(2 * np.pi * 1.9 * T)
+V = np.gradient(Q, T)
+TAU = J * np.gradient(V, T) + FC * np.sign(V) + FV * V + OF
+
+
+def saved(folder: Path, headings: str, *columns: np.ndarray, name: str = "my.csv") -> Path:
+    rows = [",".join(f"{value:.9g}" for value in row) for row in zip(*columns, strict=True)]
+    path = folder / name
+    path.write_text("\n".join([*([headings] if headings else []), *rows]) + "\n", encoding="utf-8")
+    return path
+
+
+def used(measurement: Measurement) -> dict[str, str]:
+    return {role: column.column for role, column in measurement.mapping.columns.items()}
+
+
+def found(measurement: Measurement) -> dict[str, float]:
+    return {name: estimate.value for name, estimate in first_look(measurement.records).items()}
+
+
+def test_counts_and_rpm_show_the_counts_of_a_turn(tmp_path: Path) -> None:
+    counts, rpm = np.round(Q * 4096 / (2 * np.pi)), V * 30 / np.pi
+    path = saved(tmp_path, "t [ms],Position [qc],Speed [rpm],Current [mA]", 1e3 * T, counts, rpm, 2e3 * TAU)
+    measurement = read_measurement(path)
+    assert measurement.mapping.columns["position"].gain == f"{1 / 4096:.12g} rev"
+    assert measurement.records[0].q == pytest.approx(Q, abs=2 * np.pi / 4096)
+    assert measurement.records[0].units == units_of_channels("rad", "mA")
+    values = found(measurement)
+    assert values["Fc"] == pytest.approx(2e3 * FC, rel=0.02)
+    assert values["Fv"] == pytest.approx(2e3 * FV, rel=0.05)
+    lines = dict(measurement.understood)
+    assert "4096 qc a turn" in lines["position"]
+    assert 'give --gain "0.5 N.m/A"' in lines["result"]
+    (scaled,) = read_measurement(path, DataMapping(path, gain="0.5 N.m/A")).records
+    assert scaled.units == ROTARY
+    assert scaled.force == pytest.approx(TAU, rel=1e-6)
+
+
+def test_a_file_without_headings_is_read_by_its_motion(tmp_path: Path) -> None:
+    rng = np.random.default_rng(1)
+    noise = 30.0 + rng.standard_normal(len(T))
+    measurement = read_measurement(saved(tmp_path, "", T, noise, 2 * TAU, V, Q))
+    assert used(measurement) == {"time": "column 1", "position": "column 5", "force": "column 3"}
+    assert found(measurement)["Fc"] == pytest.approx(2 * FC, rel=0.02)
+
+
+def test_two_forces_that_fit_are_asked_about_with_commands_that_work(tmp_path: Path) -> None:
+    """A following error of a stiff servo looks like a torque: only a name tells them apart."""
+    path = saved(tmp_path, "t [s],q [rad],Ch 1,Ch 2", T, Q, 1.02 * TAU + 0.01 * np.cos(T), 300 * TAU)
+    with pytest.raises(AmbiguousColumnsError) as caught:
+        read_measurement(path)
+    commands = re.findall(r"^    (friction-fmus study .*)$", str(caught.value), re.M)
+    assert len(commands) == 2
+    for command, force in zip(commands, ("Ch 1", "Ch 2"), strict=True):
+        *_, option = shlex.split(command)
+        assert used(read_measurement(path, DataMapping(path, option=option)))["force"] == force
+
+
+def test_a_following_error_beside_the_torque_is_no_force(tmp_path: Path) -> None:
+    reference = Q + (V + TAU / 3.0) / 40.0
+    headings = "t [s],Target position [rad],Following error [rad],Actual position [rad],Motor torque [Nm]"
+    measurement = read_measurement(saved(tmp_path, headings, T, reference, reference - Q, Q, TAU))
+    assert used(measurement)["force"] == "Motor torque"
+    assert used(measurement)["position"] == "Actual position"
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_a_reference_and_a_following_error_give_the_position(tmp_path: Path, sign: float) -> None:
+    reference = Q + (V + TAU / 3.0) / 40.0
+    headings = "t [s],Sollposition [rad],Schleppfehler [rad],Drehmoment [Nm]"
+    measurement = read_measurement(saved(tmp_path, headings, T, reference, sign * (reference - Q), TAU))
+    assert measurement.records[0].q == pytest.approx(Q, abs=1e-6)
+
+
+@pytest.mark.parametrize(("unit", "force"), [("N.m", "N.m"), ("V", "V"), ("mA", "mA"), ("%", "%")])
+def test_a_command_named_u_is_a_force_in_its_unit(tmp_path: Path, unit: str, force: str) -> None:
+    measurement = read_measurement(saved(tmp_path, f"t [s],phi [rad],u [{unit}]", T, Q, TAU))
+    assert measurement.records[0].units.force == force
+
+
+def test_on_a_terminal_a_doubtful_mapping_is_asked_about(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = saved(tmp_path, "t [s],q [rad],Ch 1,Ch 2", T, Q, 1.02 * TAU + 0.01 * np.cos(T), 300 * TAU)
+    monkeypatch.setattr("sys.stdin.isatty", lambda: True, raising=False)
+    monkeypatch.setattr("sys.stdout.isatty", lambda: True, raising=False)
+    monkeypatch.setattr("builtins.input", lambda _: "2")
+    assert used(read_asking(path, DataMapping(path)))["force"] == "Ch 2"
+    monkeypatch.setattr("builtins.input", lambda _: "")
+    with pytest.raises(AmbiguousColumnsError):
+        read_asking(path, DataMapping(path))
+
+
+@pytest.mark.parametrize("scale", [1.0, 1e3])
+def test_the_size_of_numbers_decides_no_unit(tmp_path: Path, scale: float) -> None:
+    measurement = read_measurement(saved(tmp_path, "t [s],q,dq,tau", T, scale * Q, scale * V, scale * TAU))
+    units = measurement.records[0].units
+    assert (units.position, units.force, units.viscous) == ("1", "1", "s")
+    assert found(measurement)["Fc"] == pytest.approx(scale * FC, rel=0.02)
+
+
+def test_a_time_that_two_units_fit_is_asked_about(tmp_path: Path) -> None:
+    slow = np.arange(len(T)) * 0.1  # 10 Hz in s, 10 kHz in ms
+    with pytest.raises(AmbiguousColumnsError, match="the time 't' has no unit"):
+        read_measurement(saved(tmp_path, "t,q [rad],tau [N.m]", slow, Q, TAU))
+
+
+def test_a_file_without_time_needs_a_period(tmp_path: Path) -> None:
+    path = saved(tmp_path, "q [rad],tau [N.m]", Q, TAU)
+    with pytest.raises(AmbiguousColumnsError, match="period=1 ms"):
+        read_measurement(path)
+    (record,) = read_measurement(path, DataMapping(path, option="period=2 ms, position=1 rad, torque=2 N.m")).records
+    assert record.t == pytest.approx(T)
+
+
+def test_the_joint_with_the_largest_motion_is_used_and_the_other_named(tmp_path: Path) -> None:
+    other = 0.3 * np.sin(2 * np.pi * 1.1 * T)
+    w = np.gradient(other, T)
+    tau = J * np.gradient(w, T) + FC * np.sign(w)
+    measurement = read_measurement(saved(tmp_path, "time,q1,q2,tau1,tau2", T, other, Q, tau, TAU))
+    assert used(measurement) == {"time": "time", "position": "q2", "force": "tau2"}
+    assert "other axes, not used: 'q1' with 'tau1'" in dict(measurement.understood)["note"]
+
+
+def test_columns_are_given_by_number_heading_sign_and_scale(tmp_path: Path) -> None:
+    path = saved(tmp_path, "alpha,beta gamma,delta", 1e3 * T, Q * 8192 / (2 * np.pi), -TAU)
+    option = "time=1 ms, position=beta gamma 1/8192 rev, torque=-'delta' N.m"
+    (record,) = read_measurement(path, DataMapping(path, option=option)).records
+    assert record.q == pytest.approx(Q, abs=1e-6)
+    assert record.force == pytest.approx(TAU, abs=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("option", "message"),
+    [
+        ("time=9 s", "has the columns"),
+        ("speed", "use the form"),
+        ("strength=1 N", "unknown role 'strength'"),
+        ("time=1 s, time=2 s", "names the time twice"),
+        ("time=1 s, position='z' rad", "has no column 'z'"),
+    ],
+)
+def test_wrong_columns_are_refused(tmp_path: Path, option: str, message: str) -> None:
+    path = saved(tmp_path, "t,q,tau", T, Q, TAU)
+    with pytest.raises(RecordError, match=message):
+        read_measurement(path, DataMapping(path, option=option))
+
+
+def test_steady_speeds_give_friction_without_the_offset(tmp_path: Path) -> None:
+    v = np.array([s * w for s in (1.0, -1.0) for w in (0.5, 1.0, 2.0, 4.0, 6.0)])
+    measurement = read_measurement(saved(tmp_path, "speed [rad/s],torque [Nm]", v, FC * np.sign(v) + FV * v + OF))
+    assert measurement.static
+    assert found(measurement) == pytest.approx({"Fc": FC, "Fv": FV}, rel=1e-6)
+
+
+def test_coasting_gives_friction_over_inertia(tmp_path: Path) -> None:
+    t = np.arange(600) * 1e-3
+    v = np.maximum((30.0 + FC / FV) * np.exp(-FV / J * t) - FC / FV, 0.0)  # J v' = -Fc - Fv v
+    measurement = read_measurement(saved(tmp_path, "t [s],omega [rad/s]", t, v))
+    assert measurement.records[0].units.viscous == "1/s"
+    assert found(measurement) == pytest.approx({"Fc": FC / J, "Fv": FV / J}, rel=0.01)
+
+
+def test_a_pendulum_gives_friction_over_m_g_l(tmp_path: Path) -> None:
+    h, w0, c, d = 1e-3, 2 * np.pi * 0.8, 0.01, 0.02  # friction over m g l
+    q, v, rows = 1.2, 0.0, []
+    for _ in range(9000):
+        rows.append(q)
+        v += h * w0**2 * (-np.sin(q) - c * np.sign(v) - d * v)
+        q += h * v
+    t = h * np.arange(len(rows))
+    measurement = read_measurement(saved(tmp_path, "t [s],angle [rad]", t, np.array(rows)))
+    assert found(measurement) == pytest.approx({"Fc": c, "Fv": d}, rel=0.05)
+
+
+def test_several_files_are_fitted_together(tmp_path: Path) -> None:
+    files = [
+        saved(tmp_path, "t [s],q [rad],tau [N.m]", T[a:b] - T[a], Q[a:b], TAU[a:b], name=f"run_{a}.csv")
+        for a, b in ((0, 1000), (1000, 2000), (2000, 3000))
+    ]
+    measurement = read_measurement(DataMapping(files[0], more=tuple(files[1:])))
+    assert len(measurement.records) == 3
+    assert len(measurement.window(*measurement.mapping.windows["train"])) == 2
+    assert found(measurement)["Fc"] == pytest.approx(FC, rel=0.02)
+
+
+def test_nothing_absurd_is_delivered(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Noise as a torque: a model that describes nothing is not delivered, and the exit status says so."""
+    noise = np.random.default_rng(3).standard_normal(len(T))
+    path = saved(tmp_path, "t [s],q [rad],tau [N.m]", T, Q, noise)
+    assert main(["identify", str(path), "--model", "Coulomb", "-o", str(tmp_path / "o"), "--workers", "1"]) != 0
+    assert "explains little of the motion" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("seed", [13, 41, 100, 118, 158, 174])
+def test_random_files_are_read_right_or_not_at_all(seed: int, tmp_path: Path) -> None:
+    outcome, why = VARIANTS["judged"](VARIANTS["written"](seed, tmp_path))
+    assert outcome != "wrong", why
+
+
+@pytest.mark.parametrize("name", ["drive", "messung", "joints"])
+def test_the_page_shows_what_is_understood(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    runpy.run_path(str(ROOT / "examples" / "identification" / "log_files.py"), run_name="__main__")
+    (shown,) = re.findall(rf"<!-- understood: {name}.csv -->\n```\w+\n(.*?)^```$", PAGE, re.S | re.M)
+    printed = "\n".join(f"{subject:<8} {text}" for subject, text in read_measurement(Path(f"{name}.csv")).understood)
+    assert shown.strip() == printed
+
+
+@nightly
+def test_commands_of_the_page_work(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (commands,) = re.findall(r"<!-- commands -->\n```\w+\n(.*?)^```$", PAGE, re.S | re.M)
+    monkeypatch.chdir(tmp_path)
+    first, *others = commands.splitlines()
+    runpy.run_path(str(ROOT / first.split()[1]), run_name="__main__")
+    for command in others:
+        assert main(shlex.split(command)[1:]) == 0
+    assert (tmp_path / "messung" / "StribeckRotational.fmu").is_file()
+    assert not (tmp_path / "drive" / "StribeckRotational.fmu").exists()
