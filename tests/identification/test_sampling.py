@@ -7,7 +7,7 @@ import pytest
 
 from friction_fmus.identification import RecordError, RecordFinding, read_measurement
 from friction_fmus.identification.data.record import Array
-from friction_fmus.identification.force_findings import FORBIDDING, contradictions, drive_balance
+from friction_fmus.identification.force_findings import FORBIDDING, contradictions
 
 HZ = 5.0
 T = np.arange(1000) * 1e-3
@@ -198,15 +198,6 @@ def test_dwells_and_counts_of_an_encoder_are_no_faults(tmp_path: Path) -> None:
     q = 0.1 * np.cumsum(np.cumsum(np.tile(stroke, 2))) * 1e-6
     t = np.arange(len(q)) * 1e-3
     assert forbidding(axis(tmp_path, t, 1e-5 * np.round(q / 1e-5), np.gradient(q, t))) == []
-
-
-def test_a_record_of_fifty_samples_is_identified(tmp_path: Path) -> None:
-    t = np.arange(50) * 0.02
-    q, v, a = (7.0**k * np.sin(7.0 * t + k * np.pi / 2) for k in range(3))
-    path = axis(tmp_path, t, q, 2.0 * a + 8.0 * np.sign(v) + 0.5 * v)
-    balance = drive_balance(read_measurement(path).records)
-    assert balance is not None
-    assert balance.mass == pytest.approx(2.0, rel=0.02)
 
 
 def test_a_record_of_a_few_samples_is_refused(tmp_path: Path) -> None:

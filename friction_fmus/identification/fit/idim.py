@@ -126,22 +126,16 @@ PUBLISHED_SETTINGS = InverseModelSettings(border=(0.049, 0.0), order_of_differen
 
 
 ROUNDING = 0.05  # largest acceleration from rounding, relative to that of the motion, both rms
-SHORT = 2.0 * SETTLING + 3.0  # length of a short record, over the period of the cut-off frequency
-HIGHEST = 0.4  # largest cut-off frequency for a short record, over the sample rate
 LOWEST = 8.0  # lowest cut-off frequency for a coarse position [Hz]
 
 
 def default_settings(record: Record) -> InverseModelSettings:
     """Return the filter used for the EMPS record, scaled to the sample rate and limited to its 100 Hz.
 
-    A coarse position needs a lower cut-off frequency, as its rounding must not dominate the acceleration. A record so
-    short that the ends would take most of it gets a higher one, for which half of its samples are left.
+    A coarse position needs a lower cut-off frequency, as its rounding must not dominate the acceleration.
     """
     rate = 1.0 / record.Ts
     cutoff = min(100.0, 0.1 * rate)
-    if len(record) <= SHORT * rate / cutoff:
-        cutoff = min(HIGHEST * rate, 4.0 * SETTLING * rate / len(record))
-        return InverseModelSettings(cutoff=cutoff, decimation=1)
     settings = InverseModelSettings(cutoff=cutoff, decimation=max(1, round(rate / cutoff)))
     if record.q is None or record.quantum <= 0.0 or len(record) <= 3 * settings.order + 1:
         return settings
