@@ -456,7 +456,7 @@ def test_a_workbook_needs_a_package(tmp_path: Path, monkeypatch: pytest.MonkeyPa
 
     monkeypatch.setattr(spreadsheet, "find_spec", lambda name: None)
     with pytest.raises(MissingPackageError, match="python-calamine is not installed; reading workbooks needs it"):
-        read_table(saved(tmp_path, b"PK\3\4", "a.xlsx"))
+        read_table(workbook(tmp_path / "a.xlsx", {"a": sheet([[1.0]])}))
 
 
 def test_counters_and_angles_that_wrap_are_made_continuous(tmp_path: Path) -> None:

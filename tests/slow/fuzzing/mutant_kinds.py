@@ -13,11 +13,11 @@ from random import Random
 
 import h5netcdf  # noqa: F401
 import h5py  # noqa: F401
-import mutant_seeds as seeds
 import pyarrow.parquet  # noqa: F401
 
 sys.path.insert(0, str(Path(__file__).parents[2]))
 
+import mutant_seeds as seeds
 from robustness.mutate import BYTES, TEXT, damaged, damaged_archive, members, odd_values, odd_xml, zipped
 
 import friction_fmus.identification.model_comparison
@@ -175,6 +175,13 @@ def log(suffix: str, files: Files, random: Random) -> Files:
     return one(f"data{suffix}", text if suffix == ".csv" else binary)(files, random)
 
 
+def other_log(suffix: str, files: Files, random: Random) -> Files:
+    """A data file with damaged bytes, text, or a damaged member of its archive."""
+    if suffix in (".zip", ".xlsx", ".npz") and random.random() < 0.7:
+        return one(f"data{suffix}", lambda content, random: damaged_archive(content, random, "."))(files, random)
+    return one(f"data{suffix}", text if suffix in (".json", ".lvm") else binary)(files, random)
+
+
 def config(content: bytes, random: Random) -> bytes:
     """A configuration with odd values or damaged text."""
     return odd_values(content, random, seeds.STUDY_KEYS) if random.random() < 0.6 else text(content, random)
@@ -221,6 +228,10 @@ _ALL = (
         command("run", "s.toml", "--parameters", "p.ssv", "-o", "o.csv", *SHORT),
     ),
     *(Kind(f"identify{suffix}", f"identify{suffix}", partial(log, suffix), IDENTIFY) for suffix in seeds.LOGS),
+    *(
+        Kind(f"identify{suffix}", f"identify{suffix}", partial(other_log, suffix), IDENTIFY)
+        for suffix in seeds.OTHER_LOGS
+    ),
     Kind("identify-mapping", "identify.csv", one("map.toml", config), IDENTIFY),
     *(Kind(f"study{suffix}", f"study{suffix}", partial(log, suffix), STUDY) for suffix in seeds.LOGS),
     Kind("study-config", "study.csv", one("map.toml", config), STUDY),

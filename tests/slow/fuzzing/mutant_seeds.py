@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import csv
 import io
+import json
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from random import Random
 
+import h5py
 import numpy as np
 import pandas as pd
+from robustness.mutate import zipped
 from scipy.io import savemat
 
 from friction_fmus import build, fmu
@@ -168,6 +171,7 @@ PARAMETERS = (
 SAMPLES = "friction.Fc,mass.m\n1.0,2.0\n1.5,2.5\n"
 
 LOGS = (".csv", ".parquet", ".mat")
+OTHER_LOGS = (".json", ".npz", ".h5", ".lvm", ".zip", ".xlsx")
 SUFFIXES = (*LOGS, ".nc")
 
 SWEEP = ("--vary", "friction.Fc=1:1.4:6", "--executor", "serial")
@@ -218,6 +222,11 @@ def write_seeds(folder: Path) -> None:
             own.mkdir()
             (own / "map.toml").write_text(text.format(suffix=suffix), encoding="utf-8")
             _write_table(motion(), own / f"data{suffix}")
+    for suffix in OTHER_LOGS:
+        own = folder / f"identify{suffix}"
+        own.mkdir()
+        (own / "map.toml").write_text(MAPPING.format(suffix=suffix), encoding="utf-8")
+        (own / f"data{suffix}").write_bytes(_other_table(motion(), suffix))
 
 
 def _write_arrays(folder: Path) -> None:
@@ -249,6 +258,52 @@ def _write_table(table: Mapping[str, object], path: Path) -> None:
         pd.DataFrame(table).to_parquet(path)
     else:
         savemat(path, dict(table))
+
+
+def _other_table(table: Mapping[str, np.ndarray], suffix: str) -> bytes:
+    """A data file of one of the `OTHER_LOGS`."""
+    rows = [list(table), *(list(map(float, row)) for row in zip(*table.values(), strict=True))]
+    lines = [";".join(map(str, row)) for row in rows]
+    whole = io.BytesIO()
+    if suffix == ".json":
+        return json.dumps({"axis": {name: list(values) for name, values in table.items()}}).encode()
+    if suffix == ".lvm":
+        head = "LabVIEW Measurement\nX_Columns;One\n***End_of_Header***\nChannels;2\n***End_of_Header***"
+        return "\n".join([head, *lines]).encode()
+    if suffix == ".npz":
+        np.savez_compressed(whole, **table)
+    elif suffix == ".h5":
+        with h5py.File(whole, "w") as file:
+            for name, values in table.items():
+                file.create_dataset(name, data=values, chunks=True, compression="gzip")
+    elif suffix == ".zip":
+        return zipped({"data.csv": "\n".join(lines).encode()})
+    else:
+        return zipped(_workbook(rows))
+    return whole.getvalue()
+
+
+def _workbook(rows: Sequence[Sequence[object]]) -> dict[str, bytes]:
+    """The members of a workbook with one sheet."""
+    base = "http://schemas.openxmlformats.org"
+    main, office = f"{base}/spreadsheetml/2006/main", f"{base}/officeDocument/2006/relationships"
+    links = f'<Relationships xmlns="{base}/package/2006/relationships"><Relationship Id="a" Type="{office}'
+    cells = [
+        [
+            f'<c t="inlineStr"><is><t>{cell}</t></is></c>' if isinstance(cell, str) else f"<c><v>{cell}</v></c>"
+            for cell in row
+        ]
+        for row in rows
+    ]
+    body = "".join(f"<row>{''.join(row)}</row>" for row in cells)
+    sheets = '<sheets><sheet name="a" sheetId="1" r:id="a"/></sheets>'
+    texts = {
+        "_rels/.rels": f'{links}/officeDocument" Target="xl/workbook.xml"/></Relationships>',
+        "xl/workbook.xml": f'<workbook xmlns="{main}" xmlns:r="{office}">{sheets}</workbook>',
+        "xl/_rels/workbook.xml.rels": f'{links}/worksheet" Target="worksheets/a.xml"/></Relationships>',
+        "xl/worksheets/a.xml": f'<worksheet xmlns="{main}"><sheetData>{body}</sheetData></worksheet>',
+    }
+    return {name: text.encode() for name, text in texts.items()}
 
 
 def odd_table(random: Random, columns: Mapping[str, np.ndarray], suffix: str) -> bytes:

@@ -9,8 +9,8 @@ from typing import Any, Final
 import numpy as np
 
 from friction_fmus.errors import RecordError
+from friction_fmus.identification.data.array_columns import NUMBERS, columns_of, vector_table
 from friction_fmus.identification.data.tables import DataTable, limit_size
-from friction_fmus.identification.data.vectors import NUMBERS, columns_of, vector_table
 
 SUFFIXES: Final = (".h5", ".hdf5", ".hdf", ".he5")
 

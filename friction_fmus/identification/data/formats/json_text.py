@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from friction_fmus.errors import RecordError
-from friction_fmus.identification.data.columns import ColumnBuilder, made_table
+from friction_fmus.identification.data.column_builder import ColumnBuilder, made_table
 from friction_fmus.identification.data.heading_rows import named_columns, stated_period
 from friction_fmus.identification.data.tables import DataTable, limit_size
 from friction_fmus.identification.data.text_file import whole_text

@@ -12,9 +12,9 @@ import numpy as np
 
 from friction_fmus.errors import RecordError
 from friction_fmus.identification.data import tables
+from friction_fmus.identification.data.array_columns import columns_of, vector_table
 from friction_fmus.identification.data.formats.hdf5 import HDF5, matlab_vectors
 from friction_fmus.identification.data.tables import DataTable, limit_size
-from friction_fmus.identification.data.vectors import columns_of, vector_table
 
 SUFFIXES: Final = (".mat",)
 

@@ -12,8 +12,8 @@ import numpy as np
 from numpy.lib import format as npy
 
 from friction_fmus.errors import RecordError
+from friction_fmus.identification.data.array_columns import columns_of, vector_table
 from friction_fmus.identification.data.tables import DataTable, limit_size
-from friction_fmus.identification.data.vectors import columns_of, vector_table
 
 SUFFIXES: Final = (".npz", ".npy")
 

@@ -10,7 +10,7 @@ from typing import Final
 import numpy as np
 
 from friction_fmus.errors import RecordError
-from friction_fmus.identification.data.columns import ColumnBuilder, made_table
+from friction_fmus.identification.data.column_builder import ColumnBuilder, made_table
 from friction_fmus.identification.data.heading_rows import named_columns
 from friction_fmus.identification.data.record import RecordFinding
 from friction_fmus.identification.data.tables import DataTable, limit_size

@@ -14,12 +14,12 @@ from typing import IO, Any, Final
 import numpy as np
 
 from friction_fmus.errors import RecordError
-from friction_fmus.identification.data.columns import ColumnBuilder, made_table
+from friction_fmus.identification.data.column_builder import ColumnBuilder, made_table
 from friction_fmus.identification.data.heading_rows import headings
 from friction_fmus.identification.data.tables import DataTable, limit_size
 from harness.extras import missing
 
-SUFFIXES: Final = (".xlsx", ".xlsm", ".xls")
+SUFFIXES: Final = (".xlsx", ".xlsm", ".xls")  # .xls for texts of this name only
 
 CELL: Final = 40  # memory of a cell while a sheet is read, also of one that is empty [bytes]
 
@@ -28,17 +28,18 @@ _CELL = re.compile(rb"""\br\s*=\s*["']([A-Z]{1,3})(\d{1,7})["']""")
 
 def read(path: Path) -> DataTable:
     """Read the table in a workbook."""
+    if not zipfile.is_zipfile(path):
+        raise RecordError(f"{path} is not a workbook of the format .xlsx; save it in this format, or as text.")
     if find_spec("python_calamine") is None:
         raise missing("python-calamine", "reading workbooks needs it")
     from python_calamine import CalamineWorkbook
 
-    if zipfile.is_zipfile(path):
-        with zipfile.ZipFile(path) as archive:
-            limit_size(path, sum(info.file_size for info in archive.infolist()))
-            for member in archive.namelist():
-                if "sheet" in member.lower():
-                    with archive.open(member) as sheet:
-                        limit_size(path, CELL * _area(sheet))
+    with zipfile.ZipFile(path) as archive:
+        limit_size(path, sum(info.file_size for info in archive.infolist()))
+        for member in archive.namelist():
+            if "sheet" in member.lower():
+                with archive.open(member) as sheet:
+                    limit_size(path, CELL * _area(sheet))
     best: list[list[Any]] = []
     name, count = "", 0
     try:

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from friction_fmus.errors import RecordError
 from friction_fmus.identification.data import cells as cell
 from friction_fmus.identification.data.cells import split_cells
-from friction_fmus.identification.data.columns import ColumnBuilder, made_table
+from friction_fmus.identification.data.column_builder import ColumnBuilder, made_table
 from friction_fmus.identification.data.heading_rows import Headings, headings
 from friction_fmus.identification.data.record import RecordFinding
 from friction_fmus.identification.data.tables import DataTable, limit_size
@@ -31,7 +31,7 @@ EXAMINED: Final = 200  # number of lines at the end of the first piece that dete
 
 
 @dataclass
-class Layout:
+class TextLayout:
     """How the lines of a table are read."""
 
     separator: str
@@ -64,7 +64,7 @@ def read(path: Path, others: tuple[str, ...] = ()) -> DataTable:
         return table.finished(NAMES.get(encoding, encoding.upper()))
 
 
-def find_layout(path: Path, lines: Sequence[str], comments: tuple[str, ...]) -> Layout:
+def find_layout(path: Path, lines: Sequence[str], comments: tuple[str, ...]) -> TextLayout:
     """Return separator, headings and first row of the table in the first lines of a text."""
     numbered = [(i, line) for i, line in enumerate(lines) if line.strip()]
     rows = [(i, line) for i, line in numbered if not line.lstrip().startswith(comments)]
@@ -99,7 +99,7 @@ def find_layout(path: Path, lines: Sequence[str], comments: tuple[str, ...]) -> 
             "are decimal points, use semicolons between the columns."
         )
     valued = tuple(j for j in range(width) if 2 * sum(cell.is_value(row[j]) for row in whole) > len(whole))
-    return Layout(separator, first, width, heading, comma, valued, loose, comments, repeated)
+    return TextLayout(separator, first, width, heading, comma, valued, loose, comments, repeated)
 
 
 def _heading_cells(line: str, separator: str, width: int) -> list[str]:
@@ -166,7 +166,7 @@ def _is_count(row: Sequence[str]) -> bool:
 class _Body:
     """Rows of a table, which are added in pieces."""
 
-    def __init__(self, path: Path, layout: Layout) -> None:
+    def __init__(self, path: Path, layout: TextLayout) -> None:
         self.path, self.layout = path, layout
         names = layout.heading.names
         self.columns = [ColumnBuilder(name) for name in names]

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from friction_fmus.errors import RecordError
-from friction_fmus.identification.data.columns import ColumnBuilder, made_table
+from friction_fmus.identification.data.column_builder import ColumnBuilder, made_table
 from friction_fmus.identification.data.heading_rows import Headings, unique_names
 from friction_fmus.identification.data.tables import DataTable, limit_size
 
