@@ -26,6 +26,8 @@ OPERATORS = {
     **{"<=": "≤", ">=": "≥", "!=": "≠", "/=": "≠", "=>": "⇒", "<-": "←", "...": "…", "-": "−", "*": "·"},
     **{symbol: symbol for symbol in "+/=<>()[]{}|,;:"},
 }
+DOTS = {"rd": "˙", "rdd": "¨"}
+"""Derivatives of the reference."""
 OPEN, CLOSE = "([{", ")]}"
 SHORT = 14
 """Letters of the longest condition that stands beside its equation, not above."""
@@ -217,11 +219,15 @@ def identifier(name: str) -> str:
     if greek:
         letter = GREEK[greek]
         indices = ([stem[len(greek) :]] if stem != greek else []) + indices
-    elif re.fullmatch("[A-Za-z]{2}|[A-Zd]..|rdd", stem) and first not in FUNCTIONS:
+    elif stem in DOTS:
+        letter = stem[0]
+    elif re.fullmatch("[A-Za-z]{2}|[A-Zd]..", stem) and first not in FUNCTIONS:
         letter, indices = stem[0], [stem[1:] + number]
     else:
         letter = stem
     symbol = f"<mi>{letter}</mi>"
+    if stem in DOTS:
+        symbol = f'<mover accent="true">{symbol}<mo stretchy="false">{DOTS[stem]}</mo></mover>'
     if "hat" in given:
         given.remove("hat")
         symbol = f'<mover accent="true">{symbol}<mo stretchy="false">^</mo></mover>'

@@ -68,7 +68,8 @@ def with_blocks(entries: list[Any]) -> list[Any]:
 def on_post_build(config: MkDocsConfig, **_: Any) -> None:
     """Move scripts inside of pages to files, for a policy without them, and correct what Material leaves to do.
 
-    Its search has no name, and tables that scroll sideways cannot be reached by key.
+    Its search has no name, each button at a listing is a landmark without a name, and tables and listings that scroll
+    sideways cannot be reached by key.
     """
     site = Path(config.site_dir)
     folder = site / "assets" / "inside"
@@ -84,7 +85,15 @@ def on_post_build(config: MkDocsConfig, **_: Any) -> None:
         text = text.replace(
             'data-md-component="search" role="dialog"', 'data-md-component="search" role="dialog" aria-label="Search"'
         )
-        path.write_text(text.replace("<table>", '<table tabindex="0">'), encoding="utf-8")
+        text = (
+            text.replace("<th></th>", "<td></td>")
+            .replace("<table>", '<table tabindex="0">')
+            .replace("<span></span><code>", '<code tabindex="0">')
+        )
+        path.write_text(text, encoding="utf-8")
+    for path in site.glob("assets/javascripts/bundle.*.js"):
+        text = path.read_text(encoding="utf-8")
+        path.write_text(text.replace('"nav",{class:"md-code__nav"}', '"div",{class:"md-code__nav"}'), encoding="utf-8")
 
 
 def on_page_markdown(markdown: str, **_: Any) -> str:

@@ -8,7 +8,7 @@ from __future__ import annotations
 import json
 import re
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import Executor, Future, ThreadPoolExecutor
 from dataclasses import replace
 from functools import cache
@@ -20,7 +20,7 @@ from friction_fmus import fmu
 from friction_fmus.blocks.block_declarations import FILE
 from friction_fmus.blocks.catalogue import Block, catalogue
 from friction_fmus.blocks.macros import Paragraph, paragraphs
-from friction_fmus.blocks.probe import variable_groups
+from friction_fmus.blocks.probe import VariableRow, variable_groups
 from friction_fmus.export.block_fmu import block_source
 from friction_fmus.export.composite.composite_archive import composite_source
 from friction_fmus.export.targets import SourceFmu
@@ -62,9 +62,10 @@ def described(name: str) -> dict[str, Any]:
     """Return what the page of a block shows: the variables, the picture, and what its script tells."""
     block = catalogue()[name]
     with opened(block, fmu(name)) as bench:
+        groups = variable_groups(bench.description)
         return {
-            "about": about_block(bench) | {"equations": equations(block)},
-            "groups": variable_groups(bench.description),
+            "about": about_block(bench) | {"equations": equations(block, groups)},
+            "groups": groups,
             "pictures": pictures(bench),
         }
 
@@ -86,9 +87,10 @@ def prepare(threads: Executor, chosen: Sequence[str] | None = None) -> list[Futu
     ]
 
 
-def equations(block: Block) -> str:
-    """Return the equations of a block as text."""
-    return "\n\n".join("\n".join(each.lines) for each in paragraphs(block.notes) if each.equations)
+def equations(block: Block, groups: Mapping[str, Sequence[VariableRow]]) -> str:
+    """Return the equations of a block as HTML."""
+    names = {entry.name for entries in groups.values() for entry in entries}
+    return "".join(typeset(each.lines, names) for each in paragraphs(block.notes) if each.equations)
 
 
 def lab_files(chosen: Sequence[str] | None = None) -> Iterator[tuple[str, str]]:
@@ -157,8 +159,8 @@ def blocks_by_kind() -> list[dict[str, list[dict[str, str]]]]:
     """Return the pages of the blocks as sections of the navigation."""
     blocks = catalogue().values()
     return [
-        {heading: [{each.name: f"blocks/{each.name}.md"} for each in blocks if each.kind == kind]}
-        for kind, heading in KINDS.items()
+        {f"{kind.capitalize()} blocks": [{each.name: f"blocks/{each.name}.md"} for each in blocks if each.kind == kind]}
+        for kind in KINDS
     ]
 
 
@@ -220,7 +222,8 @@ def split_notes(block: Block) -> tuple[list[Paragraph], list[Paragraph]]:
 
 def use(block: Block) -> list[str]:
     """Return how to use a block on the command line, in Python and in the lab."""
-    address = f"../lab.html#view=contact&amp;models={block.name}"  # of no heading, as MkDocs would expect
+    # as HTML, since a link in Markdown would need a heading of this name
+    address = f"../lab.html#view=contact&amp;models={block.name}"
     lab = [f'<a href="{address}">Move its parameters in the lab</a>', ""] if block.name in models() else []
     code = [f"$ friction-fmus codegen {block.name} -o c"] if block.is_law else []
     return [

@@ -145,13 +145,17 @@ def counterparts(scripts: Mapping[str, Script]) -> str:
 
 
 def count(claims: Iterable[Mapping[str, Any]]) -> str:
-    """Return how many claims have which verdict."""
+    """Return a table of how many claims have which verdict."""
     of = [claim["verdict"] for claim in claims]
     hold, conditional, wrong, untested = (of.count(verdict) for verdict in VERDICTS)
-    verb = "does" if wrong == 1 else "do"
-    return (
-        f"Of {len(of)} claims, {hold} hold, {conditional} hold under a stated condition, {wrong} {verb} not hold, "
-        f"and {untested}, which are left out here, are history or opinion and cannot be tested."
+    rows = {
+        "hold": hold,
+        "hold under a stated condition": conditional,
+        "do not hold": wrong,
+        "history or opinion, left out here": untested,
+    }
+    return "\n".join(
+        [f"| {len(of)} claims | |", "|---|--:|", *(f"| {name} | {number} |" for name, number in rows.items())]
     )
 
 

@@ -16,7 +16,6 @@ if "harness" not in sys.modules:  # the package beside this one, not a file harn
         _spec.loader.exec_module(sys.modules["harness"])
 
 from friction_fmus import harness
-from friction_fmus.blocks.catalogue import Block, catalogue, find
 from friction_fmus.errors import BuildError, FrictionError, UnknownNameError
 from friction_fmus.version import VERSION
 from harness.extras import MODELS, lazy_names
@@ -25,6 +24,7 @@ if TYPE_CHECKING:
     from harness import *  # noqa: F403, I001
 
     from friction_fmus import study
+    from friction_fmus.blocks.catalogue import Block, catalogue, find
     from friction_fmus.export.block_fmu import build, build_record, fmu
     from friction_fmus.identification import identify
 else:

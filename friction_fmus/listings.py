@@ -16,6 +16,9 @@ if TYPE_CHECKING:
     from friction_fmus.study.study_result import Fit, StudyResult
 
 
+LEAST_PERCENT = 1e-3
+
+
 def identification_text(result: Identification) -> str:
     """Return an identification as one line."""
     return f"<Identification of {result.model}: {counted(len(result.parameters), 'parameter')}, {_error(result)}>"
@@ -58,7 +61,7 @@ def comparison_html(comparison: ModelComparison) -> str:
 def ranking_listing(comparison: ModelComparison) -> Listing:
     """Return the ranked models with their errors."""
     unit = f"\n[{comparison.results[0].unit}]" if _unit(comparison.results[0].unit) else ""
-    numbers = (f" error{unit}", " training\n[%]", " validation\n[%]", " BIC", " poorly\nident.", " time")
+    numbers = (f" error{unit}", " training\n[%]", " validation\n[%]", " BIC", " poorly determined\nparameters", " time")
     rows = [
         (
             result.model,
@@ -67,7 +70,7 @@ def ranking_listing(comparison: ModelComparison) -> Listing:
             f"{result.train.relative_percent:.2f}",
             f"{result.validation.relative_percent:.2f}" if result.validation else "",
             f"{result.bic:.0f}",
-            f"{len(result.weak)}/{len(result.parameters)}" if result.weak else "",
+            f"{len(result.weak)} of {len(result.parameters)}" if result.weak else "",
             f"{result.seconds:.1f} s",
         )
         for result in comparison.results
@@ -165,7 +168,12 @@ def shown(value: float, unit: str) -> str:
 
 
 def _percent(fit: Fit | None) -> str:
-    return "–" if fit is None else f"{fit.percent:.3g} %"
+    return "–" if fit is None else percent(fit.percent)
+
+
+def percent(value: float) -> str:
+    """Return a percentage; one that is due to rounding has no digits."""
+    return f"{value:.3g} %" if value >= LEAST_PERCENT else f"below {LEAST_PERCENT:g} %"
 
 
 def _recommended(result: StudyResult) -> str:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 from collections.abc import Iterable
 from typing import TYPE_CHECKING, Final
 
@@ -138,6 +137,8 @@ class PartError(HarnessError):
 
 def closest(name: str, known: Iterable[str]) -> str | None:
     """Return the known name that is most similar to a misspelt one, or None if none is similar."""
+    import difflib  # few commands need it
+
     lowered = {other.lower(): other for other in known}
     match = difflib.get_close_matches(name.lower(), lowered, n=1, cutoff=0.6)
     return lowered[match[0]] if match else None

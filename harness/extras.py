@@ -8,7 +8,7 @@ import sys
 from collections import Counter
 from collections.abc import Callable
 from functools import cache
-from importlib import import_module, metadata
+from importlib import import_module
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -21,6 +21,8 @@ MODELS: list[Callable[[str], Path]] = []
 @cache
 def extra_of(package: str) -> str | None:
     """Return the smallest extra that installs a package; None if none does."""
+    from importlib import metadata  # loads slowly, and every command loads this module
+
     try:
         lines = "\n".join(metadata.requires("friction-fmus") or ())
     except metadata.PackageNotFoundError:

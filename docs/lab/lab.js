@@ -166,12 +166,12 @@
     const name = state.models[side];
     const { summary, equations, source, bibtex } = live.about[name];
     return element("article", { className: "paper " + ROLES[side] }, element("h2", {}, name), element("p", {}, summary + ". "),
-      element("pre", { tabIndex: 0, "aria-label": "Equations of " + name }, equations),
+      element("div", { innerHTML: equations }),
       element("p", {}, "Source: " + source + "."),
       element("details", {}, element("summary", {}, "BibTeX"), element("pre", { tabIndex: 0, "aria-label": "BibTeX of " + name }, bibtex)));
   }
 
-  /* A model with what is changed, as texts to copy need it: the system file, and the unconnected inputs. */
+  /* A model with what is changed, for programs to copy: the system file, and the unconnected inputs. */
   function copiedSide(model, side) {
     const run = runs.get(side + scriptOf(model));
     const driven = view.part === "block" ? ["v", "F_ext"] : view.system(setup()).force ? ["axis.F_load"] : [];

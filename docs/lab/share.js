@@ -69,7 +69,7 @@
     const [{ toml }] = sides;
     const wires = /wires = \[([^]*?)\]/.exec(toml)[1].match(/"[^"]*"/g);
     const parts = [...toml.matchAll(/\[parts\.(\w+)\]\nmodel = ("\w+")/g)].map(([, part, model]) =>
-      'FmuPart("' + part + '", fmu(' + (part === "friction" ? "name" : model) + "))");
+      'FmuPart("' + part + '", ' + (part === "friction" ? "name" : model) + ")");
     if (run.python) {
       parts.push('SeriesPart("push", t, {"F": push}, {"F": "N"})');
       wires.push('"push.F -> axis.F_load"');
@@ -77,7 +77,7 @@
     const step = /\nstep = (\S+)/.exec(toml)[1];
     return (
       "import matplotlib.pyplot as plt\n" + (run.python ? "import numpy as np\n" : "") + "\n" +
-      "from friction_fmus import fmu\nfrom friction_fmus.harness import FmuPart, " + (run.python ? "SeriesPart, " : "") + "System\n\n" +
+      "from friction_fmus import FmuPart, " + (run.python ? "SeriesPart, " : "") + "System\n\n" +
       pairs(sides, run.values) + "start = " + dict(run.values) + "\nwires = [\n" + wires.map((wire) => "    " + wire + ",\n").join("") + "]\n" +
       (run.python ? "t = np.arange(0.0, " + number(run.duration + Number(step)) + ", " + step + ")\npush = " + run.python + "\n" : "") +
       "for name, parameters in models:\n    parts = [\n" + parts.map((part) => "        " + part + ",\n").join("") + "    ]\n" +
@@ -92,7 +92,7 @@
     const pushed = sides.filter((each) => each.pushed).map((each) => each.model);
     return (
       "import matplotlib.pyplot as plt\nimport numpy as np\n\n" +
-      "from friction_fmus import fmu\nfrom friction_fmus.harness import FmuPart, SeriesPart, System\n\n" +
+      "from friction_fmus import FmuPart, SeriesPart, System\n\n" +
       pairs(sides) + "fastest, speed = " + number(fastest) + ", " + number(speed) + "  # m/s\n" +
       "amplitude, reach = " + number(amplitude) + ", " + number(reach) + "  # m\n" +
       "turns = amplitude * np.array([0.0, 1.0, -1.0, 0.3, 0.3 - " + number(detour) + ", 1.0, -1.0])\n" +
@@ -103,7 +103,7 @@
       '    motion = SeriesPart("motion", t, {"v": v, "F": 1e4 * np.sign(v)}, {"v": "m/s", "F": "N"}, interpolation="previous")\n' +
       '    wires = ["motion.v -> friction.v"]\n' +
       (pushed.length ? "    if name in " + JSON.stringify(pushed) + ':  # friction at rest needs the force\n        wires.append("motion.F -> friction.F_ext")\n' : "") +
-      '    with System([motion, FmuPart("friction", fmu(name))], wires, parameters) as system:\n' +
+      '    with System([motion, FmuPart("friction", name)], wires, parameters) as system:\n' +
       '        return system.run(stop=t[-1], step=t[1])["friction.F"].to_numpy()\n\n\n' +
       "figure, (left, right) = plt.subplots(1, 2)\n" +
       "for name, parameters in models:\n" +

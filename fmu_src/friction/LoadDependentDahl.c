@@ -31,7 +31,7 @@
 #define SUMMARY  "Dahl friction proportional to the transmitted {force}, for strain-wave gears"
 #define SOURCE   "andyabateagility, issue 3528 of google-deepmind/mujoco, GitHub, 2026"
 #define CITES    "TorqueProportionalLoss2026"
-#define STATUS   "equations of a comment in the issue, not of a paper; an excerpt was read"
+#define STATUS   "checked against an excerpt of this discussion, not against a paper"
 #define FEATURES "presliding, rate dependent"
 
 /* clang-format off */

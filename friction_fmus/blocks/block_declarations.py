@@ -12,6 +12,7 @@ from typing import Final
 
 from friction_fmus.blocks.arithmetic import names_in
 from friction_fmus.blocks.contact import Identified, identified
+from friction_fmus.blocks.kinds import USES
 from friction_fmus.blocks.loop_role import InLoop, in_loop
 from friction_fmus.blocks.macros import macro, string, table, words
 from friction_fmus.errors import FrictionError, did_you_mean
@@ -40,15 +41,6 @@ def cited(keys: Iterable[str]) -> tuple[str, ...]:
     return tuple(found)
 
 
-KINDS: Final = (
-    *("feedforward", "model feedback", "estimator", "sliding mode", "learning", "integral", "dither", "other"),
-)
-"""Kinds of compensators."""
-
-FAMILIES: Final = {"feedforward": "feedforward", "model feedback": "observer"} | {kind: kind for kind in KINDS[2:]}
-"""The family of a compensator by the kind of its use, in the order of lists."""
-
-
 @dataclass(frozen=True)
 class Use:
     """Use of a law or controller as a compensator that is added to a servo.
@@ -56,7 +48,7 @@ class Use:
     Attributes
     ----------
     kind : str
-        One of `KINDS`.
+        One of `USES`.
     models : tuple of str
         Friction models in order of preference; the law gets the parameters of the first identified one, by name. Empty
         if it needs no model.
@@ -83,8 +75,8 @@ class Use:
 
     def __post_init__(self) -> None:
         """Raise an error for an unknown kind or a text that is not an expression."""
-        if self.kind not in KINDS:
-            raise FrictionError(f"{self.kind!r} is not a kind of compensator{did_you_mean(self.kind, KINDS)}")
+        if self.kind not in USES:
+            raise FrictionError(f"{self.kind!r} is not a kind of compensator{did_you_mean(self.kind, USES)}")
         for text in self.tuned.values():
             names_in(text)
 

@@ -4,25 +4,24 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from functools import cache
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from friction_fmus.blocks.axis_units import SLIDING, TURNING, Words
-from friction_fmus.blocks.block_declarations import FAMILIES, About, about_c_block, cited
+from friction_fmus.blocks.block_declarations import About, about_c_block, cited, use_of
 from friction_fmus.blocks.customise import with_long_arrays
+from friction_fmus.blocks.kinds import FAMILIES, KINDS
 from friction_fmus.blocks.law_summaries import law_paths, read_headings
+from friction_fmus.blocks.macros import string, words
 from friction_fmus.errors import FrictionError, UnknownNameError, did_you_mean
 from harness.extras import require
 from harness.storage.files import read_source, reason
 
 PACKAGE = Path(__file__).parents[1]
-
-KINDS = {"friction": "friction", "plants": "plant", "controllers": "compensator", "signals": "signal"}
-"""Kind of the blocks in each folder of ``fmu_src``, in the order of the catalogue; ``friction_fmus/laws`` has the laws,
-compensators in Python files."""
 
 OWN_BLOCKS = "FRICTION_FMUS_BLOCKS"  # environment variable with folders of user blocks, separated as in PATH
 
@@ -146,8 +145,17 @@ def laws_folder() -> Path:
     return PACKAGE / "laws"
 
 
-def read_c_block(path: Path, kind: str) -> Block:
-    """Return the block in a C file."""
+@contextmanager
+def _errors_of(path: Path) -> Iterator[None]:
+    """Name the file in errors."""
+    try:
+        yield
+    except FrictionError as error:
+        raise FrictionError(f"{path}: {error}") from error
+
+
+def _c_heading(path: Path, kind: str) -> tuple[Entry, str]:
+    """Return the line in the list for a C file, and its text."""
     try:
         code = read_source(path)
     except (OSError, ValueError) as error:
@@ -155,41 +163,38 @@ def read_c_block(path: Path, kind: str) -> Block:
     name = re.search(r"^#define\s+MODEL\s+(\w+)\s*$", code, re.M)
     if not name or not re.search(r"^#define\s+VARIABLES\b", code, re.M):
         raise FrictionError(f"{path} is not a block: it needs `#define MODEL name` and `#define VARIABLES`")
+    family = ""
+    if kind == "compensator":
+        with _errors_of(path):
+            used = use_of(code)
+        family = FAMILIES[used.kind if used else "other"]
+    return Entry(name[1], kind, SLIDING.fill(string(code, "SUMMARY")), string(code, "SOURCE"), path, family), code
+
+
+def read_c_block(path: Path, kind: str) -> Block:
+    """Return the block in a C file."""
+    entry, code = _c_heading(path, kind)
+    with _errors_of(path):
+        about = about_c_block(code)
     notes = re.match(r"\s*/\*(.*?)\*/", code, re.S)
-
-    def text(macro: str) -> str:
-        found = re.search(rf'^#define\s+{macro}\s+"(.*)"\s*$', code, re.M)
-        return found.group(1) if found else ""
-
     lines = notes.group(1).splitlines() if notes else []
     page = "\n".join(line.removeprefix("   ").rstrip() for line in lines).strip()
 
-    def words(macro: str) -> tuple[str, ...]:
-        return tuple(part.strip() for part in text(macro).split(",") if part.strip())
-
-    features = words("FEATURES")
+    features = words(string(code, "FEATURES"))
     if unknown := set(features) - set(FEATURES):
         raise FrictionError(f"{path} states the feature {unknown.pop()!r}; known features are {', '.join(FEATURES)}")
     found = re.findall(r"/\*\s*(@\w+\{.*?\})\s*\*/", code, re.S)
     entries = tuple("\n  ".join(line.strip() for line in entry.splitlines()) for entry in found)
-    about = _told(path, code)
     return Block(
-        *(name.group(1), kind, SLIDING.fill(text("SUMMARY")), text("SOURCE"), page, path, code),
+        *(entry.name, kind, entry.summary, entry.source, page, path, code),
         features=features,
         bibtex=(*cited(about.cites), *entries),
-        status=text("STATUS"),
-        no_exchange=text("NO_EXCHANGE"),
-        reinitialises=words("REINITIALISES"),
+        status=string(code, "STATUS"),
+        no_exchange=string(code, "NO_EXCHANGE"),
+        reinitialises=words(string(code, "REINITIALISES")),
         about=about,
-        rotary_summary=TURNING.fill(text("SUMMARY")),
+        rotary_summary=TURNING.fill(string(code, "SUMMARY")),
     )
-
-
-def _told(path: Path, code: str) -> About:
-    try:
-        return about_c_block(code)
-    except FrictionError as error:
-        raise FrictionError(f"{path}: {error}") from error
 
 
 def _read_laws(path: Path) -> list[Block]:
@@ -233,8 +238,7 @@ def _listing(own: str) -> dict[str, Entry]:
 def _c_entries(folder: Path) -> list[Entry]:
     kinds = {"": "friction", **KINDS}
     files = [(path, kind) for part, kind in kinds.items() for path in sorted((folder / part).glob("*.c"))]
-    blocks = [_known_c_block(path, kind) for path, kind in files]
-    return [Entry(block.name, block.kind, block.summary, block.source, block.path, block.family) for block in blocks]
+    return [_c_heading(path, kind)[0] for path, kind in files]
 
 
 def _law_entries(folder: Path) -> list[Entry]:

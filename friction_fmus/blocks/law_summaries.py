@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import ast
+import re
 from dataclasses import dataclass
 from pathlib import Path
 
-from friction_fmus.blocks.block_declarations import FAMILIES
+from friction_fmus.blocks.kinds import FAMILIES
 
 
 @dataclass(frozen=True)
@@ -29,7 +30,10 @@ def law_paths(folder: Path) -> list[Path]:
 def read_headings(file: Path) -> list[Heading] | None:
     """Return the headings of the laws in a file, in the order of definition."""
     try:
-        tree = ast.parse(file.read_bytes())
+        code = file.read_bytes()
+        head, _, body = code.partition(b"\ndef ")
+        alone = b"law" not in re.sub(rb'""".*?"""', b"", body, flags=re.S)
+        tree = ast.parse(head + b"\ndef _(): pass" if alone else code)  # the whole function takes ten times as long
     except (OSError, SyntaxError, ValueError):
         return None
     functions = [node for node in tree.body if isinstance(node, ast.FunctionDef)]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass
+from functools import lru_cache
 
 from friction_fmus.errors import FrictionError, did_you_mean
 
@@ -46,10 +47,16 @@ def paragraphs(notes: str) -> tuple[Paragraph, ...]:
     return tuple(found)
 
 
+@lru_cache(maxsize=1)  # the macros of one file are read one after another
+def macros(code: str) -> dict[str, str]:
+    """Return the texts of all macros by name."""
+    return {name: text for name, text in reversed(re.findall(r"^#define\s+(\w+)\b((?:.*\\\n)*.*)$", code, re.M))}
+
+
 def macro(code: str, name: str) -> str | None:
     """Return the text of a macro without its line continuations, or None if it is not defined."""
-    found = re.search(rf"^#define\s+{name}\b((?:.*\\\n)*.*)$", code, re.M)
-    return " ".join(line.rstrip("\\").strip() for line in found[1].splitlines()).strip() if found else None
+    found = macros(code).get(name)
+    return None if found is None else " ".join(line.rstrip("\\").strip() for line in found.splitlines()).strip()
 
 
 def string(code: str, name: str) -> str:

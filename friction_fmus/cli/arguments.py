@@ -4,15 +4,12 @@ from __future__ import annotations
 
 import argparse
 import json
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
 from friction_fmus.errors import FrictionError
-from friction_fmus.export.targets import DEFAULT, targets
-from friction_fmus.listings import plain
 from harness.masters import master_names
-from harness.units import is_quantity
 
 
 def listed(words: Sequence[str]) -> str:
@@ -33,6 +30,8 @@ def parse_value(text: str) -> float | bool | str:
 
 def parse_assignment(text: str) -> tuple[str, float | bool | str]:
     """Return name and value of ``NAME=VALUE``: a number, true, false, or a number with a unit."""
+    from harness.units import is_quantity
+
     name, equals, given = text.partition("=")
     value = parse_value(given)
     if not equals or (isinstance(value, str) and not is_quantity(value)):
@@ -52,14 +51,20 @@ def add_json(parser: argparse.ArgumentParser) -> None:
 
 def print_json(options: argparse.Namespace, content: Any) -> None:
     """Print content as JSON, which has no infinity: such numbers become null. All other text goes to stderr."""
+    from friction_fmus.listings import plain
+
     print(json.dumps(plain(content), indent=2), file=options.stdout)
 
 
 def completed(action: argparse.Action) -> None:
     """Let the shell complete the names of blocks."""
-    from friction_fmus.blocks.catalogue import listing
 
-    vars(action)["completer"] = lambda **_: listing()
+    def names(**_: Any) -> Iterable[str]:
+        from friction_fmus.blocks.catalogue import listing
+
+        return listing()
+
+    vars(action)["completer"] = names
 
 
 def add_block(parser: argparse.ArgumentParser) -> None:
@@ -80,6 +85,8 @@ def add_system(parser: argparse.ArgumentParser) -> None:
 
 def add_target(parser: argparse.ArgumentParser, takes: str) -> None:
     """Add the choice of the target, and the options of all targets that take an FMU, or a law."""
+    from friction_fmus.export.targets import DEFAULT, targets
+
     known = targets(takes)
     listing = "; ".join(f"{name}: {target.summary}" for name, target in known.items())
     parser.add_argument(
@@ -92,6 +99,8 @@ def add_target(parser: argparse.ArgumentParser, takes: str) -> None:
 
 def target_options(options: argparse.Namespace, takes: str) -> dict[str, Any]:
     """Return the given options of the targets."""
+    from friction_fmus.export.targets import targets
+
     names = {option.name for target in targets(takes).values() for option in target.options}
     return {name: value for name, value in vars(options).items() if name in names}
 

@@ -3,18 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from typing import Any
+from functools import cache
+from typing import TYPE_CHECKING, Any
 
 from rich.console import Console, ConsoleOptions, RenderableType
-from rich.progress import (
-    BarColumn,
-    MofNCompleteColumn,
-    Progress,
-    ProgressColumn,
-    TaskID,
-    TextColumn,
-    TimeRemainingColumn,
-)
 from rich.segment import Segment
 from rich.table import Table
 from rich.text import Text
@@ -22,6 +14,9 @@ from rich.text import Text
 from friction_fmus.errors import visible
 from harness.compiling.platforms import NATIVE
 from harness.notebook import Listing
+
+if TYPE_CHECKING:
+    from rich.progress import Progress, ProgressColumn, TaskID
 
 LITERAL: dict[str, Any] = {"markup": False, "emoji": False, "highlight": False}
 """Options of a console that prints strings as they are."""
@@ -68,10 +63,18 @@ def drawn(listing: Listing, *, title: bool = True, headings: bool = True, paddin
 
 def progress_bar(*columns: ProgressColumn, **options: Any) -> Progress:
     """Return a progress bar on stderr that disappears at the end; it is not shown if stderr is not a terminal."""
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
     screen = literal_console(stderr=True)
     first = (TextColumn("{task.description}", markup=False), BarColumn(), MofNCompleteColumn())
     shown = (*first, *columns, TimeRemainingColumn())
     return Progress(*shown, console=screen, transient=True, disable=not screen.is_terminal, **options)
+
+
+@cache
+def _note_on_time(screen: Console) -> None:
+    """Say once how long a cross-compilation takes."""
+    screen.print("(the first compilation for a platform takes a minute or more, later ones seconds)", soft_wrap=True)
 
 
 def announce(bar: Progress, task: TaskID, text: str, foreign: str = "other") -> None:
@@ -79,6 +82,8 @@ def announce(bar: Progress, task: TaskID, text: str, foreign: str = "other") -> 
     bar.update(task, description=text)
     if not bar.console.is_terminal and foreign not in ("native", NATIVE.folder):
         bar.console.print(text, soft_wrap=True)
+        if foreign != "other":
+            _note_on_time(bar.console)
 
 
 class RunBar:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import argparse
+import re
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -41,7 +43,10 @@ def connect(address: str) -> Any:
         ) from error
 
 
-_FORMS = "use NAME=A,B,... or NAME=FIRST:LAST:COUNT, or NAME=FIRST:LAST for random points; append :log for a log scale"
+_FORMS = (
+    "use NAME=A,B,... or NAME=FIRST:LAST:COUNT, or NAME=FIRST:LAST for random points; append :log for a log scale, and "
+    "a unit after a space, as in Fc='0.5:2:4 N'"
+)
 
 
 def parameter_sets(options: argparse.Namespace) -> list[WithUnits]:
@@ -49,8 +54,11 @@ def parameter_sets(options: argparse.Namespace) -> list[WithUnits]:
     listed: dict[str, list[Any]] = {}
     ranges: dict[str, tuple[float, float]] = {}
     logarithmic: list[str] = []
+    units: dict[str, str] = {}
     for text in options.vary:
         name, values = _assignment(text)
+        if found := re.fullmatch(r"(.*[\d.]|.*:log)\s+([^\W\d]\S*|%)", values):
+            values, units[name] = found[1], found[2]
         if name in listed or name in ranges:
             raise FrictionError(f"--vary names {name} twice; combine its values in one option")
         if ":" not in values:
@@ -76,7 +84,15 @@ def parameter_sets(options: argparse.Namespace) -> list[WithUnits]:
         raise FrictionError(f"nothing is varied; add --vary ({_FORMS}) or --samples FILE")
     rows = grid(listed)
     check_runs(len(rows) * len(points))
-    return [{**others, **point} for others in rows for point in points]
+    return [{**_with_units(others, units), **_with_units(point, units)} for others in rows for point in points]
+
+
+def _with_units(values: WithUnits, units: Mapping[str, str]) -> WithUnits:
+    """Return a parameter set in which the numbers have these units."""
+    return {
+        name: f"{value!r} {units[name]}" if name in units and isinstance(value, float) else value
+        for name, value in values.items()
+    }
 
 
 def _assignment(text: str) -> tuple[str, str]:

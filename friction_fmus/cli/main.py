@@ -13,7 +13,8 @@ import re
 import sys
 from collections.abc import Sequence
 from contextlib import nullcontext, redirect_stdout
-from typing import NoReturn
+from itertools import takewhile
+from typing import Any, NoReturn
 
 from friction_fmus.cli import commands
 from friction_fmus.errors import FrictionError, did_you_mean, visible
@@ -25,6 +26,15 @@ from harness.storage.files import stamped
 
 class _Parser(argparse.ArgumentParser):
     """A parser whose errors suggest what was meant."""
+
+    def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:
+        """Parse; a misspelt option of a command is an error before its value counts as another argument."""
+        for each in takewhile("--".__ne__, args or () if self.get_default("run") else ()):
+            if each.startswith("--") and not any(
+                o.startswith(each.partition("=")[0]) for o in self._option_string_actions
+            ):
+                self.error(f"unrecognized arguments: {each}")
+        return super().parse_known_args(args, namespace)
 
     def error(self, message: str) -> NoReturn:
         """End the program with a sentence and the status 2."""
@@ -38,8 +48,8 @@ class _Parser(argparse.ArgumentParser):
         self.exit(2, f"{self.prog}: {message}\n`friction-fmus help{' '.join(['', *command])}` shows the usage.\n")
 
 
-def parser() -> argparse.ArgumentParser:
-    """Return the parser of all commands and options."""
+def parser(given: Sequence[str] = ()) -> argparse.ArgumentParser:
+    """Return the parser of all commands; of the options, only those of the command that is given, if one is."""
     top = _Parser(
         prog="friction-fmus",
         description="Friction models and friction compensators as FMI 2.0 and 3.0 FMUs.",
@@ -49,11 +59,16 @@ def parser() -> argparse.ArgumentParser:
     top.add_argument("--version", action="version", version=f"friction-fmus {VERSION}")
     top.add_argument("--debug", action="store_true", help="show the traceback of an error")
     added = top.add_subparsers(title="commands", metavar="COMMAND", dest="command")
-    for found in pkgutil.iter_modules(commands.__path__):
-        module = importlib.import_module(f"{commands.__name__}.{found.name}")
+    names = [found.name for found in pkgutil.iter_modules(commands.__path__)]
+    chosen = next((each for each in given if each in (*names, "--version")), None)
+    for name in names:
+        if chosen not in (None, name):
+            added.add_parser(name)  # its name is known to suggestions
+            continue
+        module = importlib.import_module(f"{commands.__name__}.{name}")
         description = inspect.getdoc(module) or ""
         first = description.partition("\n")[0].rstrip(".")
-        command = added.add_parser(found.name, help=first[:1].lower() + first[1:], description=description)
+        command = added.add_parser(name, help=first[:1].lower() + first[1:], description=description)
         command.add_argument("--debug", action="store_true", default=argparse.SUPPRESS, help=argparse.SUPPRESS)
         command.set_defaults(run=module.run, parser=command)
         module.add_arguments(command)
@@ -72,7 +87,7 @@ class _Visible(logging.Formatter):
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command."""
     given = list(sys.argv[1:] if arguments is None else arguments)
-    top = parser()
+    top = parser(given)
     if "_ARGCOMPLETE" in os.environ:  # a shell asks what could follow
         import argcomplete
 
@@ -81,7 +96,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         given = [*given[1:2], "--help"]
     options, unknown = top.parse_known_args(given)
     if unknown:
-        options.parser.error(f"unrecognized arguments: {' '.join(unknown)}")
+        vars(options).get("parser", top).error(f"unrecognized arguments: {' '.join(unknown)}")
     if isinstance(sys.stdout, io.TextIOWrapper):
         sys.stdout.reconfigure(errors="backslashreplace")  # file names may be invalid UTF-8
     handler = logging.StreamHandler()
@@ -102,7 +117,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         text = str(error)
         if isinstance(error, OSError) and error.strerror:
             text = f"{error.filename}: {error.strerror}" if error.filename else error.strerror
-        print("friction-fmus:", "\n".join(map(visible, text.split("\n"))), file=sys.stderr)
+        print("friction-fmus:", visible(text), file=sys.stderr)
         return 2
     except KeyboardInterrupt as error:
         print(f"friction-fmus: {str(error) or 'interrupted'}", file=sys.stderr)

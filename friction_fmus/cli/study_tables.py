@@ -5,7 +5,7 @@ from __future__ import annotations
 from rich.console import Console
 
 from friction_fmus.cli.console import drawn, styled
-from friction_fmus.listings import compensator_listing, ladder_listing, model_listing
+from friction_fmus.listings import compensator_listing, ladder_listing, model_listing, percent
 from friction_fmus.study.study_result import StudyResult
 
 
@@ -20,7 +20,7 @@ def show_study(console: Console, result: StudyResult) -> None:
     for model in result.models:
         known = [f"{p.name} {p.value:.6g} ({p.published:.6g})" for p in model.parameters if p.published is not None]
         if known:
-            console.print(f"{model.name}, identified (published): {', '.join(known)}")
+            console.print(f"{model.name}, identified ({result.known_as}): {', '.join(known)}")
     console.print()
     if result.ladder:
         console.print(drawn(ladder_listing(result)))
@@ -58,8 +58,8 @@ def show_servo(console: Console, result: StudyResult) -> None:
     if check.residual is not None:
         within = "reproduces" if check.residual.percent <= check.allowed else "does not reproduce"
         console.print(
-            f"The servo as configured {within} the recorded drive {u.force}: residual {check.residual.percent:.3g} % "
-            f"of its rms value, {check.allowed:.3g} % allowed."
+            f"The servo as configured {within} the logged drive {u.force}: "
+            f"residual {percent(check.residual.percent)} of its rms value, {check.allowed:.3g} % allowed."
         )
     elif check.reason:
         console.print(check.reason)

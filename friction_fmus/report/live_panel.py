@@ -49,6 +49,7 @@ def live_panel(study: StudyResult, axis: WhatIf) -> Mapping[str, Any]:
         "forceName": study.units.words.force,
         "runs": [{"model": run.model.name, "label": _shown(run.name)} for run in axis.runs],
         "knobs": [_slider(knob) for knob in axis.knobs],
+        "delayMargin": _delay_margin(study, axis.runs[0].name),
         "recorded": _recorded(study, end),
         "largest": max(run.metrics.largest for run in axis.runs),
         "views": {} if (turn := reversal(study.record, end=end)) is None else {"around a reversal": turn},
@@ -66,6 +67,12 @@ def live_panel(study: StudyResult, axis: WhatIf) -> Mapping[str, Any]:
         "same_master": axis.same_master,
         "seconds": seconds,
     }
+
+
+def _delay_margin(study: StudyResult, name: str) -> float | None:
+    """Return the delay margin of a loop [samples]; None if it is not known."""
+    margins = study.compensator(name).margins
+    return None if margins is None or margins.delay is None else float(f"{margins.delay:.2g}")
 
 
 def _shown(name: str) -> str:

@@ -13,6 +13,7 @@ from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup
 from plotly.offline import get_plotlyjs
 
+from friction_fmus.listings import percent
 from friction_fmus.report import formatting, views
 from friction_fmus.report.live_panel import live_panel
 from friction_fmus.report.sections import SECTIONS, Section
@@ -97,6 +98,7 @@ def _environment() -> Environment:
     environment.filters |= {
         "brief": formatting.brief,
         "number": formatting.number,
+        "percent": percent,
         "quantity": formatting.quantity,
         "unit": formatting.unit,
         "label": views.label,

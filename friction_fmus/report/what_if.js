@@ -125,7 +125,9 @@
 
   function draw() {
     const seen = runs.filter((run) => run.shown && run.done);
-    const curves = (name) => seen.map((run) => ({ ...thin(times, run[name], run.done), label: run.label, role: run.role })).reverse();
+    const size = new Map(seen.map((run) => [run, most(run.error)]));
+    const behind = [...seen].sort((a, b) => size.get(b) - size.get(a) || b.number - a.number); // the larger error
+    const curves = (name) => behind.map((run) => ({ ...thin(times, run[name], run.done), label: run.label, role: run.role }));
     const report = seen.map((run) => ({ ...thin(times, run.report.error, samples), label: "report", role: "aside" }));
     // what the last run was like, for the time that this one has not reached yet
     const rest = (name) => seen.map((run) => ({ ...thin(times, (run.before || run)[name], samples, run.done), label: "", role: "aside" }));
@@ -146,23 +148,47 @@
   const said = panel.querySelector(".said");
   const span = r.reduce((found, value) => Math.max(found, value), -Infinity) - r.reduce((found, value) => Math.min(found, value), Infinity);
 
+  const mean = r.reduce((sum, value) => sum + value, 0) / r.length;
+  const still = Math.sqrt(r.reduce((sum, value) => sum + (value - mean) ** 2, 0) / r.length); // error of an axis that never moves
+  const travel = (x) => x.reduce((sum, value, k) => sum + Math.abs(value - x[Math.max(k - 1, 0)]), 0);
+
   function summarise() {
-    const told = [];
-    runs.forEach((run, i) => {
+    const results = runs.map((run, i) => {
       let [square, largest] = [0, 0];
       for (const error of run.error) {
         square += error * error;
         largest = Math.max(largest, Math.abs(error));
       }
       const rms = Math.sqrt(square / samples);
-      const failed = run.failure || !(largest < span);
-      if (run.failure) told.push(run.label + ": the simulation ends after " + (run.done * Ts).toPrecision(3) + " s (" + run.failure + ").");
-      else if (failed) told.push(run.label + ": the loop is unstable.");
+      const failed = run.failure || !(largest < span && rms < still);
+      const stuck = failed && travel(run.error.map((error, k) => r[k] - error)) < travel(r);
       [rms, largest].forEach((value, k) => {
         rows[i].querySelectorAll(".now")[k].textContent = failed ? "\u2013" : quantity(value);
       });
+      return { rms, failed, stuck, failure: run.failure && " (the simulation ends after " + (run.done * Ts).toPrecision(3) + " s: " + run.failure + ")" };
     });
-    said.textContent = told.join(" ");
+    const [good, text] = verdict(...results);
+    said.textContent = text;
+    said.className = "said " + (good ? "good" : "bad");
+  }
+
+  /* Return whether the first run is as it should be, and a sentence about it; the second one is the servo alone. */
+  function verdict(first, alone) {
+    const delay = knobs.find(({ about }) => about.name === "delay");
+    const more = delay.row.value - delay.about.start;
+    const [loop, beside] = alone ? ["with the recommended compensator", alone.failed ? " The servo alone fails, too." : " The servo alone is stable."] : ["", ""];
+    if (first.stuck) return [false, ("The axis does not follow the reference " + loop).trim() + "." + beside];
+    const late = told.delayMargin !== null && more > told.delayMargin; // then a limit cycle
+    if (first.failed || (late && alone && (alone.failed || first.rms > alone.rms))) {
+      const why = late ? ": " + more + " more samples of delay exceed the margin of " + told.delayMargin : "";
+      return [false, ("Unstable " + loop).trim() + why + (first.failure || "") + "." + beside];
+    }
+    if (!alone) return [true, "Stable: the tracking error is " + quantity(first.rms) + " rms."];
+    if (alone.failed) return [true, "Stable " + loop + ", " + quantity(first.rms) + " rms; the servo alone fails."];
+    const ratio = alone.rms / first.rms;
+    if (ratio < 1) return [false, "Worse " + loop + ": " + quantity(first.rms) + " rms instead of " + quantity(alone.rms) + "."];
+    const times = ratio < 1.05 ? "about as much as" : Number(ratio.toPrecision(2)) + " times less than";
+    return [ratio >= 1.05, "The tracking error " + loop + " is " + quantity(first.rms) + " rms, " + times + " the " + quantity(alone.rms) + " of the servo alone."];
   }
 
   const changed = () => knobs.some(({ about, row }) => row.value !== about.start);

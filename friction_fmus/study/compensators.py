@@ -16,8 +16,9 @@ from friction_fmus.axis.loop_assembly import block, typed
 from friction_fmus.axis.servo import AxisPlant, Compensator, Servo
 from friction_fmus.blocks.arithmetic import Number, evaluate, names_in, vectors_in
 from friction_fmus.blocks.axis_units import Words, words_of
-from friction_fmus.blocks.block_declarations import KINDS, Use
+from friction_fmus.blocks.block_declarations import Use
 from friction_fmus.blocks.catalogue import catalogue
+from friction_fmus.blocks.kinds import USES
 from friction_fmus.errors import did_you_mean
 from friction_fmus.identification import Array
 from friction_fmus.study.config import ALL, ConfigError
@@ -243,7 +244,7 @@ def compensators() -> dict[str, Use]:
     """Return the laws and controllers of the catalogue that a study can use, ordered by kind."""
     uses = {name: block.about.use for name, block in catalogue().items()}
     known = [(name, use) for name, use in uses.items() if use is not None]
-    return dict(sorted(known, key=lambda pair: KINDS.index(pair[1].kind)))
+    return dict(sorted(known, key=lambda pair: USES.index(pair[1].kind)))
 
 
 def period_of(r: Array, least: int) -> int:

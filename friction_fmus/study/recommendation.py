@@ -116,16 +116,24 @@ def ladder(
         row = next((row for row in ranked if row.kind == kind and row.rank is not None), None)
         if row is not None and row.metrics is not None:
             rungs.append(Rung(title, row.name, row.metrics))
-    return tuple(rungs)
+    return tuple(
+        replace(rung, title=f"{rung.title} (no improvement)") if place and not improves(rungs[:place], rung) else rung
+        for place, rung in enumerate(rungs)
+    )
+
+
+def improves(before: Sequence[Rung], rung: Rung) -> bool:
+    """Return whether a rung has a smaller error than those before it, by more than can be ignored."""
+    return rung.metrics.rms <= (1.0 - WORTH) * min(each.metrics.rms for each in before)
 
 
 def largest_step(rungs: Sequence[Rung]) -> tuple[Rung, Rung] | None:
-    """Return the rung that reduces the error most and the best rung before it; None if no rung reduces it."""
+    """Return the rung that reduces the error most and the best rung before it; None if no rung improves it."""
     best: tuple[float, Rung, Rung] | None = None
     for place, rung in enumerate(rungs[1:], start=1):
         before = min(rungs[:place], key=lambda each: each.metrics.rms)
         factor = before.metrics.rms / rung.metrics.rms if rung.metrics.rms > 0.0 else 1.0
-        if factor > 1.0 and (best is None or factor > best[0]):
+        if improves(rungs[:place], rung) and (best is None or factor > best[0]):
             best = factor, before, rung
     return None if best is None else best[1:]
 

@@ -41,6 +41,7 @@ from friction_fmus.study.model_ranking import (
     ranked,
     refine,
 )
+from friction_fmus.study.recommendation import AS_MEASURED, improves
 from friction_fmus.study.servo_check import CheckedServo, check_servo
 from friction_fmus.study.settings_file import SETTINGS_FILE, settings_of
 from friction_fmus.study.steps import CACHE, Step, StepCache, run_steps, workers
@@ -51,6 +52,7 @@ from friction_fmus.study.study_result import (
     ModelResult,
     Picture,
     Recommendation,
+    Rung,
     StudyCurve,
     StudyFinding,
     StudyResult,
@@ -353,11 +355,12 @@ SMALL = 1e-3  # constant force over the force limit up to which it is not worth 
 
 
 def next_steps(
-    bench: AxisBench, scheme: Scheme, row: CompensatorResult, models: Sequence[ModelResult], units: AxisUnits
+    bench: AxisBench, scheme: Scheme, found: Comparison, models: Sequence[ModelResult], units: AxisUnits
 ) -> tuple[str, ...]:
     """Return what to set in the drive and what to measure, one or two sentences each."""
+    row = found.recommended
     return (
-        *_motion(bench, units),
+        *_motion(bench, found.ladder, units),
         *_integral(bench, scheme),
         *_laws(scheme, row, units.words),
         *_sensitive(row, units),
@@ -366,16 +369,21 @@ def next_steps(
     )
 
 
-def _motion(bench: AxisBench, units: AxisUnits) -> Iterator[str]:
+def _motion(bench: AxisBench, rungs: Sequence[Rung], units: AxisUnits) -> Iterator[str]:
     if not bench.trajectory.motion:
         return
     force = bench.plant.offset
     known = abs(force) > SMALL * bench.servo.force_limit
     constant = f", and a constant {units.words.force} of {force:.3g} {units.force}" if known else ""
-    yield (
+    text = (
         f"Switch on the feedforward of velocity (100 %) and acceleration ({units.words.mass} "
         f"{bench.plant.mass:.4g} {units.inertia}){constant}."
     )
+    if len(rungs) > 1 and rungs[0].title == AS_MEASURED and not improves(rungs[:1], rungs[1]):
+        before, after = (shown(rung.metrics.rms, units.position) for rung in rungs[:2])
+        text += f" Alone, it does not reduce the tracking error of this axis ({before} before, {after} after), but the "
+        text += "compensators are tuned with it."
+    yield text
 
 
 def _integral(bench: AxisBench, scheme: Scheme) -> Iterator[str]:
@@ -738,7 +746,7 @@ class _Study:
 
         units = data.longest.units
         found = compare(bench, known, self.config.compensation, run)
-        steps = next_steps(bench, found.chosen, found.recommended, [model.row for model in models], units)
+        steps = next_steps(bench, found.chosen, found, [model.row for model in models], units)
         return replace(found, recommendation=replace(found.recommendation, next_steps=steps))
 
     def _panel(self, bench: AxisBench, comparison: Comparison) -> WhatIf | str:

@@ -418,6 +418,11 @@ class StudyResult:
         """Whether no finding forbids to use the result."""
         return not any(finding.stops for finding in self.findings)
 
+    @property
+    def known_as(self) -> str:
+        """What the known values of parameters are: those of the simulated axis, or published ones."""
+        return "published" if self.citation else "true"
+
     def __repr__(self) -> str:
         """Return a summary in one line."""
         return study_text(self)

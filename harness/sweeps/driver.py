@@ -24,7 +24,7 @@ from harness.extras import require
 from harness.sweeps.columns import Columns, Memory, Storage
 from harness.sweeps.measures import Builtin, Measure, find_measures, label
 from harness.sweeps.pools import LOOK, Outcomes, Pool, ProcessPool, SerialPool, make_pool
-from harness.sweeps.samples import Given, Sample, checked_samples, column_types
+from harness.sweeps.samples import Given, Sample, checked_samples, column_types, settable
 from harness.sweeps.worker import Job, Outcome
 from harness.system.experiment import SCALARS, Experiment, as_experiment
 from harness.system.graph import find_port, recorded_names, stepping_order
@@ -243,9 +243,7 @@ def _check_names(model: System, samples: Iterable[Sample]) -> dict[str, str]:
                 )
         model.with_start({name: value for name, value in sample.items() if name not in SCALARS})
     swept = set().union(*tried)
-    ports = {
-        f"{owner}.{port.name}": port for owner, part in model.parts.items() for port in (*part.inputs, *part.parameters)
-    }
+    ports = settable(model)
     units = {name: ports[name].unit for name in swept if name in ports}
     seconds = {name: "s" for name in ("start", "stop", "step") if name in swept}
     return {name: unit for name, unit in units.items() if unit} | seconds

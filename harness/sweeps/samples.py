@@ -14,10 +14,11 @@ from numpy.typing import ArrayLike
 
 from harness.errors import SweepError
 from harness.parts.archive import parse_value
-from harness.parts.part import PortType, StartValue
+from harness.parts.part import Port, PortType, StartValue
 from harness.ssp import Parameter, ParameterSet, read_ssv
 from harness.storage.files import read_csv, reason
 from harness.system.system import System
+from harness.units import in_unit
 from harness.values import is_count, plain, shown
 
 Sample: TypeAlias = Mapping[str, StartValue]
@@ -182,12 +183,20 @@ def read_samples(paths: Iterable[Path]) -> list[WithUnits]:
 
 def checked_samples(samples: Iterable[Given], system: System) -> list[dict[str, StartValue]]:
     """Return parameter sets with plain Python values, in the units of the system."""
+    ports = settable(system)
     plain = [
-        {str(name): _swept(value, str(name)) for name, value in _in_units(sample, system).items()} for sample in samples
+        {str(name): _swept(value, str(name)) for name, value in _in_units(sample, system, ports).items()}
+        for sample in samples
     ]
     if not plain:
         raise SweepError("the sweep has no runs: give at least one parameter set")
     return plain
+
+
+def settable(system: System) -> dict[str, Port]:
+    """Return the inputs and parameters that can have start values, by name."""
+    parts = system.parts.items()
+    return {f"{owner}.{port.name}": port for owner, part in parts for port in (*part.inputs, *part.parameters)}
 
 
 def column_types(samples: Sequence[Sample]) -> dict[str, PortType]:
@@ -206,12 +215,25 @@ def column_types(samples: Sequence[Sample]) -> dict[str, PortType]:
     return found
 
 
-def _in_units(given: Given, system: System) -> Sample:
+def _in_units(given: Given, system: System, ports: Mapping[str, Port]) -> Sample:
     """Return a parameter set converted to the units of the system."""
     values = given.parameters if isinstance(given, ParameterSet) else given
     with_unit = {name: value for name, value in values.items() if isinstance(value, Parameter)}
     start = system.with_parameters(with_unit).start if with_unit else {}
-    return {name: start[name] if isinstance(value, Parameter) else value for name, value in values.items()}
+    return {
+        name: start[name] if isinstance(value, Parameter) else _number(value, name, ports.get(name))
+        for name, value in values.items()
+    }
+
+
+def _number(value: StartValue, name: str, port: Port | None) -> StartValue:
+    """Return a value such as ``0.002 kN`` of a real variable as a number."""
+    if not isinstance(value, str) or port is None or port.type != "Real":
+        return value
+    number: StartValue = in_unit(value, port.unit, port.base, name)
+    if isinstance(number, str):
+        raise SweepError(f"{value!r} is no value of {name}: give a number, or a number with a unit")
+    return number
 
 
 def _swept(value: object, name: str = "") -> StartValue:

@@ -255,6 +255,8 @@ def test_the_text_of_an_error_can_be_saved_as_it_says(tmp_path: Path, capsys: py
         (("lst",), "there is no command 'lst' (did you mean list?)"),
         (("run", "x.toml", "--stpo", "3"), "there is no option --stpo (did you mean --stop?)"),
         (("list", "observr"), "there is no kind 'observr' (did you mean observer?)"),
+        (("list", "--serach", "bristle"), "there is no option --serach (did you mean --search?)"),
+        (("--vresion",), "there is no option --vresion (did you mean --version?)"),
     ],
 )
 def test_a_misspelt_word_is_corrected(command: tuple[str, ...], hint: str, capsys: pytest.CaptureFixture[str]) -> None:

@@ -76,6 +76,15 @@ def test_the_first_runs_are_shown_with_parameters_and_results(
     assert last.startswith(f"{system.parent / 'out'}: 12 runs, 3 failed")
 
 
+def test_values_may_have_a_unit(system: Path) -> None:
+    varied = ("--vary", "mass.F_drive=1:3:2 N", "--vary", "mass.x0=0,10 mm", "--vary", "mass.m=500:2000:log g")
+    table = swept(system, *varied, "--latin-hypercube", "4")
+    assert table["mass.F_drive"].tolist() == [*[1.0] * 8, *[3.0] * 8]
+    assert table["mass.x0"].tolist() == [*[0.0] * 4, *[0.01] * 4] * 2
+    assert table["mass.m"].between(0.5, 2.0).all()
+    np.testing.assert_allclose(table["final(mass.v)"], table["mass.F_drive"] / table["mass.m"], rtol=1e-12)
+
+
 def test_random_points_with_a_grid_around_them(system: Path) -> None:
     table = swept(system, "--vary", "mass.m=0.5:2:log", "--vary", "master=jacobi,gauss-seidel", "--sobol", "4")
     assert list(table["master"]) == ["jacobi"] * 4 + ["gauss-seidel"] * 4
@@ -109,6 +118,8 @@ def test_a_sweep_of_which_no_run_succeeds_has_the_status_1(system: Path, capsys:
         (["--vary", "mass.m=1:2"], "mass.m has no count of values"),
         (["--vary", "mass.m=1", "--vary", "mass.m=2"], "names mass.m twice"),
         (["--vary", "mass.mm=1"], "did you mean 'm'"),
+        (["--vary", "mass.m=a"], "'a' is no value of mass.m"),
+        (["--vary", "mass.m=1,2 N"], "mass.m is given in [N] but has the unit [kg]"),
         (["--vary", "mass.m=1:2", "--sobol", "5"], "give a power of 2"),
         (["--samples", "sets.xlsx"], "no known format"),
         (["--vary", "mass.m=1", "--scheduler", "tcp://127.0.0.1:9"], "no dask scheduler answers"),

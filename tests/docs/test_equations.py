@@ -44,6 +44,12 @@ def test_a_line_has_a_condition_a_left_hand_side_and_the_rest(equations: ModuleT
     assert "<msub><mi>F</mi><mrow><mi>c</mi></mrow></msub>" in html
 
 
+def test_derivatives_of_the_reference_have_dots(equations: ModuleType) -> None:
+    html = equations.equations(["u = m rdd + Fv rd"], {"u", "m", "rdd", "Fv", "rd"})
+    assert cells(html) == ["", "u", "=mr¨+Fvr˙"]
+    assert '<mover accent="true"><mi>r</mi><mo stretchy="false">˙</mo></mover>' in html
+
+
 def test_words_are_text_and_names_have_indices(equations: ModuleType) -> None:
     html = equations.equations(["I_next = I while u is limited, |d_i| >= 1e-3, sqrt(k/m) at a jump"], {"I", "u"})
     texts = [each.text for each in etree.fromstring(html).iter("mtext")]
@@ -59,5 +65,6 @@ def test_nothing_of_the_equations_of_a_block_is_lost(name: str, equations: Modul
         if paragraph.equations:
             shown = "".join(cells(equations.equations(paragraph.lines, ())))
             shown = "".join(greek.get(letter, letter) for letter in shown).replace("∑", "sum").replace("epsilon", "eps")
-            written = re.sub(r"_hat|\bsqrt|(?<=\w)_|\bth(?=_)", "", re.sub(r"th_", "theta_", " ".join(paragraph.lines)))
+            lines = re.sub(r"\brdd?(?=\b|_)", "r", " ".join(paragraph.lines))  # with dots
+            written = re.sub(r"_hat|\bsqrt|(?<=\w)_|\bth(?=_)", "", re.sub(r"th_", "theta_", lines))
             assert re.sub(r"\W", "", shown) == re.sub(r"\W|_", "", written), name

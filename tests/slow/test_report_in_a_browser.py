@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import re
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
@@ -193,6 +194,10 @@ def test_the_print_has_pages_and_all_plots(browser: Browser, report: Path) -> No
     with opened(browser, report, "dark") as watched:
         printed = watched.page.pdf(prefer_css_page_size=True, print_background=True)
         assert watched.page.eval_on_selector("#bars-plot", "box => box.layout.paper_bgcolor") == "#15181c"
+        watched.page.emulate_media(media="print")
+        watched.page.set_viewport_size({"width": 680, "height": 900})  # 180 mm, the width of the text on A4
+        cut = "[...document.querySelectorAll('.scroll')].filter((box) => box.scrollWidth > box.clientWidth + 1)"
+        assert watched.page.evaluate(f"{cut}.map((box) => box.getAttribute('aria-label'))") == []
     document = pypdfium2.PdfDocument(printed)
     assert 4 <= len(document) <= 12
     titles = ("position [mm]", "force [N]", "velocity [mm/s]", "displacement [µm]", "Ms", "time [s]", "gain")
@@ -323,7 +328,7 @@ def test_of_a_long_record_the_panel_has_the_first_part(browser: Browser, panel: 
     with opened(browser, tmp_path / "report.html", "desktop") as watched:
         page, box = watched.page, watched.page.locator("#what-if")
         said = page.locator("section", has=box).inner_text().replace("\u00a0", " ")
-        assert "The first 600 ms of the record are simulated" in said, said
+        assert "The first 600 ms of the log are simulated" in said, said
         assert not box.get_by_role("button", name="around a reversal").is_visible()
         assert float(page.locator("#what-if-error .u-axis").count()) == 2
         time = page.locator("#what-if-error .area, #what-if-force .area")
@@ -363,8 +368,18 @@ def test_an_unstable_loop_is_called_unstable(browser: Browser, report: Path) -> 
                 value
             )
         now = settled(page)
-        assert "unstable" in page.locator("#what-if [role=status]").inner_text()
+        said = page.locator("#what-if [role=status]")
+        assert re.match("Unstable with the recommended compensator: 6 more samples of delay exceed", said.inner_text())
+        assert said.get_attribute("class") == "said bad"
         assert now[1][1] == "\u2013"
+        page.get_by_role("button", name="Reset all").press("Enter")
+        page.wait_for_selector("#what-if .said.good")
+        text = said.inner_text().replace("\u00a0", " ")
+        found = re.search(r"is ([\d.]+) µm rms, ([\d.]+) times less than the ([\d.]+) µm of the servo alone", text)
+        assert found is not None, text
+        least, ratio, most = map(float, found.groups())
+        assert ratio == pytest.approx(most / least, rel=0.05)
+        assert said.get_attribute("class") == "said good"
         assert watched.messages == []
 
 

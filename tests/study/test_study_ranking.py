@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from math import log2
 
 import pytest
@@ -141,6 +142,21 @@ def test_the_ladder_names_the_step_that_reduces_the_error_most() -> None:
     assert step is not None
     assert (step[0].title, step[1].title) == ("as measured", "with velocity and acceleration feedforward")
     assert largest_step(rungs[1:2]) is None
+
+
+def test_a_rung_that_is_hardly_better_is_no_improvement() -> None:
+    """The threshold is 5 %; a later rung is compared with the best before it."""
+    rows = ranked(row("A", 10e-6), replace(row("B", 9.8e-6), kind="estimator"))
+    rungs = ladder(metrics_of(100.2e-6), True, without(), rows)
+    assert [rung.title for rung in rungs] == [
+        "as measured",
+        "with velocity and acceleration feedforward (no improvement)",
+        "with friction feedforward",
+        "with an estimator (no improvement)",
+    ]
+    step = largest_step(rungs)
+    assert step is not None
+    assert step == (rungs[1], rungs[2])
 
 
 def test_the_reason_has_the_numbers() -> None:

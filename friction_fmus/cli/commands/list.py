@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import argparse
+import os
+import shutil
+import textwrap
 
-from friction_fmus.blocks.block_declarations import FAMILIES
-from friction_fmus.blocks.catalogue import KINDS
+from friction_fmus.blocks.kinds import FAMILIES, KINDS
 from friction_fmus.cli.arguments import add_json, print_json
+from friction_fmus.errors import visible
 
 _CHOICES = tuple(dict.fromkeys((*KINDS.values(), *FAMILIES.values())))
 
@@ -35,16 +38,16 @@ def run(options: argparse.Namespace) -> int:
         print_json(options, [{field: getattr(entry, field) for field in fields} for entry in entries])
         return int(not entries)
 
-    from friction_fmus.cli.console import console, drawn, styled
-    from harness.notebook import Listing
-
-    width = max((len(entry.name) for entry in entries), default=0)
+    width = max((len(entry.name) for entry in entries), default=0) + 2
+    bold, plain = ("\033[1m", "\033[0m") if options.stdout.isatty() and "NO_COLOR" not in os.environ else ("", "")
+    room = max(shutil.get_terminal_size().columns - width, 20)
     groups = [(kind, family) for kind in KINDS.values() for family in ("", *FAMILIES.values())]
     for group in groups:
-        rows = [(entry.name.ljust(width), entry.summary) for entry in entries if (entry.kind, entry.family) == group]
+        rows = [entry for entry in entries if (entry.kind, entry.family) == group]
         if rows:
-            console.print(styled((", ".join(filter(None, group)), "bold")))
-            console.print(drawn(Listing("", ("", ""), rows), title=False, headings=False))
+            print(f"{bold}{', '.join(filter(None, group))}{plain}")
+        for entry in rows:
+            print(entry.name.ljust(width) + f"\n{'':{width}}".join(textwrap.wrap(visible(entry.summary), room)))
     if not entries:
-        console.print(f"no block matches {options.search!r}")
+        print(f"no block matches {options.search!r}")
     return int(not entries)

@@ -40,7 +40,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         default=[],
         metavar="NAME=VALUES",
         help="part.port=0.5,1,2 or =0.5:2:4 (first:last:count) or =0.5:2 (range of random points); :log for a "
-        "logarithmic scale; also step, stop, master; repeat it for all combinations",
+        "logarithmic scale, a unit at the end: ='0.5:2:4 N'; also step, stop, master; repeat it for all combinations",
     )
     random = parser.add_mutually_exclusive_group()
     random.add_argument("--latin-hypercube", type=int, metavar="N", help="N random points in the ranges")
