@@ -45,12 +45,12 @@ def main() -> None:
         error.legend(loc="upper right", fontsize=8, frameon=False, labelcolor=text, ncols=2)
         save(figure, folder / f"first_result{suffix}.png")
 
-        figure, axes = panels((7.0, 3.0), text, grid, ("Position of the mass",))
+        figure, axes = panels((5.4, 2.7), text, grid, ("Position of the mass",))
         axes[0].plot(time, stick_slip["mass.x"], color=after, lw=1.8)
         axes[0].set(xlabel="time [s]", ylabel="position [m]", ylim=(-0.1, 2.6))
         save(figure, folder / f"stick_slip_run{suffix}.png")
 
-        figure, axes = panels((7.0, 3.0), text, grid, ("Position of the mass",))
+        figure, axes = panels((5.4, 2.7), text, grid, ("Position of the mass",))
         for result, colour, label in ((stick_slip, after, "Fs = 1.5 N"), (higher, before, "Fs = 2 N")):
             axes[0].plot(time, result["mass.x"], color=colour, lw=1.8, label=label)
         axes[0].set(xlabel="time [s]", ylabel="position [m]", ylim=(-0.1, 2.6))

@@ -85,15 +85,12 @@ def on_post_build(config: MkDocsConfig, **_: Any) -> None:
         text = text.replace(
             'data-md-component="search" role="dialog"', 'data-md-component="search" role="dialog" aria-label="Search"'
         )
-        text = (
-            text.replace("<th></th>", "<td></td>")
-            .replace("<table>", '<table tabindex="0">')
-            .replace("<span></span><code>", '<code tabindex="0">')
-        )
+        text = text.replace("<th></th>", "<td></td>").replace("<table>", '<table tabindex="0">')
         path.write_text(text, encoding="utf-8")
     for path in site.glob("assets/javascripts/bundle.*.js"):
-        text = path.read_text(encoding="utf-8")
-        path.write_text(text.replace('"nav",{class:"md-code__nav"}', '"div",{class:"md-code__nav"}'), encoding="utf-8")
+        text = path.read_text(encoding="utf-8").replace('"nav",{class:"md-code__nav"}', '"div",{class:"md-code__nav"}')
+        text = re.sub(r"(\{scrollable:(\w+)\}\)=>\{\2)&&\w+\?", r"\1?", text)  # not only where a pointer can hover
+        path.write_text(text, encoding="utf-8")
 
 
 def on_page_markdown(markdown: str, **_: Any) -> str:

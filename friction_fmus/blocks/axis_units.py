@@ -89,7 +89,18 @@ class AxisUnits:
         return words._replace(force=force, **nouns, **units)
 
     def own(self, unit: str) -> str:
-        """Return the unit of a quantity of a block, such as ``N.m.s/rad``, in the units of the axis: ``mA.s/rad``."""
+        """Return the unit of a quantity of a block in the units of the axis, such as ``mA.s/rad`` for ``N.m.s/rad``.
+
+        Parameters
+        ----------
+        unit : str
+            Unit of the quantity in SI units.
+
+        Returns
+        -------
+        str
+            Its unit; ``1`` for none.
+        """
         known = parse_unit(unit)
         if self.known or known is None:
             return unit

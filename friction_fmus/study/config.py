@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import Any, Final
 
@@ -109,10 +109,6 @@ class StudyConfig:
     compensation: Compensation = field(default_factory=Compensation)
     bare: bool = False
     measurement: Measurement | None = None
-
-    def with_measurement(self, measurement: Measurement) -> StudyConfig:
-        """Return the configuration of a study whose data file is read."""
-        return replace(self, measurement=measurement)
 
 
 def load_config(what: str | Path) -> StudyConfig:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import argparse
 from contextlib import ExitStack
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -70,7 +71,7 @@ def run(options: argparse.Namespace) -> int:
         measurement = read_asking(Path(config), asked)
         show_understood(measurement)
         show_first_look(measurement.records)
-        what = what.with_measurement(measurement)
+        what = replace(what, measurement=measurement)
     elif more or options.columns or options.gain:
         raise FrictionError(f"{config} is a configuration; --columns, --gain and further files are for data files")
     output = options.output or Path("out")

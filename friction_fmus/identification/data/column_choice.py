@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Final
 
 from friction_fmus.errors import AmbiguousColumnsError, RecordError
-from friction_fmus.identification.data.column_guess import Candidate, Guesser
+from friction_fmus.identification.data.column_guess import ColumnCandidate, Guesser
 from friction_fmus.identification.data.column_headings import Guess, columns_text, guess_columns, quoted
 from friction_fmus.identification.data.mapping import UNKNOWN, Column, scale_text
 from friction_fmus.identification.data.record import ROLES, fits, parse_quantity, unit_of
@@ -35,10 +35,10 @@ def chosen_columns(
     given = columns_of_option(option, table) if option else {}
     guess = guess_columns(table)
     if not given and not guess.problems:
-        found = Candidate(guess.columns)
+        found = ColumnCandidate(guess.columns)
         notes: tuple[str, ...] = ()
     elif given and "time" in given and given.keys() & {"position", "velocity"}:
-        found, notes = Candidate(given), ()
+        found, notes = ColumnCandidate(given), ()
     else:
         physics = Guesser(table, given).guess()
         notes = physics.notes
@@ -57,7 +57,7 @@ def chosen_columns(
 
 
 def _refusal(
-    table: DataTable, path: Path, problems: tuple[str, ...], candidates: tuple[Candidate, ...], guess: Guess
+    table: DataTable, path: Path, problems: tuple[str, ...], candidates: tuple[ColumnCandidate, ...], guess: Guess
 ) -> str:
     """Return why the columns are open, with commands for the candidates and the mapping as TOML."""
     reasons = "; ".join(dict.fromkeys([*(text for texts in guess.problems.values() for text in texts), *problems]))
@@ -81,7 +81,7 @@ def _shell(text: str) -> str:
     return f'"{text}"' if not set(text) & set('"$`\\!') else shlex.quote(text)
 
 
-def _described(candidate: Candidate) -> str:
+def _described(candidate: ColumnCandidate) -> str:
     return "; ".join(f"{role} {reason}" for role, reason in candidate.reasons.items() if reason)
 
 

@@ -61,7 +61,7 @@ class ForceFit:
 
 
 @dataclass(frozen=True)
-class Candidate:
+class ColumnCandidate:
     """A mapping that fits, with its reasons."""
 
     columns: Mapping[str, Column]
@@ -72,7 +72,7 @@ class Candidate:
 class Guessed:
     """Mappings that agree with names, units and physics."""
 
-    candidates: tuple[Candidate, ...]
+    candidates: tuple[ColumnCandidate, ...]
     problems: tuple[str, ...] = ()  # why none of them is used; empty if the only one is
     notes: tuple[str, ...] = ()  # what else was found
 
@@ -374,7 +374,7 @@ class Guesser:
 
     # mapping ---------------------------------------------------------------------------------------------------------
 
-    def _candidate(self, time: tuple[Column, str], fit: ForceFit) -> Candidate:
+    def _candidate(self, time: tuple[Column, str], fit: ForceFit) -> ColumnCandidate:
         """Return the mapping of a guess, with its reasons."""
         column, why = time
         columns, reasons = {"time": column}, {"time": why}
@@ -393,7 +393,7 @@ class Guesser:
             )
         for role, given in self.given.items():
             columns[role] = given
-        return Candidate(columns, reasons)
+        return ColumnCandidate(columns, reasons)
 
     def _motion_columns(self, motion: MotionColumns, seconds: float, reasons: dict[str, str]) -> dict[str, Column]:
         """Return the columns of position, velocity and reference."""

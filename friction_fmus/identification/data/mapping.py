@@ -57,6 +57,12 @@ class DataMapping:
         Columns by role: time, position, velocity, reference, force, friction, normal, injected.
     windows : mapping of str to (float, float)
         Start and end of the windows ``train`` and ``validation``, in the time of the file [s].
+    option : str
+        Columns as in the option ``--columns``, if `columns` is empty.
+    gain : str
+        Factor of the drive signal as in the option ``--gain``, if `columns` is empty.
+    more : tuple of Path
+        Further files with the same columns.
     """
 
     file: Path | None
@@ -64,9 +70,9 @@ class DataMapping:
     citation: str = ""
     columns: Mapping[str, Column] = field(default_factory=dict)
     windows: Mapping[str, tuple[float, float]] = field(default_factory=dict)
-    option: str = ""  # value of the option ``--columns``, which needs the headings of the file
-    gain: str = ""  # value of the option ``--gain``
-    more: tuple[Path, ...] = ()  # further files with the same columns
+    option: str = ""
+    gain: str = ""
+    more: tuple[Path, ...] = ()
 
 
 def load_mapping(path: Path) -> DataMapping:

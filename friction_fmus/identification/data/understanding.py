@@ -33,7 +33,8 @@ def _lines(
 ) -> Iterator[tuple[str, str]]:
     record = max(records, key=len)
     rows = len(next(iter(table.columns.values()), ()))
-    yield "read", f"{table.file.name}: {table.format or f'{rows} rows'}, {1.0 / record.Ts:.6g} Hz"
+    named = f" ({known.name})" if known.name not in ("", table.file.stem) else ""
+    yield "read", f"{table.file.name}{named}: {table.format or f'{rows} rows'}, {1.0 / record.Ts:.6g} Hz"
     order = table.order or tuple(table.columns)
     for role, column in known.columns.items():
         if column.period:
