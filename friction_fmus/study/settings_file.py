@@ -46,7 +46,7 @@ def write_settings(folder: Path, table: DataTable, known: Known) -> Path:
 
 def settings_of(config: StudyConfig, data: Data, out: Path) -> tuple[WrittenFile, ...]:
     """Write the settings of a study that was started with a data file; an existing file is kept."""
-    if not config.bare or data.measurement is None or data.measurement.mapping.file is None:
+    if not config.bare or data.measurement is None or data.measurement.mapping.file is None or data.measurement.static:
         return ()
     if not (out / SETTINGS_FILE).exists():
         known = Known(data.measurement.mapping.columns, measurement=data.measurement)
