@@ -41,7 +41,7 @@ PILED: Final = 0.005  # fraction of samples at exactly the largest or smallest f
 FEW: Final = 10  # smallest number of such samples, after decimation, that are examined
 
 VARIES: Final = 0.15
-"""Deviation of the acceleration of such samples from a function of the velocity, over that of all accelerations."""
+"""Deviation of the acceleration of such samples from a function of the velocity, relative to that of all samples."""
 
 ITERATIONS: Final = 15  # iterations of the robust fit
 SIGNIFICANT: Final = 3.0  # number of standard errors by which a negative mass must differ from zero

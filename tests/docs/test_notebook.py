@@ -86,7 +86,7 @@ def test_a_comparison_of_models() -> None:
     survey = ModelComparison((identification(), identification("Dahl")), {"GMS": "no samples"}, "validation error")
     assert repr(survey) == "<ModelComparison of 2 models by validation error: LuGre, Dahl>"
     found = cells(survey._repr_html_())
-    assert found[8:16] == ["LuGre", "output-error", "0.5", "2.50", "2.50", "123", "1/2", "1.0 s"]
+    assert found[8:16] == ["LuGre", "output-error", "0.5", "2.50", "2.50", "123", "1 of 2", "1.0 s"]
     assert found[-2:] == ["GMS", "no samples"]
     assert "Not identified" not in replace(survey, failed={})._repr_html_()
 
