@@ -213,8 +213,9 @@ def wrong(variant: Variant, measurement: Measurement) -> str:
         return f"Coulomb {found:.4g} {units.force} instead of {variant.coulomb:.4g}: {text}"
     if units.position == "rad" and abs(looked["Fv"].value / variant.viscous - 1.0) > 0.35:
         return f"viscous {looked['Fv'].value:.4g} instead of {variant.viscous:.4g}: {text}"
-    if record.Ts and abs(record.t[-1] - record.t[0]) > 20.0:
-        return f"time {record.t[-1] - record.t[0]:.4g} s: {text}"
+    seconds = measurement.records[-1].t[-1] - record.t[0]
+    if not 4.0 < seconds < 10.0:
+        return f"time {seconds:.4g} s: {text}"
     return ""
 
 
