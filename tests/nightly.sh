@@ -1,9 +1,9 @@
 #!/usr/bin/env bash
 # The long tests: all blocks compiled at every level of optimisation, all blocks under every sanitizer, fuzzing for ten
 # minutes each way, the tests with sanitized code, 220 random systems as composites, 500 random systems against
-# references that are not from the library, 100 million steps and 100 000 instances on end, mutants of input files, 200
-# mutants of the C code, of which README's test command must find 95 %, and all tests, with all odd values of system
-# files, with three kernels of OpenBLAS (SkylakeX needs a processor with AVX-512).
+# references that are not from the library, 300 random log files, 100 million steps and 100 000 instances on end,
+# mutants of input files, 200 mutants of the C code, of which README's test command must find 95 %, and all tests, with
+# all odd values of system files, with three kernels of OpenBLAS (SkylakeX needs a processor with AVX-512).
 #   nightly.sh [SECONDS] [MUTANTS]     seconds for each way of fuzzing, 600 by default, and mutants of each kind of
 #                                      input file, 2000 by default; those that fail are kept in ./mutants
 # What fails is shown; the status is 1 then. Needs what tests/debian-packages.sh installs.
@@ -27,6 +27,7 @@ step env THOROUGH=1 tests/slow/sanitized.sh thread
 step env THOROUGH=1 RANDOM_SYSTEMS=220 "$python" -m pytest -q tests/slow/test_composites.py -k random
 step env THOROUGH=1 EXCHANGE_MOTIONS=100 "$python" -m pytest -q -n 2 tests/slow/test_exchange_motions.py
 step "$python" tests/robustness/coupling_search.py 500
+step "$python" tests/slow/log_variants.py 300
 step "$python" tests/slow/soak.py
 step "$python" tests/slow/mutation_check.py
 step "$python" tests/slow/fuzzing/mutants.py "$mutants"

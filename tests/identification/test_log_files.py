@@ -424,7 +424,6 @@ def workbook(path: Path, sheets: dict[str, str]) -> Path:
 
 
 def test_a_workbook_with_units_below_the_headings_of_its_second_sheet(tmp_path: Path) -> None:
-    pytest.importorskip("python_calamine")
     head: list[list[object]] = [["Axis", 7.0], [], ["Time", "Angle", "Torque", "Remark"], ["s", "deg", "Nm", ""]]
     body = [[float(t), float(x), float(f), ""] for t, x, f in zip(T, X, F, strict=True)]
     path = workbook(tmp_path / "a.xlsx", {"About": sheet([["made by", "me"]]), "Data": sheet([*head, *body])})
@@ -437,7 +436,6 @@ def test_a_workbook_with_units_below_the_headings_of_its_second_sheet(tmp_path: 
 
 
 def test_a_workbook_of_two_cells_far_apart_is_refused(tmp_path: Path) -> None:
-    pytest.importorskip("python_calamine")
     cells = '<row><c r="A1"><v>1</v></c></row><row><c r="XFD1048576"><v>1</v></c></row>'
     path = workbook(tmp_path / "a.xlsx", {"a": sheet([]).replace("<sheetData>", f"<sheetData>{cells}")})
     with pytest.raises(RecordError, match="unpacks to more than 1024 MiB \\(at least 655360 MiB\\)"):
@@ -448,15 +446,6 @@ def test_a_text_that_unpacks_to_much_more_is_refused(tmp_path: Path) -> None:
     (tmp_path / "a.csv.gz").write_bytes(gzip.compress(bytes(1 << 27)))
     with pytest.raises(RecordError, match="has more than 67108864 bytes of text; split the file, or unpack it"):
         read_table(tmp_path / "a.csv.gz")
-
-
-def test_a_workbook_needs_a_package(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    from friction_fmus.identification.data.formats import spreadsheet
-    from harness.errors import MissingPackageError
-
-    monkeypatch.setattr(spreadsheet, "find_spec", lambda name: None)
-    with pytest.raises(MissingPackageError, match="python-calamine is not installed; reading workbooks needs it"):
-        read_table(workbook(tmp_path / "a.xlsx", {"a": sheet([[1.0]])}))
 
 
 def test_counters_and_angles_that_wrap_are_made_continuous(tmp_path: Path) -> None:

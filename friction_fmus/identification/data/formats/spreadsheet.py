@@ -1,4 +1,4 @@
-"""Workbooks of spreadsheets (extra ``xlsx``): the sheet with the most numbers, with headings as in a text."""
+"""Workbooks of spreadsheets: the sheet with the most numbers, with headings as in a text."""
 
 from __future__ import annotations
 
@@ -7,7 +7,6 @@ import re
 import zipfile
 from collections.abc import Sequence
 from functools import reduce
-from importlib.util import find_spec
 from pathlib import Path
 from typing import IO, Any, Final
 
@@ -17,7 +16,6 @@ from friction_fmus.errors import RecordError
 from friction_fmus.identification.data.column_builder import ColumnBuilder, made_table
 from friction_fmus.identification.data.heading_rows import headings
 from friction_fmus.identification.data.tables import DataTable, limit_size
-from harness.extras import missing
 
 SUFFIXES: Final = (".xlsx", ".xlsm", ".xls")  # .xls for texts of this name only
 
@@ -30,8 +28,6 @@ def read(path: Path) -> DataTable:
     """Read the table in a workbook."""
     if not zipfile.is_zipfile(path):
         raise RecordError(f"{path} is not a workbook of the format .xlsx; save it in this format, or as text.")
-    if find_spec("python_calamine") is None:
-        raise missing("python-calamine", "reading workbooks needs it")
     from python_calamine import CalamineWorkbook
 
     with zipfile.ZipFile(path) as archive:
