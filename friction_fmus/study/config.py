@@ -27,7 +27,7 @@ LONGEST_WINDOW: Final = 64  # largest window of the velocity estimate in samples
 OF_RECORD: Final = -1.0  # resolution of the position that stands for that of the record
 LONGEST_DELAY: Final = 100  # longest delay of the drive in samples
 
-_TABLES = ("data", "columns", "windows", "servo", "identify", "compensation")
+_TABLES = ("data", "columns", "windows", "servo", "axis", "identify", "compensation")
 
 
 class ConfigError(FrictionError):
@@ -93,6 +93,8 @@ class StudyConfig:
         Whether the study was started with a data file instead of its configuration, which it then writes.
     measurement : Measurement or None
         The data, if they are read already.
+    resonances : tuple of float
+        Known resonances of the axis, in ascending order [Hz].
     """
 
     name: str
@@ -106,6 +108,7 @@ class StudyConfig:
     compensation: Compensation = field(default_factory=Compensation)
     bare: bool = False
     measurement: Measurement | None = None
+    resonances: tuple[float, ...] = ()
 
 
 def load_config(what: str | Path) -> StudyConfig:
@@ -174,6 +177,8 @@ def parse_config(content: Mapping[str, Any], folder: Path = Path(), origin: str 
     mapping = {name: content[name] for name in ("data", "columns", "windows") if name in content}
     models = tables["identify"]
     models.known(("models", "position_map", "viscous"))
+    tables["axis"].known(("resonance",))
+    remedy = "a list of frequencies in Hz above 0"
     return StudyConfig(
         origin,
         record,
@@ -184,6 +189,7 @@ def parse_config(content: Mapping[str, Any], folder: Path = Path(), origin: str 
         _flag(models, "position_map", True),
         _flag(models, "viscous", True),
         _compensation(tables["compensation"]),
+        resonances=tables["axis"].take("resonance", lambda value: _list(value, lambda each: each > 0.0), remedy, ()),
     )
 
 
