@@ -38,7 +38,6 @@ from friction_fmus.study.evaluation import (
     Scheme,
     cases,
     evaluate,
-    feedforward_mass,
     system_of,
 )
 from friction_fmus.study.margins import margins_of
@@ -173,8 +172,6 @@ def compare(bench: AxisBench, known: AxisKnowledge, wanted: Compensation, run: R
             "delay in [servo] and the units of the record."
         )
     bench = replace(bench, band=BAND * first.metrics.largest)
-    if motion:
-        bench = replace(bench, trajectory=replace(bench.trajectory, inertia=feedforward_mass(bench)))
     limits = wanted.limits if alone is None else wanted.limits.relaxed(alone)
     tried = cases(servo, wanted.mismatch, wanted.delays, limits.delay, known.level, known.words)
 
@@ -252,10 +249,10 @@ def _violated(bench: AxisBench, scheme: Scheme) -> dict[str, str]:
     with PartPool() as pool:
         findings = examine(system_of(bench, scheme, pool))
     violated = [finding.condition for finding in findings if not finding.condition.ok]
-    return {c.name: c.wrong for c in violated if _clear(c.value, c.bound)}
+    return {c.name: c.wrong for c in violated if c.name not in bench.unsure and clear(c.value, c.bound)}
 
 
-def _clear(value: float, bound: float) -> bool:
+def clear(value: float, bound: float) -> bool:
     """Return whether a value is beyond its bound by more than `CLEAR`, as far as their ratio tells it."""
     both = value * bound
     return not np.isfinite(both) or both <= 0.0 or max(value / bound, bound / value) > CLEAR
