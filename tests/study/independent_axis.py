@@ -14,8 +14,14 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+import tomli_w
+
+from friction_fmus.codegen.law_export import make_export
+from friction_fmus.codegen.position_table import table_header, table_source
+from friction_fmus.codegen.sources import header, implementation
 
 SOURCE = Path(__file__).with_name("independent_axis.c")
 STEP = 1e-5  # longest step of the integration [s]
@@ -148,15 +154,17 @@ class Law:
 
 def exported_law(folder: Path, scratch: Path) -> Law:
     """Compile ``recommended/c`` as its README states: assign the inputs, ``loop_table`` to ``f_known``, step."""
-    header = (folder / "loop.h").read_text(encoding="utf-8")
-    body = re.search(r"typedef struct \{([^}]*)\} loop_inputs;", header)
+    declared = (folder / "loop.h").read_text(encoding="utf-8")
+    body = re.search(r"typedef struct \{([^}]*)\} loop_inputs;", declared)
     assert body is not None
     members = set(re.findall(r"\bdouble (\w+);", body[1]))
-    table = "    inputs.f_known = loop_table(r, rd);\n" if "loop_table" in header and "f_known" in members else ""
+    tables = [folder / "loop_table.c"] if (folder / "loop_table.c").exists() else []
+    table = "    inputs.f_known = loop_table(r, rd);\n" if tables else ""
+    known = f'#include "{(folder / "loop_table.h").resolve()}"\n' if tables else ""
     assigned = "".join(f"    inputs.{name} = {name};\n" for name in ("r", "rd", "rdd", "x") if name in members)
     shim = scratch / "shim.c"
     shim.write_text(
-        f'#include "{(folder / "loop.h").resolve()}"\n'
+        f'#include "{(folder / "loop.h").resolve()}"\n{known}'
         "static loop_parameters parameters;\nstatic loop_states states;\n"
         "static loop_inputs inputs;\nstatic loop_outputs outputs;\n"
         "int start(void)\n{\n    loop_init(&parameters, &states, &inputs, &outputs);\n"
@@ -166,12 +174,25 @@ def exported_law(folder: Path, scratch: Path) -> Law:
         "    loop_step(&parameters, &states, &inputs, &outputs);\n    return outputs.u;\n}\n",
         encoding="utf-8",
     )
-    library = compiled([shim, folder / "loop.c"], scratch, f"law_{abs(hash(folder))}")
+    library = compiled([shim, folder / "loop.c", *tables], scratch, f"law_{abs(hash(folder))}")
 
     def start() -> None:
         assert library.start() == 0
 
-    return Law(start, ctypes.cast(library.law, ctypes.c_void_p), header)
+    return Law(start, ctypes.cast(library.law, ctypes.c_void_p), declared)
+
+
+def law_of_loop(content: Mapping[str, Any], scratch: Path) -> Law:
+    """Return the C that `codegen` writes for the tables of a ``loop.toml``, without its tests and costs."""
+    file = scratch / "loop.toml"
+    file.write_text(tomli_w.dumps(content), encoding="utf-8")
+    export = make_export(file)
+    texts = {"loop.h": header(export), "loop.c": implementation(export)}
+    if export.table is not None:
+        texts |= {"loop_table.h": table_header(export), "loop_table.c": table_source(export, export.table)}
+    for name, text in texts.items():
+        (scratch / name).write_text(text, encoding="utf-8")
+    return exported_law(scratch, scratch)
 
 
 # ---------------------------------------------------------------------------------------------------- references

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from math import exp, log, pi, sqrt
+from pathlib import Path
 
 import numpy as np
 import pytest
 from independent_axes import AXES
-from independent_axis import Reference, Run, resting, simulate, trapezoid, typical_moves
+from independent_axis import Reference, Run, law_of_loop, resting, simulate, trapezoid, typical_moves
 from scipy.integrate import solve_ivp
 
 FREE = {"Ts": 1e-3}  # a servo without gains
@@ -179,6 +180,21 @@ def test_the_encoder_rounds_and_the_reference_is_consistent() -> None:
     np.testing.assert_allclose(run.measured / 1e-4, np.round(run.measured / 1e-4), atol=1e-6)
     np.testing.assert_allclose(np.cumsum(reference.rd) * 1e-3, reference.r, atol=1e-3)
     np.testing.assert_allclose(np.cumsum(reference.rdd) * 1e-3, reference.rd, atol=1e-2)
+
+
+@pytest.mark.parametrize("law", ["CascadePPI", "PID"])
+def test_the_servo_is_that_of_the_project(law: str, tmp_path: Path) -> None:
+    """The generated C of the servo alone, in the place of the own servo, with saturation, integral and feedforward."""
+    own = {"window": 3.0, "limit": 60.0, "quantum": 1e-6, "fed_velocity": 1.0, "fed_mass": 10.0, "delay": 1.0}
+    gains = {"kp": 40.0, "kv": 1500.0, "ki": 2e4} if law == "CascadePPI" else {"Kp": 6e4, "Kd": 1500.0, "Ki": 3e5}
+    loop = {"Ts": 1e-3, "u_min": -60.0, "u_max": 60.0, "window": 3}
+    content = {"loop": loop, "servo": {"law": law, "parameters": {**gains, "m": 10.0}}}
+    axis, reference = {"m1": 12.0, "Fc1": 18.0, "Fs1": 18.0, "Fv1": 45.0}, typical_moves(2.0, 1e-3, 0.3, 0.6, 4.0)
+    values = dict(zip(("kp", "kv", "ki"), gains.values(), strict=True))
+    expected = simulate(axis, {**own, **values, "pid": float(law == "PID")}, reference)
+    found = simulate(axis, own, reference, law=law_of_loop(content, tmp_path))
+    assert np.mean(np.abs(expected.command) == 60.0) > 0.01
+    np.testing.assert_allclose(found.command, expected.command, atol=1e-6)
 
 
 def test_every_axis_of_the_list_follows_its_reference() -> None:
