@@ -69,9 +69,6 @@ def judged(name: str, axis: SimulatedAxis, folder: Path, default: bool) -> dict[
         "stops": any(finding["stops"] for finding in study["findings"]),
         "claimed": claimed["rms"] if claimed else None,
         "claims": [rung["metrics"]["rms"] for rung in study["ladder"]],
-        "not claimed": bool(re.search(NOT_CLAIMED, text)),
-        "named": bool(re.search(axis.names, text, re.IGNORECASE)) if axis.names else None,
-        "marked": bool(re.search(BIASED, text)),
         "models": [model["name"] for model in study["models"] if model["rank"]],
         "identified": identified(best, axis),
         "rigid": identified(rigid, axis),
@@ -226,18 +223,19 @@ def verdicts(found: dict[str, Any]) -> dict[str, bool | None]:
     """Return which aims are reached; None where an aim does not apply."""
     true, limited = found.get("recommended loop"), found.get("limited", 0.0)
     aims: dict[str, bool | None] = {"safe": None, "claim": None, "best": None, "intervals": None}
-    aims["named"] = found.get("named")
+    names, text = AXES[found["axis"]].names, found.get("text", "")
+    aims["named"] = bool(re.search(names, text, re.IGNORECASE)) if names else None
     if "crash" in found:
         return aims | {"safe": False}
     parameters = [each["covers"] for each in found["identified"].values()]
     if parameters:
-        aims["intervals"] = found["marked"] or float(np.mean(parameters)) >= COVERED
+        aims["intervals"] = bool(re.search(BIASED, text)) or float(np.mean(parameters)) >= COVERED
     if true is not None:
         aims["safe"] = true <= 1.05 * found["as it is"] and limited <= max(0.01, found["limited as it is"])
         others = [each["achieved"] for each in found["candidates"] if "achieved" in each]
         candidates = (found["as it is"], found["motion"], found["motion and friction"], true, *others)
         aims["best"] = true <= BEST * min(candidates)
-        aims["claim"] = found["not claimed"] or abs(true / found["claimed"] - 1.0) <= CLAIMED
+        aims["claim"] = bool(re.search(NOT_CLAIMED, text)) or abs(true / found["claimed"] - 1.0) <= CLAIMED
     return aims
 
 

@@ -147,9 +147,9 @@ AXES: Mapping[str, SimulatedAxis] = {
         {**SLIDE, "weight": 60.0}, {**CASCADE, "ki": 3e4}, r"gravity|weight|constant force"
     ),
     "swinging_arm": SimulatedAxis(
-        {"m1": 12.0, **dry(18.0, Fv=45.0), "swing": 60.0}, CASCADE, r"gravity|sin|position", (1.2, 1.5, 5.0)
+        {"m1": 12.0, **dry(18.0, Fv=45.0), "swing": 60.0}, CASCADE, r"gravity|force over position", (1.2, 1.5, 5.0)
     ),
-    "belt_8_Hz": SimulatedAxis(belt(8.0), SLOW, RESONANCE),
+    "belt_8_Hz": SimulatedAxis(belt(8.0), SLOW | {"Ts": 4e-3, "quantum": 1e-5, "delay": 1.0}, RESONANCE),
     "belt_25_Hz": SimulatedAxis(belt(25.0), SLOW | {"kp": 15.0, "kv": 250.0}, RESONANCE),
     "belt_60_Hz": SimulatedAxis(belt(60.0), SLOW | {"kp": 25.0, "kv": 500.0}, RESONANCE),
     "backlash": SimulatedAxis(
@@ -164,7 +164,7 @@ AXES: Mapping[str, SimulatedAxis] = {
     "load_dependent": SimulatedAxis(
         {**SLIDE, "mu1": 0.15}, CASCADE, r"depends on the load|load-dependent|normal", load=80.0, unknown=FRICTION
     ),
-    "cogging": SimulatedAxis({**SLIDE, "ripple": 8.0, "pitch": 0.024}, CASCADE, r"cogging|position"),
+    "cogging": SimulatedAxis({**SLIDE, "ripple": 8.0, "pitch": 0.024}, CASCADE, r"cogging"),
     "saturated": SimulatedAxis(SLIDE, CASCADE | {"limit": 48.0}, r"force limit|saturat|at the limit"),
     "velocity_filter": SimulatedAxis(
         SLIDE, CASCADE | {"kv": 900.0, "order": 1.0, "corner": 80.0}, r"velocity filter|low-pass"
