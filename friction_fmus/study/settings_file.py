@@ -73,12 +73,12 @@ def settings_text(table: DataTable, known: Known, file: str, more: Sequence[str]
             *_windows(known.measurement),
             "",
             "[identify]",
-            'models = "all"  # or a list, such as ["Stribeck", "LuGre"]',
+            'models = ["Coulomb", "Stribeck", "LuGre"]  # or "all"',
             "",
             *_servo(known),
             "",
             "# [compensation]",
-            '# compensators = "all"  # or a list, such as ["StaticFeedforward", "DisturbanceObserver"]',
+            '# compensators = ["StaticFeedforward", "DisturbanceObserver"]  # or "all"; default: the best known',
             "",
         ]
     )
