@@ -15,7 +15,6 @@ from friction_fmus.axis.loop_assembly import PartPool, block
 from friction_fmus.axis.servo import GAINS, Compensator, Servo
 from friction_fmus.blocks.axis_units import Words
 from friction_fmus.blocks.catalogue import catalogue, summary_of
-from friction_fmus.conditions.compensation import OVERCOMPENSATION
 from friction_fmus.doctor import examine
 from friction_fmus.errors import FrictionError
 from friction_fmus.study.compensators import (
@@ -31,7 +30,17 @@ from friction_fmus.study.compensators import (
     within_range,
 )
 from friction_fmus.study.config import Compensation
-from friction_fmus.study.evaluation import BAND, AxisBench, Case, Evaluation, Scheme, cases, evaluate, system_of
+from friction_fmus.study.evaluation import (
+    BAND,
+    AxisBench,
+    Case,
+    Evaluation,
+    Scheme,
+    cases,
+    evaluate,
+    feedforward_mass,
+    system_of,
+)
 from friction_fmus.study.margins import margins_of
 from friction_fmus.study.recommendation import extremes, ladder, rank, recommend
 from friction_fmus.study.steps import Step
@@ -104,6 +113,7 @@ def trials(
 
     def possible(scheme: Scheme) -> bool:
         inside = scheme.compensator is None or within_range(scheme.compensator)
+        inside = inside and (scheme.bandwidth or 0.0) <= limits.band
         return inside and limits.kept_by(scheme.margins)
 
     largest = next((scale for scale in scales if possible(with_scale(scale))), None)
@@ -128,8 +138,8 @@ ESTIMATORS: Final = ("estimator", "integral action")
 WITH_TABLE: Final = ("feedforward", *ESTIMATORS, "feedforward with estimator", "feedforward with integral action")
 """Kinds of compensators whose best one is also tried with the table over position."""
 
-CLEAR: Final = 1.02
-"""Compensation over the friction of the axis above which it is an objection; friction is not known better."""
+CLEAR: Final = 1.05
+"""Ratio of the value of a violated condition to its bound above which it counts: the axis is not known better."""
 
 RunSteps: TypeAlias = Callable[[Sequence[Step]], Sequence[Any]]
 
@@ -163,6 +173,8 @@ def compare(bench: AxisBench, known: AxisKnowledge, wanted: Compensation, run: R
             "delay in [servo] and the units of the record."
         )
     bench = replace(bench, band=BAND * first.metrics.largest)
+    if motion:
+        bench = replace(bench, trajectory=replace(bench.trajectory, inertia=feedforward_mass(bench)))
     limits = wanted.limits if alone is None else wanted.limits.relaxed(alone)
     tried = cases(servo, wanted.mismatch, wanted.delays, limits.delay, known.level, known.words)
 
@@ -181,7 +193,7 @@ def compare(bench: AxisBench, known: AxisKnowledge, wanted: Compensation, run: R
     none = _row("none", "Servo without friction compensation", "none", "", without)
     none = extremes(none, none)
     rows = [_candidate_row(candidate, found.get(candidate.name), known.words) for candidate in everything]
-    pairs = _pairs(rank(none, rows, wanted.weights, limits.Ms), applicable)
+    pairs = _pairs(rank(none, rows), applicable)
     steps = []
     for feedforward, estimator in pairs:
         law = fixed(found[feedforward.name])
@@ -195,7 +207,7 @@ def compare(bench: AxisBench, known: AxisKnowledge, wanted: Compensation, run: R
         found[row.name] = evaluation
 
     if TABLE.name in found:
-        best = _best_of_each_kind(rank(none, rows, wanted.weights, limits.Ms))
+        best = _best_of_each_kind(rank(none, rows))
         steps = []
         for row in best:
             scheme = found[row.name].scheme
@@ -208,7 +220,7 @@ def compare(bench: AxisBench, known: AxisKnowledge, wanted: Compensation, run: R
             rows.append(joined)
             found[joined.name] = evaluation
 
-    ranked = rank(none, rows, wanted.weights, limits.Ms)
+    ranked = rank(none, rows)
     rungs = ladder(plain.metrics, motion, none, ranked)
     contradicted = _contradicted(bench, ranked, found)
     left = [row for row in ranked if row.name not in contradicted]
@@ -236,11 +248,17 @@ def _contradicted(
 
 
 def _violated(bench: AxisBench, scheme: Scheme) -> dict[str, str]:
-    """Return the conditions that an axis violates, by name; over-compensation above `CLEAR` only."""
+    """Return the conditions that an axis violates by more than `CLEAR`, by name."""
     with PartPool() as pool:
         findings = examine(system_of(bench, scheme, pool))
     violated = [finding.condition for finding in findings if not finding.condition.ok]
-    return {c.name: c.wrong for c in violated if c.name != OVERCOMPENSATION or c.value > CLEAR}
+    return {c.name: c.wrong for c in violated if _clear(c.value, c.bound)}
+
+
+def _clear(value: float, bound: float) -> bool:
+    """Return whether a value is beyond its bound by more than `CLEAR`, as far as their ratio tells it."""
+    both = value * bound
+    return not np.isfinite(both) or both <= 0.0 or max(value / bound, bound / value) > CLEAR
 
 
 @dataclass(frozen=True)
@@ -268,6 +286,10 @@ def tuned(
     schemes = trials(candidate, known, bench.speed, limits, gains)
     if not schemes:
         margin = f"Ms at most {limits.Ms:.3g} and a delay margin of at least {limits.delay:.3g} samples"
+        if np.isfinite(limits.band):
+            margin += (
+                f", is in the band of {limits.band:.3g} Hz that the record supports, and tolerates a resonance above"
+            )
         tuned_value = "bandwidth" if candidate.has_bandwidth else "gain"
         return Evaluation(None, None, (), (), None, f"No {tuned_value} gives {margin}.")
     return evaluate(bench, schemes, tried)

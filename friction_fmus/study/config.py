@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final
 
 from friction_fmus.axis.servo import GAINS, Servo
 from friction_fmus.errors import FrictionError, did_you_mean
 from friction_fmus.identification import Measurement
-from friction_fmus.study.study_result import Limits, Weights
+from friction_fmus.study.study_result import Limits
 from harness.storage.toml_file import TomlTable, read_table
 from harness.values import finite, flag, texts
 
@@ -54,8 +54,6 @@ class Compensation:
         Further delays of the force in the robustness runs [samples].
     limits : Limits
         Limits on the margins of every compared loop.
-    weights : Weights
-        Weights of the figures in the ranking.
     """
 
     compensators: tuple[str, ...] | str = ALL
@@ -65,7 +63,6 @@ class Compensation:
     duration: float | None = None
     delays: tuple[int, ...] = (1, 2)
     limits: Limits = field(default_factory=Limits)
-    weights: Weights = field(default_factory=Weights)
 
 
 @dataclass(frozen=True)
@@ -234,7 +231,7 @@ def _period(table: TomlTable) -> float:
 
 def _compensation(table: TomlTable) -> Compensation:
     known = ("compensators", "gains", "mismatch", "motion_feedforward", "duration", "delays", "Ms", "delay_margin")
-    table.known((*known, "weights"))
+    table.known(known)
     default = Compensation()
     remedy = "a list of numbers above 0 and up to 2"
     gains = table.take("gains", lambda value: _list(value, lambda each: 0 < each <= 2), remedy, default.gains)
@@ -251,7 +248,6 @@ def _compensation(table: TomlTable) -> Compensation:
             _number(table, "Ms", default.limits.Ms, low=1.0, above=True),
             _number(table, "delay_margin", default.limits.delay, low=0.0),
         ),
-        _weights(table),
     )
 
 
@@ -261,14 +257,6 @@ def _delays(table: TomlTable) -> tuple[int, ...]:
         return () if value == [] else None if found is None else tuple(int(each) for each in found)
 
     return table.take("delays", read, f"a list of integers from 1 to {LONGEST_DELAY}", Compensation.delays)
-
-
-def _weights(table: TomlTable) -> Weights:
-    weights = TomlTable(table.content.get("weights", {}), f"{table.where} weights,", ConfigError)
-    names = tuple(each.name for each in fields(Weights))
-    weights.known(names)
-    default = Weights()
-    return Weights(**{name: _number(weights, name, getattr(default, name), low=0.0) for name in names})
 
 
 def _table(content: Mapping[str, Any], name: str, origin: str) -> TomlTable:

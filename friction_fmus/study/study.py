@@ -618,7 +618,6 @@ class _Study:
             no_compensation=missing,
             ladder=comparison.ladder if comparison else (),
             limits=comparison.limits if comparison else None,
-            weights=self.config.compensation.weights,
             compensators=comparison.rows if comparison else (),
             recommendation=comparison.recommendation if comparison else Recommendation("", missing),
             doctor=doctor,
