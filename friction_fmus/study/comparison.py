@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
+from itertools import islice
 from math import pi
 from pathlib import Path
 from typing import Any, Final, TypeAlias
@@ -38,7 +39,6 @@ from friction_fmus.study.evaluation import (
     Scheme,
     cases,
     evaluate,
-    feedforward_mass,
     system_of,
 )
 from friction_fmus.study.margins import margins_of
@@ -173,8 +173,6 @@ def compare(bench: AxisBench, known: AxisKnowledge, wanted: Compensation, run: R
             "delay in [servo] and the units of the record."
         )
     bench = replace(bench, band=BAND * first.metrics.largest)
-    if motion:
-        bench = replace(bench, trajectory=replace(bench.trajectory, inertia=feedforward_mass(bench)))
     limits = wanted.limits if alone is None else wanted.limits.relaxed(alone)
     tried = cases(servo, wanted.mismatch, wanted.delays, limits.delay, known.level, known.words)
 
@@ -193,7 +191,14 @@ def compare(bench: AxisBench, known: AxisKnowledge, wanted: Compensation, run: R
     none = _row("none", "Servo without friction compensation", "none", "", without)
     none = extremes(none, none)
     rows = [_candidate_row(candidate, found.get(candidate.name), known.words) for candidate in everything]
-    pairs = _pairs(rank(none, rows), applicable)
+    before = _violated(bench, Scheme(servo)).keys()
+
+    def objections(name: str) -> dict[str, str]:
+        """Return the conditions that a compensator violates and the servo alone does not."""
+        scheme = found[name].scheme
+        return {} if scheme is None else {k: v for k, v in _violated(bench, scheme).items() if k not in before}
+
+    pairs = _pairs(rank(none, rows), applicable, objections)
     steps = []
     for feedforward, estimator in pairs:
         law = fixed(found[feedforward.name])
@@ -222,28 +227,24 @@ def compare(bench: AxisBench, known: AxisKnowledge, wanted: Compensation, run: R
 
     ranked = rank(none, rows)
     rungs = ladder(plain.metrics, motion, none, ranked)
-    contradicted = _contradicted(bench, ranked, found)
-    left = [row for row in ranked if row.name not in contradicted]
+    contradicted = _contradicted(ranked, objections)
+    left = rank(none, [row for row in ranked if row.name not in contradicted]) if contradicted else ranked
     recommendation = recommend(none, left, rungs, known.words, contradicted)
     chosen = found[recommendation.name].scheme if recommendation.name in found else None
     chosen = Scheme(servo) if chosen is None else chosen
     return Comparison((none, *ranked), rungs, recommendation, chosen, limits)
 
 
-def _contradicted(
-    bench: AxisBench, ranked: Sequence[CompensatorResult], found: Mapping[str, Evaluation]
-) -> dict[str, str]:
-    """Return the compensators above the first one to which the doctor does not object, with the objections."""
-    before = _violated(bench, Scheme(bench.servo)).keys()
-    objections: dict[str, str] = {}
+def _contradicted(ranked: Sequence[CompensatorResult], objections: Callable[[str], dict[str, str]]) -> dict[str, str]:
+    """Return the compensators above the first one to which the doctor does not object, with the first objection."""
+    found: dict[str, str] = {}
     for row in ranked:
-        scheme = found[row.name].scheme if row.improves else None
-        if scheme is None:
+        if not row.improves:
             break
-        new = {name: wrong for name, wrong in _violated(bench, scheme).items() if name not in before}
+        new = objections(row.name)
         if not new:
-            return objections
-        objections[row.name] = next(f"{name}: {wrong}" for name, wrong in new.items())
+            return found
+        found[row.name] = next(f"{name}: {wrong}" for name, wrong in new.items())
     return {}
 
 
@@ -252,10 +253,10 @@ def _violated(bench: AxisBench, scheme: Scheme) -> dict[str, str]:
     with PartPool() as pool:
         findings = examine(system_of(bench, scheme, pool))
     violated = [finding.condition for finding in findings if not finding.condition.ok]
-    return {c.name: c.wrong for c in violated if _clear(c.value, c.bound)}
+    return {c.name: c.wrong for c in violated if c.name not in bench.unsure and clear(c.value, c.bound)}
 
 
-def _clear(value: float, bound: float) -> bool:
+def clear(value: float, bound: float) -> bool:
     """Return whether a value is beyond its bound by more than `CLEAR`, as far as their ratio tells it."""
     both = value * bound
     return not np.isfinite(both) or both <= 0.0 or max(value / bound, bound / value) > CLEAR
@@ -303,13 +304,15 @@ def fixed(evaluation: Evaluation) -> Compensator:
     return replace(scheme.compensator, values={**scheme.compensator.values, "gain": scheme.gain})
 
 
-def _pairs(ranked: Sequence[CompensatorResult], known: Sequence[Candidate]) -> list[tuple[Candidate, Candidate]]:
-    """Return the best feedforwards, each with the best estimators."""
+def _pairs(
+    ranked: Sequence[CompensatorResult], known: Sequence[Candidate], objections: Callable[[str], dict[str, str]]
+) -> list[tuple[Candidate, Candidate]]:
+    """Return the best feedforwards, each with the best estimators, without those to which the doctor objects."""
     by_name = {candidate.name: candidate for candidate in known}
 
     def best(*kinds: str) -> list[Candidate]:
         names = [row.name for row in ranked if row.kind in kinds and row.rank is not None and row.worst is not None]
-        return [by_name[name] for name in names[:JOINED]]
+        return [by_name[name] for name in islice((name for name in names if not objections(name)), JOINED)]
 
     return [(feedforward, estimator) for feedforward in best("feedforward") for estimator in best(*ESTIMATORS)]
 

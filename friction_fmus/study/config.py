@@ -21,6 +21,13 @@ OPTIONAL_GAINS: Final[Mapping[str, tuple[float, ...]]] = {"ki": (0.0,)}
 RECORDS: Final = ("emps", "tribometer", "demo")  # records included in the package, and names of the studies of them
 
 ALL: Final = "all"
+BEST_KNOWN_MODELS: Final = ("Coulomb", "Stribeck", "LuGre")
+BEST_KNOWN_LAWS: Final = (
+    *("StaticFeedforward", "LuGreFeedforward", "IntegralAction", "DisturbanceObserver", "ExtendedStateObserver"),
+    "PredictiveFilter",
+)
+"""Friction models and compensators that a study tries unless it is asked for others, or for all of them."""
+
 
 PERIODS: Final = (1e-6, 0.1)  # shortest and longest sample time of a servo [s]
 LONGEST_WINDOW: Final = 64  # largest window of the velocity estimate in samples: the limit of the block Differentiator
@@ -56,7 +63,7 @@ class Compensation:
         Limits on the margins of every compared loop.
     """
 
-    compensators: tuple[str, ...] | str = ALL
+    compensators: tuple[str, ...] | str = BEST_KNOWN_LAWS
     gains: tuple[float, ...] = (0.2, 0.4, 0.6, 0.8, 1.0, 1.2)
     mismatch: float = 0.1
     motion_feedforward: bool = True
@@ -102,7 +109,7 @@ class StudyConfig:
     data: Mapping[str, Any]
     folder: Path
     servo: Servo | None = None
-    models: tuple[str, ...] | str = ALL
+    models: tuple[str, ...] | str = BEST_KNOWN_MODELS
     position_map: bool = True
     viscous: bool = True
     compensation: Compensation = field(default_factory=Compensation)
@@ -185,7 +192,7 @@ def parse_config(content: Mapping[str, Any], folder: Path = Path(), origin: str 
         mapping,
         folder,
         _servo(tables["servo"]) if "servo" in content else None,
-        _names(models, "models"),
+        _names(models, "models", BEST_KNOWN_MODELS),
         _flag(models, "position_map", True),
         _flag(models, "viscous", True),
         _compensation(tables["compensation"]),
@@ -197,7 +204,7 @@ def read_models(path: Path) -> list[str]:
     """Return the names of the models in the table ``[identify]`` of a TOML file; ``["all"]`` without one."""
     models = _table(read_table(path, ConfigError).content, "identify", str(path))
     models.known(("models",))
-    names = _names(models, "models")
+    names = _names(models, "models", BEST_KNOWN_MODELS)
     return [names] if isinstance(names, str) else list(names)
 
 
@@ -238,7 +245,7 @@ def _compensation(table: TomlTable) -> Compensation:
     if not any(0.0 < gain <= 1.0 for gain in gains):
         raise ConfigError(f"{table.where} has gains = {list(gains)}, none of them above 0 and up to 1; add 1.0.")
     return Compensation(
-        _names(table, "compensators"),
+        _names(table, "compensators", BEST_KNOWN_LAWS),
         gains,
         _number(table, "mismatch", default.mismatch, low=0.0, high=0.9),
         _flag(table, "motion_feedforward", default.motion_feedforward),
@@ -293,7 +300,9 @@ def _list(value: object, fits: Callable[[float], bool]) -> tuple[float, ...] | N
     return tuple(sorted(set(good))) if found and len(good) == len(found) else None
 
 
-def _names(table: TomlTable, key: str) -> tuple[str, ...] | str:
-    if table.content.get(key, ALL) == ALL:
+def _names(table: TomlTable, key: str, default: tuple[str, ...]) -> tuple[str, ...] | str:
+    if table.content.get(key) == ALL:
         return ALL
+    if key not in table.content:
+        return default
     return table.take(key, lambda value: tuple(dict.fromkeys(texts(value) or ())) or None, '"all" or a list of names')

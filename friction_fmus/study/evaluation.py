@@ -43,6 +43,9 @@ class AxisBench:
     r: Array  # reference [m]
     run_up: int = 0  # number of samples before the first one of the record, in which the axis starts from rest
     band: float = 0.0  # error below which the axis has settled after a reversal [m]; 0 if it is not known yet
+    unsure: tuple[
+        str, ...
+    ] = ()  # conditions of the doctor that depend on parameters which the record does not determine
 
     @property
     def bandwidth(self) -> float:
