@@ -30,6 +30,7 @@ from friction_fmus.identification.fit.scores import rms
 LEVEL: Final = 0.01  # significance level
 DRIFTS: Final = 0.015  # part of the rms force that a drift must explain: 5 % of the force from begin to end
 MATTERS: Final = 0.03  # part of the rms force that another candidate must explain
+BIASED: Final = 0.04  # part of the rms force that a rigid mass leaves, above which a second one is searched
 UNEQUAL: Final = 0.1  # constant force over Coulomb friction above which the directions differ
 SPEEDS: Final = (0.0, 0.02, 0.05, 0.1, 0.2, 0.4, 0.7, 1.0)  # nodes of the friction curve, over the largest speed
 SLOW: Final = SPEEDS[1]  # speed over the largest one below which the axis may stick
@@ -139,13 +140,14 @@ def plant_findings(
     Returns
     -------
     tuple of RecordFinding
-        Saturation first, then direction, drift, gravity, and a second mass or backlash, each with its size.
+        Saturation first, then gravity, direction, drift, and a second mass or backlash, each with its size.
     tuple of float
         Resonance of two masses, if they were found [Hz].
     """
     found, resonances = list(_saturation(records, limit)), []
     if (balance := force_balance(records)) is not None:
-        found += [*_constant(balance), *_drift(balance), *_gravity(balance)]
+        gravity, balance = _gravity(balance)
+        found += [*gravity, *_constant(balance), *_drift(balance)]
         for finding, resonance in _second_mass(balance):
             found.append(finding)
             resonances += [resonance] if resonance else []
@@ -202,20 +204,24 @@ def _drift(balance: ForceBalance) -> Iterator[RecordFinding]:
             yield RecordFinding(name, text, change)
 
 
-def _gravity(balance: ForceBalance) -> Iterator[RecordFinding]:
+def _gravity(balance: ForceBalance) -> tuple[list[RecordFinding], ForceBalance]:
+    """Return the finding about gravity on a rotary axis, and the balance without its force."""
     if balance.records[0].units.position != "rad":
-        return
-    theta = balance.matters(balance.rows(lambda s: [np.sin(s["q"]), np.cos(s["q"])]), MATTERS)
-    if theta is not None:
-        size, u = float(np.hypot(*theta[-2:])), balance.records[0].units.words
-        what = f"A {u.force} of {size:.3g} {u.N} times the sine of the angle acts, as gravity on an eccentric load."
-        yield RecordFinding("gravity", what, f"Add this {u.force} to the drive as a feedforward of the angle.")
+        return [], balance
+    columns = balance.rows(lambda s: [np.sin(s["q"]), np.cos(s["q"])])
+    theta = balance.matters(columns, MATTERS)
+    if theta is None:
+        return [], balance
+    size, u = float(np.hypot(*theta[-2:])), balance.records[0].units.words
+    what = f"A {u.force} of {size:.3g} {u.N} times the sine of the angle acts, as gravity on an eccentric load."
+    finding = RecordFinding("gravity", what, f"Add this {u.force} to the drive as a feedforward of the angle.")
+    return [finding], replace(balance, force=balance.force - columns @ theta[-2:])
 
 
 def _second_mass(balance: ForceBalance) -> Iterator[tuple[RecordFinding, float]]:
     """Yield the finding about a second mass behind a spring or a backlash, and its resonance; 0 for a backlash."""
     base, (M, _, Fc, _) = balance.left(), balance.rigid()
-    if base < MATTERS * rms(balance.force) or M <= 0.0:
+    if base < BIASED * rms(balance.force) or M <= 0.0:
         return
     slowing, cutoff = max(float(Fc / M), 0.0), 2.0 * pi * balance.settings.cutoff
     stroke = max(float(np.ptp(s["q"])) for s in balance.signals)
