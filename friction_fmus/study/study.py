@@ -26,7 +26,8 @@ from friction_fmus.errors import FrictionError
 from friction_fmus.identification import Array, AxisUnits, Record, decimate, filtered_motion, identifiable
 from friction_fmus.identification.fit.contact_model import contact_model
 from friction_fmus.identification.force_findings import FORBIDDING, contradictions
-from friction_fmus.identification.plant_band import plant_band
+from friction_fmus.identification.plant_band import PlantBand, plant_band
+from friction_fmus.identification.plant_candidates import plant_findings
 from friction_fmus.listings import shown
 from friction_fmus.study.comparison import Comparison, clear, compare
 from friction_fmus.study.compensators import AxisKnowledge, check_names, period_of
@@ -200,6 +201,19 @@ def drive(found: IdentifiedModel, units: AxisUnits, t: Array, v: Array, load: fl
         F = np.asarray(system.run()["friction.F"].to_numpy(), dtype=np.float64)
         F += viscous_beside(contact, found.plant) * v
         return F
+
+
+def band_of(records: Sequence[Record], found: IdentifiedModel) -> PlantBand | None:
+    """Return the band in which records support the mass of a model, with its friction and force over position."""
+    if any(record.q is None or record.force is None for record in records):
+        return None
+    friction, alone, table = [], [], found.plant.position
+    for record in records:
+        v = filtered_motion(record).v
+        friction.append(drive(found, record.units, record.t - record.t[0], v, _load(record)))
+        over_position = 0.0 if table is None else table.force(record.column("q"), v)
+        alone.append(replace(record, force=record.column("force") + over_position))
+    return plant_band(alone, found.mass, friction)
 
 
 def _load(record: Record) -> float | None:
@@ -583,6 +597,11 @@ class _Study:
         findings += [
             StudyFinding(each.name, each.what, each.measure, True) for each in about if each.name in FORBIDDING
         ]
+        if self._goes_on(findings):
+            shown, resonances = plant_findings(data.records, servo.force_limit if servo is not None else None)
+            own = [StudyFinding(each.name, each.what, each.measure) for each in shown]
+            findings = sorted([*findings, *own], key=lambda each: each.name != "saturated")
+            self.config = replace(self.config, resonances=self.config.resonances or resonances)
         models = self._models(data, checked, self._goes_on(findings))
         findings += loop_findings(models, any(found.row.closed_loop for found in models), data.longest.units.words)
         if models[0].row.rank is None:
@@ -762,7 +781,7 @@ class _Study:
             return found
 
         units, wanted = data.longest.units, self.config.compensation
-        band = plant_band(data.records, bench.plant.mass)
+        band = band_of(data.records, models[0])
         highest = min([*self.config.resonances, math.inf if band is None else band.supported])
         limits = replace(wanted.limits, band=highest, resonance=highest)
         found = compare(bench, known, replace(wanted, limits=limits), run)
