@@ -31,6 +31,7 @@ WINDOWS: Final = (1, 2, 3, 4, 6, 8)  # numbers of samples over which the velocit
 DELAYS: Final = (0, 1, 2, 3)  # samples by which the recorded force may lag the command
 ENOUGH: Final = 5000  # samples above which only some are used
 SIMPLER: Final = 1.05  # residual over the smallest one up to which a simpler servo is taken
+EXACT: Final = 1e-3  # residual over the rms force up to which fits are equally good
 PILED: Final = 0.01  # fraction of samples at the largest force above which it is the limit of the drive
 BEYOND: Final = 1.5  # assumed limit over the largest recorded force, if the record does not show the limit
 
@@ -69,10 +70,9 @@ def estimate_servo(record: Record) -> EstimatedServo | None:
     piled = float(np.mean(np.abs(record.force) >= (1.0 - 1e-6) * highest)) > PILED
     limit = highest if piled else BEYOND * highest
     attempts = list(_attempts(record, limit))
-    least = min((attempt.fit.left for attempt, _ in attempts), default=0.0)
-    good = [pair for pair in attempts if pair[0].fit.left <= SIMPLER * least]
+    least, level = min((attempt.fit.left for attempt, _ in attempts), default=0.0), rms(record.force)
+    good = [pair for pair in attempts if pair[0].fit.left <= max(SIMPLER * least, EXACT * level)]
     good.sort(key=lambda pair: (pair[0].extras, pair[0].fit.left))
-    level = rms(record.force)
     for attempt, compared in good:
         gains = {name: 0.0 for name in GAINS[attempt.servo.law]} | attempt.gains(compared)
         if all(gains[name] > 0.0 for name in GAINS[attempt.servo.law][:-1]) and attempt.fit.left <= TRUSTED * level:
