@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import Executor, ProcessPoolExecutor, as_completed
+from concurrent.futures import Executor, as_completed
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass, field
-from multiprocessing import get_context
 from pathlib import Path
 from typing import Any, Final
 
@@ -18,6 +17,7 @@ from friction_fmus.identification.fit.contact_model import contact_model
 from friction_fmus.identification.identification_result import Identification
 from friction_fmus.identification.identifying import identify
 from friction_fmus.listings import comparison_html, comparison_text
+from harness.workers import worker_pool
 
 FAR: Final = 10.0
 """Ratio to the largest measured force beyond which a force parameter has run away: the drive overcame all friction."""
@@ -165,7 +165,7 @@ def compare_models(
             if progress:
                 progress(done, len(models))
     else:
-        with ProcessPoolExecutor(min(workers, len(models)), mp_context=get_context("spawn")) as pool:
+        with worker_pool(min(workers, len(models))) as pool:
             found = _in_parallel(pool, models, task, progress, ready)
     failed = {name: result for name, result in found.items() if isinstance(result, str)}
     results = [found[str(model)] for model in models if str(model) not in failed]
@@ -203,19 +203,15 @@ def _in_parallel(
 ) -> dict[str, Identification | str]:
     found: dict[str, Identification | str] = {}
     waiting = {pool.submit(identify_one, model, task): str(model) for model in models}
-    try:
-        for done, future in enumerate(as_completed(waiting), start=1):
-            try:
-                found[waiting[future]] = future.result()
-            except BrokenProcessPool:
-                found[waiting[future]] = "a worker process died during this or another model; identify it alone"
-            if ready:
-                ready(found[waiting[future]])
-            if progress:
-                progress(done, len(models))
-    except BaseException:
-        pool.shutdown(wait=False, cancel_futures=True)
-        raise
+    for done, future in enumerate(as_completed(waiting), start=1):
+        try:
+            found[waiting[future]] = future.result()
+        except BrokenProcessPool:
+            found[waiting[future]] = "a worker process died during this or another model; identify it alone"
+        if ready:
+            ready(found[waiting[future]])
+        if progress:
+            progress(done, len(models))
     return found
 
 
