@@ -171,6 +171,24 @@ def test_encodings_of_a_text(tmp_path: Path, encoding: str) -> None:
     assert_columns(table, {"Zeit": T, "Winkel": X, "M": F}, {"Zeit": "s", "Winkel": "°", "M": "Nm"})
 
 
+@pytest.mark.parametrize(
+    ("encoding", "shown", "names"),
+    [
+        ("gbk", "GBK", ["时间", "实际位置", "电机转矩"]),
+        ("cp932", "Shift-JIS", ["時間", "フィードバック位置", "モータトルク"]),
+        ("cp1252", "ISO-8859-1", ["Zeit für Läufe", "Größe", "Öldruck über Höhe"]),
+        ("cp1252", "ISO-8859-1", ["temps écoulé", "posição à", "força"]),
+    ],
+)
+def test_headings_in_encodings_without_a_mark(tmp_path: Path, encoding: str, shown: str, names: list[str]) -> None:
+    brackets = "[]" if encoding == "cp1252" else "（）"
+    units = dict(zip(names, ("ms", "µm" if encoding == "cp1252" else "mm", "N.m"), strict=True))
+    head = ";".join(f"{name}{brackets[0]}{unit}{brackets[1]}" for name, unit in units.items())
+    table = read(tmp_path, f"{head}\n{rows(1e3 * T, X, F)}", encoding=encoding)
+    assert_columns(table, dict(zip(names, (1e3 * T, X, F), strict=True)), units)
+    assert shown in table.format
+
+
 @pytest.mark.parametrize("separator", [";", "\t", " "])
 def test_decimal_commas_beside_any_separator(tmp_path: Path, separator: str) -> None:
     table = read(

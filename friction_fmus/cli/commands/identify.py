@@ -117,7 +117,7 @@ def run(options: argparse.Namespace) -> int:
     about = () if measurement.static else (*examine_segments(train), *contradictions(train))
     findings = (*measurement.findings, *about)
     wrong = [finding.name for finding in findings if finding.name in FORBIDDING]
-    show_data(train, validation, findings)
+    show_data(train, validation, findings, measurement.steady)
     task = IdentificationTask(
         train,
         validation,

@@ -10,7 +10,7 @@ from typing import Final
 import numpy as np
 
 from friction_fmus.identification.data.column_headings import ColumnMeaning, about, epoch_unit
-from friction_fmus.identification.data.mapping import UNKNOWN, Column
+from friction_fmus.identification.data.mapping import UNKNOWN, Column, axis_of
 from friction_fmus.identification.data.motion_tests import (
     DERIVATIVE,
     SAME,
@@ -383,8 +383,7 @@ class Guesser:
         if fit.force:
             own, main = unit_of(self.about[fit.force].unit), "position" if "position" in columns else "velocity"
             known = columns[main].gain != UNKNOWN
-            axis = axis_units(main, unit_of(columns[main].gain.partition(" ")[2] or columns[main].unit) or BaseUnit())
-            valid = own is not None and known and axis is not None and factor("force", own, axis) is not None
+            valid = own is not None and known and factor("force", own, axis_of(columns)) is not None
             free = own is not None and not known and fits("force", own)
             unit = self.about[fit.force].unit
             columns["force"] = Column(fit.force, unit if unit else "1", "" if valid or free else UNKNOWN)

@@ -9,9 +9,10 @@ from typing import Final
 import numpy as np
 
 from friction_fmus.blocks.axis_units import LINEAR, ROTARY, units_of_channels
-from friction_fmus.errors import AmbiguousColumnsError
+from friction_fmus.errors import AmbiguousColumnsError, RecordError
+from friction_fmus.identification.data.column_choice import NO_DRIVE
 from friction_fmus.identification.data.column_guess import Guesser
-from friction_fmus.identification.data.mapping import Column, DataMapping
+from friction_fmus.identification.data.mapping import Column, DataMapping, combined_unit, with_gain
 from friction_fmus.identification.data.motion_tests import smoothed, unwrapped
 from friction_fmus.identification.data.record import Array, Record, axis_units, factor, fits, unit_of
 from friction_fmus.identification.data.tables import DataTable
@@ -54,6 +55,8 @@ def other_record(table: DataTable, known: DataMapping, refusal: AmbiguousColumns
             found = _pendulum(table, known, t, one["time"], one["position"], kinds[one["position"]].unit)
     if found is None:
         raise refusal
+    if known.gain and "friction" not in found.columns:
+        raise RecordError(NO_DRIVE.format(table.file, known.gain))
     return found
 
 
@@ -66,6 +69,10 @@ def _steady(table: DataTable, known: DataMapping, speed: Column, force: Column) 
     if not FEWEST <= len(v) <= MOST or unit is None or not fits("velocity", unit):
         return None
     si = axis_units("velocity", unit) or LINEAR
+    if known.gain:
+        force = with_gain(force, known.gain, si)
+        gain, own = combined_unit("force", force, "--gain")
+        F = gain * F
     scaled = own is not None and factor("force", own, si) is not None
     units = si if scaled else units_of_channels(si.position, force.unit or "1")
     v, F = unit.factor * v, (own.factor if own is not None and scaled else 1.0) * F

@@ -168,6 +168,11 @@ class Measurement:
     understood: tuple[tuple[str, str], ...] = ()
     static: bool = False
 
+    @property
+    def steady(self) -> bool:
+        """Whether each row is a steady speed of its own, without a time."""
+        return self.static and bool(self.mapping.columns["time"].period)
+
     def window(self, begin: float, end: float) -> tuple[Record, ...]:
         """Return the parts of the records with begin <= t <= end.
 
@@ -301,7 +306,10 @@ def _other(table: DataTable, known: DataMapping, refusal: AmbiguousColumnsError)
     """Return a record without a drive force over time."""
     found = other_record(table, known, refusal)
     lines = (("read", f"{table.file.name}: {table.format}"), *found.lines)
-    return Measurement((found.record,), replace(known, columns=found.columns), table.findings, lines, static=True)
+    read = Measurement((found.record,), replace(known, columns=found.columns), table.findings, lines, static=True)
+    # a part of the speeds would predict others
+    windows = {"train": (0.0, float(len(found.record)))} if read.steady and not known.windows else known.windows
+    return replace(read, mapping=replace(read.mapping, windows=windows))
 
 
 def _read_runs(known: DataMapping) -> Measurement:
