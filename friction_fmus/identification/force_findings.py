@@ -18,7 +18,8 @@ from friction_fmus.errors import RecordError
 from friction_fmus.identification.data.position_findings import position_findings
 from friction_fmus.identification.data.record import Array, Record, RecordFinding
 from friction_fmus.identification.fit.contact_model import contact_model
-from friction_fmus.identification.fit.scores import independent_samples, rms
+from friction_fmus.identification.fit.first_look import solved
+from friction_fmus.identification.fit.scores import rms
 from friction_fmus.identification.fit.simulation_data import prepare
 
 MASSES: Final[Mapping[str, tuple[float, float]]] = {"m": (1e-6, 1e7), "rad": (1e-10, 1e7)}
@@ -31,8 +32,8 @@ FORBIDDING: Final = (
 )
 """Findings after which identified parameters cannot be used."""
 
-OUTSIDE: Final = 8.0  # residual over its robust standard deviation above which another force acts
-MISSING: Final = 0.15  # residual over the rms force above which another force acts
+OUTSIDE: Final = 8.0  # number of robust standard deviations of the residual above which another force acts
+MISSING: Final = 0.15  # fraction of the rms force above which a residual is another force
 
 BESIDE: Final = 5
 """Number of decimated samples on either side of a reversal that are left out, and half of those at an end."""
@@ -46,8 +47,7 @@ VARIES: Final = 0.15
 ITERATIONS: Final = 15  # iterations of the robust fit
 SIGNIFICANT: Final = 3.0  # number of standard errors by which a negative mass must differ from zero
 
-DRIVING: Final = 0.02
-"""Power of friction that drives the axis, over the mean power of the force, above which the sign is wrong."""
+DRIVING: Final = 0.02  # fraction of the mean power of the force with which friction drives an axis of wrong sign
 
 
 @dataclass(frozen=True)
@@ -68,16 +68,13 @@ def drive_balance(records: Sequence[Record]) -> DriveBalance | None:
     if equations is None:
         return None
     A, F, *_ = equations
-    length = np.maximum(np.linalg.norm(A, axis=0), 1e-300)
-    theta = np.linalg.lstsq(A / length, F, rcond=None)[0] / length
-    rest = F - A @ theta
-    inverse = np.linalg.pinv((A / length).T @ (A / length)) / np.outer(length, length)
-    samples = max(independent_samples([rest]) - 4.0, 1.0)
+    found = solved(A, F, dict.fromkeys(("M", "Fv", "Fc", "OF"), "1"))
+    if not found:
+        return None
     v = A[:, 1]
-    power = float(np.mean(np.abs((F - theta[3]) * v)))
-    friction = float(np.mean((theta[1] * v + theta[2] * A[:, 2]) * v))
-    error = float(np.sqrt(max(inverse[0, 0], 0.0) * float(rest @ rest) / samples))
-    return DriveBalance(float(theta[0]), error, friction / power if power else 0.0)
+    power = float(np.mean(np.abs((F - found["OF"].value) * v)))
+    friction = float(np.mean((found["Fv"].value * v + found["Fc"].value * A[:, 2]) * v))
+    return DriveBalance(found["M"].value, found["M"].standard_error, friction / power if power else 0.0)
 
 
 def _equations(records: Sequence[Record]) -> tuple[Array, Array, Array, NDArray[np.bool_]] | None:

@@ -11,9 +11,10 @@ from typing import Any, Final
 
 import numpy as np
 
-from friction_fmus.errors import FitError, FrictionError
+from friction_fmus.errors import FitError, FrictionError, RecordError
 from friction_fmus.identification.data.record import Record
 from friction_fmus.identification.fit.contact_model import contact_model
+from friction_fmus.identification.fit.idim import default_settings
 from friction_fmus.identification.identification_result import Identification
 from friction_fmus.identification.identifying import identify
 from friction_fmus.listings import comparison_html, comparison_text
@@ -21,6 +22,21 @@ from harness.workers import worker_pool
 
 FAR: Final = 10.0
 """Ratio to the largest measured force beyond which a force parameter has run away: the drive overcame all friction."""
+
+
+def long_enough(records: Sequence[Record]) -> tuple[Record, ...]:
+    """Return the records that are long enough for the filter of a drive force; raise RecordError if none is."""
+    kept, short = [], ""
+    for record in records:
+        try:
+            if record.force is not None and record.friction is None:
+                default_settings(record).require(record)
+            kept.append(record)
+        except RecordError as error:
+            short = f"{str(error).partition(';')[0]} at {1.0 / record.Ts:.6g} Hz"
+    if not kept:
+        raise RecordError(f"{short}; log a longer motion with several reversals, or choose a longer window.")
+    return tuple(kept)
 
 
 def within_reach(
@@ -170,7 +186,10 @@ def compare_models(
     failed = {name: result for name, result in found.items() if isinstance(result, str)}
     results = [found[str(model)] for model in models if str(model) not in failed]
     if not results:
-        reasons = "; ".join(f"{name}: {reason}" for name, reason in failed.items())
+        models_of: dict[str, list[str]] = {}
+        for name, reason in failed.items():
+            models_of.setdefault(reason, []).append(name)
+        reasons = "; ".join(f"{', '.join(names)}: {reason}" for reason, names in models_of.items())
         raise FitError(f"No model could be identified ({reasons}); change the data or the options.")
     identified = [result for result in results if isinstance(result, Identification)]
     validated = all(result.validation is not None for result in identified)

@@ -42,15 +42,17 @@ from friction_fmus.identification.data.understanding import understood
 from harness.units import BaseUnit
 
 TRAIN: Final = 0.6  # fraction of a record that is fitted; the rest is validation data
+FILTERED: Final = 150  # smallest number of samples of which the filter of a drive force leaves enough
 
 
 def default_windows(records: Sequence[Record]) -> dict[str, tuple[float, float]]:
     """Return the windows of records for which none are given."""
     begin, end = float(records[0].t[0]), float(records[-1].t[-1])
     middle = begin + TRAIN * (end - begin)
+    least = SHORTEST if records[0].force is None else FILTERED
 
     def enough(low: float, high: float) -> bool:
-        return any(np.count_nonzero((r.t >= low) & (r.t <= high)) >= SHORTEST for r in records)
+        return any(np.count_nonzero((r.t >= low) & (r.t <= high)) >= least for r in records)
 
     if not (enough(begin, middle) and enough(middle, end)):
         return {"train": (begin, end)}
