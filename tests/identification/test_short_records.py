@@ -1,4 +1,4 @@
-"""Records of a few strokes: what they determine is found, what they do not is named, and too few samples are refused."""
+"""Records of a few strokes: what they determine is found, the rest is named, and too few samples are refused."""
 
 from __future__ import annotations
 
