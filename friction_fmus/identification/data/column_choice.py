@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Final
 
 from friction_fmus.errors import AmbiguousColumnsError, RecordError
+from friction_fmus.identification.data import COLUMNS_EXAMPLE
 from friction_fmus.identification.data.column_guess import ColumnCandidate, Guesser
 from friction_fmus.identification.data.column_headings import Guess, columns_text, guess_columns, quoted
 from friction_fmus.identification.data.mapping import UNKNOWN, Column, axis_of, scale_text, with_gain
@@ -21,7 +22,6 @@ ALIASES: Final = {
     **dict.fromkeys(("current", "torque", "drive", "command", "moment"), "force"),
     **{"speed": "velocity", "angle": "position"},
 }
-FORM: Final = "use the form \"time=1 ms, position=4 1/8192 rev, current='Motor current' mA\""
 NO_DRIVE: Final = "{}: --gain {} needs a drive force, torque or current; name its column."
 SHOWN: Final = 4  # most candidates that are shown
 
@@ -101,13 +101,13 @@ def command_text(columns: Mapping[str, Column]) -> str:
 
 
 def columns_of_option(option: str, table: DataTable) -> dict[str, Column]:
-    """Return the columns of the option ``--columns``, such as ``time=1 ms, position=4 1/8192 rev, current=6 mA``."""
+    """Return the columns of the option ``--columns``, such as `COLUMNS_EXAMPLE`."""
     columns: dict[str, Column] = {}
     at = 0
     while at < len(option):
         found = _ITEM.match(option, at)
         if found is None or found.end() == at:
-            raise RecordError(f"--columns has {option[at:]!r}; {FORM}.")
+            raise RecordError(f'--columns has {option[at:]!r}; use the form "{COLUMNS_EXAMPLE}".')
         at = found.end()
         name, minus, double, single, bare, unit = found.groups()
         role = ALIASES.get(name, name)

@@ -198,8 +198,8 @@ def _fits(role: str, unit: str) -> bool:
 _FALLBACKS = {role: frozenset(map(_plain, names)) for role, names in FALLBACKS.items()}
 _FORMS = {role: frozenset(map(_plain, names)) | _FALLBACKS.get(role, frozenset()) for role, names in NAMES.items()}
 
-EPOCH_UNITS: Final = {"s": 1.0, "ms": 1e3, "us": 1e6, "ns": 1e9}
-"""Units of times since 1970 without a unit, as computers log them; their size leaves no choice."""
+TIMES: Final = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
+"""Units of times as computers and drives log them without a unit."""
 
 NEEDED: Final = (("time",), ("position", "velocity"), ("force", "friction"))
 """Roles of which an identification needs one each."""
@@ -389,4 +389,4 @@ def epoch_unit(times: Array) -> str:
     if len(known) < 2:
         return ""
     first, step = float(known[0]), float(np.median(np.abs(np.diff(known))))
-    return next((u for u, each in EPOCH_UNITS.items() if 1e9 * each < first < 4e9 * each and step <= each), "")
+    return next((u for u, each in TIMES.items() if 1e9 < first * each < 4e9 and step * each <= 1.0), "")

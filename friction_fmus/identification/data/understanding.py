@@ -7,7 +7,7 @@ from typing import Final
 
 from friction_fmus.blocks.axis_units import LINEAR, ROTARY
 from friction_fmus.identification.data.mapping import UNKNOWN, Column, DataMapping, gain_example, scale_text
-from friction_fmus.identification.data.motion_tests import DriveShare, SampledColumns
+from friction_fmus.identification.data.motion_tests import MOST, DriveShare, SampledColumns
 from friction_fmus.identification.data.record import Record, unit_of
 from friction_fmus.identification.data.tables import DataTable
 
@@ -72,7 +72,7 @@ def _lines(
 def explained(record: Record) -> DriveShare:
     """Return how well the motion of a record explains its drive force."""
     motion = {name: value for name, value in (("q", record.q), ("v", record.v)) if value is not None}
-    part = slice(0, 20_000)
+    part = slice(0, MOST)
     values = {name: value[part] for name, value in (motion | {"force": record.column("force")}).items()}
     position = "" if record.q is None else "q"
     return SampledColumns(values, record.Ts).explained(position, "" if position else "v", ["force"])[0]

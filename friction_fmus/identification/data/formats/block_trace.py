@@ -7,8 +7,6 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any, Final
 
-import numpy as np
-
 from friction_fmus.errors import RecordError
 from friction_fmus.identification.data.cells import any_numbers, decimal_comma
 from friction_fmus.identification.data.heading_rows import is_unit, split_unit, stated_period, unique_names
@@ -82,11 +80,7 @@ def _table(
         t, values = (each[0] for each in numbers if each is not None)
         plain, inside = split_unit(name)
         known[plain] = unit or inside
-        same = next((k for k, group in enumerate(groups) if np.array_equal(group.t, t)), None)
-        if same is None:
-            groups.append(ChannelGroup(t, {plain: values}))
-        else:
-            groups[same] = ChannelGroup(t, {**groups[same].signals, plain: values})
+        groups.append(ChannelGroup(t, {plain: values}))
     if not groups:
         raise RecordError(f"{path} is a trace without values; export it again.")
     clock = next((value for key, value in keys.items() if re.search("time.*unit|time ?base|zeit", key, re.I)), "")

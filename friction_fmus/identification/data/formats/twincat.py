@@ -80,11 +80,7 @@ def read(path: Path) -> DataTable:
             unit = re.sub(r"\s*\([^()]*\)$", "", units[column]) if column < len(units) else ""
             if unit not in _NO_UNIT:
                 known[name] = unit
-        same = next((group for group in groups if np.array_equal(group.t, t)), None)
-        if same is not None:
-            groups[groups.index(same)] = ChannelGroup(t, {**same.signals, **signals})
-        else:
-            groups.append(ChannelGroup(t, signals))
+        groups.append(ChannelGroup(t, signals))
     if not any(group.signals for group in groups):
         raise RecordError(f"{path} is an export of TwinCAT Scope without channels; export the chart again.")
     table = on_one_clock(path, groups, "time", "ms")
