@@ -177,6 +177,18 @@ def test_steady_speeds_give_friction_without_the_offset(tmp_path: Path) -> None:
     assert found(measurement) == pytest.approx({"Fc": FC, "Fv": FV}, rel=1e-6)
 
 
+def test_columns_are_counted_as_in_the_file(tmp_path: Path) -> None:
+    """A column of texts counts; the lines about what was read and the option agree."""
+    path = tmp_path / "my.csv"
+    rows = [f"{t:.6g},ready,{q:.9g},{tau:.9g}" for t, q, tau in zip(T, Q, TAU, strict=True)]
+    path.write_text("\n".join(["when [s],state,one,two", *rows]) + "\n", encoding="utf-8")
+    measurement = read_measurement(path, DataMapping(path, option="time=1 s, position=3 rad, torque=4 N.m"))
+    assert used(measurement) == {"time": "when", "position": "one", "force": "two"}
+    assert dict(measurement.understood)["position"].startswith("column 3 'one'")
+    with pytest.raises(RecordError, match=r"column 'state' for the position, is not numeric"):
+        read_measurement(path, DataMapping(path, option="time=1 s, position=2 rad, torque=4 N.m"))
+
+
 @pytest.mark.parametrize(
     ("heading", "gain", "message"),
     [

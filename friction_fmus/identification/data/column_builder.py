@@ -190,4 +190,5 @@ def made_table(
         period=heading.period,
         start=start,
         clocks=tuple(known),
+        order=tuple(column.name for column in columns),
     )

@@ -262,8 +262,9 @@ def _check_units(role: str, column: Column, where: str) -> None:
 def axis_of(columns: Mapping[str, Column]) -> AxisUnits:
     """Return the units of the axis of a position or velocity; those of a rotary axis if its unit has no value."""
     role = "position" if "position" in columns else "velocity"
-    unit = unit_of(columns[role].gain.partition(" ")[2] or columns[role].unit)
-    return axis_units(role, unit or BaseUnit()) or ROTARY
+    unit, gain = unit_of(columns[role].unit) or BaseUnit(), columns[role].gain
+    unit = unit if gain in ("", UNKNOWN) else times(unit, parse_quantity(gain, f"The gain of the {role}")[1])
+    return axis_units(role, unit) or ROTARY
 
 
 def gain_example(unit: str, axis: AxisUnits) -> str:
