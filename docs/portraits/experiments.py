@@ -428,6 +428,7 @@ BEGIN: Final[Mapping[str, Values]] = {
 _IDLE: Final[Mapping[str, tuple[str, ...]]] = {
     "AdaptiveSlidingMode": ("Fv_max",),
     "Bristle": ("detour",),
+    "GenericAsperity": ("detour",),
     "SevenParameter": ("detour", "speed"),
 }
 

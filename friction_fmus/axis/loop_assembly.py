@@ -142,9 +142,9 @@ class LoopAssembly(AxisAssembly):
             self.wires.append(f"{self._exact} -> encoder.x")
 
     def add_servo(self, mass: float) -> None:
-        """Add the feedback law; `mass` is the mass of its inertia feedforward."""
-        servo, motion = self.servo, self.trajectory.motion
-        inertia = mass if motion else servo.inertia_feedforward
+        """Add the feedback law; `mass` is the mass of the axis."""
+        servo, motion, given = self.servo, self.trajectory.motion, self.trajectory.inertia
+        inertia = (mass if given is None else given) if motion else servo.inertia_feedforward
         values = {**servo.gains, **self.limits, "Ts": servo.Ts, "m": inertia}
         self.add("servo", servo.law, values)
         self.wires += ["reference.r -> servo.r", f"{self.position} -> servo.x", "velocity.v -> servo.v"]

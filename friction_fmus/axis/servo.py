@@ -56,6 +56,7 @@ class Trajectory:
     v0: float
     """Initial position and velocity of the axis [m, m/s]."""
     motion: bool = False  # whether the servo receives the reference velocity and acceleration
+    inertia: float | None = None  # mass of this acceleration feedforward [kg]; None for the mass of the axis
     offset: float = 0.0  # constant force added to the output of the servo [N]
     rotary: bool = False  # whether the axis is rotary
     load: float = 0.0  # constant force on the axis that the servo does not know [N]

@@ -20,7 +20,7 @@ from friction_fmus.identification.data.record import Array, Record, RecordFindin
 from friction_fmus.identification.fit.contact_model import contact_model
 from friction_fmus.identification.fit.first_look import solved
 from friction_fmus.identification.fit.scores import rms
-from friction_fmus.identification.fit.simulation_data import prepare
+from friction_fmus.identification.fit.simulation_data import prepare, unresolved_rest
 
 MASSES: Final[Mapping[str, tuple[float, float]]] = {"m": (1e-6, 1e7), "rad": (1e-10, 1e7)}
 """Smallest and largest mass [kg] or moment of inertia [kg.m2] of a machine, by unit of the position."""
@@ -162,6 +162,22 @@ def clipped_force(records: Sequence[Record], equations: DriveEquations) -> Recor
             )
             return RecordFinding("force-clipped", what, f"Record the whole {u.force}, or choose windows without it.")
     return None
+
+
+def stuck(records: Sequence[Record]) -> RecordFinding | None:
+    """Return a finding about rests in which the drive force changes although the position does not."""
+    if any(record.force is None or record.friction is not None for record in records):
+        return None
+    share = float(np.mean(np.concatenate([unresolved_rest(record) for record in records])))
+    if share == 0.0:
+        return None
+    u = records[0].units.words
+    what = (
+        f"In {100.0 * share:.2g} % of the samples the axis sticks: the {u.force} changes and the position does not, "
+        "within the resolution. The models are fitted to the other samples."
+    )
+    change = "Record slow motion with a finer position, if presliding matters."
+    return RecordFinding("presliding-not-resolved", what, change)
 
 
 def contradictions(records: Sequence[Record]) -> tuple[RecordFinding, ...]:

@@ -115,30 +115,6 @@
     return show(box, centre - half, centre + half);
   }
 
-  // rank the compensators with the weights of the reader, by the rule of the study
-  function weigh() {
-    const controls = document.querySelector(".weights");
-    const rows = [...document.querySelectorAll(".ranked tr[data-figures]")].slice(1); // the first one is without compensation
-    if (!controls || rows.length < 2) return;
-    const inputs = [...controls.querySelectorAll("input")];
-    const update = () => {
-      const weights = inputs.map((input) => Math.max(0, input.valueAsNumber || 0));
-      const score = (row) => row.dataset.figures.split(" ").reduce((sum, figure, i) => sum + weights[i] * Number(figure), 0);
-      const order = [...rows].sort((a, b) => b.dataset.improves - a.dataset.improves || score(a) - score(b));
-      order.forEach((row, i) => {
-        row.cells[0].textContent = String(i + 1);
-        row.cells[row.cells.length - 2].textContent = score(row).toFixed(2).replace("-", "−");
-        rows[0].parentElement.insertBefore(row, order[i - 1]?.nextSibling ?? rows[0].parentElement.rows[1] ?? null);
-      });
-    };
-    inputs.forEach((input) => input.addEventListener("input", update));
-    controls.querySelector("button").addEventListener("click", () => {
-      for (const input of inputs) input.value = input.dataset.default;
-      update();
-    });
-    controls.hidden = false;
-  }
-
   for (const box of boxes) {
     const { data, layout } = figure(box, false);
     box.style.height = box.dataset.height + "px";
@@ -154,7 +130,6 @@
     button.disabled = false;
     button.addEventListener("click", () => press(button));
   }
-  weigh();
   dark.addEventListener("change", () => boxes.forEach((box) => redraw(box, false)));
 
   window.addEventListener("beforeprint", () => {

@@ -14,7 +14,6 @@ from friction_fmus.report.figures import ROWS, STYLES, Bar, Plot, bars, lines, s
 from friction_fmus.report.formatting import multiple, number, quantity, unit
 from friction_fmus.report.views import NO_COMPENSATION, NONE, axes, label, reversal
 from friction_fmus.study.model_ranking import ALIKE
-from friction_fmus.study.recommendation import figures
 from friction_fmus.study.study_result import (
     CompensatorResult,
     Fit,
@@ -51,14 +50,6 @@ def ranked(study: StudyResult) -> list[CompensatorResult]:
     none = [row for row in study.compensators if row.name == NONE and row.metrics is not None]
     rows = [row for row in study.compensators if row.rank is not None and row.metrics is not None and row.name != NONE]
     return none + sorted(rows, key=lambda row: row.rank or 0)
-
-
-def scored(study: StudyResult) -> dict[str, tuple[float, float, float, float]]:
-    """Return the four figures of the score of each compensator that has them, by name; see `figures`."""
-    rows = ranked(study)
-    if not rows or rows[0].name != NONE or rows[0].worst is None or study.limits is None:
-        return {}
-    return {row.name: figures(rows[0], row, study.limits.Ms) for row in rows if row.worst is not None}
 
 
 def error_unit(study: StudyResult) -> tuple[str, float]:
@@ -341,7 +332,6 @@ SECTIONS: Final[Mapping[str, Section]] = {
             "ranked": ranked(study),
             "plots": compensator_plots(study),
             "not_compared": not_compared(study),
-            "figures": scored(study),
         },
     ),
     "servo": Section("Do the configured gains match the log?", _servo),

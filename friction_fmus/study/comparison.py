@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
+from itertools import islice
 from math import pi
 from pathlib import Path
 from typing import Any, Final, TypeAlias
@@ -15,7 +16,6 @@ from friction_fmus.axis.loop_assembly import PartPool, block
 from friction_fmus.axis.servo import GAINS, Compensator, Servo
 from friction_fmus.blocks.axis_units import Words
 from friction_fmus.blocks.catalogue import catalogue, summary_of
-from friction_fmus.conditions.compensation import OVERCOMPENSATION
 from friction_fmus.doctor import examine
 from friction_fmus.errors import FrictionError
 from friction_fmus.study.compensators import (
@@ -31,7 +31,16 @@ from friction_fmus.study.compensators import (
     within_range,
 )
 from friction_fmus.study.config import Compensation
-from friction_fmus.study.evaluation import BAND, AxisBench, Case, Evaluation, Scheme, cases, evaluate, system_of
+from friction_fmus.study.evaluation import (
+    BAND,
+    AxisBench,
+    Case,
+    Evaluation,
+    Scheme,
+    cases,
+    evaluate,
+    system_of,
+)
 from friction_fmus.study.margins import margins_of
 from friction_fmus.study.recommendation import extremes, ladder, rank, recommend
 from friction_fmus.study.steps import Step
@@ -104,6 +113,7 @@ def trials(
 
     def possible(scheme: Scheme) -> bool:
         inside = scheme.compensator is None or within_range(scheme.compensator)
+        inside = inside and (scheme.bandwidth or 0.0) <= limits.band
         return inside and limits.kept_by(scheme.margins)
 
     largest = next((scale for scale in scales if possible(with_scale(scale))), None)
@@ -128,8 +138,8 @@ ESTIMATORS: Final = ("estimator", "integral action")
 WITH_TABLE: Final = ("feedforward", *ESTIMATORS, "feedforward with estimator", "feedforward with integral action")
 """Kinds of compensators whose best one is also tried with the table over position."""
 
-CLEAR: Final = 1.02
-"""Compensation over the friction of the axis above which it is an objection; friction is not known better."""
+CLEAR: Final = 1.05
+"""Ratio of the value of a violated condition to its bound above which it counts: the axis is not known better."""
 
 RunSteps: TypeAlias = Callable[[Sequence[Step]], Sequence[Any]]
 
@@ -181,7 +191,14 @@ def compare(bench: AxisBench, known: AxisKnowledge, wanted: Compensation, run: R
     none = _row("none", "Servo without friction compensation", "none", "", without)
     none = extremes(none, none)
     rows = [_candidate_row(candidate, found.get(candidate.name), known.words) for candidate in everything]
-    pairs = _pairs(rank(none, rows, wanted.weights, limits.Ms), applicable)
+    before = _violated(bench, Scheme(servo)).keys()
+
+    def objections(name: str) -> dict[str, str]:
+        """Return the conditions that a compensator violates and the servo alone does not."""
+        scheme = found[name].scheme
+        return {} if scheme is None else {k: v for k, v in _violated(bench, scheme).items() if k not in before}
+
+    pairs = _pairs(rank(none, rows), applicable, objections)
     steps = []
     for feedforward, estimator in pairs:
         law = fixed(found[feedforward.name])
@@ -195,7 +212,7 @@ def compare(bench: AxisBench, known: AxisKnowledge, wanted: Compensation, run: R
         found[row.name] = evaluation
 
     if TABLE.name in found:
-        best = _best_of_each_kind(rank(none, rows, wanted.weights, limits.Ms))
+        best = _best_of_each_kind(rank(none, rows))
         steps = []
         for row in best:
             scheme = found[row.name].scheme
@@ -208,39 +225,41 @@ def compare(bench: AxisBench, known: AxisKnowledge, wanted: Compensation, run: R
             rows.append(joined)
             found[joined.name] = evaluation
 
-    ranked = rank(none, rows, wanted.weights, limits.Ms)
+    ranked = rank(none, rows)
     rungs = ladder(plain.metrics, motion, none, ranked)
-    contradicted = _contradicted(bench, ranked, found)
-    left = [row for row in ranked if row.name not in contradicted]
+    contradicted = _contradicted(ranked, objections)
+    left = rank(none, [row for row in ranked if row.name not in contradicted]) if contradicted else ranked
     recommendation = recommend(none, left, rungs, known.words, contradicted)
     chosen = found[recommendation.name].scheme if recommendation.name in found else None
     chosen = Scheme(servo) if chosen is None else chosen
     return Comparison((none, *ranked), rungs, recommendation, chosen, limits)
 
 
-def _contradicted(
-    bench: AxisBench, ranked: Sequence[CompensatorResult], found: Mapping[str, Evaluation]
-) -> dict[str, str]:
-    """Return the compensators above the first one to which the doctor does not object, with the objections."""
-    before = _violated(bench, Scheme(bench.servo)).keys()
-    objections: dict[str, str] = {}
+def _contradicted(ranked: Sequence[CompensatorResult], objections: Callable[[str], dict[str, str]]) -> dict[str, str]:
+    """Return the compensators above the first one to which the doctor does not object, with the first objection."""
+    found: dict[str, str] = {}
     for row in ranked:
-        scheme = found[row.name].scheme if row.improves else None
-        if scheme is None:
+        if not row.improves:
             break
-        new = {name: wrong for name, wrong in _violated(bench, scheme).items() if name not in before}
+        new = objections(row.name)
         if not new:
-            return objections
-        objections[row.name] = next(f"{name}: {wrong}" for name, wrong in new.items())
+            return found
+        found[row.name] = next(f"{name}: {wrong}" for name, wrong in new.items())
     return {}
 
 
 def _violated(bench: AxisBench, scheme: Scheme) -> dict[str, str]:
-    """Return the conditions that an axis violates, by name; over-compensation above `CLEAR` only."""
+    """Return the conditions that an axis violates by more than `CLEAR`, by name."""
     with PartPool() as pool:
         findings = examine(system_of(bench, scheme, pool))
     violated = [finding.condition for finding in findings if not finding.condition.ok]
-    return {c.name: c.wrong for c in violated if c.name != OVERCOMPENSATION or c.value > CLEAR}
+    return {c.name: c.wrong for c in violated if c.name not in bench.unsure and clear(c.value, c.bound)}
+
+
+def clear(value: float, bound: float) -> bool:
+    """Return whether a value is beyond its bound by more than `CLEAR`, as far as their ratio tells it."""
+    both = value * bound
+    return not np.isfinite(both) or both <= 0.0 or max(value / bound, bound / value) > CLEAR
 
 
 @dataclass(frozen=True)
@@ -268,6 +287,10 @@ def tuned(
     schemes = trials(candidate, known, bench.speed, limits, gains)
     if not schemes:
         margin = f"Ms at most {limits.Ms:.3g} and a delay margin of at least {limits.delay:.3g} samples"
+        if np.isfinite(limits.band):
+            margin += (
+                f", is in the band of {limits.band:.3g} Hz that the record supports, and tolerates a resonance above"
+            )
         tuned_value = "bandwidth" if candidate.has_bandwidth else "gain"
         return Evaluation(None, None, (), (), None, f"No {tuned_value} gives {margin}.")
     return evaluate(bench, schemes, tried)
@@ -281,13 +304,15 @@ def fixed(evaluation: Evaluation) -> Compensator:
     return replace(scheme.compensator, values={**scheme.compensator.values, "gain": scheme.gain})
 
 
-def _pairs(ranked: Sequence[CompensatorResult], known: Sequence[Candidate]) -> list[tuple[Candidate, Candidate]]:
-    """Return the best feedforwards, each with the best estimators."""
+def _pairs(
+    ranked: Sequence[CompensatorResult], known: Sequence[Candidate], objections: Callable[[str], dict[str, str]]
+) -> list[tuple[Candidate, Candidate]]:
+    """Return the best feedforwards, each with the best estimators, without those to which the doctor objects."""
     by_name = {candidate.name: candidate for candidate in known}
 
     def best(*kinds: str) -> list[Candidate]:
         names = [row.name for row in ranked if row.kind in kinds and row.rank is not None and row.worst is not None]
-        return [by_name[name] for name in names[:JOINED]]
+        return [by_name[name] for name in islice((name for name in names if not objections(name)), JOINED)]
 
     return [(feedforward, estimator) for feedforward in best("feedforward") for estimator in best(*ESTIMATORS)]
 

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final
 
 from friction_fmus.axis.servo import GAINS, Servo
 from friction_fmus.errors import FrictionError, did_you_mean
 from friction_fmus.identification import Measurement
-from friction_fmus.study.study_result import Limits, Weights
+from friction_fmus.study.study_result import Limits
 from harness.storage.toml_file import TomlTable, read_table
 from harness.values import finite, flag, texts
 
@@ -21,13 +21,20 @@ OPTIONAL_GAINS: Final[Mapping[str, tuple[float, ...]]] = {"ki": (0.0,)}
 RECORDS: Final = ("emps", "tribometer", "demo")  # records included in the package, and names of the studies of them
 
 ALL: Final = "all"
+BEST_KNOWN_MODELS: Final = ("Coulomb", "Stribeck", "LuGre")
+BEST_KNOWN_LAWS: Final = (
+    *("StaticFeedforward", "LuGreFeedforward", "IntegralAction", "DisturbanceObserver", "ExtendedStateObserver"),
+    "PredictiveFilter",
+)
+"""Friction models and compensators that a study tries unless it is asked for others, or for all of them."""
+
 
 PERIODS: Final = (1e-6, 0.1)  # shortest and longest sample time of a servo [s]
 LONGEST_WINDOW: Final = 64  # largest window of the velocity estimate in samples: the limit of the block Differentiator
 OF_RECORD: Final = -1.0  # resolution of the position that stands for that of the record
 LONGEST_DELAY: Final = 100  # longest delay of the drive in samples
 
-_TABLES = ("data", "columns", "windows", "servo", "identify", "compensation")
+_TABLES = ("data", "columns", "windows", "servo", "axis", "identify", "compensation")
 
 
 class ConfigError(FrictionError):
@@ -54,18 +61,15 @@ class Compensation:
         Further delays of the force in the robustness runs [samples].
     limits : Limits
         Limits on the margins of every compared loop.
-    weights : Weights
-        Weights of the figures in the ranking.
     """
 
-    compensators: tuple[str, ...] | str = ALL
+    compensators: tuple[str, ...] | str = BEST_KNOWN_LAWS
     gains: tuple[float, ...] = (0.2, 0.4, 0.6, 0.8, 1.0, 1.2)
     mismatch: float = 0.1
     motion_feedforward: bool = True
     duration: float | None = None
     delays: tuple[int, ...] = (1, 2)
     limits: Limits = field(default_factory=Limits)
-    weights: Weights = field(default_factory=Weights)
 
 
 @dataclass(frozen=True)
@@ -96,6 +100,8 @@ class StudyConfig:
         Whether the study was started with a data file instead of its configuration, which it then writes.
     measurement : Measurement or None
         The data, if they are read already.
+    resonances : tuple of float
+        Known resonances of the axis, in ascending order [Hz].
     """
 
     name: str
@@ -103,12 +109,13 @@ class StudyConfig:
     data: Mapping[str, Any]
     folder: Path
     servo: Servo | None = None
-    models: tuple[str, ...] | str = ALL
+    models: tuple[str, ...] | str = BEST_KNOWN_MODELS
     position_map: bool = True
     viscous: bool = True
     compensation: Compensation = field(default_factory=Compensation)
     bare: bool = False
     measurement: Measurement | None = None
+    resonances: tuple[float, ...] = ()
 
 
 def load_config(what: str | Path) -> StudyConfig:
@@ -177,16 +184,19 @@ def parse_config(content: Mapping[str, Any], folder: Path = Path(), origin: str 
     mapping = {name: content[name] for name in ("data", "columns", "windows") if name in content}
     models = tables["identify"]
     models.known(("models", "position_map", "viscous"))
+    tables["axis"].known(("resonance",))
+    remedy = "a list of frequencies in Hz above 0"
     return StudyConfig(
         origin,
         record,
         mapping,
         folder,
         _servo(tables["servo"]) if "servo" in content else None,
-        _names(models, "models"),
+        _names(models, "models", BEST_KNOWN_MODELS),
         _flag(models, "position_map", True),
         _flag(models, "viscous", True),
         _compensation(tables["compensation"]),
+        resonances=tables["axis"].take("resonance", lambda value: _list(value, lambda each: each > 0.0), remedy, ()),
     )
 
 
@@ -194,7 +204,7 @@ def read_models(path: Path) -> list[str]:
     """Return the names of the models in the table ``[identify]`` of a TOML file; ``["all"]`` without one."""
     models = _table(read_table(path, ConfigError).content, "identify", str(path))
     models.known(("models",))
-    names = _names(models, "models")
+    names = _names(models, "models", BEST_KNOWN_MODELS)
     return [names] if isinstance(names, str) else list(names)
 
 
@@ -228,14 +238,14 @@ def _period(table: TomlTable) -> float:
 
 def _compensation(table: TomlTable) -> Compensation:
     known = ("compensators", "gains", "mismatch", "motion_feedforward", "duration", "delays", "Ms", "delay_margin")
-    table.known((*known, "weights"))
+    table.known(known)
     default = Compensation()
     remedy = "a list of numbers above 0 and up to 2"
     gains = table.take("gains", lambda value: _list(value, lambda each: 0 < each <= 2), remedy, default.gains)
     if not any(0.0 < gain <= 1.0 for gain in gains):
         raise ConfigError(f"{table.where} has gains = {list(gains)}, none of them above 0 and up to 1; add 1.0.")
     return Compensation(
-        _names(table, "compensators"),
+        _names(table, "compensators", BEST_KNOWN_LAWS),
         gains,
         _number(table, "mismatch", default.mismatch, low=0.0, high=0.9),
         _flag(table, "motion_feedforward", default.motion_feedforward),
@@ -245,7 +255,6 @@ def _compensation(table: TomlTable) -> Compensation:
             _number(table, "Ms", default.limits.Ms, low=1.0, above=True),
             _number(table, "delay_margin", default.limits.delay, low=0.0),
         ),
-        _weights(table),
     )
 
 
@@ -255,14 +264,6 @@ def _delays(table: TomlTable) -> tuple[int, ...]:
         return () if value == [] else None if found is None else tuple(int(each) for each in found)
 
     return table.take("delays", read, f"a list of integers from 1 to {LONGEST_DELAY}", Compensation.delays)
-
-
-def _weights(table: TomlTable) -> Weights:
-    weights = TomlTable(table.content.get("weights", {}), f"{table.where} weights,", ConfigError)
-    names = tuple(each.name for each in fields(Weights))
-    weights.known(names)
-    default = Weights()
-    return Weights(**{name: _number(weights, name, getattr(default, name), low=0.0) for name in names})
 
 
 def _table(content: Mapping[str, Any], name: str, origin: str) -> TomlTable:
@@ -299,7 +300,9 @@ def _list(value: object, fits: Callable[[float], bool]) -> tuple[float, ...] | N
     return tuple(sorted(set(good))) if found and len(good) == len(found) else None
 
 
-def _names(table: TomlTable, key: str) -> tuple[str, ...] | str:
-    if table.content.get(key, ALL) == ALL:
+def _names(table: TomlTable, key: str, default: tuple[str, ...]) -> tuple[str, ...] | str:
+    if table.content.get(key) == ALL:
         return ALL
+    if key not in table.content:
+        return default
     return table.take(key, lambda value: tuple(dict.fromkeys(texts(value) or ())) or None, '"all" or a list of names')

@@ -11,8 +11,9 @@ import numpy as np
 from friction_fmus.axis.loop_assembly import block
 from friction_fmus.axis.servo import AxisPlant, Compensator, Servo
 from friction_fmus.blocks.catalogue import find
-from friction_fmus.conditions import DrivenPlant, SampledLaw, on_bristles, one_mass
+from friction_fmus.conditions import DrivenPlant, PathDynamics, SampledLaw, chain, on_bristles, one_mass, two_masses
 from friction_fmus.conditions.chain import Margins, loop_margins
+from friction_fmus.conditions.condition import spectral_radius
 from friction_fmus.doctor.roles import law_of, linearised
 from friction_fmus.study.study_result import LoopMargins
 from harness import FmuPart
@@ -37,13 +38,42 @@ def margins_of(
     gain: float = 1.0,
 ) -> LoopMargins | None:
     """Return the margins of the servo with a compensator; None if the compensator cannot be linearised."""
-    found = []
+    found, resonance = [], 0.0
     for at, driven in operating_points(plant, speed):
         laws = _laws(servo, compensator if kind not in OPEN_LOOP else None, kind, gain, at)
         if laws is None:
             return None
         found.append(loop_margins(driven, laws, servo.Ts, servo.window, servo.delay))
-    return _worst(found)
+        resonance = max(resonance, tolerated_resonance(servo, plant, laws))
+    return replace(_worst(found), resonance=resonance)
+
+
+FREQUENCIES: Final = 32  # number of resonances that are tried
+LOWEST: Final = 0.25  # lowest of them over the natural frequency of the position loop
+HIGHEST: Final = 0.4  # highest of them over the sample rate
+DAMPING: Final = 0.02  # damping ratio of the resonance
+LOAD: Final = 0.5  # mass of the load over the mass of the motor
+
+
+def tolerated_resonance(servo: Servo, plant: AxisPlant, laws: Sequence[SampledLaw]) -> float:
+    """Return the frequency above which a loop is stable with any lightly damped resonance [Hz].
+
+    Motor and load have the mass of the plant together; the encoder is at the motor, as is the viscous friction.
+    """
+    motor = plant.mass / (1.0 + LOAD)
+    load = plant.mass - motor
+    reduced = motor * load / plant.mass
+    viscous = max(plant.values.get("Fv", plant.values.get("sigma2", 0.0)), 0.0)
+    path = PathDynamics(delay=servo.delay * servo.Ts, window=servo.window)
+    natural = float(np.sqrt(servo.pid[0] / plant.mass)) / (2.0 * np.pi)
+    tolerated = 0.5 / servo.Ts
+    for frequency in np.geomspace(HIGHEST / servo.Ts, min(LOWEST * natural, 0.1 / servo.Ts), FREQUENCIES):
+        w = 2.0 * np.pi * float(frequency)
+        flexible = two_masses(motor, load, reduced * w**2, 2.0 * DAMPING * reduced * w, (viscous, 0.0))
+        if spectral_radius(chain(flexible, laws, servo.Ts, path)) > 1.0 + 1e-9:
+            return tolerated
+        tolerated = float(frequency)
+    return 0.0
 
 
 def operating_points(plant: AxisPlant, speed: float) -> list[tuple[float, DrivenPlant]]:

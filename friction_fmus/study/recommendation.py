@@ -3,42 +3,50 @@
 1. A compensator improves the axis if it reduces the tracking error by at least `WORTH`, both on the identified axis and
    in every case that counts and that the servo alone survives, and by more than the numerical error of its simulation.
 2. Compensators that improve the axis come first.
-3. Within both groups, the lower score comes first. The score is the weighted sum of binary logarithms of four figures,
-   each relative to the servo without compensation: the worst-case error, the drive force above the bandwidth of the
-   loop, the peak of the sensitivity function Ms, and the cycles of one sample. With the weight 1, a figure half as
-   large lowers the score by 1.
+3. Within both groups, the smaller worst-case error comes first. Compensators whose worst-case errors are within `WORTH`
+   of the smallest one are equivalent: the one with the fewest blocks comes first, then the one with the fewest cycles.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from math import inf, log2
+from math import inf
 from typing import Final
 
 from friction_fmus.blocks.axis_units import Words
 from friction_fmus.listings import shown
 from friction_fmus.study.compensators import INTEGRAL, TABLE
-from friction_fmus.study.study_result import CompensatorResult, Metrics, Recommendation, Rung, Weights
+from friction_fmus.study.study_result import CompensatorResult, Metrics, Recommendation, Rung
 
 WORTH: Final = 0.05  # smallest relative reduction of the error that counts as an improvement
 
-NEGLIGIBLE: Final = 0.02
-"""Ratio to the total force of the servo alone below which drive force above the bandwidth counts as equal."""
 
-CHEAP: Final = 100.0  # cycles below which costs count as equal
-UNKNOWN: Final = 10_000.0  # cycles of a compensator without C code
-
-
-def rank(
-    none: CompensatorResult, rows: Sequence[CompensatorResult], weights: Weights, Ms: float
-) -> list[CompensatorResult]:
+def rank(none: CompensatorResult, rows: Sequence[CompensatorResult]) -> list[CompensatorResult]:
     """Rank the compensators."""
-    judged = [_judged(none, row, weights, Ms) for row in rows if row.metrics is not None]
-    # differences in the last bits must not decide the order
-    ordered = sorted(judged, key=lambda row: (not row.improves, _rounded(row.score), row.name))
+    left = sorted(
+        (_judged(none, row) for row in rows if row.metrics is not None),
+        key=lambda row: (not row.improves, inf if row.worst is None else row.worst, row.name),
+    )
+    ordered: list[CompensatorResult] = []
+    while left:
+        alike = [row for row in left if equivalent(left[0], row)]
+        ordered += sorted(alike, key=lambda row: (blocks(row), inf if row.cycles is None else row.cycles))
+        left = [row for row in left if row not in alike]
     ranked = [replace(row, rank=place) for place, row in enumerate(ordered, start=1)]
     return ranked + [row for row in rows if row.metrics is None]
+
+
+def equivalent(best: CompensatorResult, row: CompensatorResult) -> bool:
+    """Return whether a compensator is as good as a better one: its worst-case error is at most `WORTH` larger."""
+    if best.worst is None or row.worst is None:
+        return best.worst is row.worst and best.improves == row.improves
+    return best.improves == row.improves and (1.0 - WORTH) * row.worst <= best.worst
+
+
+def blocks(row: CompensatorResult) -> int:
+    """Return the number of blocks that a compensator adds to the servo."""
+    return row.name.count("+") + 1
 
 
 def extremes(row: CompensatorResult, none: CompensatorResult) -> CompensatorResult:
@@ -50,37 +58,12 @@ def extremes(row: CompensatorResult, none: CompensatorResult) -> CompensatorResu
     return replace(row, best=min(errors, default=None), worst=None if failed else max(errors))
 
 
-def figures(none: CompensatorResult, row: CompensatorResult, Ms: float) -> tuple[float, float, float, float]:
-    """Return the binary logarithms of the four figures relative to the servo without compensation."""
-    assert none.metrics is not None
-    assert row.metrics is not None
-    floor = max(NEGLIGIBLE * none.metrics.effort, 1e-300)
-    cycles = 0.0 if row.name == none.name else UNKNOWN if row.cycles is None else row.cycles
-    return (
-        inf if row.worst is None or not none.worst else log2(max(row.worst, 1e-300) / none.worst),
-        log2(max(row.metrics.effort_high, floor) / max(none.metrics.effort_high, floor)),
-        log2(_peak(row, Ms) / _peak(none, Ms)),
-        log2(max(cycles, CHEAP) / CHEAP),
-    )
-
-
-def _rounded(score: float | None) -> float:
-    return inf if score is None else round(score, 6)
-
-
-def _peak(row: CompensatorResult, otherwise: float) -> float:
-    return otherwise if row.margins is None or row.margins.Ms is None else row.margins.Ms
-
-
-def _judged(none: CompensatorResult, row: CompensatorResult, weights: Weights, Ms: float) -> CompensatorResult:
-    """Return the result with `worst`, `best`, `improves` and `score` set."""
+def _judged(none: CompensatorResult, row: CompensatorResult) -> CompensatorResult:
+    """Return the result with `worst`, `best` and `improves` set."""
     row = extremes(row, none)
     counted = [(a.metrics, b.metrics) for a, b in zip(none.corners, row.corners, strict=True) if b.counts]
     improves = all(_reduces(a, b) for a, b in [(none.metrics, row.metrics), *counted])
-    improves = improves and _certain(none.metrics, row.metrics)
-    error, effort, margin, cost = figures(none, row, Ms)
-    score = weights.error * error + weights.effort * effort + weights.margin * margin + weights.cost * cost
-    return replace(row, improves=improves, score=None if score == inf else score)
+    return replace(row, improves=improves and _certain(none.metrics, row.metrics))
 
 
 def _reduces(without: Metrics | None, own: Metrics | None) -> bool:
@@ -171,6 +154,9 @@ def recommend(
         + (f", and in the worst case from {_worst(none, unit)} to {_worst(first, unit)}" if first.corners else "")
         + f". {_figures(none, first, u)}"
     )
+    same = [row.name for row in tried[1:] if row.improves and equivalent(first, row) and equivalent(row, first)]
+    if same:
+        reason += f" Equivalent, within {100 * WORTH:.0f} %, but with more blocks or cycles: {', '.join(same)}."
     reason += "".join(f" {objection}" for objection in _objections(contradicted or {}))
     improving = [row for row in tried if row.improves]
     if len(improving) < 2:

@@ -26,12 +26,13 @@ from friction_fmus.errors import FrictionError
 from friction_fmus.identification import Array, AxisUnits, Record, decimate, filtered_motion, identifiable
 from friction_fmus.identification.fit.contact_model import contact_model
 from friction_fmus.identification.force_findings import FORBIDDING, contradictions
+from friction_fmus.identification.plant_band import plant_band
 from friction_fmus.listings import shown
-from friction_fmus.study.comparison import Comparison, compare
+from friction_fmus.study.comparison import Comparison, clear, compare
 from friction_fmus.study.compensators import AxisKnowledge, check_names, period_of
 from friction_fmus.study.config import ALL, OF_RECORD, ConfigError, StudyConfig, load_config
 from friction_fmus.study.data import Data, build_reference, check_period, load_data, measured_servo
-from friction_fmus.study.evaluation import AxisBench, Scheme
+from friction_fmus.study.evaluation import AxisBench, Scheme, feedforward_mass
 from friction_fmus.study.model_ranking import (
     INVERSE,
     IdentifiedModel,
@@ -350,6 +351,7 @@ def not_trusted(findings: Sequence[StudyFinding]) -> str:
     return f"No compensator was compared, because the result cannot be trusted ({names}). Correct this first."
 
 
+LATE: Final = 0.01  # relative difference of the feedforward from the mass of the axis that is explained
 SENSITIVE = 1.5  # factor by which the error rises in a case that is worth a measurement
 SMALL = 1e-3  # constant force over the force limit up to which it is not worth a setting
 
@@ -375,10 +377,14 @@ def _motion(bench: AxisBench, rungs: Sequence[Rung], units: AxisUnits) -> Iterat
     force = bench.plant.offset
     known = abs(force) > SMALL * bench.servo.force_limit
     constant = f", and a constant {units.words.force} of {force:.3g} {units.force}" if known else ""
+    mass, own = bench.plant.mass, bench.trajectory.inertia
+    own = mass if own is None else own
     text = (
         f"Switch on the feedforward of velocity (100 %) and acceleration ({units.words.mass} "
-        f"{bench.plant.mass:.4g} {units.inertia}){constant}."
+        f"{own:.4g} {units.inertia}){constant}."
     )
+    if abs(own - mass) > LATE * mass:
+        text += f" The axis has {mass:.4g} {units.inertia}; the velocity, which is measured late, gives the rest."
     if len(rungs) > 1 and rungs[0].title == AS_MEASURED and not improves(rungs[:1], rungs[1]):
         before, after = (shown(rung.metrics.rms, units.position) for rung in rungs[:2])
         text += f" Alone, it does not reduce the tracking error of this axis ({before} before, {after} after), but the "
@@ -436,6 +442,13 @@ def _weak(row: CompensatorResult, models: Sequence[ModelResult]) -> Iterator[str
         names = " and ".join(parameter.name for parameter in weak)
         yield f"The record determines {names} of {row.model} poorly ({weak[0].name}: {weak[0].weak})."
 
+
+OF_FRICTION_AT_REST: Final = {
+    "stick-slip": {"Fs", "vs"},
+    "stick-slip cycle": {"Fs", "vs"},
+    "hunting": {"Fs"},
+}
+"""Conditions of the doctor, with the parameters that they need: without them, nothing is said about the condition."""
 
 CLOSE: Final = 1.5  # models whose error is at most this factor times the smallest are also fitted to the closed loop
 SEED: Final = 1  # seed of the measurement noise, which is the same for all compensators
@@ -595,7 +608,7 @@ class _Study:
             figures = None if metrics is None else Figures(metrics.rms, data.longest.units.position)
             name, citation = data.longest.name, data.longest.citation
             files += export_recommended(self.out, bench, comparison.chosen, name, citation, figures)
-            doctor = self._doctor()
+            doctor = self._doctor(bench)
             self.panel = self._panel(bench, comparison)
         self.progress(0.97)
         record = data.longest
@@ -618,7 +631,6 @@ class _Study:
             no_compensation=missing,
             ladder=comparison.ladder if comparison else (),
             limits=comparison.limits if comparison else None,
-            weights=self.config.compensation.weights,
             compensators=comparison.rows if comparison else (),
             recommendation=comparison.recommendation if comparison else Recommendation("", missing),
             doctor=doctor,
@@ -723,7 +735,12 @@ class _Study:
             rotary=data.rotary,
             noise=noise,
         )
-        return AxisBench(servo, plant, trajectory, r, len(r) - len(recorded))
+        weak = {parameter.name for parameter in best.row.parameters if parameter.weak}
+        unsure = tuple(name for name, needed in OF_FRICTION_AT_REST.items() if weak & needed)
+        bench = AxisBench(servo, plant, trajectory, r, len(r) - len(recorded), unsure=unsure)
+        if not trajectory.motion:
+            return bench
+        return replace(bench, trajectory=replace(trajectory, inertia=feedforward_mass(bench)))
 
     def _comparison(self, data: Data, models: Sequence[IdentifiedModel], bench: AxisBench) -> Comparison:
         """Compare the compensators."""
@@ -744,8 +761,11 @@ class _Study:
             begin = end
             return found
 
-        units = data.longest.units
-        found = compare(bench, known, self.config.compensation, run)
+        units, wanted = data.longest.units, self.config.compensation
+        band = plant_band(data.records, bench.plant.mass)
+        highest = min([*self.config.resonances, math.inf if band is None else band.supported])
+        limits = replace(wanted.limits, band=highest, resonance=highest)
+        found = compare(bench, known, replace(wanted, limits=limits), run)
         steps = next_steps(bench, found.chosen, found, [model.row for model in models], units)
         return replace(found, recommendation=replace(found.recommendation, next_steps=steps))
 
@@ -756,10 +776,11 @@ class _Study:
             runs.insert(0, (comparison.recommended, comparison.chosen))
         return panel_of(bench, runs, _noise(len(bench.r)))
 
-    def _doctor(self) -> tuple[ConditionResult, ...]:
-        """Return the conditions of the exported axis, violated ones first."""
+    def _doctor(self, bench: AxisBench) -> tuple[ConditionResult, ...]:
+        """Return the conditions of the exported axis that the record can decide, violated ones first."""
         with System.from_ssp(self.out / OWN / "axis.ssp") as system:
-            findings = examine(system)
+            examined = [each for each in examine(system) if each.condition.name not in bench.unsure]
+        findings = [each for each in examined if each.condition.ok or clear(each.condition.value, each.condition.bound)]
         rows = []
         for finding in findings:
             c = finding.condition

@@ -212,6 +212,9 @@ class LoopMargins:
     Ms: float | None  # peak of the sensitivity function; None if the loop is unstable
     phase: float | None  # phase margin [deg]; None if the loop gain is nowhere 1
     delay: float | None  # delay margin [samples]; None if the loop gain is nowhere 1
+    resonance: float = 0.0
+    """Frequency above which the loop tolerates a lightly damped resonance of the plant [Hz]: damping ratio 2 %, and a
+    load of half the mass of the motor."""
 
 
 @dataclass(frozen=True)
@@ -220,12 +223,18 @@ class Limits:
 
     Ms: float = 2.0  # largest peak of the sensitivity function
     delay: float = 1.5  # smallest delay margin [samples]
+    band: float = inf
+    """Band in which the record supports the plant, or the lowest declared resonance [Hz]: the largest bandwidth of an
+    estimator."""
+    resonance: float = inf  # frequency above which every loop must tolerate a resonance [Hz]
 
     def relaxed(self, alone: LoopMargins) -> Limits:
         """Return the limits that the servo alone keeps: a compensator must not make worse what already exceeds them."""
         return Limits(
             max(self.Ms, inf if alone.Ms is None else alone.Ms),
             self.delay if alone.delay is None else min(self.delay, alone.delay),
+            self.band,
+            max(self.resonance, alone.resonance),
         )
 
     def kept_by(self, margins: LoopMargins | None) -> bool:
@@ -237,6 +246,7 @@ class Limits:
             margins.Ms is not None
             and margins.Ms <= slack * self.Ms
             and (margins.delay is None or slack * margins.delay >= self.delay)
+            and margins.resonance <= slack * self.resonance
         )
 
 
@@ -292,8 +302,6 @@ class CompensatorResult:
     cycles: float | None = None
     flash: float | None = None
     """Estimated cycles of one sample and size of the C code on a Cortex-M4F [bytes]; None without C code."""
-    score: float | None = None
-    """Weighted sum of logarithms by which the compensators are ranked, see `friction_fmus.study.recommendation`."""
     rank: int | None = None  # rank, 1 is best; None if the compensator does not apply
     improves: bool = False  # whether it reduces the tracking error, also in every corner that counts
     error: StudyCurve | None = None
@@ -319,17 +327,6 @@ class Recommendation:
     runner_up: str = ""  # second-best compensator; empty if no other one improves the axis
     runner_up_reason: str = ""  # metrics of the second-best compensator in one sentence
     next_steps: tuple[str, ...] = ()  # what to set in the drive, and what to measure, one sentence each
-
-
-@dataclass(frozen=True)
-class Weights:
-    """Weights of the figures in the score."""
-
-    error: float = 1.0
-    effort: float = 0.25
-    margin: float = 0.25
-    cost: float = 0.01
-    """Weights of worst-case error, drive force above the bandwidth, sensitivity peak, and cycles."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -367,8 +364,6 @@ class StudyResult:
         Rungs from the axis as measured to the best compensation.
     limits : Limits or None
         Limits on the margins of the compared loops; None if no compensator was simulated.
-    weights : Weights
-        Weights of the figures in the ranking.
     compensators : tuple of CompensatorResult
         "none" first, then compensators by rank, then those that do not apply.
     recommendation : Recommendation
@@ -402,7 +397,6 @@ class StudyResult:
     no_compensation: str
     ladder: tuple[Rung, ...]
     limits: Limits | None
-    weights: Weights
     compensators: tuple[CompensatorResult, ...]
     recommendation: Recommendation
     doctor: tuple[ConditionResult, ...]

@@ -157,29 +157,6 @@ def test_a_curve_in_two_panels_has_one_entry_in_the_legend(browser: Browser, rep
         assert "feedforward" in names
 
 
-def test_other_weights_rank_the_compensators_anew(browser: Browser, report: Path) -> None:
-    """The rows carry the logarithms of their figures; with the weight of the cost alone, the cheapest comes first."""
-    with opened(browser, report, "desktop") as watched:
-        page = watched.page
-
-        def names() -> list[str]:
-            return page.locator(".ranked tr[data-figures] th").all_inner_texts()
-
-        def cycles() -> list[float]:
-            texts = page.locator(".ranked tr[data-figures][data-improves='1']").all()
-            return [float((row.get_attribute("data-figures") or "").split()[3]) for row in texts]
-
-        before = names()
-        for field, weight in zip(page.locator(".weights input").all(), ("0", "0", "0", "1"), strict=True):
-            field.fill(weight)
-        assert names()[0] == before[0]  # without compensation
-        assert sorted(names()) == sorted(before)
-        assert cycles() == sorted(cycles())
-        page.locator(".weights button").click()
-        assert page.locator(".weights input").first.input_value() == "1"
-        assert watched.messages == []
-
-
 @nightly
 def test_dark_mode_comes_and_goes_with_the_system(browser: Browser, report: Path) -> None:
     with opened(browser, report, "dark") as watched:

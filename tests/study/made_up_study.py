@@ -25,7 +25,6 @@ from friction_fmus.study.study_result import (
     StudyFinding,
     StudyResult,
     Trial,
-    Weights,
     WrittenFile,
 )
 
@@ -101,7 +100,6 @@ def compensator(name: str, rank: int) -> CompensatorResult:
         best=0.95 * rms,
         cycles=100.0 + 230.0 * ((7 * rank) % 5),
         flash=1000.0,
-        score=0.5 * rank - 2.0,
         rank=rank,
         improves=rank < 5,
         error=curve(T[::2], error(rms, rank)[::2]),
@@ -119,7 +117,6 @@ def without() -> CompensatorResult:
         margins=LoopMargins(1.5, 42.0, 4.0),
         worst=14e-6,
         best=11e-6,
-        score=0.0,
         error=curve(T[::2], error(12e-6, 9)[::2]),
     )
 
@@ -200,7 +197,6 @@ def made_up_study() -> StudyResult:
             Rung("with friction feedforward", "LuGreFeedforward", Metrics(4.2e-6, 17e-6, 20.3, 1.3, 400.0)),
         ),
         limits=Limits(2.0, 1.5),
-        weights=Weights(),
         compensators=(
             without(),
             *(compensator(name, rank) for rank, name in enumerate(LAWS, start=1)),

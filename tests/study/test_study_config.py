@@ -30,6 +30,7 @@ def test_a_configuration_is_read(tmp_path: Path) -> None:
         '[data]\nfile = "log.csv"\n'
         '[columns]\ntime = { column = "t", unit = "s" }\nposition = { column = "x", unit = "mm" }\n'
         '[servo]\nlaw = "CascadePPI"\nkp = 50\nkv = 2000.0\nki = 10.0\nTs = 5e-4\nforce_limit = 80\nwindow = 4\n'
+        "[axis]\nresonance = [22, 8.0]\n"
         '[identify]\nmodels = ["LuGre"]\n'
         "[compensation]\ngains = [1.0, 0.5, 1.0]\nmismatch = 0.2\nmotion_feedforward = false\n",
         encoding="utf-8",
@@ -43,6 +44,7 @@ def test_a_configuration_is_read(tmp_path: Path) -> None:
     assert config.compensation.gains == (0.5, 1.0)
     assert config.compensation.mismatch == 0.2
     assert not config.compensation.motion_feedforward
+    assert config.resonances == (8.0, 22.0)
 
 
 def test_a_cascade_is_a_pid() -> None:
@@ -52,6 +54,7 @@ def test_a_cascade_is_a_pid() -> None:
 
 WRONG: dict[str, tuple[dict[str, Any], str]] = {
     "table": ({**DATA, "servos": {}}, r"unknown table 'servos'; did you mean 'servo'\?"),
+    "resonance": ({**DATA, "axis": {"resonance": [-8.0]}}, r"\[axis\],.* resonance .*frequencies in Hz above 0"),
     "no data": ({}, r"\[data\], has no file; give the path"),
     "two data": (
         {"data": {"record": "emps", "file": "x.csv"}},

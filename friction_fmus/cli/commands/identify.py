@@ -89,7 +89,7 @@ def run(options: argparse.Namespace) -> int:
     from friction_fmus.identification import DataMapping, examine_segments
     from friction_fmus.identification.data.reading import default_windows
     from friction_fmus.identification.fit.contact_model import contact_model
-    from friction_fmus.identification.force_findings import FORBIDDING, contradictions
+    from friction_fmus.identification.force_findings import FORBIDDING, contradictions, stuck
     from friction_fmus.identification.model_comparison import IdentificationTask, compare_models, long_enough
     from friction_fmus.identification.result_files import write_results
 
@@ -114,8 +114,8 @@ def run(options: argparse.Namespace) -> int:
         models = [name for name in models if contact_model(name, train[0].units).static]
         if not models:
             raise FrictionError(f"{data} shows friction over velocity only; choose static models, such as Stribeck")
-    about = () if measurement.static else (*examine_segments(train), *contradictions(train))
-    findings = (*measurement.findings, *about)
+    about = () if measurement.static else (*examine_segments(train), *contradictions(train), stuck(train))
+    findings = (*measurement.findings, *(finding for finding in about if finding is not None))
     wrong = [finding.name for finding in findings if finding.name in FORBIDDING]
     show_data(train, validation, findings, measurement.steady)
     task = IdentificationTask(

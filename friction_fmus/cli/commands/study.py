@@ -42,6 +42,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--force", action="store_true", help="simulate and write FMUs although the result cannot be trusted"
     )
+    parser.add_argument(
+        "--full",
+        action="store_true",
+        help="try all friction models and compensators, not only the best-known ones; takes several times longer",
+    )
     parser.add_argument("--fresh", action="store_true", help="ignore cached steps and start from the beginning")
 
 
@@ -59,7 +64,7 @@ def run(options: argparse.Namespace) -> int:
     from friction_fmus.cli.inputs import connect
     from friction_fmus.cli.study_tables import show_study
     from friction_fmus.identification import DataMapping
-    from friction_fmus.study.config import RECORDS, StudyConfig, load_config
+    from friction_fmus.study.config import ALL, RECORDS, StudyConfig, load_config
     from friction_fmus.study.settings_file import SETTINGS_FILE
     from friction_fmus.study.steps import clear_cache
     from friction_fmus.study.study import STAGES, run_study
@@ -74,6 +79,9 @@ def run(options: argparse.Namespace) -> int:
         what = replace(what, measurement=measurement)
     elif more or options.columns or options.gain:
         raise FrictionError(f"{config} is a configuration; --columns, --gain and further files are for data files")
+    if options.full:
+        what = load_config(what) if isinstance(what, str) else what
+        what = replace(what, models=ALL, compensation=replace(what.compensation, compensators=ALL))
     output = options.output or Path("out")
     if options.fresh:
         clear_cache(output)
@@ -94,6 +102,8 @@ def run(options: argparse.Namespace) -> int:
         except KeyboardInterrupt as error:
             raise KeyboardInterrupt("interrupted; run the same command again to resume") from error
     show_study(console, result)
+    if not options.full:
+        console.print("Only the best-known models and laws were tried, or those of the settings; --full tries all.")
     what = {
         "report.html": "Report",
         "recommended": "Recommended compensator",

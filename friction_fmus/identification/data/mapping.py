@@ -26,7 +26,7 @@ from harness.values import flag, number, shown, text
 
 WINDOWS = ("train", "validation")
 
-STUDY_TABLES = ("servo", "identify", "compensation")
+STUDY_TABLES = ("servo", "axis", "identify", "compensation")
 """Tables of the settings of a study, which `load_mapping` ignores, so that one file serves both."""
 
 UNKNOWN = "unknown"  # gain of a position, velocity or force whose results are wanted in the unit of the column

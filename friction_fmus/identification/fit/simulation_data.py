@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Literal, TypeAlias
+from typing import Final, Literal, TypeAlias
 
 import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import binary_dilation, uniform_filter1d
 
 from friction_fmus.errors import RecordError
 from friction_fmus.identification.data.record import Array, Record
@@ -32,6 +34,7 @@ class PreparedSegment:
     t: Array  # time of the signal [s]
     filter: InverseModelSettings | None  # filter of both sides of the equation; None for none
     stride: int = 1  # distance between the samples used, in samples of the record
+    kept: NDArray[np.bool_] | None = None  # filtered rows without `unresolved_rest`; None for all
 
     @property
     def step(self) -> float:
@@ -62,7 +65,8 @@ class PreparedSegment:
         """Return a signal of shape (n,) or (n, columns), filtered and decimated like the measured one."""
         if self.filter is None:
             return signal
-        return self.filter.rows(signal, self.record.Ts)
+        found = self.filter.rows(signal, self.record.Ts)
+        return found if self.kept is None else found[self.kept]
 
     def predicted(self, F: Array, M: float, OF: float) -> Array:
         """Return the predicted signal for a friction force, mass and offset."""
@@ -90,6 +94,57 @@ def signal_of(records: Sequence[Record]) -> tuple[str, str]:
                 f"The record {record.name!r} has neither friction nor force; add a column with one of them."
             )
     return "force", records[0].units.force
+
+
+STILL: Final = 5  # fewest samples of a rest
+CHANGE: Final = 0.5  # change of the drive force during such a rest, over the rms force
+
+
+def unresolved_rest(record: Record) -> NDArray[np.bool_]:
+    """Return the samples, shape (n,), at which the axis sticks and the motion cannot explain the drive force.
+
+    The position stays within one step of the encoder, or the velocity is zero, while the force changes by more than
+    `CHANGE`: the deflection of the contact is then smaller than the resolution, and friction is whatever the drive
+    gives. Rests whose force hardly changes are kept, as a model with presliding explains them.
+    """
+    force = record.force_at_samples()
+    least = CHANGE * float(np.sqrt(np.mean(np.square(force))))
+    found = np.zeros(len(force), dtype=bool)
+    for begin, end in _rests(record):
+        part = force[begin:end]
+        width = max(len(part) // 4, STILL)
+        noise = float(np.std(np.diff(part))) / float(np.sqrt(2.0 * width))
+        found[begin:end] = np.ptp(uniform_filter1d(part, width)) > least + 4.0 * noise
+    return found
+
+
+def _rests(record: Record) -> Iterator[tuple[int, int]]:
+    """Yield begin and end of the sections of at least `STILL` samples within one step of the encoder, or at v = 0."""
+    if record.q is None:
+        moving, most = np.cumsum(record.column("v") != 0.0).astype(np.float64), 0.0
+    else:
+        moving, most = record.q, 1.01 * record.quantum
+    begin, low, high = 0, moving[0], moving[0]
+    for k in (*np.flatnonzero(np.diff(moving)) + 1, len(moving)):
+        value = moving[min(k, len(moving) - 1)]
+        low, high = min(low, value), max(high, value)
+        if high - low > most or k == len(moving):
+            if k - begin >= STILL:
+                yield begin, int(k)
+            begin, low, high = int(k), value, value
+
+
+REMAINING: Final = 0.25  # fraction of the rows that must remain without unresolved rests
+
+
+def _used_rows(record: Record, settings: InverseModelSettings) -> NDArray[np.bool_] | None:
+    """Return the rows whose filters see no unresolved rest; None if there is no such rest, or little else."""
+    rest = unresolved_rest(record)
+    if not rest.any():
+        return None
+    seen = binary_dilation(rest, iterations=round(2.0 / (settings.cutoff * record.Ts)))
+    used: NDArray[np.bool_] = settings.times(seen.astype(np.float64), record.Ts) == 0.0
+    return used if float(np.mean(used)) >= REMAINING else None
 
 
 def prepare(
@@ -129,11 +184,12 @@ def prepare(
         x = record.column("q") - record.column("q")[0]
     else:
         x = np.append(0.0, np.cumsum(0.5 * (v[1:] + v[:-1]) * record.Ts))
-    segment = PreparedSegment(record, inputs, between, x, a, per, np.zeros(0), record.t, used)
+    rows = None if used is None else _used_rows(record, used)
+    segment = PreparedSegment(record, inputs, between, x, a, per, np.zeros(0), record.t, used, kept=rows)
     column = record.force_at_samples() if signal == "force" else record.column("friction")
     measured = column / per if per is not None else segment.rows(column)
     t = record.t if used is None else used.times(record.t, record.Ts)
-    return replace(segment, measured=measured, t=t)
+    return replace(segment, measured=measured, t=t if rows is None else t[rows])
 
 
 def traits(segments: Sequence[PreparedSegment], scale: float = 1.0) -> DataTraits:

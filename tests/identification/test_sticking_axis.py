@@ -1,0 +1,68 @@
+"""Fits to records in which the axis sticks while the drive force changes: the motion does not explain the force there.
+
+The axis is simulated here, with Coulomb and viscous friction and exact sticking, so that its parameters are known.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from friction_fmus.identification import Record, identify
+from friction_fmus.identification.fit.simulation_data import unresolved_rest
+from friction_fmus.identification.force_findings import stuck
+
+M, FC, FV, OF = 2.0, 8.0, 5.0, 0.5
+FINER = 20  # steps of the simulation in a sample
+
+
+def sticking(quantum: float, Ts: float = 1e-3, stop: float = 6.0) -> Record:
+    """A record of a mass that a PD controller moves along slow sines, with long rests at the reversals."""
+    n = round(stop / Ts)
+    t = Ts * np.arange(n)
+    r = 0.05 * np.sin(2.0 * np.pi * 0.5 * t) + 0.01 * np.sin(2.0 * np.pi * 1.3 * t)
+    q, force = np.zeros(n), np.zeros(n)
+    x = v = 0.0
+    h = Ts / FINER
+    for k in range(n):
+        q[k] = quantum * np.round(x / quantum)
+        drive = force[k] = 2000.0 * (r[k] - q[k]) - 60.0 * v
+        for _ in range(FINER):
+            # the friction that stops the mass in this step, limited to Coulomb friction: exact sticking
+            free = v + h * (drive - OF - FV * v) / M
+            v = float(np.sign(free)) * max(abs(free) - h * FC / M, 0.0)
+            x += h * v
+    return Record("sticking", t, q=q, force=force, quantum=quantum, held=True)
+
+
+@pytest.mark.parametrize(("quantum", "tolerance"), [(1e-5, 0.01), (1e-4, 0.12)])
+def test_friction_of_an_axis_that_sticks(quantum: float, tolerance: float) -> None:
+    """With the rests, the errors were 15 % of Fv and 86 % with the coarse encoder."""
+    found = identify("Coulomb", sticking(quantum), viscous=True).parameters
+    for name, true in {"M": M, "Fc": FC, "Fv": FV, "OF": OF}.items():
+        estimate = found[name]
+        assert estimate.value == pytest.approx(true, rel=tolerance), name
+        assert abs(estimate.value - true) < 2.0 * estimate.standard_error, name
+    assert found["Fc"].relative_error < 0.03
+
+
+def test_rests_are_named() -> None:
+    finding = stuck([sticking(1e-4)])
+    assert finding is not None and finding.name == "presliding-not-resolved" and "sticks" in finding.what
+
+
+def test_a_rest_with_a_constant_force_is_kept() -> None:
+    """After a stop the drive gives a constant force: a model with presliding explains it."""
+    t = 1e-3 * np.arange(2000)
+    q = 0.01 * np.minimum(t, 1.0)
+    record = Record("stop", t, q=q, force=np.where(t < 1.0, 3.0, 2.5), quantum=1e-6)
+    assert not unresolved_rest(record)[1100:].any()
+    assert stuck([record]) is None
+
+
+def test_slow_sliding_is_no_rest() -> None:
+    """The position changes by one step of the encoder in ten samples, and the force is noisy."""
+    t = 1e-3 * np.arange(4000)
+    q = 1e-5 * np.round(1e-3 * t / 1e-5)
+    record = Record("slow", t, q=q, force=5.0 + np.random.default_rng(1).normal(0.0, 1.5, len(t)), quantum=1e-5)
+    assert np.mean(unresolved_rest(record)) < 0.02
