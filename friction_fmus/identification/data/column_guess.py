@@ -14,6 +14,7 @@ from friction_fmus.identification.data.column_headings import TIMES, ColumnMeani
 from friction_fmus.identification.data.mapping import UNKNOWN, Column, axis_of
 from friction_fmus.identification.data.motion_tests import (
     DERIVATIVE,
+    MOST,
     SAME,
     DriveShare,
     SampledColumns,
@@ -32,7 +33,7 @@ LATE: Final = 0.3  # share of the difference of two signals that a lag explains 
 CLOSE: Final = 0.03  # relative difference of a factor between two columns that rounding and noise can cause
 CERTAIN: Final = 0.995  # correlation with a derivative that no force has, in spite of inertia
 DERIVED: Final = "actual position"  # heading of a position computed from reference and error
-MOST: Final = 40  # most columns without a name that are tried
+UNNAMED: Final = 40  # most columns without a name that are tried
 
 
 @dataclass(frozen=True)
@@ -233,7 +234,7 @@ class Guesser:
         """Return the motions in a file."""
         positions, velocities = self._named(names, "position"), self._named(names, "velocity")
         if not positions and not velocities:
-            positions = velocities = [name for name in names if not self.about[name].kind][:MOST]
+            positions = velocities = [name for name in names if not self.about[name].kind][:UNNAMED]
         free = positions is velocities
         found = []
         followed: set[str] = set()
@@ -260,7 +261,7 @@ class Guesser:
         forces = self._named(left, "force") or self._named(left, "force", ("reference",))
         named = bool(forces)
         if not named:
-            forces = [name for name in left if not self.about[name].kind][:MOST]
+            forces = [name for name in left if not self.about[name].kind][:UNNAMED]
         own = [name for name in forces if motion.axis and self.about[name].axis == motion.axis]
         if named and own and len({self.about[name].axis for name in forces}) > 1:
             forces = own
@@ -449,7 +450,7 @@ def with_actual_position(table: DataTable) -> DataTable:
     (r,), (e,) = signals["reference"], signals["error"]
     if kinds[r].unit != kinds[e].unit or not kinds[r].unit or any(each.kind == "velocity" for each in kinds.values()):
         return table
-    reference, error = (without_gaps(table.columns[name][: 4 * 20_000]) for name in (r, e))
+    reference, error = (without_gaps(table.columns[name][: 4 * MOST]) for name in (r, e))
     data = SampledColumns({"r": reference, "-": reference - error, "+": reference + error}, 1.0)
     late = {sign: data.lag("r", sign) for sign in "-+"}
     sign = max(late, key=lambda each: late[each][0])

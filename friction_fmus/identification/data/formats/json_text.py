@@ -86,7 +86,7 @@ def _table(content: Any, depth: int) -> tuple[dict[str, Sequence[Any]], Mapping[
                 columns.update({f"{name}.{key}": cells for key, cells in inside[0].items()})
     if not found:
         return None
-    if isinstance(content, dict) and len(columns) > len(found[0][0]):
+    if len(columns) > len(found[0][0]):
         found.append((columns, content))
     return max(found, key=lambda each: (max(map(len, each[0].values())), len(each[0])))
 
