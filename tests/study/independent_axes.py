@@ -65,11 +65,12 @@ class SimulatedAxis:
         run, reference, rng = self.run(), self.reference, np.random.default_rng(self.seed + 1000)
         n = len(run.x1)
         t = self.Ts * np.arange(float(n)) + rng.uniform(-self.jitter, self.jitter, n)
+        force = (run.force if self.actual else run.command) + self.current_noise * rng.standard_normal(n)
         columns = {
             "t": t,
             "pos_act": run.measured,
             "pos_cmd": reference.r,
-            "F_drive": run.force if self.actual else run.command,
+            "F_drive": force,
         }
         formats = ["%.6f", "%.9f", "%.9f", "%.5f"]
         roles = {

@@ -197,6 +197,19 @@ def test_the_servo_is_that_of_the_project(law: str, tmp_path: Path) -> None:
     np.testing.assert_allclose(found.command, expected.command, atol=1e-6)
 
 
+def test_the_log_has_the_signals_of_the_run(tmp_path: Path) -> None:
+    for name, actual in (("jitter", False), ("delay_1", True)):
+        axis = AXES[name]
+        axis.write(tmp_path, name)
+        t, q, r, force = np.loadtxt(tmp_path / "log.csv", delimiter=",", skiprows=1).T
+        run, clock = axis.run(), 1e-3 * np.arange(float(len(t)))
+        np.testing.assert_allclose(q, run.measured, atol=1e-9)
+        np.testing.assert_allclose(r, axis.reference.r, atol=1e-9)
+        assert np.std(force - (run.force if actual else run.command)) == pytest.approx(0.1, rel=0.02)
+        assert np.max(np.abs(t - clock)) == pytest.approx(axis.jitter, rel=0.01, abs=1e-9)
+        assert f'name = "{name}"' in (tmp_path / "axis.toml").read_text(encoding="utf-8")
+
+
 def test_every_axis_of_the_list_follows_its_reference() -> None:
     assert len(AXES) >= 20
     for name, axis in AXES.items():
