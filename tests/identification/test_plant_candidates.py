@@ -1,0 +1,134 @@
+"""Effects beyond a rigid mass are named with their size, on axes simulated in `flexible_axis`; clean axes get none."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from flexible_axis import Axis, moves, reference, simulate
+
+from friction_fmus.data import load_emps
+from friction_fmus.identification import ROTARY, Record
+from friction_fmus.identification.plant_candidates import plant_findings
+from friction_fmus.study.config import load_config
+from friction_fmus.study.data import load_data
+
+T = 1e-3 * np.arange(20000.0)
+TWO = Axis(motor=4.0, load=8.0, kp=8.0, kv=300.0)
+
+
+def named(record: Record) -> tuple[str, list[float]]:
+    """Return the name of the only finding and the numbers in it."""
+    (finding,), _ = plant_findings([record])
+    return finding.name, [float(each) for each in re.findall(r"-?\d+\.?\d*(?:e-?\d+)?", finding.what)]
+
+
+@pytest.mark.parametrize("load_friction", [0.0, 10.0])
+def test_two_masses(load_friction):
+    own = 18.0 if not load_friction else 8.0
+    axis = replace(TWO, load_friction=load_friction, forward=own, backward=own)
+    record = simulate(axis, moves(T))
+    (finding,), (resonance,) = plant_findings([record])
+    assert finding.name == "two-masses"
+    assert resonance == pytest.approx(axis.resonance, rel=0.05)
+    numbers = [float(each) for each in re.findall(r"\d+\.?\d*", finding.what)]
+    assert numbers[:2] == pytest.approx([axis.motor, axis.load], rel=0.12)
+    if load_friction:
+        assert numbers[2] == pytest.approx(load_friction, rel=0.15)
+    assert f"{finding.measure}".startswith(f"Set resonance = [{resonance:.3g}] in [axis]")
+
+
+def test_direction_dependent_friction():
+    name, (forward, backward, constant) = named(simulate(Axis(forward=22.0, backward=15.0, noise=0.5), reference(T)))
+    assert name == "direction-dependent-friction"
+    assert (forward, backward, constant) == pytest.approx((22.0, 15.0, 3.5), rel=0.1)
+
+
+def test_a_constant_force_above_friction():
+    record = simulate(Axis(), moves(T))
+    name, (constant, _) = named(replace(record, force=record.column("force") - 40.0))
+    assert name == "constant-force"
+    assert constant == pytest.approx(-40.0, rel=0.02)
+
+
+@pytest.mark.parametrize("path", [moves, reference])
+def test_drift_of_friction(path):
+    name, (begin, end) = named(simulate(Axis(drift=-0.3), path(T)))
+    assert name == "friction-drifts"
+    assert (begin, end) == pytest.approx((18.0, 12.6), rel=0.1)
+
+
+def test_drift_of_a_constant_force():
+    axis = Axis(offset_drift=-6.0)
+    record = simulate(axis, reference(T))
+    name, (begin, end) = named(replace(record, force=record.column("force") + 3.0))  # 3 N at the begin, -3 N at the end
+    assert name == "offset-drifts"
+    assert (begin, end) == pytest.approx((3.0, -3.0), rel=0.1)
+
+
+def test_gravity_of_a_rotary_axis():
+    axis = Axis(gravity=60.0, limit=4000.0)
+    record = replace(simulate(axis, moves(T, stroke=3.0, duration=1.0, period=1.5)), units=ROTARY)
+    name, (size,) = named(record)
+    assert name == "gravity"
+    assert size == pytest.approx(60.0, rel=0.1)
+
+
+@pytest.mark.parametrize("gap", [2e-4, 5e-4])
+def test_backlash(gap):
+    axis = replace(
+        TWO, backlash=gap, resonance=100.0, kp=40.0, kv=1500.0, forward=8.0, backward=8.0, load_friction=10.0
+    )
+    name, numbers = named(simulate(axis, moves(T)))
+    assert name == "backlash"
+    assert 0.5 * gap < numbers[-1] < 2.2 * gap  # impacts after the gap make it look wider
+
+
+@pytest.mark.parametrize("limit", [None, 30.0])
+def test_share_of_saturation(limit):
+    t = 1e-3 * np.arange(10000.0)
+    wanted = 40.0 * np.sin(2.0 * np.pi * 0.7 * t)
+    record = Record("axis", t, q=np.sin(t), force=np.clip(wanted, -30.0, 30.0))
+    finding = plant_findings([record], limit)[0][0]
+    assert finding.name == "saturated"
+    numbers = [float(each) for each in re.findall(r"\d+\.?\d*", finding.what)]
+    level = 0.98 * 30.0 if limit else 30.0
+    assert numbers == pytest.approx([30.0, 100.0 * (1.0 - 2.0 / np.pi * np.arcsin(level / 40.0))], rel=0.01)
+    assert "Do not trust the intervals" in finding.measure
+    rare = replace(record, force=np.where(t < 9.9, 0.5, 1.0) * np.clip(wanted, -30.0, 30.0))
+    assert "saturated" not in [each.name for each in plant_findings([rare], 30.0)[0]]
+
+
+CLEAN = {
+    "moves": (Axis(noise=0.5), moves(T)),
+    "harmonics": (Axis(noise=0.5), reference(T)),
+    "noisy": (Axis(noise=3.0), moves(T)),
+    "coarse": (Axis(quantum=1e-5, noise=0.5), moves(T)),
+    "slow": (Axis(noise=0.5), moves(T, stroke=0.02, duration=0.5, period=0.8)),
+    "late": (Axis(delay=4, kv=600.0, noise=0.5), moves(T)),
+    "presliding": (Axis(presliding=3e5, viscous=300.0, noise=0.5), moves(T, stroke=1e-2)),
+    "frictionless": (Axis(forward=0.0, backward=0.0, viscous=5.0, noise=0.5), moves(T)),
+}
+
+
+@pytest.mark.parametrize("case", CLEAN)
+@pytest.mark.parametrize("seed", [1, 2])
+def test_nothing_is_named_on_a_clean_axis(case, seed):
+    axis, path = CLEAN[case]
+    assert plant_findings([simulate(axis, path, seed)], axis.limit) == ((), ())
+
+
+def test_records_of_the_package(tmp_path: Path):
+    (finding,), _ = plant_findings([load_emps().record], 351.5)
+    assert finding.name == "direction-dependent-friction"  # the constant force of -3.16 N of Janot et al. 2019
+    assert float(re.findall(r"force of (-?\d+\.\d+)", finding.what)[0]) == pytest.approx(-3.16, rel=0.05)
+    assert plant_findings(load_data(load_config("demo"), tmp_path).records, 20.0) == ((), ())
+
+
+def test_records_without_force_are_left_alone():
+    t = 1e-3 * np.arange(3000.0)
+    assert plant_findings([Record("axis", t, q=np.sin(t))]) == ((), ())
+    assert plant_findings([Record("axis", t[:60], q=np.sin(t[:60]), force=np.cos(t[:60]))]) == ((), ())
