@@ -127,18 +127,18 @@ class LoopAssembly(AxisAssembly):
     def add_sensors(self) -> None:
         """Add the reference, and the measurement of position and velocity."""
         servo, trajectory = self.servo, self.trajectory
-        self._part("reference", trajectory.reference, lambda: trajectory.reference, self.every)
+        self._part("reference", trajectory.reference, lambda: trajectory.reference, 1)
         self.add("velocity", "Differentiator", {"Ts": servo.Ts, "window": servo.window, "v0": trajectory.v0})
         self.wires.append(f"{self.position} -> velocity.x")
         if servo.noise:
             noise = trajectory.noise
             if noise is None:
                 raise ValueError("a servo with noise needs an FMU that outputs the noise")
-            self._part("noise", noise, lambda: noise, self.every)
-            self.add("measured", "Sum", {"gain[2]": servo.noise})
+            self._part("noise", noise, lambda: noise, 1)
+            self.add("measured", "Sum", {"gain[2]": servo.noise}, sampled=False)
             self.wires += ["axis.x -> measured.u1", "noise.r -> measured.u2"]
         if servo.quantum:
-            self.add("encoder", "Quantiser", {"q": servo.quantum})
+            self.add("encoder", "Quantiser", {"q": servo.quantum}, sampled=False)
             self.wires.append(f"{self._exact} -> encoder.x")
 
     def add_servo(self, mass: float) -> None:
@@ -207,7 +207,7 @@ class LoopAssembly(AxisAssembly):
         forces = [Wire(f"{name}.{law.output}", "") for name, law in given.items()]
         table = self.trajectory.table
         if table is not None:
-            self._part("table", table, lambda: table.fmu(self.trajectory.rotary), self.every)
+            self._part("table", table, lambda: table.fmu(self.trajectory.rotary), 1)
             self.start |= {f"table.{name}": value for name, value in table.start.items()}
             self.wires += ["reference.r -> table.x", "reference.rd -> table.v"]
             forces.append(Wire("table.F_position", "", gain=-1.0))

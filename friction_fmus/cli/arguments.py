@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from friction_fmus.errors import FrictionError
+from friction_fmus.identification.data import COLUMNS_EXAMPLE
 from harness.masters import master_names
 
 
@@ -146,7 +147,7 @@ def add_column_options(parser: argparse.ArgumentParser) -> None:
         "--columns",
         default="",
         metavar="TEXT",
-        help="columns by number or heading, such as \"time=1 ms, position=4 1/8192 rev, current='Motor current' mA\"",
+        help=f'columns by number or heading, such as "{COLUMNS_EXAMPLE}"',
     )
     parser.add_argument(
         "--gain",

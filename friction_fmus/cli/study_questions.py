@@ -8,13 +8,13 @@ from dataclasses import replace
 from pathlib import Path
 
 from friction_fmus.axis.servo import GAIN_UNITS, GAINS
-from friction_fmus.blocks.axis_units import Words, words_of
+from friction_fmus.blocks.axis_units import LINEAR, Words
 from friction_fmus.cli.console import console
 from friction_fmus.errors import FrictionError, did_you_mean
 from friction_fmus.identification import RecordError, read_measurement
 from friction_fmus.identification.data.column_headings import NEEDED, Guess, guess_columns
 from friction_fmus.identification.data.formats import read_table
-from friction_fmus.identification.data.mapping import MISSING, Column, DataMapping, combined_unit
+from friction_fmus.identification.data.mapping import MISSING, Column, DataMapping, axis_of, combined_unit
 from friction_fmus.identification.data.record import ROLES, fits, parse_quantity, unit_of
 from friction_fmus.identification.data.tables import DataTable
 from friction_fmus.study.settings_file import SETTINGS_FILE, Known, write_settings
@@ -45,7 +45,8 @@ def write_configuration(data: Path, folder: Path) -> None:
     if ask:
         try:
             _ask_columns(table, guess)
-            servo = _ask_servo(words_of(_is_rotary(table, guess.columns)))
+            moving = guess.columns.keys() & {"position", "velocity"}
+            servo = _ask_servo((axis_of(guess.columns) if moving else LINEAR).words)
         except EOFError:
             console.print()
     missing = [need[0] for need in NEEDED if not guess.columns.keys() & set(need)]
@@ -135,16 +136,6 @@ def _ask_servo(u: Words) -> dict[str, str]:
         servo[name] = _ask(f"{name} [{u.fill(GAIN_UNITS[name])}]", "0.0" if optional else "", _number) or BLANK
     servo["force_limit"] = _ask(f"Largest {u.force} [{u.N}]", "", _number) or BLANK
     return servo
-
-
-def _is_rotary(table: DataTable, columns: dict[str, Column]) -> bool:
-    column = columns.get("position", columns.get("velocity"))
-    if column is None:
-        return False
-    role = "position" if "position" in columns else "velocity"
-    _, unit = combined_unit(role, column, role, table.units.get(column.column, ""))
-    rad = 7  # index of rad in the exponents
-    return bool(unit.exponents[rad])
 
 
 def _ask(question: str, default: str, check: Check) -> str:

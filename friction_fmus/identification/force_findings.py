@@ -8,17 +8,18 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from friction_fmus.blocks.axis_units import AxisUnits
+from friction_fmus.blocks.axis_units import AxisUnits, Words
 from friction_fmus.errors import RecordError
 from friction_fmus.identification.data.position_findings import position_findings
 from friction_fmus.identification.data.record import Array, Record, RecordFinding
 from friction_fmus.identification.fit.contact_model import contact_model
-from friction_fmus.identification.fit.scores import independent_samples, rms
+from friction_fmus.identification.fit.first_look import solved
+from friction_fmus.identification.fit.scores import rms
 from friction_fmus.identification.fit.simulation_data import prepare, unresolved_rest
 
 MASSES: Final[Mapping[str, tuple[float, float]]] = {"m": (1e-6, 1e7), "rad": (1e-10, 1e7)}
@@ -31,8 +32,8 @@ FORBIDDING: Final = (
 )
 """Findings after which identified parameters cannot be used."""
 
-OUTSIDE: Final = 8.0  # residual over its robust standard deviation above which another force acts
-MISSING: Final = 0.15  # residual over the rms force above which another force acts
+OUTSIDE: Final = 8.0  # number of robust standard deviations of the residual above which another force acts
+MISSING: Final = 0.15  # fraction of the rms force above which a residual is another force
 
 BESIDE: Final = 5
 """Number of decimated samples on either side of a reversal that are left out, and half of those at an end."""
@@ -46,8 +47,7 @@ VARIES: Final = 0.15
 ITERATIONS: Final = 15  # iterations of the robust fit
 SIGNIFICANT: Final = 3.0  # number of standard errors by which a negative mass must differ from zero
 
-DRIVING: Final = 0.02
-"""Power of friction that drives the axis, over the mean power of the force, above which the sign is wrong."""
+DRIVING: Final = 0.02  # fraction of the mean power of the force with which friction drives an axis of wrong sign
 
 
 @dataclass(frozen=True)
@@ -62,26 +62,29 @@ class DriveBalance:
     negative if friction drives the axis."""
 
 
-def drive_balance(records: Sequence[Record]) -> DriveBalance | None:
-    """Fit mass and friction to the drive force of some records."""
-    equations = _equations(records)
-    if equations is None:
-        return None
+class DriveEquations(NamedTuple):
+    """Filtered equations of the drive force of some records."""
+
+    A: Array  # a, v, sgn(v), 1, shape (n, 4)
+    F: Array  # force
+    t: Array  # time [s]
+    ends: NDArray[np.bool_]  # which rows are ends of a record
+
+
+def drive_balance(equations: DriveEquations) -> DriveBalance | None:
+    """Fit mass and friction to the drive force."""
     A, F, *_ = equations
-    length = np.maximum(np.linalg.norm(A, axis=0), 1e-300)
-    theta = np.linalg.lstsq(A / length, F, rcond=None)[0] / length
-    rest = F - A @ theta
-    inverse = np.linalg.pinv((A / length).T @ (A / length)) / np.outer(length, length)
-    samples = max(independent_samples([rest]) - 4.0, 1.0)
+    found = solved(A, F, dict.fromkeys(("M", "Fv", "Fc", "OF"), "1"))
+    if not found:
+        return None
     v = A[:, 1]
-    power = float(np.mean(np.abs((F - theta[3]) * v)))
-    friction = float(np.mean((theta[1] * v + theta[2] * A[:, 2]) * v))
-    error = float(np.sqrt(max(inverse[0, 0], 0.0) * float(rest @ rest) / samples))
-    return DriveBalance(float(theta[0]), error, friction / power if power else 0.0)
+    power = float(np.mean(np.abs((F - found["OF"].value) * v)))
+    friction = float(np.mean((found["Fv"].value * v + found["Fc"].value * A[:, 2]) * v))
+    return DriveBalance(found["M"].value, found["M"].standard_error, friction / power if power else 0.0)
 
 
-def _equations(records: Sequence[Record]) -> tuple[Array, Array, Array, NDArray[np.bool_]] | None:
-    """Return regressors a, v, sgn(v), 1, shape (n, 4), force, time, and which rows are ends; None without force."""
+def drive_equations(records: Sequence[Record]) -> DriveEquations | None:
+    """Return the equations of the drive force; None without one, or if a record is too short for its filter."""
     rows, forces, times, ends = [], [], [], []
     for record in records:
         if record.force is None or record.friction is not None:
@@ -96,18 +99,15 @@ def _equations(records: Sequence[Record]) -> tuple[Array, Array, Array, NDArray[
         forces.append(segment.measured)
         times.append(segment.t)
         ends.append(np.minimum(np.arange(len(segment.t)), np.arange(len(segment.t))[::-1]) < 2 * BESIDE)
-    return np.concatenate(rows), np.concatenate(forces), np.concatenate(times), np.concatenate(ends)
+    return DriveEquations(np.concatenate(rows), np.concatenate(forces), np.concatenate(times), np.concatenate(ends))
 
 
-def missing_force(records: Sequence[Record]) -> RecordFinding | None:
+def missing_force(equations: DriveEquations, u: Words) -> RecordFinding | None:
     """Return a finding if, in some intervals, the motion needs another force than the recorded one.
 
     Mass and friction are fitted robustly (Tukey's bisquare), so that these intervals do not count. Samples near a
     reversal are left out, where a force that follows the sign of the velocity is smoothed by the filter.
     """
-    equations = _equations(records)
-    if equations is None:
-        return None
     A, F, t, ends = equations
     if len(F) <= 2 * BESIDE + 1:  # too short to tell a disturbance from a reversal
         return None
@@ -127,7 +127,6 @@ def missing_force(records: Sequence[Record]) -> RecordFinding | None:
     if np.count_nonzero(outside) < 3 * len(starts) or not len(starts) or np.mean(outside) > 0.4:
         return None
     size = float(np.median(np.abs(rest[outside])))
-    u = records[0].units.words
     what = (
         f"In {len(starts)} intervals, the first one at {t[starts[0]]:.4g} s, the motion needs about {size:.3g} {u.N} "
         f"more or less than the recorded drive {u.force}."
@@ -137,15 +136,12 @@ def missing_force(records: Sequence[Record]) -> RecordFinding | None:
     return RecordFinding("missing-force" if share > 0.1 else "disturbed-force", what, change)
 
 
-def clipped_force(records: Sequence[Record]) -> RecordFinding | None:
+def clipped_force(records: Sequence[Record], equations: DriveEquations) -> RecordFinding | None:
     """Return a finding if the acceleration varies while the force has its largest value, at the same velocity.
 
     A drive that gives its largest force accelerates the axis by what friction leaves, a function of the velocity; a
     measurement that is clipped does not.
     """
-    equations = _equations(records)
-    if equations is None:
-        return None
     A, _, t, _ = equations
     force = np.concatenate([record.column("force") for record in records])
     at = np.concatenate([record.t for record in records])
@@ -187,11 +183,13 @@ def stuck(records: Sequence[Record]) -> RecordFinding | None:
 def contradictions(records: Sequence[Record]) -> tuple[RecordFinding, ...]:
     """Return findings about a motion that no axis makes, and a force that no mass with friction needs for it."""
     about_position = tuple(position_findings(records))
-    balance = drive_balance(records)
-    if balance is None:
+    equations = drive_equations(records)
+    balance = None if equations is None else drive_balance(equations)
+    if equations is None or balance is None:
         return about_position
-    about_force = [each for each in (missing_force(records), clipped_force(records)) if each is not None]
-    return (*about_position, *_about_mass(balance, records[0].units), *about_force)
+    about_force = (missing_force(equations, records[0].units.words), clipped_force(records, equations))
+    about_mass = _about_mass(balance, records[0].units)
+    return (*about_position, *about_mass, *(each for each in about_force if each is not None))
 
 
 def _about_mass(balance: DriveBalance, units: AxisUnits) -> tuple[RecordFinding, ...]:

@@ -234,7 +234,7 @@ class Identification:
         over_motion.locator_params(axis="x", nbins=4)
         # some positions differ only in the fourth digit
         over_motion.ticklabel_format(axis="x", style="sci", scilimits=(-3, 4), useOffset=True)
-        over_time.legend(loc="upper right", fontsize="small")
+        over_time.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=2, frameon=False, fontsize="small")
         over_time.tick_params(labelbottom=False)
         error.plot(self.t, self.residuals, color=PREDICTED, lw=0.6)
         error.set_ylabel("predicted − measured")

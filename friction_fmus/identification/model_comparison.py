@@ -3,24 +3,40 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import Executor, ProcessPoolExecutor, as_completed
+from concurrent.futures import Executor, as_completed
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass, field
-from multiprocessing import get_context
 from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
 
-from friction_fmus.errors import FitError, FrictionError
+from friction_fmus.errors import FitError, FrictionError, RecordError
 from friction_fmus.identification.data.record import Record
 from friction_fmus.identification.fit.contact_model import contact_model
+from friction_fmus.identification.fit.idim import default_settings
 from friction_fmus.identification.identification_result import Identification
 from friction_fmus.identification.identifying import identify
 from friction_fmus.listings import comparison_html, comparison_text
+from harness.workers import worker_pool
 
 FAR: Final = 10.0
 """Ratio to the largest measured force beyond which a force parameter has run away: the drive overcame all friction."""
+
+
+def long_enough(records: Sequence[Record]) -> tuple[Record, ...]:
+    """Return the records that are long enough for the filter of a drive force; raise RecordError if none is."""
+    kept, short = [], ""
+    for record in records:
+        try:
+            if record.force is not None and record.friction is None:
+                default_settings(record).require(record)
+            kept.append(record)
+        except RecordError as error:
+            short = f"{str(error).partition(';')[0]} at {1.0 / record.Ts:.6g} Hz"
+    if not kept:
+        raise RecordError(f"{short}; log a longer motion with several reversals, or choose a longer window.")
+    return tuple(kept)
 
 
 def within_reach(
@@ -165,12 +181,15 @@ def compare_models(
             if progress:
                 progress(done, len(models))
     else:
-        with ProcessPoolExecutor(min(workers, len(models)), mp_context=get_context("spawn")) as pool:
+        with worker_pool(min(workers, len(models))) as pool:
             found = _in_parallel(pool, models, task, progress, ready)
     failed = {name: result for name, result in found.items() if isinstance(result, str)}
     results = [found[str(model)] for model in models if str(model) not in failed]
     if not results:
-        reasons = "; ".join(f"{name}: {reason}" for name, reason in failed.items())
+        models_of: dict[str, list[str]] = {}
+        for name, reason in failed.items():
+            models_of.setdefault(reason, []).append(name)
+        reasons = "; ".join(f"{', '.join(names)}: {reason}" for reason, names in models_of.items())
         raise FitError(f"No model could be identified ({reasons}); change the data or the options.")
     identified = [result for result in results if isinstance(result, Identification)]
     validated = all(result.validation is not None for result in identified)
@@ -203,19 +222,15 @@ def _in_parallel(
 ) -> dict[str, Identification | str]:
     found: dict[str, Identification | str] = {}
     waiting = {pool.submit(identify_one, model, task): str(model) for model in models}
-    try:
-        for done, future in enumerate(as_completed(waiting), start=1):
-            try:
-                found[waiting[future]] = future.result()
-            except BrokenProcessPool:
-                found[waiting[future]] = "a worker process died during this or another model; identify it alone"
-            if ready:
-                ready(found[waiting[future]])
-            if progress:
-                progress(done, len(models))
-    except BaseException:
-        pool.shutdown(wait=False, cancel_futures=True)
-        raise
+    for done, future in enumerate(as_completed(waiting), start=1):
+        try:
+            found[waiting[future]] = future.result()
+        except BrokenProcessPool:
+            found[waiting[future]] = "a worker process died during this or another model; identify it alone"
+        if ready:
+            ready(found[waiting[future]])
+        if progress:
+            progress(done, len(models))
     return found
 
 

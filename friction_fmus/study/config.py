@@ -204,7 +204,7 @@ def read_models(path: Path) -> list[str]:
     """Return the names of the models in the table ``[identify]`` of a TOML file; ``["all"]`` without one."""
     models = _table(read_table(path, ConfigError).content, "identify", str(path))
     models.known(("models",))
-    names = _names(models, "models", BEST_KNOWN_MODELS)
+    names = _names(models, "models", ALL)
     return [names] if isinstance(names, str) else list(names)
 
 
@@ -300,7 +300,7 @@ def _list(value: object, fits: Callable[[float], bool]) -> tuple[float, ...] | N
     return tuple(sorted(set(good))) if found and len(good) == len(found) else None
 
 
-def _names(table: TomlTable, key: str, default: tuple[str, ...]) -> tuple[str, ...] | str:
+def _names(table: TomlTable, key: str, default: tuple[str, ...] | str) -> tuple[str, ...] | str:
     if table.content.get(key) == ALL:
         return ALL
     if key not in table.content:

@@ -536,6 +536,9 @@ def _compared(record: Record, servo: Servo) -> ComparedForce:
     if np.count_nonzero(used) < 50:  # a unit is so wrong that all samples exceed the limit
         used[servo.window + SETTLING :] = True
     whole = ComparedForce(record.force, command, free, used, servo, record)
+    if servo.delay:  # the column may have the force that acts, which lags the command
+        late = replace(whole, command=shifted(command, servo.delay), unlimited=shifted(free, servo.delay))
+        whole = late if late.residual < whole.residual else whole
     if record.injected is None:
         return whole
     without = replace(whole, force=record.force - record.injected, included=True)

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final
 
-from friction_fmus.axis.servo import GAIN_UNITS, GAINS
+from friction_fmus.axis.servo import GAIN_UNITS, GAINS, Servo
 from friction_fmus.blocks.axis_units import SLIDING
 from friction_fmus.identification import Measurement
 from friction_fmus.identification.data.column_headings import columns_text, quoted
@@ -49,7 +49,7 @@ def settings_of(config: StudyConfig, data: Data, out: Path) -> tuple[WrittenFile
     if not config.bare or data.measurement is None or data.measurement.mapping.file is None or data.measurement.static:
         return ()
     if not (out / SETTINGS_FILE).exists():
-        known = Known(data.measurement.mapping.columns, measurement=data.measurement)
+        known = Known(data.measurement.mapping.columns, servo=_entries(config.servo), measurement=data.measurement)
         write_settings(out, read_table(data.measurement.mapping.file), known)
     return (WrittenFile(SETTINGS_FILE, "Settings of the study, to add the controller of the axis"),)
 
@@ -73,15 +73,29 @@ def settings_text(table: DataTable, known: Known, file: str, more: Sequence[str]
             *_windows(known.measurement),
             "",
             "[identify]",
-            'models = "all"  # or a list, such as ["Stribeck", "LuGre"]',
+            'models = ["Coulomb", "Stribeck", "LuGre"]  # or "all"',
             "",
             *_servo(known),
             "",
             "# [compensation]",
-            '# compensators = "all"  # or a list, such as ["StaticFeedforward", "DisturbanceObserver"]',
+            '# compensators = ["StaticFeedforward", "DisturbanceObserver"]  # or "all"; default: the best known',
             "",
         ]
     )
+
+
+def _entries(servo: Servo | None) -> dict[str, str]:
+    """Return the entries of ``[servo]`` for a servo; empty without one."""
+    if servo is None:
+        return {}
+    given = {"law": f'"{servo.law}"', **{name: f"{value:.6g}" for name, value in servo.gains.items()}}
+    given |= {"Ts": f"{servo.Ts:.6g}", "force_limit": f"{servo.force_limit:.6g}", "window": f"{servo.window}"}
+    given |= {"quantum": f"{servo.quantum:.6g}"}
+    if servo.velocity_feedforward:
+        given["velocity_feedforward"] = "true"
+    if servo.inertia_feedforward:
+        given["inertia_feedforward"] = f"{servo.inertia_feedforward:.6g}"
+    return given | ({"delay": f"{servo.delay}"} if servo.delay else {})
 
 
 def _relative(file: Path, folder: Path) -> str:
@@ -119,6 +133,9 @@ def _servo(known: Known) -> list[str]:
     }
     if record is not None and record.force is None:
         entries["mass"] = (known.servo.get("mass", blank), f"{u.kg}, because the record has no drive {u.force}")
+    for name in ("velocity_feedforward", "inertia_feedforward", "delay"):
+        if name in known.servo:
+            entries[name] = (known.servo[name], "estimated from the record")
     lines = ["[servo]", f'law = "{law}"  # "CascadePPI" with kp, kv, ki, or "PID" with Kp, Kd, Ki']
     lines += [f"{name} = {value}  # {unit}" for name, (value, unit) in entries.items()]
     if known.servo:

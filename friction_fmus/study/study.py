@@ -45,6 +45,7 @@ from friction_fmus.study.model_ranking import (
 )
 from friction_fmus.study.recommendation import AS_MEASURED, improves
 from friction_fmus.study.servo_check import CheckedServo, check_servo
+from friction_fmus.study.servo_estimate import estimate_servo
 from friction_fmus.study.settings_file import SETTINGS_FILE, settings_of
 from friction_fmus.study.steps import CACHE, Step, StepCache, run_steps, workers
 from friction_fmus.study.study_files import OWN, Figures, export_models, export_recommended
@@ -359,6 +360,34 @@ def without_loop(models: Sequence[IdentifiedModel]) -> list[IdentifiedModel]:
     return found
 
 
+NOT_SIMULATED: Final = (
+    *("saturated", "friction-drifts", "offset-drifts", "gravity", "backlash", "two-masses"),
+    "direction-dependent-friction",
+)
+"""Findings about the plant that the simulated axis, a rigid mass with friction, does not have."""
+
+NARROW: Final = 3.0
+"""Band of the plant over the natural frequency of the position loop below which tracking errors are not claimed."""
+
+
+def claim_findings(bench: AxisBench, band: float, beyond: Sequence[str], units: AxisUnits) -> tuple[StudyFinding, ...]:
+    """Return a finding if the tracking errors of the simulated axis need not come true on the machine."""
+    natural = bench.bandwidth / (2.0 * math.pi)
+    reasons = []
+    if band < NARROW * natural:
+        reasons.append(
+            f"the record supports a rigid {units.words.mass} up to {band:.3g} Hz only, and the position loop has a "
+            f"natural frequency of {natural:.3g} Hz"
+        )
+    if beyond:
+        reasons.append(f"the simulated axis has none of this: {', '.join(beyond)}")
+    if not reasons:
+        return ()
+    what = f"The tracking errors of this report cannot be claimed for the machine: {'; '.join(reasons)}."
+    change = "Record a motion that excites higher frequencies, such as a chirp, and repeat the study."
+    return (StudyFinding("errors-not-claimed", what, change),)
+
+
 def not_trusted(findings: Sequence[StudyFinding]) -> str:
     """Return why no compensator is compared, in one sentence."""
     names = ", ".join(finding.name for finding in findings if finding.stops)
@@ -584,24 +613,29 @@ class _Study:
         self.progress(0.0)
         data = load_data(self.config, self.out / CACHE)
         _check_duration(self.config, data)
+        guessed = estimate_servo(data.longest) if self.config.servo is None and data.longest.units.known else None
+        if guessed is not None:
+            self.config = replace(self.config, servo=guessed.servo)
         servo = self.config.servo
         if servo is not None and servo.quantum == OF_RECORD:
             self.config = replace(self.config, servo=replace(servo, quantum=data.longest.quantum))
         check_period(data.longest, self.config.servo)
         checked = check_servo(data.longest, self.config.servo)
         data = data.with_total_force(checked.included)
-        findings = list(checked.result.findings)
+        findings = [*([] if guessed is None else [guessed.finding]), *checked.result.findings]
         named = {finding.name for finding in findings}
         findings += [each for each in force_findings(data.records, self.config.servo) if each.name not in named]
         about = data.measurement.findings if data.measurement is not None else ()
         findings += [
             StudyFinding(each.name, each.what, each.measure, True) for each in about if each.name in FORBIDDING
         ]
+        beyond: list[str] = []
         if self._goes_on(findings):
             shown, resonances = plant_findings(data.records, servo.force_limit if servo is not None else None)
             own = [StudyFinding(each.name, each.what, each.measure) for each in shown]
             findings = sorted([*findings, *own], key=lambda each: each.name != "saturated")
             self.config = replace(self.config, resonances=self.config.resonances or resonances)
+            beyond = [each.name for each in shown if each.name in NOT_SIMULATED]
         models = self._models(data, checked, self._goes_on(findings))
         findings += loop_findings(models, any(found.row.closed_loop for found in models), data.longest.units.words)
         if models[0].row.rank is None:
@@ -623,6 +657,7 @@ class _Study:
         if not missing:
             bench = self._bench(data, best)
             comparison = self._comparison(data, models, bench)
+            findings += claim_findings(bench, comparison.limits.band, beyond, data.longest.units)
             metrics = comparison.recommended.metrics
             figures = None if metrics is None else Figures(metrics.rms, data.longest.units.position)
             name, citation = data.longest.name, data.longest.citation

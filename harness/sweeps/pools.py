@@ -13,6 +13,7 @@ import threading
 from collections.abc import Iterator, Sequence
 from concurrent.futures import BrokenExecutor, CancelledError, Future, ProcessPoolExecutor, ThreadPoolExecutor
 from contextlib import contextmanager, suppress
+from functools import partial
 from importlib.machinery import PathFinder
 from multiprocessing.context import BaseContext
 from pathlib import Path
@@ -25,6 +26,7 @@ from harness.processors import available
 from harness.storage.files import ScratchFolder
 from harness.sweeps.samples import Sample
 from harness.sweeps.worker import Job, Outcome, close_runners, run_chunk
+from harness.workers import end_with_parent
 
 _LOG = logging.getLogger("harness")
 
@@ -286,12 +288,4 @@ def _prepare_process(scratch: str) -> None:
     if hasattr(os, "setpgrp"):
         os.setpgrp()  # Ctrl-C goes to the sweep, which ends its workers
     tempfile.tempdir = scratch
-    threading.Thread(target=_end_with_parent, args=(scratch,), daemon=True).start()
-
-
-def _end_with_parent(scratch: str) -> None:
-    parent = multiprocessing.parent_process()
-    if parent is not None:
-        parent.join()
-        shutil.rmtree(scratch, ignore_errors=True)
-        os._exit(1)
+    end_with_parent(partial(shutil.rmtree, scratch, ignore_errors=True))

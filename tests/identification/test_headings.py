@@ -7,6 +7,7 @@ import pytest
 
 from friction_fmus.identification import ROTARY, RecordError, read_measurement, read_records
 from friction_fmus.identification.data.column_headings import Meaning, meaning_of
+from friction_fmus.identification.data.formats import read_table
 
 T = np.arange(100) * 2e-3
 X = 5.0 * np.sin(2 * np.pi * 10 * T)  # mm
@@ -24,9 +25,9 @@ def saved(folder: Path, text: str, name: str = "axis.csv") -> Path:
     return path
 
 
-def assert_is_the_axis(path: Path) -> None:
+def assert_is_the_axis(path: Path, exact: float = 1e-9) -> None:
     (record,) = read_measurement(path).records
-    assert record.t == pytest.approx(T, abs=1e-9)
+    assert record.t == pytest.approx(T, abs=exact)
     assert record.q == pytest.approx(1e-3 * X, abs=1e-9)
     assert record.force == pytest.approx(F, abs=1e-6)
 
@@ -223,7 +224,14 @@ def test_time_stamps_of_windows_are_counted_from_the_first_one(tmp_path: Path) -
     ticks = [132959733843760000 + 20000 * i for i in range(len(T))]
     rows = [f"{tick},{x:.9g},{f:.9g}" for tick, x, f in zip(ticks, X, F, strict=True)]
     head = "Name,Scope Project\nFile,C:\\scope.csv\n\nName,ActPos,ActForce\nUnit,mm (Length),N (Force)\n"
-    assert_is_the_axis(saved(tmp_path, head + "\n".join(rows)))
+    path = saved(tmp_path, head + "\n".join(rows))
+    assert_is_the_axis(path, exact=2.0**-23)  # digit of seconds since 1970
+    slow = [
+        f"{row},{tick},1" if i % 4 == 0 else f"{row},," for i, (row, tick) in enumerate(zip(rows, ticks, strict=True))
+    ]
+    names = head.replace("ActForce", "ActForce,Name,Ch").replace("N (Force)", "N (Force),Unit,1")
+    table = read_table(saved(tmp_path, names + "\n".join(slow)))
+    assert np.diff(table.columns["time"]) == pytest.approx(0.002, abs=1e-6)
 
 
 def test_a_channel_of_another_sample_time_is_interpolated_and_named(tmp_path: Path) -> None:
@@ -240,5 +248,5 @@ def test_a_channel_of_another_sample_time_is_interpolated_and_named(tmp_path: Pa
 def test_a_text_in_a_channel_is_named_with_its_line(tmp_path: Path) -> None:
     text = scope((1e3 * T, 1e3 * T), (X, F))
     broken = text[: text.rindex("\t") + 1] + "overflow"
-    with pytest.raises(RecordError, match=f"the text 'overflow' in line {len(text.splitlines())}, channel 'ActForce'"):
+    with pytest.raises(RecordError, match=f"'ActForce'.* contains 'overflow' in line {len(text.splitlines())}"):
         read_records(saved(tmp_path, broken))

@@ -12,6 +12,7 @@ import h5py
 import numpy as np
 import pytest
 import scipy.io
+from scipy.io.matlab import MatlabOpaque
 
 from friction_fmus.identification import RecordError
 from friction_fmus.identification.data import tables
@@ -169,6 +170,24 @@ def test_names_in_each_line_of_a_serial_port(tmp_path: Path) -> None:
 def test_encodings_of_a_text(tmp_path: Path, encoding: str) -> None:
     table = read(tmp_path, "Zeit [s];Winkel [°];M [Nm]\n" + rows(T, X, F), encoding=encoding)
     assert_columns(table, {"Zeit": T, "Winkel": X, "M": F}, {"Zeit": "s", "Winkel": "°", "M": "Nm"})
+
+
+@pytest.mark.parametrize(
+    ("encoding", "shown", "names"),
+    [
+        ("gbk", "GBK", ["时间", "实际位置", "电机转矩"]),
+        ("cp932", "Shift-JIS", ["時間", "フィードバック位置", "モータトルク"]),
+        ("cp1252", "ISO-8859-1", ["Zeit für Läufe", "Größe", "Öldruck über Höhe"]),
+        ("cp1252", "ISO-8859-1", ["temps écoulé", "posição à", "força"]),
+    ],
+)
+def test_headings_in_encodings_without_a_mark(tmp_path: Path, encoding: str, shown: str, names: list[str]) -> None:
+    brackets = "[]" if encoding == "cp1252" else "（）"
+    units = dict(zip(names, ("ms", "µm" if encoding == "cp1252" else "mm", "N.m"), strict=True))
+    head = ";".join(f"{name}{brackets[0]}{unit}{brackets[1]}" for name, unit in units.items())
+    table = read(tmp_path, f"{head}\n{rows(1e3 * T, X, F)}", encoding=encoding)
+    assert_columns(table, dict(zip(names, (1e3 * T, X, F), strict=True)), units)
+    assert shown in table.format
 
 
 @pytest.mark.parametrize("separator", [";", "\t", " "])
@@ -369,6 +388,39 @@ def test_structures_of_matlab_7_3(tmp_path: Path) -> None:
         file["note"].attrs["MATLAB_class"] = np.bytes_("char")
     table = read_table(tmp_path / "a.mat")
     assert_columns(table, {"out.signals.values(1)": X, "out.signals.values(2)": F, "out.time": T})
+
+
+@pytest.mark.parametrize(
+    ("kind", "how"),
+    [("timeseries", r"ts = struct\('time', ts.Time, 'data', ts.Data\)"), ("table", r"writetable\(ts, 'log.csv'\)")],
+)
+@pytest.mark.parametrize("version", ["5", "7.3"])
+def test_objects_of_matlab_are_refused_with_a_way_to_save_them(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, kind: str, how: str, version: str
+) -> None:
+    """Version 5 as scipy returns an object, 7.3 as MATLAB marks one; beside vectors, an object is no column."""
+    path, vectors = tmp_path / "a.mat", {"t": T, "x": X}
+
+    def save(**vectors: np.ndarray) -> None:
+        if version == "5":
+            fields = [(name, object) for name in ("s0", "s1", "s2", "arr")]
+            content = {"None": MatlabOpaque(np.array((b"ts", b"MCOS", kind.encode(), np.zeros((6, 1))), fields))}
+            monkeypatch.setattr(scipy.io, "loadmat", lambda *_, **__: {**content, **vectors})
+            path.write_bytes(bytes(128))
+            return
+        with h5py.File(path, "w", userblock_size=512) as file:
+            file["ts"] = np.arange(6, dtype=np.uint32)
+            file["ts"].attrs["MATLAB_class"], file["ts"].attrs["MATLAB_object_decode"] = np.bytes_(kind), 3
+            for name, values in vectors.items():
+                file[name] = values
+
+    save()
+    with pytest.raises(RecordError, match=f"ts, an object of the class {kind}, .*{how}"):
+        read_table(path)
+    save(**vectors)
+    table = read_table(path)
+    assert_columns(table, vectors)
+    assert dict(table.texts) == {"ts": f"an object ({kind})"}
 
 
 def test_groups_and_fields_of_hdf5(tmp_path: Path) -> None:

@@ -177,6 +177,53 @@ def test_steady_speeds_give_friction_without_the_offset(tmp_path: Path) -> None:
     assert found(measurement) == pytest.approx({"Fc": FC, "Fv": FV}, rel=1e-6)
 
 
+def test_columns_are_counted_as_in_the_file(tmp_path: Path) -> None:
+    """A column of texts counts; the lines about what was read and the option agree."""
+    path = tmp_path / "my.csv"
+    rows = [f"{t:.6g},ready,{q:.9g},{tau:.9g}" for t, q, tau in zip(T, Q, TAU, strict=True)]
+    path.write_text("\n".join(["when [s],state,one,two", *rows]) + "\n", encoding="utf-8")
+    measurement = read_measurement(path, DataMapping(path, option="time=1 s, position=3 rad, torque=4 N.m"))
+    assert used(measurement) == {"time": "when", "position": "one", "force": "two"}
+    assert dict(measurement.understood)["position"].startswith("column 3 'one'")
+    with pytest.raises(RecordError, match=r"column 'state' for the position, is not numeric"):
+        read_measurement(path, DataMapping(path, option="time=1 s, position=2 rad, torque=4 N.m"))
+
+
+@pytest.mark.parametrize(
+    ("heading", "gain", "message"),
+    [
+        ("Q [deg],Strom [A]", "0.5x", "--gain is '0.5x', .* use the form '0.5 N.m/A'"),
+        ("Q [deg],Strom [A]", "0.5", "--gain '0.5' times the unit 'A' of 'Strom' is not in N.m; .*'0.5 N.m/A'"),
+        ("Q [mm],Strom [A]", "70 N.m/A", "is not in N; use the form '0.5 N/A'"),
+        ("Q [mm],Torque [%]", "6x", "use the form '6 N'"),
+        ("Q [deg],Torque", "6 N.m/A", "times the unit '1' of 'Torque' is not in N.m; use the form '0.06 N.m'"),
+    ],
+)
+def test_a_wrong_gain_is_refused_with_one_that_fits(tmp_path: Path, heading: str, gain: str, message: str) -> None:
+    path = saved(tmp_path, f"t [s],{heading}", T, Q * 180 / np.pi, 2 * TAU)
+    with pytest.raises(RecordError, match=message):
+        read_measurement(path, DataMapping(path, gain=gain))
+
+
+def test_steady_speeds_have_a_gain_but_no_time(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    speeds = np.concatenate([np.linspace(0.5, 9.0, 20), -np.linspace(0.5, 9.0, 20)])
+    current = 2.0 * (FC * np.sign(speeds) + FV * speeds)
+    path = saved(tmp_path, "omega [rad/s],current [A]", speeds, current)
+    measurement = read_measurement(path, DataMapping(path, gain="0.5 N.m/A"))
+    assert measurement.records[0].units == ROTARY
+    assert found(measurement) == pytest.approx({"Fc": FC, "Fv": FV})
+    main(["identify", str(path), "--gain", "0.5 N.m/A", "--model", "Coulomb", "-o", str(tmp_path / "out")])
+    printed = capsys.readouterr().out
+    assert "training data 40 steady speeds; no validation data" in printed
+
+
+def test_a_coasting_axis_has_no_drive_with_a_gain(tmp_path: Path) -> None:
+    path = saved(tmp_path, "t [s],omega [rad/s]", T, np.maximum(20.0 - 10.0 * T, 0.0))
+    assert read_measurement(path).static
+    with pytest.raises(RecordError, match=r"--gain 0\.5 N\.m/A needs a drive force"):
+        read_measurement(path, DataMapping(path, gain="0.5 N.m/A"))
+
+
 def test_coasting_gives_friction_over_inertia(tmp_path: Path) -> None:
     t = np.arange(600) * 1e-3
     v = np.maximum((30.0 + FC / FV) * np.exp(-FV / J * t) - FC / FV, 0.0)  # J v' = -Fc - Fv v

@@ -17,7 +17,7 @@ from friction_fmus.__main__ import main
 from friction_fmus.axis.servo import Servo
 from friction_fmus.data import load_emps
 from friction_fmus.identification import Record
-from friction_fmus.identification.force_findings import contradictions, drive_balance
+from friction_fmus.identification.force_findings import contradictions, drive_balance, drive_equations
 from friction_fmus.study import load_config
 from friction_fmus.study.data import load_data, measured_servo
 from friction_fmus.study.model_ranking import IdentifiedModel, Measured, identify_model, in_closed_loop, refine
@@ -160,7 +160,9 @@ def test_the_study_of_pulses_uses_them(folder: Path, tmp_path: Path, capsys: pyt
 def test_balance_of_the_drive_force() -> None:
     log = axis.simulate(8.0)
     record = Record("axis", log.t, q=log.q, force=log.force)
-    balance = drive_balance([record])
+    equations = drive_equations([record])
+    assert equations is not None
+    balance = drive_balance(equations)
     assert balance is not None
     assert balance.mass == pytest.approx(axis.M, rel=0.01)
     assert balance.dissipated > 0.9  # over whole strokes the drive supplies what friction dissipates

@@ -90,7 +90,7 @@ def run(options: argparse.Namespace) -> int:
     from friction_fmus.identification.data.reading import default_windows
     from friction_fmus.identification.fit.contact_model import contact_model
     from friction_fmus.identification.force_findings import FORBIDDING, contradictions, stuck
-    from friction_fmus.identification.model_comparison import IdentificationTask, compare_models
+    from friction_fmus.identification.model_comparison import IdentificationTask, compare_models, long_enough
     from friction_fmus.identification.result_files import write_results
 
     data = options.data[0]
@@ -108,8 +108,8 @@ def run(options: argparse.Namespace) -> int:
     show_understood(measurement)
     show_first_look(measurement.records)  # before anything takes time
     windows = _windows(options, measurement) or default_windows(measurement.records)
-    train = measurement.window(*windows["train"])
-    validation = measurement.window(*windows["validation"]) if "validation" in windows else ()
+    train = long_enough(measurement.window(*windows["train"]))
+    validation = long_enough(measurement.window(*windows["validation"])) if "validation" in windows else ()
     if measurement.static:
         models = [name for name in models if contact_model(name, train[0].units).static]
         if not models:
@@ -117,7 +117,7 @@ def run(options: argparse.Namespace) -> int:
     about = () if measurement.static else (*examine_segments(train), *contradictions(train), stuck(train))
     findings = (*measurement.findings, *(finding for finding in about if finding is not None))
     wrong = [finding.name for finding in findings if finding.name in FORBIDDING]
-    show_data(train, validation, findings)
+    show_data(train, validation, findings, measurement.steady)
     task = IdentificationTask(
         train,
         validation,

@@ -107,7 +107,9 @@ def run(options: argparse.Namespace) -> int:
     what = {
         "report.html": "Report",
         "recommended": "Recommended compensator",
-        SETTINGS_FILE: "Settings; add the controller to [servo] there to compare compensators",
+        SETTINGS_FILE: "Settings; correct the controller in [servo] there"
+        if result.plant
+        else "Settings; add the controller to [servo] there to compare compensators",
     }
     for name, text in what.items():
         if any(file.path.partition("/")[0] == name for file in result.files):

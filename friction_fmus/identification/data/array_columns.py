@@ -22,9 +22,7 @@ def columns_of(name: str, array: Any, form: str = "{}[{}]", first: int = 0) -> I
         for each in array.dtype.names:
             yield from columns_of(f"{name}.{each}" if name else each, array[each], form, first)
         return
-    if array.dtype.kind == "m":
-        array = array.astype("timedelta64[ns]").astype(np.int64) * 1e-9
-    if array.dtype.kind not in NUMBERS + "M":
+    if array.dtype.kind not in NUMBERS + "mM":
         return
     array = np.squeeze(array)
     if array.ndim == 1:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any, Final
 
@@ -65,9 +65,11 @@ class ColumnBuilder:
         return False
 
     def add_array(self, values: NDArray[Any]) -> None:
-        """Add an array of numbers or dates."""
+        """Add an array of numbers, dates or durations, which become seconds."""
         if values.dtype.kind == "M":
             self._append("moment", values.astype("datetime64[ns]").astype(np.int64), _FIRST, "")
+        elif values.dtype.kind == "m":
+            self._append("number", values.astype("timedelta64[ns]").astype(np.int64) * 1e-9, _FIRST, "")
         else:
             kept = values.dtype.kind in "iu" and values.dtype != np.uint64
             self._append("number", values.astype(np.int64 if kept else np.float64), _FIRST, "")
@@ -130,6 +132,14 @@ class ColumnBuilder:
         self.text = f"{cell!r} in line {line}"
 
 
+def object_columns(names: Sequence[str], cells: Iterable[Sequence[Any]]) -> list[ColumnBuilder]:
+    """Return columns of numbers, truth values, dates and texts of Python."""
+    columns = [ColumnBuilder(name) for name in names]
+    for column, values in zip(columns, cells, strict=True):
+        column.add_objects(values)
+    return columns
+
+
 def _float(value: float) -> float:
     try:
         return float(value)
@@ -180,4 +190,5 @@ def made_table(
         period=heading.period,
         start=start,
         clocks=tuple(known),
+        order=tuple(column.name for column in columns),
     )

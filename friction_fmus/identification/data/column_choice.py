@@ -10,9 +10,10 @@ from pathlib import Path
 from typing import Final
 
 from friction_fmus.errors import AmbiguousColumnsError, RecordError
+from friction_fmus.identification.data import COLUMNS_EXAMPLE
 from friction_fmus.identification.data.column_guess import ColumnCandidate, Guesser
 from friction_fmus.identification.data.column_headings import Guess, columns_text, guess_columns, quoted
-from friction_fmus.identification.data.mapping import UNKNOWN, Column, scale_text
+from friction_fmus.identification.data.mapping import UNKNOWN, Column, axis_of, scale_text, with_gain
 from friction_fmus.identification.data.record import ROLES, fits, parse_quantity, unit_of
 from friction_fmus.identification.data.tables import DataTable
 from harness.units import BaseUnit
@@ -21,7 +22,7 @@ ALIASES: Final = {
     **dict.fromkeys(("current", "torque", "drive", "command", "moment"), "force"),
     **{"speed": "velocity", "angle": "position"},
 }
-FORM: Final = "use the form \"time=1 ms, position=4 1/8192 rev, current='Motor current' mA\""
+NO_DRIVE: Final = "{}: --gain {} needs a drive force, torque or current; name its column."
 SHOWN: Final = 4  # most candidates that are shown
 
 _ITEM = re.compile(r"""\s*(\w+)\s*=\s*(-?)\s*(?:"([^"]*)"|'([^']*)'|([^,]*?(?=,\s*\w+\s*=|$)))\s*([^,]*?)\s*(?:,|$)""")
@@ -51,8 +52,8 @@ def chosen_columns(
     columns = dict(found.columns)
     if gain:
         if "force" not in columns:
-            raise RecordError(f"{path}: --gain {gain} needs a drive force, torque or current; name its column.")
-        columns["force"] = replace(columns["force"], gain=gain)
+            raise RecordError(NO_DRIVE.format(path, gain))
+        columns["force"] = with_gain(columns["force"], gain, axis_of(columns))
     return columns, dict(found.reasons), notes
 
 
@@ -100,20 +101,20 @@ def command_text(columns: Mapping[str, Column]) -> str:
 
 
 def columns_of_option(option: str, table: DataTable) -> dict[str, Column]:
-    """Return the columns of the option ``--columns``, such as ``time=1 ms, position=4 1/8192 rev, current=6 mA``."""
+    """Return the columns of the option ``--columns``, such as `COLUMNS_EXAMPLE`."""
     columns: dict[str, Column] = {}
     at = 0
     while at < len(option):
         found = _ITEM.match(option, at)
         if found is None or found.end() == at:
-            raise RecordError(f"--columns has {option[at:]!r}; {FORM}.")
+            raise RecordError(f'--columns has {option[at:]!r}; use the form "{COLUMNS_EXAMPLE}".')
         at = found.end()
         name, minus, double, single, bare, unit = found.groups()
         role = ALIASES.get(name, name)
         if role == "period":
             text = f"{bare or ''} {unit}".strip()
             columns["time"] = Column("", period=text)
-            parse_quantity(text, "--columns, period,")
+            parse_quantity(text, "--columns, period,", "1 ms")
             continue
         if role not in ROLES:
             raise RecordError(f"--columns has the unknown role {name!r}; use {', '.join((*ROLES, *ALIASES))}.")
@@ -150,7 +151,7 @@ def _scaled(role: str, column: Column, unit: str, table: DataTable) -> Column:
     if fraction := _FRACTION.fullmatch(unit):
         unit = f"{float(fraction[1]) / float(fraction[2]):.15g} {fraction[3]}"
     if unit[:1].isdigit() and unit_of(unit) is None:
-        parse_quantity(unit, f"--columns, {role},")
+        parse_quantity(unit, f"--columns, {role},", "1/8192 rev" if ROLES[role].quantity == "position" else "6 N.m")
         return replace(column, unit="1", gain=unit)
     known = unit_of(unit) if unit else BaseUnit()
     if known is None:

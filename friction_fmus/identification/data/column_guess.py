@@ -5,20 +5,22 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import permutations
 from typing import Final
 
 import numpy as np
 
-from friction_fmus.identification.data.column_headings import ColumnMeaning, about, epoch_unit
-from friction_fmus.identification.data.mapping import UNKNOWN, Column
+from friction_fmus.identification.data.column_headings import TIMES, ColumnMeaning, about, epoch_unit
+from friction_fmus.identification.data.mapping import UNKNOWN, Column, axis_of
 from friction_fmus.identification.data.motion_tests import (
     DERIVATIVE,
+    MOST,
     SAME,
     DriveShare,
     SampledColumns,
     longest_run,
-    unwrapped,
     without_gaps,
+    without_jumps,
 )
 from friction_fmus.identification.data.record import Array, RecordFinding, axis_units, factor, fits, unit_of
 from friction_fmus.identification.data.tables import DataTable
@@ -27,12 +29,11 @@ from harness.units import BaseUnit
 EXPLAINED: Final = 0.5, 0.7  # least share of the variance of a drive signal with and without a name
 CLEARER: Final = 2.0  # ratio of what is left unexplained above which the better of two guesses is clear
 RATES: Final = (10.0, 5e4)  # sample rates of axes; a time without unit is only read if one unit leads to them [Hz]
-TIMES: Final = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 LATE: Final = 0.3  # share of the difference of two signals that a lag explains if one is the command of the other
 CLOSE: Final = 0.03  # relative difference of a factor between two columns that rounding and noise can cause
 CERTAIN: Final = 0.995  # correlation with a derivative that no force has, in spite of inertia
 DERIVED: Final = "actual position"  # heading of a position computed from reference and error
-MOST: Final = 40  # most columns without a name that are tried
+UNNAMED: Final = 40  # most columns without a name that are tried
 
 
 @dataclass(frozen=True)
@@ -107,7 +108,7 @@ class Guesser:
         clock = self._clock()
         if clock is None:
             return Guessed((), tuple(self.problems))
-        t = unwrapped(self.table.columns[clock]) if clock else np.arange(float(self.table_length))
+        t = without_jumps(self.table.columns[clock]) if clock else np.arange(float(self.table_length))
         run = longest_run(t)
         names = [name for name, each in self.about.items() if name != clock and each.kind not in ("time", "other")]
         self.data = SampledColumns(
@@ -233,7 +234,7 @@ class Guesser:
         """Return the motions in a file."""
         positions, velocities = self._named(names, "position"), self._named(names, "velocity")
         if not positions and not velocities:
-            positions = velocities = [name for name in names if not self.about[name].kind][:MOST]
+            positions = velocities = [name for name in names if not self.about[name].kind][:UNNAMED]
         free = positions is velocities
         found = []
         followed: set[str] = set()
@@ -260,7 +261,7 @@ class Guesser:
         forces = self._named(left, "force") or self._named(left, "force", ("reference",))
         named = bool(forces)
         if not named:
-            forces = [name for name in left if not self.about[name].kind][:MOST]
+            forces = [name for name in left if not self.about[name].kind][:UNNAMED]
         own = [name for name in forces if motion.axis and self.about[name].axis == motion.axis]
         if named and own and len({self.about[name].axis for name in forces}) > 1:
             forces = own
@@ -297,7 +298,7 @@ class Guesser:
         plain = [fit for fit in chosen if not fit.motion.axis]
         widest = max(
             plain if len(plain) == 1 else chosen,
-            key=lambda fit: float(np.ptp(unwrapped(self.data.values[fit.motion.main]))),
+            key=lambda fit: float(np.ptp(without_jumps(self.data.values[fit.motion.main]))),
         )
         rest = ", ".join(f"{fit.motion.main!r} with {fit.force!r}" for fit in chosen if fit is not widest)
         why = "has no number" if len(plain) == 1 else "moves furthest"
@@ -309,29 +310,17 @@ class Guesser:
         best = max(fits_of, key=lambda fit: (fit.drive.share, bool(fit.motion.velocity)))
         close = [fit for fit in fits_of if _left(fit) < CLEARER * _left(best)]
         whole = [fit for fit in close if fit.motion.position and fit.motion.velocity]
-        for fit in list(close):  # a part of a motion is not another motion
-            if any(
-                fit is not each
-                and fit.motion.main in (each.motion.position, each.motion.velocity)
-                and (fit.motion.main == each.motion.position) == bool(fit.motion.position)
-                for each in whole
-            ) and not (fit.motion.position and fit.motion.velocity):
-                close.remove(fit)
-        actual = close
-        for fit in close:
-            for other in close:
-                if fit is other or fit not in actual or other not in actual:
-                    continue
-                if (
-                    abs(self._together(fit.motion, other.motion)) > SAME
-                    and fit.motion.position
-                    and other.motion.position
-                ):
-                    late, share = self.data.lag(fit.motion.position, other.motion.position)
-                    if share > LATE and late > 0.02:
-                        actual = [each for each in actual if each is not fit]
-                        self.notes.append(f"{fit.motion.main!r} leads {other.motion.main!r}: it is the reference")
-        return actual
+        # a part of a motion is not another motion
+        parts = {part for fit in whole for part in (("", fit.motion.velocity), (fit.motion.position, ""))}
+        close = [fit for fit in close if (fit.motion.position, fit.motion.velocity) not in parts]
+        kept = list(close)
+        for fit, other in permutations(close, 2):
+            a, b = fit.motion, other.motion
+            both = fit in kept and other in kept and a.position and b.position
+            if both and abs(self._together(a, b)) > SAME and self._leads(a.position, b.position):
+                kept.remove(fit)
+                self.notes.append(f"{a.main!r} leads {b.main!r}: it is the reference")
+        return kept
 
     def _best_forces(self, fits_of: Sequence[ForceFit]) -> list[ForceFit]:
         """Return the force of a motion: in a unit of force, then a current, then others; several if that is open."""
@@ -340,19 +329,20 @@ class Guesser:
         best = max(ranked, key=lambda fit: fit.drive.share)
         close = [fit for fit in ranked if _left(fit) < CLEARER * _left(best) or not self.about[fit.force].kind]
         kept = list(close)
-        for fit in close:
-            for other in close:
-                if fit is other or fit not in kept or other not in kept:
-                    continue
-                named = self.about[fit.force].kind and self.about[other.force].kind
-                if named and abs(self.data.same(fit.force, other.force)) > SAME:
-                    late, share = self.data.lag(fit.force, other.force)
-                    if share > LATE and late > 0.02:
-                        kept.remove(fit)
+        for fit, other in permutations(close, 2):
+            a, b = fit.force, other.force
+            both = fit in kept and other in kept and self.about[a].kind and self.about[b].kind
+            if both and abs(self.data.same(a, b)) > SAME and self._leads(a, b):
+                kept.remove(fit)
         unused = [fit.force for fit in fits_of if fit not in kept]
         if unused and len(kept) == 1:
             self.notes.append(f"other signals of the drive, not used: {', '.join(map(repr, dict.fromkeys(unused)))}")
         return kept
+
+    def _leads(self, a: str, b: str) -> bool:
+        """Return whether column b lags behind column a, as an actual value does behind its reference."""
+        late, share = self.data.lag(a, b)
+        return share > LATE and late > 0.02
 
     def _rank(self, name: str) -> int:
         """Return the order in which signals of a drive are preferred."""
@@ -383,8 +373,7 @@ class Guesser:
         if fit.force:
             own, main = unit_of(self.about[fit.force].unit), "position" if "position" in columns else "velocity"
             known = columns[main].gain != UNKNOWN
-            axis = axis_units(main, unit_of(columns[main].gain.partition(" ")[2] or columns[main].unit) or BaseUnit())
-            valid = own is not None and known and axis is not None and factor("force", own, axis) is not None
+            valid = own is not None and known and factor("force", own, axis_of(columns)) is not None
             free = own is not None and not known and fits("force", own)
             unit = self.about[fit.force].unit
             columns["force"] = Column(fit.force, unit if unit else "1", "" if valid or free else UNKNOWN)
@@ -461,7 +450,7 @@ def with_actual_position(table: DataTable) -> DataTable:
     (r,), (e,) = signals["reference"], signals["error"]
     if kinds[r].unit != kinds[e].unit or not kinds[r].unit or any(each.kind == "velocity" for each in kinds.values()):
         return table
-    reference, error = (without_gaps(table.columns[name][: 4 * 20_000]) for name in (r, e))
+    reference, error = (without_gaps(table.columns[name][: 4 * MOST]) for name in (r, e))
     data = SampledColumns({"r": reference, "-": reference - error, "+": reference + error}, 1.0)
     late = {sign: data.lag("r", sign) for sign in "-+"}
     sign = max(late, key=lambda each: late[each][0])
@@ -485,7 +474,7 @@ def _left(fit: ForceFit) -> float:
 
 def _increases(t: Array, even: bool = False) -> bool:
     """Return whether a column increases, apart from a few faults; if wanted, at nearly equal steps."""
-    steps = np.diff(unwrapped(t))
+    steps = np.diff(without_jumps(t))
     if len(steps) < 20 or np.mean(steps > 0.0) < 0.98:
         return False
     usual = float(np.median(steps))

@@ -17,47 +17,47 @@ from friction_fmus.identification.data.tables import DataTable
 from harness.units import BaseUnit
 from harness.values import is_line
 
+
+def _words(text: str) -> tuple[str, ...]:
+    """Return words or names that are separated by commas."""
+    return tuple(" ".join(each.split()) for each in text.split(","))
+
+
 NAMES = {
-    "time": (
-        *("t", "time", "timestamp", "elapsed time", "relative time"),
-        *("zeit", "zeitstempel", "messzeit"),
-    ),
-    "position": (
-        *("x", "q", "phi", "theta", "pos", "position", "angle", "displacement"),
-        *("act pos", "pos act", "actual position", "position actual", "position actual value", "actual angle"),
-        *("measured position", "position feedback", "feedback position", "encoder position", "x act", "q act"),
-        *("ist position", "position ist", "positions istwert", "lage", "ist lage", "lage ist", "lage istwert", "weg"),
-        *("ist weg", "winkel", "ist winkel", "winkel ist", "x ist", "q ist", "phi ist"),
-    ),
-    "velocity": (
-        *("v", "vel", "velocity", "speed", "omega", "xdot", "qdot"),
-        *("act vel", "act velo", "actual velocity", "velocity actual", "velocity actual value", "act speed"),
-        *("actual speed", "speed actual", "speed actual value", "measured velocity", "velocity feedback", "v act"),
-        *("geschwindigkeit", "ist geschwindigkeit", "geschwindigkeit ist", "geschwindigkeits istwert"),
-        *("drehzahl", "ist drehzahl", "drehzahl ist", "drehzahl istwert", "winkelgeschwindigkeit", "v ist"),
-    ),
-    "reference": (
-        *("r", "ref", "reference", "setpoint", "position reference", "reference position", "ref pos", "pos ref"),
-        *("x ref", "q ref", "phi ref", "reference angle", "set pos", "pos set", "set position", "position set"),
-        *("position setpoint", "setpoint position", "position demand", "demand position", "position demand value"),
-        *("commanded position", "position command", "command position", "cmd pos", "pos cmd", "desired position"),
-        *("x des", "q des", "x set", "q set", "x cmd", "q cmd"),
-        *("soll position", "position soll", "positions sollwert", "soll lage", "lage soll", "lage sollwert"),
-        *("soll weg", "soll winkel", "winkel soll", "x soll", "q soll", "phi soll"),
-    ),
-    "force": (
-        *("force", "torque", "drive force", "motor force", "motor torque", "tau", "effort"),
-        *("act torque", "torque act", "actual torque", "torque actual", "torque actual value", "act force"),
-        *("actual force", "force act", "force actual", "force actual value", "measured torque", "measured force"),
-        *("kraft", "ist kraft", "kraft ist", "kraft istwert", "antriebs kraft", "motor kraft"),
-        *("moment", "ist moment", "moment ist", "momenten istwert", "drehmoment", "ist drehmoment"),
-        *("drehmoment ist", "drehmoment istwert", "antriebs moment", "motor moment"),
-    ),
-    "friction": (
-        *("friction", "friction force", "friction torque", "reibung", "reib kraft", "reibungs kraft", "reib moment"),
-    ),
-    "normal": ("normal", "normal force", "fn", "normal kraft"),
-    "injected": ("injected", "injected force", "injected torque", "excitation force", "excitation torque"),
+    "time": _words("t, time, timestamp, elapsed time, relative time, zeit, zeitstempel, messzeit"),
+    "position": _words("""
+        x, q, phi, theta, pos, position, angle, displacement, act pos, pos act, actual position, position actual,
+        position actual value, actual angle, measured position, position feedback, feedback position,
+        encoder position, x act, q act, ist position, position ist, positions istwert, lage, ist lage, lage ist,
+        lage istwert, weg, ist weg, winkel, ist winkel, winkel ist, x ist, q ist, phi ist
+    """),
+    "velocity": _words("""
+        v, vel, velocity, speed, omega, xdot, qdot, act vel, act velo, actual velocity, velocity actual,
+        velocity actual value, act speed, actual speed, speed actual, speed actual value, measured velocity,
+        velocity feedback, v act, geschwindigkeit, ist geschwindigkeit, geschwindigkeit ist,
+        geschwindigkeits istwert, drehzahl, ist drehzahl, drehzahl ist, drehzahl istwert, winkelgeschwindigkeit,
+        v ist
+    """),
+    "reference": _words("""
+        r, ref, reference, setpoint, position reference, reference position, ref pos, pos ref, x ref, q ref,
+        phi ref, reference angle, set pos, pos set, set position, position set, position setpoint,
+        setpoint position, position demand, demand position, position demand value, commanded position,
+        position command, command position, cmd pos, pos cmd, desired position, x des, q des, x set, q set, x cmd,
+        q cmd, soll position, position soll, positions sollwert, soll lage, lage soll, lage sollwert, soll weg,
+        soll winkel, winkel soll, x soll, q soll, phi soll
+    """),
+    "force": _words("""
+        force, torque, drive force, motor force, motor torque, tau, effort, act torque, torque act, actual torque,
+        torque actual, torque actual value, act force, actual force, force act, force actual, force actual value,
+        measured torque, measured force, kraft, ist kraft, kraft ist, kraft istwert, antriebs kraft, motor kraft,
+        moment, ist moment, moment ist, momenten istwert, drehmoment, ist drehmoment, drehmoment ist,
+        drehmoment istwert, antriebs moment, motor moment
+    """),
+    "friction": _words("""
+        friction, friction force, friction torque, reibung, reib kraft, reibungs kraft, reib moment
+    """),
+    "normal": _words("normal, normal force, fn, normal kraft"),
+    "injected": _words("injected, injected force, injected torque, excitation force, excitation torque"),
 }
 """Names of each role, in lower case; a space matches any separator, or none."""
 
@@ -65,11 +65,11 @@ LETTERS = {"velocity": ("n", "w", "xd", "qd"), "force": ("f", "m")}
 """Names that are recognised only with a unit of the role: ``m [N.m]`` is a torque, ``m [kg]`` is not."""
 
 FALLBACKS = {
-    "reference": ("target position", "target pos", "ziel position"),
-    "force": (
-        *("torque demand", "torque demand value", "target torque", "torque command", "torque setpoint", "set torque"),
-        *("force command", "force setpoint", "soll moment", "momenten sollwert", "drehmoment sollwert", "soll kraft"),
-    ),
+    "reference": _words("target position, target pos, ziel position"),
+    "force": _words("""
+        torque demand, torque demand value, target torque, torque command, torque setpoint, set torque,
+        force command, force setpoint, soll moment, momenten sollwert, drehmoment sollwert, soll kraft
+    """),
 }
 """Names that are used if the file has no other column for the role."""
 
@@ -81,143 +81,57 @@ _UNMEASURED = re.compile(
 """Parts of a qualified name whose last part is then not a measured signal, such as ``error.position``."""
 
 WORDS: Final[Mapping[str, tuple[str, ...]]] = {
-    "time": ("t", "time", "timestamp", "stamp", "elapsed", "zeit", "zeitstempel", "clock", "tick"),
-    "position": (
-        *("position", "positions", "pos", "lage", "angle", "winkel", "weg", "x", "q", "phi", "theta", "displacement"),
-        *(
-            "encoder",
-            "enc",
-            "stroke",
-            "qpos",
-            "actpos",
-            "setpos",
-            "istposition",
-            "sollposition",
-            "istwinkel",
-            "istlage",
-        ),
-    ),
-    "velocity": (
-        *("velocity", "velo", "vel", "speed", "omega", "drehzahl", "istdrehzahl", "geschwindigkeit", "dq", "qdot", "v"),
-        *(
-            "n",
-            "w",
-            "qvel",
-            "actvelo",
-            "actvel",
-            "rpm",
-            "xdot",
-            "winkelgeschwindigkeit",
-            "sollgeschwindigkeit",
-            "thetadot",
-        ),
-        *("solldrehzahl", "istgeschwindigkeit", "dtheta", "dphi", "dx"),
-    ),
-    "acceleration": (
-        "acceleration",
-        "acc",
-        "accel",
-        "ddq",
-        "qddot",
-        "qdd",
-        "beschleunigung",
-        "ddx",
-        "ddtheta",
-        "xddot",
-    ),
-    "force": (
-        *(
-            "torque",
-            "tau",
-            "force",
-            "kraft",
-            "moment",
-            "drehmoment",
-            "current",
-            "curr",
-            "cur",
-            "strom",
-            "iststrom",
-            "i",
-        ),
-        *("iq", "isq", "u", "effort", "ampere", "istmoment", "sollstrom", "sollmoment", "acttorque", "motorstrom"),
-        *("antriebsmoment", "istdrehmoment", "motormoment", "trq", "stromistwert", "loadratio", "loadfactor"),
-        *("effectiveload", "voltage", "spannung", "duty", "pwm", "torqueratio"),
-    ),
+    "time": _words("""
+        t, time, timestamp, stamp, elapsed, zeit, zeitstempel, clock, tick,
+        时间, 時間, 时刻, 時刻
+    """),
+    "position": _words("""
+        position, positions, pos, lage, angle, winkel, weg, x, q, phi, theta, displacement, encoder, enc, stroke,
+        qpos, actpos, setpos, istposition, sollposition, istwinkel, istlage,
+        位置, 角度, 位移, 変位
+    """),
+    "velocity": _words("""
+        velocity, velo, vel, speed, omega, drehzahl, istdrehzahl, geschwindigkeit, dq, qdot, v, n, w, qvel, actvelo,
+        actvel, rpm, xdot, winkelgeschwindigkeit, sollgeschwindigkeit, thetadot, solldrehzahl, istgeschwindigkeit,
+        dtheta, dphi, dx,
+        速度, 转速, 回転数
+    """),
+    "acceleration": _words("""
+        acceleration, acc, accel, ddq, qddot, qdd, beschleunigung, ddx, ddtheta, xddot,
+        加速度
+    """),
+    "force": _words("""
+        torque, tau, force, kraft, moment, drehmoment, current, curr, cur, strom, iststrom, i, iq, isq, u, effort,
+        ampere, istmoment, sollstrom, sollmoment, acttorque, motorstrom, antriebsmoment, istdrehmoment, motormoment,
+        trq, stromistwert, loadratio, loadfactor, effectiveload, voltage, spannung, duty, pwm, torqueratio,
+        电流, 電流, 转矩, 扭矩, 力矩, トルク, 负载率, 負荷率
+    """),
 }
 """Words in headings, by what they stand for; without a unit they are enough for a guess that the motion confirms."""
 
 QUALIFIERS: Final[Mapping[str, tuple[str, ...]]] = {
-    "reference": (
-        *(
-            "ref",
-            "reference",
-            "soll",
-            "sollwert",
-            "target",
-            "goal",
-            "set",
-            "setpoint",
-            "sp",
-            "demand",
-            "desired",
-            "des",
-        ),
-        *("cmd", "command", "commanded", "ziel", "setpos", "sollposition", "solldrehzahl", "sollstrom", "sollmoment"),
-        *("sollgeschwindigkeit", "planned", "nominal", "profile", "input"),
-    ),
-    "error": (
-        *("error", "err", "fehler", "deviation", "dev", "abweichung", "lag", "following", "schlepp", "schleppfehler"),
-        *("droop", "diff", "difference", "regelabweichung"),
-    ),
-    "actual": ("actual", "act", "ist", "istwert", "measured", "meas", "feedback", "fb", "fbk", "present", "actpos"),
-    "other": (
-        *(
-            "lim",
-            "limit",
-            "limits",
-            "max",
-            "min",
-            "ff",
-            "feedforward",
-            "temp",
-            "temperature",
-            "temperatur",
-            "bus",
-            "dc",
-        ),
-        *(
-            "status",
-            "state",
-            "fault",
-            "alarm",
-            "mode",
-            "flag",
-            "index",
-            "counter",
-            "count",
-            "cycle",
-            "sample",
-            "samples",
-        ),
-        *("nr", "no", "number", "id", "isd", "external", "ext", "gain", "limiter", "rated", "vibration", "power"),
-        *(
-            "leistung",
-            "friction",
-            "reibung",
-            "reibkraft",
-            "reibmoment",
-            "normal",
-            "disturbance",
-            "zaehler",
-            "zähler",
-            "pressure",
-            "druck",
-            "gripper",
-            "humidity",
-            "inp",
-        ),
-    ),
+    "reference": _words("""
+        ref, reference, soll, sollwert, target, goal, set, setpoint, sp, demand, desired, des, cmd, command,
+        commanded, ziel, setpos, sollposition, solldrehzahl, sollstrom, sollmoment, sollgeschwindigkeit, planned,
+        nominal, profile, input,
+        指令, 给定, 目标, 目標, 设定, 設定
+    """),
+    "error": _words("""
+        error, err, fehler, deviation, dev, abweichung, lag, following, schlepp, schleppfehler, droop, diff,
+        difference, regelabweichung,
+        偏差, 误差, 誤差
+    """),
+    "actual": _words("""
+        actual, act, ist, istwert, measured, meas, feedback, fb, fbk, present, actpos,
+        实际, 反馈, 実, 現在, フィードバック
+    """),
+    "other": _words("""
+        lim, limit, limits, max, min, ff, feedforward, temp, temperature, temperatur, bus, dc, status, state, fault,
+        alarm, mode, flag, index, counter, count, cycle, sample, samples, nr, no, number, id, isd, external, ext,
+        gain, limiter, rated, vibration, power, leistung, friction, reibung, reibkraft, reibmoment, normal,
+        disturbance, zaehler, zähler, pressure, druck, gripper, humidity, inp,
+        温度, 限制, 制限, 上限, 下限, 状态, 状態, 功率, 電力, 摩擦, 计数
+    """),
 }
 """Words that say which of several signals of a kind a column is."""
 
@@ -284,8 +198,8 @@ def _fits(role: str, unit: str) -> bool:
 _FALLBACKS = {role: frozenset(map(_plain, names)) for role, names in FALLBACKS.items()}
 _FORMS = {role: frozenset(map(_plain, names)) | _FALLBACKS.get(role, frozenset()) for role, names in NAMES.items()}
 
-EPOCH_UNITS: Final = {"s": 1.0, "ms": 1e3, "us": 1e6, "ns": 1e9}
-"""Units of times since 1970 without a unit, as computers log them; their size leaves no choice."""
+TIMES: Final = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
+"""Units of times as computers and drives log them without a unit."""
 
 NEEDED: Final = (("time",), ("position", "velocity"), ("force", "friction"))
 """Roles of which an identification needs one each."""
@@ -312,7 +226,7 @@ def about(heading: str, unit: str) -> ColumnMeaning:
     words = [token for token in tokens if not token.isdigit()]
     if "d" in words[1:] and {"q", "dq", "tau"} & {*words}:  # desired
         words.append("desired")
-    joined = {"".join(pair) for pair in pairwise(words)} | set(words)
+    joined = {"".join(pair) for pair in pairwise(words)} | {*words, *(word for word in _EASTERN if word in name)}
     qualifier = next((kind for kind in ("other", "error", "reference", "actual") if joined & {*QUALIFIERS[kind]}), "")
     by_unit = _kind_of_unit(its_unit)
     found = [kind for kind, known in WORDS.items() if joined & {*known}]
@@ -333,6 +247,9 @@ def about(heading: str, unit: str) -> ColumnMeaning:
         return ColumnMeaning("other" if by_unit == "other" else by_unit, qualifier, axis, its_unit)
     return ColumnMeaning(kind, qualifier, axis, its_unit, bool(kind))
 
+
+_EASTERN: Final = [word for listed in (*WORDS.values(), *QUALIFIERS.values()) for word in listed if word > "\u3000"]
+"""Words of Chinese and Japanese, which are not separated from others."""
 
 _TOKEN = re.compile(r"[A-ZÄÖÜ]{2,}(?![a-zäöü])|[A-ZÄÖÜ]?[a-zäöüß]+|[A-ZÄÖÜ]|\d+")
 
@@ -472,4 +389,4 @@ def epoch_unit(times: Array) -> str:
     if len(known) < 2:
         return ""
     first, step = float(known[0]), float(np.median(np.abs(np.diff(known))))
-    return next((u for u, each in EPOCH_UNITS.items() if 1e9 * each < first < 4e9 * each and step <= each), "")
+    return next((u for u, each in TIMES.items() if 1e9 < first * each < 4e9 and step * each <= 1.0), "")

@@ -12,7 +12,7 @@ from scipy.signal import butter, find_peaks, sosfiltfilt
 
 from friction_fmus.identification.data.record import Array, Record, RecordFinding
 
-#: Bandwidth of the smoothed position over its median frequency, below which half of the power of the velocity is.
+#: Ratio of the bandwidth of the smoothed position to the frequency below which half of the power of its velocity is.
 BANDWIDTH = 30.0
 
 

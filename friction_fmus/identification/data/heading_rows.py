@@ -14,6 +14,8 @@ from friction_fmus.identification.data.record import unit_of
 
 _HEADING = re.compile(r"(?P<name>.*?)\s*[\[(](?P<unit>[^\[\]()]*(\([^()]*\))?[^\[\]()]*)[\])]\s*")
 
+_WIDE: Final = str.maketrans("（）［］【】", "()[][]")  # brackets of Chinese and Japanese texts
+
 _DRIVE_UNITS: Final = re.compile(
     r"(qc|inc|incs|increments?|inkr?\.?|counts?|cnts?|pls|pulses?|ticks?|steps?|digits?|lsb|bits?|raw|"
     r"0[.,]1\s?%|1/10\s?%|‰|%+|per ?mille?|r/min|rev/min|/min|u/min|°|none|n/?a|-|unitless|bool|enum|hex)",
@@ -59,7 +61,7 @@ class Headings:
 
 def split_unit(heading: str) -> tuple[str, str]:
     """Return name and unit of a heading such as ``x [mm]`` or ``x (mm)``; the unit may be empty."""
-    heading = heading.strip().strip('"').strip()
+    heading = heading.strip().strip('"').strip().translate(_WIDE)
     match = _HEADING.fullmatch(heading) if len(heading) <= LONGEST else None
     if not match or not match["name"] or match["unit"].isdigit():  # q[0]
         return heading, ""

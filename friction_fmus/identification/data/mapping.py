@@ -3,13 +3,25 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
+from friction_fmus.blocks.axis_units import ROTARY, AxisUnits
 from friction_fmus.errors import RecordError
-from friction_fmus.identification.data.record import ROLES, fits, parse_quantity, times, unit_of
+from friction_fmus.identification.data.record import (
+    PER_MILLE,
+    ROLES,
+    axis_units,
+    factor,
+    fits,
+    parse_quantity,
+    times,
+    unit_of,
+    wanted_unit,
+)
 from harness.storage.toml_file import TomlTable, read_table
+from harness.units import BaseUnit
 from harness.values import flag, number, shown, text
 
 WINDOWS = ("train", "validation")
@@ -238,13 +250,43 @@ def _column(role: str, value: Any, origin: str) -> Column:
 def _check_units(role: str, column: Column, where: str) -> None:
     """Reject units of the wrong quantity before any data are read."""
     if column.period:
-        seconds, unit = parse_quantity(column.period, f"{where} period")
+        seconds, unit = parse_quantity(column.period, f"{where} period", "1 ms")
         if not fits("time", unit) or seconds <= 0.0:
             raise RecordError(f"{where} has the period {column.period!r}; use a positive time, such as '1 ms'.")
     if column.unit and column.gain != UNKNOWN:
         combined_unit(role, column, where)
     if column.gain == UNKNOWN and ROLES[role].quantity not in ("position", "velocity", "force"):
         raise RecordError(f"{where} has an unknown gain; give its unit.")
+
+
+def axis_of(columns: Mapping[str, Column]) -> AxisUnits:
+    """Return the units of the axis of a position or velocity; those of a rotary axis if its unit has no value."""
+    role = "position" if "position" in columns else "velocity"
+    unit, gain = unit_of(columns[role].unit) or BaseUnit(), columns[role].gain
+    unit = unit if gain in ("", UNKNOWN) else times(unit, parse_quantity(gain, f"The gain of the {role}")[1])
+    return axis_units(role, unit) or ROTARY
+
+
+def gain_example(unit: str, axis: AxisUnits) -> str:
+    """Return a gain of a drive signal in this unit, in the form of the option ``--gain``."""
+    known, force = unit_of(unit) if unit else None, wanted_unit("force", axis)
+    for base in ("A", "V"):
+        if known is not None and (own := unit_of(base)) is not None and known.exponents == own.exponents:
+            return f"0.5 {force}/{base}"
+    return f"6 {force}" if unit in ("%", *PER_MILLE) else f"0.06 {force}"
+
+
+def with_gain(column: Column, gain: str, axis: AxisUnits) -> Column:
+    """Return a drive signal with the factor of the option ``--gain``, which leads to the force of this axis."""
+    form = gain_example(column.unit, axis)
+    _, per = parse_quantity(gain, "--gain", form)
+    own = unit_of(column.unit or "1")
+    if factor("force", times(own or BaseUnit(), per), axis) is None:
+        raise RecordError(
+            f"--gain {gain!r} times the unit {column.unit or '1'!r} of {column.column!r} is not in "
+            f"{wanted_unit('force', axis)}; use the form {form!r}."
+        )
+    return replace(column, unit="1" if own is None else column.unit, gain=gain)
 
 
 def combined_unit(role: str, column: Column, where: str, unit: str = "") -> tuple[float, Any]:

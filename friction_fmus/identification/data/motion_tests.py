@@ -24,7 +24,7 @@ def without_gaps(x: Array) -> Array:
     return x if good.all() else np.interp(np.arange(len(x)), np.flatnonzero(good), x[good])
 
 
-def unwrapped(x: Array) -> Array:
+def without_jumps(x: Array) -> Array:
     """Return a column without empty cells and without jumps by more than half its range, such as those of a counter."""
     x = without_gaps(x)
     steps = np.diff(x)
@@ -89,14 +89,14 @@ class SampledColumns:
 
     def smooth(self, names: Sequence[str], width: float, order: int = 0) -> Array:
         """Return smoothed columns, or their derivatives per sample, shape (n, names)."""
-        given = [unwrapped(self.values[name]) if order else self.values[name] for name in names]
+        given = [without_jumps(self.values[name]) if order else self.values[name] for name in names]
         edge = round(4.0 * width)
         found = smoothed(np.column_stack(given), width, order)
         return found[edge : len(found) - edge]
 
     def same(self, a: str, b: str) -> float:
         """Return the correlation of two columns."""
-        return float(_correlation(unwrapped(self.values[a]), unwrapped(self.values[b])[:, None])[0])
+        return float(_correlation(without_jumps(self.values[a]), without_jumps(self.values[b])[:, None])[0])
 
     def derivatives(self, of: str, candidates: Sequence[str]) -> list[tuple[float, float]]:
         """Return correlation and factor of each candidate with the derivative of a column."""

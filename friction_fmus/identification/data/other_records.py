@@ -9,10 +9,11 @@ from typing import Final
 import numpy as np
 
 from friction_fmus.blocks.axis_units import LINEAR, ROTARY, units_of_channels
-from friction_fmus.errors import AmbiguousColumnsError
+from friction_fmus.errors import AmbiguousColumnsError, RecordError
+from friction_fmus.identification.data.column_choice import NO_DRIVE
 from friction_fmus.identification.data.column_guess import Guesser
-from friction_fmus.identification.data.mapping import Column, DataMapping
-from friction_fmus.identification.data.motion_tests import smoothed, unwrapped
+from friction_fmus.identification.data.mapping import Column, DataMapping, combined_unit, with_gain
+from friction_fmus.identification.data.motion_tests import smoothed, without_jumps
 from friction_fmus.identification.data.record import Array, Record, axis_units, factor, fits, unit_of
 from friction_fmus.identification.data.tables import DataTable
 
@@ -49,11 +50,13 @@ def other_record(table: DataTable, known: DataMapping, refusal: AmbiguousColumns
         scale = unit_of(kinds[one["time"]].unit)
         t = table.columns[one["time"]] * (scale.factor if scale is not None else 1.0)
         if "velocity" in one and not named["position"]:
-            found = _coasting(table, known, t, one["time"], one["velocity"], kinds[one["velocity"]].unit)
+            found = _coasting(table, known, t, one["time"], Column(one["velocity"], kinds[one["velocity"]].unit))
         elif "position" in one:
-            found = _pendulum(table, known, t, one["time"], one["position"], kinds[one["position"]].unit)
+            found = _pendulum(table, known, t, one["time"], Column(one["position"], kinds[one["position"]].unit))
     if found is None:
         raise refusal
+    if known.gain and "friction" not in found.columns:
+        raise RecordError(NO_DRIVE.format(table.file, known.gain))
     return found
 
 
@@ -66,6 +69,10 @@ def _steady(table: DataTable, known: DataMapping, speed: Column, force: Column) 
     if not FEWEST <= len(v) <= MOST or unit is None or not fits("velocity", unit):
         return None
     si = axis_units("velocity", unit) or LINEAR
+    if known.gain:
+        force = with_gain(force, known.gain, si)
+        gain, own = combined_unit("force", force, "--gain")
+        F = gain * F
     scaled = own is not None and factor("force", own, si) is not None
     units = si if scaled else units_of_channels(si.position, force.unit or "1")
     v, F = unit.factor * v, (own.factor if own is not None and scaled else 1.0) * F
@@ -85,21 +92,24 @@ def _steady(table: DataTable, known: DataMapping, speed: Column, force: Column) 
     return OtherRecord(record, columns, tuple(lines))
 
 
+def _used(clock: str, subject: str, column: Column) -> tuple[tuple[str, str], ...]:
+    """Return the lines about the columns of a free motion."""
+    return ("time", repr(clock)), (subject, f"{column.column!r} [{column.unit}]")
+
+
 def _even(t: Array, values: Array) -> tuple[Array, Array] | None:
     """Return times at equal steps and values; None if they are too few or too irregular."""
     good = np.isfinite(t) & np.isfinite(values)
-    t, values = t[good], unwrapped(values[good])
+    t, values = t[good], without_jumps(values[good])
     if len(t) < LEAST or np.any(np.diff(t) <= 0.0):
         return None
     even = np.linspace(t[0], t[-1], len(t))
     return even, np.interp(even, t, values)
 
 
-def _coasting(
-    table: DataTable, known: DataMapping, t: Array, clock: str, speed: str, speed_unit: str
-) -> OtherRecord | None:
+def _coasting(table: DataTable, known: DataMapping, t: Array, clock: str, speed: Column) -> OtherRecord | None:
     """Return friction over inertia of a coasting axis: its deceleration."""
-    unit, even = unit_of(speed_unit), _even(t, table.columns[speed])
+    unit, even = unit_of(speed.unit), _even(t, table.columns[speed.column])
     if unit is None or not fits("velocity", unit) or even is None:
         return None
     t, v = even[0], unit.factor * even[1]
@@ -116,19 +126,16 @@ def _coasting(
     units = units_of_channels(position, f"{position}/s2")
     record = Record(known.name, t[kept], v=smooth[kept], friction=friction[kept], units=units, citation=known.citation)
     lines = (
-        ("time", f"{clock!r}"),
-        ("velocity", f"{speed!r} [{speed_unit}]"),
+        *_used(clock, "velocity", speed),
         ("record", "the axis coasts without a drive: friction and offset over inertia, static models only"),
         ("result", f"in {units.force}: multiply by the inertia for {'N.m' if position == 'rad' else 'N'}"),
     )
-    return OtherRecord(record, {"time": Column(clock, "s"), "velocity": Column(speed, speed_unit)}, lines)
+    return OtherRecord(record, {"time": Column(clock, "s"), "velocity": speed}, lines)
 
 
-def _pendulum(
-    table: DataTable, known: DataMapping, t: Array, clock: str, angle: str, angle_unit: str
-) -> OtherRecord | None:
+def _pendulum(table: DataTable, known: DataMapping, t: Array, clock: str, angle: Column) -> OtherRecord | None:
     """Return friction over m g l of a free pendulum."""
-    unit, even = unit_of(angle_unit), _even(t, table.columns[angle])
+    unit, even = unit_of(angle.unit), _even(t, table.columns[angle.column])
     if unit is None or not fits("position", unit) or axis_units("position", unit) != ROTARY or even is None:
         return None
     t, q = even[0], unit.factor * even[1]
@@ -152,9 +159,8 @@ def _pendulum(
     units = units_of_channels("rad", "1")
     record = Record(known.name, t[inside], v=v[inside], friction=friction[inside], units=units, citation=known.citation)
     lines = (
-        ("time", f"{clock!r}"),
-        ("position", f"{angle!r} [{angle_unit}]"),
+        *_used(clock, "position", angle),
         ("record", f"a free pendulum, {stiffness**0.5 / (2.0 * np.pi):.4g} Hz in small motions: static models only"),
         ("result", "friction over m g l, without unit: multiply by m g l for N.m"),
     )
-    return OtherRecord(record, {"time": Column(clock, "s"), "position": Column(angle, angle_unit)}, lines)
+    return OtherRecord(record, {"time": Column(clock, "s"), "position": angle}, lines)

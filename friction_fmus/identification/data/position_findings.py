@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 
 from friction_fmus.identification.data.record import Record, RecordFinding
 
-JUMP: Final = 10.0  # ratio of a step of the position to all others, except for the largest ones, that is a jump
+JUMP: Final = 10.0  # ratio of a step of the position to the usual largest step that is a jump
 OTHERS: Final = 0.99  # fraction of the steps that are no jumps
 LONG: Final = 5  # smallest number of samples at the largest or smallest value that may be clipped
-FAST: Final = 0.5  # speed before the position stops there, over the usual speed, above which it is clipped
+FAST: Final = 0.5  # fraction of the usual speed just before a stop above which the position is clipped
 HELD: Final = 0.1  # fraction of the steps between moving samples that are zero above which the position is held
 
 

@@ -42,15 +42,17 @@ from friction_fmus.identification.data.understanding import understood
 from harness.units import BaseUnit
 
 TRAIN: Final = 0.6  # fraction of a record that is fitted; the rest is validation data
+FILTERED: Final = 150  # smallest number of samples of which the filter of a drive force leaves enough
 
 
 def default_windows(records: Sequence[Record]) -> dict[str, tuple[float, float]]:
     """Return the windows of records for which none are given."""
     begin, end = float(records[0].t[0]), float(records[-1].t[-1])
     middle = begin + TRAIN * (end - begin)
+    least = SHORTEST if records[0].force is None else FILTERED
 
     def enough(low: float, high: float) -> bool:
-        return any(np.count_nonzero((r.t >= low) & (r.t <= high)) >= SHORTEST for r in records)
+        return any(np.count_nonzero((r.t >= low) & (r.t <= high)) >= least for r in records)
 
     if not (enough(begin, middle) and enough(middle, end)):
         return {"train": (begin, end)}
@@ -167,6 +169,11 @@ class Measurement:
     findings: tuple[RecordFinding, ...]
     understood: tuple[tuple[str, str], ...] = ()
     static: bool = False
+
+    @property
+    def steady(self) -> bool:
+        """Whether each row is a steady speed of its own, without a time."""
+        return self.static and bool(self.mapping.columns["time"].period)
 
     def window(self, begin: float, end: float) -> tuple[Record, ...]:
         """Return the parts of the records with begin <= t <= end.
@@ -301,7 +308,10 @@ def _other(table: DataTable, known: DataMapping, refusal: AmbiguousColumnsError)
     """Return a record without a drive force over time."""
     found = other_record(table, known, refusal)
     lines = (("read", f"{table.file.name}: {table.format}"), *found.lines)
-    return Measurement((found.record,), replace(known, columns=found.columns), table.findings, lines, static=True)
+    read = Measurement((found.record,), replace(known, columns=found.columns), table.findings, lines, static=True)
+    # a part of the speeds would predict others
+    windows = {"train": (0.0, float(len(found.record)))} if read.steady and not known.windows else known.windows
+    return replace(read, mapping=replace(read.mapping, windows=windows))
 
 
 def _read_runs(known: DataMapping) -> Measurement:

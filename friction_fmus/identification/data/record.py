@@ -361,14 +361,14 @@ def factor(role: str, unit: BaseUnit, units: AxisUnits) -> float | None:
     return unit.factor if unit.exponents == _exponents(wanted_unit(role, units)) else None
 
 
-def parse_quantity(text: str | float, where: str) -> tuple[float, BaseUnit]:
-    """Return number and unit of a text such as ``35.15 N/V``; a number alone has the unit 1."""
+def parse_quantity(text: str | float, where: str, form: str = "35.15 N/V") -> tuple[float, BaseUnit]:
+    """Return number and unit of a text of this form; a number alone has the unit 1."""
     given = str(text)
     match = _NUMBER.fullmatch(given) if len(given) <= _LONGEST and not isinstance(text, bool) else None
     unit = unit_of(match[2] or "1") if match else None
     if match is None or unit is None or not 0.0 < abs(float(match[1])) < math.inf:
         raise RecordError(
-            f"{where} is {given[:_LONGEST]!r}, which is not a number with a known unit; use the form '35.15 N/V'."
+            f"{where} is {given[:_LONGEST]!r}, which is not a number with a known unit; use the form {form!r}."
         )
     return float(match[1]), unit
 

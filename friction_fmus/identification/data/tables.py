@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -57,56 +57,6 @@ class DataTable:
         return f"line {self.lines[row]}" if self.lines is not None else f"row {row + 1}"
 
 
-def from_arrow(path: Path, table: Any, lines: NDArray[np.int64] | None = None) -> DataTable:
-    """Return the columns of a pyarrow table; time stamps become seconds since the first one."""
-    import pyarrow as pa
-    import pyarrow.compute as pc
-
-    columns, units, texts = {}, {}, {}
-    for index, column in enumerate(table.schema):
-        name, values = column.name, table.column(index)
-        if pa.types.is_timestamp(values.type) or pa.types.is_duration(values.type):
-            ticks = values.cast(pa.timestamp("ns") if pa.types.is_timestamp(values.type) else pa.duration("ns"))
-            counts = ticks.cast(pa.int64())
-            columns[name] = _floats(pc.subtract(counts, counts[0])) * 1e-9
-            units[name] = "s"
-        elif pa.types.is_null(values.type):
-            columns[name] = np.full(len(values), np.nan)
-        elif pa.types.is_integer(values.type) and _too_large(values):
-            texts[name] = "integers above 2^53, which are not exact as floating-point numbers"
-        elif pa.types.is_integer(values.type) or pa.types.is_floating(values.type) or pa.types.is_boolean(values.type):
-            columns[name] = _floats(values)
-            unit = (column.metadata or {}).get(b"units", b"").decode()
-            if unit:
-                units[name] = unit
-        else:
-            cell = next((str(value) for value in values.to_pylist() if value is not None and not _number(value)), "")
-            row = next((i for i, value in enumerate(values.to_pylist()) if value is not None and str(value) == cell), 0)
-            texts[name] = f"{cell!r} in {f'line {lines[row]}' if lines is not None else f'row {row + 1}'}"
-    return DataTable(path, columns, units, texts, lines, order=tuple(table.column_names))
-
-
-def _number(value: Any) -> bool:
-    try:
-        float(value)
-    except (TypeError, ValueError):
-        return False
-    return True
-
-
-def _too_large(values: Any) -> bool:
-    import pyarrow.compute as pc
-
-    ends = pc.min_max(values).as_py()
-    return any(end is not None and abs(end) > EXACT for end in ends.values())
-
-
-def _floats(values: Any) -> Array:
-    import pyarrow as pa
-
-    return np.asarray(values.cast(pa.float64()).to_numpy(zero_copy_only=False), dtype=np.float64)
-
-
 @dataclass(frozen=True, eq=False)
 class ChannelGroup:
     """Signals sampled at the same times."""
@@ -121,14 +71,18 @@ def on_one_clock(path: Path, groups: Sequence[ChannelGroup], time: str, unit: st
     The signals of other groups are interpolated linearly, and missing outside of their times. Each of them has a note,
     because interpolation smooths a force and distorts the derivatives of a position.
     """
-    base = max(groups, key=lambda group: len(group.signals))
+    merged: list[ChannelGroup] = []
+    for group in groups:
+        at = next((i for i, each in enumerate(merged) if np.array_equal(each.t, group.t)), len(merged))
+        signals = merged[at].signals if at < len(merged) else {}
+        merged[at : at + 1] = [ChannelGroup(group.t, {**signals, **group.signals})]
+    base = max(merged, key=lambda group: len(group.signals))
     columns: dict[str, Array] = {time: base.t}
     notes = {}
     for group in groups:
-        same = len(group.t) == len(base.t) and np.array_equal(group.t, base.t)
         for name, values in group.signals.items():
             columns[name] = values
-            if not same:
+            if name not in base.signals:
                 columns[name] = np.interp(base.t, group.t, values, left=np.nan, right=np.nan)
                 what = f"{name!r} was sampled at other times than most signals of {path.name}, and is interpolated."
                 notes[name] = RecordFinding("other-clock", what, "Log all signals of the axis with one sample time.")

@@ -26,15 +26,40 @@ def encoding_of(head: bytes) -> str:
     for start, name in ((1, "utf-16-le"), (0, "utf-16-be")):
         if len(head) > 3 and head[start::2].count(0) > 0.4 * len(head) // 2 > 2 * head[1 - start :: 2].count(0):
             return name
-    try:
-        codecs.getincrementaldecoder("utf-8")().decode(head)
-    except UnicodeDecodeError:
-        return "cp1252"
-    return "utf-8"
+    if _decoded(head, "utf-8") is not None:
+        return "utf-8"
+    return next((name for name in USUAL if _is_usual(head, name)), "cp1252")
 
 
-NAMES: Final = {"utf-8": "UTF-8", "utf-8-sig": "UTF-8", "cp1252": "ISO-8859-1"}
+USUAL: Final = {
+    "gbk": (0xA1, ((0xA1A1, 0xA9FE), (0xB0A1, 0xD7F9))),
+    "cp932": (0x40, ((0x8140, 0x84BE), (0x889F, 0x9872))),
+}
+"""Usual characters of encodings with two bytes: the least second byte, and the codes of signs with kana and of level 1
+of GB 2312 and JIS X 0208.
+
+Most pairs of a letter with an accent and another byte are codes of rare characters.
+"""
+
+NAMES: Final = {"utf-8": "UTF-8", "utf-8-sig": "UTF-8", "cp1252": "ISO-8859-1", "cp932": "Shift-JIS"}
 """Encodings as they are shown; others in capitals."""
+
+
+def _decoded(head: bytes, encoding: str) -> str | None:
+    """Return the beginning of a text; None if it has other bytes than the encoding."""
+    try:
+        return codecs.getincrementaldecoder(encoding)().decode(head)
+    except UnicodeDecodeError:
+        return None
+
+
+def _is_usual(head: bytes, encoding: str) -> bool:
+    """Return whether nine of ten characters beyond ASCII are usual ones of an encoding with two bytes each."""
+    least, parts = USUAL[encoding]
+    text = _decoded(head, encoding) or ""
+    codes = [int.from_bytes(char.encode(encoding)) for char in text if char > "\x7f"]
+    usual = sum(code & 0xFF >= least and any(a <= code <= b for a, b in parts) for code in codes)
+    return bool(codes) and usual >= 0.9 * len(codes)
 
 
 def head_text(path: Path) -> str:

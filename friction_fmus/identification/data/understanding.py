@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Final
 
-from friction_fmus.identification.data.mapping import UNKNOWN, Column, DataMapping, scale_text
-from friction_fmus.identification.data.motion_tests import DriveShare, SampledColumns
+from friction_fmus.blocks.axis_units import LINEAR, ROTARY
+from friction_fmus.identification.data.mapping import UNKNOWN, Column, DataMapping, gain_example, scale_text
+from friction_fmus.identification.data.motion_tests import MOST, DriveShare, SampledColumns
 from friction_fmus.identification.data.record import Record, unit_of
 from friction_fmus.identification.data.tables import DataTable
 
@@ -59,9 +60,9 @@ def _lines(
         return
     if (force := known.columns.get("force")) is not None and force.gain == UNKNOWN:
         own = f"in {units.force}" if units.force != "1" else f"in the unit of {force.column!r}"
-        example = "0.5 N.m/A" if _is_current(force.unit) else "6 N.m" if force.unit in ("%", "‰") else "0.06 N.m"
-        constant = "torque constant" if _is_current(force.unit) else "scale"
-        yield "result", f'{own} ({constant} unknown: give --gain "{example}" for N.m)'
+        axis = LINEAR if units.position == LINEAR.position else ROTARY
+        constant = f"{axis.words.force} constant" if _is_current(force.unit) else "scale"
+        yield "result", f'{own} ({constant} unknown: give --gain "{gain_example(force.unit, axis)}" for {axis.force})'
     way = known.columns.get("position", known.columns.get("velocity"))
     if way is not None and way.gain == UNKNOWN:
         per = units.position if units.position not in ("1", "u.s") else f"the unit of {way.column!r}"
@@ -71,7 +72,7 @@ def _lines(
 def explained(record: Record) -> DriveShare:
     """Return how well the motion of a record explains its drive force."""
     motion = {name: value for name, value in (("q", record.q), ("v", record.v)) if value is not None}
-    part = slice(0, 20_000)
+    part = slice(0, MOST)
     values = {name: value[part] for name, value in (motion | {"force": record.column("force")}).items()}
     position = "" if record.q is None else "q"
     return SampledColumns(values, record.Ts).explained(position, "" if position else "v", ["force"])[0]

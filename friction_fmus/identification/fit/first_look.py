@@ -14,13 +14,15 @@ from friction_fmus.identification.fit.scores import independent_samples
 
 WIDTHS: Final = (0.8, 1.2, 2.0, 3.0, 5.0, 8.0, 12.0, 18.0, 25.0)  # widths of the smoothing [samples]
 KEPT: Final = 0.5  # share of the samples in motion that the widest smoothing leaves
-SLIDING: Final = 0.02  # speed above which the axis slides, over the top speed
+SLIDING: Final = 0.02  # fraction of the top speed above which the axis slides
 LIGHT: Final = 3.0  # width of the smoothing of the speed that shows where the axis may stick [samples]
-FEWEST: Final = 50
+FEWEST: Final = 50  # fewest samples in sliding
 
 
 def first_look(records: Sequence[Record]) -> dict[str, Estimate]:
     """Return M, Fc, Fv and OF of F = M a + Fc sgn(v) + Fv v + OF; empty without a drive force or enough sliding.
+
+    A motion that never reverses shows only the sum Fc + OF, or the difference.
 
     Motion, direction and force pass the same Gaussian filter, the widest one that leaves most of the samples: noise and
     rounding of the acceleration would make M too small and Fc too large. Samples whose filter reaches across a reversal
@@ -39,7 +41,9 @@ def first_look(records: Sequence[Record]) -> dict[str, Estimate]:
     rows = np.concatenate(found[1:])
     units = records[0].units
     own = {"M": units.inertia, "Fc": units.force, "Fv": units.viscous, "OF": units.force}
-    return _estimated(rows[:, :4], rows[:, 4], own)
+    if not np.ptp(rows[:, 1]):
+        own = {"M": units.inertia, f"Fc {'+' if rows[0, 1] > 0.0 else '-'} OF": units.force, "Fv": units.viscous}
+    return solved(rows[:, : len(own)], rows[:, 4], own)
 
 
 def _of_friction(records: Sequence[Record]) -> dict[str, Estimate]:
@@ -51,11 +55,11 @@ def _of_friction(records: Sequence[Record]) -> dict[str, Estimate]:
     sliding = np.abs(v) > SLIDING * float(np.max(np.abs(v)))
     units = records[0].units
     rows = np.column_stack([np.sign(v), v])[sliding]
-    return _estimated(rows, F[sliding], {"Fc": units.force, "Fv": units.viscous})
+    return solved(rows, F[sliding], {"Fc": units.force, "Fv": units.viscous})
 
 
-def _estimated(A: Array, F: Array, own: Mapping[str, str]) -> dict[str, Estimate]:
-    """Return the least squares solution with standard errors, by name; units are given by name."""
+def solved(A: Array, F: Array, own: Mapping[str, str]) -> dict[str, Estimate]:
+    """Return the least squares solution with standard errors by name, for units by name; empty if a column is zero."""
     length = np.linalg.norm(A, axis=0)
     if not np.all(length > 0.0):
         return {}

@@ -5,9 +5,7 @@ from __future__ import annotations
 import re
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, Final
-
-import numpy as np
+from typing import Final
 
 from friction_fmus.errors import RecordError
 from friction_fmus.identification.data.cells import any_numbers, decimal_comma
@@ -37,61 +35,44 @@ def recognises(head: str) -> bool:
 
 def read(path: Path) -> DataTable:
     """Read the blocks of a trace."""
-    names: list[str] = []
-    blocks: list[tuple[list[str], list[str]]] = []
+    blocks: list[tuple[str, str, list[tuple[str, str]]]] = []  # name, unit and rows of each variable
     keys: dict[str, str] = {}
-    units: list[str] = []
     pending: dict[str, str] = {}
-    rows: tuple[list[str], list[str]] | None = None
+    inside = False
     for line in whole_text(path, LARGEST_TRACE).split("\n"):
-        if rows is not None and (match := _ROW.fullmatch(line)) is not None:
-            rows[0].append(match[1])
-            rows[1].append(match[2])
+        if inside and (match := _ROW.fullmatch(line)) is not None:
+            blocks[-1][2].append((match[1], match[2]))
         elif _DATA.fullmatch(line):
-            rows = ([], [])
-            blocks.append(rows)
-            names.append(pending.get("variable", f"column {len(blocks)}"))
-            units.append(next((pending[key] for key in pending if "unit" in key and is_unit(pending[key])), ""))
+            inside = True
+            unit = next((pending[key] for key in pending if "unit" in key and is_unit(pending[key])), "")
+            blocks.append((pending.get("variable", f"column {len(blocks) + 1}"), unit, []))
             pending = {}
         elif (named := _NAME.fullmatch(line)) is not None:
-            rows = None
+            inside = False
             pending.setdefault("variable", named[3].strip(" ;,\t\"'"))
             if not blocks:
                 keys[named[2]] = named[3]
             if named[2].lower() in ("variable", "signal", "channel", "symbol"):
                 pending["variable"] = named[3].strip(" ;,\t\"'")
         elif (pair := _KEY.fullmatch(line)) is not None:
-            rows = None
+            inside = False
             pending[pair[1].lower()] = pair[2]
             keys.setdefault(pair[1], pair[2])
-    return _table(path, unique_names(names), units, blocks, keys)
-
-
-def _table(
-    path: Path, names: list[str], units: list[str], blocks: list[tuple[list[str], list[str]]], keys: dict[str, str]
-) -> DataTable:
     groups: list[ChannelGroup] = []
     known: dict[str, str] = {}
-    comma = any("," in cell for _, values in blocks for cell in values[:100])
-    for name, unit, block in zip(names, units, blocks, strict=True):
-        numbers = [any_numbers(cells, comma) for cells in block]
-        if not block[0]:
-            continue
-        if numbers[0] is None or numbers[1] is None:
+    comma = any("," in value for *_, rows in blocks for _, value in rows[:100])
+    for name, (_, unit, rows) in zip(unique_names([name for name, *_ in blocks]), blocks, strict=True):
+        numbers = [found[0] for cells in zip(*rows, strict=True) if (found := any_numbers(cells, comma)) is not None]
+        if len(numbers) < 2 and rows:
             raise RecordError(f"{path} has a text among the values of {name!r}; correct the file.")
-        t, values = (each[0] for each in numbers if each is not None)
-        plain, inside = split_unit(name)
-        known[plain] = unit or inside
-        same = next((k for k, group in enumerate(groups) if np.array_equal(group.t, t)), None)
-        if same is None:
-            groups.append(ChannelGroup(t, {plain: values}))
-        else:
-            groups[same] = ChannelGroup(t, {**groups[same].signals, plain: values})
+        plain, its_unit = split_unit(name)
+        known[plain] = unit or its_unit
+        groups += [ChannelGroup(numbers[0], {plain: numbers[1]})] if rows else []
     if not groups:
         raise RecordError(f"{path} is a trace without values; export it again.")
     clock = next((value for key, value in keys.items() if re.search("time.*unit|time ?base|zeit", key, re.I)), "")
     table = on_one_clock(path, groups, "time", clock if is_unit(clock) else "")
-    found: dict[str, Any] = {name: unit for name, unit in {**table.units, **known}.items() if unit}
+    units = {name: unit for name, unit in {**table.units, **known}.items() if unit and name in table.columns}
     what = f"{len(table.columns['time'])} rows, trace with {len(blocks)} blocks"
     findings = (decimal_comma(path.name),) if comma else ()
-    return replace(table, units=found, findings=findings, format=what, preamble=keys, period=stated_period(keys))
+    return replace(table, units=units, findings=findings, format=what, preamble=keys, period=stated_period(keys))

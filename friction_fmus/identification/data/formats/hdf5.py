@@ -30,9 +30,12 @@ def read(path: Path) -> DataTable:
     return vector_table(path, vectors, units, "HDF5")
 
 
-def matlab_vectors(path: Path) -> Iterator[tuple[str, Any]]:
-    """Yield the vectors of a file of MATLAB 7.3, which stores columns first and texts as numbers."""
+def matlab_vectors(path: Path, objects: dict[str, str]) -> Iterator[tuple[str, Any]]:
+    """Yield the vectors of a file of MATLAB 7.3, which stores columns first; add the classes of objects by name."""
     for name, dataset in _datasets(path, "."):
+        if "MATLAB_object_decode" in dataset.attrs:
+            objects[name] = str(dataset.attrs.get("MATLAB_class", b"object"), "utf-8")
+            continue
         if "MATLAB_empty" in dataset.attrs or dataset.attrs.get("MATLAB_class", b"") == b"char":
             continue
         if dataset.dtype.kind == "O":

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from friction_fmus.errors import RecordError
-from friction_fmus.identification.data.column_builder import ColumnBuilder, made_table
+from friction_fmus.identification.data.column_builder import made_table, object_columns
 from friction_fmus.identification.data.heading_rows import named_columns, stated_period
 from friction_fmus.identification.data.tables import DataTable, limit_size
 from friction_fmus.identification.data.text_file import whole_text
@@ -40,13 +40,9 @@ def read(path: Path) -> DataTable:
     length = max(set(counts), key=lambda count: (counts.count(count), count))
     columns = {name: values for name, values in columns.items() if len(values) == length}
     limit_size(path, 8 * length * len(columns))
-    builders = []
     keys = {key: str(value)[:200] for key, value in beside.items() if isinstance(value, (str, int, float))}
     heading = named_columns(list(columns), [""] * len(columns), True, keys, stated_period(keys))
-    for name, values in zip(heading.names, columns.values(), strict=True):
-        builder = ColumnBuilder(name)
-        builder.add_objects(values)
-        builders.append(builder)
+    builders = object_columns(heading.names, columns.values())
     return made_table(path, builders, heading, None, (), f"{length} rows, JSON")
 
 
@@ -90,7 +86,7 @@ def _table(content: Any, depth: int) -> tuple[dict[str, Sequence[Any]], Mapping[
                 columns.update({f"{name}.{key}": cells for key, cells in inside[0].items()})
     if not found:
         return None
-    if isinstance(content, dict) and len(columns) > len(found[0][0]):
+    if len(columns) > len(found[0][0]):
         found.append((columns, content))
     return max(found, key=lambda each: (max(map(len, each[0].values())), len(each[0])))
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import struct
 import zlib
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, Final
 
@@ -29,27 +30,36 @@ def read(path: Path) -> DataTable:
     """Read a .mat file: MATLAB up to 7.2 with scipy, MATLAB 7.3 with h5py, Dymola with the harness."""
     with path.open("rb") as file:
         header = file.read(520)
+    objects: dict[str, str] = {}
     if HDF5 in (header[:8], header[512:]):
-        return vector_table(path, matlab_vectors(path), {}, "MATLAB 7.3")
+        return _table(path, matlab_vectors(path, objects), objects, "MATLAB 7.3")
     limit_size(path, _unpacked(path))
     import scipy.io
 
     content = scipy.io.loadmat(path, squeeze_me=True, struct_as_record=False)
     if "Aclass" in content:
         return _trajectory(path)
-    if any(type(value).__name__ == "MatlabOpaque" for value in content.values()) or "None" in content:
-        _refuse_objects(path, content)
-    vectors = [each for key, value in content.items() for each in _flat(key, value)]
-    return vector_table(path, vectors, {}, "MATLAB")
+    for key, value in content.items():
+        if type(value).__name__ == "MatlabOpaque":
+            name, _, kind, *_ = (str(each, "utf-8") if isinstance(each, bytes) else each for each in value.ravel()[0])
+            objects[name if key == "None" else key] = kind
+    vectors = (each for key, value in content.items() if key not in objects for each in _flat(key, value))
+    return _table(path, vectors, objects, "MATLAB")
 
 
-def _refuse_objects(path: Path, content: dict[str, Any]) -> None:
-    """Raise RecordError if a file has nothing but objects, which only MATLAB can read."""
-    if not any(True for key, value in content.items() for _ in _flat(key, value)):
+def _table(path: Path, vectors: Iterator[tuple[str, Any]], objects: dict[str, str], what: str) -> DataTable:
+    """Return the vectors of a file; objects of classes, which only MATLAB can read, count as columns of texts."""
+    found = list(vectors)
+    if objects and not found:
+        name, kind = next(iter(objects.items()))
+        how = f"{name} = struct('time', {name}.Time, 'data', {name}.Data); or as columns of a .csv"
+        how = f"write{kind}({name}, 'log.csv')" if kind in ("table", "timetable") else how
         raise RecordError(
-            f"{path} contains objects of MATLAB, such as a timeseries or a table; save their numbers, such as "
-            "log = struct('time', x.Time, 'position', x.Data)."
+            f"{path} contains {name}, an object of the class {kind}, which only MATLAB reads; save its numbers with "
+            f"{how}."
         )
+    table = vector_table(path, found, {}, what)
+    return replace(table, texts={**table.texts, **{name: f"an object ({kind})" for name, kind in objects.items()}})
 
 
 def _unpacked(path: Path) -> int:

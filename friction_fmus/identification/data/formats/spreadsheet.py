@@ -13,7 +13,7 @@ from typing import IO, Any, Final
 import numpy as np
 
 from friction_fmus.errors import RecordError
-from friction_fmus.identification.data.column_builder import ColumnBuilder, made_table
+from friction_fmus.identification.data.column_builder import made_table, object_columns
 from friction_fmus.identification.data.heading_rows import headings
 from friction_fmus.identification.data.tables import DataTable, limit_size
 
@@ -77,11 +77,7 @@ def _table(path: Path, rows: Sequence[Sequence[Any]], name: str) -> DataTable:
     last = max(k for k, (i, _) in enumerate(body) if numbers[i - 1])
     body = body[: last + 1]
     heading = headings([[str(cell).strip() for cell in row] for row in rows[:first] if any(row)], len(filled))
-    columns = []
-    for j, column in enumerate(heading.names):
-        builder = ColumnBuilder(column)
-        builder.add_objects([_cell(row[j]) for _, row in body])
-        columns.append(builder)
+    columns = object_columns(heading.names, ([_cell(row[j]) for _, row in body] for j in range(len(filled))))
     lines = np.array([i for i, _ in body])
     return made_table(path, columns, heading, lines, (), f"{len(body)} rows, sheet {name!r}")
 

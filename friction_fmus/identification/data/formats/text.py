@@ -5,7 +5,7 @@ from __future__ import annotations
 import io
 import re
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final
@@ -27,6 +27,8 @@ SUFFIXES: Final = (".csv", ".tsv", ".txt", ".dat", ".asc", ".log", ".prn", ".tab
 COMMENTS: Final = ("#", "%", "//", "!", '"#')
 SEPARATORS: Final = {";": "semicolons", "\t": "tabs", ",": "commas", "|": "bars", " ": "spaces"}
 
+Naming = Callable[[Sequence[Sequence[str]], int, bool], Headings]
+
 EXAMINED: Final = 200  # number of lines at the end of the first piece that determine the separator
 
 
@@ -45,15 +47,15 @@ class TextLayout:
     above: frozenset[str] = field(default_factory=frozenset)  # lines above the table, which may be repeated in it
 
 
-def read(path: Path, others: tuple[str, ...] = ()) -> DataTable:
+def read(path: Path, others: tuple[str, ...] = (), named: Naming = headings) -> DataTable:
     """Read a text table: columns separated by ; tab , | or spaces, after comments, keys and headings.
 
-    Lines that start with one of the `others` are no rows either.
+    Lines that start with one of the `others` are no rows either. The rows above the table are `named`.
     """
     with pieces(path) as (encoding, parts):
         head = next(parts, "")
         lines = head.split("\n")
-        layout = find_layout(path, lines, COMMENTS + others)
+        layout = find_layout(path, lines, COMMENTS + others, named)
         table = _Body(path, layout)
         start = 1 + layout.first
         table.add("\n".join(lines[layout.first :]), start)
@@ -64,7 +66,7 @@ def read(path: Path, others: tuple[str, ...] = ()) -> DataTable:
         return table.finished(NAMES.get(encoding, encoding.upper()))
 
 
-def find_layout(path: Path, lines: Sequence[str], comments: tuple[str, ...]) -> TextLayout:
+def find_layout(path: Path, lines: Sequence[str], comments: tuple[str, ...], named: Naming = headings) -> TextLayout:
     """Return separator, headings and first row of the table in the first lines of a text."""
     numbered = [(i, line) for i, line in enumerate(lines) if line.strip()]
     rows = [(i, line) for i, line in numbered if not line.lstrip().startswith(comments)]
@@ -92,7 +94,7 @@ def find_layout(path: Path, lines: Sequence[str], comments: tuple[str, ...]) -> 
     if [row[0] for row in whole[:3]] == ["1", "2", "3"]:  # numbers of rows, which R gives no heading
         cells = [["", *row] if len(row) == width - 1 else row for row in cells]
     loose, repeated = not any(row[-1] for row in whole), frozenset(line.strip() for line in lines[:first])
-    heading = headings(cells, width, loose)
+    heading = named(cells, width, loose)
     if not heading.named and heading.mismatch and separator == "," and width == 2 * int(heading.mismatch.split()[0]):
         raise RecordError(
             f"The heading of {path} has {heading.mismatch}, but the numbers below have {width} columns; if the commas "

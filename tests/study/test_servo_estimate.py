@@ -1,0 +1,116 @@
+"""The servo of an axis from its record, and the acceleration feedforward that fits it.
+
+The records are simulated here, by a mass with Coulomb friction and the formulas of the laws.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from math import pi
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from friction_fmus.axis.servo import AxisPlant, Servo, Trajectory
+from friction_fmus.identification import Record
+from friction_fmus.study.data import build_reference
+from friction_fmus.study.evaluation import AxisBench, Scheme, evaluate, feedforward_mass
+from friction_fmus.study.servo_estimate import estimate_servo
+
+M, FC = 2.0, 6.0
+TS, FINER, N = 1e-3, 10, 6000
+T = TS * np.arange(N)
+R = 0.05 * np.sin(2.0 * pi * 0.7 * T) + 0.01 * np.sin(2.0 * pi * 1.9 * T)
+RD, RDD = np.gradient(R, TS), np.gradient(np.gradient(R, TS), TS)
+
+
+def logged(law: Callable[[int, float, float, float], float], window: int, delay: int = 0, limit: float = 1e9) -> Record:
+    """A record of the law u(k, error, velocity, integral of the error); the force column has the force that acts."""
+    q, force, sent = np.zeros(N), np.zeros(N), np.zeros(N)
+    x = v = total = 0.0
+    for k in range(N):
+        q[k] = x
+        measured = (x - q[max(k - window, 0)]) / (window * TS)
+        sent[k] = min(max(law(k, R[k] - x, measured, total), -limit), limit)
+        total += TS * (R[k] - x)
+        force[k] = sent[max(k - delay, 0)]
+        for _ in range(FINER):
+            h = TS / FINER
+            free = v + h * force[k] / M
+            v = float(np.sign(free)) * max(abs(free) - h * FC / M, 0.0)
+            x += h * v
+    return Record("axis", T, q=q, reference=R, force=force)
+
+
+@pytest.mark.parametrize("window", [1, 3])
+@pytest.mark.parametrize("delay", [0, 2])
+def test_a_cascade(window: int, delay: int) -> None:
+    found = estimate_servo(logged(lambda k, e, v, total: 80.0 * (25.0 * e - v), window, delay))
+    assert found is not None
+    assert (found.servo.law, found.servo.window, found.servo.delay) == ("CascadePPI", window, delay)
+    assert found.servo.gains == pytest.approx({"kp": 25.0, "kv": 80.0, "ki": 0.0}, rel=1e-6)
+    assert not found.servo.velocity_feedforward
+    assert found.servo.Ts == TS
+
+
+def test_feedforward_of_velocity_and_acceleration() -> None:
+    found = estimate_servo(logged(lambda k, e, v, total: 2000.0 * e + 80.0 * (RD[k] - v) + 1.5 * RDD[k], 2))
+    assert found is not None
+    assert found.servo.velocity_feedforward
+    assert found.servo.inertia_feedforward == pytest.approx(1.5, rel=0.02)
+    assert found.servo.gains["kv"] == pytest.approx(80.0, rel=1e-3)
+
+
+def test_an_integral() -> None:
+    found = estimate_servo(logged(lambda k, e, v, total: 2000.0 * e - 80.0 * v + 9000.0 * total, 2))
+    assert found is not None
+    assert found.servo.law == "PID"
+    assert found.servo.gains == pytest.approx({"Kp": 2000.0, "Kd": 80.0, "Ki": 9000.0}, rel=0.02)
+
+
+def test_the_limit_of_a_drive_that_saturates() -> None:
+    found = estimate_servo(logged(lambda k, e, v, total: 80.0 * (25.0 * e - v), 2, limit=7.0))
+    assert found is not None
+    assert found.servo.force_limit == 7.0
+    assert "largest one of the record" in found.finding.what
+
+
+def test_a_limit_that_the_record_does_not_show_is_said_to_be_assumed() -> None:
+    found = estimate_servo(logged(lambda k, e, v, total: 80.0 * (25.0 * e - v), 2))
+    assert found is not None
+    assert "is assumed" in found.finding.what
+
+
+def test_a_force_that_no_law_gives_is_not_explained() -> None:
+    rng = np.random.default_rng(3)
+    record = logged(lambda k, e, v, total: 80.0 * (25.0 * e - v), 2)
+    assert estimate_servo(Record("noise", T, q=record.q, reference=R, force=rng.normal(0.0, 5.0, N))) is None
+    assert estimate_servo(Record("no reference", T, q=record.q, force=record.force)) is None
+
+
+def bench_of(folder: Path, servo: Servo) -> AxisBench:
+    t = servo.Ts * np.arange(round(4.0 / servo.Ts))
+    r = 0.02 * (1.0 - np.cos(2.0 * pi * 0.5 * t))
+    reference = build_reference(t, r, folder, "Reference")
+    plant = AxisPlant("Coulomb", {"Fc": FC, "Fv": 0.0}, M)
+    return AxisBench(servo, plant, Trajectory(reference, len(t), 0.0, 0.0, motion=True), r)
+
+
+@pytest.mark.parametrize("window", [1, 4])
+def test_the_feedforward_of_the_acceleration_is_less_than_the_mass_by_the_late_velocity(
+    tmp_path: Path, window: int
+) -> None:
+    """Kd (rd - v) with v late by window/2 samples has the part Kd Ts window/2 times the acceleration."""
+    servo = Servo("PID", {"Kp": 4000.0, "Kd": 160.0, "Ki": 0.0}, 1e-3, 100.0, window=window)
+    assert feedforward_mass(bench_of(tmp_path, servo)) == pytest.approx(M - 160.0 * 1e-3 * window / 2.0, rel=2e-3)
+
+
+@pytest.mark.parametrize("Ts", [1e-3, 2e-3])
+def test_the_numerical_error_of_a_loop_with_several_steps_in_a_sample_is_small(tmp_path: Path, Ts: float) -> None:
+    """The parts are exact for a held force, whatever the step: encoder and reference must not be read more rarely."""
+    servo = Servo("PID", {"Kp": 4000.0, "Kd": 160.0, "Ki": 0.0}, Ts, 100.0, quantum=1e-6)
+    metrics = evaluate(bench_of(tmp_path, servo), [Scheme(servo)], ()).metrics
+    assert metrics is not None
+    assert metrics.rms_bound is not None
+    assert metrics.rms_bound < 1e-4 * metrics.rms
