@@ -193,7 +193,11 @@ def achieved(axis: SimulatedAxis, loop: dict[str, Any] | None) -> dict[str, Any]
         return {"fed_velocity": 1.0, **dict(zip(names, (best.x * scale).tolist(), strict=True))}
 
     p = axis.axis
-    mass, Fc, Fv = p["m1"] + p.get("m2", 0.0), p["Fc1"] + p.get("Fc2", 0.0), p.get("Fv1", 0.0) + p.get("Fv2", 0.0)
+    mass, Fc, Fv = (
+        p["m1"] + p.get("m2", 0.0),
+        p.get("Fc1", 0.0) + p.get("Fc2", 0.0),
+        p.get("Fv1", 0.0) + p.get("Fv2", 0.0),
+    )
     found["as it is"] = error()
     found["limited as it is"] = found["last limited"]
     motion = tuned(("fed_mass", "fed_viscous"), (mass, Fv), 40)
