@@ -31,10 +31,16 @@ def rank(none: CompensatorResult, rows: Sequence[CompensatorResult]) -> list[Com
     ordered: list[CompensatorResult] = []
     while left:
         alike = [row for row in left if equivalent(left[0], row)]
-        ordered += sorted(alike, key=lambda row: (blocks(row), inf if row.cycles is None else row.cycles))
+        ordered += sorted(alike, key=_simplicity)
         left = [row for row in left if row not in alike]
     ranked = [replace(row, rank=place) for place, row in enumerate(ordered, start=1)]
     return ranked + [row for row in rows if row.metrics is None]
+
+
+def _simplicity(row: CompensatorResult) -> tuple[int, float, float, str]:
+    """Return what orders equivalent compensators; differences in the last digits of the error must not decide."""
+    worst = inf if row.worst is None else float(f"{row.worst:.3g}")
+    return blocks(row), inf if row.cycles is None else row.cycles, worst, row.name
 
 
 def equivalent(best: CompensatorResult, row: CompensatorResult) -> bool:

@@ -384,7 +384,8 @@ def claim_findings(bench: AxisBench, band: float, beyond: Sequence[str], units: 
     if not reasons:
         return ()
     what = f"The tracking errors of this report cannot be claimed for the machine: {'; '.join(reasons)}."
-    change = "Record a motion that excites higher frequencies, such as a chirp, and repeat the study."
+    chirp = "Record a motion that excites higher frequencies, such as a chirp, and repeat the study."
+    change = chirp if band < NARROW * natural else "Correct what is named there, or measure the error on the machine."
     return (StudyFinding("errors-not-claimed", what, change),)
 
 
@@ -490,6 +491,7 @@ OF_FRICTION_AT_REST: Final = {
     "stick-slip": {"Fs", "vs"},
     "stick-slip cycle": {"Fs", "vs"},
     "hunting": {"Fs"},
+    "encoder": {"Fs"},
 }
 """Conditions of the doctor, with the parameters that they need: without them, nothing is said about the condition."""
 

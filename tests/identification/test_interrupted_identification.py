@@ -40,7 +40,7 @@ def running(process: int) -> bool:
 @pytest.fixture(scope="module")
 def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A record that takes much longer to identify than the test."""
-    t = np.arange(0.0, 60.0, 1e-3)
+    t = np.arange(0.0, 20.0, 1e-3)
     q, v = 0.1 * np.sin(5.0 * t), 0.5 * np.cos(5.0 * t)
     noise = np.random.default_rng(1).normal(0.0, 0.1, len(t))
     force = -2.0 * 25.0 * q + 3.0 * np.sign(v) + 4.0 * v + noise

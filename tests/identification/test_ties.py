@@ -11,7 +11,7 @@ from friction_fmus.identification.fit.estimate import dependent_columns
 from friction_fmus.identification.fit.grid import HysteresisGrid, with_count
 from friction_fmus.identification.fit.search import SearchResult, covariance
 from friction_fmus.study.recommendation import extremes, rank
-from friction_fmus.study.study_result import CompensatorResult, Corner, Metrics, Weights
+from friction_fmus.study.study_result import CompensatorResult, Corner, Metrics
 
 
 @pytest.mark.parametrize("seed", range(20))
@@ -80,4 +80,4 @@ def test_compensators_that_do_the_same_stay_in_one_order() -> None:
     none = replace(extremes(none, none))
     for i in (-2, -1, 0, 1, 2):
         rows = [row("A", 1e-5 + i * np.spacing(1e-5)), row("B", 1e-5)]
-        assert [found.name for found in rank(none, rows, Weights(), 2.0)] == ["A", "B"]
+        assert [found.name for found in rank(none, rows)] == ["A", "B"]

@@ -95,7 +95,8 @@ def test_tracking_errors_say_how_far_they_are_off(study: Study) -> None:
     assert runs
     for metrics in runs:
         assert metrics.rms_bound is not None
-        assert 0.0 < metrics.rms_bound < 0.2 * metrics.rms
+        # or half a step of the encoder, where the feedforward leaves less than that
+        assert 0.0 < metrics.rms_bound < max(0.2 * metrics.rms, 5e-8)
 
 
 def test_compensators_gain(study: Study) -> None:

@@ -76,16 +76,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Identify the models, write the files and print the ranking."""
+    from friction_fmus.cli import identification_tables as tables
     from friction_fmus.cli.column_question import read_asking
     from friction_fmus.cli.console import RunBar, console, progress_bar, styled
-    from friction_fmus.cli.identification_tables import (
-        show_data,
-        show_first_look,
-        show_parameters,
-        show_ranking,
-        show_ready,
-        show_understood,
-    )
     from friction_fmus.identification import DataMapping, examine_segments
     from friction_fmus.identification.data.reading import default_windows
     from friction_fmus.identification.fit.contact_model import contact_model
@@ -105,8 +98,8 @@ def run(options: argparse.Namespace) -> int:
         data, option=options.columns, gain=options.gain, more=tuple(options.data[1:])
     )
     measurement = read_asking(data, None if data.suffix.lower() == ".toml" else given)
-    show_understood(measurement)
-    show_first_look(measurement.records)  # before anything takes time
+    tables.show_understood(measurement)
+    tables.show_first_look(measurement.records)  # before anything takes time
     windows = _windows(options, measurement) or default_windows(measurement.records)
     train = long_enough(measurement.window(*windows["train"]))
     validation = long_enough(measurement.window(*windows["validation"])) if "validation" in windows else ()
@@ -117,7 +110,7 @@ def run(options: argparse.Namespace) -> int:
     about = () if measurement.static else (*examine_segments(train), *contradictions(train), stuck(train))
     findings = (*measurement.findings, *(finding for finding in about if finding is not None))
     wrong = [finding.name for finding in findings if finding.name in FORBIDDING]
-    show_data(train, validation, findings, measurement.steady)
+    tables.show_data(train, validation, findings, measurement.steady)
     task = IdentificationTask(
         train,
         validation,
@@ -131,13 +124,15 @@ def run(options: argparse.Namespace) -> int:
     )
     with progress_bar() as bar:
         progress = RunBar(bar, "identifying").update
-        found = compare_models(models, task, max(1, options.workers), progress, lambda each: show_ready(bar, each))
+        found = compare_models(
+            models, task, max(1, options.workers), progress, lambda each: tables.show_ready(bar, each)
+        )
     known = train[0].units.known
     fmus = known and (options.force or not wrong)
     files = write_results(found, measurement, findings, windows, options.output, fmus=fmus)
-    show_ranking(found)
+    tables.show_ranking(found)
     for result in found.results if len(found.results) <= SHOWN else found.results[:1]:
-        show_parameters(result)
+        tables.show_parameters(result)
     if len(found.results) > SHOWN:
         console.print(
             f"\nThe parameters of the other models are in {options.output / 'parameters.toml'}.", soft_wrap=True

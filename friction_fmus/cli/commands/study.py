@@ -47,6 +47,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         action="store_true",
         help="try all friction models and compensators, not only the best-known ones; takes several times longer",
     )
+    parser.add_argument(
+        "--verify",
+        metavar="AFTER",
+        type=Path,
+        help="compare the study in the output folder with a record that was taken with the recommended compensator",
+    )
     parser.add_argument("--fresh", action="store_true", help="ignore cached steps and start from the beginning")
 
 
@@ -57,6 +63,8 @@ def run(options: argparse.Namespace) -> int:
 
         write_configuration(Path(options.config[0]), options.output or Path())
         return 0
+    if options.verify:
+        return _verify(options)
     require("plotly", "the report of a study needs it")
     from friction_fmus.cli.column_question import read_asking
     from friction_fmus.cli.console import RunBar, console, progress_bar
@@ -122,3 +130,24 @@ def run(options: argparse.Namespace) -> int:
         summary = {name: getattr(result, name) for name in names}
         print_json(options, summary | {"models": models, "compensators": rows})
     return 0 if result.trusted else 1
+
+
+def _verify(options: argparse.Namespace) -> int:
+    """Print claimed and measured error; the status is 1 if the claim did not come true."""
+    from friction_fmus.cli.console import console
+    from friction_fmus.identification import DataMapping
+    from friction_fmus.identification.data.mapping import read_mapping
+    from friction_fmus.identification.data.reading import read_measurement
+    from friction_fmus.study.config import load_config
+    from friction_fmus.study.verification import verification_text, verify
+
+    config = load_config(options.config[0])
+    if config.bare or not config.data:
+        mapping = DataMapping(options.verify, option=options.columns, gain=options.gain)
+    else:
+        mapping = replace(read_mapping(config.data, config.folder, config.name), file=options.verify, windows={})
+    records = read_measurement(mapping).records
+    found = verify(options.output or Path("out"), records, config.servo)
+    for line in verification_text(found, records[0].units.position):
+        console.print(line, soft_wrap=True)
+    return 0 if found.came_true else 1

@@ -64,7 +64,8 @@ def _steady(table: DataTable, known: DataMapping, speed: Column, force: Column) 
     """Return friction at steady speeds, without the offset of the drive if both directions were measured."""
     v, F = table.columns[speed.column], table.columns[force.column]
     good = np.isfinite(v) & np.isfinite(F) & (v != 0.0)
-    v, F = v[good], F[good]
+    order = np.argsort(v[good], kind="stable")
+    v, F = v[good][order], F[good][order]
     unit, own = unit_of(speed.unit), unit_of(force.unit) if force.unit else None
     if not FEWEST <= len(v) <= MOST or unit is None or not fits("velocity", unit):
         return None

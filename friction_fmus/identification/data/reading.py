@@ -301,7 +301,8 @@ def read_measurement(
         for name, segment in zip(names, segments, strict=True)
     )
     findings += plausible(records, known.columns)
-    return Measurement(records, known, tuple(findings), understood(table, known, records, reasons, notes))
+    lines = tuple(understood(table, known, records, reasons, notes))
+    return Measurement(records, known, tuple(findings), lines)
 
 
 def _other(table: DataTable, known: DataMapping, refusal: AmbiguousColumnsError) -> Measurement:

@@ -16,8 +16,6 @@ from friction_fmus.errors import RecordError
 from friction_fmus.identification.data.record import Array, RecordFinding
 
 EXACT = 2**53  # largest integer below which all integers are exact as floating-point numbers
-
-
 UNPACKED: Final = 2**30  # largest size of the numbers in a file [bytes]
 
 
@@ -41,9 +39,7 @@ class DataTable:
     """First non-numeric cell of each other column and its location, by heading."""
     lines: NDArray[np.int64] | None = None  # line number of each row in the file
     findings: tuple[RecordFinding, ...] = ()  # problems found in the file
-    notes: Mapping[str, RecordFinding] = field(
-        default_factory=dict
-    )  # problems that concern one column only, by heading
+    notes: Mapping[str, RecordFinding] = field(default_factory=dict)  # problems of one column only, by heading
     format: str = ""  # what was read, in one line, such as ``12000 rows, UTF-16, semicolons, preamble of 11 lines``
     preamble: Mapping[str, str] = field(default_factory=dict)  # keys and values above the table, such as scale factors
     period: float = 0.0  # sample time that the file states beside its columns [s]; 0 if there is none

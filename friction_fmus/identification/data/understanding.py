@@ -15,23 +15,9 @@ POOR: Final = 0.3  # share of the variance of the drive below which the mapping 
 
 
 def understood(
-    table: DataTable,
-    known: DataMapping,
-    records: Sequence[Record],
-    reasons: Mapping[str, str],
-    notes: Sequence[str],
-) -> tuple[tuple[str, str], ...]:
-    """Return what was read and why, as subject and text."""
-    return tuple(_lines(table, known, records, reasons, notes))
-
-
-def _lines(
-    table: DataTable,
-    known: DataMapping,
-    records: Sequence[Record],
-    reasons: Mapping[str, str],
-    notes: Sequence[str],
+    table: DataTable, known: DataMapping, records: Sequence[Record], reasons: Mapping[str, str], notes: Sequence[str]
 ) -> Iterator[tuple[str, str]]:
+    """Yield what was read and why, as subject and text."""
     record = max(records, key=len)
     rows = len(next(iter(table.columns.values()), ()))
     named = f" ({known.name})" if known.name not in ("", table.file.stem) else ""

@@ -1,0 +1,149 @@
+"""Comparison of a study with a record that was taken with its recommendation."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+
+from friction_fmus.axis.servo import Servo
+from friction_fmus.errors import FrictionError
+from friction_fmus.identification import Record
+from friction_fmus.identification.fit.first_look import first_look
+from friction_fmus.identification.fit.scores import rms
+from friction_fmus.listings import shown
+
+TRUE: Final = 0.15  # relative difference of claimed and measured error up to which the claim came true
+CHANGED: Final = 0.1  # relative change of mass or friction that is named
+SURE: Final = 3.0  # number of standard errors of a change that is named
+MOVING: Final = 0.3  # reference speed over its largest one above which the axis slides
+INVERTED: Final = 1.5  # friction that acts on the servo over the friction of the axis above which the sign is wrong
+ABSENT: Final = 0.7  # the same above which the compensation does not act
+
+
+@dataclass(frozen=True)
+class Verification:
+    """Claimed and measured error of a law.
+
+    Attributes
+    ----------
+    name : str
+        Recommended compensator.
+    claimed, measured : float
+        Tracking error, rms, of the study and of the record [m or rad].
+    reasons : tuple of str
+        What differs between the record and the study, a sentence each.
+    """
+
+    name: str
+    claimed: float
+    measured: float
+    reasons: tuple[str, ...]
+
+    @property
+    def came_true(self) -> bool:
+        """Whether the measured error is at most `TRUE` above the claimed one."""
+        return self.measured <= (1.0 + TRUE) * self.claimed
+
+
+def verify(folder: Path, records: Sequence[Record], servo: Servo | None = None) -> Verification:
+    """Compare the claim of a study with a record taken with the recommended law.
+
+    Parameters
+    ----------
+    folder : Path
+        Output folder of the study, with `study.json`.
+    records : sequence of Record
+        Segments with position and reference, and the drive force to say why the claim did not come true.
+    servo : Servo, optional
+        Servo of the axis; with it, a compensation of the wrong sign or size is found from the tracking error.
+
+    Returns
+    -------
+    Verification
+        Claimed and measured error, and what differs.
+
+    Raises
+    ------
+    FrictionError
+        If the folder has no study with a recommendation, or the record has no reference or position.
+    """
+    try:
+        study = json.loads((folder / "study.json").read_text(encoding="utf-8"))
+        name = str(study["recommendation"]["name"])
+        rows = {row["name"]: row for row in study["compensators"]}
+        claimed = float(rows[name]["metrics"]["rms"])
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        raise FrictionError(
+            f"{folder} has no study with a recommended compensator; run friction-fmus study with -o {folder} first."
+        ) from error
+    errors = [
+        record.reference - record.q for record in records if record.reference is not None and record.q is not None
+    ]
+    if not errors:
+        raise FrictionError("The record has no reference or no position, so that its tracking error is unknown.")
+    measured = rms(np.concatenate(errors))
+    before = next((row for row in study["models"] if row["name"].startswith("Coulomb + viscous")), None)
+    known = {} if before is None else {p["name"]: float(p["value"]) for p in before["parameters"]}
+    reasons = (*_changes(records, known), *_direction(records, servo, known))
+    return Verification(name, claimed, measured, tuple(reasons))
+
+
+def _changes(records: Sequence[Record], known: Mapping[str, float]) -> Iterator[str]:
+    """Yield the changes of mass and friction."""
+    words = {"M": "The {mass}", "Fc": "Coulomb friction", "Fv": "Viscous friction"}
+    for name, now in first_look(records).items():
+        old = known.get(name)
+        if name not in words or not old:
+            continue
+        change = now.value / old - 1.0
+        if abs(change) > CHANGED and abs(now.value - old) > SURE * now.standard_error:
+            what = words[name].format(mass=records[0].units.words.mass)
+            yield (
+                f"{what} is {100.0 * abs(change):.0f} % {'higher' if change > 0.0 else 'lower'} than in the study: "
+                f"{now.value:.4g} instead of {old:.4g} {now.unit}. Repeat the study with this record."
+            )
+
+
+def _direction(records: Sequence[Record], servo: Servo | None, known: Mapping[str, float]) -> Iterator[str]:
+    """Yield what the part of the error that follows the direction of motion says of the compensation.
+
+    In slow motion, a servo without integral action needs the error F/Kp for a force F that nothing compensates.
+    """
+    if servo is None or servo.pid[2] or not known.get("Fc"):
+        return
+    columns, errors = [], []
+    for record in records:
+        if record.reference is None or record.q is None:
+            continue
+        rd = np.gradient(record.reference, record.Ts)
+        rows = np.column_stack([np.sign(rd), np.ones_like(rd)])
+        moving = np.abs(rd) > MOVING * float(np.max(np.abs(rd)))
+        columns.append(rows[moving])
+        errors.append((record.reference - record.q)[moving])
+    A, e = np.concatenate(columns), np.concatenate(errors)
+    length = np.maximum(np.linalg.norm(A, axis=0), 1e-300)
+    part = float((np.linalg.lstsq(A / length, e, rcond=None)[0] / length)[0]) * servo.pid[0] / known["Fc"]
+    if part > INVERTED:
+        yield (
+            f"The servo works against {part:.2g} times the friction of the axis: the compensation has the wrong sign. "
+            "Change its sign, or that of its velocity."
+        )
+    elif part > ABSENT:
+        yield f"The servo works against {part:.2g} times the friction of the axis: the compensation does not act."
+
+
+def verification_text(found: Verification, unit: str) -> Sequence[Any]:
+    """Return the lines that the command prints."""
+    verdict = "The claim came true" if found.came_true else "The claim did not come true"
+    lines = [
+        f"{found.name}: {shown(found.claimed, unit)} rms claimed, {shown(found.measured, unit)} rms measured "
+        f"({100.0 * (found.measured / found.claimed - 1.0):+.0f} %). {verdict}."
+    ]
+    if not found.came_true and not found.reasons:
+        lines.append("Mass and friction are as in the study. Compare the reference and the settings of the drive.")
+    return [*lines, *found.reasons]
