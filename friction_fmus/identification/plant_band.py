@@ -28,7 +28,7 @@ from friction_fmus.identification.fit.scores import rms
 
 COHERENT: Final = 0.8  # coherence above which the apparent mass is known
 AGREES: Final = 0.3  # largest deviation of the apparent mass, relative to the mass, in magnitude and phase
-EXCEEDS: Final = 0.1  # inertia force over friction in a band above which errors of the friction do not matter
+EXCEEDS: Final = 0.3  # inertia force over friction in a band above which errors of the friction do not matter
 GAPS: Final = 6  # third octaves that show nothing between two that agree
 AVERAGES: Final = 15  # smallest number of segments, with an overlap of a half
 LONGEST: Final = 4.0  # longest segment [s]
@@ -128,7 +128,7 @@ def plant_band(records: Sequence[Record], mass: float, friction: Sequence[Array]
 def forces_without_friction(records: Sequence[Record], motions: Sequence[Motion], mass: float) -> list[Array]:
     """Return the drive forces without Coulomb friction, different by direction, and viscous friction, both fitted.
 
-    While the axis may stick, friction is what the force needs, within the limits of Coulomb friction.
+    While the axis may stick, friction is the force, within the limits of Coulomb friction.
     """
     top = max(float(np.max(np.abs(motion.v))) for motion in motions)
     rows, rest = [], []
@@ -142,7 +142,7 @@ def forces_without_friction(records: Sequence[Record], motions: Sequence[Motion]
     for record, motion in zip(records, motions, strict=True):
         force = record.column("force")
         sliding = _directions(motion.v) @ theta
-        sticking = np.clip(force - mass * motion.a, low, high)
+        sticking = np.clip(force, low, high)
         found.append(force - np.where(np.abs(motion.v) > SLOW * top, sliding, sticking))
     return found
 
