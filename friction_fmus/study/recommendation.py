@@ -142,7 +142,7 @@ def recommend(
     assert none.metrics is not None
     assert first.metrics is not None
     unit = u.m
-    start = _start(rungs, unit)
+    start = _start(rungs, unit, first.name)
     if not first.improves:
         nearest = min(tried, key=lambda row: (row.worst is None, row.worst, row.name))
         assert nearest.metrics is not None
@@ -176,8 +176,8 @@ def recommend(
     return Recommendation(first.name, reason, first.gain, second.name, also)
 
 
-def _start(rungs: Sequence[Rung], unit: str) -> str:
-    """Return a sentence with the error of the axis as it is, and the change that reduces it most."""
+def _start(rungs: Sequence[Rung], unit: str, first: str) -> str:
+    """Return a sentence with the error of the axis as it is, and the change that reduces it most unless it comes first."""
     if not rungs or rungs[0].title != AS_MEASURED:
         return ""
     sentence = f"Today the axis tracks to {shown(rungs[0].metrics.rms, unit)} rms"
@@ -185,6 +185,8 @@ def _start(rungs: Sequence[Rung], unit: str) -> str:
     if step is None:
         return f"{sentence}. "
     before, after = step
+    if after.name == first and first:
+        return f"{sentence}. "
     name = f" ({after.name})" if after.name not in ("", "none", INTEGRAL.name) else ""
     return (
         f"{sentence}. The largest improvement comes {after.title}{name}: from {shown(before.metrics.rms, unit)} to "
