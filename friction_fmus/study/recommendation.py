@@ -177,7 +177,7 @@ def recommend(
 
 
 def _start(rungs: Sequence[Rung], unit: str, first: str) -> str:
-    """Return a sentence with the error of the axis as it is, and the change that reduces it most unless it comes first."""
+    """Return the error of the axis as it is and the change that reduces it most, unless this is what follows."""
     if not rungs or rungs[0].title != AS_MEASURED:
         return ""
     sentence = f"Today the axis tracks to {shown(rungs[0].metrics.rms, unit)} rms"
