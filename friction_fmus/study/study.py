@@ -43,6 +43,7 @@ from friction_fmus.study.model_ranking import (
     ranked,
     refine,
 )
+from friction_fmus.study.next_experiment import EXPERIMENT_FILE, next_experiment, write_experiment
 from friction_fmus.study.recommendation import AS_MEASURED, improves
 from friction_fmus.study.servo_check import CheckedServo, check_servo
 from friction_fmus.study.servo_estimate import estimate_servo
@@ -370,11 +371,16 @@ NARROW: Final = 3.0
 """Band of the plant over the natural frequency of the position loop below which tracking errors are not claimed."""
 
 
+def narrow(bench: AxisBench, band: float) -> bool:
+    """Return whether the band that a record supports is too narrow for the position loop."""
+    return band < NARROW * bench.bandwidth / (2.0 * math.pi)
+
+
 def claim_findings(bench: AxisBench, band: float, beyond: Sequence[str], units: AxisUnits) -> tuple[StudyFinding, ...]:
     """Return a finding if the tracking errors of the simulated axis need not come true on the machine."""
     natural = bench.bandwidth / (2.0 * math.pi)
     reasons = []
-    if band < NARROW * natural:
+    if narrow(bench, band):
         reasons.append(
             f"the record supports a rigid {units.words.mass} up to {band:.3g} Hz only, and the position loop has a "
             f"natural frequency of {natural:.3g} Hz"
@@ -384,8 +390,11 @@ def claim_findings(bench: AxisBench, band: float, beyond: Sequence[str], units: 
     if not reasons:
         return ()
     what = f"The tracking errors of this report cannot be claimed for the machine: {'; '.join(reasons)}."
-    chirp = "Record a motion that excites higher frequencies, such as a chirp, and repeat the study."
-    change = chirp if band < NARROW * natural else "Correct what is named there, or measure the error on the machine."
+    chirp = (
+        f"Record the motion of {EXPERIMENT_FILE}, with feedforward of velocity and acceleration, and repeat the study "
+        "with both records."
+    )
+    change = chirp if narrow(bench, band) else "Correct what is named there, or measure the error on the machine."
     return (StudyFinding("errors-not-claimed", what, change),)
 
 
@@ -659,7 +668,13 @@ class _Study:
         if not missing:
             bench = self._bench(data, best)
             comparison = self._comparison(data, models, bench)
-            findings += claim_findings(bench, comparison.limits.band, beyond, data.longest.units)
+            band = comparison.limits.band
+            findings += claim_findings(bench, band, beyond, data.longest.units)
+            (self.out / EXPERIMENT_FILE).unlink(missing_ok=True)
+            if narrow(bench, band):
+                level = AxisKnowledge(bench.servo, bench.plant, {}).level
+                write_experiment(self.out, next_experiment(bench, level), data.longest.units.position)
+                files.append(WrittenFile(EXPERIMENT_FILE, "Reference to record next: a chirp on a slow motion"))
             metrics = comparison.recommended.metrics
             figures = None if metrics is None else Figures(metrics.rms, data.longest.units.position)
             name, citation = data.longest.name, data.longest.citation
