@@ -212,7 +212,7 @@ def band_of(records: Sequence[Record], found: IdentifiedModel) -> PlantBand | No
     friction, alone, table = [], [], found.plant.position
     for record in records:
         v = filtered_motion(record).v
-        friction.append(drive(found, record.units, record.t - record.t[0], v, _load(record)))
+        friction.append(drive(found, record.units, record.Ts * np.arange(float(len(v))), v, _load(record)))
         over_position = 0.0 if table is None else table.force(record.column("q"), v)
         alone.append(replace(record, force=record.column("force") + over_position))
     return plant_band(alone, found.mass, friction)
