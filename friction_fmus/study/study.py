@@ -361,10 +361,7 @@ def without_loop(models: Sequence[IdentifiedModel]) -> list[IdentifiedModel]:
     return found
 
 
-NOT_SIMULATED: Final = (
-    *("saturated", "friction-drifts", "offset-drifts", "gravity", "backlash", "two-masses"),
-    "direction-dependent-friction",
-)
+NOT_SIMULATED: Final = ("saturated", "friction-drifts", "offset-drifts", "gravity", "backlash", "two-masses")
 """Findings about the plant that the simulated axis, a rigid mass with friction, does not have."""
 
 NARROW: Final = 3.0
