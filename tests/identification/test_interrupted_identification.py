@@ -55,7 +55,11 @@ def test_no_worker_outlives_the_command(log: Path, tmp_path: Path, ended_by: sig
     models = [option for name in ("Coulomb", "LuGre", "GMS", "Leuven") for option in ("--model", name)]
     command = [sys.executable, "-m", "friction_fmus", "identify", str(log), *models, "--workers", "2"]
     with subprocess.Popen(
-        [*command, "-o", str(tmp_path / "out")], stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True
+        [*command, "-o", str(tmp_path / "out")],
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.PIPE,
+        text=True,
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),  # tests in the background ignore it
     ) as started:
         assert started.stderr is not None
         assert "Coulomb" in started.stderr.readline()  # so the others are being identified
