@@ -289,6 +289,7 @@ def identifier(name: str) -> str:
     return letters if letters and letters[0].isalpha() else f"Axis{letters}"
 
 
+AT_LIMIT: Final = 0.98  # recorded force over the force limit above which the drive saturates
 BEYOND: Final = 1.2  # recorded force over the force limit above which one of them has a wrong unit
 GROWTH: Final = 1.1  # growth of an oscillation per sample above which the loop is too unstable to have been recorded
 
@@ -301,6 +302,8 @@ def force_findings(records: Sequence[Record], servo: Servo | None) -> tuple[Stud
         StudyFinding(each.name, each.what, each.measure, each.name in forbidding) for each in contradictions(records)
     ]
     peak = max((float(np.max(np.abs(record.force))) for record in records if record.force is not None), default=0.0)
+    if servo is not None and AT_LIMIT * servo.force_limit <= peak <= BEYOND * servo.force_limit:
+        found = [each for each in found if each.name != "force-clipped"]  # the drive saturates, not the measurement
     if servo is not None and peak > BEYOND * servo.force_limit:
         limit = f"the {u.force} limit is {servo.force_limit:.3g} {u.N}"
         what = f"The recorded drive {u.force} reaches {peak:.3g} {u.N}; {limit}."
@@ -364,7 +367,7 @@ def without_loop(models: Sequence[IdentifiedModel]) -> list[IdentifiedModel]:
 NOT_SIMULATED: Final = ("saturated", "friction-drifts", "offset-drifts", "gravity", "backlash", "two-masses")
 """Findings about the plant that the simulated axis, a rigid mass with friction, does not have."""
 
-NARROW: Final = 3.0
+NARROW: Final = 1.5
 """Band of the plant over the natural frequency of the position loop below which tracking errors are not claimed."""
 
 

@@ -1,0 +1,47 @@
+"""Which studies say that their tracking errors cannot be claimed for the machine."""
+
+from __future__ import annotations
+
+from math import pi, sqrt
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from friction_fmus.axis.servo import AxisPlant, Servo, Trajectory
+from friction_fmus.identification import LINEAR, Record
+from friction_fmus.study.evaluation import AxisBench
+from friction_fmus.study.study import claim_findings, force_findings
+
+SERVO = Servo("PID", {"Kp": 8000.0, "Kd": 160.0, "Ki": 0.0}, 1e-3, 50.0)
+BENCH = AxisBench(SERVO, AxisPlant("Coulomb", {"Fc": 6.0}, 2.0), Trajectory(Path(), 10, 0.0, 0.0), np.zeros(10))
+NATURAL = sqrt(8000.0 / 2.0) / (2.0 * pi)
+
+
+def test_a_wide_band_and_no_finding_is_a_claim() -> None:
+    assert claim_findings(BENCH, 1.6 * NATURAL, [], LINEAR) == ()
+
+
+def test_a_narrow_band_is_none_and_names_what_to_record() -> None:
+    (finding,) = claim_findings(BENCH, 1.4 * NATURAL, [], LINEAR)
+    assert "cannot be claimed" in finding.what
+    assert "next_experiment.csv" in finding.change
+    assert not finding.stops
+
+
+def test_what_the_simulated_axis_lacks_is_named() -> None:
+    (finding,) = claim_findings(BENCH, 10.0 * NATURAL, ["backlash"], LINEAR)
+    assert "backlash" in finding.what
+    assert "next_experiment" not in finding.change
+
+
+@pytest.mark.parametrize(("limit", "clipped"), [(15.0, False), (20.0, True)])
+def test_a_force_at_the_declared_limit_is_saturated_and_not_clipped(limit: float, clipped: bool) -> None:
+    """The inertia force of 40 N is recorded as at most 15 N: the drive saturates, or the measurement does."""
+    t = 1e-3 * np.arange(8000)
+    v = 0.5 * np.sin(2.0 * pi * t)
+    a = pi * np.cos(2.0 * pi * t)
+    force = np.clip(12.0 * a + 3.0 * np.sign(v), -15.0, 15.0)
+    record = Record("axis", t, q=-0.5 / (2.0 * pi) * np.cos(2.0 * pi * t), force=force)
+    found = force_findings([record], Servo("PID", SERVO.gains, 1e-3, limit))
+    assert ("force-clipped" in {finding.name for finding in found}) == clipped
