@@ -349,6 +349,20 @@ _STEPS: Final = {"M": 0.02, "vs": 0.2, "Fs": 0.1}
 """Relative step of a parameter for differences, 4 % by default: its effect must exceed the encoder resolution."""
 
 
+PLAUSIBLE: Final = 1.5  # static over Coulomb friction above which an undetermined one is not simulated
+
+
+def without_unknown_static_friction(found: IdentifiedModel) -> IdentifiedModel:
+    """Return a model whose static friction is Coulomb friction, if the record does not determine it and it is larger.
+
+    A search ends anywhere from Fc to many times the largest force if the axis never slides slowly; a simulated axis
+    with such a value cannot be moved, and every law that uses it fails.
+    """
+    Fc, Fs = found.values.get("Fc", 0.0), found.values.get("Fs", 0.0)
+    weak = any(parameter.name == "Fs" and parameter.weak for parameter in found.row.parameters)
+    return replace(found, values={**found.values, "Fs": Fc}) if weak and Fs > PLAUSIBLE * Fc > 0.0 else found
+
+
 def refine(
     found: IdentifiedModel, measured: Measured, train: Sequence[Record], unfitted: Sequence[Record]
 ) -> IdentifiedModel:

@@ -42,6 +42,7 @@ from friction_fmus.study.model_ranking import (
     published_model,
     ranked,
     refine,
+    without_unknown_static_friction,
 )
 from friction_fmus.study.next_experiment import EXPERIMENT_FILE, next_experiment, write_experiment
 from friction_fmus.study.recommendation import AS_MEASURED, improves
@@ -364,6 +365,19 @@ def without_loop(models: Sequence[IdentifiedModel]) -> list[IdentifiedModel]:
     return found
 
 
+def static_friction_findings(best: IdentifiedModel, units: AxisUnits) -> tuple[StudyFinding, ...]:
+    """Return a finding if the simulated axis does not have the identified static friction."""
+    identified = next((p.value for p in best.row.parameters if p.name == "Fs"), None)
+    simulated = best.values.get("Fs")
+    if identified is None or simulated is None or identified == simulated:
+        return ()
+    what = (
+        f"The record does not determine the static friction of {best.row.name}: {identified:.3g} {units.force} would "
+        f"fit. The simulated axis has its Coulomb friction, {simulated:.3g} {units.force}, instead."
+    )
+    return (StudyFinding("static-friction-unknown", what, "Record slow strokes at constant speeds."),)
+
+
 NOT_SIMULATED: Final = ("saturated", "friction-drifts", "offset-drifts", "gravity", "backlash", "two-masses")
 """Findings about the plant that the simulated axis, a rigid mass with friction, does not have."""
 
@@ -651,7 +665,9 @@ class _Study:
         findings += loop_findings(models, any(found.row.closed_loop for found in models), data.longest.units.words)
         if models[0].row.rank is None:
             models = ranked(without_loop(models))
+        models = [without_unknown_static_friction(found) for found in models]
         best = models[0]
+        findings += static_friction_findings(best, data.longest.units)
         if not any(finding.stops for finding in findings):  # otherwise the mass is a consequence
             findings += mass_findings(self.config.servo, best, data.longest.units.words)
         if best.row.rank is None:

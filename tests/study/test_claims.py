@@ -11,7 +11,9 @@ import pytest
 from friction_fmus.axis.servo import AxisPlant, Servo, Trajectory
 from friction_fmus.identification import LINEAR, Record
 from friction_fmus.study.evaluation import AxisBench
-from friction_fmus.study.study import claim_findings, force_findings
+from friction_fmus.study.model_ranking import IdentifiedModel, without_unknown_static_friction
+from friction_fmus.study.study import claim_findings, force_findings, static_friction_findings
+from friction_fmus.study.study_result import IdentifiedParameter, ModelResult
 
 SERVO = Servo("PID", {"Kp": 8000.0, "Kd": 160.0, "Ki": 0.0}, 1e-3, 50.0)
 BENCH = AxisBench(SERVO, AxisPlant("Coulomb", {"Fc": 6.0}, 2.0), Trajectory(Path(), 10, 0.0, 0.0), np.zeros(10))
@@ -45,3 +47,26 @@ def test_a_force_at_the_declared_limit_is_saturated_and_not_clipped(limit: float
     record = Record("axis", t, q=-0.5 / (2.0 * pi) * np.cos(2.0 * pi * t), force=force)
     found = force_findings([record], Servo("PID", SERVO.gains, 1e-3, limit))
     assert ("force-clipped" in {finding.name for finding in found}) == clipped
+
+
+def model(Fs: float, weak: str) -> IdentifiedModel:
+    parameters = tuple(
+        IdentifiedParameter(name, value, 0.1, "N", "", weak=weak) for name, value in (("Fc", 6.0), ("Fs", Fs))
+    )
+    return IdentifiedModel(
+        ModelResult("LuGre", "", parameters=parameters), "LuGre", {"Fc": 6.0, "Fs": Fs, "sigma0": 1e5}
+    )
+
+
+def test_a_static_friction_that_the_record_does_not_determine_is_not_simulated() -> None:
+    simulated = without_unknown_static_friction(model(978.0, "its standard error is 6645 % of its value"))
+    assert simulated.values == {"Fc": 6.0, "Fs": 6.0, "sigma0": 1e5}
+    (finding,) = static_friction_findings(simulated, LINEAR)
+    assert "978 N" in finding.what
+
+
+@pytest.mark.parametrize(("Fs", "weak"), [(9.5, ""), (978.0, ""), (8.0, "its standard error is 50 % of its value")])
+def test_a_known_or_plausible_static_friction_is_simulated(Fs: float, weak: str) -> None:
+    found = without_unknown_static_friction(model(Fs, weak))
+    assert found.values["Fs"] == Fs
+    assert static_friction_findings(found, LINEAR) == ()
