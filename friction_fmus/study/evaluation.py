@@ -134,6 +134,18 @@ def settling(error: Array, bench: AxisBench) -> float | None:
     return float(np.median(times)) if times else None
 
 
+def around_reversal(error: Array, bench: AxisBench) -> StudyCurve | None:
+    """Return the error over the time after the reversal nearest to the middle of the run; None without reversals."""
+    turns = reversals(bench.r)
+    if not turns:
+        return None
+    centre, end = min(turns, key=lambda turn: abs(turn[0] - len(error) // 2))
+    longest = min(end - centre, round(WINDOW / (bench.bandwidth * bench.servo.Ts)))
+    shown = slice(max(0, centre - longest // 2), centre + longest)
+    t = bench.servo.Ts * (np.arange(float(len(error))) - centre)
+    return thinned(t[shown], error[shown])
+
+
 def at_rest(r: Array, Ts: float) -> Array:
     """Return which samples belong to a rest of the reference of at least `REST`, without the first half of `REST`."""
     still = np.append(np.abs(np.diff(r)) <= 1e-9 * max(float(np.ptp(r)), 1e-300), False)
@@ -227,6 +239,7 @@ class Evaluation:
     error: StudyCurve | None  # reference minus position over time of the best trial
     reason: str = ""  # reason why there is no best trial
     schemes: tuple[Scheme, ...] = ()  # the schemes of the trials
+    turn: StudyCurve | None = None  # the error of the best trial over the time after a reversal
 
 
 def evaluate(bench: AxisBench, schemes: Sequence[Scheme], cases: Sequence[Case]) -> Evaluation:
@@ -249,7 +262,8 @@ def _evaluated(bench: AxisBench, schemes: Sequence[Scheme], cases: Sequence[Case
     metrics = replace(metrics, rms_bound=_rms_bound(system_of(bench, scheme, pool), bench))
     corners = tuple(_corner(bench, scheme, case, pool) for case in cases)
     drawn = thinned(bench.servo.Ts * np.arange(float(len(error))), error)
-    return Evaluation(scheme, metrics, tuple(trials), corners, drawn, schemes=tuple(schemes))
+    turn = around_reversal(error, bench)
+    return Evaluation(scheme, metrics, tuple(trials), corners, drawn, schemes=tuple(schemes), turn=turn)
 
 
 def _best(trials: Sequence[tuple[Scheme, Metrics, Array]]) -> tuple[Scheme, Metrics, Array]:

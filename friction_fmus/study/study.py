@@ -727,6 +727,7 @@ class _Study:
             seconds=0.0,
             servo_check=checked.result,
             findings=tuple(findings),
+            turn=comparison.turn if comparison else None,
         )
 
     def _goes_on(self, findings: Sequence[StudyFinding]) -> bool:

@@ -350,6 +350,8 @@ class StudyResult:
         extremes kept.
     friction : Picture or None
         Friction over velocity: points of the record, curves of the models.
+    turn : Picture or None
+        Simulated tracking error around a reversal: recommended, as measured, and with motion feedforward alone.
     hysteresis : Picture or None
         Friction over displacement: points of the record, loops of the models.
     residuals : tuple of Picture
@@ -406,6 +408,7 @@ class StudyResult:
     seconds: float
     servo_check: ServoCheck = field(default_factory=ServoCheck)
     findings: tuple[StudyFinding, ...] = ()
+    turn: Picture | None = None
 
     @property
     def trusted(self) -> bool:
