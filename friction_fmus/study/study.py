@@ -35,7 +35,6 @@ from friction_fmus.study.config import ALL, OF_RECORD, ConfigError, StudyConfig,
 from friction_fmus.study.data import Data, build_reference, check_period, load_data, measured_servo
 from friction_fmus.study.evaluation import AxisBench, Scheme, feedforward_mass
 from friction_fmus.study.model_ranking import (
-    INVERSE,
     IdentifiedModel,
     identify_model,
     inverse_model,
@@ -765,7 +764,7 @@ class _Study:
             return ranked(found)
         smallest = min((each.error for each in found if each.error is not None), default=0.0)
         close = [each.error is not None and each.error <= CLOSE * smallest for each in found]
-        chosen = [each for each, is_close in zip(found, close, strict=True) if is_close and each.row.name != INVERSE]
+        chosen = [each for each, is_close in zip(found, close, strict=True) if is_close]
         chosen.sort(key=lambda each: "needs force" not in catalogue()[each.block].features)  # the slowest first
         steps = [Step(f"loop-{each.row.name}", refine, (each, measured, *records), IdentifiedModel) for each in chosen]
         refined = self._run(steps, 0.4, 0.6)
