@@ -34,8 +34,6 @@ FAMILIES: Final = 6  # largest number of families of compensators that are compa
 UNCLAIMED: Final = "errors-not-claimed"
 FIRST_FINDINGS: Final = (UNCLAIMED, "saturated")  # findings that come before everything else
 
-SETTING: Final = ("Switch on ", "Set ", "Add ")  # beginnings of the steps that change the drive
-
 #: Plots of the tuning: name, title of the axis, tuned parameter of a trial, caption.
 SWEEPS: tuple[tuple[str, str, Callable[[Trial], float | None], str], ...] = (
     (
@@ -201,14 +199,11 @@ def friction_table(picture: Picture) -> tuple[list[str], list[list[str]]]:
 def _result(study: StudyResult) -> Mapping[str, Any]:
     """Return the verdict, the findings that come first, the error around a reversal, and what to do."""
     first = [each for each in study.findings if each.stops or each.name in FIRST_FINDINGS]
-    steps = study.recommendation.next_steps
     return {
         "verdict": verdict(study),
         "first_findings": first,
         "others": [each.name for each in study.findings if not any(each.name in one.name + one.what for one in first)],
         "plot": _turn(study),
-        "steps": [step for step in steps if step.startswith(SETTING)],
-        "cautions": [step for step in steps if not step.startswith(SETTING)],
         "verify": f"{study.command.replace(' -o ', ' --verify after.csv -o ')}",
     }
 

@@ -24,17 +24,13 @@ SMALL = 1e-3  # constant force over the force limit up to which it is not worth 
 
 
 def next_steps(
-    bench: AxisBench, scheme: Scheme, found: Comparison, models: Sequence[ModelResult], units: AxisUnits
-) -> tuple[str, ...]:
-    """Return what to set in the drive and what to measure, one or two sentences each."""
-    row = found.recommended
+    bench: AxisBench, found: Comparison, models: Sequence[ModelResult], units: AxisUnits
+) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """Return what to set in the drive, and what to rule out or to measure, one or two sentences each."""
+    row, scheme = found.recommended, found.chosen
     return (
-        *_motion(bench, found.ladder, units),
-        *_integral(bench, scheme),
-        *_laws(scheme, row, units.words),
-        *_sensitive(row, units),
-        *_fragile(row),
-        *_weak(row, models),
+        (*_motion(bench, found.ladder, units), *_integral(bench, scheme), *_laws(scheme, row, units.words)),
+        (*_fragile(row), *_sensitive(row, units), *_weak(row, models)),
     )
 
 

@@ -483,8 +483,8 @@ class _Study:
         highest = min([*self.config.resonances, math.inf if band is None else band.supported])
         limits = replace(wanted.limits, band=highest, resonance=highest)
         found = compare(bench, known, replace(wanted, limits=limits), run)
-        steps = next_steps(bench, found.chosen, found, [model.row for model in models], units)
-        return replace(found, recommendation=replace(found.recommendation, next_steps=steps))
+        steps, cautions = next_steps(bench, found, [model.row for model in models], units)
+        return replace(found, recommendation=replace(found.recommendation, next_steps=steps, cautions=cautions))
 
     def _panel(self, bench: AxisBench, comparison: Comparison) -> WhatIf | str:
         """Return the axis for the what-if panel of the report, or why there is none."""

@@ -326,7 +326,8 @@ class Recommendation:
     gain: float | None = None  # gain of the recommended compensator
     runner_up: str = ""  # second-best compensator; empty if no other one improves the axis
     runner_up_reason: str = ""  # metrics of the second-best compensator in one sentence
-    next_steps: tuple[str, ...] = ()  # what to set in the drive, and what to measure, one sentence each
+    next_steps: tuple[str, ...] = ()  # what to set in the drive, one or two sentences each
+    cautions: tuple[str, ...] = ()  # what to rule out before, and what to measure, one or two sentences each
 
 
 @dataclass(frozen=True, repr=False)

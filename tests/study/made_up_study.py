@@ -209,11 +209,8 @@ def made_up_study() -> StudyResult:
             0.75,
             "StaticFeedforward",
             "StaticFeedforward has 1.3 times the error.",
-            (
-                "Switch on the feedforward of velocity.",
-                "Add LuGreFeedforward: recommended/c.",
-                "Record the axis with its largest load.",
-            ),
+            ("Switch on the feedforward of velocity.", "Add LuGreFeedforward: recommended/c."),
+            ("Record the axis with its largest load.",),
         ),
         doctor=(
             ConditionResult(("controller", "friction"), "no_hunting", False, "The loop hunts.",
