@@ -351,7 +351,7 @@ class _Study:
             recommendation=comparison.recommendation if comparison else Recommendation("", missing),
             doctor=doctor,
             files=tuple(files),
-            command=f"friction-fmus study {self.config.name} -o out",
+            command=f"{self.config.command} -o out",
             versions={"friction-fmus": VERSION, "Python": platform.python_version(), "numpy": np.__version__},
             seconds=0.0,
             servo_check=checked.result,
