@@ -28,7 +28,7 @@ from friction_fmus.study.comparison import Comparison, clear, compare
 from friction_fmus.study.compensators import AxisKnowledge, check_names, period_of
 from friction_fmus.study.config import ALL, OF_RECORD, ConfigError, StudyConfig, load_config
 from friction_fmus.study.data import Data, build_reference, check_period, load_data, measured_servo
-from friction_fmus.study.evaluation import AxisBench, Scheme, feedforward_mass
+from friction_fmus.study.evaluation import AxisBench, Scheme, motion_feedforward
 from friction_fmus.study.model_ranking import (
     IdentifiedModel,
     identify_model,
@@ -446,8 +446,8 @@ class _Study:
             len(at),
             float(r[0]),
             v0,
-            wanted.motion_feedforward,
-            plant.offset,
+            motion=wanted.motion_feedforward,
+            offset=plant.offset,
             rotary=data.rotary,
             noise=noise,
         )
@@ -456,7 +456,8 @@ class _Study:
         bench = AxisBench(servo, plant, trajectory, r, len(r) - len(recorded), unsure=unsure)
         if not trajectory.motion:
             return bench
-        return replace(bench, trajectory=replace(trajectory, inertia=feedforward_mass(bench)))
+        inertia, viscous = motion_feedforward(bench)
+        return replace(bench, trajectory=replace(trajectory, inertia=inertia, viscous=viscous))
 
     def _comparison(self, data: Data, models: Sequence[IdentifiedModel], bench: AxisBench) -> Comparison:
         """Compare the compensators."""
