@@ -60,6 +60,7 @@ from friction_fmus.study.trust import (
     force_findings,
     loop_findings,
     mass_findings,
+    model_error,
     narrow,
     not_trusted,
     static_friction_findings,
@@ -314,13 +315,14 @@ class _Study:
             bench = self._bench(data, best)
             comparison = self._comparison(data, models, bench)
             band = comparison.limits.band
-            findings += claim_findings(bench, band, beyond, data.longest.units)
+            metrics = comparison.recommended.metrics
+            left = math.inf if metrics is None else metrics.rms
+            findings += claim_findings(bench, band, beyond, data.longest.units, left, model_error(best, data.longest))
             (self.out / EXPERIMENT_FILE).unlink(missing_ok=True)
             if narrow(bench, band):
                 level = AxisKnowledge(bench.servo, bench.plant, {}).level
                 write_experiment(self.out, next_experiment(bench, level), data.longest.units.position)
                 files.append(WrittenFile(EXPERIMENT_FILE, "Reference to record next: a chirp on a slow motion"))
-            metrics = comparison.recommended.metrics
             figures = None if metrics is None else Figures(metrics.rms, data.longest.units.position)
             name, citation = data.longest.name, data.longest.citation
             files += export_recommended(self.out, bench, comparison.chosen, name, citation, figures)
