@@ -146,6 +146,7 @@ class LoopAssembly(AxisAssembly):
         servo, motion, given = self.servo, self.trajectory.motion, self.trajectory.inertia
         inertia = (mass if given is None else given) if motion else servo.inertia_feedforward
         values = {**servo.gains, **self.limits, "Ts": servo.Ts, "m": inertia}
+        values |= {"d": self.trajectory.viscous} if motion else {}
         self.add("servo", servo.law, values)
         self.wires += ["reference.r -> servo.r", f"{self.position} -> servo.x", "velocity.v -> servo.v"]
         self.wires.append(Wire("servo.u", "axis.F_drive", delay=self.every * servo.delay))

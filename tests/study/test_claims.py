@@ -37,6 +37,14 @@ def test_what_the_simulated_axis_lacks_is_named() -> None:
     assert "next_experiment" not in finding.change
 
 
+@pytest.mark.parametrize(("model", "claimed"), [(4e-7, True), (7.5e-7, False)])
+def test_errors_below_that_of_the_model_are_not_claimed(model: float, claimed: bool) -> None:
+    """Independent errors add as squares: 1 um with 0.75 um of the model is 1.25 um."""
+    found = claim_findings(BENCH, 10.0 * NATURAL, [], LINEAR, 1e-6, model)
+    assert bool(found) != claimed
+    assert claimed or ("1.25 um" in found[0].what or "1.25 µm" in found[0].what)
+
+
 @pytest.mark.parametrize(("limit", "clipped"), [(15.0, False), (20.0, True)])
 def test_a_force_at_the_declared_limit_is_saturated_and_not_clipped(limit: float, clipped: bool) -> None:
     """The inertia force of 40 N is recorded as at most 15 N: the drive saturates, or the measurement does."""
