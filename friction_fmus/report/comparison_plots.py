@@ -39,15 +39,16 @@ COLUMNS = ((1, attrgetter("effort")), (2, attrgetter("Ms")))
 
 def ladder_dots(rungs: Sequence[tuple[str, bool]], errors: Array, unit: str) -> go.Figure:
     """Draw the rms error with each compensation as a dot on a logarithmic scale, with the title above each dot."""
-    low, high = float(np.log10(np.min(errors)) - 0.3), float(np.log10(np.max(errors)) + 0.35)
+    low, high = float(np.log10(np.min(errors)) - 0.3), float(np.log10(np.max(errors)) + 0.3)
+    right = np.log10(errors) < 0.5 * (low + high)  # where the number of a dot has room
     figure = named_rows([name for name, _ in rungs], low)
     figure.add_scatter(
         x=list(errors),
         y=[-float(i) for i in range(len(rungs))],
         mode="markers+text",
         marker={"color": ["#0072B2" if best else FAINT for _, best in rungs], "size": 13},
-        text=[f"  {quantity(float(error), unit)}" for error in errors],
-        textposition="middle right",
+        text=[f"  {quantity(float(error), unit)}  " for error in errors],
+        textposition=[f"middle {'right' if has_room else 'left'}" for has_room in right],
         cliponaxis=False,
         hoverinfo="skip",
     )

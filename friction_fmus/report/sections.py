@@ -242,14 +242,19 @@ def families(study: StudyResult) -> list[CompensatorResult]:
 
 def _families(study: StudyResult) -> Mapping[str, Any]:
     """Return the best compensator of each kind, and the plot of the steps that reduce the error."""
-    rungs = [rung for place, rung in enumerate(study.ladder) if not place or improves(study.ladder[:place], rung)]
+    chosen = study.recommendation.name
+    rungs = [
+        rung
+        for place, rung in enumerate(study.ladder)
+        if not place or rung.name == chosen or improves(study.ladder[:place], rung)
+    ]
     if not rungs:
         return {"families": families(study), "plot": None}
     errors = np.array([rung.metrics.rms for rung in rungs])
     caption = "Tracking error of the axis with each kind of compensation at its best. Blue: recommended."
     if study.ladder[0].name == "":
         caption += " All but the first include velocity and acceleration feedforward."
-    names = [(rung.title, rung.name == study.recommendation.name) for rung in rungs]
+    names = [(rung.title, rung.name == chosen) for rung in rungs]
     figure = ladder_dots(names, errors, study.units.position)
     plot = Plot("ladder-plot", figure, caption, f"Plot. {caption} The table has the values.", False, False)
     return {"families": families(study), "plot": plot}
