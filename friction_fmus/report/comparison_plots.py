@@ -53,7 +53,7 @@ def ladder_dots(rungs: Sequence[tuple[str, bool]], errors: Array, unit: str) -> 
         hoverinfo="skip",
     )
     figure.update_xaxes(title="tracking error, rms", type="log", range=[low, high], **ticks(low, high, unit))
-    return finished(figure, 90 + 46 * len(rungs))
+    return finished(figure, 90 + 52 * len(rungs))
 
 
 def ticks(low: float, high: float, unit: str = "1") -> dict[str, list[float] | list[str]]:

@@ -162,7 +162,7 @@ def named_rows(names: Sequence[str], left: float) -> go.Figure:
     """Return a figure with a row at 0, -1, ... for each name, which is above its row and begins at `left`."""
     figure = go.Figure()
     for i, name in enumerate(names):
-        figure.add_annotation(x=left, y=0.17 - i, text=escaped(name), showarrow=False, xanchor="left", yanchor="bottom")
+        figure.add_annotation(x=left, y=0.2 - i, text=escaped(name), showarrow=False, xanchor="left", yanchor="bottom")
     figure.update_yaxes(showticklabels=False, showgrid=False, zeroline=False, range=[-len(names) + 0.45, 0.8])
     return figure
 
