@@ -206,19 +206,18 @@ def chain(plant: DrivenPlant, laws: Sequence[SampledLaw], Ts: float, path: PathD
     ends = np.cumsum(sizes)
     keep = math.exp(-Ts / path.smoothing) if path.smoothing > 0.0 else 0.0
 
-    def step(state: Matrix) -> Matrix:
-        motion, forces, positions, velocity, *memories = np.split(state, ends[:-1])
-        x, v = read @ motion
-        if path.window:
-            v = keep * velocity[0] + (1.0 - keep) * (x - positions[-1]) / (path.window * Ts)
-        y = np.array([x, v, forces[0]])
-        u = sum((law.C @ own + law.D @ y for law, own in zip(laws, memories, strict=True)), 0.0)
-        sent = np.concatenate([[u], forces])  # now, one sample ago, ...
-        moved = late[0] @ (early[0] @ motion + early[1] * sent[whole + 1]) + late[1] * sent[whole]
-        after = [law.A @ own + law.B @ y for law, own in zip(laws, memories, strict=True)]
-        return np.concatenate([moved, sent[:-1], np.concatenate([[x], positions])[: path.window], [v], *after])
-
-    return np.array([step(column) for column in np.eye(ends[-1])]).T
+    # the states after a step, as combinations of the states before, which are the columns
+    motion, forces, positions, velocity, *memories = np.split(np.eye(ends[-1]), ends[:-1])
+    x, v = read @ motion
+    if path.window:
+        v = keep * velocity[0] + (1.0 - keep) * (x - positions[-1]) / (path.window * Ts)
+    y = np.array([x, v, forces[0]])
+    u = sum((law.C @ own + law.D @ y for law, own in zip(laws, memories, strict=True)), np.zeros(ends[-1]))
+    sent = np.vstack([u, forces])  # now, one sample ago, ...
+    moved = late[0] @ (early[0] @ motion + np.outer(early[1], sent[whole + 1])) + np.outer(late[1], sent[whole])
+    after = [law.A @ own + law.B @ y for law, own in zip(laws, memories, strict=True)]
+    matrix: Matrix = np.vstack([moved, sent[:-1], np.vstack([x, positions])[: path.window], v, *after])
+    return matrix
 
 
 def _with_lag(plant: DrivenPlant, tau: float) -> tuple[Matrix, Matrix, Matrix]:
