@@ -74,9 +74,9 @@ def _table() -> dict[str, LawCost]:
 
 
 SCALES: Final = tuple(float(2.0**power) for power in np.arange(4.0, -4.1, -0.5))
-"""Bandwidths over the rule of `AxisKnowledge` among which the largest within the limits is sought, largest first."""
+"""Factors of the bandwidth of `AxisKnowledge`, largest first; the first one within the limits gives the largest."""
 
-SHARES: Final = (1.0, 0.7, 0.5, 0.35, 0.25, 0.125)  # bandwidths that are tried, over the largest one within the limits
+SHARES: Final = (1.0, 0.7, 0.5, 0.35, 0.25, 0.125)  # bandwidths that are tried, in parts of the largest possible one
 
 
 def trials(

@@ -21,16 +21,16 @@ from friction_fmus.identification.fit.scores import rms
 from friction_fmus.study.study_result import Corner, LoopMargins, Metrics, StudyCurve, Trial, thinned
 from harness import HarnessError, System
 
-HIGH: Final = 5.0  # lower limit of high-frequency effort over the natural frequency of the position loop
+HIGH: Final = 5.0  # high-frequency effort begins at this many times the natural frequency of the position loop
 
 REST: Final = 0.1
 """Shortest rest of the reference in which chatter is measured [s]; its first half is left out, as the axis settles."""
 
 WINDOW: Final = 30.0
-"""Longest settling time after a reversal, over the time constant of the position loop; the axis then follows again."""
+"""Longest settling time after a reversal, in time constants of the position loop; the axis then follows again."""
 
 BAND: Final = 0.1
-"""Error below which the axis has settled, over the largest error of the servo without friction compensation."""
+"""Part of the largest error of the servo without friction compensation below which the axis has settled."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -159,7 +159,7 @@ def at_rest(r: Array, Ts: float) -> Array:
 
 
 COARSER: Final = 4.0  # factor of the encoder resolution in the case with a worse encoder
-LOAD: Final = 0.5  # load force over the largest friction force near rest
+LOAD: Final = 0.5  # load force divided by the largest friction force near rest
 
 
 @dataclass(frozen=True)

@@ -20,7 +20,7 @@ from friction_fmus.study.study_result import (
 
 LATE: Final = 0.01  # relative difference of the feedforward from the mass of the axis that is explained
 SENSITIVE = 1.5  # factor by which the error rises in a case that is worth a measurement
-SMALL = 1e-3  # constant force over the force limit up to which it is not worth a setting
+SMALL = 1e-3  # part of the force limit up to which a constant force is not worth a setting
 
 
 def next_steps(
