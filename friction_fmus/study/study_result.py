@@ -352,7 +352,8 @@ class StudyResult:
     friction : Picture or None
         Friction over velocity: points of the record, curves of the models.
     turn : Picture or None
-        Simulated tracking error around a reversal: recommended, as measured, and with velocity and acceleration feedforward.
+        Simulated tracking error around a reversal: recommended, as measured, and with velocity and acceleration
+        feedforward.
     hysteresis : Picture or None
         Friction over displacement: points of the record, loops of the models.
     residuals : tuple of Picture
