@@ -67,10 +67,8 @@ def feedforward_mass(bench: AxisBench) -> float:
     the mass of the feedforward is smaller than that of the axis by about Kd Ts window/2. The tracking error of a linear
     loop is affine in the mass, so that two runs determine the least square.
     """
-    mass, servo = (
-        bench.plant.mass,
-        replace(bench.servo, quantum=0.0, noise=0.0, force_limit=1e3 * bench.servo.force_limit),
-    )
+    mass, servo = bench.plant.mass, replace(bench.servo, quantum=0.0, noise=0.0)
+    servo = replace(servo, force_limit=1e3 * servo.force_limit, coulomb_feedforward=0.0, viscous_feedforward=0.0)
     plant = AxisPlant("Viscous", {"Fv": 0.0}, mass)
     still = replace(bench.trajectory, offset=0.0, load=0.0)
     with PartPool() as pool:

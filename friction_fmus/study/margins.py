@@ -43,9 +43,20 @@ def margins_of(
         laws = _laws(servo, compensator if kind not in OPEN_LOOP else None, kind, gain, at)
         if laws is None:
             return None
-        found.append(loop_margins(driven, laws, servo.Ts, servo.window, servo.delay))
+        found.append(loop_margins(driven, laws, servo.Ts, path_of(servo)))
         resonance = max(resonance, tolerated_resonance(servo, plant, laws))
     return replace(_worst(found), resonance=resonance)
+
+
+def path_of(servo: Servo) -> PathDynamics:
+    """Return delay, velocity estimate and filters of a servo."""
+    lowpass, notch = servo.velocity_filter, servo.notch
+    return PathDynamics(
+        delay=servo.delay * servo.Ts,
+        window=servo.window,
+        lowpass=None if lowpass is None else lowpass.coefficients(servo.Ts),
+        notch=None if notch is None else notch.section.coefficients(servo.Ts),
+    )
 
 
 FREQUENCIES: Final = 32  # number of resonances that are tried
@@ -64,7 +75,7 @@ def tolerated_resonance(servo: Servo, plant: AxisPlant, laws: Sequence[SampledLa
     load = plant.mass - motor
     reduced = motor * load / plant.mass
     viscous = max(plant.values.get("Fv", plant.values.get("sigma2", 0.0)), 0.0)
-    path = PathDynamics(delay=servo.delay * servo.Ts, window=servo.window)
+    path = path_of(servo)
     natural = float(np.sqrt(servo.pid[0] / plant.mass)) / (2.0 * np.pi)
     tolerated = 0.5 / servo.Ts
     for frequency in np.geomspace(HIGHEST / servo.Ts, min(LOWEST * natural, 0.1 / servo.Ts), FREQUENCIES):

@@ -14,12 +14,12 @@ from typing import Any, Final
 
 import numpy as np
 
-from friction_fmus.axis.loop_assembly import block, typed, viscous_beside
+from friction_fmus.axis.loop_assembly import block, typed, viscous_beside, with_friction
 from friction_fmus.axis.servo import GAINS, Servo, Trajectory
 from friction_fmus.axis.servo_loop import from_rest
 from friction_fmus.blocks.axis_units import Words
 from friction_fmus.blocks.catalogue import catalogue
-from friction_fmus.conditions import PathDynamics, SampledLaw, chain, one_mass
+from friction_fmus.conditions import SampledLaw, chain, one_mass
 from friction_fmus.conditions.condition import spectral_radius
 from friction_fmus.doctor import examine
 from friction_fmus.errors import FrictionError
@@ -34,6 +34,7 @@ from friction_fmus.study.compensators import AxisKnowledge, check_names, period_
 from friction_fmus.study.config import ALL, OF_RECORD, ConfigError, StudyConfig, load_config
 from friction_fmus.study.data import Data, build_reference, check_period, load_data, measured_servo
 from friction_fmus.study.evaluation import AxisBench, Scheme, feedforward_mass
+from friction_fmus.study.margins import path_of
 from friction_fmus.study.model_ranking import (
     INVERSE,
     IdentifiedModel,
@@ -274,6 +275,7 @@ def overview(config: StudyConfig, data: Data) -> dict[str, str]:
             f"{servo.law} with {gains}; sample time {1e3 * servo.Ts:g} ms, {u.force} limit ±{servo.force_limit:.4g} "
             f"{record.units.force}, velocity over {servo.window} samples, encoder resolution "
             + (shown(servo.quantum, record.units.position) if servo.quantum else "unlimited")
+            + "".join(f", {name} = {value}" for name, value in servo.features.items())
         )
         overview["compensation"] = (
             f"gains {', '.join(f'{gain:g}' for gain in wanted.gains)}, or the bandwidth, with a sensitivity peak of at "
@@ -336,8 +338,7 @@ def loop_growth(servo: Servo, mass: float, viscous: float) -> float:
     """Return the largest magnitude of the poles of a sampled loop without Coulomb friction and slow integral action."""
     Kp, Kd, _ = servo.pid
     feedback = SampledLaw(np.zeros((0, 0)), np.zeros((0, 3)), np.zeros(0), np.array([-Kp, -Kd, 0.0]))
-    path = PathDynamics(delay=servo.delay * servo.Ts, window=servo.window)
-    return spectral_radius(chain(one_mass(mass, viscous), [feedback], servo.Ts, path))
+    return spectral_radius(chain(one_mass(mass, viscous), [feedback], servo.Ts, path_of(servo)))
 
 
 def loop_findings(models: Sequence[IdentifiedModel], simulated: bool, u: Words) -> tuple[StudyFinding, ...]:
@@ -431,7 +432,7 @@ def next_steps(
     return (
         *_motion(bench, found.ladder, units),
         *_integral(bench, scheme),
-        *_laws(scheme, row, units.words),
+        *_laws(bench, scheme, row, units.words),
         *_sensitive(row, units),
         *_fragile(row),
         *_weak(row, models),
@@ -466,13 +467,16 @@ def _integral(bench: AxisBench, scheme: Scheme) -> Iterator[str]:
         yield f"Set the integral gain of the {scheme.servo.law} to {name} = {value:.4g}."
 
 
-def _laws(scheme: Scheme, row: CompensatorResult, u: Words) -> Iterator[str]:
+def _laws(bench: AxisBench, scheme: Scheme, row: CompensatorResult, u: Words) -> Iterator[str]:
     if scheme.table:
         yield (
             f"Add a table of cogging and position-dependent friction to the drive {u.force}, evaluated at the "
             "reference position: recommended/README.md has the connections."
         )
     laws = [law for law in (scheme.feedforward, scheme.compensator) if law is not None]
+    if bench.servo.friction is not None:
+        replaced = bench.servo.friction not in with_friction(bench.servo, scheme.compensator, scheme.feedforward)
+        yield f"Switch the friction feedforward of the drive {'off: the law replaces it' if replaced else 'on'}."
     if not laws:
         return
     tuned = f"a bandwidth of {row.bandwidth:.3g} Hz" if row.bandwidth is not None else f"gain {row.gain:g}"

@@ -55,7 +55,7 @@ def test_the_command_is_that_of_the_published_formula(servo: Servo) -> None:
     q, r = EMPS.column("q"), EMPS.column("reference")
     mean = 0.5 * (q[1:] + q[:-1])
     u = servo.gains["kv"] * (servo.gains["kp"] * (r[2:] - q[2:]) - np.diff(mean) / 1e-3)
-    np.testing.assert_allclose(commanded(servo, r, q)[2:], np.clip(u, -351.5, 351.5), rtol=0.0, atol=1e-8)
+    np.testing.assert_allclose(commanded(servo, EMPS)[2:], np.clip(u, -351.5, 351.5), rtol=0.0, atol=1e-8)
 
 
 def test_a_gain_that_is_a_hundredth(servo: Servo) -> None:
