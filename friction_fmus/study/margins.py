@@ -9,7 +9,7 @@ from typing import Final
 import numpy as np
 
 from friction_fmus.axis.loop_assembly import block
-from friction_fmus.axis.servo import AxisPlant, Compensator, Servo
+from friction_fmus.axis.servo import GAINS, AxisPlant, Compensator, Servo
 from friction_fmus.blocks.catalogue import find
 from friction_fmus.conditions import DrivenPlant, PathDynamics, SampledLaw, chain, on_bristles, one_mass, two_masses
 from friction_fmus.conditions.chain import Margins, loop_margins
@@ -40,6 +40,8 @@ def margins_of(
     """Return the margins of the servo with a compensator; None if the compensator cannot be linearised."""
     found, resonance = [], 0.0
     for at, driven in operating_points(plant, speed):
+        if not at and not _rests(servo, driven):
+            continue
         laws = _laws(servo, compensator if kind not in OPEN_LOOP else None, kind, gain, at)
         if laws is None:
             return None
@@ -57,6 +59,16 @@ def path_of(servo: Servo) -> PathDynamics:
         lowpass=None if lowpass is None else lowpass.coefficients(servo.Ts),
         notch=None if notch is None else notch.section.coefficients(servo.Ts),
     )
+
+
+def _rests(servo: Servo, driven: DrivenPlant) -> bool:
+    """Return whether the servo without integral action is stable on a contact at rest.
+
+    The measured axis was at rest with it: otherwise the record does not determine stiffness and damping of the contact,
+    and margins at rest say nothing about the axis.
+    """
+    laws = _laws(replace(servo, gains={**servo.gains, GAINS[servo.law][-1]: 0.0}), None, "", 1.0, 0.0)
+    return laws is not None and spectral_radius(chain(driven, laws, servo.Ts, path_of(servo))) < 1.0
 
 
 FREQUENCIES: Final = 32  # number of resonances that are tried
