@@ -4,99 +4,65 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from math import exp, pi, sqrt, tan
-from typing import Final
+from typing import Final, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import lfilter, lfilter_zi
 
-Array = NDArray[np.float64]
+Array: TypeAlias = NDArray[np.float64]
 
 BUTTERWORTH: Final = sqrt(0.5)  # damping ratio of a low-pass filter of order 2
 
 
 @dataclass(frozen=True)
-class SecondOrder:
-    """Parameters of the block SecondOrderFilter."""
-
-    f: float
-    zeta: float
-    low: float = 1.0
-    band: float = 0.0
-    high: float = 0.0
-
-    def coefficients(self, Ts: float) -> tuple[Array, Array]:
-        """Return numerator and denominator in powers of 1/z."""
-        if not 0.0 < self.f * Ts < 0.5:
-            return np.array([1.0, 0.0, 0.0]), np.array([1.0, 0.0, 0.0])
-        q = 1.0 / tan(pi * self.f * Ts)
-        d, high = 2.0 * self.zeta * q, self.high * q * q
-        b = np.array([high + self.band * d + self.low, 2.0 * (self.low - high), high - self.band * d + self.low])
-        a = np.array([q * q + d + 1.0, 2.0 * (1.0 - q * q), q * q - d + 1.0])
-        return b / a[0], a / a[0]
-
-
-@dataclass(frozen=True)
 class LowPass:
-    """Low-pass filter of the measured velocity.
-
-    Attributes
-    ----------
-    order : int
-        1, or 2 for a Butterworth filter.
-    cutoff : float
-        Frequency at which the gain is 1/sqrt(2) [Hz].
-    """
+    """Low-pass filter of the measured velocity: order, 1 or 2 (Butterworth), and frequency of -3 dB [Hz]."""
 
     order: int
     cutoff: float
 
     @property
     def tau(self) -> float:
-        """Time constant of order 1 [s]."""
-        return 1.0 / (2.0 * pi * self.cutoff)
+        """Time constant of order 1 in the block Differentiator [s]; 0 for order 2."""
+        return 1.0 / (2.0 * pi * self.cutoff) if self.order == 1 else 0.0
 
     @property
-    def section(self) -> SecondOrder:
-        """Parameters of the block of order 2."""
-        return SecondOrder(self.cutoff, BUTTERWORTH)
-
-    def coefficients(self, Ts: float) -> tuple[Array, Array]:
-        """Return numerator and denominator in powers of 1/z, as the blocks of the simulation have them."""
-        if self.order == 2:
-            return self.section.coefficients(Ts)
-        keep = exp(-Ts / self.tau)
-        return np.array([1.0 - keep, 0.0]), np.array([1.0, -keep])
+    def parameters(self) -> dict[str, float]:
+        """Parameters of the block SecondOrderFilter for order 2."""
+        return {"f": self.cutoff, "zeta": BUTTERWORTH, "low": 1.0, "band": 0.0, "high": 0.0}
 
 
 @dataclass(frozen=True)
 class Notch:
-    """Notch filter of the force command.
-
-    Attributes
-    ----------
-    frequency : float
-        Centre [Hz].
-    damping : float
-        Damping ratio of the poles; the notch is 2 `damping` `frequency` wide.
-    depth : float
-        Gain at the centre.
-    """
+    """Notch filter of the force command: centre [Hz], damping ratio of the poles, gain at the centre."""
 
     frequency: float
     damping: float
     depth: float = 0.0
 
     @property
-    def section(self) -> SecondOrder:
-        """Parameters of the block."""
-        return SecondOrder(self.frequency, self.damping, 1.0, self.depth, 1.0)
+    def parameters(self) -> dict[str, float]:
+        """Parameters of the block SecondOrderFilter."""
+        return {"f": self.frequency, "zeta": self.damping, "low": 1.0, "band": self.depth, "high": 1.0}
 
 
-def filtered(section: LowPass | SecondOrder | None, values: Array, Ts: float) -> Array:
+def coefficients(own: LowPass | Notch, Ts: float) -> tuple[Array, Array]:
+    """Return numerator and denominator in powers of 1/z, as the blocks of the simulation have them."""
+    if isinstance(own, LowPass) and own.order == 1:
+        keep = exp(-Ts / own.tau)
+        return np.array([1.0 - keep, 0.0]), np.array([1.0, -keep])
+    f, zeta, low, band, high = own.parameters.values()
+    q = 1.0 / tan(pi * f * Ts)
+    d, high = 2.0 * zeta * q, high * q * q
+    a = np.array([q * q + d + 1.0, 2.0 * (1.0 - q * q), q * q - d + 1.0])
+    return np.array([high + band * d + low, 2.0 * (low - high), high - band * d + low]) / a[0], a / a[0]
+
+
+def filtered(own: LowPass | Notch | None, values: Array, Ts: float) -> Array:
     """Return values of shape (n,) behind a filter, which begins as if the first one had always been there."""
-    if section is None:
+    if own is None:
         return values
-    b, a = section.coefficients(Ts)
+    b, a = coefficients(own, Ts)
     found, _ = lfilter(b, a, values, zi=lfilter_zi(b, a) * values[0])
     return np.asarray(found, dtype=np.float64)

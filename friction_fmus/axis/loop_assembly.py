@@ -137,12 +137,12 @@ class LoopAssembly(AxisAssembly):
         servo, trajectory = self.servo, self.trajectory
         self._part("reference", trajectory.reference, lambda: trajectory.reference, 1)
         lowpass = servo.velocity_filter
-        tau = lowpass.tau if lowpass is not None and lowpass.order == 1 else 0.0
-        estimate = {"Ts": servo.Ts, "window": servo.window, "v0": trajectory.v0, "tau": tau}
-        self.add("velocity", "Differentiator", estimate)
+        tau = 0.0 if lowpass is None else lowpass.tau
+        own = {"Ts": servo.Ts, "window": servo.window, "v0": trajectory.v0, "tau": tau}
+        self.add("velocity", "Differentiator", own)
         self.wires.append(f"{self.position} -> velocity.x")
         if lowpass is not None and lowpass.order == 2:
-            self.add("lowpass", "SecondOrderFilter", {**vars(lowpass.section), "Ts": servo.Ts})
+            self.add("lowpass", "SecondOrderFilter", {**lowpass.parameters, "Ts": servo.Ts})
             self.wires.append("velocity.v -> lowpass.u")
         if servo.noise:
             noise = trajectory.noise
@@ -164,7 +164,7 @@ class LoopAssembly(AxisAssembly):
         self.wires += ["reference.r -> servo.r", f"{self.position} -> servo.x", f"{self.velocity} -> servo.v"]
         command = "servo.u"
         if servo.notch is not None:
-            self.add("notch", "SecondOrderFilter", {**vars(servo.notch.section), "Ts": servo.Ts})
+            self.add("notch", "SecondOrderFilter", {**servo.notch.parameters, "Ts": servo.Ts})
             self.wires.append(f"{command} -> notch.u")
             command = "notch.y"
         self.wires.append(Wire(command, "axis.F_drive", delay=self.every * servo.delay))

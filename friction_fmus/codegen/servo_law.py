@@ -310,23 +310,21 @@ class _Loop:
         return v
 
     def _filtered(self, v: SX, begun: SX) -> SX:
-        """Return a velocity behind the low-pass filter, which is at rest before the first sample; see `LowPass`."""
-        names, w = ("v_slow", "v_fast")[: self._loop.filter_order], pi * self._Ts
-        w *= self._declared("filter_cutoff", Parameter(FREQUENCY, self._loop.filter_cutoff, "cut-off of v", min=1e-9))
-        past = [self._declared(name, State(VELOCITY, 0.0, "memory of the low-pass filter of v")) for name in names]
-        if self._loop.filter_order == 1:
-            old = if_else(begun, past[0], v)
-            found = v + exp(-2.0 * w) * (old - v)
-            self._parts.result(names[0], found)
-            return found
-        q = 1.0 / tan(w)
-        d, scale = 2.0 * BUTTERWORTH * q, 1.0 / (q * q + 2.0 * BUTTERWORTH * q + 1.0)
-        a1, a2 = 2.0 * (1.0 - q * q) * scale, (q * q - d + 1.0) * scale
-        two = if_else(begun, past[1], (scale - a2) * v)
-        one = if_else(begun, past[0], (2.0 * scale - a1) * v + two)
-        found = scale * v + one
-        self._parts.result(names[0], 2.0 * scale * v - a1 * found + two)
-        self._parts.result(names[1], scale * v - a2 * found)
+        """Return a velocity behind the low-pass filter, in direct form II transposed; see `drive_filters`."""
+        text, order = "cut-off frequency of the low-pass filter of v", self._loop.filter_order
+        cutoff = self._declared("filter_cutoff", Parameter(FREQUENCY, self._loop.filter_cutoff, text, min=1e-9))
+        keep, q = exp(-2.0 * pi * cutoff * self._Ts), 1.0 / tan(pi * cutoff * self._Ts)
+        d = 2.0 * BUTTERWORTH * q
+        b0 = 1.0 - keep if order == 1 else 1.0 / (q * q + d + 1.0)
+        b = [b0, SX(0.0)] if order == 1 else [b0, 2.0 * b0, b0]
+        a = [-keep] if order == 1 else [2.0 * (1.0 - q * q) * b0, (q * q - d + 1.0) * b0]
+        state = [SX(0.0)]  # at rest with the first v, from the last one to the first one
+        for i in range(order, 0, -1):
+            kept = self._declared(f"v_memory_{i}", State(VELOCITY, 0.0, "memory of the low-pass filter of v"))
+            state.insert(0, if_else(begun, kept, (b[i] - a[i - 1]) * v + state[0]))
+        found = b0 * v + state[0]
+        for i in range(1, order + 1):
+            self._parts.result(f"v_memory_{i}", b[i] * v - a[i - 1] * found + state[i])
         return found
 
     def _taken_over(self, others: Mapping[str, SX]) -> dict[str, Named]:

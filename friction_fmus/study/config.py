@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final
@@ -235,38 +235,28 @@ def _servo(table: TomlTable) -> Servo:
     )
 
 
-def _lowpass(servo: TomlTable) -> LowPass | None:
-    table = _part(servo, "velocity_filter", ("order", "cutoff"))
-    if table is None:
-        return None
-    return LowPass(_whole(table, "order", 1, low=1, high=2, unit=""), _frequency(servo, table, "cutoff"))
-
-
-def _notch(servo: TomlTable) -> Notch | None:
-    table = _part(servo, "notch", ("frequency", "damping", "depth"))
-    if table is None:
-        return None
-    return Notch(
-        _frequency(servo, table, "frequency"),
-        _number(table, "damping", low=0.0, above=True),
-        _number(table, "depth", 0.0, low=0.0),
-    )
-
-
-def _part(servo: TomlTable, key: str, keys: Sequence[str]) -> TomlTable | None:
-    """Return an inline table of the servo; None without it."""
+def _filter(servo: TomlTable, key: str, frequency: str, *others: str) -> tuple[float, TomlTable] | None:
+    """Return the frequency of a filter and its inline table; None without it."""
     if key not in servo:
         return None
     table = TomlTable(servo.content[key], f"{servo.where} {key},", ConfigError)
-    table.known(keys)
-    return table
-
-
-def _frequency(servo: TomlTable, table: TomlTable, key: str) -> float:
-    """Return a frequency below half of the sample rate."""
+    table.known((frequency, *others))
     most = 0.5 / _period(servo)
     remedy = f"a frequency in Hz above 0 and below {most:g}, half of the sample rate"
-    return table.take(key, lambda value: f if (f := finite(value)) and 0.0 < f < most else None, remedy)
+    return table.take(frequency, lambda value: f if (f := finite(value)) and 0.0 < f < most else None, remedy), table
+
+
+def _lowpass(servo: TomlTable) -> LowPass | None:
+    own = _filter(servo, "velocity_filter", "cutoff", "order")
+    return None if own is None else LowPass(_whole(own[1], "order", 1, low=1, high=2, unit=""), own[0])
+
+
+def _notch(servo: TomlTable) -> Notch | None:
+    own = _filter(servo, "notch", "frequency", "damping", "depth")
+    if own is None:
+        return None
+    damping = _number(own[1], "damping", low=0.0, above=True)
+    return Notch(own[0], damping, _number(own[1], "depth", 0.0, low=0.0))
 
 
 def _period(table: TomlTable) -> float:

@@ -8,6 +8,7 @@ from typing import Final
 
 import numpy as np
 
+from friction_fmus.axis.drive_filters import coefficients
 from friction_fmus.axis.loop_assembly import block
 from friction_fmus.axis.servo import GAINS, AxisPlant, Compensator, Servo
 from friction_fmus.blocks.catalogue import find
@@ -52,13 +53,9 @@ def margins_of(
 
 def path_of(servo: Servo) -> PathDynamics:
     """Return delay, velocity estimate and filters of a servo."""
-    lowpass, notch = servo.velocity_filter, servo.notch
-    return PathDynamics(
-        delay=servo.delay * servo.Ts,
-        window=servo.window,
-        lowpass=None if lowpass is None else lowpass.coefficients(servo.Ts),
-        notch=None if notch is None else notch.section.coefficients(servo.Ts),
-    )
+    filters = (servo.velocity_filter, servo.notch)
+    lowpass, notch = (None if own is None else coefficients(own, servo.Ts) for own in filters)
+    return PathDynamics(delay=servo.delay * servo.Ts, window=servo.window, lowpass=lowpass, notch=notch)
 
 
 def _rests(servo: Servo, driven: DrivenPlant) -> bool:

@@ -57,6 +57,11 @@ class ComparedForce:
         values = difference[self.used]
         return rms(values - np.mean(values)) if self.servo.pid[2] else rms(values)
 
+    def thinned(self, most: int) -> ComparedForce:
+        """Return the same with at most about this many compared samples."""
+        places = np.flatnonzero(self.used)
+        return replace(self, used=np.isin(np.arange(len(self.used)), places[:: len(places) // most + 1]))
+
     def left_by(self, servo: Servo) -> float:
         """Return the residual of another servo; both are within the limit at the compared samples."""
         change = linear_command(servo, self.record) - linear_command(self.servo, self.record)
@@ -103,8 +108,7 @@ def regressors(compared: ComparedForce, integral: bool) -> dict[str, Array]:
 
 def behind_notch(servo: Servo, columns: Mapping[str, Array]) -> dict[str, Array]:
     """Return signals behind the notch filter of a servo."""
-    section = None if servo.notch is None else servo.notch.section
-    return {name: filtered(section, column, servo.Ts) for name, column in columns.items()}
+    return {name: filtered(servo.notch, column, servo.Ts) for name, column in columns.items()}
 
 
 def errors(servo: Servo, record: Record) -> tuple[Array, Array]:
@@ -309,12 +313,6 @@ FILTERS: Final[Mapping[str, Callable[[Servo, Array], Servo]]] = {
 """Servos with a filter of these parameters, by explanation."""
 
 
-def _grid(name: str, Ts: float) -> list[tuple[float, ...]]:
-    """Return the parameters of a filter from which its best ones are sought."""
-    frequencies = np.geomspace(LOWEST / Ts, HIGHEST / Ts, 20)
-    return list(product(frequencies, (0.1, 0.5), (0.1,)) if name == "notch" else product(frequencies))
-
-
 def best_filter(name: str, servo: Servo, cost: Callable[[Servo], float], rounds: int = 60) -> tuple[Servo, float]:
     """Return the servo with the filter for which a cost is smallest, and this cost."""
     make = FILTERS[name]
@@ -324,7 +322,9 @@ def best_filter(name: str, servo: Servo, cost: Callable[[Servo], float], rounds:
         inside = 0.1 * LOWEST < p[0] * servo.Ts < 0.5 and np.all((p[1:] > 1e-3) & (p[1:] < 3.0))
         return cost(make(servo, p)) if inside else np.inf
 
-    begin = min((np.log(p) for p in _grid(name, servo.Ts)), key=of)
+    frequencies = np.geomspace(LOWEST / servo.Ts, HIGHEST / servo.Ts, 20)
+    begins = product(frequencies, (0.1, 0.5), (0.1,)) if name == "notch" else product(frequencies)
+    begin = min((np.log(p) for p in begins), key=of)
     simplex = np.vstack([begin, begin + 0.2 * np.eye(len(begin))])
     found = minimize(
         of,
@@ -335,33 +335,30 @@ def best_filter(name: str, servo: Servo, cost: Callable[[Servo], float], rounds:
     return make(servo, np.exp(found.x)), float(found.fun)
 
 
-def _filter(name: str, compared: ComparedForce) -> Attempt:
-    """Explain the difference by a filter in the drive."""
-    servo, left = best_filter(name, compared.servo, compared.left_by)
-    return Diagnosis((_of_filter(compared, servo, left),)), left
-
-
 def _velocity_or_notch(compared: ComparedForce, allowed: float) -> Attempt:
     """Explain the difference by another velocity or a notch filter, by the first that is nearly as good as the best."""
-    attempts = [_window(compared), *(_filter(name, compared) for name in FILTERS)]
-    least = min(left for _, left in attempts)
-    return next(each for each in attempts if each[1] <= SIMPLER * least)
+    attempts = [_window(compared)]
+    for name in FILTERS:
+        servo, left = best_filter(name, compared.servo, compared.left_by)
+        attempts.append((Diagnosis((_of_filter(compared, servo, left),)), left))
+    return next(each for each in attempts if each[1] <= SIMPLER * min(left for _, left in attempts))
 
 
 def _of_filter(compared: ComparedForce, servo: Servo, left: float) -> StudyFinding:
-    key = "velocity_filter" if servo.velocity_filter != compared.servo.velocity_filter else "notch"
-    place = "of the velocity" if key == "velocity_filter" else "of the command"
-    before, after = (_percent(value, compared.level) for value in (compared.residual, left))
-    what = f"the drive has a {'low-pass' if key == 'velocity_filter' else 'notch'} filter {place}."
-    change = f"Set {key} = {servo.features[key]} in [servo]: residual {before:.3g} % → {after:.2g} %."
+    key = "velocity_filter" if servo.notch == compared.servo.notch else "notch"
+    what = f"the drive has a {'low-pass filter of the velocity' if key != 'notch' else 'notch filter of the command'}."
+    change = f"Set {key} = {servo.features[key]} in [servo]{_better(compared, left)}"
     return StudyFinding(key.replace("_", "-"), what, change)
+
+
+def _better(compared: ComparedForce, left: float) -> str:
+    before, after = (_percent(size, compared.level) for size in (compared.residual, left))
+    return f": residual {before:.3g} % → {after:.2g} %."
 
 
 def _with_filter(name: str, compared: ComparedForce, allowed: float) -> Attempt:
     """Explain the difference by a filter together with other gains and a feedforward."""
-    some = np.flatnonzero(compared.used)
-    some = some[:: len(some) // ENOUGH + 1]
-    few = replace(compared, used=np.isin(np.arange(len(compared.used)), some))
+    few = compared.thinned(ENOUGH)
     servo, _ = best_filter(name, compared.servo, lambda servo: _all_fitted(replace(few, servo=servo)).left, 30)
     other = replace(compared, servo=servo)
     found, left = _gains_and_feedforward(other, allowed)
@@ -502,9 +499,7 @@ def _added(compared: ComparedForce, fit: LinearFit, shown: set[str] | None = Non
     u, servo = compared.record.units.words, compared.servo
     Kd = fit.values.get("d", servo.pid[1])  # the estimated gain, as the configured one may be wrong
     declare = f"Log this {u.force} and declare its column as injected."
-    before, after = (_percent(size, compared.level) for size in (compared.residual, fit.left))
-    better = f": residual {before:.3g} % → {after:.2g} %."
-    found = []
+    better, found = _better(compared, fit.left), []
     for name in ("rd", "rdd", "sign", "constant"):
         if name not in fit.values or (shown is not None and name not in shown):
             continue

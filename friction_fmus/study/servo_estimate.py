@@ -34,7 +34,7 @@ from friction_fmus.study.study_result import StudyFinding
 
 FILTERED: Final = (1, 2)  # the same, if a low-pass filter follows
 WINDOWS: Final = (1, 2, 3, 4, 6, 8)  # numbers of samples over which the velocity may be computed
-SPARSE: Final = 4  # distance of the samples, of those used, in the search for a filter
+FEW: Final = 1500  # the same in the search for a filter
 DELAYS: Final = (0, 1, 2, 3)  # samples by which the recorded force may lag the command
 EXACT: Final = 1e-3  # residual over the rms force up to which fits are equally good
 PILED: Final = 0.01  # fraction of samples at the largest force above which it is the limit of the drive
@@ -97,12 +97,10 @@ def _attempts(record: Record, limit: float) -> Iterator[tuple[_Attempt, Compared
     inside = np.abs(record.force) < SATURATED * limit
     inside &= binary_erosion(inside, iterations=max(DELAYS))
     inside[: max(WINDOWS) + SETTLING + max(DELAYS)] = False
-    places = np.flatnonzero(inside)
-    if len(places) < 10 * SETTLING:
+    if np.count_nonzero(inside) < 10 * SETTLING:
         return
-    inside = np.isin(np.arange(len(record)), places[:: len(places) // ENOUGH + 1])
     none = Servo("PID", dict.fromkeys(GAINS["PID"], 0.0), record.Ts, limit, quantum=record.quantum)
-    compared = ComparedForce(record.force, record.force, record.force, inside, none, record)
+    compared = ComparedForce(record.force, record.force, record.force, inside, none, record).thinned(ENOUGH)
     attempts = []
     for window, delay, fed, coulomb, inertia, integral in product(WINDOWS, DELAYS, *((False, True),) * 4):
         servo = replace(none, window=window, velocity_feedforward=fed, delay=delay)
@@ -110,7 +108,7 @@ def _attempts(record: Record, limit: float) -> Iterator[tuple[_Attempt, Compared
         yield attempts[-1]
     best, _ = min(attempts, key=lambda each: each[0].fit.left)
     has = [name in best.fit.values for name in ("sign", "rdd", "integral of e")]
-    few = replace(compared, used=np.isin(np.arange(len(record)), np.flatnonzero(inside)[::SPARSE]))
+    few = compared.thinned(FEW)
 
     def left(servo: Servo) -> float:
         return _fitted(replace(few, servo=servo), *has)[0].fit.left
