@@ -67,8 +67,8 @@ def motion_feedforward(bench: AxisBench) -> tuple[float, float]:
     and a cascade with integral action one in proportion to the velocity: the best values are about M - kv T and -ki T.
     The tracking error of a linear loop is affine in both, so that one run for each determines the least square.
     """
-    mass, servo = bench.plant.mass, bench.servo
-    servo = replace(servo, quantum=0.0, noise=0.0, force_limit=1e3 * servo.force_limit)
+    mass, servo = bench.plant.mass, replace(bench.servo, quantum=0.0, noise=0.0)
+    servo = replace(servo, force_limit=1e3 * servo.force_limit, coulomb_feedforward=0.0, viscous_feedforward=0.0)
     plant = AxisPlant("Viscous", {"Fv": 0.0}, mass)
     still = replace(bench.trajectory, offset=0.0, load=0.0)
     integral = servo.law == "CascadePPI" and servo.gains["ki"] > 0.0

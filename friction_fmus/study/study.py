@@ -124,6 +124,7 @@ def overview(config: StudyConfig, data: Data) -> dict[str, str]:
             f"{servo.law} with {gains}; sample time {1e3 * servo.Ts:g} ms, {u.force} limit ±{servo.force_limit:.4g} "
             f"{record.units.force}, velocity over {servo.window} samples, encoder resolution "
             + (shown(servo.quantum, record.units.position) if servo.quantum else "unlimited")
+            + "".join(f", {name} = {value}" for name, value in servo.features.items())
         )
         overview["compensation"] = (
             f"gains {', '.join(f'{gain:g}' for gain in wanted.gains)}, or the bandwidth, with a sensitivity peak of at "
