@@ -42,6 +42,7 @@ class AxisBench:
     trajectory: Trajectory  # reference FMU and initial state
     r: Array  # reference [m]
     run_up: int = 0  # number of samples before the first one of the record, in which the axis starts from rest
+    model_error: float = 0.0  # rms error of this axis on the recorded motion [m]
     band: float = 0.0  # error below which the axis has settled after a reversal [m]; 0 if it is not known yet
     unsure: tuple[
         str, ...

@@ -318,7 +318,7 @@ class _Study:
             band = comparison.limits.band
             metrics = comparison.recommended.metrics
             left = math.inf if metrics is None else metrics.rms
-            findings += claim_findings(bench, band, beyond, data.longest.units, left, model_error(best, data.longest))
+            findings += claim_findings(bench, band, beyond, data.longest.units, left)
             (self.out / EXPERIMENT_FILE).unlink(missing_ok=True)
             if narrow(bench, band):
                 level = AxisKnowledge(bench.servo, bench.plant, {}).level
@@ -456,7 +456,8 @@ class _Study:
         )
         weak = {parameter.name for parameter in best.row.parameters if parameter.weak}
         unsure = tuple(name for name, needed in OF_FRICTION_AT_REST.items() if weak & needed)
-        bench = AxisBench(servo, plant, trajectory, r, len(r) - len(recorded), unsure=unsure)
+        error = model_error(best, record)
+        bench = AxisBench(servo, plant, trajectory, r, len(r) - len(recorded), error, unsure=unsure)
         if not trajectory.motion:
             return bench
         inertia, viscous = motion_feedforward(bench)

@@ -160,12 +160,13 @@ def model_error(best: IdentifiedModel, record: Record) -> float:
 
 
 def claim_findings(
-    bench: AxisBench, band: float, beyond: Sequence[str], units: AxisUnits, left: float = math.inf, model: float = 0.0
+    bench: AxisBench, band: float, beyond: Sequence[str], units: AxisUnits, left: float = math.inf
 ) -> tuple[StudyFinding, ...]:
     """Return a finding if the tracking errors of the simulated axis need not come true on the machine.
 
-    `left` is the smallest error of the simulated axis, `model` its error on the recorded motion.
+    `left` is the error that the recommended compensator leaves on the simulated axis.
     """
+    model = bench.model_error
     natural = bench.bandwidth / (2.0 * math.pi)
     reasons = []
     if narrow(bench, band):
