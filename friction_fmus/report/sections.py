@@ -219,6 +219,7 @@ def verdict(study: StudyResult) -> str:
     worst = f", at most {quantity(row.worst, unit)} in the worst case" if row.worst is not None else ""
     claimed = all(each.name != UNCLAIMED for each in study.findings)
     where = "" if claimed else "On the identified axis, but not necessarily on the machine, "
+    where = where if study.trusted else "The result cannot be trusted: on the identified axis, "
     return f"{where}{done.name} reduces the tracking error from {before} to {after} rms{worst}."
 
 

@@ -42,6 +42,7 @@ class AxisBench:
     trajectory: Trajectory  # reference FMU and initial state
     r: Array  # reference [m]
     run_up: int = 0  # number of samples before the first one of the record, in which the axis starts from rest
+    model_error: float = 0.0  # rms error of this axis on the recorded motion [m]
     band: float = 0.0  # error below which the axis has settled after a reversal [m]; 0 if it is not known yet
     unsure: tuple[
         str, ...
@@ -67,8 +68,8 @@ def motion_feedforward(bench: AxisBench) -> tuple[float, float]:
     and a cascade with integral action one in proportion to the velocity: the best values are about M - kv T and -ki T.
     The tracking error of a linear loop is affine in both, so that one run for each determines the least square.
     """
-    mass, servo = bench.plant.mass, bench.servo
-    servo = replace(servo, quantum=0.0, noise=0.0, force_limit=1e3 * servo.force_limit)
+    mass, servo = bench.plant.mass, replace(bench.servo, quantum=0.0, noise=0.0)
+    servo = replace(servo, force_limit=1e3 * servo.force_limit, coulomb_feedforward=0.0, viscous_feedforward=0.0)
     plant = AxisPlant("Viscous", {"Fv": 0.0}, mass)
     still = replace(bench.trajectory, offset=0.0, load=0.0)
     integral = servo.law == "CascadePPI" and servo.gains["ki"] > 0.0

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from typing import Final
 
+from friction_fmus.axis.loop_assembly import with_friction
 from friction_fmus.axis.servo import GAINS
 from friction_fmus.blocks.axis_units import Words
 from friction_fmus.identification import AxisUnits
@@ -29,7 +30,7 @@ def next_steps(
     """Return what to set in the drive, and what to rule out or to measure, one or two sentences each."""
     row, scheme = found.recommended, found.chosen
     return (
-        (*_motion(bench, found.ladder, units), *_integral(bench, scheme), *_laws(scheme, row, units.words)),
+        (*_motion(bench, found.ladder, units), *_integral(bench, scheme), *_laws(bench, scheme, row, units.words)),
         (*_fragile(row), *_sensitive(row, units), *_weak(row, models)),
     )
 
@@ -67,13 +68,16 @@ def _integral(bench: AxisBench, scheme: Scheme) -> Iterator[str]:
         yield f"Set the integral gain of the {scheme.servo.law} to {name} = {value:.4g}."
 
 
-def _laws(scheme: Scheme, row: CompensatorResult, u: Words) -> Iterator[str]:
+def _laws(bench: AxisBench, scheme: Scheme, row: CompensatorResult, u: Words) -> Iterator[str]:
     if scheme.table:
         yield (
             f"Add a table of cogging and position-dependent friction to the drive {u.force}, evaluated at the "
             "reference position: recommended/README.md has the connections."
         )
     laws = [law for law in (scheme.feedforward, scheme.compensator) if law is not None]
+    if bench.servo.friction is not None:
+        replaced = bench.servo.friction not in with_friction(bench.servo, scheme.compensator, scheme.feedforward)
+        yield f"Switch the friction feedforward of the drive {'off: the law replaces it' if replaced else 'on'}."
     if not laws:
         return
     tuned = f"a bandwidth of {row.bandwidth:.3g} Hz" if row.bandwidth is not None else f"gain {row.gain:g}"

@@ -124,6 +124,7 @@ def overview(config: StudyConfig, data: Data) -> dict[str, str]:
             f"{servo.law} with {gains}; sample time {1e3 * servo.Ts:g} ms, {u.force} limit ±{servo.force_limit:.4g} "
             f"{record.units.force}, velocity over {servo.window} samples, encoder resolution "
             + (shown(servo.quantum, record.units.position) if servo.quantum else "unlimited")
+            + "".join(f", {name} = {value}" for name, value in servo.features.items())
         )
         overview["compensation"] = (
             f"gains {', '.join(f'{gain:g}' for gain in wanted.gains)}, or the bandwidth, with a sensitivity peak of at "
@@ -317,7 +318,7 @@ class _Study:
             band = comparison.limits.band
             metrics = comparison.recommended.metrics
             left = math.inf if metrics is None else metrics.rms
-            findings += claim_findings(bench, band, beyond, data.longest.units, left, model_error(best, data.longest))
+            findings += claim_findings(bench, band, beyond, data.longest.units, left)
             (self.out / EXPERIMENT_FILE).unlink(missing_ok=True)
             if narrow(bench, band):
                 level = AxisKnowledge(bench.servo, bench.plant, {}).level
@@ -456,7 +457,8 @@ class _Study:
         )
         weak = {parameter.name for parameter in best.row.parameters if parameter.weak}
         unsure = tuple(name for name, needed in OF_FRICTION_AT_REST.items() if weak & needed)
-        bench = AxisBench(servo, plant, trajectory, r, len(r) - len(recorded), unsure=unsure)
+        error = model_error(best, record)
+        bench = AxisBench(servo, plant, trajectory, r, len(r) - len(recorded), error, unsure=unsure)
         if not trajectory.motion:
             return bench
         inertia, viscous = motion_feedforward(bench)

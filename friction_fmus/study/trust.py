@@ -11,7 +11,7 @@ import numpy as np
 
 from friction_fmus.axis.servo import Servo
 from friction_fmus.blocks.axis_units import Words
-from friction_fmus.conditions import PathDynamics, SampledLaw, chain, one_mass
+from friction_fmus.conditions import SampledLaw, chain, one_mass
 from friction_fmus.conditions.condition import spectral_radius
 from friction_fmus.identification import AxisUnits, Record, filtered_motion
 from friction_fmus.identification.fit.rests import position_noise
@@ -20,6 +20,7 @@ from friction_fmus.identification.plant_band import PlantBand, plant_band
 from friction_fmus.identification.plant_candidates import SATURATED
 from friction_fmus.listings import shown
 from friction_fmus.study.evaluation import AxisBench
+from friction_fmus.study.margins import path_of
 from friction_fmus.study.model_ranking import (
     IdentifiedModel,
 )
@@ -90,8 +91,7 @@ def loop_growth(servo: Servo, mass: float, viscous: float) -> float:
     """Return the largest magnitude of the poles of a sampled loop without Coulomb friction and slow integral action."""
     Kp, Kd, _ = servo.pid
     feedback = SampledLaw(np.zeros((0, 0)), np.zeros((0, 3)), np.zeros(0), np.array([-Kp, -Kd, 0.0]))
-    path = PathDynamics(delay=servo.delay * servo.Ts, window=servo.window)
-    return spectral_radius(chain(one_mass(mass, viscous), [feedback], servo.Ts, path))
+    return spectral_radius(chain(one_mass(mass, viscous), [feedback], servo.Ts, path_of(servo)))
 
 
 def loop_findings(models: Sequence[IdentifiedModel], simulated: bool, u: Words) -> tuple[StudyFinding, ...]:
@@ -160,12 +160,13 @@ def model_error(best: IdentifiedModel, record: Record) -> float:
 
 
 def claim_findings(
-    bench: AxisBench, band: float, beyond: Sequence[str], units: AxisUnits, left: float = math.inf, model: float = 0.0
+    bench: AxisBench, band: float, beyond: Sequence[str], units: AxisUnits, left: float = math.inf
 ) -> tuple[StudyFinding, ...]:
     """Return a finding if the tracking errors of the simulated axis need not come true on the machine.
 
-    `left` is the smallest error of the simulated axis, `model` its error on the recorded motion.
+    `left` is the error that the recommended compensator leaves on the simulated axis.
     """
+    model = bench.model_error
     natural = bench.bandwidth / (2.0 * math.pi)
     reasons = []
     if narrow(bench, band):

@@ -284,6 +284,8 @@ def test_the_verdict_says_first_that_errors_are_not_claimed() -> None:
     finding = StudyFinding("errors-not-claimed", "The errors cannot be claimed.", "Record the motion.")
     unclaimed = replace(study, findings=(*study.findings, finding))
     assert verdict(unclaimed).startswith("On the identified axis, but not necessarily on the machine, LuGreFeedforward")
+    stopped = replace(unclaimed, findings=(replace(finding, stops=True),))  # of a study with --force
+    assert verdict(stopped).startswith("The result cannot be trusted: on the identified axis, LuGreFeedforward")
     first = report_html(unclaimed).partition('id="turn-plot"')[0]
     assert "</strong>: The errors cannot be claimed. Record the motion." in first
 
