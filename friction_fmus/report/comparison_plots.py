@@ -12,7 +12,7 @@ import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
 from friction_fmus.identification import Array
-from friction_fmus.report.figures import FAINT, INK, STYLES, escaped, finished, named_rows, thinned
+from friction_fmus.report.figures import FAINT, INK, STYLES, escaped, finished, thinned
 from friction_fmus.report.formatting import multiple, quantity
 from friction_fmus.study.study_result import StudyCurve
 
@@ -41,7 +41,9 @@ def ladder_dots(rungs: Sequence[tuple[str, bool]], errors: Array, unit: str) -> 
     """Draw the rms error with each compensation as a dot on a logarithmic scale, with the title above each dot."""
     low, high = float(np.log10(np.min(errors)) - 0.3), float(np.log10(np.max(errors)) + 0.3)
     right = np.log10(errors) < 0.5 * (low + high)  # where the number of a dot has room
-    figure = named_rows([name for name, _ in rungs], low)
+    figure = go.Figure()
+    for i, (name, _) in enumerate(rungs):
+        figure.add_annotation(x=low, y=0.2 - i, text=escaped(name), showarrow=False, xanchor="left", yanchor="bottom")
     figure.add_scatter(
         x=list(errors),
         y=[-float(i) for i in range(len(rungs))],
@@ -52,6 +54,7 @@ def ladder_dots(rungs: Sequence[tuple[str, bool]], errors: Array, unit: str) -> 
         cliponaxis=False,
         hoverinfo="skip",
     )
+    figure.update_yaxes(showticklabels=False, showgrid=False, zeroline=False, range=[-len(rungs) + 0.45, 0.8])
     figure.update_xaxes(title="tracking error, rms", type="log", range=[low, high], **ticks(low, high, unit))
     return finished(figure, 90 + 52 * len(rungs))
 

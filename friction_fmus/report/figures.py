@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from html import escape
 from typing import Any
@@ -13,8 +13,6 @@ import plotly.graph_objects as go
 
 from friction_fmus.identification import Array
 from friction_fmus.study.study_result import StudyCurve
-
-from .formatting import number
 
 #: Colours of text, background, grid and background curves; page.js has their counterparts for dark mode.
 INK, PAPER, GRID, FAINT = "#222222", "#ffffff", "#dddddd", "#8a8a8a"
@@ -32,8 +30,6 @@ STYLES = (
 )
 #: Number of curves that are initially visible; the others can be shown from the legend.
 SEEN = 4
-#: Largest number of rows of the bar chart, so that it is legible on a printed page.
-ROWS = 24
 #: Largest number of points of a curve.
 POINTS = 4000
 
@@ -60,18 +56,6 @@ class Plot:
         """Return the figure as JSON that is valid inside an HTML script element."""
         text = json.dumps(json.loads(self.figure.to_json()), sort_keys=True, separators=(",", ":"))
         return text.replace("<", "\\u003c").replace("&", "\\u0026")
-
-
-@dataclass(frozen=True)
-class Bar:
-    """Row of the bar chart."""
-
-    name: str  # name of the compensator
-    value: float
-    low: float
-    high: float
-    """Tracking error, and the smallest and largest one in the cases."""
-    emphasis: str = ""  # "best", "second" or ""
 
 
 def thinned(curve: StudyCurve, factors: tuple[float, float] = (1.0, 1.0), points: int = POINTS) -> tuple[Array, Array]:
@@ -124,47 +108,6 @@ def lines(
     figure.update_xaxes(title=escaped(titles[0]))
     figure.update_yaxes(title=escaped(titles[1]))
     return finished(figure, height)
-
-
-def bars(rows: Sequence[Bar], title: str) -> go.Figure:
-    """Draw bars of the tracking error with whiskers for the cases; names are above the bars."""
-    fill = {"best": ("#0072B2", ""), "second": ("#56B4E9", "/"), "": (FAINT, "")}
-    looks: dict[str, Any] = {
-        "color": [fill[row.emphasis][0] for row in rows],
-        "pattern": {"shape": [fill[row.emphasis][1] for row in rows], "fgcolor": INK, "solidity": 0.25},
-    }
-    figure = named_rows([row.name for row in rows], 0.0)
-    figure.add_bar(
-        y=[-float(i) for i in range(len(rows))],
-        width=0.36,
-        orientation="h",
-        hoverinfo="text",
-        x=[row.value for row in rows],
-        marker=looks,
-        error_x={
-            "type": "data",
-            "array": [row.high - row.value for row in rows],
-            "arrayminus": [row.value - row.low for row in rows],
-            "color": INK,
-            "thickness": 1.4,
-            "width": 5,
-        },
-        name="tracking error",
-        hovertext=[
-            f"{escaped(row.name)}: {number(row.value)} ({number(row.low)} to {number(row.high)})" for row in rows
-        ],
-    )
-    figure.update_xaxes(rangemode="tozero", title=escaped(title))
-    return finished(figure, 110 + 40 * len(rows))
-
-
-def named_rows(names: Sequence[str], left: float) -> go.Figure:
-    """Return a figure with a row at 0, -1, ... for each name, which is above its row and begins at `left`."""
-    figure = go.Figure()
-    for i, name in enumerate(names):
-        figure.add_annotation(x=left, y=0.2 - i, text=escaped(name), showarrow=False, xanchor="left", yanchor="bottom")
-    figure.update_yaxes(showticklabels=False, showgrid=False, zeroline=False, range=[-len(names) + 0.45, 0.8])
-    return figure
 
 
 def sweep(

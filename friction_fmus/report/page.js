@@ -1,7 +1,7 @@
 // Draws the plots of the page: colours of the dark mode, legends and zoom accessible by keyboard, and printing.
 "use strict";
 (async () => {
-  const PRINT = { width: 660, curves: 340, bars: 860 }; // px; two plots of curves, or one of bars, fit on A4 and letter
+  const PRINT = { width: 660, curves: 340, panels: 860 }; // px; two plots of curves, or one of panels, fit on A4 and letter
   const DARK = { "#222222": "#e9e9e9", "#ffffff": "#15181c", "#dddddd": "#3a4047", "#8a8a8a": "#8f969d", "#0072B2": "#3d9bd6" };
   const MARKS = { // shapes of the legend, 34 px by 12 px, as in the plots
     square: "M13.5 2.5h7v7h-7z",
@@ -140,7 +140,7 @@
   window.addEventListener("beforeprint", () => {
     for (const box of boxes) {
       redraw(box, true);
-      const height = document.getElementById(box.id + "-legend") ? PRINT.curves : PRINT.bars;
+      const height = document.getElementById(box.id + "-legend") ? PRINT.curves : PRINT.panels;
       Plotly.relayout(box, { width: PRINT.width, height: Math.min(box.layout.height, height) });
     }
   });

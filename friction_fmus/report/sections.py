@@ -11,7 +11,7 @@ import numpy as np
 
 from friction_fmus.blocks.catalogue import catalogue
 from friction_fmus.report.comparison_plots import Point, ladder_dots, panels, tradeoffs
-from friction_fmus.report.figures import ROWS, STYLES, Bar, Plot, bars, lines, sweep
+from friction_fmus.report.figures import STYLES, Plot, lines, sweep
 from friction_fmus.report.formatting import multiple, number, quantity, unit
 from friction_fmus.report.views import NO_COMPENSATION, NONE, axes, label, reversal
 from friction_fmus.study.model_ranking import ALIKE
@@ -71,7 +71,6 @@ def compensator_plots(study: StudyResult) -> dict[str, Plot]:
     if not rows:
         return plots
     unit, factor = error_unit(study)
-    plots["bars"] = _bars(study, rows, unit, factor)
     plots["tradeoffs"] = _tradeoffs(study, rows, unit, factor)
 
     errors = {label(row.name): row.error for row in rows if row.error is not None}
@@ -100,25 +99,6 @@ def _tuning(row: CompensatorResult, value: Callable[[Trial], float | None]) -> S
 def _drawn(curves: Mapping[str, StudyCurve]) -> dict[str, StudyCurve]:
     """Return the first curves, one for each line style."""
     return dict(list(curves.items())[: len(STYLES)])
-
-
-def _bars(study: StudyResult, rows: Sequence[CompensatorResult], unit: str, factor: float) -> Plot:
-    emphasis = {study.recommendation.name: "best", study.recommendation.runner_up: "second"}
-    shown = []
-    for row in rows[:ROWS]:
-        assert row.metrics is not None
-        rms = row.metrics.rms
-        low, high = (rms if value is None else value for value in (row.best, row.worst))
-        shown.append(
-            Bar(label(row.name), factor * rms, factor * min(low, rms), factor * max(high, rms),
-                emphasis.get(row.name, ""))
-        )  # fmt: skip
-    caption = (
-        "Tracking error on the identified axis; the whiskers show the smallest and largest error in the cases that "
-        "count. Blue: recommended; hatched: runner-up."
-    ) + (f" Only the first {ROWS} are shown." if len(rows) > ROWS else "")
-    figure = bars(shown, f"tracking error, rms [{unit}]")
-    return Plot("bars-plot", figure, caption, f"Bar chart. {caption} The table below has the values.", False, False)
 
 
 def _tradeoffs(study: StudyResult, rows: Sequence[CompensatorResult], unit: str, factor: float) -> Plot:

@@ -173,7 +173,7 @@ def test_dark_mode_comes_and_goes_with_the_system(browser: Browser, report: Path
 def test_the_print_has_pages_and_all_plots(browser: Browser, report: Path) -> None:
     with opened(browser, report, "dark") as watched:
         printed = watched.page.pdf(prefer_css_page_size=True, print_background=True)
-        assert watched.page.eval_on_selector("#bars-plot", "box => box.layout.paper_bgcolor") == "#15181c"
+        assert watched.page.eval_on_selector("#errors-plot", "box => box.layout.paper_bgcolor") == "#15181c"
         watched.page.emulate_media(media="print")
         watched.page.set_viewport_size({"width": 680, "height": 900})  # 180 mm, the width of the text on A4
         cut = "[...document.querySelectorAll('.scroll')].filter((box) => box.scrollWidth > box.clientWidth + 1)"
@@ -204,11 +204,11 @@ def test_the_first_screen_has_verdict_plot_and_steps(browser: Browser, report: P
         assert box["y"] + box["height"] <= page.viewport_size["height"]  # type: ignore[index]
         assert page.locator("#result").inner_text().startswith("LuGreFeedforward reduces the tracking error")
         assert page.locator("#result ~ ol li").count() == 3
-        assert not page.locator("#bars-plot").is_visible()
+        assert not page.locator("#errors-plot").is_visible()
         page.locator("#compensators").click()
-        assert page.locator("#bars-plot").is_visible()
+        assert page.locator("#errors-plot").is_visible()
         widths = page.evaluate(
-            "['#bars-plot', '#ladder-plot'].map((name) => document.querySelector(name + ' .main-svg').clientWidth)"
+            "['#errors-plot', '#ladder-plot'].map((name) => document.querySelector(name + ' .main-svg').clientWidth)"
         )
         assert widths[0] == widths[1]
 

@@ -95,7 +95,7 @@ def test_every_section_has_its_content(text: str) -> None:
     page = parsed(text)
     plots = page.xpath("//div[@class='plot']/@id")
     assert plots == [
-        "turn-plot", "ladder-plot", "record-plot-1", "record-plot-2", "tradeoffs-plot", "bars-plot", "errors-plot",
+        "turn-plot", "ladder-plot", "record-plot-1", "record-plot-2", "tradeoffs-plot", "errors-plot",
         "gains-plot", "bandwidths-plot",
         "servo-plot", "residual-velocity", "friction-plot", "hysteresis-plot",
     ]  # fmt: skip
