@@ -354,11 +354,12 @@ class _Study:
             recommendation=comparison.recommendation if comparison else Recommendation("", missing),
             doctor=doctor,
             files=tuple(files),
-            command=f"friction-fmus study {self.config.name} -o out",
+            command=f"{self.config.command} -o out",
             versions={"friction-fmus": VERSION, "Python": platform.python_version(), "numpy": np.__version__},
             seconds=0.0,
             servo_check=checked.result,
             findings=tuple(findings),
+            turn=comparison.turn if comparison else None,
         )
 
     def _goes_on(self, findings: Sequence[StudyFinding]) -> bool:
@@ -487,8 +488,8 @@ class _Study:
         highest = min([*self.config.resonances, math.inf if band is None else band.supported])
         limits = replace(wanted.limits, band=highest, resonance=highest)
         found = compare(bench, known, replace(wanted, limits=limits), run)
-        steps = next_steps(bench, found.chosen, found, [model.row for model in models], units)
-        return replace(found, recommendation=replace(found.recommendation, next_steps=steps))
+        steps, cautions = next_steps(bench, found, [model.row for model in models], units)
+        return replace(found, recommendation=replace(found.recommendation, next_steps=steps, cautions=cautions))
 
     def _panel(self, bench: AxisBench, comparison: Comparison) -> WhatIf | str:
         """Return the axis for the what-if panel of the report, or why there is none."""

@@ -98,3 +98,12 @@ def test_a_slow_motion_is_no_standstill() -> None:
     q = 1e-5 * np.round(1e-4 * t / 1e-5)
     record = Record("slow", t, q=q, force=np.full(4000, 2.0), quantum=1e-5)
     assert not standstill(record)[200:-200].any()
+
+
+def test_models_with_and_without_presliding_are_fitted_one_after_the_other() -> None:
+    """The rows of the force over position are cached: only a model without presliding leaves out the rests."""
+    record = resting(0.0)
+    for model in ("Coulomb", "Dahl"):
+        assert identify(model, record, viscous=True, position_map=True).parameters["M"].value == pytest.approx(
+            4.0, rel=0.02
+        )
