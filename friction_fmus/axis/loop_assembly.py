@@ -160,6 +160,7 @@ class LoopAssembly(AxisAssembly):
         servo, motion, given = self.servo, self.trajectory.motion, self.trajectory.inertia
         inertia = (mass if given is None else given) if motion else servo.inertia_feedforward
         values = {**servo.gains, **self.limits, "Ts": servo.Ts, "m": inertia}
+        values |= {"d": self.trajectory.viscous} if motion else {}
         self.add("servo", servo.law, values)
         self.wires += ["reference.r -> servo.r", f"{self.position} -> servo.x", f"{self.velocity} -> servo.v"]
         command = "servo.u"

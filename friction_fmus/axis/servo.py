@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import KW_ONLY, dataclass, field
 from pathlib import Path
 from typing import Final
 
@@ -56,8 +56,10 @@ class Trajectory:
     x0: float
     v0: float
     """Initial position and velocity of the axis [m, m/s]."""
+    _: KW_ONLY
     motion: bool = False  # whether the servo receives the reference velocity and acceleration
     inertia: float | None = None  # mass of this acceleration feedforward [kg]; None for the mass of the axis
+    viscous: float = 0.0  # feedforward of the reference velocity beside it [N.s/m], which CascadePPI has
     offset: float = 0.0  # constant force added to the output of the servo [N]
     rotary: bool = False  # whether the axis is rotary
     load: float = 0.0  # constant force on the axis that the servo does not know [N]

@@ -216,33 +216,32 @@ def chain(plant: DrivenPlant, laws: Sequence[SampledLaw], Ts: float, path: PathD
     sizes = (n, whole + 1, path.window, len(lowpass[1]) - 1, len(notch[1]) - 1, 1, *(len(law.C) for law in laws))
     ends = np.cumsum(sizes)
 
-    def step(state: Matrix) -> Matrix:
-        motion, forces, positions, slow, notched, last, *memories = np.split(state, ends[:-1])
-        x, v = read @ motion
-        if path.window:
-            v, slow = _filter_step(lowpass, slow, (x - positions[-1]) / (path.window * Ts))
-        y = np.array([x, v, last[0]])
-        u = sum((law.C @ own + law.D @ y for law, own in zip(laws, memories, strict=True)), 0.0)
-        force, notched = _filter_step(notch, notched, u)
-        sent = np.concatenate([[force], forces])  # now, one sample ago, ...
-        moved = late[0] @ (early[0] @ motion + early[1] * sent[whole + 1]) + late[1] * sent[whole]
-        after = [law.A @ own + law.B @ y for law, own in zip(laws, memories, strict=True)]
-        kept = np.concatenate([[x], positions])[: path.window]
-        return np.concatenate([moved, sent[:-1], kept, slow, notched, [u], *after])
+    # the states after a step, as combinations of the states before, which are the columns
+    motion, forces, positions, slow, notched, last, *memories = np.split(np.eye(ends[-1]), ends[:-1])
+    x, v = read @ motion
+    if path.window:
+        v, slow = _filter_step(lowpass, slow, (x - positions[-1]) / (path.window * Ts))
+    y = np.array([x, v, last[0]])
+    u = sum((law.C @ own + law.D @ y for law, own in zip(laws, memories, strict=True)), np.zeros(ends[-1]))
+    force, notched = _filter_step(notch, notched, u)
+    sent = np.vstack([force, forces])  # now, one sample ago, ...
+    moved = late[0] @ (early[0] @ motion + np.outer(early[1], sent[whole + 1])) + np.outer(late[1], sent[whole])
+    after = [law.A @ own + law.B @ y for law, own in zip(laws, memories, strict=True)]
+    kept = np.vstack([x, positions])[: path.window]
+    matrix: Matrix = np.vstack([moved, sent[:-1], kept, slow, notched, u, *after])
+    return matrix
 
-    return np.array([step(column) for column in np.eye(ends[-1])]).T
+
+def _filter_step(own: Filter, state: Matrix, u: Matrix) -> tuple[Matrix, Matrix]:
+    """Return output and next state of a filter in direct form II transposed, shapes (n,) and (order, n)."""
+    b, a = own
+    y = b[0] * u + (state[0] if len(state) else 0.0)
+    return y, np.vstack([state[1:], np.zeros((min(len(state), 1), len(u)))]) + np.outer(b[1:], u) - np.outer(a[1:], y)
 
 
 def _velocity_filter(path: PathDynamics, Ts: float) -> Filter:
     keep = math.exp(-Ts / path.smoothing) if path.smoothing > 0.0 else 0.0
     return path.lowpass or (np.array([1.0 - keep, 0.0]), np.array([1.0, -keep]))
-
-
-def _filter_step(own: Filter, state: Matrix, u: float) -> tuple[float, Matrix]:
-    """Return output and next state of a filter in direct form II transposed."""
-    b, a = own
-    y = b[0] * u + (state[0] if len(state) else 0.0)
-    return y, np.append(state[1:], np.zeros(min(len(state), 1))) + b[1:] * u - a[1:] * y
 
 
 def _with_lag(plant: DrivenPlant, tau: float) -> tuple[Matrix, Matrix, Matrix]:

@@ -51,6 +51,11 @@ def _motion(bench: AxisBench, rungs: Sequence[Rung], units: AxisUnits) -> Iterat
         f"Switch on the feedforward of velocity (100 %) and acceleration ({units.words.mass} "
         f"{own:.4g} {units.inertia}){constant}."
     )
+    if viscous := bench.trajectory.viscous:
+        text += (
+            f" Add {viscous:.4g} {units.viscous} times the reference velocity: the integral would otherwise take the "
+            "lag of the measured velocity for an error."
+        )
     if abs(own - mass) > LATE * mass:
         text += f" The axis has {mass:.4g} {units.inertia}; the velocity, which is measured late, gives the rest."
     if len(rungs) > 1 and rungs[0].title == AS_MEASURED and not improves(rungs[:1], rungs[1]):
