@@ -19,8 +19,9 @@ from friction_fmus.identification.data.position_findings import position_finding
 from friction_fmus.identification.data.record import Array, Record, RecordFinding
 from friction_fmus.identification.fit.contact_model import contact_model
 from friction_fmus.identification.fit.first_look import solved
+from friction_fmus.identification.fit.rests import unresolved_rest
 from friction_fmus.identification.fit.scores import rms
-from friction_fmus.identification.fit.simulation_data import prepare, unresolved_rest
+from friction_fmus.identification.fit.simulation_data import prepare
 
 MASSES: Final[Mapping[str, tuple[float, float]]] = {"m": (1e-6, 1e7), "rad": (1e-10, 1e7)}
 """Smallest and largest mass [kg] or moment of inertia [kg.m2] of a machine, by unit of the position."""

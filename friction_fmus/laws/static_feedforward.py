@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from casadi import SX, fabs, if_else, logic_and, sign
+from casadi import SX, fabs, if_else, logic_and
 
 from friction_fmus.lawkit.law import Friction, Loop, Parameter, Switch, Use, law
 from friction_fmus.lawkit.parts import variables
-from friction_fmus.lawkit.parts.expressions import limited, stribeck_level
+from friction_fmus.lawkit.parts.expressions import direction, limited, stribeck_level
 from friction_fmus.lawkit.quantities import DAMPING, FORCE, NO_UNIT, VELOCITY
 
 
@@ -18,7 +18,7 @@ from friction_fmus.lawkit.quantities import DAMPING, FORCE, NO_UNIT, VELOCITY
     Ts=1e-3,
     quotes=("overcompensation", "inertia"),
     loop=Loop(friction=Friction("Fc", "Fs", "Fv", "vs", "delta"), inertia="m"),
-    use=Use("feedforward", models=("Stribeck",), tuned={"m": "0"}),
+    use=Use("feedforward", models=("Stribeck",), tuned={"m": "0", "v_rest": "1e-6 * speed"}),
     outputs=variables.FEEDFORWARD,
 )
 def static_feedforward(
@@ -32,6 +32,7 @@ def static_feedforward(
     Fv: SX = variables.FV,
     vs: SX = variables.VS,
     delta: SX = variables.DELTA,
+    v_rest: SX = variables.V_REST,
     offset: SX = Parameter(FORCE, 0.0, "constant {force} at all velocities, including rest"),
     asymmetric: SX = Switch(False, "rd < 0 uses the parameters with the suffix _neg"),
     Fc_neg: SX = Parameter(FORCE, 1.0, "Coulomb friction for rd < 0", min=0.0),
@@ -45,7 +46,7 @@ def static_feedforward(
     """The force that moves a known mass with Stribeck friction along the reference.
 
         g(rd) = Fc + (Fs - Fc) exp(-|rd/vs|^delta)
-        F_hat = sgn(rd) g(rd) + Fv rd + offset,   sgn(0) = 0
+        F_hat = sgn(rd) g(rd) + Fv rd + offset,   sgn(rd) = 0 for |rd| <= v_rest
         u     = clip(m rdd + gain F_hat, u_min, u_max)
 
     Armstrong-Helouvry, Dupont, Canudas de Wit, Automatica 30(7), 1994 (survey of the curve and of its feedforward). Fs
@@ -57,6 +58,9 @@ def static_feedforward(
 
     Feedforward does not change the stability of the loop. In sliding, its benefit depends on the accuracy of the
     parameters. gain is limited to 1, because overcompensation drives the axis.
+
+    A computed reference that rests often has a velocity of 1e-17 instead of 0, so that u would be the whole friction
+    force: v_rest must exceed this rounding.
 
     Limits: u jumps by 2 Fs at reversals of the reference, whereas presliding friction changes gradually. For motion
     within the presliding range (some micrometres), the law can be worse than no compensation. At rest (rd = 0), only
@@ -71,5 +75,5 @@ def static_feedforward(
         if_else(own, vs_neg, vs),
         if_else(own, delta_neg, delta),
     )
-    F_hat = sign(rd) * level + if_else(own, Fv_neg, Fv) * rd + offset
+    F_hat = direction(rd, v_rest) * level + if_else(own, Fv_neg, Fv) * rd + offset
     return limited(m * rdd, F_hat, gain, enable, u_min, u_max)

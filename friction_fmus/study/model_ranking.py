@@ -36,6 +36,7 @@ from friction_fmus.identification.fit.block_fit import driven
 from friction_fmus.identification.fit.contact_model import contact_model
 from friction_fmus.identification.fit.idim import default_settings
 from friction_fmus.identification.fit.position import PositionFit
+from friction_fmus.identification.fit.rests import standstill
 from friction_fmus.identification.fit.scores import rms, weak_parameters
 from friction_fmus.identification.fit.simulation_data import prepare
 from friction_fmus.identification.identifying import BELOW, FS_BELOW_FC
@@ -55,8 +56,9 @@ def inverse_residual(fit: InverseModelFit, records: Sequence[Record]) -> Fit | N
         except FrictionError:
             continue
         predicted = M * motion.a + Fv * motion.v + Fc * np.sign(motion.v) + OF
-        rows = np.column_stack([predicted, record.force_at_samples()])
-        model, force = settings.rows(rows, record.Ts).T
+        used = settings.rows_outside(standstill(record), record.Ts)
+        rows = settings.rows(np.column_stack([predicted, record.force_at_samples()]), record.Ts)
+        model, force = (rows if used is None else rows[used]).T
         errors.append(model - force)
         forces.append(force)
     if not errors:
@@ -386,6 +388,7 @@ def refine(
 
     contact = contact_model(found.block, ROTARY if measured.trajectory.rotary else LINEAR)
     known = contact.parameters
+    tied = {"Fs": "Fc"} if found.row.name == INVERSE else {}  # Coulomb friction alone
 
     def unknown(p: IdentifiedParameter) -> Unknown:
         lower = -np.inf if p.name == "OF" else 1e-3 * p.value
@@ -404,6 +407,7 @@ def refine(
                 for name, value in values.items()
                 if name not in MEANING
             }
+            own |= {f"friction.{name}": values.get(other, found.values[other]) for name, other in tied.items()}
             moved = {"axis.m": values["M"], **constant_force(found.plant, -values.get("OF", found.offset))}
             return {"q": run_loop(system.with_start({**own, **moved})).q}
 
@@ -429,6 +433,7 @@ def refine(
         return replace(p, value=values[p.name], standard_error=error, weak=weak.get(p.name, ""))
 
     now = {name: values.get(name, value) for name, value in found.values.items()}
+    now |= {name: now[other] for name, other in tied.items()}
     below = now.get("Fs", np.inf) < BELOW * now.get("Fc", 0.0)
     refined = IdentifiedModel(
         replace(

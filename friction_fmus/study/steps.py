@@ -5,17 +5,13 @@ from __future__ import annotations
 import gc
 import hashlib
 import json
-import os
 import shutil
-import signal
-import threading
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from concurrent.futures import Executor, Future, ProcessPoolExecutor, as_completed
+from concurrent.futures import Executor, Future, as_completed
 from contextlib import contextmanager
 from dataclasses import dataclass, fields, is_dataclass
 from functools import cache
 from importlib import import_module
-from multiprocessing import active_children, get_context, parent_process
 from pathlib import Path
 from typing import Any, Final
 
@@ -28,6 +24,7 @@ from friction_fmus.blocks.catalogue import source_folder
 from friction_fmus.listings import plain
 from friction_fmus.version import VERSION
 from harness.storage.files import keep, kept, make_folder
+from harness.workers import worker_pool
 
 CACHE: Final = ".study"  # subfolder of the results with the cached steps
 
@@ -110,30 +107,10 @@ def workers(count: int) -> Iterator[Executor | None]:
     if count < 2:
         yield None
         return
-    others = set(active_children())
-    with ProcessPoolExecutor(count, get_context("spawn"), _prepare) as pool:
+    with worker_pool(count) as pool:
         for _ in range(count):
             pool.submit(_ready)
-        try:
-            yield pool
-        except BaseException:  # running steps are no longer needed
-            for process in set(active_children()) - others:
-                process.terminate()
-            pool.shutdown(wait=False, cancel_futures=True)
-            raise
-
-
-def _prepare() -> None:
-    """Prepare a worker process: ignore Ctrl-C, which the parent handles, and end with the parent."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    threading.Thread(target=_end_with_parent, daemon=True).start()
-
-
-def _end_with_parent() -> None:
-    parent = parent_process()
-    if parent is not None:
-        parent.join()
-        os._exit(1)
+        yield pool
 
 
 def clear_cache(out: Path) -> None:

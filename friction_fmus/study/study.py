@@ -6,7 +6,7 @@ import itertools
 import math
 import platform
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -14,19 +14,14 @@ from typing import Any, Final
 
 import numpy as np
 
-from friction_fmus.axis.loop_assembly import block, typed, viscous_beside
-from friction_fmus.axis.servo import GAINS, Servo, Trajectory
+from friction_fmus.axis.servo import Trajectory
 from friction_fmus.axis.servo_loop import from_rest
-from friction_fmus.blocks.axis_units import Words
 from friction_fmus.blocks.catalogue import catalogue
-from friction_fmus.conditions import PathDynamics, SampledLaw, chain, one_mass
-from friction_fmus.conditions.condition import spectral_radius
 from friction_fmus.doctor import examine
 from friction_fmus.errors import FrictionError
-from friction_fmus.identification import Array, AxisUnits, Record, decimate, filtered_motion, identifiable
+from friction_fmus.identification import Array, filtered_motion, identifiable
 from friction_fmus.identification.fit.contact_model import contact_model
-from friction_fmus.identification.force_findings import FORBIDDING, contradictions
-from friction_fmus.identification.plant_band import PlantBand, plant_band
+from friction_fmus.identification.force_findings import FORBIDDING
 from friction_fmus.identification.plant_candidates import plant_findings
 from friction_fmus.listings import shown
 from friction_fmus.study.comparison import Comparison, clear, compare
@@ -35,7 +30,6 @@ from friction_fmus.study.config import ALL, OF_RECORD, ConfigError, StudyConfig,
 from friction_fmus.study.data import Data, build_reference, check_period, load_data, measured_servo
 from friction_fmus.study.evaluation import AxisBench, Scheme, feedforward_mass
 from friction_fmus.study.model_ranking import (
-    INVERSE,
     IdentifiedModel,
     identify_model,
     inverse_model,
@@ -45,184 +39,39 @@ from friction_fmus.study.model_ranking import (
     without_unknown_static_friction,
 )
 from friction_fmus.study.next_experiment import EXPERIMENT_FILE, next_experiment, write_experiment
-from friction_fmus.study.recommendation import AS_MEASURED, improves
+from friction_fmus.study.next_steps import next_steps
+from friction_fmus.study.pictures import over_position, over_velocity, residuals, series
 from friction_fmus.study.servo_check import CheckedServo, check_servo
 from friction_fmus.study.servo_estimate import estimate_servo
 from friction_fmus.study.settings_file import SETTINGS_FILE, settings_of
 from friction_fmus.study.steps import CACHE, Step, StepCache, run_steps, workers
 from friction_fmus.study.study_files import OWN, Figures, export_models, export_recommended
 from friction_fmus.study.study_result import (
-    CompensatorResult,
     ConditionResult,
-    ModelResult,
-    Picture,
     Recommendation,
-    Rung,
-    StudyCurve,
     StudyFinding,
     StudyResult,
     WrittenFile,
-    curve,
-    thinned,
+)
+from friction_fmus.study.trust import (
+    NOT_SIMULATED,
+    band_of,
+    claim_findings,
+    force_findings,
+    loop_findings,
+    mass_findings,
+    narrow,
+    not_trusted,
+    static_friction_findings,
+    without_loop,
 )
 from friction_fmus.study.what_if import WhatIf, panel_of
 from friction_fmus.version import VERSION
-from harness import Experiment, FmuPart, Progress, SeriesPart, System
+from harness import Progress, System
 from harness.compiling import toolchain
 from harness.extras import require
 from harness.processors import available
 from harness.storage.files import atomic_path
-
-DRAWN: Final = 4  # number of models to plot, best first
-CLOUD: Final = 2000  # approximate number of points of a scatter plot
-LOOP: Final = 3.0  # longest section of the record plotted as a loop [s]
-
-
-def series(data: Sequence[Record], models: Sequence[IdentifiedModel]) -> tuple[Picture, ...]:
-    """Return the record over time, together with the simulations of the best models."""
-    record = max(data, key=len)
-    units = record.units
-    drawn = [found for found in models[:DRAWN] if found.row.rank]
-
-    def picture(name: str, unit: str, columns: Mapping[str, Array | None], lines: Mapping[str, StudyCurve]) -> Picture:
-        shown = {key: thinned(record.t, column) for key, column in columns.items() if column is not None}
-        return Picture("time", name, "s", unit, shown, lines)
-
-    pictures = []
-    if record.q is not None:
-        pictures.append(picture("position", units.position, {"measured": record.q, "reference": record.reference}, {}))
-        errors = {found.row.name: found.position for found in drawn if found.position is not None}
-        if record.reference is not None:
-            error = {"measured, reference − position": record.reference - record.q}
-            pictures.append(picture("position error", units.position, error, {}))
-        if errors:
-            pictures.append(Picture("time", "simulated − measured position", "s", units.position, {}, errors))
-    if record.v is not None:
-        pictures.append(picture("velocity", units.velocity, {"measured": record.v}, {}))
-    if record.force is not None:
-        pictures.append(picture(f"drive {units.words.force}", units.force, {"measured": record.force}, {}))
-        forces = {found.row.name: found.force for found in drawn if found.force is not None}
-        if forces:
-            pictures.append(Picture("time", f"simulated − measured {units.words.force}", "s", units.force, {}, forces))
-    if record.friction is not None:
-        over = record.normal if record.normal is not None and np.all(record.normal > 0.0) else None
-        column = record.friction if over is None else record.friction / over
-        lines = {found.row.name: found.predicted for found in drawn if found.predicted is not None}
-        name, unit = ("friction", units.force) if over is None else ("friction coefficient", "1")
-        pictures.append(picture(name, unit, {"measured": column}, lines))
-    return tuple(pictures)
-
-
-def residuals(record: Record, models: Sequence[IdentifiedModel]) -> tuple[Picture, ...]:
-    """Return the force residual of the co-simulated servo with the best models, over velocity and over position."""
-    forces = {found.row.name: found.force for found in models[:DRAWN] if found.row.rank and found.force is not None}
-    if not forces or record.q is None:
-        return ()
-    motion = filtered_motion(record)
-    t, units = record.t - record.t[0], record.units
-
-    def over(name: str, unit: str, column: Array) -> Picture:
-        curves = {
-            model: StudyCurve(tuple(np.interp(line.x, t, column).tolist()), line.y) for model, line in forces.items()
-        }
-        return Picture(name, f"simulated − measured {units.words.force}", unit, units.force, {}, curves)
-
-    return over("velocity", units.velocity, motion.v), over("position", units.position, motion.q)
-
-
-def friction_of(record: Record, mass: float, offset: float) -> tuple[Array, Array, Array] | None:
-    """Return position, filtered velocity and friction of a record; None if it has neither friction nor force."""
-    if record.q is None:
-        return None
-    motion = filtered_motion(record)
-    if record.friction is not None:
-        return record.q, motion.v, record.friction
-    if record.force is None:
-        return None
-    return record.q, motion.v, record.force - mass * motion.a - offset
-
-
-def over_velocity(record: Record, models: Sequence[IdentifiedModel]) -> Picture | None:
-    """Return friction over velocity: points of the record, and curves of the models on a slow velocity sweep."""
-    best = [found for found in models if found.row.rank]
-    behind = friction_of(record, best[0].mass, best[0].offset) if best else None
-    if behind is None:
-        return None
-    _, v, friction = behind
-    smooth, level = decimate(v, 10), decimate(friction, 10)
-    few = slice(50, -50, max(1, len(smooth) // CLOUD)) if len(smooth) > 300 else slice(None)
-    fastest = 1.05 * float(np.max(np.abs(v)))
-    at = np.linspace(-fastest, fastest, 800)  # an even number: no point is at the jump at rest
-    curves = {}
-    for found in best[:DRAWN]:
-        F = drive(found, record.units, 5.0 * np.arange(800.0) / 800.0, at, _load(record))
-        curves[found.row.name] = curve(at[1:], F[1:])
-    points = curve(smooth[few], level[few])
-    units = record.units
-    return Picture("velocity", "friction", units.velocity, units.force, {"record": points}, curves)
-
-
-def over_position(record: Record, models: Sequence[IdentifiedModel]) -> Picture | None:
-    """Return friction over position around the reversal nearest to the middle of the record, measured and simulated."""
-    best = [found for found in models if found.row.rank]
-    behind = friction_of(record, best[0].mass, best[0].offset) if best else None
-    if behind is None:
-        return None
-    q, v, friction = behind
-    turns = np.flatnonzero(np.diff(np.sign(v)) != 0)
-    turns = turns[(turns > 100) & (turns < len(v) - 100)]
-    if not turns.size:
-        return None
-    centre = int(turns[np.argmin(np.abs(turns - len(v) // 2))])
-    half = min(round(0.5 * LOOP / record.Ts), len(v) // 4)
-    section = slice(max(0, centre - half), centre + half)
-    # start earlier: a bristle that starts in motion takes some time to deflect
-    lead = min(section.start, half)
-    driven = slice(section.start - lead, section.stop)
-    t = record.Ts * np.arange(float(len(v[driven])))
-    few = max(1, len(v[section]) // 600)
-    loops = {}
-    for found in best[:DRAWN]:
-        F = drive(found, record.units, t, v[driven], _load(record))[lead:]
-        loops[found.row.name] = curve(q[section][::few], F[::few])
-    points = curve(q[section][::few], friction[section][::few])
-    units = record.units
-    return Picture("position", "friction", units.position, units.force, {"record": points}, loops)
-
-
-def drive(found: IdentifiedModel, units: AxisUnits, t: Array, v: Array, load: float | None) -> Array:
-    """Return the friction force of a model's FMU driven by a velocity, shape (n,)."""
-    step = float(t[1] - t[0])
-    contact = FmuPart("friction", block(found.block, units.rotary))
-    sweep = SeriesPart("sweep", t, {"v": v}, {"v": "rad/s" if units.rotary else "m/s"})
-    inputs = {port.name for port in contact.inputs}
-    start: dict[str, float | int | bool | str] = {f"friction.{k}": v for k, v in typed(contact, found.values).items()}
-    start |= {"friction.F_ext": 0.0} if "F_ext" in inputs else {}
-    start |= {"friction.Fn": load} if "Fn" in inputs and load is not None else {}
-    experiment = Experiment(stop=step * (len(t) - 1), step=step, record=("friction.F",))
-    with System([sweep, contact], ["sweep.v -> friction.v"], start, experiment, "curve") as system:
-        F = np.asarray(system.run()["friction.F"].to_numpy(), dtype=np.float64)
-        F += viscous_beside(contact, found.plant) * v
-        return F
-
-
-def band_of(records: Sequence[Record], found: IdentifiedModel) -> PlantBand | None:
-    """Return the band in which records support the mass of a model, with its friction and force over position."""
-    if any(record.q is None or record.force is None for record in records):
-        return None
-    friction, alone, table = [], [], found.plant.position
-    for record in records:
-        v = filtered_motion(record).v
-        friction.append(drive(found, record.units, record.Ts * np.arange(float(len(v))), v, _load(record)))
-        over_position = 0.0 if table is None else table.force(record.column("q"), v)
-        alone.append(replace(record, force=record.column("force") + over_position))
-    return plant_band(alone, found.mass, friction)
-
-
-def _load(record: Record) -> float | None:
-    """Return the mean normal force; None if it was not measured."""
-    return None if record.normal is None else float(np.mean(record.normal))
-
 
 STAGES: Final = {
     0.02: "identifying friction models",
@@ -288,226 +137,6 @@ def identifier(name: str) -> str:
     """Return a valid model identifier made from the name of a record."""
     letters = "".join(letter for letter in name.title() if letter.isascii() and letter.isalnum())
     return letters if letters and letters[0].isalpha() else f"Axis{letters}"
-
-
-AT_LIMIT: Final = 0.98  # recorded force over the force limit above which the drive saturates
-BEYOND: Final = 1.2  # recorded force over the force limit above which one of them has a wrong unit
-GROWTH: Final = 1.1  # growth of an oscillation per sample above which the loop is too unstable to have been recorded
-
-
-def force_findings(records: Sequence[Record], servo: Servo | None) -> tuple[StudyFinding, ...]:
-    """Return findings about a drive force that contradicts the recorded motion, or the limit of the servo."""
-    u = records[0].units.words
-    forbidding = (*FORBIDDING, "mass-not-identified") if servo is not None and servo.mass is None else FORBIDDING
-    found = [
-        StudyFinding(each.name, each.what, each.measure, each.name in forbidding) for each in contradictions(records)
-    ]
-    peak = max((float(np.max(np.abs(record.force))) for record in records if record.force is not None), default=0.0)
-    if servo is not None and AT_LIMIT * servo.force_limit <= peak <= BEYOND * servo.force_limit:
-        found = [each for each in found if each.name != "force-clipped"]  # the drive saturates, not the measurement
-    if servo is not None and peak > BEYOND * servo.force_limit:
-        limit = f"the {u.force} limit is {servo.force_limit:.3g} {u.N}"
-        what = f"The recorded drive {u.force} reaches {peak:.3g} {u.N}; {limit}."
-        change = f"Correct the unit of the {u.force} in [columns] or force_limit in [servo]."
-        found.append(StudyFinding("force-beyond-limit", what, change, stops=True))
-    return tuple(found)
-
-
-def mass_findings(servo: Servo | None, model: IdentifiedModel, u: Words) -> tuple[StudyFinding, ...]:
-    """Return a finding if the loop of servo and identified mass is so unstable that no record can come from it.
-
-    Friction is left out, except for its viscous part: a loop whose oscillation grows by more than `GROWTH` in every
-    sample exceeds any friction within a few samples.
-    """
-    if servo is None or model.mass <= 0.0:
-        return ()
-    growth = loop_growth(servo, model.mass, max(model.values.get("Fv", model.values.get("sigma2", 0.0)), 0.0))
-    if growth <= GROWTH:
-        return ()
-    what = (
-        f"With the identified {u.mass} of {model.mass:.3g} {u.kg}, the servo is unstable: an oscillation grows by a "
-        f"factor of {growth:.3g} in every sample, so the record cannot come from this axis."
-    )
-    change = f"Correct the unit of {u.force} or position, or the gains and Ts of the servo."
-    return (StudyFinding("mass-contradicts-servo", what, change, stops=True),)
-
-
-def loop_growth(servo: Servo, mass: float, viscous: float) -> float:
-    """Return the largest magnitude of the poles of a sampled loop without Coulomb friction and slow integral action."""
-    Kp, Kd, _ = servo.pid
-    feedback = SampledLaw(np.zeros((0, 0)), np.zeros((0, 3)), np.zeros(0), np.array([-Kp, -Kd, 0.0]))
-    path = PathDynamics(delay=servo.delay * servo.Ts, window=servo.window)
-    return spectral_radius(chain(one_mass(mass, viscous), [feedback], servo.Ts, path))
-
-
-def loop_findings(models: Sequence[IdentifiedModel], simulated: bool, u: Words) -> tuple[StudyFinding, ...]:
-    """Return a finding if the servo was simulated, but with none of the models it follows the record."""
-    if not simulated or not models or models[0].row.rank is not None:
-        return ()
-    failed = next((found.row.reason for found in models if found.row.train is not None), "")
-    if not failed:
-        return ()
-    change = (
-        f"Check Ts, window, quantum and {u.force} limit of the servo, and whether a {u.force} acts on the axis that "
-        f"the record does not contain; such a {u.force} can be declared as column injected."
-    )
-    what = f"The simulated servo does not follow the record with any friction model. {models[0].row.name}: {failed}"
-    return (StudyFinding("loop-not-reproduced", what, change, stops=True),)
-
-
-def without_loop(models: Sequence[IdentifiedModel]) -> list[IdentifiedModel]:
-    """Return the models with the error of their predicted signal, so that they can be ranked without a servo."""
-    found = []
-    for each in models:
-        fit = each.row.validation or each.row.train
-        row = each.row if fit is None else replace(each.row, reason="")
-        found.append(replace(each, error=None if fit is None else fit.rms, row=row))
-    return found
-
-
-def static_friction_findings(best: IdentifiedModel, units: AxisUnits) -> tuple[StudyFinding, ...]:
-    """Return a finding if the simulated axis does not have the identified static friction."""
-    identified = next((p.value for p in best.row.parameters if p.name == "Fs"), None)
-    simulated = best.values.get("Fs")
-    if identified is None or simulated is None or identified == simulated:
-        return ()
-    what = (
-        f"The record does not determine the static friction of {best.row.name}: {identified:.3g} {units.force} would "
-        f"fit. The simulated axis has its Coulomb friction, {simulated:.3g} {units.force}, instead."
-    )
-    return (StudyFinding("static-friction-unknown", what, "Record slow strokes at constant speeds."),)
-
-
-NOT_SIMULATED: Final = ("saturated", "friction-drifts", "offset-drifts", "gravity", "backlash", "two-masses")
-"""Findings about the plant that the simulated axis, a rigid mass with friction, does not have."""
-
-NARROW: Final = 1.5
-"""Band of the plant over the natural frequency of the position loop below which tracking errors are not claimed."""
-
-
-def narrow(bench: AxisBench, band: float) -> bool:
-    """Return whether the band that a record supports is too narrow for the position loop."""
-    return band < NARROW * bench.bandwidth / (2.0 * math.pi)
-
-
-def claim_findings(bench: AxisBench, band: float, beyond: Sequence[str], units: AxisUnits) -> tuple[StudyFinding, ...]:
-    """Return a finding if the tracking errors of the simulated axis need not come true on the machine."""
-    natural = bench.bandwidth / (2.0 * math.pi)
-    reasons = []
-    if narrow(bench, band):
-        reasons.append(
-            f"the record supports a rigid {units.words.mass} up to {band:.3g} Hz only, and the position loop has a "
-            f"natural frequency of {natural:.3g} Hz"
-        )
-    if beyond:
-        reasons.append(f"the simulated axis has none of this: {', '.join(beyond)}")
-    if not reasons:
-        return ()
-    what = f"The tracking errors of this report cannot be claimed for the machine: {'; '.join(reasons)}."
-    chirp = (
-        f"Record the motion of {EXPERIMENT_FILE}, with feedforward of velocity and acceleration, and repeat the study "
-        "with both records."
-    )
-    change = chirp if narrow(bench, band) else "Correct what is named there, or measure the error on the machine."
-    return (StudyFinding("errors-not-claimed", what, change),)
-
-
-def not_trusted(findings: Sequence[StudyFinding]) -> str:
-    """Return why no compensator is compared, in one sentence."""
-    names = ", ".join(finding.name for finding in findings if finding.stops)
-    return f"No compensator was compared, because the result cannot be trusted ({names}). Correct this first."
-
-
-LATE: Final = 0.01  # relative difference of the feedforward from the mass of the axis that is explained
-SENSITIVE = 1.5  # factor by which the error rises in a case that is worth a measurement
-SMALL = 1e-3  # constant force over the force limit up to which it is not worth a setting
-
-
-def next_steps(
-    bench: AxisBench, scheme: Scheme, found: Comparison, models: Sequence[ModelResult], units: AxisUnits
-) -> tuple[str, ...]:
-    """Return what to set in the drive and what to measure, one or two sentences each."""
-    row = found.recommended
-    return (
-        *_motion(bench, found.ladder, units),
-        *_integral(bench, scheme),
-        *_laws(scheme, row, units.words),
-        *_sensitive(row, units),
-        *_fragile(row),
-        *_weak(row, models),
-    )
-
-
-def _motion(bench: AxisBench, rungs: Sequence[Rung], units: AxisUnits) -> Iterator[str]:
-    if not bench.trajectory.motion:
-        return
-    force = bench.plant.offset
-    known = abs(force) > SMALL * bench.servo.force_limit
-    constant = f", and a constant {units.words.force} of {force:.3g} {units.force}" if known else ""
-    mass, own = bench.plant.mass, bench.trajectory.inertia
-    own = mass if own is None else own
-    text = (
-        f"Switch on the feedforward of velocity (100 %) and acceleration ({units.words.mass} "
-        f"{own:.4g} {units.inertia}){constant}."
-    )
-    if abs(own - mass) > LATE * mass:
-        text += f" The axis has {mass:.4g} {units.inertia}; the velocity, which is measured late, gives the rest."
-    if len(rungs) > 1 and rungs[0].title == AS_MEASURED and not improves(rungs[:1], rungs[1]):
-        before, after = (shown(rung.metrics.rms, units.position) for rung in rungs[:2])
-        text += f" Alone, it does not reduce the tracking error of this axis ({before} before, {after} after), but the "
-        text += "compensators are tuned with it."
-    yield text
-
-
-def _integral(bench: AxisBench, scheme: Scheme) -> Iterator[str]:
-    name = GAINS[bench.servo.law][-1]
-    value = scheme.servo.gains[name]
-    if value != bench.servo.gains[name]:
-        yield f"Set the integral gain of the {scheme.servo.law} to {name} = {value:.4g}."
-
-
-def _laws(scheme: Scheme, row: CompensatorResult, u: Words) -> Iterator[str]:
-    if scheme.table:
-        yield (
-            f"Add a table of cogging and position-dependent friction to the drive {u.force}, evaluated at the "
-            "reference position: recommended/README.md has the connections."
-        )
-    laws = [law for law in (scheme.feedforward, scheme.compensator) if law is not None]
-    if not laws:
-        return
-    tuned = f"a bandwidth of {row.bandwidth:.3g} Hz" if row.bandwidth is not None else f"gain {row.gain:g}"
-    names = " and ".join(law.model for law in laws)
-    only_integral = scheme.compensator is None
-    yield (
-        f"Add {names}{'' if only_integral else f' with {tuned}'}: recommended/README.md has the connections, "
-        "recommended/c the code."
-    )
-
-
-def _sensitive(row: CompensatorResult, units: AxisUnits) -> Iterator[str]:
-    if row.metrics is None:
-        return
-    tried = [(each.metrics.rms, each.name) for each in row.corners if each.counts and each.metrics is not None]
-    if tried and max(tried)[0] > SENSITIVE * row.metrics.rms:
-        error, name = max(tried)
-        yield (
-            f"The error is most sensitive to this case: {name} ({shown(row.metrics.rms, units.position)} becomes "
-            f"{shown(error, units.position)}). If it can occur on the machine, record it and repeat the study."
-        )
-
-
-def _fragile(row: CompensatorResult) -> Iterator[str]:
-    failing = [each.name for each in row.corners if each.metrics is None]
-    if failing:
-        yield f"The loop fails in these cases: {', '.join(failing)}. Rule them out before you switch it on."
-
-
-def _weak(row: CompensatorResult, models: Sequence[ModelResult]) -> Iterator[str]:
-    model = next((model for model in models if model.name == row.model), None)
-    weak = [parameter for parameter in model.parameters if parameter.weak] if model is not None else []
-    if weak:
-        names = " and ".join(parameter.name for parameter in weak)
-        yield f"The record determines {names} of {row.model} poorly ({weak[0].name}: {weak[0].weak})."
 
 
 OF_FRICTION_AT_REST: Final = {
@@ -765,7 +394,7 @@ class _Study:
             return ranked(found)
         smallest = min((each.error for each in found if each.error is not None), default=0.0)
         close = [each.error is not None and each.error <= CLOSE * smallest for each in found]
-        chosen = [each for each, is_close in zip(found, close, strict=True) if is_close and each.row.name != INVERSE]
+        chosen = [each for each, is_close in zip(found, close, strict=True) if is_close]
         chosen.sort(key=lambda each: "needs force" not in catalogue()[each.block].features)  # the slowest first
         steps = [Step(f"loop-{each.row.name}", refine, (each, measured, *records), IdentifiedModel) for each in chosen]
         refined = self._run(steps, 0.4, 0.6)

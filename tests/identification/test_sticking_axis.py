@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 
 from friction_fmus.blocks.axis_units import units_of_channels
-from friction_fmus.identification import Identification, Record, identify
-from friction_fmus.identification.fit.simulation_data import unresolved_rest
+from friction_fmus.identification import Identification, Record, identify, identify_inverse_model
+from friction_fmus.identification.fit.rests import standstill, unresolved_rest
 from friction_fmus.identification.force_findings import stuck
 from friction_fmus.identification.model_comparison import within_reach
 
@@ -91,3 +91,35 @@ def test_slow_sliding_is_no_rest() -> None:
     q = 1e-5 * np.round(1e-3 * t / 1e-5)
     record = Record("slow", t, q=q, force=5.0 + np.random.default_rng(1).normal(0.0, 1.5, len(t)), quantum=1e-5)
     assert np.mean(unresolved_rest(record)) < 0.02
+
+
+def resting(noise: float) -> Record:
+    """Strokes at several speeds with rests of 0.4 s in between, in which the drive gives 1.9 of 2 N of friction."""
+    Ts, rest, stroke = 1e-3, 400, 600
+    sizes = np.concatenate([[0.0, size, 0.0, -size] for size in (3.0, -3.0, 1.0, -1.0, 6.0, -6.0)])
+    a = np.repeat(sizes, [rest, 100, stroke, 100] * 6)
+    v = np.append(0.0, np.cumsum(a)[:-1]) * Ts
+    v[np.abs(v) < 1e-9] = 0.0
+    q = np.append(0.0, np.cumsum(v + 0.5 * Ts * a)[:-1]) * Ts + noise * np.random.default_rng(3).standard_normal(len(v))
+    force = 4.0 * a + 2.0 * np.sign(v) + 3.0 * v
+    force[v == 0.0] = 1.9
+    return Record("strokes", Ts * np.arange(len(v)), q=q, force=force, held=True)
+
+
+@pytest.mark.parametrize("noise", [0.0, 1e-8])
+def test_rests_do_not_count_for_a_model_without_presliding(noise: float) -> None:
+    """With them, the offset was 0.6 N instead of 0: a model driven by v = 0 has no friction there."""
+    record = resting(noise)
+    assert standstill(record).mean() == pytest.approx(0.33, abs=0.05)  # 400 of 1200 samples
+    for found in (identify("Coulomb", record, viscous=True).parameters, identify_inverse_model(record).parameters):
+        for name, true in {"M": 4.0, "Fc": 2.0, "Fv": 3.0}.items():
+            assert found[name].value == pytest.approx(true, rel=0.02), name
+        assert abs(found["OF"].value) < 0.03
+
+
+def test_a_slow_motion_is_no_standstill() -> None:
+    """At 0.1 mm/s the position stays within a step of 10 um for 100 samples, and then within the next one."""
+    t = 1e-3 * np.arange(4000)
+    q = 1e-5 * np.round(1e-4 * t / 1e-5)
+    record = Record("slow", t, q=q, force=np.full(4000, 2.0), quantum=1e-5)
+    assert not standstill(record)[200:-200].any()

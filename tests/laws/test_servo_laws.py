@@ -194,5 +194,14 @@ def test_static_feedforward_is_finite_for_extreme_parameters(rd, delta, vs):
     assert all(map(math.isfinite, found.values()))
 
 
+@pytest.mark.parametrize("name", ["StaticFeedforward", "CoulombFeedforward"])
+def test_the_rounding_of_a_resting_reference_is_no_motion(name):
+    """Motion profiles rest with velocities such as 8e-17 m/s: the sign alone would give the whole friction force."""
+    for rd, v_rest, moves in ((8e-17, 0.0, True), (8e-17, 1e-9, False), (-1e-9, 1e-9, False), (-2e-9, 1e-9, True)):
+        own = {"Fs": 3.0} if name == "StaticFeedforward" else {}
+        (found,) = run(LAWS[name], [{"rd": rd}], Fc=3.0, v_rest=v_rest, m=0.0, **own)
+        assert found["F_hat"] == pytest.approx(math.copysign(3.0, rd) if moves else 0.0, abs=1e-6)
+
+
 def test_static_feedforward_disabled_is_silent():
     assert STATIC.evaluate({"rd": 1.0, "rdd": 5.0, "enable": 0.0}) == {"u": 0.0, "F_hat": 0.0, "u_sat": 0.0}

@@ -128,8 +128,8 @@ def tried(folder: Path, axis: SimulatedAxis, study: dict[str, Any]) -> list[dict
         return []
     whole, found = tomllib.loads(file.read_text(encoding="utf-8")), []
     for entry in study["compensators"]:
-        if not entry["rank"] or not entry["metrics"]:
-            continue
+        if not entry["rank"] or not entry["metrics"] or "IntegralAction" in entry["name"]:
+            continue  # integral action changes the servo
         *others, last = [name for name in entry["name"].split(" + ") if name != "PositionMap"] or [""]
         parts = {"feedforward": others[0], "compensator": last} if others else {"compensator": last} if last else {}
         values = {name if "." in name else f"{last}.{name}": value for name, value in entry["parameters"].items()}

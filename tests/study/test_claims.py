@@ -12,8 +12,8 @@ from friction_fmus.axis.servo import AxisPlant, Servo, Trajectory
 from friction_fmus.identification import LINEAR, Record
 from friction_fmus.study.evaluation import AxisBench
 from friction_fmus.study.model_ranking import IdentifiedModel, without_unknown_static_friction
-from friction_fmus.study.study import claim_findings, force_findings, static_friction_findings
 from friction_fmus.study.study_result import IdentifiedParameter, ModelResult
+from friction_fmus.study.trust import claim_findings, force_findings, static_friction_findings
 
 SERVO = Servo("PID", {"Kp": 8000.0, "Kd": 160.0, "Ki": 0.0}, 1e-3, 50.0)
 BENCH = AxisBench(SERVO, AxisPlant("Coulomb", {"Fc": 6.0}, 2.0), Trajectory(Path(), 10, 0.0, 0.0), np.zeros(10))

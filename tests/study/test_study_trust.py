@@ -22,7 +22,7 @@ from friction_fmus.study import load_config
 from friction_fmus.study.data import load_data, measured_servo
 from friction_fmus.study.model_ranking import IdentifiedModel, Measured, identify_model, in_closed_loop, refine
 from friction_fmus.study.servo_check import check_servo
-from friction_fmus.study.study import force_findings, loop_growth
+from friction_fmus.study.trust import force_findings, loop_growth
 from harness import System
 from harness.system.wire import parse_wire
 

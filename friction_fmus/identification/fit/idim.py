@@ -17,6 +17,8 @@ from functools import cache
 
 import numpy as np
 import scipy.signal
+from numpy.typing import NDArray
+from scipy.ndimage import binary_dilation
 
 from friction_fmus.errors import ExcitationError, FitError, RecordError
 from friction_fmus.identification.data.record import Array, Record
@@ -27,6 +29,7 @@ from friction_fmus.identification.fit.estimate import (
     correlation_length,
     dependent_columns,
 )
+from friction_fmus.identification.fit.rests import standstill
 
 
 @dataclass(frozen=True)
@@ -51,6 +54,8 @@ class InverseModelSettings:
         filter at 0.8 of the new Nyquist frequency.
     order_of_differences : {2, 4}
         Order of the central differences for velocity and acceleration: with 2, a mass appears larger by (w Ts)^2 / 3.
+    leaves_out_rests : bool
+        Whether rows are left out in which the axis stands still: its friction is then whatever the drive gives.
     """
 
     cutoff: float = 100.0
@@ -58,6 +63,7 @@ class InverseModelSettings:
     border: tuple[float, float] | None = None
     decimation: int = 10
     order_of_differences: int = 4
+    leaves_out_rests: bool = True
 
     def rows(self, signal: Array, Ts: float) -> Array:
         """Return a signal without its ends, filtered and decimated.
@@ -94,6 +100,27 @@ class InverseModelSettings:
         inside = self._inside(t, Ts)
         return inside[(len(inside) - 1) % self.decimation :: self.decimation]
 
+    def rows_outside(self, rest: NDArray[np.bool_], Ts: float) -> NDArray[np.bool_] | None:
+        """Return the rows whose filters see none of these samples.
+
+        Parameters
+        ----------
+        rest : array of bool, shape (n,)
+            Samples that must not be used.
+        Ts : float
+            Sample time [s].
+
+        Returns
+        -------
+        array of bool, shape (rows,), or None
+            None if there is no such sample, or if less than `REMAINING` of the rows would be left.
+        """
+        if not rest.any():
+            return None
+        seen = binary_dilation(rest, iterations=round(2.0 / (self.cutoff * Ts)))
+        used: NDArray[np.bool_] = self.times(seen.astype(np.float64), Ts) == 0.0
+        return used if float(np.mean(used)) >= REMAINING else None
+
     def require(self, record: Record, columns: int = 1) -> None:
         """Raise RecordError if a record is too short for the border and for rows of several columns.
 
@@ -116,13 +143,15 @@ class InverseModelSettings:
         return round(first / Ts), round(last / Ts)
 
 
+REMAINING = 0.25  # fraction of the rows that must remain outside rests
+
 #: Time in which filter and differences settle, over the period of the cut-off frequency: transients of the slowest pole
 #: of order 4 have then decayed to 8e-6.
 SETTLING = 4.9
 
 #: Settings with which the values of the EMPS record were published, with differences of second order: only the
 #: beginning is discarded, as the axis is in motion there.
-PUBLISHED_SETTINGS = InverseModelSettings(border=(0.049, 0.0), order_of_differences=2)
+PUBLISHED_SETTINGS = InverseModelSettings(border=(0.049, 0.0), order_of_differences=2, leaves_out_rests=False)
 
 
 ROUNDING = 0.05  # largest acceleration from rounding, relative to that of the motion, both rms
@@ -401,8 +430,10 @@ def _linear_fit(
         )
     settings.require(record, len(columns))
     names = list(columns)
-    W = settings.rows(np.column_stack(list(columns.values())), record.Ts)
-    force = settings.rows(record.force_at_samples(), record.Ts)
+    used = settings.rows_outside(standstill(record), record.Ts) if settings.leaves_out_rests else None
+    kept = slice(None) if used is None else used
+    W = settings.rows(np.column_stack(list(columns.values())), record.Ts)[kept]
+    force = settings.rows(record.force_at_samples(), record.Ts)[kept]
 
     length = np.linalg.norm(W, axis=0)
     if np.any(length == 0.0):
@@ -431,7 +462,7 @@ def _linear_fit(
         parameters,
         relative_residual=float(np.linalg.norm(residual) / np.linalg.norm(force)),
         condition=float(singular[0] / singular[-1]),
-        v=settings.rows(motion.v, record.Ts),
+        v=settings.rows(motion.v, record.Ts)[kept],
         friction=force - theta[names.index("M")] * W[:, names.index("M")],
     )
     return fit, covariance

@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Final, Literal, TypeAlias
+from typing import Literal, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import binary_dilation, uniform_filter1d
 
 from friction_fmus.errors import RecordError
 from friction_fmus.identification.data.record import Array, Record
 from friction_fmus.identification.fit.contact_model import ContactModel, DataTraits
 from friction_fmus.identification.fit.idim import InverseModelSettings, default_settings, derivative, filtered_motion
+from friction_fmus.identification.fit.rests import standstill, unresolved_rest
 from harness import Drive
 from harness.parts.part import StartValue
 
@@ -34,7 +34,7 @@ class PreparedSegment:
     t: Array  # time of the signal [s]
     filter: InverseModelSettings | None  # filter of both sides of the equation; None for none
     stride: int = 1  # distance between the samples used, in samples of the record
-    kept: NDArray[np.bool_] | None = None  # filtered rows without `unresolved_rest`; None for all
+    kept: NDArray[np.bool_] | None = None  # filtered rows outside rests; None for all
 
     @property
     def step(self) -> float:
@@ -96,55 +96,10 @@ def signal_of(records: Sequence[Record]) -> tuple[str, str]:
     return "force", records[0].units.force
 
 
-STILL: Final = 5  # fewest samples of a rest
-CHANGE: Final = 0.5  # change of the drive force during such a rest, over the rms force
-
-
-def unresolved_rest(record: Record) -> NDArray[np.bool_]:
-    """Return the samples, shape (n,), at which the axis sticks and the motion cannot explain the drive force.
-
-    The position stays within one step of the encoder, or the velocity is zero, while the force changes by more than
-    `CHANGE`: the deflection of the contact is then smaller than the resolution, and friction is whatever the drive
-    gives. Rests whose force hardly changes are kept, as a model with presliding explains them.
-    """
-    force = record.force_at_samples()
-    least = CHANGE * float(np.sqrt(np.mean(np.square(force))))
-    found = np.zeros(len(force), dtype=bool)
-    for begin, end in _rests(record):
-        part = force[begin:end]
-        width = max(len(part) // 4, STILL)
-        noise = float(np.std(np.diff(part))) / float(np.sqrt(2.0 * width))
-        found[begin:end] = np.ptp(uniform_filter1d(part, width)) > least + 4.0 * noise
-    return found
-
-
-def _rests(record: Record) -> Iterator[tuple[int, int]]:
-    """Yield begin and end of the sections of at least `STILL` samples within one step of the encoder, or at v = 0."""
-    if record.q is None:
-        moving, most = np.cumsum(record.column("v") != 0.0).astype(np.float64), 0.0
-    else:
-        moving, most = record.q, 1.01 * record.quantum
-    begin, low, high = 0, moving[0], moving[0]
-    for k in (*np.flatnonzero(np.diff(moving)) + 1, len(moving)):
-        value = moving[min(k, len(moving) - 1)]
-        low, high = min(low, value), max(high, value)
-        if high - low > most or k == len(moving):
-            if k - begin >= STILL:
-                yield begin, int(k)
-            begin, low, high = int(k), value, value
-
-
-REMAINING: Final = 0.25  # fraction of the rows that must remain without unresolved rests
-
-
-def _used_rows(record: Record, settings: InverseModelSettings) -> NDArray[np.bool_] | None:
-    """Return the rows whose filters see no unresolved rest; None if there is no such rest, or little else."""
+def _used_rows(record: Record, model: ContactModel, settings: InverseModelSettings) -> NDArray[np.bool_] | None:
+    """Return the rows of a fit without rests that the model cannot explain; None for all."""
     rest = unresolved_rest(record)
-    if not rest.any():
-        return None
-    seen = binary_dilation(rest, iterations=round(2.0 / (settings.cutoff * record.Ts)))
-    used: NDArray[np.bool_] = settings.times(seen.astype(np.float64), record.Ts) == 0.0
-    return used if float(np.mean(used)) >= REMAINING else None
+    return settings.rows_outside(rest | standstill(record) if model.static else rest, record.Ts)
 
 
 def prepare(
@@ -184,7 +139,7 @@ def prepare(
         x = record.column("q") - record.column("q")[0]
     else:
         x = np.append(0.0, np.cumsum(0.5 * (v[1:] + v[:-1]) * record.Ts))
-    rows = None if used is None else _used_rows(record, used)
+    rows = None if used is None else _used_rows(record, model, used)
     segment = PreparedSegment(record, inputs, between, x, a, per, np.zeros(0), record.t, used, kept=rows)
     column = record.force_at_samples() if signal == "force" else record.column("friction")
     measured = column / per if per is not None else segment.rows(column)

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from casadi import SX, exp, expm1, fabs, if_else, logic_and, logic_not, logic_or
+from casadi import SX, exp, expm1, fabs, if_else, logic_and, logic_not, logic_or, sign
 
 
 def clip(value: SX, low: SX, high: SX) -> SX:
@@ -39,6 +39,11 @@ def stribeck_level(speed: SX, Fc: SX, Fs: SX, vs: SX, delta: SX) -> SX:
     # beyond 87 the exponential is a denormal float: negligible, and several times slower
     excess = (Fs - Fc) * if_else(power > 87.0, 0.0, exp(-power))
     return Fc + excess
+
+
+def direction(rd: SX, v_rest: SX) -> SX:
+    """Return the sign of the reference velocity, 0 at rest."""
+    return if_else(fabs(rd) <= v_rest, 0.0, sign(rd))  # NaN stays NaN
 
 
 def restarts(reset: SX, track: SX) -> SX:

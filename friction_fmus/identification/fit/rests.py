@@ -1,0 +1,85 @@
+"""Rests of an axis in a record: samples at which the motion cannot explain the drive force."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import uniform_filter1d
+
+from friction_fmus.identification.data.record import Array, Record
+
+STILL: Final = 5  # fewest samples of a rest
+CHANGE: Final = 0.5  # change of the drive force during a rest that is unresolved, over the rms force
+SPREAD: Final = 8.0  # range of a resting position with noise, in standard deviations
+SHARE: Final = 0.25  # longest time within one step before and after a standstill, over its duration
+
+
+@dataclass(frozen=True)
+class _Section:
+    """Samples within one step of the encoder."""
+
+    begin: int
+    end: int
+
+    @property
+    def samples(self) -> int:
+        return self.end - self.begin
+
+
+def unresolved_rest(record: Record) -> NDArray[np.bool_]:
+    """Return the samples, shape (n,), at which the axis sticks and no friction model can explain the drive force.
+
+    The position stays within one step of the encoder, or the velocity is zero, while the force changes by more than
+    `CHANGE`: the deflection of the contact is then smaller than the resolution, and friction is whatever the drive
+    gives. Rests whose force hardly changes are kept, as a model with presliding explains them.
+    """
+    force = record.force_at_samples()
+    least = CHANGE * float(np.sqrt(np.mean(np.square(force))))
+    found = np.zeros(len(force), dtype=bool)
+    for section in _sections(record):
+        if section.samples < STILL:
+            continue
+        part = force[section.begin : section.end]
+        width = max(len(part) // 4, STILL)
+        noise = float(np.std(np.diff(part))) / float(np.sqrt(2.0 * width))
+        found[section.begin : section.end] = np.ptp(uniform_filter1d(part, width)) > least + 4.0 * noise
+    return found
+
+
+def standstill(record: Record) -> NDArray[np.bool_]:
+    """Return the samples, shape (n,), at which the axis stands still, so that friction has no value of its own.
+
+    A slow motion also stays within one step of the encoder for some time, but for as long within the next step; before
+    and after a standstill the axis leaves the step faster than `SHARE` of it.
+    """
+    found = np.zeros(len(record), dtype=bool)
+    sections = list(_sections(record))
+    for k, section in enumerate(sections):
+        beside = max((each.samples for each in (*sections[max(k - 1, 0) : k], *sections[k + 1 : k + 2])), default=0)
+        if section.samples >= STILL and beside <= SHARE * section.samples:
+            found[section.begin : section.end] = True
+    return found
+
+
+def _sections(record: Record) -> Iterator[_Section]:
+    """Yield consecutive sections within one step of the encoder, within the noise of the position, or at v = 0."""
+    if record.q is None:
+        moving, most = np.cumsum(record.column("v") != 0.0).astype(np.float64), 0.0
+    else:
+        moving, most = record.q, max(1.01 * record.quantum, SPREAD * _noise(record.q))
+    begin, low, high = 0, moving[0], moving[0]
+    for k in (*np.flatnonzero(np.diff(moving)) + 1, len(moving)):
+        value = moving[min(k, len(moving) - 1)]
+        low, high = min(low, value), max(high, value)
+        if high - low > most or k == len(moving):
+            yield _Section(begin, int(k))
+            begin, low, high = int(k), value, value
+
+
+def _noise(q: Array) -> float:
+    """Return the standard deviation of the noise of a position, from fourth differences, which motion hardly has."""
+    return float(np.median(np.abs(np.diff(q, 4)))) / 0.6745 / float(np.sqrt(70.0)) if len(q) > 4 else 0.0

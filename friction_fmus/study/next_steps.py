@@ -1,0 +1,110 @@
+"""What to set in the drive and what to measure after a study, in sentences."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import Final
+
+from friction_fmus.axis.servo import GAINS
+from friction_fmus.blocks.axis_units import Words
+from friction_fmus.identification import AxisUnits
+from friction_fmus.listings import shown
+from friction_fmus.study.comparison import Comparison
+from friction_fmus.study.evaluation import AxisBench, Scheme
+from friction_fmus.study.recommendation import AS_MEASURED, improves
+from friction_fmus.study.study_result import (
+    CompensatorResult,
+    ModelResult,
+    Rung,
+)
+
+LATE: Final = 0.01  # relative difference of the feedforward from the mass of the axis that is explained
+SENSITIVE = 1.5  # factor by which the error rises in a case that is worth a measurement
+SMALL = 1e-3  # constant force over the force limit up to which it is not worth a setting
+
+
+def next_steps(
+    bench: AxisBench, scheme: Scheme, found: Comparison, models: Sequence[ModelResult], units: AxisUnits
+) -> tuple[str, ...]:
+    """Return what to set in the drive and what to measure, one or two sentences each."""
+    row = found.recommended
+    return (
+        *_motion(bench, found.ladder, units),
+        *_integral(bench, scheme),
+        *_laws(scheme, row, units.words),
+        *_sensitive(row, units),
+        *_fragile(row),
+        *_weak(row, models),
+    )
+
+
+def _motion(bench: AxisBench, rungs: Sequence[Rung], units: AxisUnits) -> Iterator[str]:
+    if not bench.trajectory.motion:
+        return
+    force = bench.plant.offset
+    known = abs(force) > SMALL * bench.servo.force_limit
+    constant = f", and a constant {units.words.force} of {force:.3g} {units.force}" if known else ""
+    mass, own = bench.plant.mass, bench.trajectory.inertia
+    own = mass if own is None else own
+    text = (
+        f"Switch on the feedforward of velocity (100 %) and acceleration ({units.words.mass} "
+        f"{own:.4g} {units.inertia}){constant}."
+    )
+    if abs(own - mass) > LATE * mass:
+        text += f" The axis has {mass:.4g} {units.inertia}; the velocity, which is measured late, gives the rest."
+    if len(rungs) > 1 and rungs[0].title == AS_MEASURED and not improves(rungs[:1], rungs[1]):
+        before, after = (shown(rung.metrics.rms, units.position) for rung in rungs[:2])
+        text += f" Alone, it does not reduce the tracking error of this axis ({before} before, {after} after), but the "
+        text += "compensators are tuned with it."
+    yield text
+
+
+def _integral(bench: AxisBench, scheme: Scheme) -> Iterator[str]:
+    name = GAINS[bench.servo.law][-1]
+    value = scheme.servo.gains[name]
+    if value != bench.servo.gains[name]:
+        yield f"Set the integral gain of the {scheme.servo.law} to {name} = {value:.4g}."
+
+
+def _laws(scheme: Scheme, row: CompensatorResult, u: Words) -> Iterator[str]:
+    if scheme.table:
+        yield (
+            f"Add a table of cogging and position-dependent friction to the drive {u.force}, evaluated at the "
+            "reference position: recommended/README.md has the connections."
+        )
+    laws = [law for law in (scheme.feedforward, scheme.compensator) if law is not None]
+    if not laws:
+        return
+    tuned = f"a bandwidth of {row.bandwidth:.3g} Hz" if row.bandwidth is not None else f"gain {row.gain:g}"
+    names = " and ".join(law.model for law in laws)
+    only_integral = scheme.compensator is None
+    yield (
+        f"Add {names}{'' if only_integral else f' with {tuned}'}: recommended/README.md has the connections, "
+        "recommended/c the code."
+    )
+
+
+def _sensitive(row: CompensatorResult, units: AxisUnits) -> Iterator[str]:
+    if row.metrics is None:
+        return
+    tried = [(each.metrics.rms, each.name) for each in row.corners if each.counts and each.metrics is not None]
+    if tried and max(tried)[0] > SENSITIVE * row.metrics.rms:
+        error, name = max(tried)
+        yield (
+            f"The error is most sensitive to this case: {name} ({shown(row.metrics.rms, units.position)} becomes "
+            f"{shown(error, units.position)}). If it can occur on the machine, record it and repeat the study."
+        )
+
+
+def _fragile(row: CompensatorResult) -> Iterator[str]:
+    failing = [each.name for each in row.corners if each.metrics is None]
+    if failing:
+        yield f"The loop fails in these cases: {', '.join(failing)}. Rule them out before you switch it on."
+
+
+def _weak(row: CompensatorResult, models: Sequence[ModelResult]) -> Iterator[str]:
+    model = next((model for model in models if model.name == row.model), None)
+    weak = [parameter for parameter in model.parameters if parameter.weak] if model is not None else []
+    if weak:
+        names = " and ".join(parameter.name for parameter in weak)
+        yield f"The record determines {names} of {row.model} poorly ({weak[0].name}: {weak[0].weak})."

@@ -1,0 +1,170 @@
+"""What a study may claim: contradictions of record, servo and models, and the band that the record supports."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Final
+
+import numpy as np
+
+from friction_fmus.axis.servo import Servo
+from friction_fmus.blocks.axis_units import Words
+from friction_fmus.conditions import PathDynamics, SampledLaw, chain, one_mass
+from friction_fmus.conditions.condition import spectral_radius
+from friction_fmus.identification import AxisUnits, Record, filtered_motion
+from friction_fmus.identification.force_findings import FORBIDDING, contradictions
+from friction_fmus.identification.plant_band import PlantBand, plant_band
+from friction_fmus.identification.plant_candidates import SATURATED
+from friction_fmus.study.evaluation import AxisBench
+from friction_fmus.study.model_ranking import (
+    IdentifiedModel,
+)
+from friction_fmus.study.next_experiment import EXPERIMENT_FILE
+from friction_fmus.study.pictures import driven_friction, mean_load
+from friction_fmus.study.study_result import (
+    StudyFinding,
+)
+
+
+def band_of(records: Sequence[Record], found: IdentifiedModel) -> PlantBand | None:
+    """Return the band in which records support the mass of a model, with its friction and force over position."""
+    if any(record.q is None or record.force is None for record in records):
+        return None
+    friction, alone, table = [], [], found.plant.position
+    for record in records:
+        v = filtered_motion(record).v
+        friction.append(
+            driven_friction(found, record.units, record.Ts * np.arange(float(len(v))), v, mean_load(record))
+        )
+        over_position = 0.0 if table is None else table.force(record.column("q"), v)
+        alone.append(replace(record, force=record.column("force") + over_position))
+    return plant_band(alone, found.mass, friction)
+
+
+WRONG_UNIT: Final = 1.2  # recorded force over the force limit above which one of them has a wrong unit
+GROWTH: Final = 1.1  # growth of an oscillation per sample above which the loop is too unstable to have been recorded
+
+
+def force_findings(records: Sequence[Record], servo: Servo | None) -> tuple[StudyFinding, ...]:
+    """Return findings about a drive force that contradicts the recorded motion, or the limit of the servo."""
+    u = records[0].units.words
+    forbidding = (*FORBIDDING, "mass-not-identified") if servo is not None and servo.mass is None else FORBIDDING
+    found = [
+        StudyFinding(each.name, each.what, each.measure, each.name in forbidding) for each in contradictions(records)
+    ]
+    peak = max((float(np.max(np.abs(record.force))) for record in records if record.force is not None), default=0.0)
+    if servo is not None and SATURATED * servo.force_limit <= peak <= WRONG_UNIT * servo.force_limit:
+        found = [each for each in found if each.name != "force-clipped"]  # the drive saturates, not the measurement
+    if servo is not None and peak > WRONG_UNIT * servo.force_limit:
+        limit = f"the {u.force} limit is {servo.force_limit:.3g} {u.N}"
+        what = f"The recorded drive {u.force} reaches {peak:.3g} {u.N}; {limit}."
+        change = f"Correct the unit of the {u.force} in [columns] or force_limit in [servo]."
+        found.append(StudyFinding("force-beyond-limit", what, change, stops=True))
+    return tuple(found)
+
+
+def mass_findings(servo: Servo | None, model: IdentifiedModel, u: Words) -> tuple[StudyFinding, ...]:
+    """Return a finding if the loop of servo and identified mass is so unstable that no record can come from it.
+
+    Friction is left out, except for its viscous part: a loop whose oscillation grows by more than `GROWTH` in every
+    sample exceeds any friction within a few samples.
+    """
+    if servo is None or model.mass <= 0.0:
+        return ()
+    growth = loop_growth(servo, model.mass, max(model.values.get("Fv", model.values.get("sigma2", 0.0)), 0.0))
+    if growth <= GROWTH:
+        return ()
+    what = (
+        f"With the identified {u.mass} of {model.mass:.3g} {u.kg}, the servo is unstable: an oscillation grows by a "
+        f"factor of {growth:.3g} in every sample, so the record cannot come from this axis."
+    )
+    change = f"Correct the unit of {u.force} or position, or the gains and Ts of the servo."
+    return (StudyFinding("mass-contradicts-servo", what, change, stops=True),)
+
+
+def loop_growth(servo: Servo, mass: float, viscous: float) -> float:
+    """Return the largest magnitude of the poles of a sampled loop without Coulomb friction and slow integral action."""
+    Kp, Kd, _ = servo.pid
+    feedback = SampledLaw(np.zeros((0, 0)), np.zeros((0, 3)), np.zeros(0), np.array([-Kp, -Kd, 0.0]))
+    path = PathDynamics(delay=servo.delay * servo.Ts, window=servo.window)
+    return spectral_radius(chain(one_mass(mass, viscous), [feedback], servo.Ts, path))
+
+
+def loop_findings(models: Sequence[IdentifiedModel], simulated: bool, u: Words) -> tuple[StudyFinding, ...]:
+    """Return a finding if the servo was simulated, but with none of the models it follows the record."""
+    if not simulated or not models or models[0].row.rank is not None:
+        return ()
+    failed = next((found.row.reason for found in models if found.row.train is not None), "")
+    if not failed:
+        return ()
+    change = (
+        f"Check Ts, window, quantum and {u.force} limit of the servo, and whether a {u.force} acts on the axis that "
+        f"the record does not contain; such a {u.force} can be declared as column injected."
+    )
+    what = f"The simulated servo does not follow the record with any friction model. {models[0].row.name}: {failed}"
+    return (StudyFinding("loop-not-reproduced", what, change, stops=True),)
+
+
+def without_loop(models: Sequence[IdentifiedModel]) -> list[IdentifiedModel]:
+    """Return the models with the error of their predicted signal, so that they can be ranked without a servo."""
+    found = []
+    for each in models:
+        fit = each.row.validation or each.row.train
+        row = each.row if fit is None else replace(each.row, reason="")
+        found.append(replace(each, error=None if fit is None else fit.rms, row=row))
+    return found
+
+
+def static_friction_findings(best: IdentifiedModel, units: AxisUnits) -> tuple[StudyFinding, ...]:
+    """Return a finding if the simulated axis does not have the identified static friction."""
+    identified = next((p.value for p in best.row.parameters if p.name == "Fs"), None)
+    simulated = best.values.get("Fs")
+    if identified is None or simulated is None or identified == simulated:
+        return ()
+    what = (
+        f"The record does not determine the static friction of {best.row.name}: {identified:.3g} {units.force} would "
+        f"fit. The simulated axis has its Coulomb friction, {simulated:.3g} {units.force}, instead."
+    )
+    return (StudyFinding("static-friction-unknown", what, "Record slow strokes at constant speeds."),)
+
+
+NOT_SIMULATED: Final = ("saturated", "friction-drifts", "offset-drifts", "gravity", "backlash", "two-masses")
+"""Findings about the plant that the simulated axis, a rigid mass with friction, does not have."""
+
+NARROW: Final = 1.5
+"""Band of the plant over the natural frequency of the position loop below which tracking errors are not claimed."""
+
+
+def narrow(bench: AxisBench, band: float) -> bool:
+    """Return whether the band that a record supports is too narrow for the position loop."""
+    return band < NARROW * bench.bandwidth / (2.0 * math.pi)
+
+
+def claim_findings(bench: AxisBench, band: float, beyond: Sequence[str], units: AxisUnits) -> tuple[StudyFinding, ...]:
+    """Return a finding if the tracking errors of the simulated axis need not come true on the machine."""
+    natural = bench.bandwidth / (2.0 * math.pi)
+    reasons = []
+    if narrow(bench, band):
+        reasons.append(
+            f"the record supports a rigid {units.words.mass} up to {band:.3g} Hz only, and the position loop has a "
+            f"natural frequency of {natural:.3g} Hz"
+        )
+    if beyond:
+        reasons.append(f"the simulated axis has none of this: {', '.join(beyond)}")
+    if not reasons:
+        return ()
+    what = f"The tracking errors of this report cannot be claimed for the machine: {'; '.join(reasons)}."
+    chirp = (
+        f"Record the motion of {EXPERIMENT_FILE}, with feedforward of velocity and acceleration, and repeat the study "
+        "with both records."
+    )
+    change = chirp if narrow(bench, band) else "Correct what is named there, or measure the error on the machine."
+    return (StudyFinding("errors-not-claimed", what, change),)
+
+
+def not_trusted(findings: Sequence[StudyFinding]) -> str:
+    """Return why no compensator is compared, in one sentence."""
+    names = ", ".join(finding.name for finding in findings if finding.stops)
+    return f"No compensator was compared, because the result cannot be trusted ({names}). Correct this first."
