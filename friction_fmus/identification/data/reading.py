@@ -293,9 +293,10 @@ def read_measurement(
     if not segments:
         raise RecordError(f"{path} has no {SHORTEST} samples without a gap; log longer without interruption.")
     names = [known.name] if len(segments) == 1 else [f"{known.name}, segment {i + 1}" for i in range(len(segments))]
+    about = {"units": units, "citation": known.citation, "quantum": quantum, "held": held}
     records = tuple(
-        Record(name, segment.t, units=units, citation=known.citation, quantum=quantum, held=held, **segment.columns)
-        for name, segment in zip(names, segments, strict=True)
+        Record(name, each.t, **about, **each.columns)  # type: ignore[arg-type]
+        for name, each in zip(names, segments, strict=True)
     )
     findings += plausible(records, known.columns)
     lines = tuple(understood(table, known, records, reasons, notes))
