@@ -65,7 +65,7 @@ def _refusal(
     listed = f"Columns: {', '.join(f'{n} {name!r}' for n, name in enumerate(order, 1))}.\n"
     about_names = [text for texts in guess.problems.values() for text in texts]
     if all(name == f"column {n}" for n, name in enumerate(order, 1)):
-        listed, about_names = "", [f"its {len(order)} columns have no headings"]
+        listed, about_names = "", ["the file has no headings"]
     reasons = "; ".join(dict.fromkeys([*about_names, *problems]))
     commands = [command_text(each.columns) for each in candidates[:SHOWN]] or [_incomplete(guess)]
     commands = [each if "force=" in each else f"{each}, force=?" for each in commands]
