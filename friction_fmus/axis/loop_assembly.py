@@ -10,11 +10,13 @@ from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
 from types import TracebackType
+from typing import Final
 
 import numpy as np
 
 from friction_fmus.axis.servo import AxisPlant, Compensator, Servo, Trajectory
 from friction_fmus.blocks.axis_units import domain_of
+from friction_fmus.blocks.catalogue import find
 from friction_fmus.export.block_fmu import fmu
 from harness import FmuPart, Part, SeriesPart, Wire
 from harness.parts.part import StartValue
@@ -120,6 +122,12 @@ class LoopAssembly(AxisAssembly):
         return "encoder.y" if self.servo.quantum else self._exact
 
     @property
+    def velocity(self) -> str:
+        """Output with the measured velocity."""
+        lowpass = self.servo.velocity_filter
+        return "velocity.v" if lowpass is None or lowpass.order == 1 else "lowpass.y"
+
+    @property
     def _exact(self) -> str:
         """Output with the measured position before it is rounded."""
         return "measured.y" if self.servo.noise else "axis.x"
@@ -128,8 +136,14 @@ class LoopAssembly(AxisAssembly):
         """Add the reference, and the measurement of position and velocity."""
         servo, trajectory = self.servo, self.trajectory
         self._part("reference", trajectory.reference, lambda: trajectory.reference, 1)
-        self.add("velocity", "Differentiator", {"Ts": servo.Ts, "window": servo.window, "v0": trajectory.v0})
+        lowpass = servo.velocity_filter
+        tau = 0.0 if lowpass is None else lowpass.tau
+        own = {"Ts": servo.Ts, "window": servo.window, "v0": trajectory.v0, "tau": tau}
+        self.add("velocity", "Differentiator", own)
         self.wires.append(f"{self.position} -> velocity.x")
+        if lowpass is not None and lowpass.order == 2:
+            self.add("lowpass", "SecondOrderFilter", {**lowpass.parameters, "Ts": servo.Ts})
+            self.wires.append("velocity.v -> lowpass.u")
         if servo.noise:
             noise = trajectory.noise
             if noise is None:
@@ -146,9 +160,15 @@ class LoopAssembly(AxisAssembly):
         servo, motion, given = self.servo, self.trajectory.motion, self.trajectory.inertia
         inertia = (mass if given is None else given) if motion else servo.inertia_feedforward
         values = {**servo.gains, **self.limits, "Ts": servo.Ts, "m": inertia}
+        values |= {"d": self.trajectory.viscous} if motion else {}
         self.add("servo", servo.law, values)
-        self.wires += ["reference.r -> servo.r", f"{self.position} -> servo.x", "velocity.v -> servo.v"]
-        self.wires.append(Wire("servo.u", "axis.F_drive", delay=self.every * servo.delay))
+        self.wires += ["reference.r -> servo.r", f"{self.position} -> servo.x", f"{self.velocity} -> servo.v"]
+        command = "servo.u"
+        if servo.notch is not None:
+            self.add("notch", "SecondOrderFilter", {**servo.notch.parameters, "Ts": servo.Ts})
+            self.wires.append(f"{command} -> notch.u")
+            command = "notch.y"
+        self.wires.append(Wire(command, "axis.F_drive", delay=self.every * servo.delay))
         for name, known in (("rd", motion or servo.velocity_feedforward), ("rdd", inertia > 0.0)):
             if known:
                 self.wires.append(f"reference.{name} -> servo.{name}")
@@ -163,15 +183,14 @@ class LoopAssembly(AxisAssembly):
     def add_compensation(self, compensator: Compensator | None, feedforward: Compensator | None) -> None:
         """Add the forces of feedforward and compensator and the constant force to the output of the servo."""
         offset, injected = self.trajectory.offset, self.trajectory.injected
+        if injected is not None and compensator is not None:
+            raise ValueError("a loop with a compensator has no injected force")
+        forces = self._add_forces(*with_friction(self.servo, compensator, feedforward))
         if injected is not None:
-            if compensator is not None:
-                raise ValueError("a loop with a compensator has no injected force")
             t = self.servo.Ts * np.arange(float(len(injected)))
             unit = {"F": self.trajectory.words.N}
             self.parts.append(SeriesPart("injected", t, {"F": injected}, unit, interpolation="previous", beyond="hold"))
-            self.wires.append(Wire("injected.F", "servo.f", offset=offset))
-            return
-        forces = self._add_forces(compensator, feedforward)
+            forces.append(Wire("injected.F", ""))
         if not forces:
             self.start["servo.f"] = offset
             return
@@ -216,10 +235,24 @@ class LoopAssembly(AxisAssembly):
     def _add_law(self, name: str, law: Compensator) -> FmuPart:
         """Add a law with its limits, and connect the signals that it uses."""
         part = self.add(name, law.model, {**self.limits, "Ts": self.servo.Ts, **law.values})
-        known = {"x": self.position, "v": "velocity.v", **{port: f"reference.{port}" for port in ("r", "rd", "rdd")}}
+        known = {"x": self.position, "v": self.velocity, **{port: f"reference.{port}" for port in ("r", "rd", "rdd")}}
         taken = {port.name for port in part.inputs}
         self.wires += [f"{source} -> {name}.{port}" for port, source in known.items() if port in taken]
         return part
+
+
+REPLACING: Final = ("feedforward", "model feedback")
+"""Kinds of compensators that replace the friction feedforward of a drive; it stays beside the others."""
+
+
+def with_friction(
+    servo: Servo, compensator: Compensator | None, feedforward: Compensator | None
+) -> tuple[Compensator | None, Compensator | None]:
+    """Return compensator and feedforward, with the friction feedforward of the drive unless one of them replaces it."""
+    uses = [find(law.model).about.use for law in (compensator, feedforward) if law is not None]
+    if servo.friction is None or any(use is not None and use.kind in REPLACING for use in uses):
+        return compensator, feedforward
+    return (servo.friction, None) if compensator is None else (compensator, servo.friction)
 
 
 def viscous_beside(friction: Part, plant: AxisPlant) -> float:

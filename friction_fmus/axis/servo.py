@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import KW_ONLY, dataclass, field
 from pathlib import Path
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
+from friction_fmus.axis.drive_filters import LowPass, Notch
 from friction_fmus.axis.position_map import PositionMap
 from friction_fmus.blocks.arithmetic import evaluate, is_known
 from friction_fmus.blocks.axis_units import Words, words_of
@@ -55,8 +56,10 @@ class Trajectory:
     x0: float
     v0: float
     """Initial position and velocity of the axis [m, m/s]."""
+    _: KW_ONLY
     motion: bool = False  # whether the servo receives the reference velocity and acceleration
     inertia: float | None = None  # mass of this acceleration feedforward [kg]; None for the mass of the axis
+    viscous: float = 0.0  # feedforward of the reference velocity beside it [N.s/m], which CascadePPI has
     offset: float = 0.0  # constant force added to the output of the servo [N]
     rotary: bool = False  # whether the axis is rotary
     load: float = 0.0  # constant force on the axis that the servo does not know [N]
@@ -114,6 +117,13 @@ class Servo:
         Number of samples by which the force of the drive lags the command.
     noise : float
         Standard deviation of the noise of the measured position, in addition to its resolution [m].
+    velocity_filter : LowPass or None
+        Low-pass filter behind the velocity over `window`.
+    notch : Notch or None
+        Notch filter of the force command, which also filters the force of compensators.
+    coulomb_feedforward, viscous_feedforward : float
+        Friction feedforward of the drive: force in the direction of the reference velocity [N], and factor of that
+        velocity [N.s/m].
     """
 
     law: str
@@ -127,6 +137,30 @@ class Servo:
     mass: float | None = None
     delay: int = 0
     noise: float = 0.0
+    velocity_filter: LowPass | None = None
+    notch: Notch | None = None
+    coulomb_feedforward: float = 0.0
+    viscous_feedforward: float = 0.0
+
+    @property
+    def features(self) -> dict[str, str]:
+        """Entries of ``[servo]`` for what not every servo has, as TOML."""
+        lowpass, notch = self.velocity_filter, self.notch
+        given = {"velocity_feedforward": "true"} if self.velocity_feedforward else {}
+        for name in ("inertia_feedforward", "coulomb_feedforward", "viscous_feedforward"):
+            given |= {name: f"{getattr(self, name):.5g}"} if getattr(self, name) else {}
+        if lowpass is not None:
+            given["velocity_filter"] = f"{{ order = {lowpass.order}, cutoff = {lowpass.cutoff:.4g} }}"
+        if notch is not None:
+            own = f"frequency = {notch.frequency:.4g}, damping = {notch.damping:.3g}, depth = {notch.depth:.3g}"
+            given["notch"] = f"{{ {own} }}"
+        return given | ({"delay": f"{self.delay}"} if self.delay else {})
+
+    @property
+    def friction(self) -> Compensator | None:
+        """Friction feedforward of the drive as a law; None without one."""
+        Fc, Fv = self.coulomb_feedforward, self.viscous_feedforward
+        return Compensator("StaticFeedforward", "u", {"Fc": Fc, "Fs": Fc, "Fv": Fv, "m": 0.0}) if Fc or Fv else None
 
     @property
     def pid(self) -> tuple[float, float, float]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Container, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from math import ceil
@@ -66,7 +66,6 @@ def quiet_runs() -> Iterator[None]:
         log.setLevel(before)
 
 
-RECORDED = ("axis.x", "servo.u")  # variables recorded at every sample of the servo
 FINEST = 0.5e-3  # longest communication step between mass and friction [s]
 
 SOFT = 0.1
@@ -75,6 +74,11 @@ SOFT = 0.1
 TOLERANCE = 1e-7
 """Relative tolerance of the solvers in the blocks. A run takes less than half of the time of one with the default of
 1e-11, and the position of EMPS changes by less than 1e-13 m."""
+
+
+def recorded(parts: Container[str]) -> tuple[str, str]:
+    """Return the variables that are recorded at every sample of the servo: position, and command of the drive."""
+    return "axis.x", "notch.y" if "notch" in parts else "servo.u"
 
 
 @dataclass(frozen=True, eq=False)
@@ -114,7 +118,7 @@ def closed_loop(
         stop=stop,
         step=step,
         master=master_of(plant, step),
-        record=RECORDED,
+        record=recorded([part.name for part in loop.parts]),
         decimate=every,
         tolerance=TOLERANCE,
     )
@@ -146,7 +150,7 @@ def accurate(system: System) -> tuple[System, Result]:
 def run_loop(system: System) -> LoopTrace:
     """Run the system of an axis and return position and force."""
     _, result = accurate(system)
-    return _trace(*(result[name].to_numpy() for name in RECORDED))
+    return _trace(*(result[name].to_numpy() for name in recorded(system.parts)))
 
 
 def numerical_error(system: System, measure: Callable[[LoopTrace], float]) -> float:
@@ -154,10 +158,10 @@ def numerical_error(system: System, measure: Callable[[LoopTrace], float]) -> fl
     system, result = accurate(system)
     assert system.experiment is not None
 
-    def measured(recorded: Recorder) -> dict[str, float]:
-        return {"number": measure(_trace(*(recorded.column(name) for name in RECORDED)))}
+    def measured(found: Recorder) -> dict[str, float]:
+        return {"number": measure(_trace(*(found.column(name) for name in recorded(system.parts))))}
 
-    own = {"number": measure(_trace(*(result[name].to_numpy() for name in RECORDED)))}
+    own = {"number": measure(_trace(*(result[name].to_numpy() for name in recorded(system.parts))))}
     (bound,) = measure_bounds(system, system.experiment, measured, own).values()
     return bound
 

@@ -5,8 +5,9 @@ from __future__ import annotations
 from rich.console import Console
 
 from friction_fmus.cli.console import drawn, styled
-from friction_fmus.listings import compensator_listing, ladder_listing, model_listing, percent
+from friction_fmus.listings import compensator_listing, ladder_listing, model_listing, percent, shown
 from friction_fmus.study.study_result import StudyResult
+from friction_fmus.study.verification import Verification
 
 
 def show_study(console: Console, result: StudyResult) -> None:
@@ -66,6 +67,20 @@ def show_servo(console: Console, result: StudyResult) -> None:
     for finding in result.findings:
         console.print(styled((finding.name, "bold red"), f": {finding.what} {finding.change}"))
     console.print()
+
+
+def show_verification(console: Console, found: Verification) -> None:
+    """Print claimed and measured error, and what differs."""
+    console.print(
+        f"{found.name}: {shown(found.claimed, found.unit)} rms claimed, {shown(found.measured, found.unit)} rms "
+        f"measured ({100.0 * (found.measured / found.claimed - 1.0):+.0f} %). The claim "
+        f"{'came' if found.came_true else 'did not come'} true.",
+        soft_wrap=True,
+    )
+    for reason in found.reasons:
+        console.print(reason, soft_wrap=True)
+    if not found.came_true and not found.reasons:
+        console.print("Mass and friction are as in the study. Compare the reference and the settings of the drive.")
 
 
 def _numerical(result: StudyResult) -> str:

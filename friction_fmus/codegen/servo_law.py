@@ -10,13 +10,15 @@ import re
 import textwrap
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from math import pi
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any, Final, TypeAlias
 
 import tomli_w
-from casadi import SX, if_else
+from casadi import SX, exp, if_else, tan
 
+from friction_fmus.axis.drive_filters import BUTTERWORTH
 from friction_fmus.axis.position_map import Grid, PositionMap
 from friction_fmus.blocks.axis_units import words_of
 from friction_fmus.blocks.catalogue import find
@@ -37,7 +39,7 @@ from friction_fmus.lawkit.declarations import (
 from friction_fmus.lawkit.law import Kind, Law
 from friction_fmus.lawkit.parts import variables
 from friction_fmus.lawkit.parts.expressions import clip, filled
-from friction_fmus.lawkit.quantities import FORCE, LENGTH, NO_UNIT, VELOCITY, Unit
+from friction_fmus.lawkit.quantities import FORCE, FREQUENCY, LENGTH, NO_UNIT, VELOCITY, Unit
 from harness.storage.toml_file import TomlTable, read_table
 from harness.values import finite, flag, text
 
@@ -51,7 +53,7 @@ Numbers: TypeAlias = Mapping[str, float | bool]
 _STUDY: Final = ("data", "columns", "windows", "identify", "compensation")
 _COLUMNS: Final = ("cogging", "friction")
 _FLAGS: Final = ("rotary", "known_force")
-_SETTINGS: Final = ("Ts", "u_min", "u_max", "offset", "window", "v0", *_FLAGS)
+_SETTINGS: Final = ("Ts", "u_min", "u_max", "offset", "window", "v0", "filter_order", "filter_cutoff", *_FLAGS)
 
 
 @dataclass(frozen=True)
@@ -77,6 +79,9 @@ class LoopFile:
     offset: float | None = None  # constant force that is added [N]; None for none
     window: int = 0  # number of samples over which the velocity is computed; 0 if it is an input
     v0: float | None = None  # velocity before the first sample [m/s]; None for rest
+    filter_order: int = 0
+    filter_cutoff: float = 0.0
+    """Order, 1 or 2, and frequency of the low-pass filter of this velocity [Hz]; 0 for none."""
     rotary: bool = False  # whether the axis is rotary; read m as rad, N as N.m and kg as kg.m2
     known_force: bool = False  # whether there is an input for a force that is added and hidden from estimators
     table: PositionMap | None = None  # force over position, which is compensated at the reference as a known force
@@ -112,6 +117,12 @@ def read_loop(path: Path) -> LoopFile:
     window = values.get("window", 0.0)
     if window not in range(MOST + 1):
         raise FrictionError(f"{settings.where} has window = {window:g}; give an integer number of samples up to {MOST}")
+    order, cutoff = values.get("filter_order", 0.0), values.get("filter_cutoff", 0.0)
+    if order not in (0, 1, 2) or (order and not (window and 0.0 < cutoff < 0.5 / values["Ts"])):
+        raise FrictionError(
+            f"{settings.where} has filter_order = {order:g} and filter_cutoff = {cutoff:g}; give an order of 1 or 2, a "
+            "frequency below half of the sample rate, and a window"
+        )
     return LoopFile(
         {name: _law_table(tables[name], name) for name in LAWS if name in tables},
         values["Ts"],
@@ -120,6 +131,8 @@ def read_loop(path: Path) -> LoopFile:
         values.get("offset"),
         int(window),
         values.get("v0"),
+        int(order),
+        cutoff,
         path=path,
         table=_position_map(tables["table"]) if "table" in tables else None,
         **{**flags, **({"known_force": True} if "table" in tables else {})},
@@ -285,13 +298,34 @@ class _Loop:
         before = [x if v0 is None else x - i * v0 * self._Ts for i in range(1, window + 1)]
         missed = self._declared("missed", variables.MISSED)
         last = filled(x, [if_else(begun, kept, start) for kept, start in zip(past, before, strict=True)], missed)
-        v = parts.label("v", (x - last[-1]) / (window * self._Ts))
+        v = (x - last[-1]) / (window * self._Ts)
+        order = self._loop.filter_order
+        v = parts.label("v", self._filtered(v, begun) if order else v)
         parts.result("x_past", x, *last[:-1])
         parts.result("begun", SX(1.0))
         parts.result("missed", SX(0.0))
         self._outputs.append((_named("v", Output(VELOCITY, f"velocity over {window} samples")), v))
-        self._equations.append(f"v = (x - x[k-{window}])/({window} Ts)")
+        behind = f", behind a low-pass filter of order {order}" if order else ""
+        self._equations.append(f"v = (x - x[k-{window}])/({window} Ts){behind}")
         return v
+
+    def _filtered(self, v: SX, begun: SX) -> SX:
+        """Return a velocity behind the low-pass filter, in direct form II transposed; see `drive_filters`."""
+        text, order = "cut-off frequency of the low-pass filter of v", self._loop.filter_order
+        cutoff = self._declared("filter_cutoff", Parameter(FREQUENCY, self._loop.filter_cutoff, text, min=1e-9))
+        keep, q = exp(-2.0 * pi * cutoff * self._Ts), 1.0 / tan(pi * cutoff * self._Ts)
+        d = 2.0 * BUTTERWORTH * q
+        b0 = 1.0 - keep if order == 1 else 1.0 / (q * q + d + 1.0)
+        b = [b0, SX(0.0)] if order == 1 else [b0, 2.0 * b0, b0]
+        a = [-keep] if order == 1 else [2.0 * (1.0 - q * q) * b0, (q * q - d + 1.0) * b0]
+        state = [SX(0.0)]  # at rest with the first v, from the last one to the first one
+        for i in range(order, 0, -1):
+            kept = self._declared(f"v_memory_{i}", State(VELOCITY, 0.0, "memory of the low-pass filter of v"))
+            state.insert(0, if_else(begun, kept, (b[i] - a[i - 1]) * v + state[0]))
+        found = b0 * v + state[0]
+        for i in range(1, order + 1):
+            self._parts.result(f"v_memory_{i}", b[i] * v - a[i - 1] * found + state[i])
+        return found
 
     def _taken_over(self, others: Mapping[str, SX]) -> dict[str, Named]:
         """Return the inputs with which an estimator takes over: its estimate is u_track without the other forces."""

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -60,6 +61,9 @@ class DrivenPlant:
     v: Matrix
 
 
+Filter: TypeAlias = tuple[NDArray[np.float64], NDArray[np.float64]]
+
+
 @dataclass(frozen=True)
 class PathDynamics:
     """Dynamics of the actuator and the velocity measurement between the laws and the plant.
@@ -72,12 +76,22 @@ class PathDynamics:
         The measured velocity is (x[k] - x[k-window])/(window Ts); with 0 the plant's velocity is measured.
     smoothing : float
         Time constant of a low-pass filter behind that difference [s].
+    lowpass, notch : (array, array)
+        Numerators and denominators in powers of 1/z of another filter there, instead of `smoothing`, and of one of the
+        total force; both of the same length, the first denominator is 1.
     """
 
     tau: float = 0.0
     delay: float = 0.0
     window: int = 0
     smoothing: float = 0.0
+    lowpass: Filter | None = None
+    notch: Filter | None = None
+
+    def velocity_filter(self, Ts: float) -> Filter:
+        """Return the filter behind the difference."""
+        keep = math.exp(-Ts / self.smoothing) if self.smoothing > 0.0 else 0.0
+        return self.lowpass or (np.array([1.0 - keep, 0.0]), np.array([1.0, -keep]))
 
 
 DIRECT = PathDynamics()  # actuator without lag or delay, and an exact velocity measurement
@@ -194,31 +208,40 @@ def chain(plant: DrivenPlant, laws: Sequence[SampledLaw], Ts: float, path: PathD
     Returns
     -------
     array, shape (n, n)
-        States of the plant, the actuator lag, the forces of past samples, the positions of past samples, the low-pass
-        filter of the velocity and the laws, in this order.
+        States of the plant, the actuator lag, the forces of past samples, the positions of past samples, the filters of
+        velocity and force, the last force before its filter and the laws, in this order.
     """
     A, b, read = _with_lag(plant, path.tau)
     n = len(b)
     whole = math.floor(path.delay / Ts + 1e-9)
     part = max(path.delay - whole * Ts, 0.0)
     early, late = held(A, b, part), held(A, b, Ts - part)
-    sizes = (n, whole + 1, path.window, 1, *(len(law.C) for law in laws))
+    none = np.ones(1), np.ones(1)
+    lowpass, notch = path.velocity_filter(Ts) if path.window else none, path.notch or none
+    sizes = (n, whole + 1, path.window, len(lowpass[1]) - 1, len(notch[1]) - 1, 1, *(len(law.C) for law in laws))
     ends = np.cumsum(sizes)
-    keep = math.exp(-Ts / path.smoothing) if path.smoothing > 0.0 else 0.0
 
-    def step(state: Matrix) -> Matrix:
-        motion, forces, positions, velocity, *memories = np.split(state, ends[:-1])
-        x, v = read @ motion
-        if path.window:
-            v = keep * velocity[0] + (1.0 - keep) * (x - positions[-1]) / (path.window * Ts)
-        y = np.array([x, v, forces[0]])
-        u = sum((law.C @ own + law.D @ y for law, own in zip(laws, memories, strict=True)), 0.0)
-        sent = np.concatenate([[u], forces])  # now, one sample ago, ...
-        moved = late[0] @ (early[0] @ motion + early[1] * sent[whole + 1]) + late[1] * sent[whole]
-        after = [law.A @ own + law.B @ y for law, own in zip(laws, memories, strict=True)]
-        return np.concatenate([moved, sent[:-1], np.concatenate([[x], positions])[: path.window], [v], *after])
+    # the states after a step, as combinations of the states before, which are the columns
+    motion, forces, positions, slow, notched, last, *memories = np.split(np.eye(ends[-1]), ends[:-1])
+    x, v = read @ motion
+    if path.window:
+        v, slow = _filter_step(lowpass, slow, (x - positions[-1]) / (path.window * Ts))
+    y = np.array([x, v, last[0]])
+    u = sum((law.C @ own + law.D @ y for law, own in zip(laws, memories, strict=True)), np.zeros(ends[-1]))
+    force, notched = _filter_step(notch, notched, u)
+    sent = np.vstack([force, forces])  # now, one sample ago, ...
+    moved = late[0] @ (early[0] @ motion + np.outer(early[1], sent[whole + 1])) + np.outer(late[1], sent[whole])
+    after = [law.A @ own + law.B @ y for law, own in zip(laws, memories, strict=True)]
+    kept = np.vstack([x, positions])[: path.window]
+    matrix: Matrix = np.vstack([moved, sent[:-1], kept, slow, notched, u, *after])
+    return matrix
 
-    return np.array([step(column) for column in np.eye(ends[-1])]).T
+
+def _filter_step(own: Filter, state: Matrix, u: Matrix) -> tuple[Matrix, Matrix]:
+    """Return output and next state of a filter in direct form II transposed, shapes (n,) and (order, n)."""
+    b, a = own
+    y = b[0] * u + (state[0] if len(state) else 0.0)
+    return y, np.vstack([state[1:], np.zeros((min(len(state), 1), len(u)))]) + np.outer(b[1:], u) - np.outer(a[1:], y)
 
 
 def _with_lag(plant: DrivenPlant, tau: float) -> tuple[Matrix, Matrix, Matrix]:
@@ -321,7 +344,7 @@ def _shorter(plant: DrivenPlant, laws: Sequence[SampledLaw], Ts: float, path: Pa
     """Return the advice to shorten lag and delay of the actuator, if that makes the loop stable."""
 
     def stable(share: float) -> bool:
-        shrunk = PathDynamics(share * path.tau, share * path.delay, path.window, path.smoothing)
+        shrunk = replace(path, tau=share * path.tau, delay=share * path.delay)
         return is_stable(chain(plant, laws, Ts, shrunk))
 
     low, total = _edge(stable), path.tau + path.delay
@@ -353,18 +376,20 @@ class Margins:
     """Delay margin [samples]: further delay at which the loop becomes unstable; infinite if the gain is nowhere 1."""
 
 
-def loop_margins(plant: DrivenPlant, laws: Sequence[SampledLaw], Ts: float, window: int = 0, delay: int = 0) -> Margins:
+def loop_margins(plant: DrivenPlant, laws: Sequence[SampledLaw], Ts: float, path: PathDynamics = DIRECT) -> Margins:
     """Return the margins of a sampled loop with respect to the force of the drive.
 
-    With the transfer functions K of all laws from (x, v, u_prev) to the force and P of the held plant, the loop is
+    With the transfer functions K of all laws from (x, v, u_prev) to the force, P of the held plant with the lag of the
+    actuator, N of the filter of the force, and a delay of whole samples, the loop is
 
-        L(z) = -(Kx Px + Kv Pv) / (1 - Ku/z) z^-delay
+        L(z) = -(Kx Px + Kv Pv) / (1 - Ku/z) N z^-delay
 
-    (Astrom, Wittenmark: Computer-Controlled Systems, 3rd ed., 1997; Ms: Astrom, Hagglund: Advanced PID Control, 2006).
+    where Pv contains the filter of the velocity (Astrom, Wittenmark: Computer-Controlled Systems, 3rd ed., 1997; Ms:
+    Astrom, Hagglund: Advanced PID Control, 2006).
     """
     w = math.pi * np.geomspace(LOWEST, 1.0, POINTS)
-    L = open_loop(plant, laws, Ts, window, delay, np.exp(1j * w))
-    loop = chain(plant, laws, Ts, PathDynamics(delay=delay * Ts, window=window))
+    L = open_loop(plant, laws, Ts, path, np.exp(1j * w))
+    loop = chain(plant, laws, Ts, path)
     # a long filter has many states, for which the rigorous test takes gigabytes
     stable = is_stable(loop) if len(loop) <= RIGOROUS else spectral_radius(loop) < 1.0
     size, lag = np.abs(L), np.angle(L)
@@ -381,19 +406,25 @@ def loop_margins(plant: DrivenPlant, laws: Sequence[SampledLaw], Ts: float, wind
     )
 
 
-def open_loop(
-    plant: DrivenPlant, laws: Sequence[SampledLaw], Ts: float, window: int, delay: int, z: Response
-) -> Response:
+def open_loop(plant: DrivenPlant, laws: Sequence[SampledLaw], Ts: float, path: PathDynamics, z: Response) -> Response:
     """Return L at points z of the complex plane, shape (n,); see `loop_margins`."""
-    step, push = held(plant.A, plant.b, Ts)
-    motion = _response(step, push[:, None], np.array([plant.x, plant.v]), np.zeros((2, 1)), z)[:, :, 0]
-    x, v = motion.T
-    if window:
-        v = x * (1.0 - z**-window) / (window * Ts)
+    A, b, read = _with_lag(plant, path.tau)
+    step, push = held(A, b, Ts)
+    x, v = _response(step, push[:, None], read, np.zeros((2, 1)), z)[:, :, 0].T
+    if path.window:
+        v = x * (1.0 - z**-path.window) / (path.window * Ts) * _gain(path.velocity_filter(Ts), z)
+    force = z ** -round(path.delay / Ts) * (1.0 if path.notch is None else _gain(path.notch, z))
     K = np.zeros((len(z), 3), dtype=complex)
     for law in laws:
         K += _response(law.A, law.B, law.C[None, :], law.D[None, :], z)[:, 0, :]
-    found: Response = -(K[:, 0] * x + K[:, 1] * v) / (1.0 - K[:, 2] / z) * z**-delay
+    found: Response = -(K[:, 0] * x + K[:, 1] * v) / (1.0 - K[:, 2] / z) * force
+    return found
+
+
+def _gain(own: Filter, z: Response) -> Response:
+    """Return the complex gain of a filter at each z."""
+    b, a = own
+    found: Response = np.polyval(b[::-1], 1.0 / z) / np.polyval(a[::-1], 1.0 / z)
     return found
 
 

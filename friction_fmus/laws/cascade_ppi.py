@@ -37,6 +37,7 @@ def cascade_ppi(
     kv: SX = Parameter(DAMPING, 190.0, "proportional gain of the velocity loop", min=0.0),
     ki: SX = Parameter(STIFFNESS, 0.0, "integral gain of the velocity loop; 0: P", min=0.0),
     m: SX = variables.starting(variables.INERTIA, 0.0),
+    d: SX = Parameter(DAMPING, 0.0, "feedforward of the reference velocity, in addition to rd in w"),
     u_min: SX = variables.U_MIN,
     u_max: SX = variables.U_MAX,
     Ts: SX = SampleTime(),
@@ -44,10 +45,10 @@ def cascade_ppi(
     """P position loop around a PI velocity loop, with feedforward of velocity and acceleration, sampled every Ts.
 
         w      = kp (r - x) + (rd - v)
-        u      = clip(m rdd + kv w + ki I + f, u_min, u_max)
+        u      = clip(m rdd + d rd + kv w + ki I + f, u_min, u_max)
         I_next = I + Ts w
         I_next = I while u is limited and w pushes further into that limit
-        I      = (u_track - m rdd - kv w - f)/ki  while track is true
+        I      = (u_track - m rdd - d rd - kv w - f)/ki  while track is true
 
     Jamaludin, Van Brussel, Swevers, IEEE Transactions on Industrial Electronics 56(10), 2009 (the structure).
 
@@ -63,12 +64,15 @@ def cascade_ppi(
     u does not jump if the reference starts at the state of the axis (r = x, rd = v, rdd = 0). While track is true, I is
     such that u = u_track within the limits, as in PID; with ki = 0, track has no effect.
 
+    A velocity that is measured late by T lets I grow by T rd on a trajectory that the axis follows: m = M - kv T and
+    d = -ki T, for an axis of mass M, remove this error.
+
     Limits: as for PID. The integral action causes hunting if static friction exceeds Coulomb friction. If f contains
     the inertia force, like u of StaticFeedforward, m must be 0. u_min must not exceed u_max.
     """
     start = 0.0
     w = kp * (r - x) + (rd - v)
-    feedback = m * rdd + kv * w
+    feedback = m * rdd + d * rd + kv * w
     free = if_else(reset, start, integral)
     wanted = tracked(track, u_track, ki, feedback + ki * free + f)
     u = clip(wanted, u_min, u_max)

@@ -198,7 +198,7 @@ def compare(bench: AxisBench, known: AxisKnowledge, wanted: Compensation, run: R
         scheme = found[name].scheme
         return {} if scheme is None else {k: v for k, v in _violated(bench, scheme).items() if k not in before}
 
-    pairs = _pairs(rank(none, rows), applicable, objections)
+    pairs = _pairs(rank(none, rows, bench.model_error), applicable, objections)
     steps = []
     for feedforward, estimator in pairs:
         law = fixed(found[feedforward.name])
@@ -212,7 +212,7 @@ def compare(bench: AxisBench, known: AxisKnowledge, wanted: Compensation, run: R
         found[row.name] = evaluation
 
     if TABLE.name in found:
-        best = _best_of_each_kind(rank(none, rows))
+        best = _best_of_each_kind(rank(none, rows, bench.model_error))
         steps = []
         for row in best:
             scheme = found[row.name].scheme
@@ -225,11 +225,15 @@ def compare(bench: AxisBench, known: AxisKnowledge, wanted: Compensation, run: R
             rows.append(joined)
             found[joined.name] = evaluation
 
-    ranked = rank(none, rows)
+    ranked = rank(none, rows, bench.model_error)
     rungs = ladder(plain.metrics, motion, none, ranked)
     contradicted = _contradicted(ranked, objections)
-    left = rank(none, [row for row in ranked if row.name not in contradicted]) if contradicted else ranked
-    recommendation = recommend(none, left, rungs, known.words, contradicted)
+    left = (
+        rank(none, [row for row in ranked if row.name not in contradicted], bench.model_error)
+        if contradicted
+        else ranked
+    )
+    recommendation = recommend(none, left, rungs, known.words, contradicted, bench.model_error)
     chosen = found[recommendation.name].scheme if recommendation.name in found else None
     chosen = Scheme(servo) if chosen is None else chosen
     return Comparison((none, *ranked), rungs, recommendation, chosen, limits)

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final
 
+from friction_fmus.axis.drive_filters import LowPass, Notch
 from friction_fmus.axis.servo import GAINS, Servo
 from friction_fmus.errors import FrictionError, did_you_mean
 from friction_fmus.identification import Measurement
@@ -212,7 +213,8 @@ def _servo(table: TomlTable) -> Servo:
     law = table.choice("law", GAINS)
     names = GAINS[law]
     other = ("law", "Ts", "force_limit", "window", "quantum", "velocity_feedforward", "inertia_feedforward", "mass")
-    table.known((*names, *other, "delay", "noise"))
+    more = ("delay", "noise", "velocity_filter", "notch", "coulomb_feedforward", "viscous_feedforward")
+    table.known((*names, *other, *more))
     gains = {name: _number(table, name, low=0.0, above=True) for name in names[:-1]}
     return Servo(
         law,
@@ -226,7 +228,35 @@ def _servo(table: TomlTable) -> Servo:
         gains={**gains, names[-1]: _number(table, names[-1], *OPTIONAL_GAINS.get(names[-1], ()), low=0.0)},
         delay=_whole(table, "delay", 0, low=0, high=LONGEST_DELAY),
         noise=_number(table, "noise", 0.0, low=0.0),
+        velocity_filter=_lowpass(table),
+        notch=_notch(table),
+        coulomb_feedforward=_number(table, "coulomb_feedforward", 0.0, low=0.0),
+        viscous_feedforward=_number(table, "viscous_feedforward", 0.0, low=0.0),
     )
+
+
+def _filter(servo: TomlTable, key: str, frequency: str, *others: str) -> tuple[float, TomlTable] | None:
+    """Return the frequency of a filter and its inline table; None without it."""
+    if key not in servo:
+        return None
+    table = TomlTable(servo.content[key], f"{servo.where} {key},", ConfigError)
+    table.known((frequency, *others))
+    most = 0.5 / _period(servo)
+    remedy = f"a frequency in Hz above 0 and below {most:g}, half of the sample rate"
+    return table.take(frequency, lambda value: f if (f := finite(value)) and 0.0 < f < most else None, remedy), table
+
+
+def _lowpass(servo: TomlTable) -> LowPass | None:
+    own = _filter(servo, "velocity_filter", "cutoff", "order")
+    return None if own is None else LowPass(_whole(own[1], "order", 1, low=1, high=2, unit=""), own[0])
+
+
+def _notch(servo: TomlTable) -> Notch | None:
+    own = _filter(servo, "notch", "frequency", "damping", "depth")
+    if own is None:
+        return None
+    damping = _number(own[1], "damping", low=0.0, above=True)
+    return Notch(own[0], damping, _number(own[1], "depth", 0.0, low=0.0))
 
 
 def _period(table: TomlTable) -> float:
@@ -281,12 +311,12 @@ def _number(
     return table.take(key, read, f"a number {limits}", *default)
 
 
-def _whole(table: TomlTable, key: str, default: int, *, low: int, high: int) -> int:
+def _whole(table: TomlTable, key: str, default: int, *, low: int, high: int, unit: str = " number of samples") -> int:
     def read(value: object) -> int | None:
         found = finite(value)
         return int(found) if found is not None and found == int(found) and low <= found <= high else None
 
-    return table.take(key, read, f"an integer number of samples from {low} to {high}", default)
+    return table.take(key, read, f"an integer{unit} from {low} to {high}", default)
 
 
 def _flag(table: TomlTable, key: str, default: bool) -> bool:

@@ -123,9 +123,10 @@ def build_reference(t: Array, r: Array, folder: Path, name: str, rotary: bool = 
 
     A run ends one sample after the last of the record: for this sample the reference keeps its last velocity.
     """
+    Ts = float(t[-1] - t[0]) / (len(t) - 1)  # with the times themselves, rounding would leave a velocity at rest
     t, r = np.append(t, 2.0 * t[-1] - t[-2]), np.append(r, 2.0 * r[-1] - r[-2])
-    rd = np.gradient(r, t)
-    return build_record(t, r, rd, np.gradient(rd, t), folder, name=name, domain=domain_of(rotary))
+    rd = np.gradient(r, Ts)
+    return build_record(t, r, rd, np.gradient(rd, Ts), folder, name=name, domain=domain_of(rotary))
 
 
 def check_period(record: Record, servo: Servo | None) -> None:

@@ -42,6 +42,7 @@ class AxisBench:
     trajectory: Trajectory  # reference FMU and initial state
     r: Array  # reference [m]
     run_up: int = 0  # number of samples before the first one of the record, in which the axis starts from rest
+    model_error: float = 0.0  # rms error of this axis on the recorded motion [m]
     band: float = 0.0  # error below which the axis has settled after a reversal [m]; 0 if it is not known yet
     unsure: tuple[
         str, ...
@@ -60,32 +61,33 @@ class AxisBench:
         return float(np.median(moving)) if len(moving) else 0.0
 
 
-def feedforward_mass(bench: AxisBench) -> float:
-    """Return the mass of the acceleration feedforward that lets the axis without friction follow best [kg].
+def motion_feedforward(bench: AxisBench) -> tuple[float, float]:
+    """Return mass [kg] and viscous coefficient [N.s/m] of the feedforward that lets the axis without friction follow.
 
-    A velocity that is measured late, by half its window, gives Kd (rd - v) a part in proportion to the acceleration:
-    the mass of the feedforward is smaller than that of the axis by about Kd Ts window/2. The tracking error of a linear
-    loop is affine in the mass, so that two runs determine the least square.
+    A velocity that is measured late, by half its window T, gives Kd (rd - v) a part in proportion to the acceleration,
+    and a cascade with integral action one in proportion to the velocity: the best values are about M - kv T and -ki T.
+    The tracking error of a linear loop is affine in both, so that one run for each determines the least square.
     """
-    mass, servo = (
-        bench.plant.mass,
-        replace(bench.servo, quantum=0.0, noise=0.0, force_limit=1e3 * bench.servo.force_limit),
-    )
+    mass, servo = bench.plant.mass, replace(bench.servo, quantum=0.0, noise=0.0)
+    servo = replace(servo, force_limit=1e3 * servo.force_limit, coulomb_feedforward=0.0, viscous_feedforward=0.0)
     plant = AxisPlant("Viscous", {"Fv": 0.0}, mass)
     still = replace(bench.trajectory, offset=0.0, load=0.0)
+    integral = servo.law == "CascadePPI" and servo.gains["ki"] > 0.0
+    changes = [(0.1 * mass, 0.0), *([(0.0, 0.1 * servo.gains["kv"])] if integral else [])]
     with PartPool() as pool:
         errors = []
-        for inertia in (mass, 0.9 * mass):
-            system = closed_loop(servo, plant, replace(still, inertia=inertia), pool=pool)
+        for less, more in ((0.0, 0.0), *changes):
+            fed = replace(still, inertia=mass - less, viscous=more)
             try:
-                errors.append(bench.r - run_loop(system).q)
+                errors.append(bench.r - run_loop(closed_loop(servo, plant, fed, pool=pool)).q)
             except HarnessError:
-                return mass
-    slope = (errors[0] - errors[1]) / (0.1 * mass)
-    power = float(slope @ slope)
-    if not power > 0.0:
-        return mass
-    return min(max(mass - float(errors[0] @ slope) / power, 0.0), 2.0 * mass)
+                return mass, 0.0
+    slopes = np.column_stack([error - errors[0] for error in errors[1:]])
+    if not np.isfinite(slopes).all() or not slopes.any(axis=0).all():
+        return mass, 0.0
+    shares = -np.linalg.lstsq(slopes, errors[0], rcond=None)[0]
+    inertia = mass - float(shares[0]) * changes[0][0]
+    return min(max(inertia, 0.0), 2.0 * mass), float(shares[1]) * changes[1][1] if integral else 0.0
 
 
 def judge(trace: LoopTrace, bench: AxisBench) -> tuple[Metrics | None, Array | None, str]:

@@ -8,8 +8,9 @@ from typing import Final
 
 import numpy as np
 
+from friction_fmus.axis.drive_filters import coefficients
 from friction_fmus.axis.loop_assembly import block
-from friction_fmus.axis.servo import AxisPlant, Compensator, Servo
+from friction_fmus.axis.servo import GAINS, AxisPlant, Compensator, Servo
 from friction_fmus.blocks.catalogue import find
 from friction_fmus.conditions import DrivenPlant, PathDynamics, SampledLaw, chain, on_bristles, one_mass, two_masses
 from friction_fmus.conditions.chain import Margins, loop_margins
@@ -40,12 +41,31 @@ def margins_of(
     """Return the margins of the servo with a compensator; None if the compensator cannot be linearised."""
     found, resonance = [], 0.0
     for at, driven in operating_points(plant, speed):
+        if not at and not _rests(servo, driven):
+            continue
         laws = _laws(servo, compensator if kind not in OPEN_LOOP else None, kind, gain, at)
         if laws is None:
             return None
-        found.append(loop_margins(driven, laws, servo.Ts, servo.window, servo.delay))
+        found.append(loop_margins(driven, laws, servo.Ts, path_of(servo)))
         resonance = max(resonance, tolerated_resonance(servo, plant, laws))
     return replace(_worst(found), resonance=resonance)
+
+
+def path_of(servo: Servo) -> PathDynamics:
+    """Return delay, velocity estimate and filters of a servo."""
+    filters = (servo.velocity_filter, servo.notch)
+    lowpass, notch = (None if own is None else coefficients(own, servo.Ts) for own in filters)
+    return PathDynamics(delay=servo.delay * servo.Ts, window=servo.window, lowpass=lowpass, notch=notch)
+
+
+def _rests(servo: Servo, driven: DrivenPlant) -> bool:
+    """Return whether the servo without integral action is stable on a contact at rest.
+
+    The measured axis was at rest with it: otherwise the record does not determine stiffness and damping of the contact,
+    and margins at rest say nothing about the axis.
+    """
+    laws = _laws(replace(servo, gains={**servo.gains, GAINS[servo.law][-1]: 0.0}), None, "", 1.0, 0.0)
+    return laws is not None and spectral_radius(chain(driven, laws, servo.Ts, path_of(servo))) < 1.0
 
 
 FREQUENCIES: Final = 32  # number of resonances that are tried
@@ -64,7 +84,7 @@ def tolerated_resonance(servo: Servo, plant: AxisPlant, laws: Sequence[SampledLa
     load = plant.mass - motor
     reduced = motor * load / plant.mass
     viscous = max(plant.values.get("Fv", plant.values.get("sigma2", 0.0)), 0.0)
-    path = PathDynamics(delay=servo.delay * servo.Ts, window=servo.window)
+    path = path_of(servo)
     natural = float(np.sqrt(servo.pid[0] / plant.mass)) / (2.0 * np.pi)
     tolerated = 0.5 / servo.Ts
     for frequency in np.geomspace(HIGHEST / servo.Ts, min(LOWEST * natural, 0.1 / servo.Ts), FREQUENCIES):

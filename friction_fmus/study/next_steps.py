@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from typing import Final
 
+from friction_fmus.axis.loop_assembly import with_friction
 from friction_fmus.axis.servo import GAINS
 from friction_fmus.blocks.axis_units import Words
 from friction_fmus.identification import AxisUnits
@@ -31,7 +32,7 @@ def next_steps(
     return (
         *_motion(bench, found.ladder, units),
         *_integral(bench, scheme),
-        *_laws(scheme, row, units.words),
+        *_laws(bench, scheme, row, units.words),
         *_sensitive(row, units),
         *_fragile(row),
         *_weak(row, models),
@@ -50,6 +51,11 @@ def _motion(bench: AxisBench, rungs: Sequence[Rung], units: AxisUnits) -> Iterat
         f"Switch on the feedforward of velocity (100 %) and acceleration ({units.words.mass} "
         f"{own:.4g} {units.inertia}){constant}."
     )
+    if viscous := bench.trajectory.viscous:
+        text += (
+            f" Add {viscous:.4g} {units.viscous} times the reference velocity: the integral would otherwise take the "
+            "lag of the measured velocity for an error."
+        )
     if abs(own - mass) > LATE * mass:
         text += f" The axis has {mass:.4g} {units.inertia}; the velocity, which is measured late, gives the rest."
     if len(rungs) > 1 and rungs[0].title == AS_MEASURED and not improves(rungs[:1], rungs[1]):
@@ -66,13 +72,16 @@ def _integral(bench: AxisBench, scheme: Scheme) -> Iterator[str]:
         yield f"Set the integral gain of the {scheme.servo.law} to {name} = {value:.4g}."
 
 
-def _laws(scheme: Scheme, row: CompensatorResult, u: Words) -> Iterator[str]:
+def _laws(bench: AxisBench, scheme: Scheme, row: CompensatorResult, u: Words) -> Iterator[str]:
     if scheme.table:
         yield (
             f"Add a table of cogging and position-dependent friction to the drive {u.force}, evaluated at the "
             "reference position: recommended/README.md has the connections."
         )
     laws = [law for law in (scheme.feedforward, scheme.compensator) if law is not None]
+    if bench.servo.friction is not None:
+        replaced = bench.servo.friction not in with_friction(bench.servo, scheme.compensator, scheme.feedforward)
+        yield f"Switch the friction feedforward of the drive {'off: the law replaces it' if replaced else 'on'}."
     if not laws:
         return
     tuned = f"a bandwidth of {row.bandwidth:.3g} Hz" if row.bandwidth is not None else f"gain {row.gain:g}"

@@ -5,13 +5,14 @@
 2. Compensators that improve the axis come first.
 3. Within both groups, the smaller worst-case error comes first. Compensators whose worst-case errors are within `WORTH`
    of the smallest one are equivalent: the one with the fewest blocks comes first, then the one with the fewest cycles.
+   The error of the simulated axis on the recorded motion is added to both, as the axis has it with each of them.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from math import inf
+from math import hypot, inf
 from typing import Final
 
 from friction_fmus.blocks.axis_units import Words
@@ -22,15 +23,15 @@ from friction_fmus.study.study_result import CompensatorResult, Metrics, Recomme
 WORTH: Final = 0.05  # smallest relative reduction of the error that counts as an improvement
 
 
-def rank(none: CompensatorResult, rows: Sequence[CompensatorResult]) -> list[CompensatorResult]:
-    """Rank the compensators."""
+def rank(none: CompensatorResult, rows: Sequence[CompensatorResult], model: float = 0.0) -> list[CompensatorResult]:
+    """Rank the compensators on an axis that follows the recorded motion with the rms error `model`."""
     left = sorted(
         (_judged(none, row) for row in rows if row.metrics is not None),
         key=lambda row: (not row.improves, inf if row.worst is None else row.worst, row.name),
     )
     ordered: list[CompensatorResult] = []
     while left:
-        alike = [row for row in left if equivalent(left[0], row)]
+        alike = [row for row in left if equivalent(left[0], row, model)]
         ordered += sorted(alike, key=_simplicity)
         left = [row for row in left if row not in alike]
     ranked = [replace(row, rank=place) for place, row in enumerate(ordered, start=1)]
@@ -43,11 +44,11 @@ def _simplicity(row: CompensatorResult) -> tuple[int, float, float, str]:
     return blocks(row), inf if row.cycles is None else row.cycles, worst, row.name
 
 
-def equivalent(best: CompensatorResult, row: CompensatorResult) -> bool:
+def equivalent(best: CompensatorResult, row: CompensatorResult, model: float) -> bool:
     """Return whether a compensator is as good as a better one: its worst-case error is at most `WORTH` larger."""
     if best.worst is None or row.worst is None:
         return best.worst is row.worst and best.improves == row.improves
-    return best.improves == row.improves and (1.0 - WORTH) * row.worst <= best.worst
+    return best.improves == row.improves and (1.0 - WORTH) * hypot(row.worst, model) <= hypot(best.worst, model)
 
 
 def blocks(row: CompensatorResult) -> int:
@@ -133,6 +134,7 @@ def recommend(
     rungs: Sequence[Rung],
     u: Words,
     contradicted: Mapping[str, str] | None = None,
+    model: float = 0.0,
 ) -> Recommendation:
     """Return the recommended compensator with the reasons."""
     tried = [row for row in ranked if row.rank is not None]
@@ -160,7 +162,11 @@ def recommend(
         + (f", and in the worst case from {_worst(none, unit)} to {_worst(first, unit)}" if first.corners else "")
         + f". {_figures(none, first, u)}"
     )
-    same = [row.name for row in tried[1:] if row.improves and equivalent(first, row) and equivalent(row, first)]
+    same = [
+        row.name
+        for row in tried[1:]
+        if row.improves and equivalent(first, row, model) and equivalent(row, first, model)
+    ]
     if same:
         reason += f" Equivalent, within {100 * WORTH:.0f} %, but with more blocks or cycles: {', '.join(same)}."
     reason += "".join(f" {objection}" for objection in _objections(contradicted or {}))

@@ -7,14 +7,18 @@ so that a difference is an error of the configuration, of the columns, or a forc
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import product
 from math import pi, sqrt
 from typing import Final, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import minimize
+from threadpoolctl import threadpool_limits
 
+from friction_fmus.axis.drive_filters import LowPass, Notch, filtered
 from friction_fmus.axis.loop_assembly import block
 from friction_fmus.axis.servo import GAIN_UNITS, GAINS, Servo
 from friction_fmus.blocks.axis_units import Words
@@ -36,6 +40,7 @@ class ComparedForce:
     servo: Servo  # servo as configured
     record: Record  # record with reference and position
     included: bool = False  # whether a declared injected force was subtracted from the recorded force
+    late: int = 0  # samples by which the command was shifted
 
     @property
     def level(self) -> float:
@@ -51,6 +56,16 @@ class ComparedForce:
         """Return the rms value of a difference of shape (n,) over the compared samples."""
         values = difference[self.used]
         return rms(values - np.mean(values)) if self.servo.pid[2] else rms(values)
+
+    def thinned(self, most: int) -> ComparedForce:
+        """Return the same with at most about this many compared samples."""
+        places = np.flatnonzero(self.used)
+        return replace(self, used=np.isin(np.arange(len(self.used)), places[:: len(places) // most + 1]))
+
+    def left_by(self, servo: Servo) -> float:
+        """Return the residual of another servo; both are within the limit at the compared samples."""
+        change = linear_command(servo, self.record) - linear_command(self.servo, self.record)
+        return self.left(self.force - self.command - shifted(change, self.late))
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,10 +84,11 @@ def fitted(compared: ComparedForce, columns: Mapping[str, Array], target: Array)
         return LinearFit({}, np.zeros((0, 0)), compared.left(target))
     X = np.column_stack([column[compared.used] for column in columns.values()])
     lengths = np.maximum(np.linalg.norm(X, axis=0), 1e-300)
-    solution = np.linalg.lstsq(X / lengths, y, rcond=None)[0] / lengths
+    Q, R = np.linalg.qr(X / lengths)  # ten times as fast as the least squares of all rows
+    solution = np.linalg.lstsq(R, Q.T @ y, rcond=None)[0] / lengths
     rest = y - X @ solution
     samples = max(independent_samples([rest]) - len(lengths), 1.0)
-    inverse = np.linalg.pinv((X / lengths).T @ (X / lengths)) / np.outer(lengths, lengths)
+    inverse = np.linalg.pinv(R.T @ R) / np.outer(lengths, lengths)
     covariance = inverse * float(rest @ rest) / samples
     return LinearFit(dict(zip(columns, solution.tolist(), strict=True)), covariance, rms(rest))
 
@@ -80,25 +96,43 @@ def fitted(compared: ComparedForce, columns: Mapping[str, Array], target: Array)
 def regressors(compared: ComparedForce, integral: bool) -> dict[str, Array]:
     """Return the signals that the gains of the law multiply: errors of position and velocity, and their integrals."""
     servo, record = compared.servo, compared.record
-    assert record.reference is not None
-    assert record.q is not None
-    e = record.reference - record.q
-    d = -velocity(record, servo.Ts, servo.window)
-    if servo.velocity_feedforward:
-        d = d + np.gradient(record.reference, servo.Ts)
+    e, d = errors(servo, record)
     columns = {"e": e, "d": d}
     if integral:
         columns["integral of e"] = servo.Ts * (np.cumsum(e) - e)
         if servo.law == "CascadePPI" and not servo.velocity_feedforward:  # with it, the integral of d is e
             columns["integral of d"] = servo.Ts * (np.cumsum(d) - d)
         columns["1"] = np.ones_like(e)
-    return columns
+    return behind_notch(servo, columns)
+
+
+def behind_notch(servo: Servo, columns: Mapping[str, Array]) -> dict[str, Array]:
+    """Return signals behind the notch filter of a servo."""
+    return {name: filtered(servo.notch, column, servo.Ts) for name, column in columns.items()}
+
+
+def errors(servo: Servo, record: Record) -> tuple[Array, Array]:
+    """Return the errors of position and velocity that a servo computes."""
+    r = record.column("reference")
+    v = velocity(record, servo)
+    return r - record.column("q"), np.gradient(r, servo.Ts) - v if servo.velocity_feedforward else -v
+
+
+def linear_command(servo: Servo, record: Record) -> Array:
+    """Return the force of a servo without limits."""
+    first, second, third = (servo.gains[name] for name in GAINS[servo.law])
+    e, d = errors(servo, record)
+    w = e if servo.law == "PID" else first * e + d
+    u = first * e + second * d if servo.law == "PID" else second * w
+    known = references(record, servo.Ts)
+    fed = {"rd": servo.viscous_feedforward, "rdd": servo.inertia_feedforward, "sign": servo.coulomb_feedforward}
+    u = u + third * servo.Ts * (np.cumsum(w) - w) + sum(gain * known[name] for name, gain in fed.items())
+    return behind_notch(servo, {"u": u})["u"]
 
 
 def references(record: Record, Ts: float) -> dict[str, Array]:
     """Return the signals of a feedforward of the reference."""
-    assert record.reference is not None
-    rd = np.gradient(record.reference, Ts)
+    rd = np.gradient(record.column("reference"), Ts)
     return {"rd": rd, "rdd": np.gradient(rd, Ts), "sign": np.sign(rd), "constant": np.ones_like(rd)}
 
 
@@ -129,11 +163,12 @@ def gains_of(compared: ComparedForce, fit: LinearFit) -> tuple[IdentifiedParamet
     return gain("kp", kp, of_kp), gain("kv", b, {"d": 1.0}), gain("ki", ki, of_ki)
 
 
-def velocity(record: Record, Ts: float, window: int) -> Array:
-    """Return the velocity over a window of samples; before the first sample the axis moves as in the first interval."""
-    q = record.column("q")
+def velocity(record: Record, servo: Servo) -> Array:
+    """Return the velocity that a servo computes; before the first sample the axis moves as in the first interval."""
+    q, window = record.column("q"), servo.window
     before = q[0] - (q[1] - q[0]) * np.arange(float(window), 0.0, -1.0)
-    return np.asarray((q - np.concatenate([before, q])[: len(q)]) / (window * Ts), dtype=np.float64)
+    raw = (q - np.concatenate([before, q])[: len(q)]) / (window * servo.Ts)
+    return filtered(servo.velocity_filter, raw, servo.Ts)
 
 
 def shifted(values: Array, samples: int) -> Array:
@@ -196,6 +231,13 @@ LATEST: Final = 8
 """Largest delay between command and recorded force that is tried, in samples; half of it for a force that leads."""
 
 WIDEST: Final = 16  # largest window of the velocity that is tried, in samples
+LOWEST: Final = 1e-3
+HIGHEST: Final = 0.4
+"""Frequencies of filters among which the first one is sought, over the sample rate."""
+
+ENOUGH: Final = 5000  # samples above which only some are used in searches with other unknowns
+SIMPLER: Final = 1.05  # residual over the smallest one up to which a simpler explanation is taken
+WHITE: Final = 0.2  # largest part of the power of noise in the lowest tenth of the frequencies
 CONFIRMED: Final = 0.05  # relative difference up to which a configured gain agrees with the one that the record shows
 
 FACTORS: Final[Mapping[str, float]] = {
@@ -223,11 +265,11 @@ def explain(compared: ComparedForce, allowed: float) -> Diagnosis:
     """Return why the servo does not reproduce the recorded force."""
     u = compared.record.units.words
     enough = max(allowed, EXPLAINED * compared.residual)
-    attempts = [
-        attempt(compared, allowed)
-        for attempt in (_factor, _delay, _feedforward, _window, _gains, _gains_and_feedforward)
-    ]
-    least = max(allowed, 2.0 * min(left for _, left in attempts))
+    tries = (_factor, _delay, _feedforward, _velocity_or_notch, _gains, _gains_and_feedforward)
+    attempts = [attempt(compared, allowed) for attempt in tries]
+    if min(left for _, left in attempts) > allowed:
+        attempts += [_with_filter(name, compared, allowed) for name in FILTERS]
+    least = max(_resolution(compared.record, compared.servo), 2.0 * min(left for _, left in attempts))
     for found, left in attempts:
         if left <= min(enough, least):
             return found
@@ -243,14 +285,84 @@ def explain(compared: ComparedForce, allowed: float) -> Diagnosis:
         f"limits, and add a column injected if another {u.force} is added to it."
     )
     gains = _gains(compared, allowed)[0].gains
-    configured = compared.servo.gains
-    confirmed = all(abs(gain.value / configured[gain.name] - 1.0) < CONFIRMED for gain in gains if gain.name[1:] != "i")
+    confirmed = _agree(compared.servo, gains) and is_noise(compared)
     if confirmed:
         what = f"the gains agree with the record, but the {u.force} contains noise or another {u.force}."
     return Diagnosis((StudyFinding("servo-unexplained", what, change),), gains, confirmed=confirmed)
 
 
+def is_noise(compared: ComparedForce) -> bool:
+    """Return whether the residual has no more power at low frequencies than white noise has."""
+    difference = np.where(compared.used, compared.force - compared.command, 0.0)
+    power = np.abs(np.fft.rfft(difference)[1:]) ** 2
+    return float(np.sum(power[: len(power) // 10])) <= WHITE * float(np.sum(power))
+
+
+def _agree(servo: Servo, gains: Sequence[IdentifiedParameter]) -> bool:
+    """Return whether the gains that the record shows are the configured ones, apart from an integral gain."""
+    return all(abs(each.value / servo.gains[each.name] - 1.0) < CONFIRMED for each in gains if each.name[1:] != "i")
+
+
 Attempt: TypeAlias = tuple[Diagnosis, float]
+
+FILTERS: Final[Mapping[str, Callable[[Servo, Array], Servo]]] = {
+    "velocity-filter": lambda servo, p: replace(servo, velocity_filter=LowPass(1, float(p[0]))),
+    "velocity-filter-2": lambda servo, p: replace(servo, velocity_filter=LowPass(2, float(p[0]))),
+    "notch": lambda servo, p: replace(servo, notch=Notch(*map(float, p))),
+}
+"""Servos with a filter of these parameters, by explanation."""
+
+
+def best_filter(name: str, servo: Servo, cost: Callable[[Servo], float], rounds: int = 60) -> tuple[Servo, float]:
+    """Return the servo with the filter for which a cost is smallest, and this cost."""
+    make = FILTERS[name]
+
+    def of(logarithms: Array) -> float:
+        p = np.exp(logarithms)
+        inside = 0.1 * LOWEST < p[0] * servo.Ts < 0.5 and np.all((p[1:] > 1e-3) & (p[1:] < 3.0))
+        return cost(make(servo, p)) if inside else np.inf
+
+    frequencies = np.geomspace(LOWEST / servo.Ts, HIGHEST / servo.Ts, 20)
+    begins = product(frequencies, (0.1, 0.5), (0.1,)) if name == "notch" else product(frequencies)
+    begin = min((np.log(p) for p in begins), key=of)
+    simplex = np.vstack([begin, begin + 0.2 * np.eye(len(begin))])
+    found = minimize(
+        of,
+        begin,
+        method="Nelder-Mead",
+        options={"initial_simplex": simplex, "maxfev": rounds * len(begin), "xatol": 1e-4, "fatol": 0.0},
+    )
+    return make(servo, np.exp(found.x)), float(found.fun)
+
+
+def _velocity_or_notch(compared: ComparedForce, allowed: float) -> Attempt:
+    """Explain the difference by another velocity or a notch filter, by the first that is nearly as good as the best."""
+    attempts = [_window(compared)]
+    for name in FILTERS:
+        servo, left = best_filter(name, compared.servo, compared.left_by)
+        attempts.append((Diagnosis((_of_filter(compared, servo, left),)), left))
+    return next(each for each in attempts if each[1] <= SIMPLER * min(left for _, left in attempts))
+
+
+def _of_filter(compared: ComparedForce, servo: Servo, left: float) -> StudyFinding:
+    key = "velocity_filter" if servo.notch == compared.servo.notch else "notch"
+    what = f"the drive has a {'low-pass filter of the velocity' if key != 'notch' else 'notch filter of the command'}."
+    change = f"Set {key} = {servo.features[key]} in [servo]{_better(compared, left)}"
+    return StudyFinding(key.replace("_", "-"), what, change)
+
+
+def _better(compared: ComparedForce, left: float) -> str:
+    before, after = (_percent(size, compared.level) for size in (compared.residual, left))
+    return f": residual {before:.3g} % → {after:.2g} %."
+
+
+def _with_filter(name: str, compared: ComparedForce, allowed: float) -> Attempt:
+    """Explain the difference by a filter together with other gains and a feedforward."""
+    few = compared.thinned(ENOUGH)
+    servo, _ = best_filter(name, compared.servo, lambda servo: _all_fitted(replace(few, servo=servo)).left, 30)
+    other = replace(compared, servo=servo)
+    found, left = _gains_and_feedforward(other, allowed)
+    return replace(found, explanations=(_of_filter(compared, servo, left), *found.explanations)), left
 
 
 def _factor(compared: ComparedForce, allowed: float) -> Attempt:
@@ -326,16 +438,11 @@ def _feedforward(compared: ComparedForce, allowed: float) -> Attempt:
     return Diagnosis(_added(compared, fit)), fit.left
 
 
-def _window(compared: ComparedForce, allowed: float) -> Attempt:
+def _window(compared: ComparedForce) -> Attempt:
     """Explain the difference by another number of samples over which the servo computes the velocity."""
     u = compared.record.units.words
     servo = compared.servo
-    Kd = servo.pid[1]
-    v = velocity(compared.record, servo.Ts, servo.window)
-    trials = {}
-    for window in range(1, WIDEST + 1):
-        command = compared.command + Kd * (v - velocity(compared.record, servo.Ts, window))
-        trials[window] = compared.left(compared.force - command)
+    trials = {window: compared.left_by(replace(servo, window=window)) for window in range(1, WIDEST + 1)}
     window = min(trials, key=lambda n: trials[n])
     what = f"the {u.force} fits a velocity computed over {window} samples instead of {servo.window}."
     return Diagnosis((StudyFinding("wrong-window", what, f"Set window = {window} in [servo]."),)), trials[window]
@@ -357,14 +464,21 @@ def _gains(compared: ComparedForce, allowed: float) -> Attempt:
 
 def _gains_and_feedforward(compared: ComparedForce, allowed: float) -> Attempt:
     """Explain the difference by other gains and a feedforward together."""
-    servo = compared.servo
-    columns = {**regressors(compared, integral=bool(servo.pid[2])), **references(compared.record, servo.Ts)}
-    fit = fitted(compared, columns, compared.force)
+    fit = _all_fitted(compared)
     gains = gains_of(compared, fit)
-    sizes = {name: abs(fit.values[name]) * rms(column[compared.used]) for name, column in columns.items()}
-    shown = {name for name, size in sizes.items() if size > allowed}
-    found = _of_gains(compared.record.units.words, servo, gains)
-    return Diagnosis((found, *_added(compared, fit, shown)), gains), fit.left
+    columns = references(compared.record, compared.servo.Ts)
+    shown = {name for name, values in columns.items() if abs(fit.values[name]) * rms(values[compared.used]) > allowed}
+    found = () if _agree(compared.servo, gains) else (_of_gains(compared.record.units.words, compared.servo, gains),)
+    return Diagnosis((*found, *_added(compared, fit, shown)), gains), fit.left
+
+
+def _all_fitted(compared: ComparedForce) -> LinearFit:
+    """Fit the recorded force by the signals of the law and of all feedforwards."""
+    servo = compared.servo
+    fed = behind_notch(servo, references(compared.record, servo.Ts))
+    columns = {**regressors(compared, integral=bool(servo.pid[2])), **fed}
+    late = {name: shifted(column, compared.late) for name, column in columns.items()}
+    return fitted(compared, late, compared.force)
 
 
 def _of_gains(u: Words, servo: Servo, gains: Sequence[IdentifiedParameter]) -> StudyFinding:
@@ -385,7 +499,7 @@ def _added(compared: ComparedForce, fit: LinearFit, shown: set[str] | None = Non
     u, servo = compared.record.units.words, compared.servo
     Kd = fit.values.get("d", servo.pid[1])  # the estimated gain, as the configured one may be wrong
     declare = f"Log this {u.force} and declare its column as injected."
-    found = []
+    better, found = _better(compared, fit.left), []
     for name in ("rd", "rdd", "sign", "constant"):
         if name not in fit.values or (shown is not None and name not in shown):
             continue
@@ -398,7 +512,9 @@ def _added(compared: ComparedForce, fit: LinearFit, shown: set[str] | None = Non
             found.append(StudyFinding("velocity-feedforward", what, change))
         elif name == "rd":
             what = f"the {u.force} contains the reference velocity times {value:.5g} {u.Ns_m}."
-            found.append(StudyFinding("viscous-feedforward", what, declare))
+            total = value + servo.viscous_feedforward
+            change = f"Set viscous_feedforward = {total:.5g} in [servo]{better}" if total >= 0.0 else declare
+            found.append(StudyFinding("viscous-feedforward", what, change))
         elif name == "rdd" and servo.velocity_feedforward and abs(value) < LATEST * Kd * servo.Ts / 2.0:
             samples = -value / (Kd * servo.Ts)
             late = "later" if samples > 0.0 else "earlier"
@@ -418,7 +534,9 @@ def _added(compared: ComparedForce, fit: LinearFit, shown: set[str] | None = Non
             found.append(StudyFinding("inertia-feedforward", what, change))
         elif name == "sign":
             what = f"the {u.force} contains {value:.5g} {u.N} in the direction of the reference velocity."
-            found.append(StudyFinding("friction-feedforward", what, declare))
+            total = value + servo.coulomb_feedforward
+            change = f"Set coulomb_feedforward = {total:.5g} in [servo]{better}" if total >= 0.0 else declare
+            found.append(StudyFinding("friction-feedforward", what, change))
         else:
             what = f"a constant {u.force} of {value:.5g} {u.N} is added to the command."
             found.append(StudyFinding("constant-force", what, declare))
@@ -444,6 +562,7 @@ def _injected(compared: ComparedForce) -> Diagnosis | None:
     )
 
 
+NOTABLE: Final = 0.005  # residual over the rms force above which a filter of the drive is mentioned
 MATCH: Final = 0.02  # residual over the rms force up to which the servo reproduces the record
 TRUSTED: Final = 0.1  # residual over the rms force up to which the servo is simulated and its compensators are ranked
 
@@ -453,30 +572,29 @@ SETTLING: Final = 10
 SATURATED: Final = 0.98  # fraction of the force limit above which a sample is not compared
 
 
-def commanded(servo: Servo, r: Array, q: Array, rotary: bool = False) -> Array:
+def commanded(servo: Servo, record: Record) -> Array:
     """Return the force that the servo commands for a recorded reference and position."""
-    rd = np.gradient(r, servo.Ts)
-    columns = {"r": r, "rd": rd, "rdd": np.gradient(rd, servo.Ts), "x": q}
-    length = "rad" if rotary else "m"
-    units = {"r": length, "rd": f"{length}/s", "rdd": f"{length}/s2", "x": length}
+    r, q = record.column("reference"), record.column("q")
+    known, rotary = references(record, servo.Ts), record.units.rotary
+    fed = servo.coulomb_feedforward * known["sign"] + servo.viscous_feedforward * known["rd"]
+    columns = {"r": r, "rd": known["rd"], "rdd": known["rdd"], "x": q, "v": velocity(record, servo), "f": fed}
+    u = record.units.words
+    units = {"r": u.m, "rd": u.m_s, "rdd": f"{u.m}/s2", "x": u.m, "v": u.m_s, "f": u.N}
     t = servo.Ts * np.arange(float(len(q)))
-    record = SeriesPart("record", t, columns, units, interpolation="previous", beyond="hold")
-    parts = [record, FmuPart("velocity", block("Differentiator", rotary)), FmuPart("servo", block(servo.law, rotary))]
-    wires = ["record.r -> servo.r", "record.x -> servo.x", "record.x -> velocity.x", "velocity.v -> servo.v"]
+    series = SeriesPart("record", t, columns, units, interpolation="previous", beyond="hold")
     start: dict[str, float | int | bool | str] = {f"servo.{name}": value for name, value in servo.gains.items()}
-    for name, fed in (("rd", servo.velocity_feedforward), ("rdd", bool(servo.inertia_feedforward))):
-        if fed:
-            wires.append(f"record.{name} -> servo.{name}")
-        else:
-            start[f"servo.{name}"] = 0.0
     start |= {"servo.u_min": -servo.force_limit, "servo.u_max": servo.force_limit, "servo.Ts": servo.Ts}
-    start |= {"servo.m": servo.inertia_feedforward, "velocity.Ts": servo.Ts, "velocity.window": servo.window}
-    start |= {"velocity.v0": float(q[1] - q[0]) / servo.Ts}
+    start |= {"servo.m": servo.inertia_feedforward, "servo.rd": 0.0, "servo.rdd": 0.0}
+    names = ["r", "x", "v", "f", *(["rd"] * servo.velocity_feedforward), *(["rdd"] * (servo.inertia_feedforward > 0.0))]
+    wires = [f"record.{name} -> servo.{name}" for name in names]
+    start = {name: value for name, value in start.items() if name.partition(".")[2] not in names}
     experiment = Experiment(stop=len(q) * servo.Ts, step=servo.Ts, record=("servo.u",))
+    parts = [series, FmuPart("servo", block(servo.law, rotary))]
     with System(parts, wires, start, experiment, "servo_check") as system:
         result = system.run()
     # a row of the result has the force of the sampling period that ends there
-    return np.asarray(result["servo.u"].to_numpy(), dtype=np.float64)[1:]
+    limited = np.asarray(result["servo.u"].to_numpy(), dtype=np.float64)[1:]
+    return behind_notch(servo, {"u": limited})["u"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -508,9 +626,14 @@ def check_servo(record: Record, servo: Servo | None) -> CheckedServo:
         recorded=thinned(t, compared.force),
         commanded=thinned(t, compared.command),
     )
-    if residual <= allowed:
-        return CheckedServo(result, compared.included, record.injected)
-    found = explain(compared, allowed)
+    if residual > allowed:
+        with threadpool_limits(1):  # a thread would take longer to start than one of these small fits
+            found = explain(compared, allowed)
+    elif residual > max(NOTABLE * level, 1.5 * _resolution(record, servo)) and not is_noise(compared):
+        found, left = _velocity_or_notch(compared, allowed)
+        found = found if left < residual / 3.0 else Diagnosis(())
+    else:
+        found = Diagnosis(())
     stops = residual > max(TRUSTED * level, allowed) and found.injected is None and not found.confirmed
     begin = (
         f"The servo as configured does not reproduce the recorded drive {u.force} (residual "
@@ -525,19 +648,17 @@ def check_servo(record: Record, servo: Servo | None) -> CheckedServo:
 
 def _compared(record: Record, servo: Servo) -> ComparedForce:
     """Return force and command; a declared injected force is taken out of the force if the force contains it."""
-    assert record.q is not None
-    assert record.reference is not None
     assert record.force is not None
-    rotary = record.units.rotary
-    command = commanded(servo, record.reference, record.q, rotary)
-    free = commanded(replace(servo, force_limit=1e6 * servo.force_limit), record.reference, record.q, rotary)
+    command = commanded(servo, record)
+    free = commanded(replace(servo, force_limit=1e6 * servo.force_limit), record)
     used = np.maximum(np.abs(record.force), np.abs(command)) < SATURATED * servo.force_limit
     used[: servo.window + SETTLING] = False
     if np.count_nonzero(used) < 50:  # a unit is so wrong that all samples exceed the limit
         used[servo.window + SETTLING :] = True
     whole = ComparedForce(record.force, command, free, used, servo, record)
     if servo.delay:  # the column may have the force that acts, which lags the command
-        late = replace(whole, command=shifted(command, servo.delay), unlimited=shifted(free, servo.delay))
+        delayed, unlimited = (shifted(values, servo.delay) for values in (command, free))
+        late = replace(whole, command=delayed, unlimited=unlimited, late=servo.delay)
         whole = late if late.residual < whole.residual else whole
     if record.injected is None:
         return whole

@@ -2,23 +2,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from itertools import product
+from operator import itemgetter
 from typing import Final
 
 import numpy as np
 from scipy.ndimage import binary_erosion
+from threadpoolctl import threadpool_limits
 
 from friction_fmus.axis.servo import GAINS, Servo
-from friction_fmus.identification import Array, Record
+from friction_fmus.identification import Record
 from friction_fmus.identification.fit.scores import rms
 from friction_fmus.study.servo_check import (
+    ENOUGH,
     SATURATED,
     SETTLING,
+    SIMPLER,
     TRUSTED,
     ComparedForce,
     LinearFit,
+    best_filter,
     fitted,
     gains_of,
     references,
@@ -27,10 +32,10 @@ from friction_fmus.study.servo_check import (
 )
 from friction_fmus.study.study_result import StudyFinding
 
+FILTERED: Final = (1, 2)  # the same, if a low-pass filter follows
 WINDOWS: Final = (1, 2, 3, 4, 6, 8)  # numbers of samples over which the velocity may be computed
+FEW: Final = 1500  # the same in the search for a filter
 DELAYS: Final = (0, 1, 2, 3)  # samples by which the recorded force may lag the command
-ENOUGH: Final = 5000  # samples above which only some are used
-SIMPLER: Final = 1.05  # residual over the smallest one up to which a simpler servo is taken
 EXACT: Final = 1e-3  # residual over the rms force up to which fits are equally good
 PILED: Final = 0.01  # fraction of samples at the largest force above which it is the limit of the drive
 BEYOND: Final = 1.5  # assumed limit over the largest recorded force, if the record does not show the limit
@@ -59,8 +64,8 @@ def estimate_servo(record: Record) -> EstimatedServo | None:
     """Return the servo that reproduces the recorded drive force, or None if none of the known laws does.
 
     The force is fitted by linear least squares for each velocity window, delay, and with or without feedforward of the
-    velocity, of the acceleration, and integral action. Of those that fit nearly as well as the best, the one with the
-    fewest features is taken.
+    velocity, of the acceleration, of Coulomb friction, and integral action, and for a low-pass filter of the velocity
+    beside the best of them. Of those that fit nearly as well as the best, the one with the fewest features is taken.
     """
     if record.reference is None or record.q is None or record.force is None or len(record) < 20 * SETTLING:
         return None
@@ -69,15 +74,17 @@ def estimate_servo(record: Record) -> EstimatedServo | None:
         return None
     piled = float(np.mean(np.abs(record.force) >= (1.0 - 1e-6) * highest)) > PILED
     limit = highest if piled else BEYOND * highest
-    attempts = list(_attempts(record, limit))
+    with threadpool_limits(1):  # a thread would take longer to start than one of these small fits
+        attempts = list(_attempts(record, limit))
     least, level = min((attempt.fit.left for attempt, _ in attempts), default=0.0), rms(record.force)
     good = [pair for pair in attempts if pair[0].fit.left <= max(SIMPLER * least, EXACT * level)]
     good.sort(key=lambda pair: (pair[0].extras, pair[0].fit.left))
     for attempt, compared in good:
         gains = {name: 0.0 for name in GAINS[attempt.servo.law]} | attempt.gains(compared)
-        if all(gains[name] > 0.0 for name in GAINS[attempt.servo.law][:-1]) and attempt.fit.left <= TRUSTED * level:
-            inertia = max(attempt.fit.values.get("rdd", 0.0), 0.0)
-            servo = replace(attempt.servo, gains=gains, inertia_feedforward=inertia)
+        *needed, integral = (gains[name] for name in GAINS[attempt.servo.law])
+        if min(needed) > 0.0 and integral >= 0.0 and attempt.fit.left <= TRUSTED * level:
+            inertia, coulomb = (max(attempt.fit.values.get(name, 0.0), 0.0) for name in ("rdd", "sign"))
+            servo = replace(attempt.servo, gains=gains, inertia_feedforward=inertia, coulomb_feedforward=coulomb)
             return EstimatedServo(
                 servo, attempt.fit.left / level, _finding(record, servo, attempt.fit.left / level, piled)
             )
@@ -85,36 +92,53 @@ def estimate_servo(record: Record) -> EstimatedServo | None:
 
 
 def _attempts(record: Record, limit: float) -> Iterator[tuple[_Attempt, ComparedForce]]:
-    """Yield the fits of all combinations."""
+    """Yield the fits of all combinations, and of filters beside the best of them."""
     assert record.force is not None
     inside = np.abs(record.force) < SATURATED * limit
     inside &= binary_erosion(inside, iterations=max(DELAYS))
     inside[: max(WINDOWS) + SETTLING + max(DELAYS)] = False
-    places = np.flatnonzero(inside)
-    if len(places) < 10 * SETTLING:
+    if np.count_nonzero(inside) < 10 * SETTLING:
         return
-    inside = np.isin(np.arange(len(record)), places[:: len(places) // ENOUGH + 1])
-    rdd = references(record, record.Ts)["rdd"]
-    for window, delay, fed, inertia, integral in product(WINDOWS, DELAYS, *((False, True),) * 3):
-        law = "PID" if integral else "CascadePPI"
-        servo = Servo(law, dict.fromkeys(GAINS[law], 0.0), record.Ts, limit, window, record.quantum, fed, delay=delay)
-        compared = ComparedForce(record.force, record.force, record.force, inside, servo, record)
-        columns: Mapping[str, Array] = regressors(compared, integral=integral)
-        columns = {**columns, **({"rdd": rdd} if inertia else {})}
-        late = {name: shifted(column, delay) for name, column in columns.items()}
-        yield (
-            _Attempt(servo, fitted(compared, late, record.force), fed + inertia + 2 * integral + (delay > 0)),
-            compared,
-        )
+    none = Servo("PID", dict.fromkeys(GAINS["PID"], 0.0), record.Ts, limit, quantum=record.quantum)
+    compared = ComparedForce(record.force, record.force, record.force, inside, none, record).thinned(ENOUGH)
+    attempts = []
+    for window, delay, fed, coulomb, inertia, integral in product(WINDOWS, DELAYS, *((False, True),) * 4):
+        servo = replace(none, window=window, velocity_feedforward=fed, delay=delay)
+        attempts.append(_fitted(replace(compared, servo=servo), coulomb, inertia, integral))
+        yield attempts[-1]
+    best, _ = min(attempts, key=lambda each: each[0].fit.left)
+    has = [name in best.fit.values for name in ("sign", "rdd", "integral of e")]
+    few = compared.thinned(FEW)
+
+    def left(servo: Servo) -> float:
+        return _fitted(replace(few, servo=servo), *has)[0].fit.left
+
+    for name in ("velocity-filter", "velocity-filter-2"):
+        begins = [replace(best.servo, window=window, delay=delay) for window, delay in product(FILTERED, DELAYS)]
+        servo, _ = min((best_filter(name, each, left, 20) for each in begins), key=itemgetter(1))
+        for fed, *flags in product(*((False, True),) * 4):
+            yield _fitted(replace(compared, servo=replace(servo, velocity_feedforward=fed)), *flags)
+
+
+def _fitted(compared: ComparedForce, coulomb: bool, inertia: bool, integral: bool) -> tuple[_Attempt, ComparedForce]:
+    """Fit the gains of a servo, with these feedforwards and an integral or without."""
+    law = "PID" if integral else "CascadePPI"
+    servo = replace(compared.servo, law=law, gains=dict.fromkeys(GAINS[law], 0.0))
+    compared = replace(compared, servo=servo)
+    known = references(compared.record, servo.Ts)
+    columns = regressors(compared, integral=integral)
+    columns |= {name: known[name] for name, has in (("sign", coulomb), ("rdd", inertia)) if has}
+    late = {name: shifted(column, servo.delay) for name, column in columns.items()}
+    extras = servo.velocity_feedforward + coulomb + inertia + 2 * integral + (servo.delay > 0)
+    extras += servo.velocity_filter is not None
+    return _Attempt(servo, fitted(compared, late, compared.force), extras), compared
 
 
 def _finding(record: Record, servo: Servo, residual: float, piled: bool) -> StudyFinding:
     u = record.units.words
     gains = ", ".join(f"{name} = {value:.4g}" for name, value in servo.gains.items() if value)
     parts = [f"{servo.law} with {gains}, velocity over {servo.window} samples"]
-    parts += ["velocity feedforward"] if servo.velocity_feedforward else []
-    parts += [f"inertia feedforward {servo.inertia_feedforward:.4g} {u.kg}"] if servo.inertia_feedforward else []
-    parts += [f"a delay of {servo.delay} samples"] if servo.delay else []
+    parts += [f"{name} = {value}" for name, value in servo.features.items()]
     what = (
         f"The controller was estimated from the record: {', '.join(parts)}. It reproduces the {u.force} within "
         f"{100.0 * residual:.2g} % of its rms value. The {u.force} limit, {servo.force_limit:.4g} {u.N}, is "

@@ -91,11 +91,7 @@ def _entries(servo: Servo | None) -> dict[str, str]:
     given = {"law": f'"{servo.law}"', **{name: f"{value:.6g}" for name, value in servo.gains.items()}}
     given |= {"Ts": f"{servo.Ts:.6g}", "force_limit": f"{servo.force_limit:.6g}", "window": f"{servo.window}"}
     given |= {"quantum": f"{servo.quantum:.6g}"}
-    if servo.velocity_feedforward:
-        given["velocity_feedforward"] = "true"
-    if servo.inertia_feedforward:
-        given["inertia_feedforward"] = f"{servo.inertia_feedforward:.6g}"
-    return given | ({"delay": f"{servo.delay}"} if servo.delay else {})
+    return given | servo.features
 
 
 def _relative(file: Path, folder: Path) -> str:
@@ -133,9 +129,8 @@ def _servo(known: Known) -> list[str]:
     }
     if record is not None and record.force is None:
         entries["mass"] = (known.servo.get("mass", blank), f"{u.kg}, because the record has no drive {u.force}")
-    for name in ("velocity_feedforward", "inertia_feedforward", "delay"):
-        if name in known.servo:
-            entries[name] = (known.servo[name], "estimated from the record")
+    known_others = [name for name in known.servo if name not in (*entries, "law")]
+    entries |= {name: (known.servo[name], "estimated from the record") for name in known_others}
     lines = ["[servo]", f'law = "{law}"  # "CascadePPI" with kp, kv, ki, or "PID" with Kp, Kd, Ki']
     lines += [f"{name} = {value}  # {unit}" for name, (value, unit) in entries.items()]
     if known.servo:

@@ -28,7 +28,7 @@ from friction_fmus.study.comparison import Comparison, clear, compare
 from friction_fmus.study.compensators import AxisKnowledge, check_names, period_of
 from friction_fmus.study.config import ALL, OF_RECORD, ConfigError, StudyConfig, load_config
 from friction_fmus.study.data import Data, build_reference, check_period, load_data, measured_servo
-from friction_fmus.study.evaluation import AxisBench, Scheme, feedforward_mass
+from friction_fmus.study.evaluation import AxisBench, Scheme, motion_feedforward
 from friction_fmus.study.model_ranking import (
     IdentifiedModel,
     identify_model,
@@ -60,6 +60,7 @@ from friction_fmus.study.trust import (
     force_findings,
     loop_findings,
     mass_findings,
+    model_error,
     narrow,
     not_trusted,
     static_friction_findings,
@@ -123,6 +124,7 @@ def overview(config: StudyConfig, data: Data) -> dict[str, str]:
             f"{servo.law} with {gains}; sample time {1e3 * servo.Ts:g} ms, {u.force} limit ±{servo.force_limit:.4g} "
             f"{record.units.force}, velocity over {servo.window} samples, encoder resolution "
             + (shown(servo.quantum, record.units.position) if servo.quantum else "unlimited")
+            + "".join(f", {name} = {value}" for name, value in servo.features.items())
         )
         overview["compensation"] = (
             f"gains {', '.join(f'{gain:g}' for gain in wanted.gains)}, or the bandwidth, with a sensitivity peak of at "
@@ -314,13 +316,14 @@ class _Study:
             bench = self._bench(data, best)
             comparison = self._comparison(data, models, bench)
             band = comparison.limits.band
-            findings += claim_findings(bench, band, beyond, data.longest.units)
+            metrics = comparison.recommended.metrics
+            left = math.inf if metrics is None else metrics.rms
+            findings += claim_findings(bench, band, beyond, data.longest.units, left)
             (self.out / EXPERIMENT_FILE).unlink(missing_ok=True)
             if narrow(bench, band):
                 level = AxisKnowledge(bench.servo, bench.plant, {}).level
                 write_experiment(self.out, next_experiment(bench, level), data.longest.units.position)
                 files.append(WrittenFile(EXPERIMENT_FILE, "Reference to record next: a chirp on a slow motion"))
-            metrics = comparison.recommended.metrics
             figures = None if metrics is None else Figures(metrics.rms, data.longest.units.position)
             name, citation = data.longest.name, data.longest.citation
             files += export_recommended(self.out, bench, comparison.chosen, name, citation, figures)
@@ -446,17 +449,19 @@ class _Study:
             len(at),
             float(r[0]),
             v0,
-            wanted.motion_feedforward,
-            plant.offset,
+            motion=wanted.motion_feedforward,
+            offset=plant.offset,
             rotary=data.rotary,
             noise=noise,
         )
         weak = {parameter.name for parameter in best.row.parameters if parameter.weak}
         unsure = tuple(name for name, needed in OF_FRICTION_AT_REST.items() if weak & needed)
-        bench = AxisBench(servo, plant, trajectory, r, len(r) - len(recorded), unsure=unsure)
+        error = model_error(best, record)
+        bench = AxisBench(servo, plant, trajectory, r, len(r) - len(recorded), error, unsure=unsure)
         if not trajectory.motion:
             return bench
-        return replace(bench, trajectory=replace(trajectory, inertia=feedforward_mass(bench)))
+        inertia, viscous = motion_feedforward(bench)
+        return replace(bench, trajectory=replace(trajectory, inertia=inertia, viscous=viscous))
 
     def _comparison(self, data: Data, models: Sequence[IdentifiedModel], bench: AxisBench) -> Comparison:
         """Compare the compensators."""

@@ -8,9 +8,9 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final
 
-from friction_fmus.axis.loop_assembly import block, typed, viscous_beside
+from friction_fmus.axis.loop_assembly import block, typed, viscous_beside, with_friction
 from friction_fmus.axis.servo import Compensator, Servo, Trajectory
-from friction_fmus.axis.servo_loop import RECORDED, accurate, closed_loop, with_gain
+from friction_fmus.axis.servo_loop import accurate, closed_loop, recorded, with_gain
 from friction_fmus.blocks.axis_units import Words, domain_of
 from friction_fmus.blocks.catalogue import find
 from friction_fmus.codegen.law_export import export_law
@@ -38,7 +38,8 @@ def with_tracking_error(system: System) -> System:
     parts = [*system.parts.values(), part]
     wires: list[str | Wire] = [*system.wires, f"{REFERENCE} -> {ERROR}.u1", f"axis.x -> {ERROR}.u2"]
     start = {**system.start, f"{ERROR}.gain[2]": -1.0}
-    experiment = replace(system.experiment, record=(REFERENCE, RECORDED[0], f"{ERROR}.y", *RECORDED[1:]))
+    position, force = recorded(system.parts)
+    experiment = replace(system.experiment, record=(REFERENCE, position, f"{ERROR}.y", force))
     return System(parts, wires, start, experiment, system.name)
 
 
@@ -111,6 +112,8 @@ def _paragraphs(
         f"delays. Once per sample, assign reference and measured position to `loop_inputs`, {table}call `loop_step`, "
         "and pass `u` to the drive."
     )
+    if "notch" in system.parts:
+        yield f"`notch` is the filter of the drive behind `servo.u`{'' if no_code else '; `c/` does not contain it'}."
     if figures is not None:
         yield (
             f"The tracking error of the report is {figures.rms:.4g} {figures.unit} rms; `friction-fmus run axis.ssp` "
@@ -211,6 +214,8 @@ def recommended_loop(
         float(offset) or None,
         servo.window,
         float(start["velocity.v0"]) or None,
+        servo.velocity_filter.order if servo.velocity_filter is not None else 0,
+        servo.velocity_filter.cutoff if servo.velocity_filter is not None else 0.0,
         trajectory.rotary,
         trajectory.table is not None,
         trajectory.table,
@@ -228,10 +233,13 @@ def export_recommended(
     folder, u = out / OWN, bench.trajectory.words
     make_folder(folder)
     written: list[WrittenFile] = []
-    both = {"feedforward": scheme.feedforward, "compensator": scheme.compensator}
+    both = scheme.compensator, scheme.feedforward
     if scheme.compensator is None:
-        both = {"compensator": scheme.feedforward}
-    laws = {part: law for part, law in both.items() if law is not None}
+        both = both[::-1]
+    recommends = any(both) or scheme.table or scheme.servo != bench.servo
+    if recommends:
+        both = with_friction(scheme.servo, *both)
+    laws = {part: law for part, law in zip(("compensator", "feedforward"), both, strict=True) if law is not None}
     fmus: dict[str, Path] = {}
     chosen: dict[str, Mapping[str, float | bool]] = {}
     has_gain = True
@@ -266,7 +274,6 @@ def export_recommended(
         written.append(WrittenFile(f"{OWN}/axis.ssp", title))
         written += export_composites(folder, whole)
         missing = without_code(scheme.servo, laws)
-        recommends = bool(laws) or "table" in fmus or scheme.servo != bench.servo
         if recommends and not missing:
             loop = recommended_loop(whole, scheme.servo, laws, chosen, trajectory, folder / LOOP_FILE)
             written += _controller(out, loop, f"Recommended loop of {name}")

@@ -6,7 +6,7 @@ import json
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 
@@ -15,7 +15,6 @@ from friction_fmus.errors import FrictionError
 from friction_fmus.identification import Record
 from friction_fmus.identification.fit.first_look import first_look
 from friction_fmus.identification.fit.scores import rms
-from friction_fmus.listings import shown
 
 TRUE: Final = 0.15  # relative difference of claimed and measured error up to which the claim came true
 CHANGED: Final = 0.1  # relative change of mass or friction that is named
@@ -34,7 +33,9 @@ class Verification:
     name : str
         Recommended compensator.
     claimed, measured : float
-        Tracking error, rms, of the study and of the record [m or rad].
+        Tracking error, rms, of the study and of the record, in `unit`.
+    unit : str
+        Unit of position of the axis.
     reasons : tuple of str
         What differs between the record and the study, a sentence each.
     """
@@ -42,6 +43,7 @@ class Verification:
     name: str
     claimed: float
     measured: float
+    unit: str
     reasons: tuple[str, ...]
 
     @property
@@ -70,13 +72,14 @@ def verify(folder: Path, records: Sequence[Record], servo: Servo | None = None) 
     Raises
     ------
     FrictionError
-        If the folder has no study with a recommendation, or the record has no reference or position.
+        If the folder has no study with a recommendation, or the record has no reference or position, or another unit.
     """
     try:
         study = json.loads((folder / "study.json").read_text(encoding="utf-8"))
         name = str(study["recommendation"]["name"])
         rows = {row["name"]: row for row in study["compensators"]}
         claimed = float(rows[name]["metrics"]["rms"])
+        unit = str(study["units"]["position"])
     except (OSError, ValueError, KeyError, TypeError) as error:
         raise FrictionError(
             f"{folder} has no study with a recommended compensator; run friction-fmus study with -o {folder} first."
@@ -86,11 +89,16 @@ def verify(folder: Path, records: Sequence[Record], servo: Servo | None = None) 
     ]
     if not errors:
         raise FrictionError("The record has no reference or no position, so that its tracking error is unknown.")
+    if unit != records[0].units.position:
+        raise FrictionError(
+            f"The record has its position in {records[0].units.position}, the study in {unit}; correct the units of "
+            "the columns."
+        )
     measured = rms(np.concatenate(errors))
     before = next((row for row in study["models"] if row["name"].startswith("Coulomb + viscous")), None)
     known = {} if before is None else {p["name"]: float(p["value"]) for p in before["parameters"]}
     reasons = (*_changes(records, known), *_direction(records, servo, known))
-    return Verification(name, claimed, measured, tuple(reasons))
+    return Verification(name, claimed, measured, unit, tuple(reasons))
 
 
 def _changes(records: Sequence[Record], known: Mapping[str, float]) -> Iterator[str]:
@@ -135,15 +143,3 @@ def _direction(records: Sequence[Record], servo: Servo | None, known: Mapping[st
         )
     elif part > ABSENT:
         yield f"The servo works against {part:.2g} times the friction of the axis: the compensation does not act."
-
-
-def verification_text(found: Verification, unit: str) -> Sequence[Any]:
-    """Return the lines that the command prints."""
-    verdict = "The claim came true" if found.came_true else "The claim did not come true"
-    lines = [
-        f"{found.name}: {shown(found.claimed, unit)} rms claimed, {shown(found.measured, unit)} rms measured "
-        f"({100.0 * (found.measured / found.claimed - 1.0):+.0f} %). {verdict}."
-    ]
-    if not found.came_true and not found.reasons:
-        lines.append("Mass and friction are as in the study. Compare the reference and the settings of the drive.")
-    return [*lines, *found.reasons]

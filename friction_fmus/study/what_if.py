@@ -12,7 +12,7 @@ import numpy as np
 
 from friction_fmus.axis.loop_assembly import PartPool, block
 from friction_fmus.axis.servo import GAINS, Servo
-from friction_fmus.axis.servo_loop import RECORDED
+from friction_fmus.axis.servo_loop import recorded
 from friction_fmus.export.composite.composite_archive import composite_source
 from friction_fmus.export.targets.wasm.npm_package import WasmModel, wasm_model
 from friction_fmus.identification import Array
@@ -114,7 +114,8 @@ def variable_system(bench: AxisBench, scheme: Scheme, pool: PartPool) -> System:
         for name in ("drive", *dict.fromkeys(tap.partition(".")[0] for tap in chosen))
     ]
     wires = [wire for wire in system.wires if wire.target != "axis.F_drive"]
-    wires += [Wire("servo.u", tap.replace("gain[", "u").rstrip("]"), delay=n * every) for tap, n in chosen.items()]
+    command = recorded(system.parts)[1]
+    wires += [Wire(command, tap.replace("gain[", "u").rstrip("]"), delay=n * every) for tap, n in chosen.items()]
     wires += [Wire(f"{part.name}.y", f"drive.u{i}") for i, part in enumerate(parts[1:], start=1)]
     wires.append(Wire("drive.y", "axis.F_drive"))
     start = {
@@ -186,5 +187,5 @@ def knobs_of(bench: AxisBench, schemes: Sequence[Scheme], systems: Sequence[Syst
 def _module(system: System, name: str) -> WasmModel:
     """Return a system as a module with the variables that the report sets and reads."""
     sources = {wire.source for wire in system.wires if split_name(wire.source)[0] in SOURCES}
-    inputs, outputs = sorted(sources), list(RECORDED)
+    inputs, outputs = sorted(sources), ["axis.x", "servo.u"]
     return wasm_model(composite_source(system, name, (WASM,), inputs=inputs, outputs=outputs))

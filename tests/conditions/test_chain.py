@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from scipy.signal import cont2discrete
+from scipy.signal import bilinear, butter, cont2discrete, lfilter
 
 from friction_fmus.blocks.catalogue import laws_folder
 from friction_fmus.conditions import (
@@ -18,6 +18,7 @@ from friction_fmus.conditions import (
     one_mass,
     two_masses,
 )
+from friction_fmus.conditions.chain import loop_margins, open_loop
 from friction_fmus.conditions.condition import spectral_radius
 from friction_fmus.doctor.roles import linearised, local_function
 from friction_fmus.lawkit.law import Kind
@@ -91,6 +92,46 @@ def test_the_low_pass_behind_a_difference_is_that_of_the_differentiator() -> Non
         state = A @ state + b[:, 0] * (-900.0 * state[0] - 20.0 * v)
         mine = matrix @ mine
     assert mine[:2] == pytest.approx(state, rel=1e-9)
+
+
+FILTERS = PathDynamics(
+    delay=TS,
+    window=2,
+    lowpass=tuple(butter(2, 60.0, fs=1.0 / TS)),
+    notch=bilinear([1.0, 20.0, 500.0**2], [1.0, 500.0, 500.0**2], 1.0 / TS),
+)
+
+
+def test_filters_of_velocity_and_force_are_those_of_scipy() -> None:
+    """The whole past is filtered again in each sample."""
+    matrix = chain(one_mass(1.0, 2.0), [pd(900.0, 20.0)], TS, FILTERS)
+    A, b = cont2discrete((np.array([[0, 1], [0, -2.0]]), np.array([[0], [1.0]]), np.eye(2), np.zeros((2, 1))), TS)[:2]
+    state, mine, x, u = np.array([1.0, 0.0]), np.zeros(len(matrix)), [0.0, 0.0], [0.0]
+    mine[0] = 1.0
+    for _ in range(60):
+        x.append(state[0])
+        v = lfilter(*FILTERS.lowpass, (np.array(x[2:]) - x[:-2]) / (2.0 * TS))[-1]
+        u.append(-900.0 * state[0] - 20.0 * v)
+        state = A @ state + b[:, 0] * lfilter(*FILTERS.notch, u)[-2]  # a sample late
+        mine = matrix @ mine
+    assert mine[:2] == pytest.approx(state, rel=1e-9)
+
+
+def test_the_open_loop_with_filters_is_minus_one_at_the_edge_of_stability() -> None:
+    plant = one_mass(1.0, 2.0)
+
+    def stable(gain: float) -> bool:
+        return spectral_radius(chain(plant, [pd(900.0 * gain, 20.0 * gain)], TS, FILTERS)) < 1.0
+
+    low, high = 1.0, 100.0
+    assert stable(low)
+    assert not stable(high)
+    while high - low > 1e-9:
+        low, high = ((low + high) / 2.0, high) if stable((low + high) / 2.0) else (low, (low + high) / 2.0)
+    z = np.exp(1j * np.linspace(1e-3, np.pi, 200_001))
+    L = open_loop(plant, [pd(900.0 * low, 20.0 * low)], TS, FILTERS, z)
+    assert np.min(np.abs(1.0 + L)) < 1e-4
+    assert loop_margins(plant, [pd(900.0, 20.0)], TS, FILTERS).stable
 
 
 LAWS: dict[str, dict[str, float | tuple[float, ...]]] = {

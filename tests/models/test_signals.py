@@ -17,7 +17,7 @@ from hypothesis import HealthCheck, assume, example, given, settings
 from hypothesis import strategies as st
 from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import linprog
-from scipy.signal import lfilter
+from scipy.signal import bilinear, butter, lfilter, lfilter_zi
 from thorough import few, some
 
 from friction_fmus import build_record
@@ -590,3 +590,37 @@ def test_simulate_fmu_plays_a_record(build_fmu: Callable[..., Path]) -> None:
         str(build_fmu("Record")), stop_time=1.0, step_size=0.05, output_interval=0.05, output=list(COLUMNS)
     )
     np.testing.assert_allclose(np.array([list(row) for row in result]), default_series(), rtol=0, atol=1e-12)
+
+
+# ---- SecondOrderFilter -----------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("f", "low", "band", "high"), [(40.0, 1.0, 0.0, 0.0), (120.0, 1.0, 0.05, 1.0), (7.0, 0.0, 1.0, 0.0)]
+)
+@pytest.mark.parametrize("zeta", [0.5, np.sqrt(0.5)])
+def test_the_second_order_filter_is_the_prewarped_bilinear_transform(
+    load: Load, f: float, low: float, band: float, high: float, zeta: float
+) -> None:
+    Ts, x = 1e-3, np.random.default_rng(5).normal(size=100)
+    w = 2.0 / Ts * np.tan(np.pi * f * Ts)
+    b, a = bilinear([high / w**2, 2.0 * zeta * band / w, low], [1.0 / w**2, 2.0 * zeta / w, 1.0], 1.0 / Ts)
+    expected, _ = lfilter(b, a, x, zi=lfilter_zi(b, a) * x[0])
+    block = load("SecondOrderFilter").begin(0.0, u=x[0], Ts=Ts, f=f, zeta=zeta, low=low, band=band, high=high)
+    got = []
+    for k, value in enumerate(x):
+        block.set(u=value)
+        block.step_to((k + 1) * Ts)
+        got.append(float(block.get("y")[0]))
+    np.testing.assert_allclose(got, expected, rtol=0, atol=1e-12)
+    if low == 1.0 and high == 0.0 and zeta == np.sqrt(0.5):
+        np.testing.assert_allclose((b, a), butter(2, f, fs=1.0 / Ts), atol=1e-12)
+
+
+@pytest.mark.parametrize("f", [0.0, 500.0, 1e4])
+def test_a_frequency_beyond_half_of_the_sample_rate_is_no_filter(load: Load, f: float) -> None:
+    block = load("SecondOrderFilter").begin(0.0, u=3.0, Ts=1e-3, f=f)
+    for k, value in enumerate((3.0, -2.0, 5.0)):
+        block.set(u=value)
+        block.step_to((k + 1) * 1e-3)
+        assert block.get("y") == value

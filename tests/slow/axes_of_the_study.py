@@ -140,6 +140,10 @@ def tried(folder: Path, axis: SimulatedAxis, study: dict[str, Any]) -> list[dict
             own = {name.partition(".")[2]: value for name, value in values.items() if name.startswith(f"{law}.")}
             use = find(law).about.use
             content[table] = {"law": law, "output": use.output if use else "u", "parameters": own}
+        own = axis.servo.get("fed_coulomb", 0.0) if axis.declared else 0.0
+        if own and not any(find(law).about.use.kind in ("feedforward", "model feedback") for law in parts.values()):
+            place = "feedforward" if parts else "compensator"  # the friction feedforward of the drive stays
+            content[place] = {"law": "CoulombFeedforward", "output": "u", "parameters": {"Fc": own, "m": 0.0}}
         error = _error_of(content, axis, None if last == "" else entry["gain"])
         claimed = {"name": entry["name"], "rank": entry["rank"], "claimed": entry["metrics"]["rms"]}
         found.append(claimed | error)

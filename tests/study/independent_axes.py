@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -27,6 +27,7 @@ class SimulatedAxis:
     jitter: float = 0.0  # largest error of a time stamp [s]
     actual: bool = False  # whether the log has the force after delay and current loop instead of the command
     unknown: tuple[str, ...] = ()  # parameters without one true value
+    declared: bool = False  # whether the user declares filters and friction feedforward of the drive
     load: float = 0.0  # the load alternates between 0 and this value; logged as a column `normal`
     seed: int = 1
 
@@ -100,6 +101,13 @@ class SimulatedAxis:
             lines.append("velocity_feedforward = true")
         if s.get("fed_mass"):
             lines.append(f"inertia_feedforward = {float(s['fed_mass'])!r}")
+        if self.declared and s.get("order"):
+            lines.append(f"velocity_filter = {{ order = {int(s['order'])}, cutoff = {float(s['corner'])!r} }}")
+        if self.declared and s.get("notch"):  # the zeros have a twentieth of the damping of the poles
+            own = f"frequency = {float(s['notch'])!r}, damping = {float(s['width'])!r}, depth = 0.05"
+            lines.append(f"notch = {{ {own} }}")
+        if self.declared and s.get("fed_coulomb"):
+            lines.append(f"coulomb_feedforward = {float(s['fed_coulomb'])!r}")
         if not default:
             lines += ["", "[identify]", 'models = ["Stribeck", "LuGre"]', "", "[compensation]"]
             laws = ("StaticFeedforward", "LuGreFeedforward", "DisturbanceObserver", "ExtendedStateObserver")
@@ -132,7 +140,7 @@ SLOW = {"kp": 8.0, "kv": 100.0, "limit": 200.0, "window": 1.0, "quantum": 1e-6}
 FRICTION = ("Fc", "Fv", "sigma2", "OF")
 RESONANCE = r"resonan|two[- ]mass|TwoMass|elastic"
 
-AXES: Mapping[str, SimulatedAxis] = {
+UNDECLARED: Mapping[str, SimulatedAxis] = {
     "coulomb": SimulatedAxis(SLIDE, CASCADE),
     "stribeck": SimulatedAxis({"m1": 12.0, **dry(18.0, 27.0, 0.01, 45.0)}, CASCADE, r"Stribeck"),
     "lugre_pid": SimulatedAxis(
@@ -183,5 +191,11 @@ AXES: Mapping[str, SimulatedAxis] = {
     "frictionless": SimulatedAxis(
         {"m1": 12.0, "Fv1": 5.0}, CASCADE, r"no (Coulomb )?friction|friction(less| is negligible)"
     ),
+}
+AXES: Mapping[str, SimulatedAxis] = {
+    **UNDECLARED,
+    "velocity_filter_declared": replace(UNDECLARED["velocity_filter"], declared=True, names=""),
+    "notch_declared": replace(UNDECLARED["notch"], declared=True, names=""),
+    "drive_with_coulomb_declared": replace(UNDECLARED["drive_with_coulomb"], declared=True, names=""),
 }
 """Axes by name."""

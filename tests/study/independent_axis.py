@@ -210,7 +210,7 @@ def trapezoid(t: np.ndarray, distance: float, speed: float, acceleration: float)
     ramp, total = speed / acceleration, far / speed + speed / acceleration
     t = np.clip(t, 0.0, total)
     up, down = np.minimum(t, ramp), np.maximum(t - (total - ramp), 0.0)
-    v = acceleration * (up - down)
+    v = np.where(t < total, acceleration * (up - down), 0.0)  # exactly 0 at rest, for the sign of a feedforward
     x = acceleration * up * (t - up / 2.0) - acceleration * down**2 / 2.0
     a = np.where((t > 0.0) & (t < ramp), acceleration, np.where((t > total - ramp) & (t < total), -acceleration, 0.0))
     return Reference(way * x, way * v, way * a)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from math import pi, sqrt
 from pathlib import Path
 
@@ -35,6 +36,14 @@ def test_what_the_simulated_axis_lacks_is_named() -> None:
     (finding,) = claim_findings(BENCH, 10.0 * NATURAL, ["backlash"], LINEAR)
     assert "backlash" in finding.what
     assert "next_experiment" not in finding.change
+
+
+@pytest.mark.parametrize(("model", "claimed"), [(4e-7, True), (7.5e-7, False)])
+def test_errors_below_that_of_the_model_are_not_claimed(model: float, claimed: bool) -> None:
+    """Independent errors add as squares: 1 um with 0.75 um of the model is 1.25 um."""
+    found = claim_findings(replace(BENCH, model_error=model), 10.0 * NATURAL, [], LINEAR, 1e-6)
+    assert bool(found) != claimed
+    assert claimed or ("1.25 um" in found[0].what or "1.25 µm" in found[0].what)
 
 
 @pytest.mark.parametrize(("limit", "clipped"), [(15.0, False), (20.0, True)])

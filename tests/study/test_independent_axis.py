@@ -11,6 +11,11 @@ from independent_axes import AXES
 from independent_axis import Reference, Run, law_of_loop, resting, simulate, trapezoid, typical_moves
 from scipy.integrate import solve_ivp
 
+from friction_fmus.axis.servo import AxisPlant, Trajectory
+from friction_fmus.axis.servo_loop import closed_loop, run_loop
+from friction_fmus.study import load_config
+from friction_fmus.study.data import build_reference
+
 FREE = {"Ts": 1e-3}  # a servo without gains
 COULOMB = {"m1": 2.0, "Fc1": 5.0, "Fs1": 5.0}
 
@@ -182,12 +187,14 @@ def test_the_encoder_rounds_and_the_reference_is_consistent() -> None:
     np.testing.assert_allclose(np.cumsum(reference.rdd) * 1e-3, reference.rd, atol=1e-2)
 
 
-@pytest.mark.parametrize("law", ["CascadePPI", "PID"])
-def test_the_servo_is_that_of_the_project(law: str, tmp_path: Path) -> None:
+@pytest.mark.parametrize(("law", "order"), [("CascadePPI", 0), ("PID", 0), ("CascadePPI", 1), ("PID", 2)])
+def test_the_servo_is_that_of_the_project(law: str, order: int, tmp_path: Path) -> None:
     """The generated C of the servo alone, in the place of the own servo, with saturation, integral and feedforward."""
     own = {"window": 3.0, "limit": 60.0, "quantum": 1e-6, "fed_velocity": 1.0, "fed_mass": 10.0, "delay": 1.0}
+    own |= {"order": float(order), "corner": 70.0}
     gains = {"kp": 40.0, "kv": 1500.0, "ki": 2e4} if law == "CascadePPI" else {"Kp": 6e4, "Kd": 1500.0, "Ki": 3e5}
     loop = {"Ts": 1e-3, "u_min": -60.0, "u_max": 60.0, "window": 3}
+    loop |= {"filter_order": order, "filter_cutoff": 70.0} if order else {}
     content = {"loop": loop, "servo": {"law": law, "parameters": {**gains, "m": 10.0}}}
     axis, reference = {"m1": 12.0, "Fc1": 18.0, "Fs1": 18.0, "Fv1": 45.0}, typical_moves(2.0, 1e-3, 0.3, 0.6, 4.0)
     values = dict(zip(("kp", "kv", "ki"), gains.values(), strict=True))
@@ -195,6 +202,25 @@ def test_the_servo_is_that_of_the_project(law: str, tmp_path: Path) -> None:
     found = simulate(axis, own, reference, law=law_of_loop(content, tmp_path))
     assert np.mean(np.abs(expected.command) == 60.0) > 0.01
     np.testing.assert_allclose(found.command, expected.command, atol=1e-6)
+
+
+@pytest.mark.parametrize("name", ["velocity_filter", "notch", "drive_with_coulomb"])
+def test_the_simulated_loop_has_the_filters_and_the_friction_feedforward_of_the_drive(
+    name: str, tmp_path: Path
+) -> None:
+    """Position and command of the simulated loop of a study with the declared drive, against the independent axis."""
+    axis = AXES[f"{name}_declared"]
+    axis.write(tmp_path, name)
+    servo = load_config(tmp_path / "axis.toml").servo
+    assert servo is not None
+    n, reference, run = 4000, axis.reference, axis.run()
+    fmu = build_reference(1e-3 * np.arange(float(n)), np.round(reference.r[:n], 9), tmp_path, "Reference")
+    plant = AxisPlant("Coulomb", {"Fc": 18.0, "Fv": 45.0}, 12.0)
+    with closed_loop(servo, plant, Trajectory(fmu, n, 0.0, 0.0)) as system:
+        trace = run_loop(system)
+    np.testing.assert_allclose(trace.q, run.x1[:n], atol=1e-3 * float(np.ptp(run.x1 - reference.r)))
+    command = run.command[:n]
+    assert np.sqrt(np.mean((trace.force - command) ** 2)) < 0.02 * np.sqrt(np.mean(command**2))
 
 
 def test_the_log_has_the_signals_of_the_run(tmp_path: Path) -> None:

@@ -5,13 +5,18 @@ The recorded forces are computed here from the equations of the laws, or are tho
 
 from __future__ import annotations
 
+import tomllib
 from dataclasses import replace
 from math import pi
+from unittest.mock import ANY
 
 import numpy as np
 import pytest
+from independent_axis import simulate, typical_moves
+from scipy.signal import lfilter
 from thorough import nightly
 
+from friction_fmus.axis.drive_filters import LowPass, Notch
 from friction_fmus.axis.servo import Servo
 from friction_fmus.data import load_emps
 from friction_fmus.identification import ROTARY, Record
@@ -55,7 +60,7 @@ def test_the_command_is_that_of_the_published_formula(servo: Servo) -> None:
     q, r = EMPS.column("q"), EMPS.column("reference")
     mean = 0.5 * (q[1:] + q[:-1])
     u = servo.gains["kv"] * (servo.gains["kp"] * (r[2:] - q[2:]) - np.diff(mean) / 1e-3)
-    np.testing.assert_allclose(commanded(servo, r, q)[2:], np.clip(u, -351.5, 351.5), rtol=0.0, atol=1e-8)
+    np.testing.assert_allclose(commanded(servo, EMPS)[2:], np.clip(u, -351.5, 351.5), rtol=0.0, atol=1e-8)
 
 
 def test_a_gain_that_is_a_hundredth(servo: Servo) -> None:
@@ -249,3 +254,76 @@ def test_a_record_without_a_reference_is_not_compared(servo: Servo) -> None:
     assert check.residual is None
     assert "no reference" in check.reason
     assert "no servo" in check_servo(EMPS, None).result.reason
+
+
+# ---- drives of the independent axes -----------------------------------------------------------------------------
+
+DRIVE = {"kp": 40.0, "kv": 900.0, "limit": 400.0, "quantum": 1e-7}
+
+
+def driven(**drive: float) -> tuple[Record, Servo]:
+    """Return the log of an axis with Coulomb friction under a drive, and the servo without filters and friction."""
+    values, r = {**DRIVE, **drive}, typical_moves(6.0, 1e-3, 0.3, 0.6, 3.0)
+    run = simulate({"m1": 12.0, "Fc1": 18.0, "Fs1": 18.0, "Fv1": 45.0}, values, r, step=5e-5)
+    force = run.command + 0.1 * np.random.default_rng(2).standard_normal(len(run.command))
+    record = Record("axis", 1e-3 * np.arange(6000.0), q=run.measured, reference=np.round(r.r, 9), force=force)
+    gains = {"kp": values["kp"], "kv": values["kv"], "ki": 0.0}
+    return record, Servo("CascadePPI", gains, 1e-3, 400.0, quantum=1e-7)
+
+
+def settings(check: ServoCheck) -> dict[str, object]:
+    """Return the entries that the findings advise."""
+    lines = [change.split(" in [servo]")[0].removeprefix("Set ") for change in (each.change for each in check.findings)]
+    return tomllib.loads("\n".join(lines))
+
+
+@pytest.mark.parametrize(("order", "cutoff"), [(1, 40.0), (1, 80.0), (2, 60.0)])
+def test_a_velocity_filter_is_found(order: int, cutoff: float) -> None:
+    record, servo = driven(order=float(order), corner=cutoff)
+    check = check_servo(record, servo).result
+    assert only(check) == "velocity-filter"
+    assert settings(check)["velocity_filter"] == {"order": order, "cutoff": pytest.approx(cutoff, rel=0.01)}
+    assert check_servo(record, replace(servo, velocity_filter=LowPass(order, cutoff))).result.findings == ()
+
+
+def test_a_notch_filter_is_found() -> None:
+    """The zeros of the simulated filter have a twentieth of the damping of the poles."""
+    record, servo = driven(notch=60.0, width=0.7)
+    check = check_servo(record, servo).result
+    assert only(check) == "notch"
+    found = settings(check)["notch"]
+    assert found == {"frequency": pytest.approx(60.0, rel=0.03), "damping": pytest.approx(0.7, rel=0.03), "depth": ANY}
+    assert found["depth"] == pytest.approx(0.05, abs=0.03)
+    declared = check_servo(record, replace(servo, notch=Notch(60.0, 0.7, 0.05))).result
+    assert declared.findings == ()
+    assert declared.residual is not None
+    assert declared.residual.percent < 0.5
+
+
+def test_friction_feedforward_of_the_drive_is_found() -> None:
+    record, servo = driven(fed_coulomb=10.0, fed_viscous=30.0)
+    check = check_servo(record, servo).result
+    assert all(finding.stops for finding in check.findings)
+    fed = settings(check)
+    assert fed == {"coulomb_feedforward": pytest.approx(10.0, rel=0.02), "viscous_feedforward": ANY}
+    assert fed["viscous_feedforward"] == pytest.approx(30.0, rel=0.05)
+    declared = check_servo(record, replace(servo, coulomb_feedforward=10.0, viscous_feedforward=30.0)).result
+    assert declared.findings == ()
+
+
+def test_a_velocity_filter_and_friction_feedforward_are_found_together() -> None:
+    record, servo = driven(order=1.0, corner=40.0, fed_coulomb=10.0)
+    check = check_servo(record, servo).result
+    fed = settings(check)
+    assert fed["velocity_filter"] == {"order": 1, "cutoff": pytest.approx(40.0, rel=0.05)}
+    assert fed["coulomb_feedforward"] == pytest.approx(10.0, rel=0.05)
+
+
+def test_a_coloured_residual_is_not_noise() -> None:
+    """A force that follows neither the reference nor the servo, although the gains agree, stops the study."""
+    record, servo = driven()
+    drift = lfilter([0.02], [1.0, -0.98], np.random.default_rng(4).standard_normal(len(record)))
+    check = check_servo(replace(record, force=record.column("force") + 10.0 * drift / np.std(drift)), servo).result
+    assert only(check) == "servo-unexplained"
+    assert check.findings[0].stops
+    assert "noise" not in check.findings[0].what

@@ -15,7 +15,7 @@ from logged_axis import FC, RD, RDD, TS, M, N, R, T, logged
 from friction_fmus.axis.servo import AxisPlant, Servo, Trajectory
 from friction_fmus.identification import Record
 from friction_fmus.study.data import build_reference
-from friction_fmus.study.evaluation import AxisBench, Scheme, evaluate, feedforward_mass
+from friction_fmus.study.evaluation import AxisBench, Scheme, evaluate, motion_feedforward
 from friction_fmus.study.servo_estimate import estimate_servo
 
 
@@ -79,7 +79,17 @@ def test_the_feedforward_of_the_acceleration_is_less_than_the_mass_by_the_late_v
 ) -> None:
     """Kd (rd - v) with v late by window/2 samples has the part Kd Ts window/2 times the acceleration."""
     servo = Servo("PID", {"Kp": 4000.0, "Kd": 160.0, "Ki": 0.0}, 1e-3, 100.0, window=window)
-    assert feedforward_mass(bench_of(tmp_path, servo)) == pytest.approx(M - 160.0 * 1e-3 * window / 2.0, rel=2e-3)
+    assert motion_feedforward(bench_of(tmp_path, servo))[0] == pytest.approx(M - 160.0 * 1e-3 * window / 2.0, rel=2e-3)
+
+
+@pytest.mark.parametrize("window", [2, 4])
+def test_the_integral_of_a_late_velocity_is_fed_forward(tmp_path: Path, window: int) -> None:
+    """The integral of rd - v with v late by T = Ts window/2 is T rd where the axis follows exactly: d = -ki T."""
+    late = 1e-3 * window / 2.0
+    servo = Servo("CascadePPI", {"kp": 25.0, "kv": 160.0, "ki": 3000.0}, 1e-3, 100.0, window=window)
+    mass, viscous = motion_feedforward(bench_of(tmp_path, servo))
+    assert mass == pytest.approx(M - 160.0 * late, rel=0.02)
+    assert viscous == pytest.approx(-3000.0 * late, rel=0.02)
 
 
 @pytest.mark.parametrize("Ts", [1e-3, 2e-3])

@@ -2,18 +2,23 @@
 
 from __future__ import annotations
 
+import tomllib
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
+from friction_fmus.axis.drive_filters import LowPass, Notch
+from friction_fmus.axis.loop_assembly import with_friction
+from friction_fmus.axis.servo import Compensator
 from friction_fmus.blocks.catalogue import catalogue
 from friction_fmus.study import ConfigError, Servo, StudyConfig, StudyError, load_config, parse_config, run_study
 from friction_fmus.study.compensators import check_names, compensators
 from friction_fmus.study.config import OF_RECORD
 
 SERVO: dict[str, Any] = {"law": "PID", "Kp": 1e4, "Kd": 100.0, "Ts": 1e-3, "force_limit": 50.0}
+PD: dict[str, Any] = {**SERVO, "Ki": 0.0}
 DATA: dict[str, Any] = {"data": {"file": "log.csv"}}
 
 
@@ -47,6 +52,29 @@ def test_a_configuration_is_read(tmp_path: Path) -> None:
     assert config.resonances == (8.0, 22.0)
 
 
+def test_filters_and_friction_of_a_drive_are_read_and_written() -> None:
+    drive: dict[str, Any] = {
+        "velocity_filter": {"order": 2, "cutoff": 60.0},
+        "notch": {"frequency": 120.0, "damping": 0.5},
+        "coulomb_feedforward": 10.0,
+        "viscous_feedforward": 2.5,
+    }
+    servo = parse_config({**DATA, "servo": {**PD, **drive}}).servo
+    assert servo is not None
+    assert (servo.velocity_filter, servo.notch) == (LowPass(2, 60.0), Notch(120.0, 0.5, 0.0))
+    written = tomllib.loads("\n".join(f"{key} = {value}" for key, value in servo.features.items()))
+    assert parse_config({**DATA, "servo": {**PD, **written}}).servo == servo
+
+
+@pytest.mark.parametrize(("law", "stays"), [("", True), ("DisturbanceObserver", True), ("LuGreFeedforward", False)])
+def test_the_friction_feedforward_of_a_drive_stays_beside_laws_without_a_friction_model(law: str, stays: bool) -> None:
+    servo = Servo("PID", {"Kp": 1.0, "Kd": 1.0, "Ki": 0.0}, 1e-3, 1.0, coulomb_feedforward=3.0)
+    given = Compensator(law) if law else None
+    together = [each for each in with_friction(servo, given, None) if each is not None]
+    assert (servo.friction in together) == stays
+    assert (given is None) or given in together
+
+
 def test_a_cascade_is_a_pid() -> None:
     servo = Servo("CascadePPI", {"kp": 50.0, "kv": 2000.0, "ki": 10.0}, 1e-3, 1.0)
     assert servo.pid == (2000.0 * 50.0 + 10.0, 2000.0, 10.0 * 50.0)
@@ -55,6 +83,16 @@ def test_a_cascade_is_a_pid() -> None:
 WRONG: dict[str, tuple[dict[str, Any], str]] = {
     "table": ({**DATA, "servos": {}}, r"unknown table 'servos'; did you mean 'servo'\?"),
     "resonance": ({**DATA, "axis": {"resonance": [-8.0]}}, r"\[axis\],.* resonance .*frequencies in Hz above 0"),
+    "filter": ({**DATA, "servo": {**PD, "velocity_filter": {"cut": 8.0}}}, r"velocity_filter, .*unknown key 'cut'"),
+    "cutoff": (
+        {**DATA, "servo": {**PD, "velocity_filter": {"cutoff": 600.0}}},
+        r"velocity_filter, has cutoff = 600.0; give a frequency in Hz above 0 and below 500, half of the sample rate",
+    ),
+    "order": (
+        {**DATA, "servo": {**PD, "velocity_filter": {"order": 3, "cutoff": 60.0}}},
+        r"velocity_filter, has order = 3; give an integer from 1 to 2",
+    ),
+    "notch": ({**DATA, "servo": {**PD, "notch": 120.0}}, r"notch, is 120.0, not a table"),
     "no data": ({}, r"\[data\], has no file; give the path"),
     "two data": (
         {"data": {"record": "emps", "file": "x.csv"}},

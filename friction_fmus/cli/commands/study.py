@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import argparse
 from contextlib import ExitStack
-from dataclasses import replace
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
@@ -135,19 +135,23 @@ def run(options: argparse.Namespace) -> int:
 def _verify(options: argparse.Namespace) -> int:
     """Print claimed and measured error; the status is 1 if the claim did not come true."""
     from friction_fmus.cli.console import console
-    from friction_fmus.identification import DataMapping
-    from friction_fmus.identification.data.mapping import read_mapping
-    from friction_fmus.identification.data.reading import read_measurement
+    from friction_fmus.cli.study_tables import show_verification
+    from friction_fmus.identification import DataMapping, read_mapping, read_measurement
     from friction_fmus.study.config import load_config
-    from friction_fmus.study.verification import verification_text, verify
+    from friction_fmus.study.settings_file import SETTINGS_FILE
+    from friction_fmus.study.verification import verify
 
+    output = options.output or Path("out")
     config = load_config(options.config[0])
-    if config.bare or not config.data:
+    if config.bare and (output / SETTINGS_FILE).exists():  # the study wrote columns and servo of a data file there
+        config = load_config(output / SETTINGS_FILE)
+    if config.record or config.bare or options.columns or options.gain:
         mapping = DataMapping(options.verify, option=options.columns, gain=options.gain)
     else:
-        mapping = replace(read_mapping(config.data, config.folder, config.name), file=options.verify, windows={})
-    records = read_measurement(mapping).records
-    found = verify(options.output or Path("out"), records, config.servo)
-    for line in verification_text(found, records[0].units.position):
-        console.print(line, soft_wrap=True)
+        before = read_mapping(config.data, config.folder, config.name)
+        mapping = replace(before, file=options.verify, windows={}, more=())
+    found = verify(output, read_measurement(mapping).records, config.servo)
+    show_verification(console, found)
+    if options.json:
+        print_json(options, asdict(found) | {"came_true": found.came_true})
     return 0 if found.came_true else 1

@@ -70,7 +70,7 @@ def _sections(record: Record) -> Iterator[_Section]:
     if record.q is None:
         moving, most = np.cumsum(record.column("v") != 0.0).astype(np.float64), 0.0
     else:
-        moving, most = record.q, max(1.01 * record.quantum, SPREAD * _noise(record.q))
+        moving, most = record.q, max(1.01 * record.quantum, SPREAD * position_noise(record.q))
     begin, low, high = 0, moving[0], moving[0]
     for k in (*np.flatnonzero(np.diff(moving)) + 1, len(moving)):
         value = moving[min(k, len(moving) - 1)]
@@ -80,6 +80,6 @@ def _sections(record: Record) -> Iterator[_Section]:
             begin, low, high = int(k), value, value
 
 
-def _noise(q: Array) -> float:
+def position_noise(q: Array) -> float:
     """Return the standard deviation of the noise of a position, from fourth differences, which motion hardly has."""
     return float(np.median(np.abs(np.diff(q, 4)))) / 0.6745 / float(np.sqrt(70.0)) if len(q) > 4 else 0.0

@@ -1,0 +1,68 @@
+"""Filters of a servo drive in sampled time: low-pass filter of the velocity and notch filter of the force command."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import exp, pi, sqrt, tan
+from typing import Final, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.signal import lfilter, lfilter_zi
+
+Array: TypeAlias = NDArray[np.float64]
+
+BUTTERWORTH: Final = sqrt(0.5)  # damping ratio of a low-pass filter of order 2
+
+
+@dataclass(frozen=True)
+class LowPass:
+    """Low-pass filter of the measured velocity: order, 1 or 2 (Butterworth), and frequency of -3 dB [Hz]."""
+
+    order: int
+    cutoff: float
+
+    @property
+    def tau(self) -> float:
+        """Time constant of order 1 in the block Differentiator [s]; 0 for order 2."""
+        return 1.0 / (2.0 * pi * self.cutoff) if self.order == 1 else 0.0
+
+    @property
+    def parameters(self) -> dict[str, float]:
+        """Parameters of the block SecondOrderFilter for order 2."""
+        return {"f": self.cutoff, "zeta": BUTTERWORTH, "low": 1.0, "band": 0.0, "high": 0.0}
+
+
+@dataclass(frozen=True)
+class Notch:
+    """Notch filter of the force command: centre [Hz], damping ratio of the poles, gain at the centre."""
+
+    frequency: float
+    damping: float
+    depth: float = 0.0
+
+    @property
+    def parameters(self) -> dict[str, float]:
+        """Parameters of the block SecondOrderFilter."""
+        return {"f": self.frequency, "zeta": self.damping, "low": 1.0, "band": self.depth, "high": 1.0}
+
+
+def coefficients(own: LowPass | Notch, Ts: float) -> tuple[Array, Array]:
+    """Return numerator and denominator in powers of 1/z, as the blocks of the simulation have them."""
+    if isinstance(own, LowPass) and own.order == 1:
+        keep = exp(-Ts / own.tau)
+        return np.array([1.0 - keep, 0.0]), np.array([1.0, -keep])
+    f, zeta, low, band, high = own.parameters.values()
+    q = 1.0 / tan(pi * f * Ts)
+    d, high = 2.0 * zeta * q, high * q * q
+    a = np.array([q * q + d + 1.0, 2.0 * (1.0 - q * q), q * q - d + 1.0])
+    return np.array([high + band * d + low, 2.0 * (low - high), high - band * d + low]) / a[0], a / a[0]
+
+
+def filtered(own: LowPass | Notch | None, values: Array, Ts: float) -> Array:
+    """Return values of shape (n,) behind a filter, which begins as if the first one had always been there."""
+    if own is None:
+        return values
+    b, a = coefficients(own, Ts)
+    found, _ = lfilter(b, a, values, zi=lfilter_zi(b, a) * values[0])
+    return np.asarray(found, dtype=np.float64)
