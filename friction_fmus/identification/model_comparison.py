@@ -12,6 +12,7 @@ from typing import Any, Final
 import numpy as np
 
 from friction_fmus.blocks.axis_units import LINEAR, ROTARY
+from friction_fmus.blocks.catalogue import find
 from friction_fmus.errors import FitError, FrictionError, RecordError
 from friction_fmus.identification.data.record import Record
 from friction_fmus.identification.fit.contact_model import contact_model
@@ -215,10 +216,10 @@ def identify_one(model: str | Path, task: IdentificationTask) -> Identification 
         return f"{type(error).__name__}: {' '.join(str(error).split())}"
 
 
-def _is_static(model: str | Path, task: IdentificationTask) -> bool:
-    """Return whether a model has no states, so that its identification takes a second."""
+def _is_static(model: str | Path) -> bool:
+    """Return whether a model has no states, so that its identification takes a second; from its file, unbuilt."""
     try:
-        return contact_model(model, task.train[0].units).static
+        return "STATE" not in find(model).code
     except FrictionError:
         return False
 
@@ -239,7 +240,7 @@ def _in_parallel(
         if progress:
             progress(len(found), len(models))
 
-    quick = next((model for model in models if _is_static(model, task)), None)
+    quick = next((model for model in models if _is_static(model)), None)
     waiting = {pool.submit(identify_one, model, task): str(model) for model in models if model != quick}
     if quick is not None:
         add(str(quick), identify_one(quick, task))  # while the worker processes start
