@@ -1,17 +1,12 @@
 /* Sampled filter of second order, as in servo drives: low-pass, band-pass, high-pass or notch.
 
-   State-variable filter, discretised by the bilinear transform with prewarping at its frequency; any text on
-   sampled control, such as Franklin, Powell, Emami-Naeini: Feedback Control of Dynamic Systems, 8th ed., 2019.
+   Bilinear transform with prewarping at f; Franklin, Powell, Emami-Naeini: Feedback Control of Dynamic Systems, 8th
+   ed., 2019.
 
-                high p^2 + 2 zeta band p + low
-       y/u  =  --------------------------------,   p = s/(2 pi f)
-                    p^2 + 2 zeta p + 1
+       y/u = (high p^2 + 2 zeta band p + low)/(p^2 + 2 zeta p + 1),   p = (z - 1)/(z + 1)/tan(pi f Ts)
 
-       s    =  2 pi f/tan(pi f Ts) (z - 1)/(z + 1)
-
-   The start values give a low-pass filter. low = high = 1 is a notch filter: band is its gain at f, and 2 zeta f the
-   width of the notch. Gain and phase at the frequency f are exact. Before the first sample, u is assumed to have been
-   constant, so that a constant u passes without a transient.
+   The start values give a low-pass filter. low = high = 1 is a notch filter, of which band is the gain at f. Before the
+   first sample, u is assumed to have been constant, so that a constant u passes without a transient.
 
    Use it behind Differentiator for a velocity filter of order 2, or behind a controller as notch filter of the command.
 

@@ -88,11 +88,6 @@ class PathDynamics:
     lowpass: Filter | None = None
     notch: Filter | None = None
 
-    def velocity_filter(self, Ts: float) -> Filter:
-        """Return the filter behind the difference."""
-        keep = math.exp(-Ts / self.smoothing) if self.smoothing > 0.0 else 0.0
-        return self.lowpass or (np.array([1.0 - keep, 0.0]), np.array([1.0, -keep]))
-
 
 DIRECT = PathDynamics()  # actuator without lag or delay, and an exact velocity measurement
 
@@ -217,7 +212,7 @@ def chain(plant: DrivenPlant, laws: Sequence[SampledLaw], Ts: float, path: PathD
     part = max(path.delay - whole * Ts, 0.0)
     early, late = held(A, b, part), held(A, b, Ts - part)
     none = np.ones(1), np.ones(1)
-    lowpass, notch = path.velocity_filter(Ts) if path.window else none, path.notch or none
+    lowpass, notch = _velocity_filter(path, Ts) if path.window else none, path.notch or none
     sizes = (n, whole + 1, path.window, len(lowpass[1]) - 1, len(notch[1]) - 1, 1, *(len(law.C) for law in laws))
     ends = np.cumsum(sizes)
 
@@ -242,6 +237,11 @@ def _filter_step(own: Filter, state: Matrix, u: Matrix) -> tuple[Matrix, Matrix]
     b, a = own
     y = b[0] * u + (state[0] if len(state) else 0.0)
     return y, np.vstack([state[1:], np.zeros((min(len(state), 1), len(u)))]) + np.outer(b[1:], u) - np.outer(a[1:], y)
+
+
+def _velocity_filter(path: PathDynamics, Ts: float) -> Filter:
+    keep = math.exp(-Ts / path.smoothing) if path.smoothing > 0.0 else 0.0
+    return path.lowpass or (np.array([1.0 - keep, 0.0]), np.array([1.0, -keep]))
 
 
 def _with_lag(plant: DrivenPlant, tau: float) -> tuple[Matrix, Matrix, Matrix]:
@@ -412,7 +412,7 @@ def open_loop(plant: DrivenPlant, laws: Sequence[SampledLaw], Ts: float, path: P
     step, push = held(A, b, Ts)
     x, v = _response(step, push[:, None], read, np.zeros((2, 1)), z)[:, :, 0].T
     if path.window:
-        v = x * (1.0 - z**-path.window) / (path.window * Ts) * _gain(path.velocity_filter(Ts), z)
+        v = x * (1.0 - z**-path.window) / (path.window * Ts) * _gain(_velocity_filter(path, Ts), z)
     force = z ** -round(path.delay / Ts) * (1.0 if path.notch is None else _gain(path.notch, z))
     K = np.zeros((len(z), 3), dtype=complex)
     for law in laws:

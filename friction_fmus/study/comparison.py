@@ -229,11 +229,8 @@ def compare(bench: AxisBench, known: AxisKnowledge, wanted: Compensation, run: R
     ranked = rank(none, rows, bench.model_error)
     rungs = ladder(plain.metrics, motion, none, ranked)
     contradicted = _contradicted(ranked, objections)
-    left = (
-        rank(none, [row for row in ranked if row.name not in contradicted], bench.model_error)
-        if contradicted
-        else ranked
-    )
+    accepted = [row for row in ranked if row.name not in contradicted]
+    left = rank(none, accepted, bench.model_error) if contradicted else ranked
     recommendation = recommend(none, left, rungs, known.words, contradicted, bench.model_error)
     chosen = found[recommendation.name].scheme if recommendation.name in found else None
     chosen = Scheme(servo) if chosen is None else chosen

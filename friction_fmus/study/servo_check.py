@@ -125,8 +125,8 @@ def linear_command(servo: Servo, record: Record) -> Array:
     w = e if servo.law == "PID" else first * e + d
     u = first * e + second * d if servo.law == "PID" else second * w
     known = references(record, servo.Ts)
-    fed = {"rd": servo.viscous_feedforward, "rdd": servo.inertia_feedforward, "sign": servo.coulomb_feedforward}
-    u = u + third * servo.Ts * (np.cumsum(w) - w) + sum(gain * known[name] for name, gain in fed.items())
+    u = u + third * servo.Ts * (np.cumsum(w) - w) + servo.viscous_feedforward * known["rd"]
+    u += servo.inertia_feedforward * known["rdd"] + servo.coulomb_feedforward * known["sign"]
     return behind_notch(servo, {"u": u})["u"]
 
 
@@ -360,8 +360,7 @@ def _with_filter(name: str, compared: ComparedForce, allowed: float) -> Attempt:
     """Explain the difference by a filter together with other gains and a feedforward."""
     few = compared.thinned(ENOUGH)
     servo, _ = best_filter(name, compared.servo, lambda servo: _all_fitted(replace(few, servo=servo)).left, 30)
-    other = replace(compared, servo=servo)
-    found, left = _gains_and_feedforward(other, allowed)
+    found, left = _gains_and_feedforward(replace(compared, servo=servo), allowed)
     return replace(found, explanations=(_of_filter(compared, servo, left), *found.explanations)), left
 
 
@@ -510,11 +509,6 @@ def _added(compared: ComparedForce, fit: LinearFit, shown: set[str] | None = Non
             change = f"Set velocity_feedforward = {wanted} in [servo]."
             what = f"the measured servo {has} ({value:.5g} {u.Ns_m} times the reference velocity)."
             found.append(StudyFinding("velocity-feedforward", what, change))
-        elif name == "rd":
-            what = f"the {u.force} contains the reference velocity times {value:.5g} {u.Ns_m}."
-            total = value + servo.viscous_feedforward
-            change = f"Set viscous_feedforward = {total:.5g} in [servo]{better}" if total >= 0.0 else declare
-            found.append(StudyFinding("viscous-feedforward", what, change))
         elif name == "rdd" and servo.velocity_feedforward and abs(value) < LATEST * Kd * servo.Ts / 2.0:
             samples = -value / (Kd * servo.Ts)
             late = "later" if samples > 0.0 else "earlier"
@@ -532,11 +526,13 @@ def _added(compared: ComparedForce, fit: LinearFit, shown: set[str] | None = Non
                 else f"Log {u.force}, position and reference of the same sample."
             )
             found.append(StudyFinding("inertia-feedforward", what, change))
-        elif name == "sign":
-            what = f"the {u.force} contains {value:.5g} {u.N} in the direction of the reference velocity."
-            total = value + servo.coulomb_feedforward
-            change = f"Set coulomb_feedforward = {total:.5g} in [servo]{better}" if total >= 0.0 else declare
-            found.append(StudyFinding("friction-feedforward", what, change))
+        elif name in ("rd", "sign"):
+            key, kind = ("viscous_feedforward", "viscous") if name == "rd" else ("coulomb_feedforward", "friction")
+            size = f"the reference velocity times {value:.5g} {u.Ns_m}"
+            size = size if name == "rd" else f"{value:.5g} {u.N} in the direction of the reference velocity"
+            total = value + getattr(servo, key)
+            change = f"Set {key} = {total:.5g} in [servo]{better}" if total >= 0.0 else declare
+            found.append(StudyFinding(f"{kind}-feedforward", f"the {u.force} contains {size}.", change))
         else:
             what = f"a constant {u.force} of {value:.5g} {u.N} is added to the command."
             found.append(StudyFinding("constant-force", what, declare))
@@ -574,22 +570,16 @@ SATURATED: Final = 0.98  # fraction of the force limit above which a sample is n
 
 def commanded(servo: Servo, record: Record) -> Array:
     """Return the force that the servo commands for a recorded reference and position."""
-    r, q = record.column("reference"), record.column("q")
-    known, rotary = references(record, servo.Ts), record.units.rotary
+    known, t = references(record, servo.Ts), servo.Ts * np.arange(float(len(record)))
     fed = servo.coulomb_feedforward * known["sign"] + servo.viscous_feedforward * known["rd"]
-    columns = {"r": r, "rd": known["rd"], "rdd": known["rdd"], "x": q, "v": velocity(record, servo), "f": fed}
-    u = record.units.words
-    units = {"r": u.m, "rd": u.m_s, "rdd": f"{u.m}/s2", "x": u.m, "v": u.m_s, "f": u.N}
-    t = servo.Ts * np.arange(float(len(q)))
-    series = SeriesPart("record", t, columns, units, interpolation="previous", beyond="hold")
-    start: dict[str, float | int | bool | str] = {f"servo.{name}": value for name, value in servo.gains.items()}
-    start |= {"servo.u_min": -servo.force_limit, "servo.u_max": servo.force_limit, "servo.Ts": servo.Ts}
-    start |= {"servo.m": servo.inertia_feedforward, "servo.rd": 0.0, "servo.rdd": 0.0}
-    names = ["r", "x", "v", "f", *(["rd"] * servo.velocity_feedforward), *(["rdd"] * (servo.inertia_feedforward > 0.0))]
-    wires = [f"record.{name} -> servo.{name}" for name in names]
-    start = {name: value for name, value in start.items() if name.partition(".")[2] not in names}
-    experiment = Experiment(stop=len(q) * servo.Ts, step=servo.Ts, record=("servo.u",))
-    parts = [series, FmuPart("servo", block(servo.law, rotary))]
+    columns = {"r": record.column("reference"), "rd": known["rd"] * servo.velocity_feedforward, "rdd": known["rdd"]}
+    columns |= {"x": record.column("q"), "v": velocity(record, servo), "f": fed}
+    series = SeriesPart("record", t, columns, interpolation="previous", beyond="hold")
+    values = {**servo.gains, "u_min": -servo.force_limit, "u_max": servo.force_limit, "Ts": servo.Ts}
+    start = {f"servo.{name}": value for name, value in {**values, "m": servo.inertia_feedforward}.items()}
+    wires = [f"record.{name} -> servo.{name}" for name in columns]
+    parts = [series, FmuPart("servo", block(servo.law, record.units.rotary))]
+    experiment = Experiment(stop=len(t) * servo.Ts, step=servo.Ts, record=("servo.u",))
     with System(parts, wires, start, experiment, "servo_check") as system:
         result = system.run()
     # a row of the result has the force of the sampling period that ends there

@@ -32,9 +32,9 @@ from friction_fmus.study.servo_check import (
 )
 from friction_fmus.study.study_result import StudyFinding
 
-FILTERED: Final = (1, 2)  # the same, if a low-pass filter follows
 WINDOWS: Final = (1, 2, 3, 4, 6, 8)  # numbers of samples over which the velocity may be computed
-FEW: Final = 1500  # the same in the search for a filter
+FILTERED: Final = (1, 2)  # the same, if a low-pass filter follows
+FEW: Final = 1500  # samples that are used in the search for a filter
 DELAYS: Final = (0, 1, 2, 3)  # samples by which the recorded force may lag the command
 EXACT: Final = 1e-3  # residual over the rms force up to which fits are equally good
 PILED: Final = 0.01  # fraction of samples at the largest force above which it is the limit of the drive
@@ -52,12 +52,18 @@ class EstimatedServo:
 
 @dataclass(frozen=True, eq=False)
 class _Attempt:
-    servo: Servo
+    compared: ComparedForce  # its servo has no gains yet
     fit: LinearFit
     extras: int  # number of features beyond two gains
 
-    def gains(self, compared: ComparedForce) -> dict[str, float]:
-        return {gain.name: gain.value for gain in gains_of(compared, self.fit)}
+    def servo(self) -> Servo | None:
+        """Return the servo with gains and feedforwards; None if one of them is negative."""
+        servo, fed = self.compared.servo, [self.fit.values.get(name, 0.0) for name in ("rdd", "sign")]
+        gains = {**servo.gains} | {gain.name: gain.value for gain in gains_of(self.compared, self.fit)}
+        *needed, integral = (gains[name] for name in GAINS[servo.law])
+        if min(needed) <= 0.0 or min(integral, *fed) < 0.0:
+            return None
+        return replace(servo, gains=gains, inertia_feedforward=fed[0], coulomb_feedforward=fed[1])
 
 
 def estimate_servo(record: Record) -> EstimatedServo | None:
@@ -76,22 +82,16 @@ def estimate_servo(record: Record) -> EstimatedServo | None:
     limit = highest if piled else BEYOND * highest
     with threadpool_limits(1):  # a thread would take longer to start than one of these small fits
         attempts = list(_attempts(record, limit))
-    least, level = min((attempt.fit.left for attempt, _ in attempts), default=0.0), rms(record.force)
-    good = [pair for pair in attempts if pair[0].fit.left <= max(SIMPLER * least, EXACT * level)]
-    good.sort(key=lambda pair: (pair[0].extras, pair[0].fit.left))
-    for attempt, compared in good:
-        gains = {name: 0.0 for name in GAINS[attempt.servo.law]} | attempt.gains(compared)
-        *needed, integral = (gains[name] for name in GAINS[attempt.servo.law])
-        if min(needed) > 0.0 and integral >= 0.0 and attempt.fit.left <= TRUSTED * level:
-            inertia, coulomb = (max(attempt.fit.values.get(name, 0.0), 0.0) for name in ("rdd", "sign"))
-            servo = replace(attempt.servo, gains=gains, inertia_feedforward=inertia, coulomb_feedforward=coulomb)
-            return EstimatedServo(
-                servo, attempt.fit.left / level, _finding(record, servo, attempt.fit.left / level, piled)
-            )
+    least, level = min((attempt.fit.left for attempt in attempts), default=0.0), rms(record.force)
+    good = [each for each in attempts if each.fit.left <= max(SIMPLER * least, EXACT * level)]
+    for attempt in sorted(good, key=lambda each: (each.extras, each.fit.left)):
+        servo, residual = attempt.servo(), attempt.fit.left / level
+        if servo is not None and residual <= TRUSTED:
+            return EstimatedServo(servo, residual, _finding(record, servo, residual, piled))
     return None
 
 
-def _attempts(record: Record, limit: float) -> Iterator[tuple[_Attempt, ComparedForce]]:
+def _attempts(record: Record, limit: float) -> Iterator[_Attempt]:
     """Yield the fits of all combinations, and of filters beside the best of them."""
     assert record.force is not None
     inside = np.abs(record.force) < SATURATED * limit
@@ -106,21 +106,22 @@ def _attempts(record: Record, limit: float) -> Iterator[tuple[_Attempt, Compared
         servo = replace(none, window=window, velocity_feedforward=fed, delay=delay)
         attempts.append(_fitted(replace(compared, servo=servo), coulomb, inertia, integral))
         yield attempts[-1]
-    best, _ = min(attempts, key=lambda each: each[0].fit.left)
+    best = min(attempts, key=lambda each: each.fit.left)
     has = [name in best.fit.values for name in ("sign", "rdd", "integral of e")]
     few = compared.thinned(FEW)
 
     def left(servo: Servo) -> float:
-        return _fitted(replace(few, servo=servo), *has)[0].fit.left
+        return _fitted(replace(few, servo=servo), *has).fit.left
 
     for name in ("velocity-filter", "velocity-filter-2"):
-        begins = [replace(best.servo, window=window, delay=delay) for window, delay in product(FILTERED, DELAYS)]
+        start = best.compared.servo
+        begins = [replace(start, window=window, delay=delay) for window, delay in product(FILTERED, DELAYS)]
         servo, _ = min((best_filter(name, each, left, 20) for each in begins), key=itemgetter(1))
         for fed, *flags in product(*((False, True),) * 4):
             yield _fitted(replace(compared, servo=replace(servo, velocity_feedforward=fed)), *flags)
 
 
-def _fitted(compared: ComparedForce, coulomb: bool, inertia: bool, integral: bool) -> tuple[_Attempt, ComparedForce]:
+def _fitted(compared: ComparedForce, coulomb: bool, inertia: bool, integral: bool) -> _Attempt:
     """Fit the gains of a servo, with these feedforwards and an integral or without."""
     law = "PID" if integral else "CascadePPI"
     servo = replace(compared.servo, law=law, gains=dict.fromkeys(GAINS[law], 0.0))
@@ -131,7 +132,7 @@ def _fitted(compared: ComparedForce, coulomb: bool, inertia: bool, integral: boo
     late = {name: shifted(column, servo.delay) for name, column in columns.items()}
     extras = servo.velocity_feedforward + coulomb + inertia + 2 * integral + (servo.delay > 0)
     extras += servo.velocity_filter is not None
-    return _Attempt(servo, fitted(compared, late, compared.force), extras), compared
+    return _Attempt(compared, fitted(compared, late, compared.force), extras)
 
 
 def _finding(record: Record, servo: Servo, residual: float, piled: bool) -> StudyFinding:

@@ -469,7 +469,7 @@ class _Study:
         known = AxisKnowledge(
             bench.servo,
             bench.plant,
-            {found.block: found.values for found in reversed(models) if found.row.rank is not None},
+            {found.block: found.values for found in reversed(models) if found is models[0] or of_laws(found)},
             period_of(bench.r[bench.run_up :], 100),
             float(np.max(np.abs(np.diff(bench.r)))) / bench.servo.Ts,
             data.rotary,
@@ -513,6 +513,12 @@ class _Study:
 
     def _run(self, steps: Sequence[Step], begin: float, end: float) -> list[Any]:
         return run_steps(steps, self.store, self.executor, self.progress.steps(begin, end, len(steps)))
+
+
+def of_laws(found: IdentifiedModel) -> bool:
+    """Return whether laws take the parameters of a model: presliding that the record does not determine harms them."""
+    unknown = any(parameter.weak for parameter in found.row.parameters)
+    return found.row.rank is not None and not (unknown and "presliding" in catalogue()[found.block].features)
 
 
 def _noise(samples: int) -> Array:

@@ -5,12 +5,13 @@ The records are simulated here, by a mass with Coulomb friction and the formulas
 
 from __future__ import annotations
 
-from math import pi
+from math import exp, pi
 from pathlib import Path
 
 import numpy as np
 import pytest
 from logged_axis import FC, RD, RDD, TS, M, N, R, T, logged
+from scipy.signal import butter, lfilter
 
 from friction_fmus.axis.servo import AxisPlant, Servo, Trajectory
 from friction_fmus.identification import Record
@@ -36,6 +37,25 @@ def test_feedforward_of_velocity_and_acceleration() -> None:
     assert found.servo.velocity_feedforward
     assert found.servo.inertia_feedforward == pytest.approx(1.5, rel=0.02)
     assert found.servo.gains["kv"] == pytest.approx(80.0, rel=1e-3)
+
+
+@pytest.mark.parametrize("order", [1, 2])
+def test_a_velocity_filter_and_coulomb_feedforward(order: int) -> None:
+    own, past = butter(order, 40.0, fs=1.0 / TS), []
+    if order == 1:  # the exact step of the filter for a held velocity
+        own = [1.0 - exp(-2.0 * pi * 40.0 * TS)], [1.0, -exp(-2.0 * pi * 40.0 * TS)]
+
+    def law(k: int, e: float, v: float, total: float) -> float:
+        past.append(v)
+        return 80.0 * (25.0 * e - float(lfilter(*own, past)[-1])) + 1.5 * float(np.sign(RD[k]))
+
+    found = estimate_servo(logged(law, 2))
+    assert found is not None
+    assert found.servo.velocity_filter is not None
+    assert found.servo.velocity_filter.order == order
+    assert found.servo.velocity_filter.cutoff == pytest.approx(40.0, rel=0.02)
+    assert found.servo.gains == pytest.approx({"kp": 25.0, "kv": 80.0, "ki": 0.0}, rel=0.01)
+    assert found.servo.coulomb_feedforward == pytest.approx(1.5, rel=0.01)
 
 
 def test_an_integral() -> None:
