@@ -16,17 +16,15 @@ from friction_fmus.identification.model_comparison import ModelComparison
 from friction_fmus.listings import parameter_listing, ranking_listing
 
 
-def show_data(
-    train: Sequence[Record], validation: Sequence[Record], findings: Sequence[RecordFinding], steady: bool = False
-) -> None:
-    """Print training data, validation data and findings; each sample may be a steady speed of its own."""
+def show_data(train: Sequence[Record], validation: Sequence[Record], findings: Sequence[RecordFinding]) -> None:
+    """Print training data, validation data and findings."""
 
     def span(records: Sequence[Record]) -> str:
         samples = sum(map(len, records))
         return f"{records[0].t[0]:.4g} to {records[-1].t[-1]:.4g} s, {samples} samples"
 
     text = f"training data {span(train)} at {1e3 * train[0].Ts:.4g} ms; "
-    text = f"training data {sum(map(len, train))} steady speeds; " if steady else text
+    text = f"training data {sum(map(len, train))} steady speeds; " if train[0].steady else text
     text += f"validation data {span(validation)}" if validation else "no validation data, so models are ranked by BIC"
     console.print(text, soft_wrap=True)
     for finding in findings:

@@ -44,6 +44,8 @@ def show_study(console: Console, result: StudyResult) -> None:
         console.print(f"Runner-up: {result.recommendation.runner_up_reason}")
     for step in result.recommendation.next_steps:
         console.print(f"Next: {step}")
+    for caution in result.recommendation.cautions:
+        console.print(f"Note: {caution}")
     wrong = [row for row in result.doctor if not row.ok]
     for row in wrong:
         console.print(styled("Doctor: ", (row.name, "bold red"), f", {row.wrong}; {row.change}"))

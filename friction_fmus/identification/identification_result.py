@@ -238,7 +238,7 @@ class Identification:
         over_time.tick_params(labelbottom=False)
         error.plot(self.t, self.residuals, color=PREDICTED, lw=0.6)
         error.set_ylabel("predicted − measured")
-        error.set_xlabel("time [s]")
+        error.set_xlabel(self.records[0].clock)
         error.grid(alpha=0.3)
         figure.suptitle(
             f"{self.model}: rms error {self.train.rms:.3g}{unit}, {self.train.relative_percent:.2f} % of the signal",

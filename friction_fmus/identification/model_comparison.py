@@ -11,6 +11,8 @@ from typing import Any, Final
 
 import numpy as np
 
+from friction_fmus.blocks.axis_units import LINEAR, ROTARY
+from friction_fmus.blocks.catalogue import find
 from friction_fmus.errors import FitError, FrictionError, RecordError
 from friction_fmus.identification.data.record import Record
 from friction_fmus.identification.fit.contact_model import contact_model
@@ -26,16 +28,16 @@ FAR: Final = 10.0
 
 def long_enough(records: Sequence[Record]) -> tuple[Record, ...]:
     """Return the records that are long enough for the filter of a drive force; raise RecordError if none is."""
-    kept, short = [], ""
+    kept, errors = [], []
     for record in records:
         try:
             if record.force is not None and record.friction is None:
                 default_settings(record).require(record)
             kept.append(record)
         except RecordError as error:
-            short = f"{str(error).partition(';')[0]} at {1.0 / record.Ts:.6g} Hz"
+            errors.append(error)
     if not kept:
-        raise RecordError(f"{short}; log a longer motion with several reversals, or choose a longer window.")
+        raise errors[-1]
     return tuple(kept)
 
 
@@ -52,8 +54,9 @@ def within_reach(
     if options.get("bounds") or not forces:
         return found
     largest = FAR * max(float(np.max(np.abs(values))) for values in forces)
-    unit = train[0].units.force
-    far = [name for name, e in found.parameters.items() if e.unit == unit and name != "OF" and abs(e.value) > largest]
+    si = ROTARY if train[0].units.rotary else LINEAR  # units of channels do not distinguish a force from a stiffness
+    known = {name: each.unit for name, each in contact_model(model, si).parameters.items() if "[" not in name}
+    far = [n for n, e in found.parameters.items() if known.get(n) == si.force and abs(e.value) > largest]
     bounds = {name: (0.0, largest) for name in far}
     return identify(model, train, **{**options, "bounds": bounds}) if far else found
 
@@ -213,6 +216,14 @@ def identify_one(model: str | Path, task: IdentificationTask) -> Identification 
         return f"{type(error).__name__}: {' '.join(str(error).split())}"
 
 
+def _is_static(model: str | Path) -> bool:
+    """Return whether a model has no states, so that its identification takes a second; from its file, unbuilt."""
+    try:
+        return "STATE" not in find(model).code
+    except FrictionError:
+        return False
+
+
 def _in_parallel(
     pool: Executor,
     models: Sequence[str | Path],
@@ -221,16 +232,23 @@ def _in_parallel(
     ready: Callable[[Identification | str], None] | None = None,
 ) -> dict[str, Identification | str]:
     found: dict[str, Identification | str] = {}
-    waiting = {pool.submit(identify_one, model, task): str(model) for model in models}
-    for done, future in enumerate(as_completed(waiting), start=1):
-        try:
-            found[waiting[future]] = future.result()
-        except BrokenProcessPool:
-            found[waiting[future]] = "a worker process died during this or another model; identify it alone"
+
+    def add(model: str, result: Identification | str) -> None:
+        found[model] = result
         if ready:
-            ready(found[waiting[future]])
+            ready(result)
         if progress:
-            progress(done, len(models))
+            progress(len(found), len(models))
+
+    quick = next((model for model in models if _is_static(model)), None)
+    waiting = {pool.submit(identify_one, model, task): str(model) for model in models if model != quick}
+    if quick is not None:
+        add(str(quick), identify_one(quick, task))  # while the worker processes start
+    for future in as_completed(waiting):
+        try:
+            add(waiting[future], future.result())
+        except BrokenProcessPool:
+            add(waiting[future], "a worker process died during this or another model; identify it alone")
     return found
 
 

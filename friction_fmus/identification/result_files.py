@@ -104,7 +104,7 @@ def comparison(found: ModelComparison) -> Figure:
     unit = "" if best.unit == "1" else f" [{best.unit}]"
     signals.set(ylabel=f"{name_of(best)}{unit}", title="The best models in a part of the training data")
     signals.tick_params(labelbottom=False)
-    errors.set(xlabel="time [s]", ylabel=f"predicted −\nmeasured{unit}")
+    errors.set(xlabel=best.records[0].clock, ylabel=f"predicted −\nmeasured{unit}")
     signals.legend(loc="upper left", bbox_to_anchor=(1.0, 1.0), frameon=False)
     for axes in (bars, signals, errors):
         axes.grid(True, color="#dddddd", lw=0.6)

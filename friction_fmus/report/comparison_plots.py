@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from operator import attrgetter
@@ -11,8 +12,8 @@ import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
 from friction_fmus.identification import Array
-from friction_fmus.report.figures import FAINT, INK, STYLES, escaped, finished, named_bars, thinned
-from friction_fmus.report.formatting import number
+from friction_fmus.report.figures import FAINT, INK, STYLES, escaped, finished, named_rows, thinned
+from friction_fmus.report.formatting import multiple, quantity
 from friction_fmus.study.study_result import StudyCurve
 
 
@@ -30,28 +31,39 @@ class Point:
     best: bool = False  # whether it is recommended
 
 
+DECADES = 2.5  # largest range of a logarithmic axis on which each tick has a number
+
 COLUMNS = ((1, attrgetter("effort")), (2, attrgetter("Ms")))
 """Columns of the plot of error against effort and margin, with the coordinate of a point."""
 
 
-def ladder_bars(rungs: Sequence[tuple[str, bool]], errors: Array, title: str) -> go.Figure:
-    """Draw the error with each compensation as bars on a logarithmic scale, with the title above each bar."""
-    low, high = np.floor(np.log10(np.min(errors)) - 0.3), np.log10(np.max(errors)) + 0.35
-    names = [name for name, _ in rungs]
-    figure = named_bars(
-        names,
-        float(low),
+def ladder_dots(rungs: Sequence[tuple[str, bool]], errors: Array, unit: str) -> go.Figure:
+    """Draw the rms error with each compensation as a dot on a logarithmic scale, with the title above each dot."""
+    low, high = float(np.log10(np.min(errors)) - 0.3), float(np.log10(np.max(errors)) + 0.3)
+    right = np.log10(errors) < 0.5 * (low + high)  # where the number of a dot has room
+    figure = named_rows([name for name, _ in rungs], low)
+    figure.add_scatter(
         x=list(errors),
-        marker={"color": ["#0072B2" if best else FAINT for _, best in rungs]},
-        text=[number(float(error)) for error in errors],
-        textposition="outside",
+        y=[-float(i) for i in range(len(rungs))],
+        mode="markers+text",
+        marker={"color": ["#0072B2" if best else FAINT for _, best in rungs], "size": 13},
+        text=[f"  {quantity(float(error), unit)}  " for error in errors],
+        textposition=[f"middle {'right' if has_room else 'left'}" for has_room in right],
         cliponaxis=False,
-        hovertext=[escaped(name) for name in names],
+        hoverinfo="skip",
     )
-    figure.update_xaxes(
-        title=escaped(title), type="log", range=[float(low), float(high)], dtick=1, exponentformat="none"
-    )
+    figure.update_xaxes(title="tracking error, rms", type="log", range=[low, high], **ticks(low, high, unit))
     return finished(figure, 90 + 52 * len(rungs))
+
+
+def ticks(low: float, high: float, unit: str = "1") -> dict[str, list[float] | list[str]]:
+    """Return the ticks of a logarithmic axis at 1, 2 and 5, of which over many decades only the 1 has a number."""
+    values = [float(f"{m}e{k}") for k in range(math.floor(low), math.ceil(high) + 1) for m in (1, 2, 5)]
+    shown = [multiple(unit, value) for value in values]
+    labels = [f"{factor * value:.12g} {name}".strip() for value, (name, factor) in zip(values, shown, strict=True)]
+    if high - low > DECADES:
+        labels = ["" if i % 3 else text for i, text in enumerate(labels)]
+    return {"tickvals": values, "ticktext": labels}
 
 
 def panels(
@@ -119,7 +131,8 @@ def tradeoffs(points: Sequence[Point], error: str, effort: str, limit: float | N
         )  # fmt: skip
     if limit is not None and np.isfinite(limit):
         figure.add_vline(x=limit, line={"color": INK, "width": 1, "dash": "dot"}, row=1, col=2)
-    figure.update_yaxes(type="log", dtick="D2")
+    errors = np.log10([point.error for point in points])
+    figure.update_yaxes(type="log", **ticks(float(np.min(errors)), float(np.max(errors))))
     figure.update_yaxes(title=escaped(error), col=1)
     figure.update_xaxes(title=escaped(effort), col=1)
     figure.update_xaxes(title="Ms", col=2)

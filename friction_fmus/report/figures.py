@@ -133,9 +133,12 @@ def bars(rows: Sequence[Bar], title: str) -> go.Figure:
         "color": [fill[row.emphasis][0] for row in rows],
         "pattern": {"shape": [fill[row.emphasis][1] for row in rows], "fgcolor": INK, "solidity": 0.25},
     }
-    figure = named_bars(
-        [row.name for row in rows],
-        0.0,
+    figure = named_rows([row.name for row in rows], 0.0)
+    figure.add_bar(
+        y=[-float(i) for i in range(len(rows))],
+        width=0.36,
+        orientation="h",
+        hoverinfo="text",
         x=[row.value for row in rows],
         marker=looks,
         error_x={
@@ -155,12 +158,11 @@ def bars(rows: Sequence[Bar], title: str) -> go.Figure:
     return finished(figure, 110 + 40 * len(rows))
 
 
-def named_bars(names: Sequence[str], left: float, **looks: Any) -> go.Figure:
-    """Return horizontal bars, each below its name, which begins at `left`."""
-    figure, place = go.Figure(), [-float(i) for i in range(len(names))]
-    figure.add_bar(y=place, width=0.36, orientation="h", hoverinfo="text", **looks)
-    for name, y in zip(names, place, strict=True):
-        figure.add_annotation(x=left, y=y + 0.17, text=escaped(name), showarrow=False, xanchor="left", yanchor="bottom")
+def named_rows(names: Sequence[str], left: float) -> go.Figure:
+    """Return a figure with a row at 0, -1, ... for each name, which is above its row and begins at `left`."""
+    figure = go.Figure()
+    for i, name in enumerate(names):
+        figure.add_annotation(x=left, y=0.2 - i, text=escaped(name), showarrow=False, xanchor="left", yanchor="bottom")
     figure.update_yaxes(showticklabels=False, showgrid=False, zeroline=False, range=[-len(names) + 0.45, 0.8])
     return figure
 

@@ -130,6 +130,11 @@
     button.disabled = false;
     button.addEventListener("click", () => press(button));
   }
+  for (const folded of document.querySelectorAll("details")) {
+    folded.addEventListener("toggle", () => {
+      if (folded.open) folded.querySelectorAll(".plot").forEach((box) => Plotly.Plots.resize(box));
+    });
+  }
   dark.addEventListener("change", () => boxes.forEach((box) => redraw(box, false)));
 
   window.addEventListener("beforeprint", () => {

@@ -81,7 +81,8 @@ def report_html(study: StudyResult, panel: WhatIf | str = "") -> str:
         library=_library(),
         hashes=[_hash(text) for text in (script, get_plotlyjs(), *([live["script"]] if live else []))],
         sections=[
-            {"name": name, "title": section.title, "body": body(name, section)} for name, section in SECTIONS.items()
+            {"name": name, "title": section.title, "folded": section.folded, "body": body(name, section)}
+            for name, section in SECTIONS.items()
         ],
     )
 

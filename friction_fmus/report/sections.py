@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
@@ -9,11 +10,12 @@ from typing import Any, Final
 import numpy as np
 
 from friction_fmus.blocks.catalogue import catalogue
-from friction_fmus.report.comparison_plots import Point, ladder_bars, panels, tradeoffs
+from friction_fmus.report.comparison_plots import Point, ladder_dots, panels, tradeoffs
 from friction_fmus.report.figures import ROWS, STYLES, Bar, Plot, bars, lines, sweep
 from friction_fmus.report.formatting import multiple, number, quantity, unit
 from friction_fmus.report.views import NO_COMPENSATION, NONE, axes, label, reversal
 from friction_fmus.study.model_ranking import ALIKE
+from friction_fmus.study.recommendation import AS_MEASURED, improves
 from friction_fmus.study.study_result import (
     CompensatorResult,
     Fit,
@@ -26,6 +28,11 @@ from friction_fmus.study.study_result import (
 
 #: Number of compensators whose errors are shown, in addition to the servo without compensation.
 FIRST = 4
+
+FAMILIES: Final = 6  # largest number of families of compensators that are compared
+
+UNCLAIMED: Final = "errors-not-claimed"
+FIRST_FINDINGS: Final = (UNCLAIMED, "saturated")  # findings that come before everything else
 
 #: Plots of the tuning: name, title of the axis, tuned parameter of a trial, caption.
 SWEEPS: tuple[tuple[str, str, Callable[[Trial], float | None], str], ...] = (
@@ -189,30 +196,90 @@ def friction_table(picture: Picture) -> tuple[list[str], list[list[str]]]:
     return [x_title, *curves], cells if fastest else []
 
 
-def _ladder(study: StudyResult) -> Mapping[str, Any]:
-    """Return what the template needs in addition to the study."""
-    if not study.ladder:
-        return {"plot": None}
-    errors = np.array([rung.metrics.rms for rung in study.ladder])
-    unit, factor = multiple(study.units.position, errors[-1:])
-    caption = (
-        "Tracking error of the axis as it was measured, and with each kind of compensation at its best; the scale is "
-        "logarithmic. Every bar except the first includes velocity and acceleration feedforward. Blue: recommended."
-        if study.ladder[0].name == ""
-        else "Tracking error with each kind of compensation at its best; the scale is logarithmic."
-    )
-    rungs = [(rung.title, rung.name == study.recommendation.name) for rung in study.ladder]
-    figure = ladder_bars(rungs, factor * errors, f"tracking error, rms [{unit}]")
+def _result(study: StudyResult) -> Mapping[str, Any]:
+    """Return the verdict, the findings that come first, the error around a reversal, and what to do."""
+    first = [each for each in study.findings if each.stops or each.name in FIRST_FINDINGS]
     return {
-        "plot": Plot("ladder-plot", figure, caption, f"Bar chart. {caption} The table has the values.", False, False)
+        "verdict": verdict(study),
+        "first_findings": first,
+        "others": [each.name for each in study.findings if not any(each.name in one.name + one.what for one in first)],
+        "plot": _turn(study),
+        "verify": f"{study.command.replace(' -o ', ' --verify after.csv -o ')}",
     }
 
 
-def record_plots(study: StudyResult) -> list[Plot]:
-    """Return the plots of measured and simulated signals over time."""
+def verdict(study: StudyResult) -> str:
+    """Return the result of a study in a sentence."""
+    done = study.recommendation
+    if done.name in ("", NONE) or not study.ladder:
+        return done.reason
+    row, unit = study.compensator(done.name), study.units.position
+    assert row.metrics is not None
+    before, after = (quantity(each.rms, unit) for each in (study.ladder[0].metrics, row.metrics))
+    worst = f", at most {quantity(row.worst, unit)} in the worst case" if row.worst is not None else ""
+    claimed = all(each.name != UNCLAIMED for each in study.findings)
+    where = "" if claimed else "On the identified axis, but not necessarily on the machine, "
+    where = where if study.trusted else "The result cannot be trusted: on the identified axis, "
+    return f"{where}{done.name} reduces the tracking error from {before} to {after} rms{worst}."
+
+
+def _turn(study: StudyResult) -> Plot | None:
+    """Return the plot of the tracking error around a reversal."""
+    if study.turn is None:
+        return None
+    titles, factors = axes(study.turn)
+    drawn = {label(name): curve for name, curve in study.turn.models.items()}
+    measured = {name: drawn.pop(name) for name in [AS_MEASURED] if name in drawn}
+    figure = lines(measured, drawn, titles, factors, height=280)
+    caption = "Tracking error around a reversal, simulated on the identified axis."
+    return Plot("turn-plot", figure, caption, f"Plot. {caption}", curves=False)
+
+
+def families(study: StudyResult) -> list[CompensatorResult]:
+    """Return the best compensator of each kind."""
+    best = {row.kind: row for row in reversed(ranked(study)) if row.name != NONE}
+    return sorted(best.values(), key=lambda row: row.rank or 0)[:FAMILIES]
+
+
+def _families(study: StudyResult) -> Mapping[str, Any]:
+    """Return the best compensator of each kind, and the plot of the steps that reduce the error."""
+    chosen = study.recommendation.name
+    rungs = [
+        rung
+        for place, rung in enumerate(study.ladder)
+        if not place or rung.name == chosen or improves(study.ladder[:place], rung)
+    ]
+    if not rungs:
+        return {"families": families(study), "plot": None}
+    errors = np.array([rung.metrics.rms for rung in rungs])
+    caption = "Tracking error of the axis with each kind of compensation at its best. Blue: recommended."
+    if study.ladder[0].name == "":
+        caption += " All but the first include velocity and acceleration feedforward."
+    names = [(rung.title, rung.name == chosen) for rung in rungs]
+    figure = ladder_dots(names, errors, study.units.position)
+    plot = Plot("ladder-plot", figure, caption, f"Plot. {caption} The table has the values.", False, False)
+    return {"families": families(study), "plot": plot}
+
+
+def _plant(study: StudyResult) -> Mapping[str, Any]:
+    """Return the model of the axis, the band in which the log supports it, and the resonance that is tolerated."""
+    best = next((row for row in study.models if row.name == study.plant or (not study.plant and row.rank == 1)), None)
+    row = next((row for row in study.compensators if row.name == study.recommendation.name), None)
+    band = study.limits.band if study.limits else math.inf
+    return {
+        "best": best,
+        "band": band if math.isfinite(band) else None,
+        "tolerated": row.margins.resonance if row is not None and row.margins is not None else None,
+    }
+
+
+def record_plots(study: StudyResult, measured: bool) -> list[Plot]:
+    """Return the plots over time that contain measured signals, or those of the models only."""
     turn = reversal(study.record)
     plots = []
     for index, picture in enumerate(study.record):
+        if bool(picture.data) != measured:
+            continue
         how = ", measured and simulated" if picture.data and picture.models else "" if picture.data else " by model"
         caption = f"{picture.y_label[:1].upper()}{picture.y_label[1:]} over time{how}."
         plots.append(_over_time(f"record-plot-{index + 1}", picture, caption, turn))
@@ -312,33 +379,34 @@ class Section:
     title: str
     values: Callable[[StudyResult], Mapping[str, Any]] = lambda study: {}
     """What the template needs in addition to ``study``."""
+    folded: bool = False  # whether the reader opens the section
 
 
 SECTIONS: Final[Mapping[str, Section]] = {
-    "steps": Section("What to do next"),
-    "summary": Section(
-        "Summary",
-        lambda study: {
-            "best": next((row for row in study.models if row.rank == 1), None),
-            "without": next((row for row in study.compensators if row.name == NONE), None),
-        },
-    ),
-    "ladder": Section("From the axis as it is to the best compensation", _ladder),
+    "result": Section("Result", _result),
     "what_if": Section("What if the axis changes"),
+    "families": Section("Best compensator of each family", _families),
+    "plant": Section("The axis, and the band in which the log supports it", _plant),
+    "record": Section("Log", lambda study: {"record_plots": record_plots(study, True)}),
     "compensators": Section(
-        "Compensators",
+        "All compensators",
         lambda study: {
             **dict(zip(("error_unit", "factor"), error_unit(study), strict=True)),
             "ranked": ranked(study),
             "plots": compensator_plots(study),
             "not_compared": not_compared(study),
         },
+        folded=True,
     ),
-    "servo": Section("Do the configured gains match the log?", _servo),
-    "record": Section("Log", lambda study: {"record_plots": record_plots(study)}),
+    "servo": Section("Do the configured gains match the log?", _servo, folded=True),
     "models": Section(
         "Models",
-        lambda study: {"scores": scores(study.models), "alike": ALIKE, "residual_plots": residual_plots(study)},
+        lambda study: {
+            "scores": scores(study.models),
+            "alike": ALIKE,
+            "residual_plots": [*record_plots(study, False), *residual_plots(study)],
+        },
+        folded=True,
     ),
     "friction": Section(
         "Friction curve and hysteresis",
@@ -346,10 +414,11 @@ SECTIONS: Final[Mapping[str, Section]] = {
             "friction_plots": friction_plots(study),
             "friction_table": study.friction and friction_table(study.friction),
         },
+        folded=True,
     ),
-    "doctor": Section("Conditions of the loop"),
-    "files": Section("Files"),
-    "again": Section("Reproduction"),
-    "sources": Section("Citations", lambda study: {"sources": sources(study)}),
+    "doctor": Section("Conditions of the loop", folded=True),
+    "files": Section("Files", folded=True),
+    "again": Section("Reproduction", folded=True),
+    "sources": Section("Citations", lambda study: {"sources": sources(study)}, folded=True),
 }
 """The sections by name, in their order."""

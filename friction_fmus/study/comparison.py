@@ -42,9 +42,9 @@ from friction_fmus.study.evaluation import (
     system_of,
 )
 from friction_fmus.study.margins import margins_of
-from friction_fmus.study.recommendation import extremes, ladder, rank, recommend
+from friction_fmus.study.recommendation import AS_MEASURED, FEEDFORWARD, extremes, ladder, rank, recommend
 from friction_fmus.study.steps import Step
-from friction_fmus.study.study_result import CompensatorResult, Limits, Recommendation, Rung
+from friction_fmus.study.study_result import CompensatorResult, Limits, Picture, Recommendation, Rung
 from harness.storage.toml_file import read_toml
 
 COST_TABLE: Final = Path(__file__).with_name("cycles.toml")
@@ -74,9 +74,9 @@ def _table() -> dict[str, LawCost]:
 
 
 SCALES: Final = tuple(float(2.0**power) for power in np.arange(4.0, -4.1, -0.5))
-"""Bandwidths over the rule of `AxisKnowledge` among which the largest within the limits is sought, largest first."""
+"""Factors of the bandwidth of `AxisKnowledge`, largest first; the first one within the limits gives the largest."""
 
-SHARES: Final = (1.0, 0.7, 0.5, 0.35, 0.25, 0.125)  # bandwidths that are tried, over the largest one within the limits
+SHARES: Final = (1.0, 0.7, 0.5, 0.35, 0.25, 0.125)  # bandwidths that are tried, in parts of the largest possible one
 
 
 def trials(
@@ -154,6 +154,7 @@ class Comparison:
     recommendation: Recommendation  # recommended compensator
     chosen: Scheme  # what is added to the axis according to the recommendation
     limits: Limits  # limits on the margins
+    turn: Picture | None = None  # tracking error around a reversal, before and after
 
     @property
     def recommended(self) -> CompensatorResult:
@@ -228,15 +229,16 @@ def compare(bench: AxisBench, known: AxisKnowledge, wanted: Compensation, run: R
     ranked = rank(none, rows, bench.model_error)
     rungs = ladder(plain.metrics, motion, none, ranked)
     contradicted = _contradicted(ranked, objections)
-    left = (
-        rank(none, [row for row in ranked if row.name not in contradicted], bench.model_error)
-        if contradicted
-        else ranked
-    )
+    accepted = [row for row in ranked if row.name not in contradicted]
+    left = rank(none, accepted, bench.model_error) if contradicted else ranked
     recommendation = recommend(none, left, rungs, known.words, contradicted, bench.model_error)
     chosen = found[recommendation.name].scheme if recommendation.name in found else None
     chosen = Scheme(servo) if chosen is None else chosen
-    return Comparison((none, *ranked), rungs, recommendation, chosen, limits)
+    drawn = {recommendation.name: found.get(recommendation.name), AS_MEASURED: plain}
+    drawn |= {FEEDFORWARD: without} if motion else {}
+    curves = {name: each.turn for name, each in drawn.items() if each is not None and each.turn is not None}
+    turn = Picture("time after the reversal", "tracking error", "s", known.words.m, {}, curves) if curves else None
+    return Comparison((none, *ranked), rungs, recommendation, chosen, limits, turn)
 
 
 def _contradicted(ranked: Sequence[CompensatorResult], objections: Callable[[str], dict[str, str]]) -> dict[str, str]:

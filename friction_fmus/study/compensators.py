@@ -221,7 +221,11 @@ def _choice(name: str, row: Use, known: AxisKnowledge) -> Candidate:
     model = next((model for model in row.models if model in known.models), "")
     if row.models and not model:
         return Candidate(
-            name, row.kind, "", None, f"It needs the parameters of {row.models[0]}, but that model was not identified."
+            name,
+            row.kind,
+            "",
+            None,
+            f"It needs the parameters of {row.models[0]}, which the record does not determine.",
         )
     path = block(name, known.rotary)
     if row.period and not 0 < known.period <= (most := int(open_archive(path).variables[row.period].max)):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import shlex
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -117,6 +118,16 @@ class StudyConfig:
     bare: bool = False
     measurement: Measurement | None = None
     resonances: tuple[float, ...] = ()
+
+    @property
+    def command(self) -> str:
+        """Command that runs the study."""
+        words = ["friction-fmus", "study", self.name]
+        if self.measurement is not None:
+            given = self.measurement.mapping
+            words += [*map(str, given.more), *(["--columns", given.option] if given.option else [])]
+            words += ["--gain", given.gain] if given.gain else []
+        return shlex.join([*words, *(["--full"] if self.models == ALL == self.compensation.compensators else [])])
 
 
 def load_config(what: str | Path) -> StudyConfig:

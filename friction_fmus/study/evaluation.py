@@ -21,16 +21,16 @@ from friction_fmus.identification.fit.scores import rms
 from friction_fmus.study.study_result import Corner, LoopMargins, Metrics, StudyCurve, Trial, thinned
 from harness import HarnessError, System
 
-HIGH: Final = 5.0  # lower limit of high-frequency effort over the natural frequency of the position loop
+HIGH: Final = 5.0  # high-frequency effort begins at this many times the natural frequency of the position loop
 
 REST: Final = 0.1
 """Shortest rest of the reference in which chatter is measured [s]; its first half is left out, as the axis settles."""
 
 WINDOW: Final = 30.0
-"""Longest settling time after a reversal, over the time constant of the position loop; the axis then follows again."""
+"""Longest settling time after a reversal, in time constants of the position loop; the axis then follows again."""
 
 BAND: Final = 0.1
-"""Error below which the axis has settled, over the largest error of the servo without friction compensation."""
+"""Part of the largest error of the servo without friction compensation below which the axis has settled."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -136,6 +136,18 @@ def settling(error: Array, bench: AxisBench) -> float | None:
     return float(np.median(times)) if times else None
 
 
+def around_reversal(error: Array, bench: AxisBench) -> StudyCurve | None:
+    """Return the error over the time after the reversal nearest to the middle of the run; None without reversals."""
+    turns = reversals(bench.r)
+    if not turns:
+        return None
+    centre, end = min(turns, key=lambda turn: abs(turn[0] - len(error) // 2))
+    longest = min(end - centre, round(WINDOW / (bench.bandwidth * bench.servo.Ts)))
+    shown = slice(max(0, centre - longest // 2), centre + longest)
+    t = bench.servo.Ts * (np.arange(float(len(error))) - centre)
+    return thinned(t[shown], error[shown])
+
+
 def at_rest(r: Array, Ts: float) -> Array:
     """Return which samples belong to a rest of the reference of at least `REST`, without the first half of `REST`."""
     still = np.append(np.abs(np.diff(r)) <= 1e-9 * max(float(np.ptp(r)), 1e-300), False)
@@ -148,7 +160,7 @@ def at_rest(r: Array, Ts: float) -> Array:
 
 
 COARSER: Final = 4.0  # factor of the encoder resolution in the case with a worse encoder
-LOAD: Final = 0.5  # load force over the largest friction force near rest
+LOAD: Final = 0.5  # load force divided by the largest friction force near rest
 
 
 @dataclass(frozen=True)
@@ -229,6 +241,7 @@ class Evaluation:
     error: StudyCurve | None  # reference minus position over time of the best trial
     reason: str = ""  # reason why there is no best trial
     schemes: tuple[Scheme, ...] = ()  # the schemes of the trials
+    turn: StudyCurve | None = None  # the error of the best trial over the time after a reversal
 
 
 def evaluate(bench: AxisBench, schemes: Sequence[Scheme], cases: Sequence[Case]) -> Evaluation:
@@ -251,7 +264,8 @@ def _evaluated(bench: AxisBench, schemes: Sequence[Scheme], cases: Sequence[Case
     metrics = replace(metrics, rms_bound=_rms_bound(system_of(bench, scheme, pool), bench))
     corners = tuple(_corner(bench, scheme, case, pool) for case in cases)
     drawn = thinned(bench.servo.Ts * np.arange(float(len(error))), error)
-    return Evaluation(scheme, metrics, tuple(trials), corners, drawn, schemes=tuple(schemes))
+    turn = around_reversal(error, bench)
+    return Evaluation(scheme, metrics, tuple(trials), corners, drawn, schemes=tuple(schemes), turn=turn)
 
 
 def _best(trials: Sequence[tuple[Scheme, Metrics, Array]]) -> tuple[Scheme, Metrics, Array]:

@@ -69,10 +69,10 @@ def _rests(servo: Servo, driven: DrivenPlant) -> bool:
 
 
 FREQUENCIES: Final = 32  # number of resonances that are tried
-LOWEST: Final = 0.25  # lowest of them over the natural frequency of the position loop
-HIGHEST: Final = 0.4  # highest of them over the sample rate
+LOWEST: Final = 0.25  # lowest of them divided by the natural frequency of the position loop
+HIGHEST: Final = 0.4  # highest of them divided by the sample rate
 DAMPING: Final = 0.02  # damping ratio of the resonance
-LOAD: Final = 0.5  # mass of the load over the mass of the motor
+LOAD: Final = 0.5  # mass of the load divided by the mass of the motor
 
 
 def tolerated_resonance(servo: Servo, plant: AxisPlant, laws: Sequence[SampledLaw]) -> float:

@@ -70,7 +70,7 @@ def inverse_residual(fit: InverseModelFit, records: Sequence[Record]) -> Fit | N
 ALIKE: Final = 0.05  # relative difference below which errors count as equal; the number of parameters then decides
 
 REPRODUCED: Final = 0.5
-"""Largest error of a simulated servo that reproduces the record, over the recorded tracking error or rms force."""
+"""Largest error of a simulated servo that reproduces the record, in parts of the tracking error or rms force."""
 
 QUANTA: Final = 10.0  # smallest tracking error for this comparison, in steps of the encoder: rounding is not reproduced
 
@@ -342,7 +342,7 @@ def _error(found: IdentifiedModel) -> float:
 EQUAL: Final = 1e-3  # relative increase of an error of the simulated servo that is within the accuracy of the search
 
 BIAS: Final = 5e-3
-"""Increase of the error of the predicted force, over the rms force, that the filter of the motion can cause."""
+"""Increase of the error of the predicted force that the filter of the motion can cause, in parts of the rms force."""
 
 UNLOADED: Final = 0.02
 """Initial fraction of a record that is not compared, because the predicted contact starts unloaded."""

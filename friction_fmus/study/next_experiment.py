@@ -15,10 +15,10 @@ from harness.storage.files import atomic_path
 EXPERIMENT_FILE: Final = "next_experiment.csv"
 DURATION: Final = 20.0  # [s]
 SLOW: Final = 4  # periods of the slow motion
-BAND: Final = (0.5, 10.0)  # band of the chirp over the natural frequency of the position loop
-HIGHEST: Final = 0.1  # highest frequency over the sample rate
+BAND: Final = (0.5, 10.0)  # band of the chirp, in natural frequencies of the position loop
+HIGHEST: Final = 0.1  # highest frequency divided by the sample rate
 FORCE: Final = 0.3  # inertia force of the chirp over what friction leaves of the force limit
-TRAVEL: Final = 0.5  # amplitude of the slow motion, and largest one of the chirp, over half of the recorded travel
+TRAVEL: Final = 0.5  # amplitude of the slow motion, and largest one of the chirp, in parts of half the travel
 
 
 @dataclass(frozen=True, eq=False)

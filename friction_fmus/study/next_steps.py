@@ -21,21 +21,17 @@ from friction_fmus.study.study_result import (
 
 LATE: Final = 0.01  # relative difference of the feedforward from the mass of the axis that is explained
 SENSITIVE = 1.5  # factor by which the error rises in a case that is worth a measurement
-SMALL = 1e-3  # constant force over the force limit up to which it is not worth a setting
+SMALL = 1e-3  # part of the force limit up to which a constant force is not worth a setting
 
 
 def next_steps(
-    bench: AxisBench, scheme: Scheme, found: Comparison, models: Sequence[ModelResult], units: AxisUnits
-) -> tuple[str, ...]:
-    """Return what to set in the drive and what to measure, one or two sentences each."""
-    row = found.recommended
+    bench: AxisBench, found: Comparison, models: Sequence[ModelResult], units: AxisUnits
+) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """Return what to set in the drive, and what to rule out or to measure, one or two sentences each."""
+    row, scheme = found.recommended, found.chosen
     return (
-        *_motion(bench, found.ladder, units),
-        *_integral(bench, scheme),
-        *_laws(bench, scheme, row, units.words),
-        *_sensitive(row, units),
-        *_fragile(row),
-        *_weak(row, models),
+        (*_motion(bench, found.ladder, units), *_integral(bench, scheme), *_laws(bench, scheme, row, units.words)),
+        (*_fragile(row), *_sensitive(row, units), *_weak(row, models)),
     )
 
 

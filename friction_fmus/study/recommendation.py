@@ -162,13 +162,9 @@ def recommend(
         + (f", and in the worst case from {_worst(none, unit)} to {_worst(first, unit)}" if first.corners else "")
         + f". {_figures(none, first, u)}"
     )
-    same = [
-        row.name
-        for row in tried[1:]
-        if row.improves and equivalent(first, row, model) and equivalent(row, first, model)
-    ]
-    if same:
-        reason += f" Equivalent, within {100 * WORTH:.0f} %, but with more blocks or cycles: {', '.join(same)}."
+    alike = [row for row in tried[1:] if equivalent(first, row, model) and equivalent(row, first, model)]
+    if same := ", ".join(row.name for row in alike if row.improves):
+        reason += f" Equivalent, within {100 * WORTH:.0f} %, but with more blocks or cycles: {same}."
     reason += "".join(f" {objection}" for objection in _objections(contradicted or {}))
     improving = [row for row in tried if row.improves]
     if len(improving) < 2:

@@ -355,11 +355,12 @@ class _Study:
             recommendation=comparison.recommendation if comparison else Recommendation("", missing),
             doctor=doctor,
             files=tuple(files),
-            command=f"friction-fmus study {self.config.name} -o out",
+            command=f"{self.config.command} -o out",
             versions={"friction-fmus": VERSION, "Python": platform.python_version(), "numpy": np.__version__},
             seconds=0.0,
             servo_check=checked.result,
             findings=tuple(findings),
+            turn=comparison.turn if comparison else None,
         )
 
     def _goes_on(self, findings: Sequence[StudyFinding]) -> bool:
@@ -469,7 +470,7 @@ class _Study:
         known = AxisKnowledge(
             bench.servo,
             bench.plant,
-            {found.block: found.values for found in reversed(models) if found.row.rank is not None},
+            {found.block: found.values for found in reversed(models) if found is models[0] or of_laws(found)},
             period_of(bench.r[bench.run_up :], 100),
             float(np.max(np.abs(np.diff(bench.r)))) / bench.servo.Ts,
             data.rotary,
@@ -488,8 +489,8 @@ class _Study:
         highest = min([*self.config.resonances, math.inf if band is None else band.supported])
         limits = replace(wanted.limits, band=highest, resonance=highest)
         found = compare(bench, known, replace(wanted, limits=limits), run)
-        steps = next_steps(bench, found.chosen, found, [model.row for model in models], units)
-        return replace(found, recommendation=replace(found.recommendation, next_steps=steps))
+        steps, cautions = next_steps(bench, found, [model.row for model in models], units)
+        return replace(found, recommendation=replace(found.recommendation, next_steps=steps, cautions=cautions))
 
     def _panel(self, bench: AxisBench, comparison: Comparison) -> WhatIf | str:
         """Return the axis for the what-if panel of the report, or why there is none."""
@@ -513,6 +514,12 @@ class _Study:
 
     def _run(self, steps: Sequence[Step], begin: float, end: float) -> list[Any]:
         return run_steps(steps, self.store, self.executor, self.progress.steps(begin, end, len(steps)))
+
+
+def of_laws(found: IdentifiedModel) -> bool:
+    """Return whether laws take the parameters of a model: presliding that the record does not determine harms them."""
+    unknown = any(parameter.weak for parameter in found.row.parameters)
+    return found.row.rank is not None and not (unknown and "presliding" in catalogue()[found.block].features)
 
 
 def _noise(samples: int) -> Array:

@@ -326,7 +326,8 @@ class Recommendation:
     gain: float | None = None  # gain of the recommended compensator
     runner_up: str = ""  # second-best compensator; empty if no other one improves the axis
     runner_up_reason: str = ""  # metrics of the second-best compensator in one sentence
-    next_steps: tuple[str, ...] = ()  # what to set in the drive, and what to measure, one sentence each
+    next_steps: tuple[str, ...] = ()  # what to set in the drive, one or two sentences each
+    cautions: tuple[str, ...] = ()  # what to rule out before, and what to measure, one or two sentences each
 
 
 @dataclass(frozen=True, repr=False)
@@ -350,6 +351,9 @@ class StudyResult:
         extremes kept.
     friction : Picture or None
         Friction over velocity: points of the record, curves of the models.
+    turn : Picture or None
+        Simulated tracking error around a reversal: recommended, as measured, and with velocity and acceleration
+        feedforward.
     hysteresis : Picture or None
         Friction over displacement: points of the record, loops of the models.
     residuals : tuple of Picture
@@ -406,6 +410,7 @@ class StudyResult:
     seconds: float
     servo_check: ServoCheck = field(default_factory=ServoCheck)
     findings: tuple[StudyFinding, ...] = ()
+    turn: Picture | None = None
 
     @property
     def trusted(self) -> bool:

@@ -46,7 +46,7 @@ def band_of(records: Sequence[Record], found: IdentifiedModel) -> PlantBand | No
     return plant_band(alone, found.mass, friction)
 
 
-WRONG_UNIT: Final = 1.2  # recorded force over the force limit above which one of them has a wrong unit
+WRONG_UNIT: Final = 1.2  # recorded force divided by the force limit above which one of them has a wrong unit
 GROWTH: Final = 1.1  # growth of an oscillation per sample above which the loop is too unstable to have been recorded
 
 
@@ -136,7 +136,7 @@ NOT_SIMULATED: Final = ("saturated", "friction-drifts", "offset-drifts", "gravit
 """Findings about the plant that the simulated axis, a rigid mass with friction, does not have."""
 
 NARROW: Final = 1.5
-"""Band of the plant over the natural frequency of the position loop below which tracking errors are not claimed."""
+"""Band of the plant divided by the natural frequency of the position loop; below it, errors are not claimed."""
 
 
 def narrow(bench: AxisBench, band: float) -> bool:
@@ -145,7 +145,7 @@ def narrow(bench: AxisBench, band: float) -> bool:
 
 
 COMPARABLE: Final = 0.5
-"""Error of the simulated axis on the recorded motion, over the error that is left, above which that is not claimed."""
+"""Ratio of the error of the simulated axis on the recorded motion to the error that is left; above it, no claim."""
 
 
 def model_error(best: IdentifiedModel, record: Record) -> float:

@@ -19,8 +19,8 @@ from friction_fmus.identification.fit.scores import rms
 TRUE: Final = 0.15  # relative difference of claimed and measured error up to which the claim came true
 CHANGED: Final = 0.1  # relative change of mass or friction that is named
 SURE: Final = 3.0  # number of standard errors of a change that is named
-MOVING: Final = 0.3  # reference speed over its largest one above which the axis slides
-INVERTED: Final = 1.5  # friction that acts on the servo over the friction of the axis above which the sign is wrong
+MOVING: Final = 0.3  # part of the largest reference speed above which the axis slides
+INVERTED: Final = 1.5  # friction that the servo sees, divided by that of the axis, above which the sign is wrong
 ABSENT: Final = 0.7  # the same above which the compensation does not act
 
 

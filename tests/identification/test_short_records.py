@@ -44,7 +44,7 @@ def test_too_few_samples_are_refused_once_with_the_number_that_is_needed(
     assert main(["identify", str(path), "-o", str(tmp_path / "out")]) == 2
     error = capsys.readouterr().err
     # 49 samples at each end until the filter has settled, and 25 between them
-    assert error.count("has 60 samples, but the filters need more than 123 at 1000 Hz") == 1
+    assert error.count("has 60 samples at 1000 Hz, but the filters need more than 123;") == 1
     assert "log a longer motion" in error
     assert not (tmp_path / "out").exists()
 

@@ -5,12 +5,16 @@ The axis is simulated here, with Coulomb and viscous friction and exact sticking
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from friction_fmus.identification import Record, identify, identify_inverse_model
+from friction_fmus.blocks.axis_units import units_of_channels
+from friction_fmus.identification import Identification, Record, identify, identify_inverse_model
 from friction_fmus.identification.fit.rests import standstill, unresolved_rest
 from friction_fmus.identification.force_findings import stuck
+from friction_fmus.identification.model_comparison import within_reach
 
 M, FC, FV, OF = 2.0, 8.0, 5.0, 0.5
 FINER = 20  # steps of the simulation in a sample
@@ -44,6 +48,27 @@ def test_friction_of_an_axis_that_sticks(quantum: float, tolerance: float) -> No
         assert estimate.value == pytest.approx(true, rel=tolerance), name
         assert abs(estimate.value - true) < 2.0 * estimate.standard_error, name
     assert found["Fc"].relative_error < 0.03
+
+
+@pytest.mark.parametrize("model", ["Coulomb", "Stribeck", "LuGre"])
+def test_a_low_sample_rate_determines_mass_and_friction(model: str) -> None:
+    """At 100 Hz, a filter at a tenth of the rate is as long as the motion between two reversals."""
+    found = identify(model, sticking(1e-7, Ts=0.01, stop=8.0), viscous=True).parameters
+    assert found["M"].value == pytest.approx(M, rel=0.03)
+    assert found["Fc"].value == pytest.approx(FC, rel=0.02)
+
+
+def test_channels_without_a_unit_do_not_bound_the_stiffness() -> None:
+    """In them, the units of force and stiffness are both 1."""
+    record = replace(sticking(1e-6, stop=3.0), units=units_of_channels("1", "1"))
+    bounded: list[object] = []
+
+    def found(model: str, records: object, **options: object) -> Identification:
+        bounded.append(options.get("bounds"))
+        return identify(model, record, starts=1)
+
+    assert within_reach(found, "LuGre", [record]).parameters["sigma0"].value > 100.0 * np.max(np.abs(record.force))
+    assert bounded == [None]
 
 
 def test_rests_are_named() -> None:
@@ -98,3 +123,12 @@ def test_a_slow_motion_is_no_standstill() -> None:
     q = 1e-5 * np.round(1e-4 * t / 1e-5)
     record = Record("slow", t, q=q, force=np.full(4000, 2.0), quantum=1e-5)
     assert not standstill(record)[200:-200].any()
+
+
+def test_models_with_and_without_presliding_are_fitted_one_after_the_other() -> None:
+    """The rows of the force over position are cached: only a model without presliding leaves out the rests."""
+    record = resting(0.0)
+    for model in ("Coulomb", "Dahl"):
+        assert identify(model, record, viscous=True, position_map=True).parameters["M"].value == pytest.approx(
+            4.0, rel=0.02
+        )

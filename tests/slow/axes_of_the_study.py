@@ -88,6 +88,7 @@ def said(study: dict[str, Any]) -> str:
                 lines.append("force over position: cogging")
     lines += [f"{each['name']}: {each['wrong']}; {each['change']}" for each in study["doctor"] if not each["ok"]]
     lines += [study["no_compensation"], study["recommendation"]["reason"], *study["recommendation"]["next_steps"]]
+    lines += study["recommendation"]["cautions"]
     return "\n".join(line for line in lines if line)
 
 

@@ -61,7 +61,8 @@ def report(tmp_path_factory: pytest.TempPathFactory, panel: WhatIf) -> Path:
 
 
 @contextmanager
-def opened(browser: Browser, report: Path, screen: str, **more: Any) -> Iterator[Watched]:
+def opened(browser: Browser, report: Path, screen: str, *, folded: bool = False, **more: Any) -> Iterator[Watched]:
+    """A page, on which the reader has opened all sections unless they are to stay folded."""
     context = browser.new_context(**SCREENS[screen], **more)
     page = context.new_page()
     watched = Watched(page)
@@ -71,6 +72,8 @@ def opened(browser: Browser, report: Path, screen: str, **more: Any) -> Iterator
     page.goto(report.as_uri())
     page.wait_for_selector("html[data-plots=drawn]", timeout=30_000)
     page.wait_for_selector("#what-if[data-ready]", timeout=30_000)
+    if not folded:
+        page.evaluate("document.querySelectorAll('details').forEach((each) => (each.open = true))")
     yield watched
     context.close()
 
@@ -176,7 +179,7 @@ def test_the_print_has_pages_and_all_plots(browser: Browser, report: Path) -> No
         cut = "[...document.querySelectorAll('.scroll')].filter((box) => box.scrollWidth > box.clientWidth + 1)"
         assert watched.page.evaluate(f"{cut}.map((box) => box.getAttribute('aria-label'))") == []
     document = pypdfium2.PdfDocument(printed)
-    assert 4 <= len(document) <= 12
+    assert 4 <= len(document) <= 15
     titles = ("position [mm]", "force [N]", "velocity [mm/s]", "displacement [µm]", "Ms", "time [s]", "gain")
     text = "".join(page.get_textpage().get_text_bounded() for page in document)
     for title in titles:
@@ -189,6 +192,35 @@ def test_the_print_has_pages_and_all_plots(browser: Browser, report: Path) -> No
         assert inked(picture) > 0.005
         right = np.asarray(picture.convert("L"))[:, round(width) - 25 :]
         assert right.min() > 200, "something is cut off at the right margin"
+
+
+@pytest.mark.parametrize("screen", list(SCREENS))
+def test_the_first_screen_has_verdict_plot_and_steps(browser: Browser, report: Path, screen: str) -> None:
+    with opened(browser, report, screen, folded=True) as watched:
+        page = watched.page
+        last = page.locator("#turn-plot") if screen == "phone" else page.locator("#result ~ ol li").last
+        box = last.bounding_box()
+        assert box is not None
+        assert box["y"] + box["height"] <= page.viewport_size["height"]  # type: ignore[index]
+        assert page.locator("#result").inner_text().startswith("LuGreFeedforward reduces the tracking error")
+        assert page.locator("#result ~ ol li").count() == 3
+        assert not page.locator("#bars-plot").is_visible()
+        page.locator("#compensators").click()
+        assert page.locator("#bars-plot").is_visible()
+        widths = page.evaluate(
+            "['#bars-plot', '#ladder-plot'].map((name) => document.querySelector(name + ' .main-svg').clientWidth)"
+        )
+        assert widths[0] == widths[1]
+
+
+def test_a_print_without_the_folded_sections_is_short(browser: Browser, report: Path) -> None:
+    with opened(browser, report, "desktop", folded=True) as watched:
+        document = pypdfium2.PdfDocument(watched.page.pdf(prefer_css_page_size=True, print_background=True))
+    pages = [page.get_textpage().get_text_bounded() for page in document]
+    assert len(pages) <= 5
+    for text in ("LuGreFeedforward reduces", "time after the reversal [s]", "recommended/c", "--verify after.csv"):
+        assert text in pages[0]
+    assert "Citations" not in "".join(pages)
 
 
 def errors_shown(page: Page) -> list[list[str]]:

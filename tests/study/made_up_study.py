@@ -79,7 +79,7 @@ def compensator(name: str, rank: int) -> CompensatorResult:
         return Metrics(factor * rms, 4.0 * factor * rms, 20.3, 1.2 + 0.1 * rank, 400.0, 0.05, 0.02)
 
     corners = [("friction x 1.1, mass x 1.1", 1.3), ("friction x 0.9, mass x 1.1", 1.1), ("2 more samples", 0.95)]
-    margins = LoopMargins(1.5 + 0.1 * rank, 40.0 - rank, 3.0)
+    margins = LoopMargins(1.5 + 0.1 * rank, 40.0 - rank, 3.0, 30.0 + rank)
     estimator = name == "DisturbanceObserver"
     return CompensatorResult(
         name,
@@ -196,7 +196,7 @@ def made_up_study() -> StudyResult:
             Rung("with velocity and acceleration feedforward", "none", Metrics(12e-6, 55e-6, 20.1, 0.8, 300.0)),
             Rung("with friction feedforward", "LuGreFeedforward", Metrics(4.2e-6, 17e-6, 20.3, 1.3, 400.0)),
         ),
-        limits=Limits(2.0, 1.5),
+        limits=Limits(2.0, 1.5, 24.0, 24.0),
         compensators=(
             without(),
             *(compensator(name, rank) for rank, name in enumerate(LAWS, start=1)),
@@ -209,7 +209,8 @@ def made_up_study() -> StudyResult:
             0.75,
             "StaticFeedforward",
             "StaticFeedforward has 1.3 times the error.",
-            ("Switch on the feedforward of velocity.", "Record the axis with its largest load."),
+            ("Switch on the feedforward of velocity.", "Add LuGreFeedforward: recommended/c."),
+            ("Record the axis with its largest load.",),
         ),
         doctor=(
             ConditionResult(("controller", "friction"), "no_hunting", False, "The loop hunts.",
@@ -222,4 +223,12 @@ def made_up_study() -> StudyResult:
         seconds=93.4,
         servo_check=servo_check(),
         findings=servo_check().findings,
+        turn=Picture(
+            "time after the reversal", "tracking error", "s", "m", {},
+            {
+                "LuGreFeedforward": curve(T[:400], 4e-6 * np.exp(-T[:400])),
+                "as measured": curve(T[:400], 900e-6 * np.exp(-T[:400])),
+                "with velocity and acceleration feedforward": curve(T[:400], 55e-6 * np.exp(-T[:400])),
+            },
+        ),
     )  # fmt: skip

@@ -128,7 +128,7 @@ def test_too_little_motion_is_refused(motion: object, complaint: str) -> None:
 
 def test_a_short_record_is_refused() -> None:
     t = np.arange(0.0, 0.05, 1e-3)
-    with pytest.raises(RecordError, match="50 samples, but the filters need more than 148"):
+    with pytest.raises(RecordError, match="50 samples at 1000 Hz, but the filters need more than 148"):
         identify_inverse_model(Record("short", t, t, t, t))
 
 

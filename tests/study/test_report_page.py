@@ -21,9 +21,11 @@ from thorough import nightly, some
 
 from friction_fmus.identification import ROTARY
 from friction_fmus.report import report_html, write_report
+from friction_fmus.report.comparison_plots import ticks
 from friction_fmus.report.figures import thinned
 from friction_fmus.report.formatting import brief, multiple, number, quantity, unit, with_error
-from friction_fmus.study.study_result import Recommendation, StudyCurve, StudyResult
+from friction_fmus.report.sections import SECTIONS, families, verdict
+from friction_fmus.study.study_result import Recommendation, StudyCurve, StudyFinding, StudyResult
 from harness.errors import OutputError
 
 HOSTILE = '<script>alert("x")</script><b>&amp;'
@@ -93,20 +95,25 @@ def test_every_section_has_its_content(text: str) -> None:
     page = parsed(text)
     plots = page.xpath("//div[@class='plot']/@id")
     assert plots == [
-        "ladder-plot", "tradeoffs-plot", "bars-plot", "errors-plot", "gains-plot", "bandwidths-plot",
-        "servo-plot", "record-plot-1", "record-plot-2", "residual-velocity", "friction-plot", "hysteresis-plot",
+        "turn-plot", "ladder-plot", "record-plot-1", "record-plot-2", "tradeoffs-plot", "bars-plot", "errors-plot",
+        "gains-plot", "bandwidths-plot",
+        "servo-plot", "residual-velocity", "friction-plot", "hysteresis-plot",
     ]  # fmt: skip
     assert all(page.xpath("//div[@class='plot']/@aria-label"))
     shown = words(page)
     for phrase in (
         "LuGreFeedforward makes the tracking error 2.9 times smaller",
-        "3.40 % force residual on validation data",
-        "12.0 µm → 4.20 µm rms, at most 5.46 µm when friction, mass, delay, encoder and load vary",
+        "LuGreFeedforward reduces the tracking error from 340 µm to 4.20 µm rms, at most 5.46 µm in the worst case.",
+        "the force residual on validation data is 3.40 %",
         "Switch on the feedforward of velocity.",
+        "compare the record with this report: friction-fmus study bench.toml --verify after.csv -o out",
+        "The log supports a rigid mass up to 24.0 Hz",
+        "tolerates a lightly damped resonance of the axis from 31.0 Hz on",
         "(2 more samples)",
         "95.11 ± 0.10",
         "% allowed): they do not match.",
-        "wrong-gains it fits kp = 40 instead of kp = 30. Set kp = 40 in [servo].",
+        "The log also shows: wrong-gains",
+        "wrong-gainsit fits kp = 40 instead of kp = 30. Set kp = 40 in [servo].",
         "40.00 ± 0.20",
         "(1.234 ± 0.045)·10⁶",
         "poorly identifiable Few samples move slowly",
@@ -174,12 +181,12 @@ def test_what_is_missing_is_said_and_nothing_breaks(name: str) -> None:
     shown = words(parsed(report_html(without_pieces()[name])))
     said = {
         "no compensators": "The record has no servo.",
-        "nothing improves": "No compensator improves this axis.",
-        "only the servo alone": "No compensator improves",
+        "nothing improves": "No compensator reduces the error.",
+        "only the servo alone": "No compensator reduces",
         "all models failed": "No model could be identified.",
         "no hysteresis": "No hysteresis is shown",
         "no series, files, citation": "No other files were written.",
-        "compensators without runs": "Tracking error 12.0 µm → 4.20 µm rms.",
+        "compensators without runs": "reduces the tracking error from 340 µm to 4.20 µm rms.",
         "a compensator that failed": "StaticFeedforward: It diverged.",
     }
     assert said[name] in shown
@@ -270,3 +277,45 @@ def test_a_report_of_a_rotary_axis_names_torques_in_their_units() -> None:
         ("force above bandwidth [N]", "torque above bandwidth [N·m]"),
     ):
         assert (before in linear, after in linear, before in rotary, after in rotary) == (True, False, False, True)
+
+
+def test_the_verdict_says_first_that_errors_are_not_claimed() -> None:
+    study = made_up_study()
+    finding = StudyFinding("errors-not-claimed", "The errors cannot be claimed.", "Record the motion.")
+    unclaimed = replace(study, findings=(*study.findings, finding))
+    assert verdict(unclaimed).startswith("On the identified axis, but not necessarily on the machine, LuGreFeedforward")
+    stopped = replace(unclaimed, findings=(replace(finding, stops=True),))  # of a study with --force
+    assert verdict(stopped).startswith("The result cannot be trusted: on the identified axis, LuGreFeedforward")
+    first = report_html(unclaimed).partition('id="turn-plot"')[0]
+    assert "</strong>: The errors cannot be claimed. Record the motion." in first
+
+
+def test_a_step_that_gains_less_than_5_percent_is_not_drawn() -> None:
+    study = made_up_study()
+    small = replace(study.ladder[1], title="with little", metrics=replace(study.ladder[0].metrics, rms=0.96 * 340e-6))
+    few = SECTIONS["families"].values(replace(study, ladder=(study.ladder[0], small, *study.ladder[1:])))
+    (dots,) = few["plot"].figure.data
+    assert list(dots.x) == [340e-6, 12e-6, 4.2e-6]
+    assert [each.text for each in few["plot"].figure.layout.annotations][1] == study.ladder[1].title
+
+
+def test_of_each_family_there_is_the_best() -> None:
+    study = made_up_study()
+    kinds = [*"abcdefgh"]
+    rows = [
+        replace(study.compensators[1], name=f"{kind}{place}", kind=kind, rank=1 + place * len(kinds) + i)
+        for place in range(2)
+        for i, kind in enumerate(kinds)
+    ]
+    assert [row.name for row in families(replace(study, compensators=(study.compensators[0], *rows)))] == [
+        f"{kind}0" for kind in "abcdef"
+    ]
+
+
+def test_logarithmic_axes_have_ticks_at_1_2_and_5() -> None:
+    few = ticks(math.log10(8e-7), math.log10(1.2e-5), "m")
+    numbers = dict(zip(few["tickvals"], few["ticktext"], strict=True))
+    assert [numbers[value] for value in (1e-6, 2e-6, 5e-6, 1e-5)] == ["1 µm", "2 µm", "5 µm", "10 µm"]
+    many = ticks(-1.0, 3.0)
+    assert [text for text in many["ticktext"] if text] == ["0.1", "1", "10", "100", "1000"]
+    assert len(many["tickvals"]) == 15

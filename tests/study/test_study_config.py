@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import tomllib
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +14,7 @@ from friction_fmus.axis.drive_filters import LowPass, Notch
 from friction_fmus.axis.loop_assembly import with_friction
 from friction_fmus.axis.servo import Compensator
 from friction_fmus.blocks.catalogue import catalogue
+from friction_fmus.identification import DataMapping, Measurement
 from friction_fmus.study import ConfigError, Servo, StudyConfig, StudyError, load_config, parse_config, run_study
 from friction_fmus.study.compensators import check_names, compensators
 from friction_fmus.study.config import OF_RECORD
@@ -197,3 +199,13 @@ def test_a_folder_that_cannot_be_made_is_named(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("", encoding="utf-8")
     with pytest.raises(StudyError, match="Cannot create the folder"):
         run_study("demo", tmp_path / "file" / "out")
+
+
+def test_the_command_of_a_study_has_the_options_that_it_needs() -> None:
+    mapping = DataMapping(Path("a.csv"), option="time=1, position=2", gain="0.5 N.m/A", more=(Path("b.csv"),))
+    config = replace(load_config("demo"), name="a.csv", measurement=Measurement((), mapping, (), ()))
+    command = "friction-fmus study a.csv b.csv --columns 'time=1, position=2' --gain '0.5 N.m/A'"
+    assert config.command == command
+    everything = replace(config, models="all", compensation=replace(config.compensation, compensators="all"))
+    assert everything.command == f"{command} --full"
+    assert load_config("demo").command == "friction-fmus study demo"

@@ -61,6 +61,13 @@ def test_equivalence_is_to_the_best_one_and_does_not_pass_on() -> None:
     assert order(row("a + b + c", 10e-6), row("a + b", 10.4e-6), row("a", 10.8e-6)) == ["a + b", "a + b + c", "a"]
 
 
+def test_errors_below_that_of_the_model_do_not_decide() -> None:
+    """With 50 um of the model, 10 and 15 um become 51 and 52.2 um, which are within 5 %."""
+    rows = [row("one + two", 10e-6), row("one", 15e-6)]
+    assert [each.name for each in rank(without(), rows, 50e-6)] == ["one", "one + two"]
+    assert [each.name for each in rank(without(), rows, 10e-6)] == ["one + two", "one"]
+
+
 def test_the_force_that_cancels_friction_does_not_count() -> None:
     assert order(row("quiet", 11.5e-6), row("loud", 10e-6, high=2.0)) == ["loud", "quiet"]
 

@@ -73,8 +73,8 @@ def test_nothing_is_ranked_and_no_fmu_is_written(
     assert not list((tmp_path / "out").rglob("*.fmu"))
     assert not (tmp_path / "out" / "recommended").exists()
     page = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
-    assert f'<code class="bad">{finding}</code>' in page
-    assert "The result cannot be trusted" in page
+    assert f'<strong class="bad">{finding}</strong>: ' in page
+    assert f"the result cannot be trusted ({finding})" in page
 
 
 @nightly

@@ -110,7 +110,7 @@ def run(options: argparse.Namespace) -> int:
     about = () if measurement.static else (*examine_segments(train), *contradictions(train), stuck(train))
     findings = (*measurement.findings, *(finding for finding in about if finding is not None))
     wrong = [finding.name for finding in findings if finding.name in FORBIDDING]
-    tables.show_data(train, validation, findings, measurement.steady)
+    tables.show_data(train, validation, findings)
     task = IdentificationTask(
         train,
         validation,

@@ -61,13 +61,18 @@ def _refusal(
     table: DataTable, path: Path, problems: tuple[str, ...], candidates: tuple[ColumnCandidate, ...], guess: Guess
 ) -> str:
     """Return why the columns are open, with commands for the candidates and the mapping as TOML."""
-    reasons = "; ".join(dict.fromkeys([*(text for texts in guess.problems.values() for text in texts), *problems]))
-    listed = f"Columns: {', '.join(f'{n} {name!r}' for n, name in enumerate(table.order or table.columns, 1))}.\n"
-    commands = [
-        f"friction-fmus study {shlex.quote(path.name)} --columns {_shell(command_text(each.columns))}"
-        for each in candidates[:SHOWN]
-    ] or [f'friction-fmus study {shlex.quote(path.name)} --columns "time=1 ms, position=2 deg, force=3 N.m"']
+    order = table.order or tuple(table.columns)
+    listed = f"Columns: {', '.join(f'{n} {name!r}' for n, name in enumerate(order, 1))}.\n"
+    about_names = [text for texts in guess.problems.values() for text in texts]
+    if all(name == f"column {n}" for n, name in enumerate(order, 1)):
+        listed, about_names = "", ["the file has no headings"]
+    reasons = "; ".join(dict.fromkeys([*about_names, *problems]))
+    commands = [command_text(each.columns) for each in candidates[:SHOWN]] or [_incomplete(guess)]
+    commands = [each if "force=" in each else f"{each}, force=?" for each in commands]
     what = "Use the one that is right" if len(commands) > 1 else "Use this command, corrected if it is wrong"
+    if any("?" in each for each in commands):
+        what += ", with a column and its unit for each ?, such as position=2 deg or force=3 N.m"
+    commands = [f"friction-fmus study {shlex.quote(path.name)} --columns {_shell(each)}" for each in commands]
     return (
         f"The headings of {path} do not identify its columns: {reasons}. {listed}{what}:\n\n"
         + "\n".join(f"    {command}" for command in commands)
@@ -75,6 +80,14 @@ def _refusal(
         f"{path.stem}.toml in the same folder, correct it, and use that file:\n\n[data]\nfile = {quoted(path.name)}\n\n"
         f"{columns_text(table, guess.columns, guess.suggestions)}"
     )
+
+
+def _incomplete(guess: Guess) -> str:
+    """Return the value of the option ``--columns`` with ? for what the headings do not tell."""
+    known = {**guess.suggestions, **guess.columns}
+    motion = "velocity" if "velocity" in known and "position" not in known else "position"
+    parts = {role: known.get(role, Column("?")) for role in ("time", motion, "force")}
+    return command_text(parts).replace("'?'", "?")
 
 
 def _shell(text: str) -> str:

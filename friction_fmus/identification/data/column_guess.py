@@ -111,16 +111,15 @@ class Guesser:
         t = without_jumps(self.table.columns[clock]) if clock else np.arange(float(self.table_length))
         run = longest_run(t)
         names = [name for name, each in self.about.items() if name != clock and each.kind not in ("time", "other")]
-        self.data = SampledColumns(
-            {name: without_gaps(self.table.columns[name][run]) for name in names}, float(np.median(np.diff(t[run])))
-        )
+        dt = float(np.ptp(t[run])) / max(len(t[run]) - 1, 1)  # stamps that jitter have another median
+        self.data = SampledColumns({name: without_gaps(self.table.columns[name][run]) for name in names}, dt)
         names = self._without_copies(names)
         motions = self._motions(names)
         fits_found = self._decided([fit for motion in motions for fit in self._fits(motion, names)])
         if not motions:
             self.problems.append("no column is recognised as a position or velocity")
         elif not fits_found:
-            moved = " or ".join(repr(motion.main) for motion in motions[:3])
+            moved = " or ".join(list(dict.fromkeys(repr(motion.main) for motion in motions))[:3])
             self.problems.append(f"no column is recognised as the force, torque or current that moves {moved}")
             fits_found = [ForceFit(motions[0], "", DriveShare(0.0, 0.0, False))] if len(motions) == 1 else []
         candidates = []
@@ -148,11 +147,7 @@ class Guesser:
             free = [name for name, each in self.about.items() if not each.kind]
             found = [name for name in free if _increases(self.table.columns[name], even=True)]
         found = [name for name in found if not self._is_counter(name, found)]
-        distinct = [
-            name
-            for i, name in enumerate(found)
-            if not any(np.array_equal(self.table.columns[name], self.table.columns[each]) for each in found[:i])
-        ]
+        distinct = [name for i, name in enumerate(found) if not any(self._ticks(name, each) for each in found[:i])]
         united = [name for name in distinct if self.about[name].unit or name in self.table.clocks]
         if len(united) == 1 and len(distinct) > 1:
             self.notes.append(f"other times, not used: {', '.join(repr(n) for n in distinct if n not in united)}")
@@ -166,6 +161,12 @@ class Guesser:
             return ""
         self.problems.append("no column is recognised as the time; state the sample time, such as period=1 ms")
         return ""
+
+    def _ticks(self, name: str, other: str) -> bool:
+        """Return whether two times in one unit never differ by more than a sample."""
+        t, same = self.table.columns[other], self.table.units.get(name) == self.table.units.get(other)
+        late = np.abs(self.table.columns[name] - t)
+        return same and bool(np.nanmax(late) <= np.nanmedian(np.diff(t)))
 
     def _is_counter(self, name: str, found: Sequence[str]) -> bool:
         """Return whether a column counts the rows beside another column that is a time."""
@@ -253,6 +254,9 @@ class Guesser:
                 found += [MotionColumns(p, "", axis), MotionColumns("", p, axis)]
         if not free:
             found += [MotionColumns("", v, self.about[v].axis) for v in velocities if v not in followed]
+        pairs = [motion for motion in found if motion.correlation > CERTAIN]
+        if free and pairs:  # other columns may be the same motion, but no motion of their own
+            found = [m for m in found if any(m is p or abs(self._together(m, p)) > SAME for p in pairs)]
         return list(dict.fromkeys(found))
 
     def _fits(self, motion: MotionColumns, names: Sequence[str]) -> list[ForceFit]:

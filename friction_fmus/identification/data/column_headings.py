@@ -220,6 +220,8 @@ def about(heading: str, unit: str) -> ColumnMeaning:
     """Return what heading and unit say about a column, with less certainty than `meaning_of`."""
     read = next(((name, its) for name, its in _readings(heading, unit) if its), (heading, ""))
     name, its_unit = read if not _OBJECT.fullmatch(read[1]) else (heading, "")
+    if not its_unit and len(heading) > 2 and _kind_of_unit(heading.lower()) == "velocity":  # such as rpm
+        its_unit = heading.lower()
     tokens = [token.casefold() for token in _TOKEN.findall(name)]
     digits = [token for token in tokens if token.isdigit()]
     axis = digits[-1] if digits else next((token for token in tokens if token in ("x", "y", "z")), "")

@@ -18,7 +18,8 @@ _WIDE: Final = str.maketrans("（）［］【】", "()[][]")  # brackets of Chin
 
 _DRIVE_UNITS: Final = re.compile(
     r"(qc|inc|incs|increments?|inkr?\.?|counts?|cnts?|pls|pulses?|ticks?|steps?|digits?|lsb|bits?|raw|"
-    r"0[.,]1\s?%|1/10\s?%|‰|%+|per ?mille?|r/min|rev/min|/min|u/min|°|none|n/?a|-|unitless|bool|enum|hex)",
+    r"0[.,]1\s?%|1/10\s?%|‰|%+|per ?mille?|r/min|rev/min|/min|u/min|°|(deg|°)\s?[cf]|none|n/?a|-|unitless|bool|enum|"
+    r"hex)",
     re.IGNORECASE,
 )
 """Units as drives write them, besides those that have a value in SI."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Final
 
 import numpy as np
@@ -80,7 +80,8 @@ class SampledColumns:
     """Columns of a table on samples at one rate."""
 
     values: Mapping[str, Array]  # without empty cells
-    dt: float  # sample time, in the unit of the time column
+    dt: float  # mean sample time, in the unit of the time column
+    _smooth: dict[tuple[str, float, int], Array] = field(default_factory=dict)  # by name, width and order
 
     def widths(self) -> tuple[float, ...]:
         """Return the widths of the smoothing that the number of samples allows."""
@@ -89,10 +90,12 @@ class SampledColumns:
 
     def smooth(self, names: Sequence[str], width: float, order: int = 0) -> Array:
         """Return smoothed columns, or their derivatives per sample, shape (n, names)."""
-        given = [without_jumps(self.values[name]) if order else self.values[name] for name in names]
         edge = round(4.0 * width)
-        found = smoothed(np.column_stack(given), width, order)
-        return found[edge : len(found) - edge]
+        for name in names:
+            if (name, width, order) not in self._smooth:
+                given = without_jumps(self.values[name]) if order else self.values[name]
+                self._smooth[name, width, order] = smoothed(given, width, order)[edge : len(given) - edge]
+        return np.column_stack([self._smooth[name, width, order] for name in names])
 
     def same(self, a: str, b: str) -> float:
         """Return the correlation of two columns."""
@@ -138,9 +141,9 @@ class SampledColumns:
             every = np.column_stack([smooth, direction[moving]])
             F = self.smooth(drives, width)[moving]
             total = np.sum((F - F.mean(axis=0)) ** 2, axis=0) + 1e-300
-            theta = np.linalg.lstsq(every, F, rcond=None)[0]
+            theta = _solved(every, F)
             left = np.sum((F - every @ theta) ** 2, axis=0) / total
-            left_smooth = np.sum((F - smooth @ np.linalg.lstsq(smooth, F, rcond=None)[0]) ** 2, axis=0) / total
+            left_smooth = np.sum((F - smooth @ _solved(smooth, F)) ** 2, axis=0) / total
             lost = np.mean((every[:, 2:] @ theta[2:]) * v[moving, None], axis=0)
             heavy = np.abs(theta[1]) > 0.05 * F.std(axis=0)
             for i, old in enumerate(best):
@@ -148,6 +151,11 @@ class SampledColumns:
                     right = bool((theta[1, i] > 0.0) == (lost[i] > 0.0) or not heavy[i])
                     best[i] = DriveShare(share, 1.0 - float(left_smooth[i]), right, bool(lost[i] < 0.0))
         return best
+
+
+def _solved(A: Array, F: Array) -> Array:
+    """Return the least squares solution of scaled columns from the normal equations, which is fast for many samples."""
+    return np.asarray(np.linalg.lstsq(A.T @ A, A.T @ F, rcond=None)[0], dtype=np.float64)
 
 
 def _correlation(x: Array, y: Array) -> Array:

@@ -84,7 +84,7 @@ def _steady(table: DataTable, known: DataMapping, speed: Column, force: Column) 
         return None
     offset = float(theta[2]) if both else 0.0
     at = np.arange(float(len(v)))
-    record = Record(known.name, at, v=v, friction=F - offset, units=units, citation=known.citation)
+    record = Record(known.name, at, v=v, friction=F - offset, units=units, citation=known.citation, steady=True)
     what = f"{len(v)} steady speeds from {v.min():.3g} to {v.max():.3g} {units.velocity}, no time: static models only"
     named = (("velocity", speed), (units.words.force, force))
     lines = [*((subject, f"{each.column!r} [{each.unit}]") for subject, each in named), ("record", what)]

@@ -120,10 +120,12 @@ def _size(record: Record) -> Iterator[RecordFinding]:
 def _sign(record: Record, columns: Mapping[str, Column]) -> Iterator[RecordFinding]:
     """Yield findings about signs: over whole cycles, the mean of drive or friction force times velocity is positive."""
     v = record.v if record.v is not None else np.gradient(record.column("q"), record.Ts)
-    for role, force in (("force", record.force), ("friction", record.friction)):
+    back, forth = np.quantile(v, (0.05, 0.95))
+    both = back < 0.0 < forth  # in one direction, an offset such as gravity is not the mean
+    for role, force in (("force", record.force if both else None), ("friction", record.friction)):
         if force is None:
             continue
-        power = (force - np.mean(force)) * v
+        power = (force - (np.mean(force) if both else 0.0)) * v
         lost = float(np.mean(power))
         if lost < -0.2 * float(np.mean(np.abs(power))) < 0.0:
             heading = columns[role].column if role in columns else role
@@ -169,11 +171,6 @@ class Measurement:
     findings: tuple[RecordFinding, ...]
     understood: tuple[tuple[str, str], ...] = ()
     static: bool = False
-
-    @property
-    def steady(self) -> bool:
-        """Whether each row is a steady speed of its own, without a time."""
-        return self.static and bool(self.mapping.columns["time"].period)
 
     def window(self, begin: float, end: float) -> tuple[Record, ...]:
         """Return the parts of the records with begin <= t <= end.
@@ -296,9 +293,10 @@ def read_measurement(
     if not segments:
         raise RecordError(f"{path} has no {SHORTEST} samples without a gap; log longer without interruption.")
     names = [known.name] if len(segments) == 1 else [f"{known.name}, segment {i + 1}" for i in range(len(segments))]
+    about = {"units": units, "citation": known.citation, "quantum": quantum, "held": held}
     records = tuple(
-        Record(name, segment.t, units=units, citation=known.citation, quantum=quantum, held=held, **segment.columns)
-        for name, segment in zip(names, segments, strict=True)
+        Record(name, each.t, **about, **each.columns)  # type: ignore[arg-type]
+        for name, each in zip(names, segments, strict=True)
     )
     findings += plausible(records, known.columns)
     lines = tuple(understood(table, known, records, reasons, notes))
@@ -311,7 +309,7 @@ def _other(table: DataTable, known: DataMapping, refusal: AmbiguousColumnsError)
     lines = (("read", f"{table.file.name}: {table.format}"), *found.lines)
     read = Measurement((found.record,), replace(known, columns=found.columns), table.findings, lines, static=True)
     # a part of the speeds would predict others
-    windows = {"train": (0.0, float(len(found.record)))} if read.steady and not known.windows else known.windows
+    windows = {"train": (0.0, float(len(found.record)))} if found.record.steady and not known.windows else known.windows
     return replace(read, mapping=replace(read.mapping, windows=windows))
 
 

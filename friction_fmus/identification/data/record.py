@@ -87,6 +87,8 @@ class Record:
     held : bool
         Whether the forces are commands that the drive holds from one sample to the next, instead of values at the
         samples.
+    steady : bool
+        Whether each sample is a steady speed of its own; the time counts them.
 
     Raises
     ------
@@ -108,6 +110,7 @@ class Record:
     quantum: float = 0.0
     injected: Array | None = None
     held: bool = False
+    steady: bool = False
 
     def __post_init__(self) -> None:
         """Convert the columns to read-only arrays and validate them."""
@@ -155,6 +158,11 @@ class Record:
                 f"{steps[int(np.argmax(off))]:.6g} s after index {int(np.argmax(off))}, mean {self.Ts:.6g} "
                 "s); resample it."
             )
+
+    @property
+    def clock(self) -> str:
+        """Label of the time in a figure."""
+        return "steady speeds, in order" if self.steady else "time [s]"
 
     @property
     def Ts(self) -> float:  # noqa: N802 (the symbol of the sample time)

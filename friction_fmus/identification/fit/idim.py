@@ -155,22 +155,26 @@ PUBLISHED_SETTINGS = InverseModelSettings(border=(0.049, 0.0), order_of_differen
 
 
 ROUNDING = 0.05  # largest acceleration from rounding, relative to that of the motion, both rms
+QUARTER = 0.25  # largest cut-off frequency over the sample rate, up to which the differences are accurate
 LOWEST = 8.0  # lowest cut-off frequency for a coarse position [Hz]
 
 
 def default_settings(record: Record) -> InverseModelSettings:
-    """Return the filter used for the EMPS record, scaled to the sample rate and limited to its 100 Hz.
+    """Return the filter used for the EMPS record, with at most a quarter of the sample rate as cut-off frequency.
 
-    A coarse position needs a lower cut-off frequency, as its rounding must not dominate the acceleration.
+    At a tenth of a rate of 100 Hz, the filter would be as long as the motion between two reversals, and the smoothed
+    reversals would be taken for a lower friction at low speeds. A coarse position needs a lower cut-off frequency, as
+    its rounding must not dominate the acceleration.
     """
     rate = 1.0 / record.Ts
-    cutoff = min(100.0, 0.1 * rate)
+    cutoff = min(100.0, QUARTER * rate)
     settings = InverseModelSettings(cutoff=cutoff, decimation=max(1, round(rate / cutoff)))
     if record.q is None or record.quantum <= 0.0 or len(record) <= 3 * settings.order + 1:
         return settings
     while cutoff > LOWEST:
-        # white noise of the variance of a rounding behind an ideal low-pass filter and two derivatives
-        rounding = record.quantum / 12.0**0.5 * (2.0 * np.pi * cutoff) ** 2 * (2.0 * cutoff / (5.0 * rate)) ** 0.5
+        # white noise of the variance of a rounding behind two derivatives and the low-pass filter of the rows
+        edge = 0.4 * cutoff
+        rounding = record.quantum / 12.0**0.5 * (2.0 * np.pi * edge) ** 2 * (2.0 * edge / (5.0 * rate)) ** 0.5
         if rounding <= ROUNDING * float(np.std(filtered_motion(record, settings).a)):
             break
         cutoff *= 0.7
@@ -467,6 +471,6 @@ def _linear_fit(
 def _require_length(record: Record, samples: int) -> None:
     if len(record) <= samples:
         raise RecordError(
-            f"The record {record.name!r} has {len(record)} samples, but the filters need more than {samples}; use a "
-            "longer record or a smaller decimation."
+            f"The record {record.name!r} has {len(record)} samples at {1.0 / record.Ts:.6g} Hz, but the filters need "
+            f"more than {samples}; log a longer motion with several reversals, or choose a longer window."
         )

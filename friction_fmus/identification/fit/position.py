@@ -174,7 +174,8 @@ class _Path:
 
     def __init__(self, segment: PreparedSegment) -> None:
         self.segment = segment
-        self.values = segment.record.column("q").tobytes(), segment.inputs["v"].tobytes(), segment.filter
+        kept = None if segment.kept is None else segment.kept.tobytes()  # models without presliding ignore rests
+        self.values = segment.record.column("q").tobytes(), segment.inputs["v"].tobytes(), segment.filter, kept
 
     def __eq__(self, other: object) -> bool:
         return isinstance(other, _Path) and self.values == other.values

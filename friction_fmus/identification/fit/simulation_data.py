@@ -176,7 +176,8 @@ def traits(segments: Sequence[PreparedSegment], scale: float = 1.0) -> DataTrait
         # force and speed also increase together after reversals: at most half of the force counts as viscous
         slope = float(np.polyfit(fast, np.abs(force[moving]), 1)[0])
         viscous = min(max(0.0, slope), 0.5 * level / top)
-    stiffness, damping = _presliding(v, x, y, level)
+    unresolved = any(segment.kept is not None for segment in segments)
+    stiffness, damping = _presliding(v, x, y, level, STIFF if unresolved else SOFT)
     return DataTraits(
         level=level - viscous * float(np.median(fast)),
         peak=float(np.quantile(np.abs(force), 0.98)),
@@ -187,7 +188,12 @@ def traits(segments: Sequence[PreparedSegment], scale: float = 1.0) -> DataTrait
     )
 
 
-def _presliding(v: Sequence[Array], x: Sequence[Array], y: Sequence[Array], level: float) -> tuple[float, float]:
+SOFT, STIFF = 2.0, 100.0  # smallest stiffness times the reach over the level, without and with unresolved rests
+
+
+def _presliding(
+    v: Sequence[Array], x: Sequence[Array], y: Sequence[Array], level: float, least: float
+) -> tuple[float, float]:
     """Return stiffness and damping from dF = sigma0 dx + sigma1 dv while the force is well below the sliding level."""
     rows, forces = [], []
     for velocity, position, force in zip(v, x, y, strict=True):
@@ -197,7 +203,7 @@ def _presliding(v: Sequence[Array], x: Sequence[Array], y: Sequence[Array], leve
         forces.append(dF[far])
     A, b = np.concatenate(rows), np.concatenate(forces)
     reach = max(float(np.ptp(position)) for position in x)
-    least = 2.0 * level / reach if reach > 0.0 else 1.0
+    least = least * level / reach if reach > 0.0 else 1.0
     stiffness, damping = least, 0.0
     if len(b) >= 3:
         length = np.linalg.norm(A, axis=0)

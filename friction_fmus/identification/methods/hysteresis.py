@@ -116,7 +116,7 @@ def hysteresis_setup(data: FitData, found: Mapping[str, float] | None = None) ->
             found |= {f"alpha[{i}]": value / total for i, value in enumerate(levels, start=1)}
             found["Fc"] = total
             if "Fs/Fc" in values:
-                found["Fs"] = values["Fs/Fc"] * total
+                found["Fs"] = max(values["Fs/Fc"] * total, model.parameters["Fs"].lower)
         return found | {name: values[name] for name in (*law, *AROUND_BLOCK) if name in values}
 
     def states(parameters: Mapping[str, float], values: Mapping[str, float]) -> dict[str, float]:
