@@ -259,6 +259,7 @@ class Diagnosis:
     gains: tuple[IdentifiedParameter, ...] = ()  # gains that the record shows; empty if they are not estimated
     injected: Array | None = None  # force added from outside
     confirmed: bool = False  # whether the record shows the configured gains, although it contains another force
+    servo: Servo | None = None  # servo with the filter that explains the residual
 
 
 def explain(compared: ComparedForce, allowed: float) -> Diagnosis:
@@ -340,7 +341,7 @@ def _velocity_or_notch(compared: ComparedForce, allowed: float) -> Attempt:
     attempts = [_window(compared)]
     for name in FILTERS:
         servo, left = best_filter(name, compared.servo, compared.left_by)
-        attempts.append((Diagnosis((_of_filter(compared, servo, left),)), left))
+        attempts.append((Diagnosis((_of_filter(compared, servo, left),), servo=servo), left))
     return next(each for each in attempts if each[1] <= SIMPLER * min(left for _, left in attempts))
 
 
@@ -595,6 +596,7 @@ class CheckedServo:
     included: bool = False  # whether the recorded force contains the injected force
     injected: Array | None = None
     """Force added to that of the servo from outside, as declared or as found; None without one."""
+    servo: Servo | None = None  # servo with a filter that the record shows, with which the study goes on
 
 
 def check_servo(record: Record, servo: Servo | None) -> CheckedServo:
@@ -625,14 +627,17 @@ def check_servo(record: Record, servo: Servo | None) -> CheckedServo:
     else:
         found = Diagnosis(())
     stops = residual > max(TRUSTED * level, allowed) and found.injected is None and not found.confirmed
+    exactly = " exactly" if residual <= allowed else ""
     begin = (
-        f"The servo as configured does not reproduce the recorded drive {u.force} (residual "
+        f"The servo as configured does not{exactly} reproduce the recorded drive {u.force} (residual "
         f"{_percent(residual, level):.3g} % of its rms value): "
     )
     findings = tuple(replace(each, what=begin + each.what, stops=stops) for each in found.explanations)
+    if found.servo is not None and not stops:
+        findings = tuple(replace(each, what=f"{each.what} The study goes on with it.") for each in findings)
     result = replace(result, findings=findings, gains=found.gains)
     if found.injected is None:
-        return CheckedServo(result, compared.included, record.injected)
+        return CheckedServo(result, compared.included, record.injected, None if stops else found.servo)
     return CheckedServo(result, True, found.injected)
 
 

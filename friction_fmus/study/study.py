@@ -277,6 +277,7 @@ class _Study:
             self.config = replace(self.config, servo=replace(servo, quantum=data.longest.quantum))
         check_period(data.longest, self.config.servo)
         checked = check_servo(data.longest, self.config.servo)
+        self.config = replace(self.config, servo=checked.servo or self.config.servo)
         data = data.with_total_force(checked.included)
         findings = [*([] if guessed is None else [guessed.finding]), *checked.result.findings]
         named = {finding.name for finding in findings}

@@ -289,8 +289,13 @@ def test_a_velocity_filter_is_found(order: int, cutoff: float) -> None:
 def test_a_notch_filter_is_found() -> None:
     """The zeros of the simulated filter have a twentieth of the damping of the poles."""
     record, servo = driven(notch=60.0, width=0.7)
-    check = check_servo(record, servo).result
+    checked = check_servo(record, servo)
+    check = checked.result
     assert only(check) == "notch"
+    assert not check.findings[0].stops
+    assert checked.servo is not None  # with which the study goes on
+    assert checked.servo.notch is not None
+    assert checked.servo.notch.frequency == pytest.approx(60.0, rel=0.03)
     found = settings(check)["notch"]
     assert found == {"frequency": pytest.approx(60.0, rel=0.03), "damping": pytest.approx(0.7, rel=0.03), "depth": ANY}
     assert found["depth"] == pytest.approx(0.05, abs=0.03)
