@@ -43,35 +43,21 @@ def cited(keys: Iterable[str]) -> tuple[str, ...]:
 
 @dataclass(frozen=True)
 class Use:
-    """Use of a law or controller as a compensator that is added to a servo.
+    """Use of a law or controller as a compensator that is added to a servo."""
 
-    Attributes
-    ----------
-    kind : str
-        One of `USES`.
-    models : tuple of str
-        Friction models in order of preference; the law gets the parameters of the first identified one, by name. Empty
-        if it needs no model.
-    renamed : mapping of str to str
-        Parameters of the law that have another name in the model: model name to law name.
-    tuned : mapping of str to str
-        Expressions for further parameters, in terms of the model's parameters and of known data of the axis, see
-        `friction_fmus.study.compensators.AxisKnowledge`. ``W[i]`` stands for all elements of a vector.
-    output : str
-        The output that is added to the force of the servo.
-    never : str
-        A sentence that explains why the law is excluded from the comparison; empty if it is not excluded.
-    period : str
-        Parameter for the period of the reference in samples; empty if the reference need not be periodic.
-    """
-
-    kind: str
+    kind: str  # one of `USES`
     models: tuple[str, ...] = ()
+    """Friction models in order of preference; the law gets the parameters of the first identified one, by name. Empty
+    if it needs no model."""
     renamed: Mapping[str, str] = field(default_factory=dict)
+    """Parameters of the law that have another name in the model: model name to law name."""
     tuned: Mapping[str, str] = field(default_factory=dict)
-    output: str = "u"
-    never: str = ""
+    """Expressions for further parameters, in terms of the model's parameters and of known data of the axis, see
+    `friction_fmus.study.compensators.AxisKnowledge`. ``W[i]`` stands for all elements of a vector."""
+    output: str = "u"  # the output that is added to the force of the servo
+    never: str = ""  # A sentence that explains why the law is excluded from the comparison; empty if it is not excluded
     period: str = ""
+    """Parameter for the period of the reference in samples; empty if the reference need not be periodic."""
 
     def __post_init__(self) -> None:
         """Raise an error for an unknown kind or a text that is not an expression."""

@@ -60,30 +60,20 @@ class Friction:
     """Friction of a block as expressions of its parameters, see `friction_fmus.blocks.arithmetic`.
 
     If the parameter ``asymmetric`` is true, backward motion uses the parameters whose names end in ``_neg``.
-
-    Attributes
-    ----------
-    coulomb, static : str
-        Coulomb and static friction; an empty static friction equals the Coulomb friction.
-    viscous : str
-        Viscous coefficient in sliding.
-    stribeck, exponent : str
-        Stribeck velocity and exponent; without a velocity, static friction acts at rest only.
-    falls : str
-        Whether the block has this Stribeck curve; 0 for another shape.
-    stiffness, damping, viscous_at_rest : str
-        Stiffness, damping proportional to the normal force, and viscous coefficient of the contact at rest.
     """
 
     coulomb: str = "0"
     static: str = ""
-    viscous: str = "0"
+    """Coulomb and static friction; an empty static friction equals the Coulomb friction."""
+    viscous: str = "0"  # viscous coefficient in sliding
     stribeck: str = ""
     exponent: str = "2"
-    falls: str = "1"
+    """Stribeck velocity and exponent; without a velocity, static friction acts at rest only."""
+    falls: str = "1"  # whether the block has this Stribeck curve; 0 for another shape
     stiffness: str = "0"
     damping: str = "0"
     viscous_at_rest: str = "0"
+    """Stiffness, damping proportional to the normal force, and viscous coefficient of the contact at rest."""
 
     def __post_init__(self) -> None:
         """Raise an error for a text that is not an expression."""

@@ -29,27 +29,13 @@ LONGEST: Final = 2000  # largest length of a text in a finding [characters]
 
 @dataclass(frozen=True)
 class Rule:
-    """A rule.
+    """A rule."""
 
-    Parameters
-    ----------
-    id : str
-        Name in reports, such as ``start-outside-limits``.
-    severity : {"error", "warning", "note"}
-        Severity; only notes leave the exit status at 0.
-    section : str
-        Section of FMI 2.0.5; of FMI 3.0.2 for the kind "fmi3", of SSP 1.0 for "ssp".
-    summary : str
-        One sentence that describes the error.
-    kind : {"archive", "description", "binary", "fmi3", "ssp"}
-        The examined part of the FMU.
-    """
-
-    id: str
-    severity: Severity
-    section: str
-    summary: str
-    kind: Kind
+    id: str  # name in reports, such as ``start-outside-limits``
+    severity: Severity  # severity; only notes leave the exit status at 0
+    section: str  # section of FMI 2.0.5; of FMI 3.0.2 for the kind "fmi3", of SSP 1.0 for "ssp"
+    summary: str  # one sentence that describes the error
+    kind: Kind  # the examined part of the FMU
 
     @property
     def standard(self) -> str:
@@ -65,33 +51,15 @@ class Rule:
 
 @dataclass(frozen=True)
 class Finding:
-    """An error in an FMU, and its place.
+    """An error in an FMU, and its place."""
 
-    Parameters
-    ----------
-    rule : str
-        Name of the rule.
-    severity : {"error", "warning", "note"}
-        Severity of the rule.
-    message : str
-        Description of the error, and its remedy.
-    file : str
-        Member of the archive; empty for the archive itself.
-    line : int, optional
-        Line in the file.
-    variable : str, optional
-        Name of the variable.
-    standard : str
-        The version of FMI.
-    """
-
-    rule: str
-    severity: Severity
-    message: str
-    file: str = ""
-    line: int | None = None
-    variable: str | None = None
-    standard: str = "FMI 2.0.5"
+    rule: str  # name of the rule
+    severity: Severity  # severity of the rule
+    message: str  # description of the error, and its remedy
+    file: str = ""  # member of the archive; empty for the archive itself
+    line: int | None = None  # line in the file
+    variable: str | None = None  # name of the variable
+    standard: str = "FMI 2.0.5"  # the version of FMI
 
     @property
     def source(self) -> str:

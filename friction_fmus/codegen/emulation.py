@@ -32,18 +32,10 @@ _CPU: Final = "max"  # has all instructions of all cores; some versions of qemu-
 
 @dataclass(frozen=True)
 class Core:
-    """A processor core.
+    """A processor core."""
 
-    Attributes
-    ----------
-    name : str
-        Common name.
-    flags : tuple of str
-        Compiler options.
-    """
-
-    name: str
-    flags: tuple[str, ...]
+    name: str  # common name
+    flags: tuple[str, ...]  # compiler options
 
 
 M0PLUS: Final = Core("Cortex-M0+", ("-mcpu=cortex-m0plus", "-mthumb", "-mfloat-abi=soft"))

@@ -130,30 +130,14 @@ EMPTY: Mapping[int, Sequence[str]] = MappingProxyType({})
 
 @dataclass(frozen=True)
 class Export:
-    """A law with the settings of its export.
+    """A law with the settings of its export."""
 
-    Attributes
-    ----------
-    law : Law
-        The law.
-    real : Real
-        Type of all numbers.
-    prefix : str
-        Prefix of files, types and functions.
-    start : mapping of str to tuple of float
-        Start values of inputs, states and parameters by variable.
-    rotary : bool
-        Whether the law has the units of a rotary axis.
-    table : PositionMap or None
-        Force over position, for the input ``f_known`` of a loop.
-    """
-
-    law: Law
-    real: Real
-    prefix: str
-    start: Values
-    rotary: bool = False
-    table: PositionMap | None = None
+    law: Law  # the law
+    real: Real  # type of all numbers
+    prefix: str  # prefix of files, types and functions
+    start: Values  # start values of inputs, states and parameters by variable
+    rotary: bool = False  # whether the law has the units of a rotary axis
+    table: PositionMap | None = None  # force over position, for the input ``f_known`` of a loop
 
     @property
     def words(self) -> Words:

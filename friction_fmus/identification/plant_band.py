@@ -39,53 +39,20 @@ DELAYS: Final = (-2.0, 4.0)  # delays of the motion behind the force, in samples
 
 @dataclass(frozen=True, eq=False)
 class PlantBand:
-    """Band in which a record supports a rigid mass.
+    """Band in which a record supports a rigid mass."""
 
-    Attributes
-    ----------
-    mass : float
-        Mass [kg] or moment of inertia [kg.m2] with which the apparent mass is compared.
-    supported : float
-        Frequency [Hz] up to which force and motion are coherent and agree with the mass; 0 if there is none.
-    frequency : array, shape (n,)
-        Centre frequencies of the third octaves [Hz].
-    coherence : array, shape (n,)
-        Coherence of acceleration and force without friction.
-    apparent : array, shape (n,)
-        Magnitude of the apparent mass, equation (1) [kg or kg.m2].
-    phase : array, shape (n,)
-        Phase of the apparent mass without the delay [rad].
-    delay : float
-        Delay of the motion behind the force that fits the phase best [s].
-    """
-
-    mass: float
+    mass: float  # mass [kg] or moment of inertia [kg.m2] with which the apparent mass is compared
     supported: float
-    frequency: Array
-    coherence: Array
-    apparent: Array
-    phase: Array
-    delay: float
+    """Frequency [Hz] up to which force and motion are coherent and agree with the mass; 0 if there is none."""
+    frequency: Array  # centre frequencies of the third octaves [Hz]
+    coherence: Array  # coherence of acceleration and force without friction
+    apparent: Array  # magnitude of the apparent mass, equation (1) [kg or kg.m2]
+    phase: Array  # phase of the apparent mass without the delay [rad]
+    delay: float  # delay of the motion behind the force that fits the phase best [s]
 
 
 def plant_band(records: Sequence[Record], mass: float, friction: Sequence[Array] | None = None) -> PlantBand | None:
-    """Return the band in which records support a rigid mass.
-
-    Parameters
-    ----------
-    records : sequence of Record
-        Segments with position and drive force.
-    mass : float
-        Identified mass [kg] or moment of inertia [kg.m2].
-    friction : sequence of array, shape (samples of the record,), optional
-        Friction of an identified model along each record [N or N.m]. It is used if it leaves less of the force than
-        Coulomb and viscous friction, which are fitted to the records.
-
-    Returns
-    -------
-    PlantBand or None
-        None if a column is missing, the mass is not positive, or the records are too short for `AVERAGES` segments.
-    """
+    """Return the band in which records support a rigid mass."""
     if mass <= 0.0 or any(record.q is None or record.force is None for record in records):
         return None
     Ts = records[0].Ts

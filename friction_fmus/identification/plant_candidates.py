@@ -128,22 +128,7 @@ def force_balance(records: Sequence[Record]) -> ForceBalance | None:
 def plant_findings(
     records: Sequence[Record], limit: float | None = None
 ) -> tuple[tuple[RecordFinding, ...], tuple[float, ...]]:
-    """Return what records show of an axis beyond a rigid mass.
-
-    Parameters
-    ----------
-    records : sequence of Record
-        Segments with position and drive force; others give no findings.
-    limit : float, optional
-        Largest force of the drive [N or N.m]; without it, a limit shows as a force that is repeated exactly.
-
-    Returns
-    -------
-    tuple of RecordFinding
-        Saturation first, then gravity, direction, drift, and a second mass or backlash, each with its size.
-    tuple of float
-        Resonance of two masses, if they were found [Hz].
-    """
+    """Return what records show of an axis beyond a rigid mass."""
     found, resonances = list(_saturation(records, limit)), []
     if (balance := force_balance(records)) is not None:
         gravity, balance = _gravity(balance)

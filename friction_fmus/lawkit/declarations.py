@@ -41,41 +41,21 @@ BOOLEANS = (Kind.COMMAND, Kind.SWITCH)  # kinds with a Boolean value, 1 or 0 in 
 
 @dataclass(frozen=True)
 class LawVariable:
-    """One variable of a law.
+    """One variable of a law."""
 
-    Attributes
-    ----------
-    kind : Kind
-        Kind of the variable.
-    unit : Unit
-        SI unit.
-    start : float or tuple of float
-        Start value; a tuple for a vector, 0 or 1 for a Boolean.
-    text : str
-        One-line description.
-    min, max, nominal : float
-        Limits of a parameter, nominal value of a state.
-    name : str
-        Name in the law, the FMU and the equations.
-    flag : bool
-        Whether a state is 0 or 1; in generated C without FMI it is a ``bool``.
-    sums : bool
-        Whether a state is a sum of small increments, which is a pair of floats in single precision.
-    tally : bool
-        Whether a state counts the samples since the last one that were missed because of an invalid input.
-    """
-
-    kind: Kind
-    unit: Unit
-    start: float | tuple[float, ...]
-    text: str
+    kind: Kind  # kind of the variable
+    unit: Unit  # SI unit
+    start: float | tuple[float, ...]  # start value; a tuple for a vector, 0 or 1 for a Boolean
+    text: str  # one-line description
     min: float = -math.inf
     max: float = math.inf
     nominal: float = 1.0
-    name: str = ""
-    flag: bool = False
-    sums: bool = False
+    """Limits of a parameter, nominal value of a state."""
+    name: str = ""  # name in the law, the FMU and the equations
+    flag: bool = False  # whether a state is 0 or 1; in generated C without FMI it is a ``bool``
+    sums: bool = False  # whether a state is a sum of small increments, which is a pair of floats in single precision
     tally: bool = False
+    """Whether a state counts the samples since the last one that were missed because of an invalid input."""
 
     @property
     def scalars(self) -> tuple[str, ...]:

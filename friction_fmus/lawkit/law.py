@@ -113,17 +113,10 @@ class Size:
 
     Values up to its maximum fit into the declared vectors. A larger start value lengthens the vectors, and the
     parameter is then fixed to this value.
-
-    Attributes
-    ----------
-    vectors : tuple of str
-        The states and vectors of parameters whose length follows the parameter.
-    most : int
-        The largest start value.
     """
 
-    vectors: tuple[str, ...]
-    most: int
+    vectors: tuple[str, ...]  # the states and vectors of parameters whose length follows the parameter
+    most: int  # the largest start value
 
 
 def wanted_sizes(
@@ -246,18 +239,7 @@ class Law:
         return Function("disabled", symbols, results), tuple(v for v, _ in kept)
 
     def dependencies(self, result: str) -> tuple[str, ...]:
-        """Return the exact dependencies of an output or of the next value of a state, including decisions.
-
-        Parameters
-        ----------
-        result : str
-            Name of an output or a state.
-
-        Returns
-        -------
-        tuple of str
-            Names of variables, in the order of `given`.
-        """
+        """Return the exact dependencies of an output or of the next value of a state, including decisions."""
         names = [variable.name for variable in self.results]
         if result not in names:
             raise FrictionError(f"{self.name} has no result {result!r}{did_you_mean(result, names)}")
@@ -271,23 +253,7 @@ class Law:
         return tuple(variable.name for variable in self.given if variable.name in used)
 
     def evaluate(self, values: Mapping[str, float | tuple[float, ...]]) -> dict[str, Any]:
-        """Evaluate one sample with casadi.
-
-        Parameters
-        ----------
-        values : mapping
-            Values by variable; missing variables have their start values.
-
-        Returns
-        -------
-        dict of str to float or tuple of float
-            Outputs, and states for the next sample.
-
-        Raises
-        ------
-        FrictionError
-            If a name is not a variable that the law reads, or a vector has the wrong length.
-        """
+        """Evaluate one sample with casadi."""
         known = {variable.name for variable in self.given}
         for name in values:
             if name not in known:

@@ -11,14 +11,9 @@ class Unit:
     """A unit in terms of the macros of block.h, which differ between the translational and the rotational build.
 
     ``FORCE + "/(" + LENGTH + ".s)"`` is N/(m.s), and N.m/(rad.s) in the rotational build.
-
-    Attributes
-    ----------
-    c : str
-        C expression for the name of the unit.
     """
 
-    c: str
+    c: str  # C expression for the name of the unit
 
     def __add__(self, other: Unit | str) -> Unit:
         """Join names, as C joins adjacent string literals."""

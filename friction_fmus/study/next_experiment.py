@@ -23,31 +23,16 @@ TRAVEL: Final = 0.5  # amplitude of the slow motion, and largest one of the chir
 
 @dataclass(frozen=True, eq=False)
 class NextExperiment:
-    """Reference of the experiment.
-
-    Attributes
-    ----------
-    t, r : array, shape (n,)
-        Time [s] and reference [m or rad], which begins and ends at rest in the middle of the recorded travel.
-    band : (float, float)
-        First and last frequency of the chirp [Hz].
-    """
+    """Reference of the experiment."""
 
     t: Array
     r: Array
-    band: tuple[float, float]
+    """Time [s] and reference [m or rad], which begins and ends at rest in the middle of the recorded travel."""
+    band: tuple[float, float]  # first and last frequency of the chirp [Hz]
 
 
 def next_experiment(bench: AxisBench, level: float) -> NextExperiment:
-    """Return a logarithmic chirp of constant acceleration on a slow sine, within force limit and recorded travel.
-
-    Parameters
-    ----------
-    bench : AxisBench
-        Axis, whose reference has the travel.
-    level : float
-        Largest friction force [N or N.m].
-    """
+    """Return a logarithmic chirp of constant acceleration on a slow sine, within force limit and recorded travel."""
     Ts, natural = bench.servo.Ts, bench.bandwidth / (2.0 * np.pi)
     low, high = BAND[0] * natural, min(BAND[1] * natural, HIGHEST / Ts)
     t = Ts * np.arange(round(DURATION / Ts) + 1.0)

@@ -26,25 +26,14 @@ ABSENT: Final = 0.7  # the same above which the compensation does not act
 
 @dataclass(frozen=True)
 class Verification:
-    """Claimed and measured error of a law.
+    """Claimed and measured error of a law."""
 
-    Attributes
-    ----------
-    name : str
-        Recommended compensator.
-    claimed, measured : float
-        Tracking error, rms, of the study and of the record, in `unit`.
-    unit : str
-        Unit of position of the axis.
-    reasons : tuple of str
-        What differs between the record and the study, a sentence each.
-    """
-
-    name: str
+    name: str  # recommended compensator
     claimed: float
     measured: float
-    unit: str
-    reasons: tuple[str, ...]
+    """Tracking error, rms, of the study and of the record, in `unit`."""
+    unit: str  # unit of position of the axis
+    reasons: tuple[str, ...]  # what differs between the record and the study, a sentence each
 
     @property
     def came_true(self) -> bool:
@@ -53,27 +42,7 @@ class Verification:
 
 
 def verify(folder: Path, records: Sequence[Record], servo: Servo | None = None) -> Verification:
-    """Compare the claim of a study with a record taken with the recommended law.
-
-    Parameters
-    ----------
-    folder : Path
-        Output folder of the study, with `study.json`.
-    records : sequence of Record
-        Segments with position and reference, and the drive force to say why the claim did not come true.
-    servo : Servo, optional
-        Servo of the axis; with it, a compensation of the wrong sign or size is found from the tracking error.
-
-    Returns
-    -------
-    Verification
-        Claimed and measured error, and what differs.
-
-    Raises
-    ------
-    FrictionError
-        If the folder has no study with a recommendation, or the record has no reference or position, or another unit.
-    """
+    """Compare the claim of a study with a record taken with the recommended law."""
     try:
         study = json.loads((folder / "study.json").read_text(encoding="utf-8"))
         name = str(study["recommendation"]["name"])
