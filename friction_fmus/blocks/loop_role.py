@@ -62,54 +62,30 @@ class Cogging:
 
 @dataclass(frozen=True)
 class Loop:
-    """A law or controller in a control loop; strings are expressions of its parameters.
-
-    Attributes
-    ----------
-    gains : mapping of str to str
-        Gains of its position loop in PID form: Kp, Kd and optionally Ki, db (error below which the integral is held),
-        m (mass of its inertia feedforward), reversal (factor of the integral at a reversal) and turned (friction in the
-        integral that changes its sign there). Empty if it closes no position loop.
-    friction : Friction or None
-        The friction that it compensates.
-    measured : bool
-        Whether it computes friction from the measured velocity, otherwise from the reference.
-    at_rest : bool
-        Whether it computes friction from the measured velocity and also compensates it at rest.
-    inertia : str
-        Mass of an inertia feedforward for the position loop of another law; empty if there is none.
-    linear : mapping of str to float or None
-        Parameter values at which its equations are linearised for the poles of the loop; None if it does not affect
-        them.
-    filter : str
-        For a controller in C: the function of `friction_fmus.doctor.roles` that returns its part of the loop.
-    estimates : bool
-        Whether it estimates the force without a friction model, so that the poles of the loop include the estimator.
-    hunts : bool
-        Whether its integral action, if any, causes hunting with static friction.
-    amplifies : str
-        Gain from its input f to its output in small motions; 1 if empty.
-    adapts : tuple of str
-        Rate of an adaptation [N/m] and the damping [N.s/m] that must stabilise it; empty if it does not adapt.
-    rules : tuple of str
-        Names of further rules, see `friction_fmus.doctor.roles`.
-    shapes : bool
-        Whether it shapes the reference of a law by the inverse of the gains Kp, Kd, Ki in its parameters.
-    """
+    """A law or controller in a control loop; strings are expressions of its parameters."""
 
     gains: Mapping[str, str] = field(default_factory=dict)
-    friction: Friction | None = None
-    measured: bool = False
-    at_rest: bool = False
-    inertia: str = ""
+    """Gains of its position loop in PID form: Kp, Kd and optionally Ki, db (error below which the integral is held), m
+    (mass of its inertia feedforward), reversal (factor of the integral at a reversal) and turned (friction in the
+    integral that changes its sign there). Empty if it closes no position loop."""
+    friction: Friction | None = None  # the friction that it compensates
+    measured: bool = False  # whether it computes friction from the measured velocity, otherwise from the reference
+    at_rest: bool = False  # whether it computes friction from the measured velocity and also compensates it at rest
+    inertia: str = ""  # mass of an inertia feedforward for the position loop of another law; empty if there is none
     linear: Mapping[str, float] | None = None
+    """Parameter values at which its equations are linearised for the poles of the loop; None if it does not affect
+    them."""
     filter: str = ""
+    """For a controller in C: the function of `friction_fmus.doctor.roles` that returns its part of the loop."""
     estimates: bool = False
-    hunts: bool = True
-    amplifies: str = ""
+    """Whether it estimates the force without a friction model, so that the poles of the loop include the estimator."""
+    hunts: bool = True  # whether its integral action, if any, causes hunting with static friction
+    amplifies: str = ""  # gain from its input f to its output in small motions; 1 if empty
     adapts: tuple[str, ...] = ()
-    rules: tuple[str, ...] = ()
+    """Rate of an adaptation [N/m] and the damping [N.s/m] that must stabilise it; empty if it does not adapt."""
+    rules: tuple[str, ...] = ()  # names of further rules, see `friction_fmus.doctor.roles`
     shapes: bool = False
+    """Whether it shapes the reference of a law by the inverse of the gains Kp, Kd, Ki in its parameters."""
 
     def __post_init__(self) -> None:
         """Raise an error for a text that is not an expression."""

@@ -150,49 +150,28 @@ def resized(
 
 @dataclass(frozen=True, eq=False)
 class Law:
-    """A sampled control law.
-
-    Attributes
-    ----------
-    name, summary, source : str
-        Model identifier; one-line description; literature.
-    documentation : str
-        The documentation page as plain text; paragraphs indented by four spaces are equations.
-    variables : tuple of LawVariable
-        Variables in declaration order: outputs follow the last input, the sample time is last.
-    function : casadi.Function
-        One sample: maps the scalars of `given` to the outputs, then to the next states (named ``<state>_next``, for a
-        vector ``<state>_1_next``, ...).
-    path : Path
-        The file that defines the law.
-    conditions : Conditions
-        Relations between its parameters.
-    about : About
-        Further declarations in its file.
-    sizes : mapping of str to Size
-        Parameters whose start values determine the length of vectors.
-    remade : callable
-        Returns the law with these parameters fixed to other values.
-    intermediate : callable
-        Returns `function` with additional results, the intermediate results, and their names.
-    prefixes : mapping of int to str
-        For a law that consists of others: the prefix of the names of variables that the documentation omits, by the
-        first line of their code.
-    """
+    """A sampled control law."""
 
     name: str
     summary: str
     source: str
-    documentation: str
+    """Model identifier; one-line description; literature."""
+    documentation: str  # the documentation page as plain text; paragraphs indented by four spaces are equations
     variables: tuple[LawVariable, ...]
+    """Variables in declaration order: outputs follow the last input, the sample time is last."""
     function: Function
-    path: Path
-    conditions: Conditions
-    about: About
-    sizes: Mapping[str, Size]
-    remade: Callable[[Mapping[str, int]], Law]
+    """One sample: maps the scalars of `given` to the outputs, then to the next states (named ``<state>_next``, for a
+    vector ``<state>_1_next``, ...)."""
+    path: Path  # the file that defines the law
+    conditions: Conditions  # relations between its parameters
+    about: About  # further declarations in its file
+    sizes: Mapping[str, Size]  # parameters whose start values determine the length of vectors
+    remade: Callable[[Mapping[str, int]], Law]  # returns the law with these parameters fixed to other values
     intermediate: Callable[[], tuple[Function, tuple[Label, ...]]]
+    """Returns `function` with additional results, the intermediate results, and their names."""
     prefixes: Mapping[int, str] = field(default_factory=dict)
+    """For a law that consists of others: the prefix of the names of variables that the documentation omits, by the
+    first line of their code."""
 
     def with_room(self, start: Mapping[str, Any]) -> Law:
         """Return the law with vectors that are long enough for these start values.
