@@ -31,11 +31,16 @@ LONGEST: Final = 2000  # largest length of a text in a finding [characters]
 class Rule:
     """A rule."""
 
-    id: str  # name in reports, such as ``start-outside-limits``
-    severity: Severity  # severity; only notes leave the exit status at 0
-    section: str  # section of FMI 2.0.5; of FMI 3.0.2 for the kind "fmi3", of SSP 1.0 for "ssp"
-    summary: str  # one sentence that describes the error
-    kind: Kind  # the examined part of the FMU
+    id: str
+    """Name in reports, such as ``start-outside-limits``."""
+    severity: Severity
+    """Severity; only notes leave the exit status at 0."""
+    section: str
+    """Section of FMI 2.0.5; of FMI 3.0.2 for the kind "fmi3", of SSP 1.0 for "ssp"."""
+    summary: str
+    """One sentence that describes the error."""
+    kind: Kind
+    """The examined part of the FMU."""
 
     @property
     def standard(self) -> str:
@@ -53,13 +58,20 @@ class Rule:
 class Finding:
     """An error in an FMU, and its place."""
 
-    rule: str  # name of the rule
-    severity: Severity  # severity of the rule
-    message: str  # description of the error, and its remedy
-    file: str = ""  # member of the archive; empty for the archive itself
-    line: int | None = None  # line in the file
-    variable: str | None = None  # name of the variable
-    standard: str = "FMI 2.0.5"  # the version of FMI
+    rule: str
+    """Name of the rule."""
+    severity: Severity
+    """Severity of the rule."""
+    message: str
+    """Description of the error, and its remedy."""
+    file: str = ""
+    """Member of the archive; empty for the archive itself."""
+    line: int | None = None
+    """Line in the file."""
+    variable: str | None = None
+    """Name of the variable."""
+    standard: str = "FMI 2.0.5"
+    """The version of FMI."""
 
     @property
     def source(self) -> str:

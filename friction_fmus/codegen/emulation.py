@@ -34,8 +34,10 @@ _CPU: Final = "max"  # has all instructions of all cores; some versions of qemu-
 class Core:
     """A processor core."""
 
-    name: str  # common name
-    flags: tuple[str, ...]  # compiler options
+    name: str
+    """Common name."""
+    flags: tuple[str, ...]
+    """Compiler options."""
 
 
 M0PLUS: Final = Core("Cortex-M0+", ("-mcpu=cortex-m0plus", "-mthumb", "-mfloat-abi=soft"))

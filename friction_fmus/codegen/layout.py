@@ -132,12 +132,18 @@ EMPTY: Mapping[int, Sequence[str]] = MappingProxyType({})
 class Export:
     """A law with the settings of its export."""
 
-    law: Law  # the law
-    real: Real  # type of all numbers
-    prefix: str  # prefix of files, types and functions
-    start: Values  # start values of inputs, states and parameters by variable
-    rotary: bool = False  # whether the law has the units of a rotary axis
-    table: PositionMap | None = None  # force over position, for the input ``f_known`` of a loop
+    law: Law
+    """The law."""
+    real: Real
+    """Type of all numbers."""
+    prefix: str
+    """Prefix of files, types and functions."""
+    start: Values
+    """Start values of inputs, states and parameters by variable."""
+    rotary: bool = False
+    """Whether the law has the units of a rotary axis."""
+    table: PositionMap | None = None
+    """Force over position, for the input ``f_known`` of a loop."""
 
     @property
     def words(self) -> Words:
