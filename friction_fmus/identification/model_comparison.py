@@ -44,21 +44,30 @@ def long_enough(records: Sequence[Record]) -> tuple[Record, ...]:
 def within_reach(
     identify: Callable[..., Identification], model: str | Path, train: Sequence[Record], **options: Any
 ) -> Identification:
-    """Identify a model; if a force parameter ran away, identify it again with a bound for this parameter.
+    """Identify a model; if a force or a velocity ran away, identify it again with a bound for this parameter.
 
     A record that passes the Stribeck velocity between two samples does not determine Fs: the product of a huge Fs and
-    the exponential of a tiny vs fits. Nothing can be computed with such a value, and it hides that Fs is unknown.
+    the exponential of a tiny vs fits. With a vs above all speeds, any Fc does. Nothing can be computed with such a
+    value, and it hides that the parameter is unknown.
     """
     found = identify(model, train, **options)
     forces = [values for record in train for values in (record.force, record.friction) if values is not None]
     if options.get("bounds") or not forces:
         return found
     largest = FAR * max(float(np.max(np.abs(values))) for values in forces)
+    fastest = max(_top_speed(record) for record in train)
     si = ROTARY if train[0].units.rotary else LINEAR  # units of channels do not distinguish a force from a stiffness
     known = {name: each.unit for name, each in contact_model(model, si).parameters.items() if "[" not in name}
-    far = [n for n, e in found.parameters.items() if known.get(n) == si.force and abs(e.value) > largest]
-    bounds = {name: (0.0, largest) for name in far}
-    return identify(model, train, **{**options, "bounds": bounds}) if far else found
+    most = {si.force: largest, si.velocity: fastest}
+    reach = {name: most[unit] for name, unit in known.items() if most.get(unit)}
+    bounds = {n: (0.0, reach[n]) for n, e in found.parameters.items() if n in reach and abs(e.value) > reach[n]}
+    return identify(model, train, **{**options, "bounds": bounds}) if bounds else found
+
+
+def _top_speed(record: Record) -> float:
+    """Return the largest speed of a record without outliers; 0 if it has neither velocity nor position."""
+    v = record.v if record.v is not None or record.q is None else np.gradient(record.q, record.Ts)
+    return 0.0 if v is None else float(np.quantile(np.abs(v), 0.99))
 
 
 WORSE: Final = 100.0  # training error in % of the signal above which a model describes nothing
@@ -74,8 +83,7 @@ def useless(result: Identification) -> str:
     record = max(result.records, key=len)
     viscous = record.units.viscous
     peak = max(float(np.max(np.abs(values))) for values in (result.measured, [1e-300]))
-    v = record.v if record.v is not None else np.gradient(record.column("q"), record.Ts)
-    top = float(np.quantile(np.abs(v), 0.99))
+    top = _top_speed(record)
     far = [e for e in result.parameters.values() if e.unit == viscous and e.name in VISCOUS]
     wrong = [e for e in far if abs(e.value) * top > FAR * peak]
     if wrong and result.signal in ("force", "friction"):

@@ -429,7 +429,8 @@ def refine(
     def replaced(p: IdentifiedParameter) -> IdentifiedParameter:
         if p.name not in values:
             return p
-        error = errors[p.name] if np.isfinite(errors[p.name]) else None
+        # the search itself is not more accurate than `EQUAL`
+        error = float(np.hypot(errors[p.name], EQUAL * p.value)) if np.isfinite(errors[p.name]) else None
         return replace(p, value=values[p.name], standard_error=error, weak=weak.get(p.name, ""))
 
     now = {name: values.get(name, value) for name, value in found.values.items()}

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Final
 
 from friction_fmus.axis.loop_assembly import with_friction
@@ -25,7 +25,7 @@ SMALL = 1e-3  # part of the force limit up to which a constant force is not wort
 
 
 def next_steps(
-    bench: AxisBench, found: Comparison, models: Sequence[ModelResult], units: AxisUnits
+    bench: AxisBench, found: Comparison, models: Mapping[str, ModelResult], units: AxisUnits
 ) -> tuple[tuple[str, ...], tuple[str, ...]]:
     """Return what to set in the drive, and what to rule out or to measure, one or two sentences each."""
     row, scheme = found.recommended, found.chosen
@@ -107,9 +107,9 @@ def _fragile(row: CompensatorResult) -> Iterator[str]:
         yield f"The loop fails in these cases: {', '.join(failing)}. Rule them out before you switch it on."
 
 
-def _weak(row: CompensatorResult, models: Sequence[ModelResult]) -> Iterator[str]:
-    model = next((model for model in models if model.name == row.model), None)
+def _weak(row: CompensatorResult, models: Mapping[str, ModelResult]) -> Iterator[str]:
+    model = models.get(row.model)
     weak = [parameter for parameter in model.parameters if parameter.weak] if model is not None else []
-    if weak:
+    if model is not None and weak:
         names = " and ".join(parameter.name for parameter in weak)
-        yield f"The record determines {names} of {row.model} poorly ({weak[0].name}: {weak[0].weak})."
+        yield f"The record determines {names} of {model.name} poorly ({weak[0].name}: {weak[0].weak})."

@@ -467,10 +467,11 @@ class _Study:
 
     def _comparison(self, data: Data, models: Sequence[IdentifiedModel], bench: AxisBench) -> Comparison:
         """Compare the compensators."""
+        sources = {found.block: found for found in reversed(models) if found is models[0] or of_laws(found)}
         known = AxisKnowledge(
             bench.servo,
             bench.plant,
-            {found.block: found.values for found in reversed(models) if found is models[0] or of_laws(found)},
+            {block: found.values for block, found in sources.items()},
             period_of(bench.r[bench.run_up :], 100),
             float(np.max(np.abs(np.diff(bench.r)))) / bench.servo.Ts,
             data.rotary,
@@ -489,7 +490,7 @@ class _Study:
         highest = min([*self.config.resonances, math.inf if band is None else band.supported])
         limits = replace(wanted.limits, band=highest, resonance=highest)
         found = compare(bench, known, replace(wanted, limits=limits), run)
-        steps, cautions = next_steps(bench, found, [model.row for model in models], units)
+        steps, cautions = next_steps(bench, found, {block: model.row for block, model in sources.items()}, units)
         return replace(found, recommendation=replace(found.recommendation, next_steps=steps, cautions=cautions))
 
     def _panel(self, bench: AxisBench, comparison: Comparison) -> WhatIf | str:

@@ -71,6 +71,23 @@ def test_channels_without_a_unit_do_not_bound_the_stiffness() -> None:
     assert bounded == [None]
 
 
+def test_a_stribeck_velocity_above_all_speeds_is_bounded_by_them() -> None:
+    """Any Fc fits then: an axis with 18 N had Fc = 1512 N and vs = 38 m/s, at speeds up to 1.5 m/s."""
+    record = sticking(1e-6, stop=3.0)
+    assert record.q is not None
+    bounds: list[object] = []
+
+    def found(model: str, records: object, **options: object) -> Identification:
+        bounds.append(options.get("bounds"))
+        result = identify(model, record, starts=1)
+        vs = replace(result.parameters["vs"], value=10.0)
+        return result if len(bounds) > 1 else replace(result, parameters={**result.parameters, "vs": vs})
+
+    within_reach(found, "Stribeck", [record])
+    fastest = float(np.quantile(np.abs(np.gradient(record.q, record.Ts)), 0.99))
+    assert bounds == [None, {"vs": (0.0, pytest.approx(fastest))}]
+
+
 def test_rests_are_named() -> None:
     finding = stuck([sticking(1e-4)])
     assert finding is not None and finding.name == "presliding-not-resolved" and "sticks" in finding.what
