@@ -5,7 +5,8 @@
 2. Compensators that improve the axis come first.
 3. Within both groups, the smaller worst-case error comes first. Compensators whose worst-case errors are within `WORTH`
    of the smallest one are equivalent: the one with the fewest blocks comes first, then the one with the fewest cycles.
-   The error of the simulated axis on the recorded motion is added to both, as the axis has it with each of them.
+   The error of the simulated axis on the recorded motion is added to both, as the axis has it with each of them; of two
+   with as many blocks, it does not make the worse one equivalent.
 """
 
 from __future__ import annotations
@@ -32,8 +33,12 @@ def rank(none: CompensatorResult, rows: Sequence[CompensatorResult], model: floa
     ordered: list[CompensatorResult] = []
     while left:
         alike = [row for row in left if equivalent(left[0], row, model)]
-        ordered += sorted(alike, key=_simplicity)
         left = [row for row in left if row not in alike]
+        alike.sort(key=lambda row: (blocks(row), inf if row.worst is None else row.worst, row.name))
+        while alike:  # of as many blocks, only errors within `WORTH` are as good, as the model has one error with both
+            close = [row for row in alike if blocks(row) == blocks(alike[0]) and equivalent(alike[0], row, 0.0)]
+            ordered.append(min(close, key=_simplicity))
+            alike.remove(ordered[-1])
     ranked = [replace(row, rank=place) for place, row in enumerate(ordered, start=1)]
     return ranked + [row for row in rows if row.metrics is None]
 
@@ -162,8 +167,12 @@ def recommend(
         + (f", and in the worst case from {_worst(none, unit)} to {_worst(first, unit)}" if first.corners else "")
         + f". {_figures(none, first, u)}"
     )
-    alike = [row for row in tried[1:] if equivalent(first, row, model) and equivalent(row, first, model)]
-    if same := ", ".join(row.name for row in alike if row.improves):
+
+    def as_good(row: CompensatorResult) -> bool:
+        added = 0.0 if blocks(row) == blocks(first) else model
+        return row.improves and equivalent(first, row, added) and equivalent(row, first, added)
+
+    if same := ", ".join(row.name for row in tried[1:] if as_good(row)):
         reason += f" Equivalent, within {100 * WORTH:.0f} %, but with more blocks or cycles: {same}."
     reason += "".join(f" {objection}" for objection in _objections(contradicted or {}))
     improving = [row for row in tried if row.improves]

@@ -68,6 +68,11 @@ def test_errors_below_that_of_the_model_do_not_decide() -> None:
     assert [each.name for each in rank(without(), rows, 10e-6)] == ["one + two", "one"]
 
 
+def test_of_as_many_blocks_the_better_one_comes_first_whatever_the_model() -> None:
+    rows = [row("cheap", 15e-6, cycles=10.0), row("dear", 10e-6, cycles=900.0), row("one + two", 9e-6)]
+    assert [each.name for each in rank(without(), rows, 50e-6)] == ["dear", "cheap", "one + two"]
+
+
 def test_the_force_that_cancels_friction_does_not_count() -> None:
     assert order(row("quiet", 11.5e-6), row("loud", 10e-6, high=2.0)) == ["loud", "quiet"]
 
