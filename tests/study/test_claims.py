@@ -13,8 +13,8 @@ from friction_fmus.axis.servo import AxisPlant, Servo, Trajectory
 from friction_fmus.identification import LINEAR, Record
 from friction_fmus.study.evaluation import AxisBench
 from friction_fmus.study.model_ranking import IdentifiedModel, without_unknown_static_friction
-from friction_fmus.study.study_result import IdentifiedParameter, ModelResult
-from friction_fmus.study.trust import claim_findings, force_findings, static_friction_findings
+from friction_fmus.study.study_result import Fit, IdentifiedParameter, ModelResult
+from friction_fmus.study.trust import claim_findings, force_findings, model_error, static_friction_findings
 
 SERVO = Servo("PID", {"Kp": 8000.0, "Kd": 160.0, "Ki": 0.0}, 1e-3, 50.0)
 BENCH = AxisBench(SERVO, AxisPlant("Coulomb", {"Fc": 6.0}, 2.0), Trajectory(Path(), 10, 0.0, 0.0), np.zeros(10))
@@ -44,6 +44,14 @@ def test_errors_below_that_of_the_model_are_not_claimed(model: float, claimed: b
     found = claim_findings(replace(BENCH, model_error=model), 10.0 * NATURAL, [], LINEAR, 1e-6)
     assert bool(found) != claimed
     assert claimed or ("1.25 um" in found[0].what or "1.25 µm" in found[0].what)
+
+
+def test_the_rounding_of_a_position_counts_once() -> None:
+    """In fast motion, rounding is white noise of q/sqrt(12): 0.25 - 1/12 of the square are left of 0.5 q."""
+    q, t = 1e-6, 1e-3 * np.arange(8000)
+    record = Record("axis", t, q=np.round(0.05 * np.sin(2.0 * pi * t) / q) * q, quantum=q)
+    row = ModelResult("Coulomb", "", closed_loop=(Fit(0.5 * q, 1.0, "position", "m"),))
+    assert model_error(IdentifiedModel(row), record) == pytest.approx(sqrt(0.25 - 1.0 / 12.0) * q, rel=0.15)
 
 
 @pytest.mark.parametrize(("limit", "clipped"), [(15.0, False), (20.0, True)])
