@@ -173,7 +173,8 @@ def recommend(
         return row.improves and equivalent(first, row, added) and equivalent(row, first, added)
 
     if same := ", ".join(row.name for row in tried[1:] if as_good(row)):
-        reason += f" Equivalent, within {100 * WORTH:.0f} %, but with more blocks or cycles: {same}."
+        beside = f" of the error with the {shown(model, unit)} of the simulated axis" if model else ""
+        reason += f" Equivalent, within {100 * WORTH:.0f} %{beside}, but with more blocks or cycles: {same}."
     reason += "".join(f" {objection}" for objection in _objections(contradicted or {}))
     improving = [row for row in tried if row.improves]
     if len(improving) < 2:

@@ -7,7 +7,7 @@ so that a difference is an error of the configuration, of the columns, or a forc
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
 from math import pi, sqrt
@@ -237,6 +237,7 @@ HIGHEST: Final = 0.4
 
 ENOUGH: Final = 5000  # samples above which only some are used in searches with other unknowns
 SIMPLER: Final = 1.05  # residual over the smallest one up to which a simpler explanation is taken
+NARROW: Final = 0.75  # damping of a notch filter above which it could as well be a lag of the recorded force
 WHITE: Final = 0.2  # largest part of the power of noise in the lowest tenth of the frequencies
 CONFIRMED: Final = 0.05  # relative difference up to which a configured gain agrees with the one that the record shows
 
@@ -320,7 +321,7 @@ def best_filter(name: str, servo: Servo, cost: Callable[[Servo], float], rounds:
 
     def of(logarithms: Array) -> float:
         p = np.exp(logarithms)
-        inside = 0.1 * LOWEST < p[0] * servo.Ts < 0.5 and np.all((p[1:] > 1e-3) & (p[1:] < 3.0))
+        inside = 0.1 * LOWEST < p[0] * servo.Ts < 0.45 and np.all((p[1:] > 1e-3) & (p[1:] < 3.0))
         return cost(make(servo, p)) if inside else np.inf
 
     frequencies = np.geomspace(LOWEST / servo.Ts, HIGHEST / servo.Ts, 20)
@@ -338,11 +339,24 @@ def best_filter(name: str, servo: Servo, cost: Callable[[Servo], float], rounds:
 
 def _velocity_or_notch(compared: ComparedForce, allowed: float) -> Attempt:
     """Explain the difference by another velocity or a notch filter, by the first that is nearly as good as the best."""
-    attempts = [_window(compared)]
+    attempts = [_window(compared), *_without_filter(compared)]
     for name in FILTERS:
         servo, left = best_filter(name, compared.servo, compared.left_by)
-        attempts.append((Diagnosis((_of_filter(compared, servo, left),), servo=servo), left))
+        if servo.notch == compared.servo.notch or (servo.notch is not None and servo.notch.damping < NARROW):
+            attempts.append((Diagnosis((_of_filter(compared, servo, left),), servo=servo), left))
     return next(each for each in attempts if each[1] <= SIMPLER * min(left for _, left in attempts))
+
+
+def _without_filter(compared: ComparedForce) -> Iterator[Attempt]:
+    """Explain the difference by a configured filter that the drive does not have."""
+    given = compared.servo
+    without = {"velocity_filter": replace(given, velocity_filter=None), "notch": replace(given, notch=None)}
+    for key, servo in without.items():
+        if servo != given:
+            left = compared.left_by(servo)
+            change = f"Remove {key} from [servo]{_better(compared, left)}"
+            finding = StudyFinding(f"no-{key.replace('_', '-')}", f"the drive has no {key.replace('_', ' ')}.", change)
+            yield Diagnosis((finding,), servo=servo), left
 
 
 def _of_filter(compared: ComparedForce, servo: Servo, left: float) -> StudyFinding:
@@ -422,7 +436,8 @@ def _delay(compared: ComparedForce, allowed: float) -> Attempt:
 def _feedforward(compared: ComparedForce, allowed: float) -> Attempt:
     """Explain the difference by a feedforward of the reference that the configuration does not contain."""
     difference = compared.force - compared.command
-    columns = references(compared.record, compared.servo.Ts)
+    fed = behind_notch(compared.servo, references(compared.record, compared.servo.Ts))
+    columns = {name: shifted(column, compared.late) for name, column in fed.items()}
     kept: dict[str, Array] = {}
     fit = fitted(compared, kept, difference)
     while len(kept) < len(columns) and fit.left > allowed:
@@ -454,12 +469,17 @@ def _gains(compared: ComparedForce, allowed: float) -> Attempt:
     timing: dict[str, Array] = {}
     if servo.velocity_feedforward:  # the drive may use the reference velocity of half a sample earlier or later
         timing["rdd"] = references(compared.record, servo.Ts)["rdd"]
-    fit = fitted(compared, {**regressors(compared, integral=False), **timing}, compared.force)
+
+    def of(integral: bool) -> LinearFit:
+        columns = {**regressors(compared, integral=integral), **timing}
+        return fitted(compared, {name: shifted(each, compared.late) for name, each in columns.items()}, compared.force)
+
+    fit = of(False)
     if fit.left > allowed:
-        with_integral = fitted(compared, {**regressors(compared, integral=True), **timing}, compared.force)
+        with_integral = of(True)
         fit = with_integral if with_integral.left < 0.5 * fit.left else fit
     gains = gains_of(compared, fit)
-    return Diagnosis((_of_gains(compared.record.units.words, servo, gains),), gains), fit.left
+    return Diagnosis((_of_gains(compared.record.units.words, servo, gains),), gains), _possible(gains, fit.left)
 
 
 def _gains_and_feedforward(compared: ComparedForce, allowed: float) -> Attempt:
@@ -469,7 +489,12 @@ def _gains_and_feedforward(compared: ComparedForce, allowed: float) -> Attempt:
     columns = references(compared.record, compared.servo.Ts)
     shown = {name for name, values in columns.items() if abs(fit.values[name]) * rms(values[compared.used]) > allowed}
     found = () if _agree(compared.servo, gains) else (_of_gains(compared.record.units.words, compared.servo, gains),)
-    return Diagnosis((*found, *_added(compared, fit, shown)), gains), fit.left
+    return Diagnosis((*found, *_added(compared, fit, shown)), gains), _possible(gains, fit.left)
+
+
+def _possible(gains: Sequence[IdentifiedParameter], left: float) -> float:
+    """Return the residual that gains leave; infinity if one is negative, as no servo has it."""
+    return left if all(gain.value > 0.0 for gain in gains) else np.inf
 
 
 def _all_fitted(compared: ComparedForce) -> LinearFit:
@@ -654,7 +679,8 @@ def _compared(record: Record, servo: Servo) -> ComparedForce:
     if servo.delay:  # the column may have the force that acts, which lags the command
         delayed, unlimited = (shifted(values, servo.delay) for values in (command, free))
         late = replace(whole, command=delayed, unlimited=unlimited, late=servo.delay)
-        whole = late if late.residual < whole.residual else whole
+        with threadpool_limits(1):  # a servo that lacks a feature must not decide it: with all of them fitted
+            whole = late if _all_fitted(late).left < _all_fitted(whole).left else whole
     if record.injected is None:
         return whole
     without = replace(whole, force=record.force - record.injected, included=True)

@@ -156,7 +156,7 @@ def model_error(best: IdentifiedModel, record: Record) -> float:
     """
     if not best.row.closed_loop or record.q is None:
         return 0.0
-    noise = max(position_noise(record.q), record.quantum / math.sqrt(12.0))  # in motion, the first has the rounding
+    noise = max(position_noise(record.q, 8), record.quantum / math.sqrt(12.0))  # in motion, the first has the rounding
     return math.sqrt(max(best.row.closed_loop[0].rms ** 2 - noise**2, 0.0))
 
 

@@ -20,7 +20,7 @@ TRUE: Final = 0.15  # relative difference of claimed and measured error up to wh
 CHANGED: Final = 0.1  # relative change of mass or friction that is named
 SURE: Final = 3.0  # number of standard errors of a change that is named
 MOVING: Final = 0.3  # part of the largest reference speed above which the axis slides
-INVERTED: Final = 1.5  # friction that the servo sees, divided by that of the axis, above which the sign is wrong
+INVERTED: Final = 1.3  # friction that the servo sees, divided by that of the axis, above which the sign is wrong
 ABSENT: Final = 0.7  # the same above which the compensation does not act
 
 
@@ -98,7 +98,7 @@ def _direction(records: Sequence[Record], servo: Servo | None, known: Mapping[st
         if record.reference is None or record.q is None:
             continue
         rd = np.gradient(record.reference, record.Ts)
-        rows = np.column_stack([np.sign(rd), np.ones_like(rd)])
+        rows = np.column_stack([np.sign(rd), rd, np.ones_like(rd)])  # without feedforward of rd, e is rd Kd/Kp
         moving = np.abs(rd) > MOVING * float(np.max(np.abs(rd)))
         columns.append(rows[moving])
         errors.append((record.reference - record.q)[moving])

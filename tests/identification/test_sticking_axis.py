@@ -12,7 +12,7 @@ import pytest
 
 from friction_fmus.blocks.axis_units import units_of_channels
 from friction_fmus.identification import Identification, Record, identify, identify_inverse_model
-from friction_fmus.identification.fit.rests import standstill, unresolved_rest
+from friction_fmus.identification.fit.rests import position_noise, standstill, unresolved_rest
 from friction_fmus.identification.force_findings import stuck
 from friction_fmus.identification.model_comparison import within_reach
 
@@ -69,6 +69,22 @@ def test_channels_without_a_unit_do_not_bound_the_stiffness() -> None:
 
     assert within_reach(found, "LuGre", [record]).parameters["sigma0"].value > 100.0 * np.max(np.abs(record.force))
     assert bounded == [None]
+
+
+@pytest.mark.parametrize("offset", np.linspace(0.0, 0.9, 7))
+def test_a_smooth_reversal_is_no_standstill(offset: float) -> None:
+    t = 1e-3 * np.arange(4000)
+    q = 1e-5 * np.round(0.01 * np.cos(np.pi * t) / 1e-5 + offset)
+    record = Record("sine", t, q=q, force=np.sign(np.gradient(q)), quantum=1e-5)
+    assert not standstill(record)[10:-10].any()
+
+
+@pytest.mark.parametrize(("rate", "noise"), [(100.0, 0.0), (100.0, 1e-6), (1000.0, 1e-6)])
+def test_the_noise_of_a_position_is_no_motion(rate: float, noise: float) -> None:
+    """At 100 Hz the fourth differences of 10 mm at 5 Hz look like noise of 14 um."""
+    t = np.arange(20.0 * rate) / rate
+    q = 0.01 * np.sin(2.0 * np.pi * 5.0 * t) + noise * np.random.default_rng(5).standard_normal(len(t))
+    assert position_noise(q, 8) == pytest.approx(noise, rel=0.1, abs=2e-8)
 
 
 def test_a_stribeck_velocity_above_all_speeds_is_bounded_by_them() -> None:

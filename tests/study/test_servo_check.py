@@ -305,6 +305,28 @@ def test_a_notch_filter_is_found() -> None:
     assert declared.residual.percent < 0.5
 
 
+@pytest.mark.parametrize(
+    ("key", "declared"), [("velocity_filter", LowPass(1, 60.0)), ("notch", Notch(120.0, 0.5, 0.05))]
+)
+def test_a_declared_filter_that_the_drive_does_not_have_is_to_be_removed(key: str, declared: LowPass | Notch) -> None:
+    record, servo = driven()
+    given = (
+        replace(servo, velocity_filter=declared) if isinstance(declared, LowPass) else replace(servo, notch=declared)
+    )
+    check = check_servo(record, given).result
+    assert only(check) == f"no-{key.replace('_', '-')}"
+    assert check.findings[0].change.startswith(f"Remove {key} from [servo]")
+
+
+def test_a_feedforward_is_found_in_a_force_that_is_recorded_late() -> None:
+    """Only with the feedforward fitted does the record show that its force is the command of three samples before."""
+    record, servo = driven(delay=3.0, fed_mass=4.0)
+    late = np.append(np.zeros(3), record.column("force")[:-3])
+    check = check_servo(replace(record, force=late), replace(servo, delay=3)).result
+    assert only(check) == "inertia-feedforward"
+    assert settings(check)["inertia_feedforward"] == pytest.approx(4.0, rel=0.02)
+
+
 def test_friction_feedforward_of_the_drive_is_found() -> None:
     record, servo = driven(fed_coulomb=10.0, fed_viscous=30.0)
     check = check_servo(record, servo).result

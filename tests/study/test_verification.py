@@ -63,7 +63,9 @@ def test_friction_that_is_30_percent_lower(tmp_path: Path) -> None:
 def test_a_compensation_of_the_wrong_sign(tmp_path: Path) -> None:
     found = verified(tmp_path, compensated(-1.0))
     (reason,) = found.reasons
-    assert "against 1.9 times the friction" in reason
+    assert "wrong sign" in reason
+    part = float(reason.split("against ")[1].split(" times")[0])
+    assert part == pytest.approx(2.0, abs=0.4)  # twice the friction; a part goes to the speed, which lags with it
     assert "wrong sign" in reason
 
 

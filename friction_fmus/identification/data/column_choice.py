@@ -83,7 +83,7 @@ def _refusal(
 
 
 def _incomplete(guess: Guess) -> str:
-    """Return the value of the option ``--columns`` with ? for what the headings do not tell."""
+    """Return the value of the option ``--columns`` with ? for columns that the headings do not name."""
     known = {**guess.suggestions, **guess.columns}
     motion = "velocity" if "velocity" in known and "position" not in known else "position"
     parts = {role: known.get(role, Column("?")) for role in ("time", motion, "force")}

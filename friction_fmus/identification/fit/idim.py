@@ -113,13 +113,14 @@ class InverseModelSettings:
         Returns
         -------
         array of bool, shape (rows,), or None
-            None if there is no such sample, or if less than `REMAINING` of the rows would be left.
+            None if there is no such sample, or if too few rows would be left (`REMAINING`, `ENOUGH`).
         """
         if not rest.any():
             return None
         seen = binary_dilation(rest, iterations=round(2.0 / (self.cutoff * Ts)))
         used: NDArray[np.bool_] = self.times(seen.astype(np.float64), Ts) == 0.0
-        return used if float(np.mean(used)) >= REMAINING else None
+        enough = float(np.mean(used)) >= REMAINING or np.count_nonzero(used) >= ENOUGH
+        return used if enough else None
 
     def require(self, record: Record, columns: int = 1) -> None:
         """Raise RecordError if a record is too short for the border and for rows of several columns.
@@ -144,6 +145,7 @@ class InverseModelSettings:
 
 
 REMAINING = 0.25  # fraction of the rows that must remain outside rests
+ENOUGH = 200  # or their number, however long the axis rests
 
 #: Time in which filter and differences settle, over the period of the cut-off frequency: transients of the slowest pole
 #: of order 4 have then decayed to 8e-6.
