@@ -60,30 +60,8 @@ class Parameter:
     ) -> Parameter:
         """Return the parameter at a connector or variable with this unit: first converted, then transformed.
 
-        Parameters
-        ----------
-        base : BaseUnit or None
-            Unit of the connector or variable.
-        where : str
-            Its name, for messages.
-        unit : str or None
-            Name of its unit, which means the same as an equal name of the parameter's unit.
-        suppress : bool
-            Whether unit conversion is suppressed.
-        transformation : Linear, Table or None
-            Transformation of the converted value.
-
-        Returns
-        -------
-        Parameter
-            The parameter in the new unit.
-
-        Raises
-        ------
-        UnitError
-            If a unit is unknown, or the units measure different quantities.
-        StartValueError
-            If the value cannot be transformed.
+        `where` names it in messages; `unit` is the name of its unit, which means the same as an equal name of the
+        parameter's unit.
         """
         value, own = self.value, self.base
         if own is None and self.unit is not None and not suppress:
@@ -97,27 +75,7 @@ class Parameter:
         return replace(self, value=value, unit=None, base=base or own)
 
     def start_value(self, port: Port, where: str) -> StartValue:
-        """Return this parameter as the start value of a variable, in the unit of the variable.
-
-        Parameters
-        ----------
-        port : Port
-            The variable.
-        where : str
-            Its name, for messages.
-
-        Returns
-        -------
-        float, int, bool or str
-            The start value.
-
-        Raises
-        ------
-        UnitError
-            If the units measure different quantities.
-        StartValueError
-            If the value does not have the type of the variable.
-        """
+        """Return this parameter as the start value of a variable, in its unit; `where` names it in messages."""
         landed = self.landed(known_unit(port.unit, port.base), where, unit=port.unit)
         value = landed.value
         if not port.unit and landed.base not in (None, BaseUnit()) and port.type == "Real":
