@@ -59,19 +59,14 @@ class Finding:
     """An error in an FMU, and its place."""
 
     rule: str
-    """Name of the rule."""
     severity: Severity
-    """Severity of the rule."""
     message: str
     """Description of the error, and its remedy."""
     file: str = ""
     """Member of the archive; empty for the archive itself."""
     line: int | None = None
-    """Line in the file."""
     variable: str | None = None
-    """Name of the variable."""
     standard: str = "FMI 2.0.5"
-    """The version of FMI."""
 
     @property
     def source(self) -> str:

@@ -112,7 +112,6 @@ class Cost:
     """Cost of a law on one core."""
 
     core: Core
-    """The core."""
     code: int
     """Flash for the functions of the law: instructions and constants [bytes]."""
     flash: int

@@ -35,9 +35,7 @@ class Core:
     """A processor core."""
 
     name: str
-    """Common name."""
     flags: tuple[str, ...]
-    """Compiler options."""
 
 
 M0PLUS: Final = Core("Cortex-M0+", ("-mcpu=cortex-m0plus", "-mthumb", "-mfloat-abi=soft"))

@@ -133,9 +133,7 @@ class Export:
     """A law with the settings of its export."""
 
     law: Law
-    """The law."""
     real: Real
-    """Type of all numbers."""
     prefix: str
     """Prefix of files, types and functions."""
     start: Values

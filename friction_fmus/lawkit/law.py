@@ -164,9 +164,7 @@ class Law:
     """One sample: maps the scalars of `given` to the outputs, then to the next states (named ``<state>_next``, for a
     vector ``<state>_1_next``, ...)."""
     path: Path
-    """The file that defines the law."""
     conditions: Conditions
-    """Relations between its parameters."""
     about: About
     """Further declarations in its file."""
     sizes: Mapping[str, Size]

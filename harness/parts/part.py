@@ -190,13 +190,7 @@ class Part(ABC):
         return not self.sampled and self.every == 1 and not (self.outputs and all(port.held for port in self.outputs))
 
     def inner_tolerance(self, given: float | None) -> float:
-        """Return the relative error that a solver inside the part may leave, if the part has one.
-
-        Parameters
-        ----------
-        given : float or None
-            The tolerance of the run.
-        """
+        """Return the relative error that a solver inside the part may leave, for the tolerance of the run."""
         return 0.0
 
     def resize(self, start: Mapping[str, StartValue]) -> None:  # noqa: B027, most parts have no such parameters
@@ -206,123 +200,45 @@ class Part(ABC):
     def enter_initialisation(
         self, start: float, stop: float, tolerance: float | None, values: Mapping[str, StartValue]
     ) -> None:
-        """Make a new instance with these start values and enter initialisation mode.
+        """Make a new instance with these start values, by name, and enter initialisation mode.
 
-        Parameters
-        ----------
-        start, stop : float
-            Span of the run [s].
-        tolerance : float or None
-            Relative tolerance for the part's own solver; None leaves it to the part.
-        values : mapping of str to value
-            Start values of inputs and parameters by name.
-
-        Raises
-        ------
-        StartValueError
-            If the part rejects a value.
-        PartError
-            If the part cannot be initialised.
+        The run goes from start to stop [s]; a tolerance of None leaves the accuracy to the part. Raise StartValueError
+        if the part rejects a value, and PartError if it cannot be initialised.
         """
 
     @abstractmethod
     def bind(self, inputs: Sequence[str], outputs: Sequence[str], u: Values, y: Values) -> Calls:
-        """Bind the ports of the part to arrays.
+        """Bind ports of the part to arrays, and return the operations of a communication step.
 
-        Parameters
-        ----------
-        inputs, outputs : sequence of str
-            The exchanged ports, sorted by type in the order of ``TYPE_ORDER``. Outputs may be observables.
-        u, y : float64 array, shapes (len(inputs),) and (len(outputs),)
-            Contiguous views; each set reads ``u``, and each get writes ``y``.
-
-        Returns
-        -------
-        Calls
-            The operations of a communication step.
+        The ports are sorted by type in the order of ``TYPE_ORDER``; outputs may be observables. ``u`` and ``y`` are
+        contiguous float64 views with a number for each: every set reads ``u``, and every get writes ``y``.
         """
 
     def native(self, inputs: Sequence[str], outputs: Sequence[str]) -> Native | None:
-        """Return the data with which the native engine calls the part.
-
-        Parameters
-        ----------
-        inputs, outputs : sequence of str
-            The ports given to `bind`.
-
-        Returns
-        -------
-        Native or None
-            None if only Python can call the part.
-        """
+        """Return how the native engine calls the part with the ports of `bind`; None if only Python can."""
         return None
 
     def exit_initialisation(self) -> None:  # noqa: B027, some parts have no modes
         """Leave initialisation mode; the part is then at the start time."""
 
     def event(self, time: float) -> None:  # noqa: B027, most parts have none
-        """Take the event at a communication point, as the next step does.
-
-        Parameters
-        ----------
-        time : float
-            The communication point [s].
-        """
+        """Take the event at a communication point [s], as the next step does."""
 
     @abstractmethod
     def save(self, state: object | None = None) -> object:
-        """Copy the complete state.
-
-        Parameters
-        ----------
-        state : object or None
-            A state from an earlier call, whose memory is reused.
-
-        Returns
-        -------
-        object
-            The state, for `restore`.
-        """
+        """Copy the complete state, for `restore`; the memory of a state from an earlier call is reused."""
 
     def serialise(self) -> bytes:
-        """Return the complete state as bytes that another process can restore.
-
-        Returns
-        -------
-        bytes
-            The state, for `deserialise`.
-
-        Raises
-        ------
-        HarnessError
-            If the part cannot save its state.
-        """
+        """Return the complete state as bytes for `deserialise`; raise HarnessError if the part cannot save it."""
         raise HarnessError(f"part '{self.name}' cannot save its state to a file: run the system without a checkpoint")
 
     def deserialise(self, data: bytes) -> None:
-        """Restore a state from `serialise`, made by this part in the same or in another process.
-
-        Parameters
-        ----------
-        data : bytes
-            The state.
-
-        Raises
-        ------
-        HarnessError
-            If the part rejects the state.
-        """
+        """Restore a state of `serialise`, also in another process; raise HarnessError if it is rejected."""
         raise HarnessError(f"part '{self.name}' cannot read its state from a file: run the system without a checkpoint")
 
     @abstractmethod
     def restore(self, state: object) -> None:
-        """Restore a saved state.
-
-        Parameters
-        ----------
-        state : object
-            A state from `save`.
-        """
+        """Restore a state from `save`."""
 
     def terminate(self) -> None:  # noqa: B027, some parts hold nothing
         """End the run; without a run this has no effect."""

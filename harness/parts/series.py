@@ -125,13 +125,7 @@ class SeriesPart(Part):
         return cls(name, times, columns, units, interpolation=interpolation, beyond=beyond, path=path)
 
     def content(self) -> bytes:
-        """Return names, times and values as bytes, which identify the record.
-
-        Returns
-        -------
-        bytes
-            The content, the same for equal records.
-        """
+        """Return names, times and values as bytes, which are the same for equal records."""
         names = "\n".join(port.name for port in self.outputs)
         return names.encode() + self._times.tobytes() + self._values.tobytes()
 

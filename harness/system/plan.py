@@ -98,28 +98,11 @@ class Plan:
     ticks: int
 
     def time(self, tick: int) -> float:
-        """Return the time of a tick, computed by multiplication so that rounding errors do not accumulate.
-
-        Parameters
-        ----------
-        tick : int
-            Number of the communication step.
-
-        Returns
-        -------
-        float
-            Time at its beginning [s].
-        """
+        """Return the time of a tick [s], by multiplication, so that rounding errors do not accumulate."""
         return self.start + tick * self.step
 
     def begin(self, start: Mapping[str, StartValue]) -> None:
-        """Set all values to those before a run: constants to their start values, the others to 0.
-
-        Parameters
-        ----------
-        start : mapping of str to value
-            Start values by "part.port".
-        """
+        """Set all values to those before a run: constants to their start values by "part.port", the others to 0."""
         self.signals[:] = 0.0
         for index in range(int(self.inputs.max(initial=0)), len(self.names)):
             name = self.names[index]
