@@ -87,16 +87,16 @@ def test_an_axis_that_turns_is_the_same_axis(tmp_path: Path) -> None:
     known = AxisKnowledge(SERVO, PLANT, {"LuGre": LUGRE})
     (candidate,) = candidates(["LuGreFeedforward"], known)
     (turning,) = candidates(["LuGreFeedforward"], replace(known, rotary=True))
-    tried = cases(SERVO, 0.1, (1,), 1.5, 1.5)
+    tried = cases(SERVO, (0.1, 0.02), (1,), 1.5, 1.5)
     straight = run(bench(tmp_path), candidate.compensator, tried)
     turned = run(bench(tmp_path, rotary=True), turning.compensator, tried)
     assert straight.metrics is not None
     assert turned == straight
     assert [corner.name for corner in straight.corners] == [
-        "friction x 0.9, mass x 0.9",
-        "friction x 0.9, mass x 1.1",
-        "friction x 1.1, mass x 0.9",
-        "friction x 1.1, mass x 1.1",
+        "friction x 0.9, mass x 0.98",
+        "friction x 0.9, mass x 1.02",
+        "friction x 1.1, mass x 0.98",
+        "friction x 1.1, mass x 1.02",
         "1 more sample of delay",
         "load of 0.75 N",
     ]
@@ -104,7 +104,7 @@ def test_an_axis_that_turns_is_the_same_axis(tmp_path: Path) -> None:
 
 def test_a_delay_beyond_the_margin_that_is_demanded_does_not_count() -> None:
     servo = replace(SERVO, quantum=1e-6)
-    found = {case.name: case.counts for case in cases(servo, 0.0, (1, 2), 1.5, 0.0)}
+    found = {case.name: case.counts for case in cases(servo, (0.0, 0.0), (1, 2), 1.5, 0.0)}
     assert found == {
         "1 more sample of delay": True,
         "2 more samples of delay": False,
