@@ -187,9 +187,7 @@ def free_axis(
     axis.wires += ["drive.u -> force.u1", "drive.trend -> force.u2", "force.y -> axis.F_drive"]
     axis.add_plant(plant)
     step, stop, seen = Ts / every, Ts * (len(t) - 1), ("axis.x", "axis.v")
-    experiment = Experiment(
-        stop, step, master=MASTER, record=seen, decimate=every, loop_tolerance=FREE_TOLERANCE
-    )
+    experiment = Experiment(stop, step, master=MASTER, record=seen, decimate=every, loop_tolerance=FREE_TOLERANCE)
     return System(axis.parts, axis.wires, axis.start, experiment, "free axis")
 
 

@@ -54,7 +54,8 @@ class Compensation:
     gains : tuple of float
         Gains of the compensation; values above 1 show the effect of over-compensation.
     mismatch, mass_mismatch : float
-        Relative errors of friction, which changes with temperature and wear, and of the mass in the robustness runs.
+        Relative errors of friction and mass in the robustness runs. A record determines both better; friction of a
+        warm machine repeats to some percent, and changes more from a cold start or with wear.
     motion_feedforward : bool
         Whether the servo receives the reference velocity and acceleration, so that friction dominates the error.
     duration : float or None
@@ -67,7 +68,7 @@ class Compensation:
 
     compensators: tuple[str, ...] | str = BEST_KNOWN_LAWS
     gains: tuple[float, ...] = (0.2, 0.4, 0.6, 0.8, 1.0, 1.2)
-    mismatch: float = 0.1
+    mismatch: float = 0.05
     mass_mismatch: float = 0.02
     motion_feedforward: bool = True
     duration: float | None = None

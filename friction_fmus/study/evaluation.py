@@ -162,6 +162,7 @@ def at_rest(r: Array, Ts: float) -> Array:
     return resting
 
 
+LATE: Final = "acceleration of the reference 1 sample later"  # drives differ in when it changes; no record shows it
 COARSER: Final = 4.0  # factor of the encoder resolution in the case with a worse encoder
 LOAD: Final = 0.5  # load force divided by the largest friction force near rest
 
@@ -179,6 +180,7 @@ class Case:
     noise: float = 0.0
     """Factor of the encoder resolution, and standard deviation of additional noise of the measured position [m]."""
     load: float = 0.0  # constant force on the axis [N]
+    late: bool = False  # whether the acceleration of the reference reaches the servo and the laws a sample later
     counts: bool = True  # whether the case is part of the worst case
 
 
@@ -201,6 +203,7 @@ def cases(
     if servo.quantum or servo.noise:
         noise = servo.quantum or servo.noise
         found.append(Case("coarser and noisier encoder", coarser=COARSER, noise=noise))
+    found.append(Case(LATE, late=True))
     if level > 0.0:
         # not part of the worst case: the record has no such load, and it would decide for an estimator on every axis
         found.append(Case(f"load of {LOAD * level:.3g} {u.N}", load=LOAD * level, counts=False))
@@ -306,6 +309,11 @@ def with_table(bench: AxisBench, scheme: Scheme) -> Trajectory:
 def _corner(bench: AxisBench, scheme: Scheme, case: Case, pool: PartPool) -> Corner:
     servo, trajectory = changed(scheme.servo, bench.trajectory, case)
     system = system_of(replace(bench, trajectory=trajectory), replace(scheme, servo=servo), pool)
+    if case.late:
+        assert system.experiment is not None
+        sample = system.experiment.decimate
+        wires = [replace(wire, delay=sample) if wire.source == "reference.rdd" else wire for wire in system.wires]
+        system = System(system.parts.values(), wires, system.start, system.experiment, system.name)
     metrics, _, failure = _judged(system.with_start(off_by(system, case.friction, case.mass)), bench)
     return Corner(case.name, metrics, failure, case.counts)
 
