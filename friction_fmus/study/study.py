@@ -57,6 +57,7 @@ from friction_fmus.study.study_result import (
 from friction_fmus.study.trust import (
     NOT_SIMULATED,
     band_of,
+    bias_findings,
     claim_findings,
     force_findings,
     loop_findings,
@@ -300,7 +301,7 @@ class _Study:
             models = ranked(without_loop(models))
         models = [without_unknown_static_friction(found) for found in models]
         best = models[0]
-        findings += static_friction_findings(best, data.longest.units)
+        findings += [*static_friction_findings(best, data.longest.units), *bias_findings(best, data.longest)]
         if not any(finding.stops for finding in findings):  # otherwise the mass is a consequence
             findings += mass_findings(self.config.servo, best, data.longest.units.words)
         if best.row.rank is None:

@@ -161,8 +161,29 @@ def model_error(best: IdentifiedModel, record: Record) -> float:
     """
     if not best.row.closed_loop or record.q is None:
         return 0.0
-    noise = max(position_noise(record.q, 8), record.quantum / math.sqrt(12.0))  # in motion, the first has the rounding
-    return math.sqrt(max(best.row.closed_loop[0].rms ** 2 - noise**2, 0.0))
+    return math.sqrt(max(best.row.closed_loop[0].rms ** 2 - noise_of(record) ** 2, 0.0))
+
+
+def noise_of(record: Record) -> float:
+    """Return the rms noise of a recorded position; in motion, it has the rounding."""
+    return 0.0 if record.q is None else max(position_noise(record.q, 8), record.quantum / math.sqrt(12.0))
+
+
+BIASED: Final = 3.0  # error of the model over the noise of the position above which it counts as biased
+
+
+def bias_findings(best: IdentifiedModel, record: Record) -> tuple[StudyFinding, ...]:
+    """Return a finding if the simulated axis follows a record so badly that its intervals do not hold."""
+    error, noise, units = model_error(best, record), noise_of(record), record.units
+    if error <= BIASED * noise:
+        return ()
+    what = (
+        f"The model is biased: the simulated axis follows the recorded position to {shown(error, units.position)} rms "
+        f"only, and the position has a noise of {shown(noise, units.position)}. {best.row.name} friction and a rigid "
+        f"{units.words.mass} lack a part of this axis, so that the true parameters may lie outside of the intervals."
+    )
+    change = "Look at the residual over time, speed and position for what is missing."
+    return (StudyFinding("model-biased", what, change),)
 
 
 def claim_findings(
