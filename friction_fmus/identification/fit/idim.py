@@ -389,7 +389,7 @@ def identify_inverse_stribeck(record: Record, vs: Iterable[float] | None = None)
     return InverseModelFit(parameters, fit.relative_residual, fit.condition, fit.v, fit.friction)
 
 
-COLUMNS: Final = 8  # columns that are filtered at a time, as the filter makes several copies of the whole signal
+COLUMNS = 8  # columns that are filtered at a time, as the filter makes several copies of the whole signal
 
 
 def decimate(signal: Array, factor: int) -> Array:
