@@ -7,8 +7,7 @@ import re
 from collections.abc import Mapping
 from numbers import Integral
 
-from friction_fmus.blocks.block_header import block_header, start_arguments
-from friction_fmus.blocks.macros import argument_spans, table
+from friction_fmus.blocks.macros import argument_spans, block_header, start_arguments, table
 from friction_fmus.errors import BuildError, UnknownNameError, did_you_mean
 
 Start = Mapping[str, float | int | bool | str]

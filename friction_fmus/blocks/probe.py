@@ -12,7 +12,7 @@ from itertools import groupby
 from pathlib import Path
 from typing import Any
 
-from friction_fmus.blocks.block_header import block_header, constants, row_fields
+from friction_fmus.blocks.macros import block_header, constants, row_fields
 
 _ROLES, _TYPES = constants("role", block_header()), constants("type", block_header())
 TIME, INPUT, OUTPUT, LOCAL = (_ROLES[name] for name in ("TIME", "INPUT", "OUTPUT", "LOCAL"))

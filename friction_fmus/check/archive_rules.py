@@ -11,7 +11,7 @@ from functools import cached_property
 from pathlib import Path, PurePosixPath
 
 from friction_fmus.check.findings import DESCRIPTION, Fault, Finding, Severity, apply, declare, rule
-from harness.compiling.shared_library import LONGEST_TABLE, missing_of
+from harness.compiling.platforms import LONGEST_TABLE, missing_of
 from harness.storage.zip_file import (
     LONGEST,
     ZipError,

@@ -10,9 +10,8 @@ from itertools import accumulate
 import numpy as np
 
 from friction_fmus.codegen.layout import INPUTS, Export
-from friction_fmus.codegen.runs import LOST
 from friction_fmus.codegen.sources import number
-from friction_fmus.codegen.vectors import EXACT, N, Vectors, parts
+from friction_fmus.codegen.vectors import EXACT, LOST, N, Vectors, parts
 from friction_fmus.lawkit.emit.c_text import DOUBLE
 from friction_fmus.lawkit.emit.names import comment
 from friction_fmus.lawkit.law import BOOLEANS, VECTORS, Kind, LawVariable

@@ -1,9 +1,10 @@
-"""Units and nouns of the variables of a law, as the macros of block.h that stand for them in both builds."""
+"""Units and nouns of the variables of a law, as macros of block.h; the grid of the learned residual."""
 
 from __future__ import annotations
 
 import re
 from dataclasses import dataclass
+from typing import Final
 
 
 @dataclass(frozen=True)
@@ -57,3 +58,7 @@ TIME = Unit("TIME")
 FREQUENCY = Unit("FREQUENCY")
 ANGLE = Unit("ANGLE")
 NO_UNIT = Unit("NO_UNIT")
+
+
+SPEEDS: Final = (0.03, 0.1, 0.3, 0.6, 1.0)  # speeds over the largest one
+POSITIONS: Final = 8  # number of equally spaced positions

@@ -10,10 +10,18 @@ from typing import Any, Final
 import numpy as np
 
 from friction_fmus.blocks.catalogue import catalogue
-from friction_fmus.report.comparison_plots import Point, ladder_dots, panels, tradeoffs
-from friction_fmus.report.figures import STYLES, Plot, lines, sweep
-from friction_fmus.report.formatting import multiple, number, quantity, unit
-from friction_fmus.report.views import NO_COMPENSATION, NONE, axes, label, reversal
+from friction_fmus.report.figures import STYLES, Plot, Point, ladder_dots, lines, panels, sweep, tradeoffs
+from friction_fmus.report.formatting import (
+    NO_COMPENSATION,
+    NONE,
+    axes,
+    label,
+    multiple,
+    number,
+    quantity,
+    reversal,
+    unit,
+)
 from friction_fmus.study.model_ranking import ALIKE
 from friction_fmus.study.recommendation import AS_MEASURED, improves
 from friction_fmus.study.study_result import (

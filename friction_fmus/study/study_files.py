@@ -14,7 +14,7 @@ from friction_fmus.axis.servo_loop import accurate, closed_loop, recorded, with_
 from friction_fmus.blocks.axis_units import Words, domain_of
 from friction_fmus.blocks.catalogue import find
 from friction_fmus.codegen.law_export import export_law
-from friction_fmus.codegen.laws import law_of
+from friction_fmus.codegen.layout import law_of
 from friction_fmus.codegen.servo_law import LAWS, LOOP_FILE, SHARED, LoopFile, LoopLaw, loop_text
 from friction_fmus.export.block_fmu import build
 from friction_fmus.lawkit.law import Kind

@@ -15,7 +15,7 @@ from typing import Any, Final, TypeAlias
 import fmpy
 import fmpy.fmi2
 
-from harness.compiling.shared_library import missing_bytes
+from harness.compiling.platforms import missing_bytes
 from harness.errors import ENDED, FmuError, PartError
 from harness.parts.archive import Archive
 from harness.parts.integrator import FUNCTIONS

@@ -10,12 +10,20 @@ from lxml import etree
 
 from harness.errors import SystemFileError
 from harness.parts.part import StartValue
-from harness.ssp.arrays import count, shown
 from harness.ssp.flatten import Network
 from harness.ssp.package import SPACES, SSM, SSV, Package, check_element, parse_document
-from harness.ssp.parameter import Parameter
-from harness.ssp.ssv import MEDIA_TYPE, ParameterSet, parse_ssv
-from harness.ssp.structure import Endpoint, Linear, Path, Structure, Transformation, flag, read_transformation
+from harness.ssp.ssv import MEDIA_TYPE, Parameter, ParameterSet, parse_ssv
+from harness.ssp.structure import (
+    Endpoint,
+    Linear,
+    Path,
+    Structure,
+    Transformation,
+    count,
+    flag,
+    read_transformation,
+    shown,
+)
 from harness.units import BaseUnit
 
 

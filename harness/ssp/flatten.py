@@ -8,7 +8,7 @@ from harness.errors import SystemFileError, UnitError
 from harness.parts.part import Part, Port
 from harness.ssp.annotations import read_wire
 from harness.ssp.package import Signal, known_unit
-from harness.ssp.parameter import Parameter
+from harness.ssp.ssv import Parameter
 from harness.ssp.structure import Edge, Endpoint, Linear, Path, Structure, Transformation
 from harness.system.wire import Wire
 from harness.units import BaseUnit, needed_unit

@@ -9,11 +9,10 @@ from pathlib import Path
 from harness.errors import SystemFileError
 from harness.parts.fmu import FmuPart
 from harness.ssp.annotations import read_experiment, read_part
-from harness.ssp.arrays import scalars, split
 from harness.ssp.bindings import Binding, bound_values, read_bindings
 from harness.ssp.flatten import Network
 from harness.ssp.package import SSD, SSD_NAME, Package, TemporaryFolder, member_name, parse_document, read_units
-from harness.ssp.structure import Endpoint, Structure, read_structure
+from harness.ssp.structure import Endpoint, Structure, read_structure, scalars, split
 from harness.ssp.structure import Path as SystemPath
 from harness.system.system_file import SystemDescription
 from harness.system.wire import stated_starts

@@ -26,8 +26,7 @@ from harness.ssp.package import (
     write_package,
     write_units,
 )
-from harness.ssp.parameter import Parameter
-from harness.ssp.ssv import ParameterSet, is_single, ssv_element
+from harness.ssp.ssv import Parameter, ParameterSet, is_single, ssv_element
 from harness.ssp.structure import FMU_TYPE
 from harness.system.assembly import Assembly, resize_parts
 from harness.system.wire import Wire, split_name, wire_map

@@ -22,11 +22,10 @@ from types import ModuleType
 from typing import Any, Final, Protocol, TypeAlias
 
 from harness.errors import SweepError
-from harness.processors import available
 from harness.storage.files import ScratchFolder
 from harness.sweeps.samples import Sample
 from harness.sweeps.worker import Job, Outcome, close_runners, run_chunk
-from harness.workers import end_with_parent
+from harness.workers import available, end_with_parent
 
 _LOG = logging.getLogger("harness")
 

@@ -321,7 +321,7 @@ class System:
     def _check_arrays(self, parameters: Mapping[str, Parameter | StartValue]) -> None:
         """Raise an error if an array of the parameters has other elements than the variable."""
         from harness.ssp import Parameter
-        from harness.ssp.arrays import shown as array_text
+        from harness.ssp.structure import shown as array_text
 
         shapes = {
             dotted.rpartition("[")[0]: given.shape

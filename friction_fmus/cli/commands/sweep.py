@@ -23,9 +23,9 @@ from friction_fmus.cli.arguments import (
 )
 from friction_fmus.errors import FrictionError
 from harness.notebook import counted
-from harness.processors import available
 from harness.results import FORMATS
 from harness.storage.files import atomic_path, make_folder
+from harness.workers import available
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

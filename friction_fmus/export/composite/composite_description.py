@@ -15,11 +15,10 @@ from lxml import etree, html
 
 from friction_fmus.export.composite.composite_interface import CompositeVariable, PartCode, reinitialised, states
 from friction_fmus.export.composite.diagram import diagram
-from friction_fmus.fmi.html_page import page, row, table
-from friction_fmus.fmi.model_description import declare_traits, icon_root
+from friction_fmus.fmi.documentation import page, row, table
+from friction_fmus.fmi.model_description import LOG_CATEGORIES, declare_traits, icon_root
 from harness.errors import BuildError
 from harness.parts.fmu import FmuPart
-from harness.parts.log_categories import LOG_CATEGORIES
 from harness.parts.part import Part
 from harness.system.assembly import Assembly
 from harness.system.experiment import Experiment

@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import FancyArrowPatch, FancyBboxPatch
 from matplotlib.path import Path
 
-from friction_fmus.fmi.image import Image, plain_style, png_of, svg_of
+from friction_fmus.fmi.portrait.drawing import Image, plain_style, png_of, svg_of
 from harness.plot import label_of
 from harness.system.assembly import Assembly
 

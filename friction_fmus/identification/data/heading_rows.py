@@ -8,9 +8,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Final
 
-from friction_fmus.identification.data.cells import is_moment, numeric
 from friction_fmus.identification.data.column_headings import LONGEST, meaning_of
 from friction_fmus.identification.data.record import unit_of
+from friction_fmus.identification.data.text_file import is_moment, numeric
 
 _HEADING = re.compile(r"(?P<name>.*?)\s*[\[(](?P<unit>[^\[\]()]*(\([^()]*\))?[^\[\]()]*)[\])]\s*")
 

@@ -14,7 +14,7 @@ from types import ModuleType
 from typing import Final
 
 from friction_fmus.errors import RecordError
-from friction_fmus.identification.data.clocks import unwrapped, wrap_finding
+from friction_fmus.identification.data.column_builder import unwrapped, wrap_finding
 from friction_fmus.identification.data.tables import DataTable, one_clock
 from friction_fmus.identification.data.text_file import head_text
 from harness.errors import MissingPackageError

@@ -8,10 +8,9 @@ from pathlib import Path
 from typing import Final
 
 from friction_fmus.errors import RecordError
-from friction_fmus.identification.data.cells import any_numbers, decimal_comma
 from friction_fmus.identification.data.heading_rows import is_unit, split_unit, stated_period, unique_names
 from friction_fmus.identification.data.tables import ChannelGroup, DataTable, on_one_clock
-from friction_fmus.identification.data.text_file import LARGEST_TRACE, whole_text
+from friction_fmus.identification.data.text_file import LARGEST_TRACE, any_numbers, decimal_comma, whole_text
 
 SUFFIXES: Final = ()
 

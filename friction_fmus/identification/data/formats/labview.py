@@ -8,10 +8,10 @@ from typing import Final
 
 import numpy as np
 
-from friction_fmus.identification.data.cells import any_numbers
 from friction_fmus.identification.data.formats import text
 from friction_fmus.identification.data.heading_rows import is_unit
 from friction_fmus.identification.data.tables import DataTable
+from friction_fmus.identification.data.text_file import any_numbers
 
 SUFFIXES: Final = (".lvm",)
 

@@ -13,7 +13,7 @@ import numpy as np
 
 from friction_fmus.errors import RecordError
 from friction_fmus.identification.data import tables
-from friction_fmus.identification.data.array_columns import columns_of, vector_table
+from friction_fmus.identification.data.column_builder import columns_of, vector_table
 from friction_fmus.identification.data.formats.hdf5 import HDF5, matlab_vectors
 from friction_fmus.identification.data.tables import DataTable, limit_size
 

@@ -14,13 +14,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from friction_fmus.errors import RecordError
-from friction_fmus.identification.data import cells as cell
-from friction_fmus.identification.data.cells import split_cells
+from friction_fmus.identification.data import text_file as cell
 from friction_fmus.identification.data.column_builder import ColumnBuilder, made_table
 from friction_fmus.identification.data.heading_rows import Headings, headings
 from friction_fmus.identification.data.record import RecordFinding
 from friction_fmus.identification.data.tables import DataTable, limit_size
-from friction_fmus.identification.data.text_file import NAMES, pieces
+from friction_fmus.identification.data.text_file import NAMES, pieces, split_cells
 
 SUFFIXES: Final = (".csv", ".tsv", ".txt", ".dat", ".asc", ".log", ".prn", ".tab", ".out", ".trc", ".trace")
 

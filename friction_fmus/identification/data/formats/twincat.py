@@ -8,10 +8,10 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Final
 
-from friction_fmus.identification.data.cells import numeric, split_cells
 from friction_fmus.identification.data.formats import text
 from friction_fmus.identification.data.heading_rows import Headings, named_columns
 from friction_fmus.identification.data.tables import DataTable
+from friction_fmus.identification.data.text_file import numeric, split_cells
 
 SUFFIXES: Final = ()
 
