@@ -1,7 +1,5 @@
 """Packages that only some functions need, and the extras of ``pip install`` that bring them."""
 
-from __future__ import annotations
-
 import ast
 import re
 import sys

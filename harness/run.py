@@ -1,7 +1,5 @@
 """A run: start the parts, loop over the communication steps, return the recorded values."""
 
-from __future__ import annotations
-
 import logging
 import math
 from collections.abc import Mapping, Sequence

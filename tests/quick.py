@@ -15,7 +15,7 @@ from thorough import THOROUGH
 
 from friction_fmus.blocks.catalogue import Block
 from friction_fmus.blocks.probe import Description
-from friction_fmus.export import block_fmu
+from friction_fmus.export import block_contents, block_fmu
 from friction_fmus.fmi.portrait import Portrait, portray, terminal_icon
 from harness import FmuPart
 
@@ -32,7 +32,7 @@ FIGURES = "every_block/test_block_documentation.py"
 
 def is_quick() -> bool:
     """Whether this test builds quickly."""
-    return block_fmu.portray is _without_figures
+    return block_contents.portray is _without_figures
 
 
 def _without_figures(_block: Block, _description: Description, _part: FmuPart) -> Portrait:
@@ -43,7 +43,7 @@ def _without_figures(_block: Block, _description: Description, _part: FmuPart) -
 def builds_for_users() -> Iterator[None]:
     """Build as ever."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(block_fmu, "portray", portray)
+        patch.setattr(block_contents, "portray", portray)
         patch.setattr(block_fmu, "_key", _KEY)
         yield
 
@@ -58,6 +58,6 @@ def quick_builds(path: Path) -> Iterator[None]:
         yield
         return
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(block_fmu, "portray", _without_figures)
+        patch.setattr(block_contents, "portray", _without_figures)
         patch.setattr(block_fmu, "_key", lambda *given: _KEY(*given)[::-1])
         yield

@@ -1,7 +1,5 @@
 """Force of an axis over position: cogging and position-dependent friction, as a table with cubic interpolation."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path

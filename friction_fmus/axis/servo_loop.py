@@ -1,7 +1,5 @@
 """The servo axis as a system of FMUs: reference, compensator, feedback, sensors, mass and friction."""
 
-from __future__ import annotations
-
 import logging
 from collections.abc import Callable, Container, Iterator, Mapping
 from contextlib import contextmanager

@@ -1,8 +1,6 @@
 """Declarations next to the equations in a block's file, used by its page, the doctor, the study and the
 identification."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field

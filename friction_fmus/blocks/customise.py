@@ -1,7 +1,5 @@
 """The C source of a block with other start values or another name, as in a customised FMU."""
 
-from __future__ import annotations
-
 import hashlib
 import re
 from collections.abc import Mapping

@@ -1,7 +1,5 @@
 """The role of a block in a control loop, for the doctor: plant, sensor, drive or law."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 

@@ -1,7 +1,5 @@
 """The text of a block's C file, its comment and the macros that are tables, and of ``block.h``."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass

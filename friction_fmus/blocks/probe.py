@@ -1,7 +1,5 @@
 """The row table of a compiled block, its fingerprint, the groups of its variables, and their dependencies."""
 
-from __future__ import annotations
-
 import ctypes
 import math
 import random

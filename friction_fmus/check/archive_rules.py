@@ -1,7 +1,5 @@
 """Rules of the archive (FMI 2.0.5, section 2.3), checked before anything is unpacked."""
 
-from __future__ import annotations
-
 import stat
 import zipfile
 from collections import Counter

@@ -1,7 +1,5 @@
 """Checks of an FMU's binary in a monitored process, in which a crash or a hang is a finding."""
 
-from __future__ import annotations
-
 import contextlib
 import json
 import os

@@ -1,7 +1,5 @@
 """modelDescription.xml for the rules: everything as written, with the defaults of the standard."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, field
 from functools import cache, cached_property

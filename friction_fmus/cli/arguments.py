@@ -1,7 +1,5 @@
 """Arguments shared by several commands. This module must load fast, so it imports no large libraries."""
 
-from __future__ import annotations
-
 import argparse
 import json
 from collections.abc import Iterable, Sequence

@@ -1,7 +1,5 @@
 """The results of ``identify`` as text for the terminal, and its question about columns that several guesses fit."""
 
-from __future__ import annotations
-
 import math
 import sys
 from collections.abc import Sequence

@@ -1,7 +1,5 @@
 """Questions about an axis on a terminal, for the file of settings of its study."""
 
-from __future__ import annotations
-
 import sys
 from collections.abc import Callable
 from dataclasses import replace

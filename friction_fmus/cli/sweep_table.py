@@ -1,7 +1,5 @@
 """The first runs of a sweep as a table."""
 
-from __future__ import annotations
-
 import xarray as xr
 from rich.console import Console
 from rich.progress import Progress, ProgressColumn, Task

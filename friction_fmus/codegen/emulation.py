@@ -1,7 +1,5 @@
 """Runs of an exported law under QEMU: its results, its stack, and the instructions that it executes."""
 
-from __future__ import annotations
-
 import re
 import shutil
 import subprocess

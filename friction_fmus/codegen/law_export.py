@@ -1,7 +1,5 @@
 """Export of a law to a folder with C files, a C++ class, and a README that states their cost."""
 
-from __future__ import annotations
-
 import math
 import textwrap
 from collections.abc import Callable, Mapping, Sequence

@@ -1,7 +1,5 @@
 """Laws to export by name, and their layout in C: its structs, and which of their members are pairs of floats."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace

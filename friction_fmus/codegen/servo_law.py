@@ -4,8 +4,6 @@ The forces are added, limited and fed back as in a system of separate FMUs, so t
 bit.
 """
 
-from __future__ import annotations
-
 import re
 import textwrap
 from collections.abc import Iterable, Mapping, Sequence

@@ -1,7 +1,5 @@
 """The C files of a law without FMI: header, implementation, example, table over the position of an axis."""
 
-from __future__ import annotations
-
 import math
 import re
 from collections.abc import Sequence

@@ -1,7 +1,5 @@
 """The unit test of an exported law, which its user runs on the target."""
 
-from __future__ import annotations
-
 import math
 import textwrap
 from collections.abc import Sequence

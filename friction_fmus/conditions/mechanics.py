@@ -1,7 +1,5 @@
 """Conditions on encoders, cogging, belts, a mass pulled by a spring, and stiffness fed back by a law."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Sequence
 from functools import cache

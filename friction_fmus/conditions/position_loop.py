@@ -1,7 +1,5 @@
 """Conditions on a position loop around a mass with friction: u = Kp e + Kd (rd - v) + Ki times the integral of e."""
 
-from __future__ import annotations
-
 import math
 from typing import TypeAlias
 

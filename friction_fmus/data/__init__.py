@@ -1,7 +1,5 @@
 """Measured records included in the package, each with its citation."""
 
-from __future__ import annotations
-
 import lzma
 from collections.abc import Mapping
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Search for the axes of a system: masses, the friction on them, and the laws that drive them."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import astuple, replace

@@ -1,4 +1,4 @@
-"""Blocks by name or file, with their sources, compiled, described and written as FMUs or for another target."""
+"""Blocks by name or file, with their sources, written as FMUs or for another target."""
 
 from __future__ import annotations
 
@@ -22,82 +22,18 @@ from friction_fmus.blocks.catalogue import (
     with_room,
 )
 from friction_fmus.blocks.customise import Start, identified, renamed, rotational, with_start_values
-from friction_fmus.blocks.probe import (
-    FIXED,
-    INPUT,
-    PARAMETER,
-    STATE,
-    BlockVariables,
-    Description,
-    describe,
-    read_variables,
-)
+from friction_fmus.blocks.probe import BlockVariables, read_variables
 from friction_fmus.errors import BuildError
 from friction_fmus.export.targets import Compiling, SourceFmu, choose_target, write_fmu
-from friction_fmus.fmi.documentation import index_page
-from friction_fmus.fmi.model_description import model_description, terminals, terminals_and_icons
-from friction_fmus.fmi.portrait import portray, terminal_icon
 from friction_fmus.version import VERSION, build_time
 from harness.compiling import toolchain
-from harness.compiling.platforms import NATIVE, compiled, native_library, select
-from harness.parts.fmu import FmuPart
+from harness.compiling.platforms import NATIVE, native_library, select
 from harness.storage.files import ScratchFolder, cached, read_source, reason
-from harness.storage.zip_file import find_outside, zipped
+from harness.storage.zip_file import find_outside
 from harness.units import in_unit
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
-
-
-def assemble(block: Block, sources: Mapping[str, str]) -> bytes:
-    """Return the FMU for this machine: library, model description, documentation, terminals and figures."""
-    place = f"binaries/{NATIVE.folder}/{block.name}{NATIVE.suffix}"
-    members = {f"sources/{name}": text.encode() for name, text in sources.items()}
-    members[place] = compiled(NATIVE, sources, block.name)
-    with ScratchFolder() as folder:
-        native, fmu = Path(folder) / f"{block.name}{NATIVE.suffix}", Path(folder) / f"{block.name}.fmu"
-        native.write_bytes(members[place])
-        description = describe(native, computed(block))
-        _check_start_values(block, description)
-        members["modelDescription.xml"] = model_description(block, description, block.name)
-        fmu.write_bytes(zipped(members, build_time()))
-        part = FmuPart(block.name, fmu)
-        portrait = portray(block, description, part)
-        part.close()
-    connected = terminals(description)
-    icons = {"icon": portrait.icon, **{each.shape: terminal_icon(each.shape) for each in connected}}
-    for name, image in icons.items():
-        members |= {f"terminalsAndIcons/{name}.png": image.png, f"terminalsAndIcons/{name}.svg": image.svg}
-    for number, figure in enumerate(portrait.figures, start=1):
-        members[f"documentation/figure{number}.svg"] = figure.svg
-    members |= {
-        "model.png": portrait.icon.png,
-        "terminalsAndIcons/terminalsAndIcons.xml": terminals_and_icons(connected),
-        "documentation/licenses/license.txt": package_text("LICENSE").encode(),
-        "documentation/index.html": index_page(block, description, portrait.figures, connected).encode(),
-    }
-    return zipped(members, build_time())
-
-
-def _check_start_values(block: Block, description: Description) -> None:
-    for v in description.variables:
-        if v.role in (INPUT, PARAMETER, FIXED, STATE) and not v.min <= v.start <= v.max:
-            raise BuildError(
-                f"The start value {v.name} = {v.start:g} of {block.name} lies outside "
-                f"[{v.min:g}, {v.max:g}]; choose a value inside"
-            )
-
-
-def computed(block: Block) -> dict[str, tuple[str, ...]]:
-    """Return the dependencies of a law's outputs as casadi finds them; empty for other blocks."""
-    if not block.is_law:
-        return {}
-    from friction_fmus.lawkit.law import Kind
-    from friction_fmus.lawkit.law_files import discover_laws
-
-    (law,) = discover_laws(block.path)
-    return {variable.name: law.dependencies(variable.name) for variable in law.select(Kind.OUTPUT)}
-
 
 SHIPPED = PACKAGE / "fmus"  # folder of the FMUs for all platforms in an installed package; a checkout has none
 
@@ -191,7 +127,7 @@ def block_source(
     sources = identified(_sources(block, files or {}), identifier)
 
     def make() -> bytes:
-        from friction_fmus.export.block_fmu import assemble  # its libraries are not needed for one in the cache
+        from friction_fmus.export.block_contents import assemble  # its libraries are not needed for one in the cache
 
         if compiling:
             compiling(NATIVE.folder, 0)

@@ -1,7 +1,5 @@
 """Units of the blocks: base-unit exponents for the XML, and the quantity of each unit."""
 
-from __future__ import annotations
-
 import math
 import re
 from functools import cache

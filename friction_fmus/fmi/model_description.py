@@ -1,7 +1,5 @@
 """modelDescription.xml and terminals of a block (FMI 2.0.5, section 2.2), from the row table of its binary."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass

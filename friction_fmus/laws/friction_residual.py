@@ -1,7 +1,5 @@
 """Learned residual of a friction model over velocity, position and direction."""
 
-from __future__ import annotations
-
 from itertools import pairwise
 
 from casadi import SX, fabs, floor, if_else, sign

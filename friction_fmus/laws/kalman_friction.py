@@ -1,7 +1,5 @@
 """Friction force modelled as a random walk and estimated by a Kalman filter."""
 
-from __future__ import annotations
-
 from casadi import SX, if_else
 
 from friction_fmus.lawkit.law import Command, Input, Loop, Output, Parameter, SampleTime, State, Switch, Use, law

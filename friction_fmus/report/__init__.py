@@ -1,7 +1,5 @@
 """The report of a study: one HTML page with template, style, plots and the plotting library."""
 
-from __future__ import annotations
-
 import base64
 import gzip
 import re

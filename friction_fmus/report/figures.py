@@ -1,7 +1,5 @@
 """The plots of the report as plotly figures. page.js draws them and replaces their colours in dark mode."""
 
-from __future__ import annotations
-
 import json
 import math
 from collections.abc import Iterable, Mapping, Sequence

@@ -1,7 +1,5 @@
 """Formatting of numbers and units; names, axes and time spans used by several sections of the report."""
 
-from __future__ import annotations
-
 import math
 from bisect import bisect_right
 from collections.abc import Sequence

@@ -1,7 +1,5 @@
 """The what-if panel of the page: its scripts, its data, and its picture without scripts."""
 
-from __future__ import annotations
-
 import base64
 import json
 import math

@@ -1,7 +1,5 @@
 """Sections of the report: each has a template ``sections/name.html``, and a title here."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass

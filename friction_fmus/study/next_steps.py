@@ -1,7 +1,5 @@
 """What to set in the drive and what to measure after a study, in sentences."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Final
 

@@ -1,7 +1,5 @@
 """Pictures of a study: the record over time, velocity and position, with the simulations of the best models."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from typing import Final
 

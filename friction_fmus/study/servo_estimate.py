@@ -1,7 +1,5 @@
 """Estimate of the servo of an axis from a record with reference, position and drive force."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from itertools import product

@@ -1,7 +1,5 @@
 """Steps of a study in parallel; the result of each is cached, so that an interrupted study can be resumed."""
 
-from __future__ import annotations
-
 import gc
 import hashlib
 import json

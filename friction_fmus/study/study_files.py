@@ -1,7 +1,5 @@
 """Export of the recommended compensator: FMU, C code, the whole axis as SSP, and parameters as SSV."""
 
-from __future__ import annotations
-
 import textwrap
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace

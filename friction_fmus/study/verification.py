@@ -1,7 +1,5 @@
 """Comparison of a study with a record that was taken with its recommendation."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass

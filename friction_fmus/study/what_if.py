@@ -1,7 +1,5 @@
 """The axis that the report simulates in the browser: the servo alone and the recommendation as WebAssembly modules."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack

@@ -1,7 +1,5 @@
 """The compiled engine and the structs that it shares with Python."""
 
-from __future__ import annotations
-
 import ctypes
 import re
 from functools import cache

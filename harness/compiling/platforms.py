@@ -1,7 +1,5 @@
 """The platforms for which libraries are compiled, and whether the file of a library is complete."""
 
-from __future__ import annotations
-
 import hashlib
 import struct
 import sys

@@ -1,7 +1,5 @@
 """One FMI 2.0 instance: its loaded library, its log, its saved states, and the status of every call."""
 
-from __future__ import annotations
-
 import ctypes
 import logging
 import math

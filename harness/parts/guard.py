@@ -5,8 +5,6 @@ that changes the working directory, one that calls exit(). It cannot protect aga
 outlive the run, or against malicious code.
 """
 
-from __future__ import annotations
-
 import atexit
 import ctypes
 import locale

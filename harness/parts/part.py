@@ -1,7 +1,5 @@
 """Parts and their ports, the elements of a system."""
 
-from __future__ import annotations
-
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Mapping, Sequence

@@ -1,7 +1,5 @@
 """Readers and writers of result files, one pair for each format."""
 
-from __future__ import annotations
-
 import csv
 import json
 import re

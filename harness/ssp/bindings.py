@@ -1,7 +1,5 @@
 """Start values from the parameter bindings of an SSD (SSP 1.0 and 2.0, 5.3.2)."""
 
-from __future__ import annotations
-
 import logging
 from collections.abc import Container, Iterator, Mapping, Sequence
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Connections between parts, from the connections of an SSD through the connectors of nested systems."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 
 from harness.errors import SystemFileError, UnitError

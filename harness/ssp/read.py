@@ -1,7 +1,5 @@
 """Systems from .ssp archives."""
 
-from __future__ import annotations
-
 import logging
 from collections.abc import Mapping, Sequence
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The elements of an SSD, nested systems and arrays included (SSP 1.0 and 2.0, chapter 5)."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Final, TypeAlias

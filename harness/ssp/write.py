@@ -1,7 +1,5 @@
 """Systems to .ssp archives."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Files: input of limited size, atomic output, scratch folders, and the cache."""
 
-from __future__ import annotations
-
 import csv
 import errno
 import hashlib

@@ -1,7 +1,5 @@
 """TOML files from any source, limited in size, depth and text length, and the checked reading of their tables."""
 
-from __future__ import annotations
-
 import re
 import tomllib
 from collections.abc import Callable, Collection, Iterator, Mapping

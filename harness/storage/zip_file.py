@@ -1,7 +1,5 @@
 """Zip archives from any source (FMU, SSP): all checks before a member is unpacked."""
 
-from __future__ import annotations
-
 import io
 import itertools
 import re

@@ -1,7 +1,5 @@
 """The table of a sweep: a row for each run, with its parameters, measures, time, error and warnings."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from typing import Any, Final, Protocol
 

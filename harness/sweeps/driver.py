@@ -1,7 +1,5 @@
 """A sweep: many runs of one system on several workers, with results in a folder."""
 
-from __future__ import annotations
-
 import json
 import pickle
 from collections import Counter, deque

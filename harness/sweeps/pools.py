@@ -1,7 +1,5 @@
 """Where the runs of a sweep are executed: in processes, in threads, in this thread, or on a dask cluster."""
 
-from __future__ import annotations
-
 import logging
 import multiprocessing
 import os

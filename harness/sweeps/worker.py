@@ -1,7 +1,5 @@
 """Workers: each executes chunks of runs with its own system, whose FMUs are reset between runs."""
 
-from __future__ import annotations
-
 import logging
 import threading
 from collections.abc import Callable, Iterator, Mapping, Sequence

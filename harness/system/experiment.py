@@ -1,7 +1,5 @@
 """The experiment: times, communication step, master algorithm and recorded variables."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, fields

@@ -4,8 +4,6 @@ Many simple exporters declare no dependencies. According to FMI, every output th
 loop of such FMUs would be algebraic. Few of these loops really are.
 """
 
-from __future__ import annotations
-
 import logging
 from collections.abc import Mapping, Sequence
 from typing import Final

@@ -5,8 +5,6 @@ A mass and a friction model drive each other, yet there is no algebraic loop, be
 state.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np

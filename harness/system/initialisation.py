@@ -1,7 +1,5 @@
 """The start of a run: initialisation mode of all parts, with consistent values in all connections (FMI 2.0, 4.2.4)."""
 
-from __future__ import annotations
-
 import ctypes
 import logging
 from collections.abc import Callable, Mapping, Sequence

@@ -1,7 +1,5 @@
 """Connections: which output drives which input."""
 
-from __future__ import annotations
-
 import logging
 import math
 from collections.abc import Container, Iterable, Mapping, Sequence

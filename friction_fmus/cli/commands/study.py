@@ -4,8 +4,6 @@ The study ranks friction models and compensators. It writes a report, and the re
 The exit status is 1 if the result cannot be trusted: then no compensator is ranked and no FMU is written.
 """
 
-from __future__ import annotations
-
 import argparse
 from contextlib import ExitStack
 from dataclasses import asdict, replace

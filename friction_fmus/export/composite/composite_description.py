@@ -1,7 +1,5 @@
 """modelDescription.xml, terminals, dependencies and documentation of a composite FMU (FMI 2.0.5, section 2.2)."""
 
-from __future__ import annotations
-
 import math
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -15,7 +13,7 @@ from lxml import etree, html
 
 from friction_fmus.export.composite.composite_interface import CompositeVariable, PartCode, reinitialised, states
 from friction_fmus.export.composite.diagram import diagram
-from friction_fmus.fmi.documentation import page, row, table
+from friction_fmus.fmi.html_page import page, row, table
 from friction_fmus.fmi.model_description import LOG_CATEGORIES, declare_traits, icon_root
 from harness.errors import BuildError
 from harness.parts.fmu import FmuPart

@@ -1,7 +1,5 @@
 """The inputs and outputs of a composite FMU, and the part inside it that passes its inputs on."""
 
-from __future__ import annotations
-
 import re
 import sys
 from collections.abc import Iterable, Mapping, Sequence

@@ -1,7 +1,5 @@
 """The block diagram of a system, for the documentation and the icon of a composite FMU."""
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Portraits of blocks: an icon and figures, computed with the block's binary."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

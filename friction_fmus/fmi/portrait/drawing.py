@@ -1,7 +1,5 @@
 """Icons and figures by matplotlib; the same curves give the same bytes."""
 
-from __future__ import annotations
-
 import io
 import math
 import re

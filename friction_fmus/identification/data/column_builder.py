@@ -1,7 +1,5 @@
 """Columns of a table from cells added in parts or from arrays, with clocks, and counters and angles that wrap."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from datetime import UTC, datetime, timedelta

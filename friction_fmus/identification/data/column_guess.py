@@ -1,7 +1,5 @@
 """Columns of a data file found by physics: names and units propose, the motion decides, and doubt is asked about."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace

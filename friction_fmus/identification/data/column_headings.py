@@ -1,7 +1,5 @@
 """Mapping of columns to signals from unambiguous headings; otherwise a template of the mapping to complete."""
 
-from __future__ import annotations
-
 import json
 import re
 from collections.abc import Iterator, Mapping

@@ -1,7 +1,5 @@
 """Checks of a record: the motion needed to identify friction, and positions and forces that are not the axis's own."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import pairwise

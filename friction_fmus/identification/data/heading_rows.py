@@ -1,7 +1,5 @@
 """Lines above the numbers of a table: headings in one to three rows, units, keys and values."""
 
-from __future__ import annotations
-
 import re
 from collections import Counter
 from collections.abc import Mapping, Sequence

@@ -1,7 +1,5 @@
 """Physical tests of columns: which is the derivative of which, and which force explains a motion."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Final

@@ -1,7 +1,5 @@
 """Reading records from data files, the sampling of their columns, and what was understood of a file."""
 
-from __future__ import annotations
-
 import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace

@@ -1,7 +1,5 @@
 """Times of a measurement: order, gaps, changes of the rate, and equal intervals."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise

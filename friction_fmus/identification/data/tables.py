@@ -1,7 +1,5 @@
 """Numeric columns of a data file."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace

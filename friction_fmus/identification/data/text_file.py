@@ -1,7 +1,5 @@
 """Text of a data file: its encoding, its content in pieces of limited size, and numbers and dates in its cells."""
 
-from __future__ import annotations
-
 import codecs
 import csv
 import io

@@ -3,8 +3,6 @@
 `kernel` translates a function for use in any C file.
 """
 
-from __future__ import annotations
-
 import re
 from collections import Counter
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence

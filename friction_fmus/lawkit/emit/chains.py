@@ -1,7 +1,5 @@
 """Corresponding operations on the elements of vectors, and loops over them."""
 
-from __future__ import annotations
-
 import math
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence

@@ -1,7 +1,5 @@
 """Names of the constants and variables in generated C."""
 
-from __future__ import annotations
-
 import math
 import re
 import textwrap

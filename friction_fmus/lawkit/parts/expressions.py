@@ -5,8 +5,6 @@ Astrom, Hagglund: Advanced PID Control, ISA 2006 (tracking mode and bumpless tra
 Conditioning technique, a general anti-windup and bumpless transfer method, Automatica 23(6), 1987.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 from casadi import SX, exp, expm1, fabs, if_else, logic_and, logic_not, logic_or, sign

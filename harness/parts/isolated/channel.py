@@ -6,8 +6,6 @@ with LOG for each message of the FMU (JSON), then with DONE and nothing, a numbe
 error (JSON). The harness never unpickles data from the process, because the FMU may have written them.
 """
 
-from __future__ import annotations
-
 import json
 import mmap
 import pickle

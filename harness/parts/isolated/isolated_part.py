@@ -1,7 +1,5 @@
 """FMUs in their own process, so that one that crashes or hangs ends its run and not the harness."""
 
-from __future__ import annotations
-
 import logging
 import os
 import signal

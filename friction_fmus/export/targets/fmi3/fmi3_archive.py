@@ -1,7 +1,5 @@
 """The archive of an FMU in FMI 3.0."""
 
-from __future__ import annotations
-
 import hashlib
 import re
 from collections.abc import Iterator, Mapping, Sequence
@@ -14,7 +12,7 @@ from typing import Final
 from lxml import etree
 
 from friction_fmus.export.targets import SourceFmu
-from friction_fmus.fmi.documentation import flags_table
+from friction_fmus.fmi.html_page import flags_table
 from friction_fmus.fmi.model_description import CAPABILITIES
 from harness.compiling import toolchain
 from harness.compiling.platforms import Platform, linked

@@ -1,7 +1,5 @@
 """The WebAssembly module of an FMU, and the npm package with it."""
 
-from __future__ import annotations
-
 import base64
 import gzip
 import json

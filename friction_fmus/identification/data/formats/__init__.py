@@ -3,8 +3,6 @@
 A format of text that other programs save under any suffix has ``recognises``, which examines the beginning of the text.
 """
 
-from __future__ import annotations
-
 import pkgutil
 from collections.abc import Mapping
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Traces of controllers (CODESYS, ctrlX) as text: keys and values, with a block of times and values per variable."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """HDF5: data sets as ``group/x``, columns of matrices, fields of compound types; nothing from other files."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, Final

@@ -1,7 +1,5 @@
 """Measurement files of LabVIEW (.lvm): segments with their own header, times in columns or as a step."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 from typing import Final

@@ -1,7 +1,5 @@
 """Files of MATLAB, versions 4 to 7.3, and of Dymola: vectors, matrices as ``a(:,2)``, structures as ``log.x``."""
 
-from __future__ import annotations
-
 import struct
 import zlib
 from collections.abc import Iterator

@@ -1,7 +1,5 @@
 """MCAP files, such as the bags of ROS 2: the numbers in the messages of all topics (extra ``mcap``)."""
 
-from __future__ import annotations
-
 import json
 import math
 import numbers

@@ -1,7 +1,5 @@
 """Arrays of NumPy: .npz with vectors and matrices, .npy with a matrix or a structured array."""
 
-from __future__ import annotations
-
 import io
 import zipfile
 from collections.abc import Iterator

@@ -1,7 +1,5 @@
 """Text with any separator, decimal commas, lines above the table, several rows of headings, dates."""
 
-from __future__ import annotations
-
 import io
 import re
 from collections import Counter

@@ -1,7 +1,5 @@
 """Exports of TwinCAT Scope as text: a column of times for each channel, with its name above."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Sequence
 from dataclasses import replace
