@@ -42,7 +42,6 @@ class Options:
     events: bool = False  # whether a second row has the values after events at the time of a row
 
     def __post_init__(self) -> None:
-        """Check the pace."""
         if self.pace is not None and not 0.0 < self.pace < np.inf:
             raise ExperimentError(
                 f"the pace is {self.pace}: give a positive number of simulated seconds per second (1 is real time)"
@@ -62,7 +61,6 @@ class Session:
     """
 
     def __init__(self, system: Assembly, experiment: Experiment, options: Options | None = None) -> None:
-        """Lay it out."""
         self._system, self._experiment, self._options = system, experiment, options or Options()
         resize_parts(system)
         self._guard = Guard([*system.parts.values()])

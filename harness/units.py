@@ -52,7 +52,6 @@ class BaseUnit:
         )
 
     def __str__(self) -> str:
-        """Return a readable form, for example ``0.001 * m.s-1``."""
         powers = zip(BASE_SYMBOLS, self.exponents, strict=True)
         product = ".".join(name + (str(power) if power != 1 else "") for name, power in powers if power)
         text = product or "1"

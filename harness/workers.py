@@ -1,4 +1,4 @@
-"""Processors, and pools of worker processes that end as soon as the process that started them ends or has an error."""
+"""Pools of worker processes that end as soon as the process that started them ends or has an error."""
 
 import os
 import signal
@@ -7,11 +7,6 @@ from collections.abc import Callable, Iterator
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import contextmanager
 from multiprocessing import active_children, get_context, parent_process
-
-
-def available() -> int:
-    """Return the number of processors that this process may use, or of the machine if the system does not tell."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 @contextmanager

@@ -39,11 +39,9 @@ class PartPool:
         return self._parts[key]
 
     def __enter__(self) -> PartPool:
-        """Return the pool."""
         return self
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
-        """Close the parts."""
         for part in self._parts.values():
             part.close()
 

@@ -136,11 +136,7 @@ class About:
 def about_c_block(code: str) -> About:
     """Return the declarations in the macros of a C file."""
     about = About(
-        words(string(code, "QUOTES")),
-        identified(code),
-        in_loop(code),
-        use_of(code),
-        words(string(code, "CITES")),
+        words(string(code, "QUOTES")), identified(code), in_loop(code), use_of(code), words(string(code, "CITES"))
     )
     about.check(re.findall(r"\(\s*(\w+)\s*,", macro(code, "VARIABLES") or ""))
     return about

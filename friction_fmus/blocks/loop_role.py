@@ -86,7 +86,6 @@ class Loop:
     """Whether it shapes the reference of a law by the inverse of the gains Kp, Kd, Ki in its parameters."""
 
     def __post_init__(self) -> None:
-        """Raise an error for a text that is not an expression."""
         for text in (*self.gains.values(), self.inertia, self.amplifies, *self.adapts):
             if text:
                 names_in(text)

@@ -162,7 +162,6 @@ class Model(DescribedModel):
     variables: list[Variable2] = field(init=False)
 
     def __post_init__(self) -> None:
-        """Collect the variables."""
         types = {element.get("name"): child_of(element) for element in self.all("TypeDefinitions/SimpleType")}
         self.variables = []
         for index, element in enumerate(self.all("ModelVariables/ScalarVariable"), start=1):

@@ -80,7 +80,6 @@ class Finding:
         return f"{self.file}:{self.line}" if self.line else self.file
 
     def __str__(self) -> str:
-        """Return one line of text."""
         place = f"{self.place}: " if self.file else ""
         return f"{place}{self.severity} {self.rule}: {self.message}"
 

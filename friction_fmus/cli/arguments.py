@@ -142,10 +142,7 @@ def add_scheduler(parser: argparse._ActionsContainer) -> None:
 def add_column_options(parser: argparse.ArgumentParser) -> None:
     """Add the options that say what the columns of a data file are."""
     parser.add_argument(
-        "--columns",
-        default="",
-        metavar="TEXT",
-        help=f'columns by number or heading, such as "{COLUMNS_EXAMPLE}"',
+        "--columns", default="", metavar="TEXT", help=f'columns by number or heading, such as "{COLUMNS_EXAMPLE}"'
     )
     parser.add_argument(
         "--gain",

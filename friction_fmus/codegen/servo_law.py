@@ -51,7 +51,6 @@ class Composition:
     """A law under construction; variables of a part have its name as prefix, so that they remain different."""
 
     def __init__(self) -> None:
-        """Begin without variables."""
         self._variables: dict[str, LawVariable] = {}
         self._symbols: dict[str, list[SX]] = {}
         self._results: dict[str, list[SX]] = {}

@@ -39,7 +39,6 @@ class Run:
     """
 
     def __init__(self, export: Export, settings: Values = MappingProxyType({}), lost: int = 0) -> None:
-        """Take the start values."""
         law, start = export.law, {**export.start, **settings}
         self.settings, self.lost = settings, lost
         labels = [variable for variable in law.given for _ in variable.starts]
@@ -89,7 +88,6 @@ class Faults:
     """The faults that samples can show: another value of a parameter, a wrong operation, a state that stays 0."""
 
     def __init__(self, export: Export, rounding: Rounding) -> None:
-        """Number them."""
         self._rounding = rounding
         labels = [variable for variable in export.law.given for _ in variable.starts]
         self.parameters = export.law.select(*PARAMETERS)
@@ -189,7 +187,6 @@ class Rounding:
     """Samples of a law whose operations are rounded at random."""
 
     def __init__(self, export: Export) -> None:
-        """Read the operations."""
         self.nodes, self._results = graph(export.law.function)
         self._outputs = len(export.law.select(Kind.OUTPUT))
         labels = [variable for variable in export.law.given for _ in variable.starts]

@@ -241,14 +241,7 @@ def critical_speed(m: float, k: float, damping: float, Fc: float, Fs: float, vs:
 
 
 def pulled_mass(
-    m: float,
-    k: float,
-    damping: float,
-    Fc: float,
-    Fs: float,
-    vs: float | None,
-    delta: float,
-    v: float,
+    m: float, k: float, damping: float, Fc: float, Fs: float, vs: float | None, delta: float, v: float
 ) -> Condition:
     """Check that a mass that is pulled by a spring ends in steady sliding.
 

@@ -17,11 +17,9 @@ class Unit:
     c: str  # C expression for the name of the unit
 
     def __add__(self, other: Unit | str) -> Unit:
-        """Join names, as C joins adjacent string literals."""
         return Unit(f"{self.c} {unit_of(other).c}")
 
     def __radd__(self, other: str) -> Unit:
-        """Join a plain name and a unit."""
         return unit_of(other) + self
 
 

@@ -53,7 +53,6 @@ class StepCache:
     """Cache of the results of steps, as JSON files."""
 
     def __init__(self, folder: Path) -> None:
-        """Create the folder."""
         self.folder = folder
         make_folder(folder)
         self.reused = 0  # number of results read from the cache

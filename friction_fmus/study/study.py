@@ -71,8 +71,8 @@ from friction_fmus.version import VERSION
 from harness import Progress, System
 from harness.compiling import toolchain
 from harness.extras import require
+from harness.processors import available
 from harness.storage.files import atomic_path
-from harness.workers import available
 
 STAGES: Final = {
     0.02: "identifying friction models",

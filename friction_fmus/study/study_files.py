@@ -158,8 +158,7 @@ def export_composites(folder: Path, whole: System) -> tuple[WrittenFile, ...]:
             "`axis.F_drive`",
         ),
         WrittenFile(
-            f"{folder.name}/servo_axis.fmu",
-            f"The same with servo and compensator; connect the reference to {inputs}",
+            f"{folder.name}/servo_axis.fmu", f"The same with servo and compensator; connect the reference to {inputs}"
         ),
     )
 
@@ -327,9 +326,7 @@ def _parameters(path: Path, values: Mapping[str, float | int | bool]) -> dict[st
     about = open_archive(path).variables
     return {
         name: Parameter(
-            value,
-            known[name].unit if known[name].type == "Real" else None,
-            description=about[name].description or "",
+            value, known[name].unit if known[name].type == "Real" else None, description=about[name].description or ""
         )
         for name, value in values.items()
     }

@@ -149,15 +149,7 @@ def knobs_of(bench: AxisBench, schemes: Sequence[Scheme], systems: Sequence[Syst
 
     return (
         Knob("friction", f"all friction {u.force}s of the axis", "", 1.0, 0.1, 4.0, tuple(frictions)),
-        Knob(
-            u.mass,
-            "moved by the drive",
-            u.kg,
-            mass,
-            0.25 * mass,
-            4.0 * mass,
-            alike({"axis.m": 1.0}),
-        ),
+        Knob(u.mass, "moved by the drive", u.kg, mass, 0.25 * mass, 4.0 * mass, alike({"axis.m": 1.0})),
         Knob(
             "delay",
             f"from command to {u.force}, in samples of {1e3 * servo.Ts:g} ms",

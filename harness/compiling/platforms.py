@@ -11,8 +11,8 @@ from typing import Final, NamedTuple
 
 from harness.compiling import toolchain
 from harness.errors import BuildError, nearest
+from harness.processors import available
 from harness.storage.files import ScratchFolder, cached
-from harness.workers import available
 
 LONGEST_TABLE: Final = 1 << 20  # length of the beginning of a file in which its tables are searched [bytes]
 _ELF_LOADED: Final = (1, 2)  # PT_LOAD, PT_DYNAMIC

@@ -57,7 +57,6 @@ class CallablePart(Part):
         sampled: bool = False,
         every: int = 1,
     ) -> None:
-        """Check that the dependencies name ports of this part."""
         self.name = name
         self.function = function
         self.inputs = tuple(port if isinstance(port, Port) else Port(port) for port in inputs)

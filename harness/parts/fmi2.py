@@ -49,7 +49,6 @@ class Library:
     """
 
     def __init__(self, archive: Archive, name: str) -> None:
-        """Unpack the FMU and load its library."""
         folder = ScratchFolder()
         self.folder = Path(folder.name)
         with LOADING:
@@ -122,7 +121,6 @@ class State:
     """Handle of a saved state of an FMU."""
 
     def __init__(self) -> None:
-        """Refer to no state yet."""
         self.pointer = ctypes.c_void_p()
         self.time = math.nan  # of an FMU for model exchange [s], which does not tell it
 
@@ -131,7 +129,6 @@ class Instance:
     """One instance of an FMU for co-simulation, from instantiation to release."""
 
     def __init__(self, library: Library, archive: Archive, name: str) -> None:
-        """Instantiate the FMU with logging on."""
         self._dll: Any = library.slave.dll
         self.name = name
         self.last_message = ""

@@ -54,7 +54,6 @@ class Guard:
     """Guard that watches the parts of a system while they are loaded, run and freed."""
 
     def __init__(self, parts: Sequence[Part]) -> None:
-        """Find the parts to watch."""
         self._parts = parts
         self.watched = {part.name: part for part in parts if isinstance(part, FmuPart) and not part.isolate}
         self.acting: str | None = None

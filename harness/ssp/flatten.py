@@ -16,7 +16,6 @@ class Network:
     """The connections of all systems as one graph."""
 
     def __init__(self, structure: Structure, parts: Mapping[Path, Part], where: str) -> None:
-        """Sort the connections by target and by source."""
         self.structure = structure
         self.parts = parts
         self.where = where

@@ -68,7 +68,6 @@ class Parameter:
     shape: tuple[int, ...] = field(default=(), compare=False)
 
     def __post_init__(self) -> None:
-        """Convert a number with a unit to a float."""
         if self.unit is not None and type(self.value) is int:
             object.__setattr__(self, "value", float(self.value))
 

@@ -40,7 +40,6 @@ class Queue:
     """
 
     def __init__(self, runs: Iterable[int], most: int) -> None:
-        """Start the clock."""
         self._runs = deque(runs)
         self._most = most
         self._again: deque[list[int]] = deque()

@@ -53,7 +53,6 @@ class Runner:
     """The system of one worker."""
 
     def __init__(self, job: Job) -> None:
-        """Open the system."""
         self.job = job
         self.busy = threading.Lock()  # held while the system runs or is closed
         self.used = perf_counter()  # when it last ran [s]

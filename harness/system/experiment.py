@@ -79,7 +79,6 @@ class Experiment:
     manipulators: tuple[Manipulator, ...] = ()
 
     def __post_init__(self) -> None:
-        """Check the settings."""
         make_plain(self)
         for name in ("start", "stop", "step"):
             object.__setattr__(self, name, _seconds(name, getattr(self, name)))  # an FMU accepts no other number type

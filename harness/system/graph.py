@@ -157,10 +157,7 @@ def _sort(parts: Mapping[str, Part], wires: Sequence[Wire], group: list[str]) ->
             # the parts form a cycle although their variables do not: begin nearest to a state
             chosen = min(
                 remaining,
-                key=lambda name: (
-                    min(depth[name, output] for output in _used(parts[name], wires)),
-                    group.index(name),
-                ),
+                key=lambda name: (min(depth[name, output] for output in _used(parts[name], wires)), group.index(name)),
             )
         order.append(chosen)
         remaining.remove(chosen)

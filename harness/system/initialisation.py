@@ -84,7 +84,6 @@ class Initialisation:
     """The start of the runs of a plan."""
 
     def __init__(self, plan: Plan, system: Assembly, experiment: Experiment, guard: Guard, *, open_end: bool) -> None:
-        """Find the order in which values spread, and the loops."""
         parts, wires = system.parts, system.wires
         self._plan, self._experiment, self._guard, self._open_end = plan, experiment, guard, open_end
         self._values = start_order(plan, parts, wires)

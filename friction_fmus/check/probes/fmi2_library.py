@@ -86,7 +86,6 @@ class RefusedError(Exception):
     """A call failed that must succeed."""
 
     def __init__(self, function: str, status: str, message: str) -> None:
-        """Store the arguments."""
         super().__init__(function, status, message)
         self.function, self.status, self.message = function, status, message
 
@@ -116,7 +115,6 @@ class RawLibrary:
     misuse = ""  # what is wrong with the calls that a probe makes on purpose
 
     def __init__(self, job: dict[str, Any], trace: mmap.mmap) -> None:
-        """Load the library."""
         self.job, self._trace = job, trace
         self.guid: str = job["guid"]
         self.start_time: float = job["start_time"]
@@ -192,18 +190,15 @@ class RawInstance:
     """One instance; all calls except calls of `status` must succeed."""
 
     def __init__(self, library: RawLibrary, name: str = "checked") -> None:
-        """Instantiate."""
         self.library = library
         self.pointer = library.instantiate(name=name)
         if not self.pointer:
             raise RefusedError("Instantiate", "no instance", last_message(library))
 
     def __enter__(self) -> Self:
-        """Return the instance."""
         return self
 
     def __exit__(self, *_: object) -> None:
-        """Free the instance."""
         self.free()
 
     def free(self) -> None:
@@ -356,7 +351,6 @@ class RawExchange(RawInstance):
     """One instance for model exchange; between steps it is in event mode."""
 
     def __init__(self, library: RawLibrary, name: str = "checked") -> None:
-        """Instantiate."""
         super().__init__(library, name)
         self.info, self.settled = EventInfo(), True  # of the last event iteration, and whether it came to its end
         self.unset: set[str] = set()  # functions that did not set all of their flags

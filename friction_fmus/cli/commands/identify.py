@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 from friction_fmus.cli.arguments import add_column_options, add_json, parse_assignment, print_json
 from friction_fmus.errors import FrictionError
 from friction_fmus.identification.methods import method_names
-from harness.workers import available
+from harness.processors import available
 
 if TYPE_CHECKING:
     from friction_fmus.identification import Identification, Measurement, Record

@@ -21,9 +21,9 @@ from friction_fmus.cli.arguments import (
 )
 from friction_fmus.errors import FrictionError
 from harness.notebook import counted
+from harness.processors import available
 from harness.results import FORMATS
 from harness.storage.files import atomic_path, make_folder
-from harness.workers import available
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -75,7 +75,7 @@ def run(options: argparse.Namespace) -> int:
     """Run the sweep, and print the first results and the folder."""
     from friction_fmus.cli.console import RunBar, console
     from friction_fmus.cli.inputs import connect, open_system, parameter_sets
-    from friction_fmus.cli.sweep_table import show_sweep, sweep_progress
+    from friction_fmus.cli.result_tables import show_sweep, sweep_progress
     from harness.engine.defect import WRONG
 
     samples = parameter_sets(options)

@@ -215,7 +215,6 @@ class InputsPart(CallablePart):
     """The inputs of a composite FMU, as outputs of a part that exists in C only."""
 
     def __init__(self, name: str, ports: Sequence[Port]) -> None:
-        """Make a part with these outputs."""
         super().__init__(name, lambda t, u, x: np.full(len(ports), np.nan), outputs=ports)
 
 

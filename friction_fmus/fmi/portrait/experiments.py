@@ -53,7 +53,6 @@ class Bench:
     """
 
     def __init__(self, block: Block, description: BlockVariables, part: FmuPart) -> None:
-        """Sort the variables."""
         self.block = block
         self._part = part
         self.kind: Callable[..., BenchRun] = BenchRun
@@ -104,7 +103,6 @@ class BenchRun:
     """A run of one instance. Inputs that the block does not have are ignored."""
 
     def __init__(self, part: FmuPart, starts: Mapping[str, float], outputs: Sequence[str]) -> None:
-        """Bind the inputs, which have start values, and the outputs."""
         self._part = part
         self._places = {name: place for place, name in enumerate(starts)}
         self._inputs, self._outputs = np.array([*starts.values()], dtype=float), np.zeros(len(outputs))

@@ -17,11 +17,7 @@ from friction_fmus.identification.data.tables import EXACT, DataTable, limit_siz
 
 _EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 
-TICKS: Final = {
-    "ns": (0, 10**9),
-    "Windows": (-11_644_473_600, 10**7),
-    ".NET": (-62_135_596_800, 10**7),
-}
+TICKS: Final = {"ns": (0, 10**9), "Windows": (-11_644_473_600, 10**7), ".NET": (-62_135_596_800, 10**7)}
 """Clocks of computers whose counts between 2001 and 2096 exclude each other: their start [s since 1970], and ticks per
 second."""
 
@@ -137,7 +133,6 @@ class ColumnBuilder:
     """Column of a table whose cells are added in parts: numbers, dates with times, or texts."""
 
     def __init__(self, name: str) -> None:
-        """Start a column with this name."""
         self.name, self.unit, self.text = name, "", ""
         self._kind = ""  # number, moment or text; empty as long as all cells are
         self._parts: list[NDArray[Any]] = []

@@ -80,7 +80,6 @@ class Guesser:
     """Search of the columns of a table; columns that are given are not searched."""
 
     def __init__(self, table: DataTable, given: Mapping[str, Column] | None = None) -> None:
-        """Read names and units of the columns."""
         self.table, self.given = table, dict(given or {})
         self.about: dict[str, ColumnMeaning] = {}
         self.problems: list[str] = []

@@ -190,9 +190,7 @@ def _one_speed(data: _ExaminedRecord) -> Iterator[RecordFinding]:
     if share > ONE_SPEED:
         what = f"{100 * share:.0f} % of the motion is within 10 % of one speed, {data.speed(usual)}."
         yield RecordFinding(
-            "one-speed",
-            what,
-            f"Move at 5 speeds or more, from {data.speed(0.01 * usual)} to {data.speed(usual)}.",
+            "one-speed", what, f"Move at 5 speeds or more, from {data.speed(0.01 * usual)} to {data.speed(usual)}."
         )
 
 

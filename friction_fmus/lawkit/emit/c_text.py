@@ -252,7 +252,6 @@ class Values:
     def __init__(
         self, rolled: Rolled, real: Real, conditions: Collection[int], zeros: Zeros, flags: Collection[str]
     ) -> None:
-        """Prepare the texts of arguments and constants."""
         self.functions: set[str] = set()
         self._nodes = rolled.nodes
         self._reads = rolled.reads
@@ -425,7 +424,6 @@ class Writer(Values):
         flags: Collection[str] = (),
         unrolls: bool = False,
     ) -> None:
-        """Prepare the texts of arguments and constants."""
         super().__init__(rolled, real, conditions, zeros, flags)
         self._names = names
         self._kept = names.assigned | remarks.keys()

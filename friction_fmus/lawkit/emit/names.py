@@ -119,7 +119,6 @@ class Names:
         *,
         describes: bool,
     ) -> None:
-        """Choose a name for every node that has one."""
         self._nodes = nodes
         self._taken = {*taken}
         self._describes = describes

@@ -30,7 +30,6 @@ class Process:
     """A Python process that serves one FMU, see `harness.parts.isolated.host.serve`."""
 
     def __init__(self, name: str, path: Path, timeout: float) -> None:
-        """Start the process and wait until it listens."""
         if os.name != "posix":
             raise HarnessError(f"part '{name}' cannot be isolated on {sys.platform}: leave isolate out")
         folder = ScratchFolder()
