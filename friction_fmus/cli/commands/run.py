@@ -6,6 +6,8 @@ result recorded up to that time is written. The exit status is 1 if the result i
 variable; with --require the exit status is also 1 if one of them is less accurate.
 """
 
+from __future__ import annotations
+
 import argparse
 from pathlib import Path
 

@@ -4,6 +4,8 @@ With -o, the results are written to a folder of Parquet files, or to one .csv fi
 status is 1 if no run succeeds, or if a result is reported as wrong, unless --allow-inaccurate is given.
 """
 
+from __future__ import annotations
+
 import argparse
 from contextlib import ExitStack
 from dataclasses import replace
