@@ -54,11 +54,10 @@ def run(system: Assembly, experiment: Experiment, options: Options | None = None
 
 
 class Session:
-    """A system laid out for runs that differ in their start values only.
+    """A system laid out for runs that differ in their start values only."""
 
-    A part that has the same instance in the next run, such as an FMU with `FmuPart.reuse`, is not bound to the engine
-    again.
-    """
+    # A part that has the same instance in the next run, such as an FMU with `FmuPart.reuse`, is not bound to the engine
+    # again.
 
     def __init__(self, system: Assembly, experiment: Experiment, options: Options | None = None) -> None:
         self._system, self._experiment, self._options = system, experiment, options or Options()

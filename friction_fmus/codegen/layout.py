@@ -79,11 +79,9 @@ def placed(
     results: Mapping[str, int],
     commands: Collection[int],
 ) -> tuple[dict[int, list[str]], list[str]]:
-    """Return the comments for operations.
-
-    An equation whose left-hand side is no variable of the law is added to one that contains this side: to the next
-    equation, or else to one before it.
-    """
+    """Return the comments for operations."""
+    # An equation whose left-hand side is no variable of the law is added to one that contains this side: to the next
+    # equation, or else to one before it.
     own = [_node(equation.prefix + equation.name, nodes, named, results, commands) for equation in equations]
     places = range(len(equations))
     for place in (*reversed(places), *places):  # in both directions, as an equation may belong to one of the same kind
@@ -138,12 +136,9 @@ class Export:
     real: Real
     prefix: str
     """Prefix of files, types and functions."""
-    start: Values
-    """Start values of inputs, states and parameters by variable."""
-    rotary: bool = False
-    """Whether the law has the units of a rotary axis."""
-    table: PositionMap | None = None
-    """Force over position, for the input ``f_known`` of a loop."""
+    start: Values  # start values of inputs, states and parameters by variable
+    rotary: bool = False  # whether the law has the units of a rotary axis
+    table: PositionMap | None = None  # force over position, for the input ``f_known`` of a loop
 
     @property
     def words(self) -> Words:

@@ -32,11 +32,10 @@ _WRONG: Final[Mapping[str, Callable[..., Any]]] = {
 
 
 class Run:
-    """A run of a law, with the states fed back.
+    """A run of a law, with the states fed back."""
 
-    It begins with the start values of the export, but for `settings`. Before the sample `lost`, if it is not 0, there
-    are `LOST` samples with an invalid input.
-    """
+    # It begins with the start values of the export, but for `settings`. Before the sample `lost`, if it is not 0, there
+    # are `LOST` samples with an invalid input.
 
     def __init__(self, export: Export, settings: Values = MappingProxyType({}), lost: int = 0) -> None:
         law, start = export.law, {**export.start, **settings}
@@ -350,11 +349,9 @@ def inputs(export: Export) -> dict[str, np.ndarray]:
 
 
 def vectors(export: Export) -> Vectors:
-    """Return the test vectors of an export.
-
-    The first run has the start values. The others are chosen of runs with random inputs and parameters, each for the
-    number of faults that it shows and no run before, and end when it has shown them.
-    """
+    """Return the test vectors of an export."""
+    # The first run has the start values. The others are chosen of runs with random inputs and parameters, each for the
+    # number of faults that it shows and no run before, and end when it has shown them.
     functions = {name.removesuffix(export.real.suffix) for name in export.kernel.functions}
     relative = 3e-5 if export.real is not DOUBLE else 0.0 if functions <= EXACT else 1e-12
     rounding, run = Rounding(export), Run(export)

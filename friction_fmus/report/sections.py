@@ -156,10 +156,9 @@ def friction_plots(study: StudyResult) -> list[Plot]:
 
 
 def _span(picture: Picture) -> tuple[float, float] | None:
-    """Return the range of the record with a margin if a model exceeds it by more than its size; otherwise None.
-
-    The damping force of a bristle that starts in motion can be much larger than friction and would flatten all curves.
-    """
+    """Return the range of the record with a margin if a model exceeds it by more than its size; otherwise None."""
+    # The damping force of a bristle that starts in motion can be much larger than friction and would flatten all
+    # curves.
     if not picture.data or not picture.models:
         return None
     low, high = (side(side(curve.y) for curve in picture.data.values()) for side in (min, max))

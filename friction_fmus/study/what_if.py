@@ -97,11 +97,9 @@ def what_if(bench: AxisBench, found: Sequence[tuple[CompensatorResult, Scheme]],
 
 
 def variable_system(bench: AxisBench, scheme: Scheme, pool: PartPool) -> System:
-    """Return the axis with a scheme as a system in which delay and encoder step are parameters, too.
-
-    Sums of `DELAYS` delayed commands, of which one has the gain 1, are in place of the delay of the connection: it is
-    the same delay, whereas a continuous actuator would add a step. An encoder of step 0 is exact.
-    """
+    """Return the axis with a scheme as a system in which delay and encoder step are parameters, too."""
+    # Sums of `DELAYS` delayed commands, of which one has the gain 1, are in place of the delay of the connection: it is
+    # the same delay, whereas a continuous actuator would add a step. An encoder of step 0 is exact.
     servo = replace(scheme.servo, delay=0, quantum=scheme.servo.quantum or 1.0)
     system = system_of(bench, replace(scheme, servo=servo), pool)
     assert system.experiment is not None

@@ -43,10 +43,9 @@ DO_STEP: Final = ctypes.CFUNCTYPE(_INT, _POINTER, _REAL, _REAL, _INT)  # fmi2DoS
 
 
 class Library:
-    """An unpacked FMU with its loaded shared library.
+    """An unpacked FMU with its loaded shared library."""
 
-    Each part has its own copy, so that an FMU with static variables can be used in several parts.
-    """
+    # Each part has its own copy, so that an FMU with static variables can be used in several parts.
 
     def __init__(self, archive: Archive, name: str) -> None:
         folder = ScratchFolder()
@@ -281,10 +280,8 @@ class Instance:
 
 
 def _format_messages(callbacks: Any) -> None:
-    """Insert fmpy's native formatter before the logger, as Python cannot read the printf arguments of a message.
-
-    The formatter is not available on every platform; without it, messages keep their format specifiers.
-    """
+    """Insert fmpy's native formatter before the logger, as Python cannot read the printf arguments of a message."""
+    # The formatter is not available on every platform; without it, messages keep their format specifiers.
     try:
         from fmpy.logging import addLoggerProxy
     except Exception:

@@ -90,11 +90,9 @@ def read_bindings(package: Package, structure: Structure) -> list[Binding]:
 def bound_values(
     bindings: Sequence[Binding], structure: Structure, network: Network, only: Container[Endpoint] | None = None
 ) -> dict[Endpoint, StartValue]:
-    """Return the start values of all parts, in the units of their variables.
-
-    A later binding overrides an earlier one, and a binding of a system overrides the bindings of its elements. An
-    unknown name is ignored with a warning, as SSP requires.
-    """
+    """Return the start values of all parts, in the units of their variables."""
+    # A later binding overrides an earlier one, and a binding of a system overrides the bindings of its elements. An
+    # unknown name is ignored with a warning, as SSP requires.
     values: dict[Endpoint, Parameter] = {}
     for binding in bindings:
         values |= _bound(binding, structure, network, quiet=only is not None)

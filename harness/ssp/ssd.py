@@ -170,10 +170,8 @@ def grouped(wires: Sequence[Wire], arrays: Mapping[str, Array]) -> Iterator[tupl
 def start_parameters(
     part: FmuPart, start: Mapping[str, StartValue], arrays: Mapping[str, Array]
 ) -> tuple[dict[str, Parameter], dict[str, tuple[int, ...]]]:
-    """Return the start values with type and unit of their variables, and the shapes of the arrays.
-
-    An array is always given as a whole, as an importer sets it as a whole.
-    """
+    """Return the start values with type and unit of their variables, and the shapes of the arrays."""
+    # An array is always given as a whole, as an importer sets it as a whole.
     ports = {port.name: port for port in (*part.inputs, *part.parameters)}
     parameters: dict[str, Parameter] = {}
     shapes: dict[str, tuple[int, ...]] = {}

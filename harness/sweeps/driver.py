@@ -32,12 +32,11 @@ TRIES: Final = 3  # number of workers that may die in a run before it counts as 
 
 
 class Queue:
-    """Queue of the remaining runs.
+    """Queue of the remaining runs."""
 
-    A chunk takes about 0.5 s or 2 % of the sweep's duration so far, and at most 10 s. This limits the work lost if the
-    sweep is killed, and also the number of files. Towards the end, chunks become smaller, so that all workers finish at
-    about the same time.
-    """
+    # A chunk takes about 0.5 s or 2 % of the sweep's duration so far, and at most 10 s. This limits the work lost if
+    # the sweep is killed, and also the number of files. Towards the end, chunks become smaller, so that all workers
+    # finish at about the same time.
 
     def __init__(self, runs: Iterable[int], most: int) -> None:
         self._runs = deque(runs)

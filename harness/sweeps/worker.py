@@ -137,10 +137,8 @@ class Runner:
         return bounds
 
     def _probe(self, values: Sample) -> None:
-        """Use new instances in every run if reset instances do not behave like new ones.
-
-        An FMU may return fmi2OK from fmi2Reset and still keep a state, which shows after the first run.
-        """
+        """Use new instances in every run if reset instances do not behave like new ones."""
+        # An FMU may return fmi2OK from fmi2Reset and still keep a state, which shows after the first run.
         self._probed = True
         names = [
             f"{name}.{port.name}"

@@ -26,10 +26,8 @@ other factor."""
 
 
 def find_feedthrough(system: Assembly, experiment: Experiment) -> None:
-    """Find the dependencies of parts that do not declare them, if they decide whether there is an algebraic loop.
-
-    Each such part is started a second time, for the trial only, with the start values of the run.
-    """
+    """Find the dependencies of parts that do not declare them, if they decide whether there is an algebraic loop."""
+    # Each such part is started a second time, for the trial only, with the start values of the run.
     parts = [part for part in system.parts.values() if part.undeclared]
     for part in parts:
         every_input = frozenset(port.name for port in part.inputs)

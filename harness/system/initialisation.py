@@ -94,10 +94,8 @@ class Initialisation:
         ]
 
     def start(self, values: Mapping[str, StartValue]) -> None:
-        """Initialise all parts at the start time; the start values then stand in the signals of the plan.
-
-        A part that begins the run with the instance of an earlier run of this plan keeps its calls.
-        """
+        """Initialise all parts at the start time; the start values then stand in the signals of the plan."""
+        # A part that begins the run with the instance of an earlier run of this plan keeps its calls.
         plan, guard = self._plan, self._guard
         earlier, plan.calls[:] = [*plan.calls], []
         plan.begin(values)
@@ -134,12 +132,10 @@ class Initialisation:
         part.enter_initialisation(experiment.start, stop, experiment.tolerance, start_values(values, part.name))
 
     def _propagate(self) -> None:
-        """Propagate the start values through all connections until they settle.
-
-        One sweep in graph order suffices, except for cycles of parts (a plant whose recorded acceleration depends on
-        friction, which depends on its velocity) and for FMUs whose outputs depend on more inputs during
-        initialisation than later. Algebraic loops are solved.
-        """
+        """Propagate the start values through all connections until they settle."""
+        # One sweep in graph order suffices, except for cycles of parts (a plant whose recorded acceleration depends on
+        # friction, which depends on its velocity) and for FMUs whose outputs depend on more inputs during
+        # initialisation than later. Algebraic loops are solved.
         plan = self._plan
         fetchers = [fetcher(plan, index) for index in range(len(plan.parts))]
 

@@ -414,10 +414,8 @@ def _check_map(wire: Wire, source: Port, target: Port) -> None:
 
 
 def stated_starts(parts: Iterable[Part], driven: Container[str]) -> dict[str, StartValue]:
-    """Return the start values that FMUs of this project state for unconnected inputs.
-
-    Those of other FMUs are kept in every system, with a warning.
-    """
+    """Return the start values that FMUs of this project state for unconnected inputs."""
+    # Those of other FMUs are kept in every system, with a warning.
     inputs = (
         (f"{part.name}.{port.name}", port)
         for part in parts

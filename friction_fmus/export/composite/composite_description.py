@@ -27,10 +27,8 @@ from harness.values import STRUCTURED
 
 
 def step_dependencies(system: Assembly, variables: Sequence[CompositeVariable]) -> dict[str, list[int]]:
-    """Return for each output and derivative the indices of the inputs and states on which it depends directly.
-
-    States count if the FMU is for model exchange too.
-    """
+    """Return for each output and derivative the indices of the inputs and states on which it depends directly."""
+    # States count if the FMU is for model exchange too.
     inside = [wire for wire in system.wires if wire.ends[0][0] in system.parts]
     outside = [wire for wire in system.wires if wire not in inside and not wire.delay]
     prompt = [wire for wire in outside if not system.parts[wire.ends[1][0]].sampled]

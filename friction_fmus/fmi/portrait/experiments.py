@@ -273,10 +273,8 @@ def _over_velocity(bench: Bench, velocity: Vector, estimated: Vector, caption: s
 
 
 def tracking(bench: Bench) -> tuple[Panel, ...]:
-    """Return the friction estimate of a law that moves a mass with Coulomb friction along a sinusoidal reference.
-
-    The velocity of the mass is stepped so that the mass sticks exactly.
-    """
+    """Return the friction estimate of a law that moves a mass with Coulomb friction along a sinusoidal reference."""
+    # The velocity of the mass is stepped so that the mass sticks exactly.
     times, motion = sine(bench, 6)
     Ts, mass, coulomb = times[1], bench.start("m", 1.0), bench.start("Fc", 1.0)
     x, v, velocity, estimated = 0.0, float(motion["rd"][0]), [], []

@@ -38,10 +38,8 @@ def iso(nanoseconds: int) -> str:
 
 
 def serial_days(values: Array) -> tuple[Array, str] | None:
-    """Return the seconds since the first of some serial dates of a spreadsheet or of MATLAB; None for others.
-
-    Seconds of the same size would have been sampled faster than at 500 kHz.
-    """
+    """Return the seconds since the first of some serial dates of a spreadsheet or of MATLAB; None for others."""
+    # Seconds of the same size would have been sampled faster than at 500 kHz.
     steps = np.diff(values[:100_000])
     if len(values) < 3 or not np.all(np.isfinite(steps)) or not np.all(steps >= 0.0):
         return None
@@ -68,11 +66,9 @@ BESIDE: Final = 3  # number of steps on either side that are compared
 
 
 def unwrapped(values: Array) -> tuple[Array, float, int] | None:
-    """Return values without the jumps of a counter or an angle that wraps, its range, and the number of wraps.
-
-    None if there are no jumps, or if one of them cannot be a wrap for certain: at each, the motion must go on as before
-    once the range is added, from one end of it to the other.
-    """
+    """Return values without the jumps of a counter or an angle that wraps, its range, and the number of wraps."""
+    # None if there are no jumps, or if one of them cannot be a wrap for certain: at each, the motion must go on as
+    # before once the range is added, from one end of it to the other.
     finite = np.flatnonzero(np.isfinite(values))
     if finite.size < 10:
         return None
@@ -103,11 +99,9 @@ def unwrapped(values: Array) -> tuple[Array, float, int] | None:
 
 
 def _periods(values: Array, ends: tuple[float, float], jumps: Array) -> list[float]:
-    """Return the ranges that values between these ends may have, unsigned or symmetrical.
-
-    A range that is neither of a register nor of an angle counts only if the values jump both up and down, unlike those
-    of a counter that starts again.
-    """
+    """Return the ranges that values between these ends may have, unsigned or symmetrical."""
+    # A range that is neither of a register nor of an angle counts only if the values jump both up and down, unlike
+    # those of a counter that starts again.
     (low, high), jump = ends, float(np.abs(jumps).max())
     both_ways = bool(np.any(jumps > 0.0) and np.any(jumps < 0.0))
     whole = bool(np.all(values == np.round(values)))

@@ -437,10 +437,8 @@ class Guesser:
 
 
 def with_actual_position(table: DataTable) -> DataTable:
-    """Return the table with the position that a reference and a following error give, if it has no other.
-
-    The error is added or subtracted so that the position lags behind the reference.
-    """
+    """Return the table with the position that a reference and a following error give, if it has no other."""
+    # The error is added or subtracted so that the position lags behind the reference.
     kinds = {name: about(name, table.units.get(name, "")) for name in table.columns}
     signals = {
         qualifier: [name for name, each in kinds.items() if (each.kind, each.qualifier) == ("position", qualifier)]

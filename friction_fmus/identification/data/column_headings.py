@@ -381,10 +381,8 @@ def _remove_other_axis(guess: Guess) -> None:
 
 
 def epoch_unit(times: Array) -> str:
-    """Return the unit of times since 1970 that lie between the years 2001 and 2096; empty for others.
-
-    Their steps are at most a second: a counter of microseconds passes the same numbers.
-    """
+    """Return the unit of times since 1970 that lie between the years 2001 and 2096; empty for others."""
+    # Their steps are at most a second: a counter of microseconds passes the same numbers.
     known = times[np.isfinite(times)]
     if len(known) < 2:
         return ""

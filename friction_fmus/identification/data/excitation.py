@@ -29,12 +29,10 @@ class MotionFeatures:
 
 
 def motion_features(record: Record) -> MotionFeatures:
-    """Return the features of the motion in a record.
-
-    A reversal point is a peak with a prominence of at least 10 standard deviations of the noise (from fourth
-    differences), 3 encoder counts and a millionth of the travel. A velocity that was not measured is the central
-    difference of the position behind a second-order zero-phase low-pass filter.
-    """
+    """Return the features of the motion in a record."""
+    # A reversal point is a peak with a prominence of at least 10 standard deviations of the noise (from fourth
+    # differences), 3 encoder counts and a millionth of the travel. A velocity that was not measured is the central
+    # difference of the position behind a second-order zero-phase low-pass filter.
     measured = record.q if record.q is not None else cumulative_trapezoid(record.column("v"), record.t, initial=0)
     noise = float(np.median(np.abs(np.diff(measured, 4)))) / (0.6745 * np.sqrt(70.0))
     q = _smoothed(measured, record.Ts)

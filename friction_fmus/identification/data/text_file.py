@@ -76,10 +76,8 @@ def head_text(path: Path) -> str:
 
 @contextmanager
 def pieces(path: Path) -> Iterator[tuple[str, Iterator[str]]]:
-    """Yield the encoding of a text and an iterator over its pieces, which consist of whole lines.
-
-    The first piece has about the size `HEAD`, so that a table can be examined before most of it is read.
-    """
+    """Yield the encoding of a text and an iterator over its pieces, which consist of whole lines."""
+    # The first piece has about the size `HEAD`, so that a table can be examined before most of it is read.
     size = path.stat().st_size
     if size > LARGEST_DATA:
         raise RecordError(f"{path} has {size} bytes of text, more than {LARGEST_DATA}; split the file.")

@@ -735,11 +735,9 @@ def kernel(
     flags: Collection[str] = (),
     unrolls: bool = False,
 ) -> Kernel:
-    """Translate a casadi function into C statements.
-
-    All results are assigned after the last operation, so a result may overwrite an argument. Operations that only one
-    side of a decision needs are computed on that side if this saves enough to justify a branch.
-    """
+    """Translate a casadi function into C statements."""
+    # All results are assigned after the last operation, so a result may overwrite an argument. Operations that only one
+    # side of a decision needs are computed on that side if this saves enough to justify a branch.
     nodes, results = graph(function)
     describes, named = named is not None, named or ()
     if lows:

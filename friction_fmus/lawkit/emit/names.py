@@ -104,10 +104,9 @@ def place_name(place: str) -> str:
 
 
 class Names:
-    """Unique identifiers, made from the names of nodes.
+    """Unique identifiers, made from the names of nodes."""
 
-    A node without a name is named after its operation and its operands, or after its operation if they have no names.
-    """
+    # A node without a name is named after its operation and its operands, or after its operation if they have no names.
 
     def __init__(
         self,

@@ -146,11 +146,10 @@ _EXCHANGES: Final = {SET: "fmi2SetXXX", STEP: "fmi2DoStep", GET: "fmi2GetXXX"}
 
 
 class IsolatedPart(FmuPart):
-    """An FMU in its own process, made by `FmuPart` with ``isolate=True``.
+    """An FMU in its own process, made by `FmuPart` with ``isolate=True``."""
 
-    Inputs, step and outputs of a communication step are transferred in one exchange. The native engine treats such a
-    part like a Python part. The master newton passes no input derivatives to it.
-    """
+    # Inputs, step and outputs of a communication step are transferred in one exchange. The native engine treats such a
+    # part like a Python part. The master newton passes no input derivatives to it.
 
     _process: Process | None = None
     _shared: Shared

@@ -20,8 +20,7 @@ SUFFIXES: Final = (".mat",)
 LABELS: Final = ("label", "Label", "Name", "name", "signalName", "blockName")
 """Members of a structure that name its values."""
 
-VALUES: Final = ("values", "Data", "data", "Value", "value", "Values")
-"""Members of a structure that are its values."""
+VALUES: Final = ("values", "Data", "data", "Value", "value", "Values")  # members of a structure that are its values
 
 
 def read(path: Path) -> DataTable:

@@ -45,10 +45,8 @@ class TextLayout:
 
 
 def read(path: Path, others: tuple[str, ...] = (), named: Naming = headings) -> DataTable:
-    """Read a text table: columns separated by ; tab , | or spaces, after comments, keys and headings.
-
-    Lines that start with one of the `others` are no rows either. The rows above the table are `named`.
-    """
+    """Read a text table: columns separated by ; tab , | or spaces, after comments, keys and headings."""
+    # Lines that start with one of the `others` are no rows either. The rows above the table are `named`.
     with pieces(path) as (encoding, parts):
         head = next(parts, "")
         lines = head.split("\n")
