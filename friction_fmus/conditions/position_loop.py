@@ -1,7 +1,5 @@
 """Conditions on a position loop around a mass with friction: u = Kp e + Kd (rd - v) + Ki times the integral of e."""
 
-from __future__ import annotations
-
 import math
 from typing import TypeAlias
 
@@ -149,14 +147,7 @@ def slide_in_loop(
 
 
 def pulses(
-    errors: Array,
-    forces: Array,
-    Fc: float,
-    Fs: float,
-    tp: float,
-    m: float,
-    Kp: float = 0.0,
-    Kd: float = 0.0,
+    errors: Array, forces: Array, Fc: float, Fs: float, tp: float, m: float, Kp: float = 0.0, Kd: float = 0.0
 ) -> Condition:
     """Check that pulses reduce the error: each one slides by d with 0 < d/e < 2, for every error e that triggers it.
 

@@ -1,7 +1,5 @@
 """Which conditions apply to an axis, and with which numbers."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
