@@ -309,7 +309,7 @@ def _named(balance: ForceBalance, effects: Iterable[str], sizes: Sizes) -> Itera
         if name.startswith("cogging"):
             pitch = float(name.partition(" ")[2])
             what = f"A {u.force} of cogging has the amplitude {sizes.ripple(name)} and the pitch {pitch:.4g} {u.m}."
-            yield RecordFinding("cogging", what, "Use a position map in the compensation.")
+            yield RecordFinding("cogging", what, "Identify and compensate it with a position map.")
         elif name != "direction":
             finding, what, change = TEXTS[name](sizes)
             yield RecordFinding(finding, what, change)
@@ -361,7 +361,7 @@ def _of_position(sizes: Sizes) -> Text:
     low, high = (_over("OF", "position", x[at]) for at in (np.argmin(force), np.argmax(force)))
     change = sizes.shown({name: high[name] - low[name] for name in high}, sizes.u.N)
     what = f"The force over position, as of gravity or a spring, changes by {change} along the stroke."
-    return "force-over-position", what, "Use a position map in the compensation."
+    return "force-over-position", what, "Identify and compensate it with a position map."
 
 
 def _of_gravity(sizes: Sizes) -> Text:
@@ -459,7 +459,8 @@ def _of_second_mass(balance: ForceBalance, second: SecondMass) -> tuple[RecordFi
     )
     if gap:
         what += f"a backlash of about {gap:.2g} {u.m}."
-        return RecordFinding("backlash", what, "Reduce the backlash, or preload the coupling."), 0.0
+        change = "Reduce it, or preload the coupling. Bounces on impact can make it look twice as wide."
+        return RecordFinding("backlash", what, change), 0.0
     low, high = w / (2.0 * pi), w / (2.0 * pi) * sqrt(1.0 + load / motor)
     Fc = abs(balance.fitted(balance.rigid())[0][2])
     rubs = f", and friction of {g * load:.3g} {u.N} behind it" if g * load > 0.05 * Fc else ""

@@ -92,7 +92,7 @@ def test_backlash(gap):
     )
     name, numbers = named(simulate(axis, moves(T)))
     assert name == "backlash"
-    assert 0.5 * gap < numbers[-1] < 2.2 * gap  # impacts after the gap make it look wider
+    assert 0.5 * gap < numbers[-1] < 2.5 * gap  # bounces on impact make it look wider
 
 
 @pytest.mark.parametrize("limit", [None, 30.0])
