@@ -305,14 +305,8 @@ def _named(balance: ForceBalance, effects: Iterable[str], sizes: Sizes) -> Itera
     elif constant:
         what = f"A constant {u.force} of {of_constant} acts, more than Coulomb friction ({Fc:.3g} {N})."
         yield RecordFinding("constant-force", what, f"Add this {u.force}, of gravity or a preload, to the drive.")
-    for name in effects:
-        if name.startswith("cogging"):
-            pitch = float(name.partition(" ")[2])
-            what = f"A {u.force} of cogging has the amplitude {sizes.ripple(name)} and the pitch {pitch:.4g} {u.m}."
-            yield RecordFinding("cogging", what, "Identify and compensate it with a position map.")
-        elif name != "direction":
-            finding, what, change = TEXTS[name](sizes)
-            yield RecordFinding(finding, what, change)
+    yield from _over_time(effects, sizes)
+    yield from _over_position(effects, sizes)
 
 
 def _over(level: str, name: str, x: float, first: int = 0) -> dict[str, float]:
@@ -320,63 +314,51 @@ def _over(level: str, name: str, x: float, first: int = 0) -> dict[str, float]:
     return {level: 1.0, **{f"{name} {first + i}": float(each) for i, each in enumerate(_powers(np.array([x]))[0])}}
 
 
-Text: TypeAlias = tuple[str, str, str]
-
-WARM: Final = "Record the axis warmed up, or compensate with an estimator, which follows a drift."
-
-
-def _of_drift(sizes: Sizes) -> Text:
+def _over_time(effects: Iterable[str], sizes: Sizes) -> Iterator[RecordFinding]:
     u = sizes.u
-    begin, end = (sizes.shown(_over("Fc", "drift", x), u.N) for x in (-1.0, 1.0))
-    what = f"Coulomb friction changes from {begin} to {end} during the record, "
-    begin, end = (sizes.shown(_over("Fv", "drift", x, 3), u.Ns_m) for x in (-1.0, 1.0))
-    return "friction-drifts", f"{what}viscous friction from {begin} to {end}.", WARM
+    warm = "Record the axis warmed up, or compensate with an estimator, which follows a drift."
+
+    def change(level: str, name: str, unit: str, first: int = 0) -> str:
+        begin, end = (sizes.shown(_over(level, name, x, first), unit) for x in (-1.0, 1.0))
+        return f"from {begin} to {end}"
+
+    if "drift" in effects:
+        what = f"Coulomb friction changes {change('Fc', 'drift', u.N)} during the record, "
+        what += f"viscous friction {change('Fv', 'drift', u.Ns_m, 3)}."
+        yield RecordFinding("friction-drifts", what, warm)
+    if "offset drift" in effects:
+        what = f"A constant {u.force} changes {change('OF', 'offset drift', u.N)} during the record."
+        yield RecordFinding("offset-drifts", what, warm)
+    if "normal" in effects:
+        what = f"Coulomb friction depends on the load: {sizes.shown({'normal 0': 1.0}, u.N)} per N of normal force."
+        model = "Use a friction model with the normal force as input, or an estimator, which follows the load."
+        yield RecordFinding("load-dependent-friction", what, model)
+    if "parts" in effects:
+        levels = [{"Fc": 1.0}, *({"Fc": 1.0, f"parts {i}": 1.0} for i in range(PARTS - 1))]
+        low, *_, high = sorted(levels, key=lambda each: sizes(each)[0])
+        between = f"{sizes.shown(low, u.N)} and {sizes.shown(high, u.N)}"
+        what = f"Coulomb friction varies between {between} in the course of the record, as if it depends on the load."
+        log = "Log the load and declare it as column normal, or record under constant conditions."
+        yield RecordFinding("friction-varies", what, log)
 
 
-def _of_offset(sizes: Sizes) -> Text:
-    begin, end = (sizes.shown(_over("OF", "offset drift", x), sizes.u.N) for x in (-1.0, 1.0))
-    what = f"A constant {sizes.u.force} changes from {begin} to {end} during the record."
-    return "offset-drifts", what, WARM
-
-
-def _of_load(sizes: Sizes) -> Text:
-    rise = sizes.shown({"normal 0": 1.0}, sizes.u.N)
-    what = f"Coulomb friction depends on the load: it rises by {rise} per N of normal force."
-    change = "Use a friction model with the normal force as input, or an estimator, which follows the load."
-    return "load-dependent-friction", what, change
-
-
-def _of_parts(sizes: Sizes) -> Text:
-    levels = [{"Fc": 1.0}, *({"Fc": 1.0, f"parts {i}": 1.0} for i in range(PARTS - 1))]
-    low, *_, high = sorted(levels, key=lambda each: sizes(each)[0])
-    between = f"{sizes.shown(low, sizes.u.N)} and {sizes.shown(high, sizes.u.N)}"
-    what = f"Coulomb friction varies between {between} in the course of the record, as if it depends on the load."
-    change = "Log the load and declare it as column normal, or record under constant conditions."
-    return "friction-varies", what, change
-
-
-def _of_position(sizes: Sizes) -> Text:
-    x = np.linspace(-1.0, 1.0, 101)
-    force = [sizes(_over("OF", "position", each))[0] for each in x]
-    low, high = (_over("OF", "position", x[at]) for at in (np.argmin(force), np.argmax(force)))
-    change = sizes.shown({name: high[name] - low[name] for name in high}, sizes.u.N)
-    what = f"The force over position, as of gravity or a spring, changes by {change} along the stroke."
-    return "force-over-position", what, "Identify and compensate it with a position map."
-
-
-def _of_gravity(sizes: Sizes) -> Text:
-    u = sizes.u
-    what = (
-        f"A {u.force} of {sizes.ripple('gravity')} times the sine of the angle acts, as gravity on an eccentric load."
-    )
-    return "gravity", what, f"Add this {u.force} to the drive as a feedforward of the angle."
-
-
-TEXTS: Final[Mapping[str, Callable[[Sizes], Text]]] = {
-    **{"drift": _of_drift, "offset drift": _of_offset, "normal": _of_load, "parts": _of_parts},
-    **{"position": _of_position, "gravity": _of_gravity},
-}
-"""Findings about effects."""
+def _over_position(effects: Iterable[str], sizes: Sizes) -> Iterator[RecordFinding]:
+    u, table = sizes.u, "Identify and compensate it with a position map."
+    if "position" in effects:
+        ways = [_over("OF", "position", x) for x in np.linspace(-1.0, 1.0, 101)]
+        low, *_, high = sorted(ways, key=lambda each: sizes(each)[0])
+        change = sizes.shown({name: high[name] - low[name] for name in high}, u.N)
+        what = f"The {u.force} over position, as of gravity or a spring, changes by {change} along the stroke."
+        yield RecordFinding("force-over-position", what, table)
+    if "gravity" in effects:
+        what = f"A {u.force} of {sizes.ripple('gravity')} times the sine of the angle acts, as gravity on an eccentric"
+        change = f"Add this {u.force} to the drive as a feedforward of the angle."
+        yield RecordFinding("gravity", f"{what} load.", change)
+    for name in effects:
+        if name.startswith("cogging"):
+            pitch = float(name.partition(" ")[2])
+            what = f"A {u.force} of cogging has the amplitude {sizes.ripple(name)} and the pitch {pitch:.4g} {u.m}."
+            yield RecordFinding("cogging", what, table)
 
 
 class SecondMass(NamedTuple):
