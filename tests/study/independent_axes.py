@@ -182,6 +182,7 @@ UNDECLARED: Mapping[str, SimulatedAxis] = {
     ),
     "notch": SimulatedAxis(SLIDE, CASCADE | {"kv": 900.0, "notch": 120.0, "width": 0.5}, r"notch"),
     "delay_1": SimulatedAxis(SLIDE, CASCADE | {"delay": 1.0}, actual=True),
+    "current_loop": SimulatedAxis(SLIDE, CASCADE | {"lag": 1e-3}, r"current loop", actual=True),
     "delay_3": SimulatedAxis(SLIDE, CASCADE | {"kv": 900.0, "kp": 30.0, "delay": 3.0}),
     "drive_with_coulomb": SimulatedAxis(
         SLIDE, CASCADE | {"fed_coulomb": 10.0}, r"friction feedforward|sgn|Coulomb feedforward"
