@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from math import exp, log, pi, sqrt
+import re
+from math import exp, log, pi, sin, sqrt
 from pathlib import Path
 
 import numpy as np
@@ -14,6 +15,8 @@ from scipy.integrate import solve_ivp
 from friction_fmus.axis.servo import AxisPlant, Servo, Trajectory
 from friction_fmus.axis.servo_loop import closed_loop, run_loop
 from friction_fmus.conditions import expected_slip, hunting
+from friction_fmus.identification import read_records
+from friction_fmus.identification.plant_candidates import plant_findings
 from friction_fmus.study import load_config
 from friction_fmus.study.data import build_reference
 
@@ -273,3 +276,37 @@ def test_every_axis_of_the_list_follows_its_reference() -> None:
     assert len(AXES) >= 20
     for name, axis in AXES.items():
         assert axis.run(step=1e-4).finite, name
+
+
+WARM = 1.0 + 0.8 * exp(-16.0 / 6.0)  # friction of the axis `drifting` at the end over that without drift
+FAULTS = {  # finding, sizes in the order of its sentence, tolerance
+    "vertical_screw": ("constant-force", (60.0, 18.0), 0.01),
+    "swinging_arm": ("force-over-position", (60.0 * sin(1.2),), 0.03),
+    "direction": ("direction-dependent-viscous-friction", (14.0, 22.4, 40.0, 64.0), 0.01),
+    "drifting": ("friction-drifts", (18.0 * 1.8, 18.0 * WARM, 45.0 * 1.8, 45.0 * WARM), 0.03),
+    "load_dependent": ("friction-varies", (18.0, 30.0), 0.1),
+    "load_dependent_declared": ("load-dependent-friction", (0.15,), 0.01),
+    "cogging": ("cogging", (8.0, 0.024), 0.01),
+    "belt_8_Hz": ("two-masses", (3.0, 10.0, 10.0, 8.0, 8.0 * sqrt(3.0 / 13.0)), 0.05),
+    "belt_25_Hz": ("two-masses", (3.0, 10.0, 10.0, 25.0, 25.0 * sqrt(3.0 / 13.0)), 0.05),
+    "belt_60_Hz": ("two-masses", (3.0, 10.0, 10.0, 60.0, 60.0 * sqrt(3.0 / 13.0)), 0.4),
+    "backlash": ("backlash", (4.0, 8.0, 2e-4), 0.4),
+    "saturated": ("saturated", (48.0,), 1e-3),
+}
+
+
+@pytest.mark.parametrize("name", FAULTS)
+def test_faults_of_the_plant_are_named_with_their_size(name: str, tmp_path: Path) -> None:
+    AXES[name].write(tmp_path, name)
+    found = plant_findings(read_records(tmp_path / "axis.toml"), AXES[name].servo["limit"])[0]
+    wanted, sizes, tolerance = FAULTS[name]
+    texts = {each.name: each.what for each in found}
+    assert texts.keys() - {"constant-force"} == {wanted} - {"constant-force"}  # of an arm that swings to one side
+    numbers = re.findall(r"(?<!± )(?<![\d.e-])-?\d+\.?\d*(?:e-?\d+)?", texts[wanted])
+    assert [float(each) for each in numbers[: len(sizes)]] == pytest.approx(list(sizes), rel=tolerance)
+
+
+@pytest.mark.parametrize("name", ["stribeck", "lugre_pid", "maxwell_slip", "delay_3", "coarse_encoder", "frictionless"])
+def test_no_fault_of_the_plant_is_named_on_an_axis_without_one(name: str, tmp_path: Path) -> None:
+    AXES[name].write(tmp_path, name)
+    assert plant_findings(read_records(tmp_path / "axis.toml"), AXES[name].servo["limit"]) == ((), ())
