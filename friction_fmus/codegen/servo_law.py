@@ -425,7 +425,7 @@ class _Loop:
         return None if value is None else self._declared(name, Parameter(unit, value, text))
 
     def _velocity(self, window: int) -> SX:
-        """Return the velocity over `window` samples as the block Differentiator; before the first one, x moved at v0."""
+        """Return the velocity over `window` samples as the block Differentiator; x moved at v0 before the first one."""
         x, parts = self._signals["x"], self._parts
         v0 = self._number("v0", self._loop.v0, VELOCITY, "velocity before the first sample")
         past = parts.declare(_named("x_past", State(LENGTH, (0.0,) * window, "x in the previous samples")))
