@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Hashable, Mapping
 from dataclasses import dataclass, field, replace
-from functools import partial
+from functools import cache, partial
 from pathlib import Path
 from types import TracebackType
 from typing import Final
@@ -44,6 +44,14 @@ class PartPool:
 
 def block(name: str, rotary: bool = False) -> Path:
     """Return the FMU of a block with its default start values."""
+    path = _built(name, rotary)
+    if not path.exists():  # the cache was removed
+        _built.cache_clear()
+    return path if path.exists() else _built(name, rotary)
+
+
+@cache
+def _built(name: str, rotary: bool) -> Path:
     return fmu(name, domain_of(rotary))
 
 

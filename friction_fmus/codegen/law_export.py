@@ -3,8 +3,10 @@
 import math
 import textwrap
 from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any, Literal
 
@@ -399,7 +401,8 @@ def export_law(
     """
     export = make_export(model, real=real, start=start, prefix=prefix)
     prefix = export.prefix
-    costs: tuple[Cost, ...] = () if COMPILER in missing() else tuple(measure(export, core) for core in CORES)
+    with ThreadPoolExecutor(len(CORES)) as threads:
+        costs = () if COMPILER in missing() else tuple(threads.map(partial(measure, export), CORES))
     texts = {
         f"{prefix}.h": header(export),
         f"{prefix}.c": implementation(export),

@@ -61,7 +61,6 @@ def live_panel(study: StudyResult, axis: WhatIf) -> Mapping[str, Any]:
         "script": "\n".join([*(files[name] for name in SCRIPTS), *models, own]),
         "style": "\n".join(files[name] for name in ("uplot.css", "live.css")),
         "whole": axis.whole,
-        "same_master": axis.same_master,
         "seconds": seconds,
     }
 
