@@ -20,8 +20,7 @@ from harness.parts.part import StartValue
 from harness.result import Result
 from harness.system.assembly import Assembly, resize_parts
 from harness.system.experiment import Experiment
-from harness.system.feedthrough import find_feedthrough
-from harness.system.graph import check_loops, find_port, make_plan, recorded_names, state_outputs
+from harness.system.graph import check_loops, find_feedthrough, find_port, make_plan, recorded_names, state_outputs
 from harness.system.initialisation import Initialisation
 from harness.system.plan import Plan
 

@@ -1,7 +1,4 @@
-"""Assembly of the closed loop of an axis from FMUs.
-
-This module connects FMUs. Control laws, plants and friction forces are computed inside them.
-"""
+"""Assembly of the closed loop of an axis from FMUs, in which laws, plants and friction are computed."""
 
 from __future__ import annotations
 

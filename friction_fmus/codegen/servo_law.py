@@ -1,8 +1,4 @@
-"""Laws made of laws, and a servo with feedforward and compensator as one of them.
-
-The forces are added, limited and fed back as in a system of separate FMUs, so that the results are the same to the last
-bit.
-"""
+"""Laws made of laws: a servo with feedforward and compensator, to the last bit as a system of separate FMUs."""
 
 import re
 import textwrap
@@ -429,10 +425,7 @@ class _Loop:
         return None if value is None else self._declared(name, Parameter(unit, value, text))
 
     def _velocity(self, window: int) -> SX:
-        """Return the velocity from the positions in this sample and `window` samples ago, as the block Differentiator.
-
-        Before the first sample, x is assumed to have moved at v0.
-        """
+        """Return the velocity over `window` samples as the block Differentiator; x moved at v0 before the first one."""
         x, parts = self._signals["x"], self._parts
         v0 = self._number("v0", self._loop.v0, VELOCITY, "velocity before the first sample")
         past = parts.declare(_named("x_past", State(LENGTH, (0.0,) * window, "x in the previous samples")))

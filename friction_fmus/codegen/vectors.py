@@ -1,8 +1,4 @@
-"""Test vectors of an exported law: inputs of one run, and its outputs computed in double by casadi.
-
-Tolerances come from runs in which each operation is rounded at random, and the inputs from a search for motions in
-which a wrong operation shows.
-"""
+"""Test vectors of an exported law: inputs of one run, and its outputs computed in double by casadi."""
 
 from __future__ import annotations
 

@@ -21,10 +21,8 @@ _MACH = {0xFEEDFACE: (28, _SEGMENT, "<II", 32), 0xFEEDFACF: (32, _SEGMENT_64, "<
 
 
 def missing_bytes(path: Path) -> int | None:
-    """Return the number of bytes missing at the end of a shared library: Linux ends a process that loads such a file.
-
-    Only the segments that a loader maps are checked; debug tables may be missing in libraries that work.
-    """
+    """Return the number of bytes missing at the end of a shared library, which end a process of Linux that loads it."""
+    # only the segments that a loader maps are checked: debug tables may be missing in libraries that work
     with path.open("rb") as file:
         return missing_of(file.read(LONGEST_TABLE), path.stat().st_size)
 

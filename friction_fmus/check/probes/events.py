@@ -1,7 +1,5 @@
 """Probes of model exchange: events, states, derivatives, event indicators, and the order of calls."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Iterator
 from ctypes import byref, c_double, c_int, c_size_t, c_uint

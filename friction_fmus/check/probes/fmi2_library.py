@@ -1,7 +1,5 @@
 """Direct calls of the functions in an FMU's library; instances of both interfaces, driven as FMI prescribes."""
 
-from __future__ import annotations
-
 import ctypes
 import locale
 import math

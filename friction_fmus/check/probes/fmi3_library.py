@@ -1,7 +1,5 @@
 """The functions of FMI 2.0, which the probes call, by those of an FMI 3.0 library."""
 
-from __future__ import annotations
-
 import ctypes
 import mmap
 import os

@@ -1,7 +1,5 @@
 """Probes of steps, instances, saved states and derivatives."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator
 from ctypes import byref, c_double, c_int, c_size_t, c_void_p

@@ -1,7 +1,5 @@
 """Probes of the effects of an FMU on its process: memory, output, settings."""
 
-from __future__ import annotations
-
 import gc
 import os
 import sys

@@ -194,10 +194,7 @@ class ColumnBuilder:
             self.add(texts, np.arange(1, len(texts) + 1), False)
 
     def finished(self) -> tuple[Array | None, str, str]:
-        """Return the values, the date of the first one of a clock, and ``"s"`` for a clock; None for a column of texts.
-
-        Memory for the parts is released.
-        """
+        """Return the values, and date of the first one and ``"s"`` of a clock; None for texts. Release the parts."""
         parts, self._parts = self._parts, []
         if self._kind == "text":
             return None, "", ""
