@@ -24,10 +24,9 @@ from harness.parts.part import StartValue
 
 @dataclass
 class PartPool:
-    """Parts of loops, to be used again by the next one, because loading an FMU takes longer than a short run.
+    """Parts of loops, to be used again by the next one, because loading an FMU takes longer than a short run."""
 
-    Loops that share parts must not run at the same time. Used with ``with``, the pool closes the parts at the end.
-    """
+    # Loops that share parts must not run at the same time. Used with ``with``, the pool closes the parts at the end.
 
     _parts: dict[Hashable, FmuPart] = field(default_factory=dict)
 
@@ -39,11 +38,9 @@ class PartPool:
         return self._parts[key]
 
     def __enter__(self) -> PartPool:
-        """Return the pool."""
         return self
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
-        """Close the parts."""
         for part in self._parts.values():
             part.close()
 

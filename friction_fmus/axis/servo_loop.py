@@ -1,7 +1,5 @@
 """The servo axis as a system of FMUs: reference, compensator, feedback, sensors, mass and friction."""
 
-from __future__ import annotations
-
 import logging
 from collections.abc import Callable, Container, Iterator, Mapping
 from contextlib import contextmanager
@@ -29,12 +27,10 @@ SHORTEST: Final = 20  # smallest number of samples of a run-up
 
 
 def from_rest(r: NDArray[np.float64], Ts: float) -> NDArray[np.float64]:
-    """Return a reference that begins at rest.
-
-    A record may begin in motion. The states that compensators, servo and friction have then are unknown, and laws whose
-    states start at zero would disturb the axis, by 74 µm on the EMPS axis. An axis at rest on its reference needs only
-    the start values that the blocks have.
-    """
+    """Return a reference that begins at rest."""
+    # A record may begin in motion. The states that compensators, servo and friction have then are unknown, and laws
+    # whose states start at zero would disturb the axis, by 74 µm on the EMPS axis. An axis at rest on its reference
+    # needs only the start values that the blocks have.
     rd = np.gradient(r, Ts)
     fastest = float(np.max(np.abs(rd)))
     t = Ts * np.arange(float(FITTED))

@@ -1,7 +1,5 @@
 """Build the parser from the modules of the commands and run one of them."""
 
-from __future__ import annotations
-
 import argparse
 import importlib
 import inspect

@@ -1,7 +1,5 @@
 """Sections of the report: each has a template ``sections/name.html``, and a title here."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -10,10 +8,18 @@ from typing import Any, Final
 import numpy as np
 
 from friction_fmus.blocks.catalogue import catalogue
-from friction_fmus.report.comparison_plots import Point, ladder_dots, panels, tradeoffs
-from friction_fmus.report.figures import STYLES, Plot, lines, sweep
-from friction_fmus.report.formatting import multiple, number, quantity, unit
-from friction_fmus.report.views import NO_COMPENSATION, NONE, axes, label, reversal
+from friction_fmus.report.figures import STYLES, Plot, Point, ladder_dots, lines, panels, sweep, tradeoffs
+from friction_fmus.report.formatting import (
+    NO_COMPENSATION,
+    NONE,
+    axes,
+    label,
+    multiple,
+    number,
+    quantity,
+    reversal,
+    unit,
+)
 from friction_fmus.study.model_ranking import ALIKE
 from friction_fmus.study.recommendation import AS_MEASURED, improves
 from friction_fmus.study.study_result import (
@@ -150,10 +156,9 @@ def friction_plots(study: StudyResult) -> list[Plot]:
 
 
 def _span(picture: Picture) -> tuple[float, float] | None:
-    """Return the range of the record with a margin if a model exceeds it by more than its size; otherwise None.
-
-    The damping force of a bristle that starts in motion can be much larger than friction and would flatten all curves.
-    """
+    """Return the range of the record with a margin if a model exceeds it by more than its size; otherwise None."""
+    # The damping force of a bristle that starts in motion can be much larger than friction and would flatten all
+    # curves.
     if not picture.data or not picture.models:
         return None
     low, high = (side(side(curve.y) for curve in picture.data.values()) for side in (min, max))

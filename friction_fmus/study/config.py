@@ -1,7 +1,5 @@
 """Configuration of a study, read from TOML."""
 
-from __future__ import annotations
-
 import math
 import shlex
 from collections.abc import Callable, Mapping

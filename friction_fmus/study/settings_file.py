@@ -1,7 +1,5 @@
 """The file of settings that a study of a bare data file writes for the next step."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field

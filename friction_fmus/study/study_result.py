@@ -424,7 +424,6 @@ class StudyResult:
         return "published" if self.citation else "true"
 
     def __repr__(self) -> str:
-        """Return a summary in one line."""
         return study_text(self)
 
     def _repr_html_(self) -> str:

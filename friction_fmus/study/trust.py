@@ -152,9 +152,9 @@ COMPARABLE: Final = 0.57
 claimed: both together are then more than 15 % larger."""
 
 
-SENSITIVE: Final = 1.4
+SENSITIVE: Final = 1.15
 """Error with an acceleration of the reference that is a sample late, in parts of the error, above which that is not
-claimed: drives are up to half a sample late, which then adds more than some 12 %."""
+claimed."""
 
 
 def model_error(best: IdentifiedModel, record: Record) -> float:

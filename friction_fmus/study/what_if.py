@@ -1,7 +1,5 @@
 """The axis that the report simulates in the browser: the servo alone and the recommendation as WebAssembly modules."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack
@@ -96,11 +94,9 @@ def what_if(bench: AxisBench, found: Sequence[tuple[CompensatorResult, Scheme]],
 
 
 def variable_system(bench: AxisBench, scheme: Scheme, pool: PartPool) -> System:
-    """Return the axis with a scheme as a system in which delay and encoder step are parameters, too.
-
-    Sums of `DELAYS` delayed commands, of which one has the gain 1, are in place of the delay of the connection: it is
-    the same delay, whereas a continuous actuator would add a step. An encoder of step 0 is exact.
-    """
+    """Return the axis with a scheme as a system in which delay and encoder step are parameters, too."""
+    # Sums of `DELAYS` delayed commands, of which one has the gain 1, are in place of the delay of the connection: it is
+    # the same delay, whereas a continuous actuator would add a step. An encoder of step 0 is exact.
     servo = replace(scheme.servo, delay=0, quantum=scheme.servo.quantum or 1.0)
     system = system_of(bench, replace(scheme, servo=servo), pool)
     assert system.experiment is not None
@@ -148,15 +144,7 @@ def knobs_of(bench: AxisBench, schemes: Sequence[Scheme], systems: Sequence[Syst
 
     return (
         Knob("friction", f"all friction {u.force}s of the axis", "", 1.0, 0.1, 4.0, tuple(frictions)),
-        Knob(
-            u.mass,
-            "moved by the drive",
-            u.kg,
-            mass,
-            0.25 * mass,
-            4.0 * mass,
-            alike({"axis.m": 1.0}),
-        ),
+        Knob(u.mass, "moved by the drive", u.kg, mass, 0.25 * mass, 4.0 * mass, alike({"axis.m": 1.0})),
         Knob(
             "delay",
             f"from command to {u.force}, in samples of {1e3 * servo.Ts:g} ms",

@@ -4,8 +4,6 @@ Many simple exporters declare no dependencies. According to FMI, every output th
 loop of such FMUs would be algebraic. Few of these loops really are.
 """
 
-from __future__ import annotations
-
 import logging
 from collections.abc import Mapping, Sequence
 from typing import Final
@@ -28,10 +26,8 @@ other factor."""
 
 
 def find_feedthrough(system: Assembly, experiment: Experiment) -> None:
-    """Find the dependencies of parts that do not declare them, if they decide whether there is an algebraic loop.
-
-    Each such part is started a second time, for the trial only, with the start values of the run.
-    """
+    """Find the dependencies of parts that do not declare them, if they decide whether there is an algebraic loop."""
+    # Each such part is started a second time, for the trial only, with the start values of the run.
     parts = [part for part in system.parts.values() if part.undeclared]
     for part in parts:
         every_input = frozenset(port.name for port in part.inputs)

@@ -5,8 +5,6 @@ A mass and a friction model drive each other, yet there is no algebraic loop, be
 state.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
@@ -62,11 +60,9 @@ def find_loop(edges: Edges) -> list[Wire] | None:
 
 
 def instantaneous(parts: Mapping[str, Part], wires: Iterable[Wire]) -> list[Wire]:
-    """Return the connections that can close an algebraic loop.
-
-    A sampled part reads the value of a continuous part just before the sample (the limit from the left). Connections
-    from continuous to sampled parts therefore close no loop; neither do connections with a delay.
-    """
+    """Return the connections that can close an algebraic loop."""
+    # A sampled part reads the value of a continuous part just before the sample (the limit from the left). Connections
+    # from continuous to sampled parts therefore close no loop; neither do connections with a delay.
     return [
         wire
         for wire in wires
@@ -98,15 +94,13 @@ def _solved(parts: Mapping[str, Part], wire: Wire) -> bool:
 
 
 def stepping_order(parts: Mapping[str, Part], wires: Sequence[Wire]) -> list[str]:
-    """Return the names of the parts in the order in which a sequential master steps them.
-
-    Sampled parts come first, as they take their sample at the beginning of the step, an estimator before the controller
-    that reads it. Continuous parts follow: a part whose outputs are states (a plant) comes before the sensors and
-    friction models with direct feedthrough from it, so that their outputs are correct at the end of the step. A part
-    without inputs (a reference) comes last, so that plants read its value at the beginning of the step, unless an
-    output depends on it directly; one of held values only if all outputs do, as they jump at the end of the step and a
-    state does not. A series of linear values comes first, as its values at both ends of the step are used.
-    """
+    """Return the names of the parts in the order in which a sequential master steps them."""
+    # Sampled parts come first, as they take their sample at the beginning of the step, an estimator before the
+    # controller that reads it. Continuous parts follow: a part whose outputs are states (a plant) comes before the
+    # sensors and friction models with direct feedthrough from it, so that their outputs are correct at the end of the
+    # step. A part without inputs (a reference) comes last, so that plants read its value at the beginning of the step,
+    # unless an output depends on it directly; one of held values only if all outputs do, as they jump at the end of the
+    # step and a state does not. A series of linear values comes first, as its values at both ends of the step are used.
     sampled = [name for name, part in parts.items() if part.sampled]
     continuous = [name for name, part in parts.items() if not part.sampled]
     return _sort(parts, wires, sampled) + _sort(parts, [wire for wire in wires if not _jumps(parts, wire)], continuous)
@@ -159,10 +153,7 @@ def _sort(parts: Mapping[str, Part], wires: Sequence[Wire], group: list[str]) ->
             # the parts form a cycle although their variables do not: begin nearest to a state
             chosen = min(
                 remaining,
-                key=lambda name: (
-                    min(depth[name, output] for output in _used(parts[name], wires)),
-                    group.index(name),
-                ),
+                key=lambda name: (min(depth[name, output] for output in _used(parts[name], wires)), group.index(name)),
             )
         order.append(chosen)
         remaining.remove(chosen)

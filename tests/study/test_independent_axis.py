@@ -14,6 +14,7 @@ from scipy.integrate import solve_ivp
 
 from friction_fmus.axis.servo import AxisPlant, Servo, Trajectory
 from friction_fmus.axis.servo_loop import closed_loop, run_loop
+from friction_fmus.conditions import expected_slip, hunting
 from friction_fmus.identification import read_records
 from friction_fmus.identification.plant_candidates import plant_findings
 from friction_fmus.study import load_config
@@ -241,6 +242,21 @@ def test_the_simulated_loop_follows_an_axis_on_soft_bristles(name: str, tmp_path
     with closed_loop(servo, AxisPlant("LuGre", own, 12.0), Trajectory(fmu, n, 0.0, 0.0)) as system:
         trace = run_loop(system)
     assert np.sqrt(np.mean((trace.q - run.x1) ** 2)) < 2e-8
+
+
+@pytest.mark.parametrize(("stiffness", "hunts"), [(5e3, False), (1e7, True)])
+def test_an_integral_creeps_to_rest_where_a_slip_is_shorter_than_the_deflection(stiffness: float, hunts: bool) -> None:
+    """A slip of 1 mm, and a deflection of 4.8 mm or 2.4 um at break-away."""
+    m, Kp, Kd, Ki, Fc, Fs, Fv = 12.0, 6e3, 500.0, 3e4, 18.0, 24.0, 45.0
+    bristles = {"kind1": 2.0, "sigma01": stiffness, "sigma11": 0.8 * sqrt(stiffness * m)}
+    axis = {"m1": m, "Fc1": Fc, "Fs1": Fs, "vs1": 1e-4, "Fv1": Fv, **bristles, "x1": 3.0 * Fs / Kp}
+    servo = {"pid": 1.0, "kp": Kp, "kv": Kd, "ki": Ki, "limit": 400.0, "window": 1.0, "Ts": 5e-4}
+    run = simulate(axis, servo, resting(60_000), step=2e-5)
+    slip = expected_slip(m, Fv, Kp, Kd, Fc, Fs)
+    assert slip == pytest.approx(1e-3, rel=0.01)
+    assert hunting(Ki, Fc, Fs, False, True, slip, Fs / stiffness).ok != hunts
+    swing = np.ptp(run.x1[-20_000:])
+    assert 0.5 * slip < swing < 1.1 * slip if hunts else swing < 1e-8
 
 
 def test_the_log_has_the_signals_of_the_run(tmp_path: Path) -> None:

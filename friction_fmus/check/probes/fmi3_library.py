@@ -60,7 +60,6 @@ class RawLibrary3(RawLibrary):
     token = "instantiation token"
 
     def __init__(self, job: dict[str, Any], trace: mmap.mmap) -> None:
-        """Load the library."""
         super().__init__(job, trace)
         self._special: dict[str, Callable[..., Any]] = {
             "GetVersion": lambda: bytes(self.raw("GetVersion", result=c_char_p)),

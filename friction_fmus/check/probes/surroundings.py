@@ -9,8 +9,7 @@ from collections.abc import Callable
 from pathlib import Path
 from time import perf_counter
 
-from .exchange import start
-from .fmi2_library import OK, WARNING, RawLibrary, settings_now
+from .fmi2_library import OK, WARNING, RawLibrary, settings_now, start
 from .probe_process import Report, probe
 
 _BLOCK = 0.4  # duration of a block of repetitions [s]

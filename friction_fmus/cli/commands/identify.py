@@ -77,8 +77,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> int:
     """Identify the models, write the files and print the ranking."""
     from friction_fmus.cli import identification_tables as tables
-    from friction_fmus.cli.column_question import read_asking
     from friction_fmus.cli.console import RunBar, console, progress_bar, styled
+    from friction_fmus.cli.identification_tables import read_asking
     from friction_fmus.identification import DataMapping, examine_segments
     from friction_fmus.identification.data.reading import default_windows
     from friction_fmus.identification.fit.contact_model import contact_model

@@ -1,7 +1,5 @@
 """The archive of a composite FMU."""
 
-from __future__ import annotations
-
 import math
 import re
 from collections.abc import Mapping, Sequence
