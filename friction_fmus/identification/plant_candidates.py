@@ -16,7 +16,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from itertools import product
+from itertools import chain, product
 from math import pi, sqrt
 from typing import Final, NamedTuple, TypeAlias
 
@@ -49,6 +49,8 @@ RIPPLES: Final = 300  # most pitches that are tried, the longest with 1.5 period
 ALIASED: Final = 0.35  # frequency of a ripple over the rate of the rows above which a row does not show it
 FREE: Final = 0.02  # friction of a second mass over that of the first one that is tried as none
 ROUNDS, DRAWS = 5, 50  # rounds of the search of a second mass by the cross-entropy method, and trials in each
+LONG: Final = 30_000  # steps of the simulation of a second mass above which only a part of the record is searched
+TOGETHER: Final = 2_000_000  # samples times trials that are computed together
 STEPS: Final = 3  # steps by the method of Gauss and Newton after it
 START: Final = np.array([0.3, 1.0, 1.0, 1.0, 0.3])  # standard deviations of the logarithms in the first round
 TINY: Final = 1e-300  # logarithm of zero
@@ -149,11 +151,18 @@ def plant_findings(
     records: Sequence[Record], limit: float | None = None
 ) -> tuple[tuple[RecordFinding, ...], tuple[float, ...]]:
     """Return what records show of an axis beyond a rigid mass, and its resonances [Hz]."""
-    found, resonances = list(_saturation(records, limit)), []
+    found: list[RecordFinding] = list(_saturation(records, limit))
+    resonances: tuple[float, ...] = ()
     if (balance := force_balance(records)) is not None:
-        effects, second = _effects(balance), _second_mass(balance)
+        longest, most = max(records, key=len), LONG * _stride(balance)
+        if whole := sum(map(len, records)) <= most:
+            effects, second = _effects(balance), _second_mass(balance)
+        else:
+            effects, second = _effects(balance), None
+            part, resonances = plant_findings([longest.window(longest.t[0], longest.t[min(most, len(longest)) - 1])])
+            found += [each for each in part if each.name in ("two-masses", "backlash")]
         beside = balance.beside(effects.values())
-        if effects and (second is None or beside.left() < balance.beside([second.columns]).left()):
+        if whole and effects and (second is None or beside.left() < balance.beside([second.columns]).left()):
             second = _second_mass(beside)
         elif second:
             effects = _effects(balance.beside([second.columns[:, :2]]))
@@ -162,8 +171,8 @@ def plant_findings(
         if second is not None:
             finding, resonance = _of_second_mass(balance.beside(effects.values()), second)
             found.append(finding)
-            resonances += [resonance] if resonance else []
-    return tuple(found), tuple(resonances)
+            resonances = (resonance,) if resonance else ()
+    return tuple(found), resonances
 
 
 def _saturation(records: Sequence[Record], limit: float | None) -> Iterator[RecordFinding]:
@@ -464,7 +473,9 @@ def _left(balance: ForceBalance, trials: Array) -> Array:
     """Return the rms forces that trials leave; infinity with a negative mass."""
     Q, found = _orthogonal(balance.base), []
     rest = balance.force - Q @ (Q.T @ balance.force)
-    for columns in _coupling(balance, trials):
+    few = max(8, TOGETHER // sum(balance.lengths) // balance.settings.decimation)
+    parts = (_coupling(balance, trials[i : i + few]) for i in range(0, len(trials), few))
+    for columns in chain.from_iterable(parts):
         E = columns - Q @ (Q.T @ columns)
         E = E / np.maximum(np.linalg.norm(E, axis=0), 1e-300)
         theta = np.linalg.lstsq(E, rest, rcond=1e-9)[0]
