@@ -100,6 +100,12 @@ class ForceBalance:
         rest = self.force - A @ theta
         return theta, coloured_covariance(back, U, rest, self.lengths, correlation_length(rest)), rest
 
+    def coefficients(self, A: Array) -> Array:
+        """Return the coefficients of columns without their covariance, which takes longer."""
+        norm = np.linalg.norm(A, axis=0)
+        length = np.where(norm > 0.0, norm, 1.0)
+        return np.asarray(np.linalg.lstsq(A / length, self.force, rcond=1e-9)[0] / length)
+
     def matters(self, columns: Array, least: float, trials: int = 1) -> bool:
         """Return whether columns, which were chosen from some trials, are significant beside the base, and explain."""
         theta, C, rest = self.fitted(np.hstack([self.base, columns]))
@@ -380,7 +386,7 @@ class SecondMass(NamedTuple):
 def _second_mass(balance: ForceBalance) -> SecondMass | None:
     """Search a second mass behind a spring or a backlash."""
     base, Ts = balance.left(), balance.records[0].Ts
-    M, Fv, Fc, *_ = balance.fitted(balance.rigid())[0]
+    M, Fv, Fc, *_ = balance.coefficients(balance.rigid())
     if base < BIASED * rms(balance.force) or M <= 0.0:
         return None
     cutoff, limit = 2.0 * pi * balance.settings.cutoff, 1.0 / (_stride(balance) * Ts)  # the latter of the integration
@@ -399,13 +405,13 @@ def _second_mass(balance: ForceBalance) -> SecondMass | None:
     ends = np.array([_searched(balance, start, limit) for start in starts])
     best = ends[np.argmin(_left(balance, ends))]
     for _ in range(STEPS):
-        theta = balance.fitted(np.hstack([balance.base, _slopes(balance, best)]))[0]
+        theta = balance.coefficients(np.hstack([balance.base, _slopes(balance, best)]))
         parts = np.clip(np.outer((0.0, 1.0, 0.5, 0.2, 0.05), theta[-5:]), -1.0, 1.0)
         near = _stable(best * np.exp(parts), limit)
         left = _left(balance, near)
         best = near[np.argmin(left)]
     columns = _slopes(balance, best)
-    theta = balance.fitted(np.hstack([balance.base, columns[:, :2]]))[0]
+    theta = balance.coefficients(np.hstack([balance.base, columns[:, :2]]))
     light = theta[0] <= 0.0 or theta[-2] < LIGHTEST * (theta[0] + theta[-2])
     if np.min(left) > EXPLAINED * base or light or (best[1] > DAMPED and not best[4]):
         return None
@@ -433,7 +439,7 @@ def _stable(trials: Array, limit: float) -> Array:
 def _slopes(balance: ForceBalance, trial: Array) -> Array:
     """Return f, its derivative, and the changes of the force with the logarithms of the parameters, shape (rows, 7)."""
     own, *others = _coupling(balance, trial * np.exp(1e-3 * np.vstack([np.zeros(5), np.eye(5), -np.eye(5)])))
-    theta = balance.fitted(np.hstack([balance.base, own]))[0][-2:]
+    theta = balance.coefficients(np.hstack([balance.base, own]))[-2:]
     slopes = [(more - less) @ theta / 2e-3 for more, less in zip(others[:5], others[5:], strict=True)]
     return np.column_stack([own, *slopes])
 
@@ -453,7 +459,7 @@ def _of_second_mass(balance: ForceBalance, second: SecondMass) -> tuple[RecordFi
         change = "Reduce it, or preload the coupling. Bounces on impact can make it look twice as wide."
         return RecordFinding("backlash", what, change), 0.0
     low, high = w / (2.0 * pi), w / (2.0 * pi) * sqrt(1.0 + load / motor)
-    Fc = abs(balance.fitted(balance.rigid())[0][2])
+    Fc = abs(balance.coefficients(balance.rigid())[2])
     rubs = f", and friction of {g * load:.3g} {u.N} behind it" if g * load > 0.05 * Fc else ""
     what += (
         f"a spring{rubs}: resonance at {high:.3g} Hz, antiresonance at {low:.3g} ± {low * errors[-5]:.1g} Hz with a "
