@@ -16,7 +16,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from itertools import product
+from itertools import chain, product
 from math import pi, sqrt
 from typing import Final, NamedTuple, TypeAlias
 
@@ -49,6 +49,8 @@ RIPPLES: Final = 300  # most pitches that are tried, the longest with 1.5 period
 ALIASED: Final = 0.35  # frequency of a ripple over the rate of the rows above which a row does not show it
 FREE: Final = 0.02  # friction of a second mass over that of the first one that is tried as none
 ROUNDS, DRAWS = 5, 50  # rounds of the search of a second mass by the cross-entropy method, and trials in each
+LONG: Final = 30_000  # steps of the simulation of a second mass above which only a part of the record is searched
+TOGETHER: Final = 2_000_000  # samples times trials that are computed together
 STEPS: Final = 3  # steps by the method of Gauss and Newton after it
 START: Final = np.array([0.3, 1.0, 1.0, 1.0, 0.3])  # standard deviations of the logarithms in the first round
 TINY: Final = 1e-300  # logarithm of zero
@@ -97,6 +99,12 @@ class ForceBalance:
         theta: Array = back @ (U.T @ self.force)
         rest = self.force - A @ theta
         return theta, coloured_covariance(back, U, rest, self.lengths, correlation_length(rest)), rest
+
+    def coefficients(self, A: Array) -> Array:
+        """Return the coefficients of columns without their covariance, which takes longer."""
+        norm = np.linalg.norm(A, axis=0)
+        length = np.where(norm > 0.0, norm, 1.0)
+        return np.asarray(np.linalg.lstsq(A / length, self.force, rcond=1e-9)[0] / length)
 
     def matters(self, columns: Array, least: float, trials: int = 1) -> bool:
         """Return whether columns, which were chosen from some trials, are significant beside the base, and explain."""
@@ -149,11 +157,18 @@ def plant_findings(
     records: Sequence[Record], limit: float | None = None
 ) -> tuple[tuple[RecordFinding, ...], tuple[float, ...]]:
     """Return what records show of an axis beyond a rigid mass, and its resonances [Hz]."""
-    found, resonances = list(_saturation(records, limit)), []
+    found: list[RecordFinding] = list(_saturation(records, limit))
+    resonances: tuple[float, ...] = ()
     if (balance := force_balance(records)) is not None:
-        effects, second = _effects(balance), _second_mass(balance)
+        longest, most = max(records, key=len), LONG * _stride(balance)
+        if whole := sum(map(len, records)) <= most:
+            effects, second = _effects(balance), _second_mass(balance)
+        else:
+            effects, second = _effects(balance), None
+            part, resonances = plant_findings([longest.window(longest.t[0], longest.t[min(most, len(longest)) - 1])])
+            found += [each for each in part if each.name in ("two-masses", "backlash")]
         beside = balance.beside(effects.values())
-        if effects and (second is None or beside.left() < balance.beside([second.columns]).left()):
+        if whole and effects and (second is None or beside.left() < balance.beside([second.columns]).left()):
             second = _second_mass(beside)
         elif second:
             effects = _effects(balance.beside([second.columns[:, :2]]))
@@ -162,8 +177,8 @@ def plant_findings(
         if second is not None:
             finding, resonance = _of_second_mass(balance.beside(effects.values()), second)
             found.append(finding)
-            resonances += [resonance] if resonance else []
-    return tuple(found), tuple(resonances)
+            resonances = (resonance,) if resonance else ()
+    return tuple(found), resonances
 
 
 def _saturation(records: Sequence[Record], limit: float | None) -> Iterator[RecordFinding]:
@@ -371,7 +386,7 @@ class SecondMass(NamedTuple):
 def _second_mass(balance: ForceBalance) -> SecondMass | None:
     """Search a second mass behind a spring or a backlash."""
     base, Ts = balance.left(), balance.records[0].Ts
-    M, Fv, Fc, *_ = balance.fitted(balance.rigid())[0]
+    M, Fv, Fc, *_ = balance.coefficients(balance.rigid())
     if base < BIASED * rms(balance.force) or M <= 0.0:
         return None
     cutoff, limit = 2.0 * pi * balance.settings.cutoff, 1.0 / (_stride(balance) * Ts)  # the latter of the integration
@@ -390,13 +405,13 @@ def _second_mass(balance: ForceBalance) -> SecondMass | None:
     ends = np.array([_searched(balance, start, limit) for start in starts])
     best = ends[np.argmin(_left(balance, ends))]
     for _ in range(STEPS):
-        theta = balance.fitted(np.hstack([balance.base, _slopes(balance, best)]))[0]
+        theta = balance.coefficients(np.hstack([balance.base, _slopes(balance, best)]))
         parts = np.clip(np.outer((0.0, 1.0, 0.5, 0.2, 0.05), theta[-5:]), -1.0, 1.0)
         near = _stable(best * np.exp(parts), limit)
         left = _left(balance, near)
         best = near[np.argmin(left)]
     columns = _slopes(balance, best)
-    theta = balance.fitted(np.hstack([balance.base, columns[:, :2]]))[0]
+    theta = balance.coefficients(np.hstack([balance.base, columns[:, :2]]))
     light = theta[0] <= 0.0 or theta[-2] < LIGHTEST * (theta[0] + theta[-2])
     if np.min(left) > EXPLAINED * base or light or (best[1] > DAMPED and not best[4]):
         return None
@@ -424,7 +439,7 @@ def _stable(trials: Array, limit: float) -> Array:
 def _slopes(balance: ForceBalance, trial: Array) -> Array:
     """Return f, its derivative, and the changes of the force with the logarithms of the parameters, shape (rows, 7)."""
     own, *others = _coupling(balance, trial * np.exp(1e-3 * np.vstack([np.zeros(5), np.eye(5), -np.eye(5)])))
-    theta = balance.fitted(np.hstack([balance.base, own]))[0][-2:]
+    theta = balance.coefficients(np.hstack([balance.base, own]))[-2:]
     slopes = [(more - less) @ theta / 2e-3 for more, less in zip(others[:5], others[5:], strict=True)]
     return np.column_stack([own, *slopes])
 
@@ -444,7 +459,7 @@ def _of_second_mass(balance: ForceBalance, second: SecondMass) -> tuple[RecordFi
         change = "Reduce it, or preload the coupling. Bounces on impact can make it look twice as wide."
         return RecordFinding("backlash", what, change), 0.0
     low, high = w / (2.0 * pi), w / (2.0 * pi) * sqrt(1.0 + load / motor)
-    Fc = abs(balance.fitted(balance.rigid())[0][2])
+    Fc = abs(balance.coefficients(balance.rigid())[2])
     rubs = f", and friction of {g * load:.3g} {u.N} behind it" if g * load > 0.05 * Fc else ""
     what += (
         f"a spring{rubs}: resonance at {high:.3g} Hz, antiresonance at {low:.3g} ± {low * errors[-5]:.1g} Hz with a "
@@ -464,7 +479,9 @@ def _left(balance: ForceBalance, trials: Array) -> Array:
     """Return the rms forces that trials leave; infinity with a negative mass."""
     Q, found = _orthogonal(balance.base), []
     rest = balance.force - Q @ (Q.T @ balance.force)
-    for columns in _coupling(balance, trials):
+    few = max(8, TOGETHER // sum(balance.lengths) // balance.settings.decimation)
+    parts = (_coupling(balance, trials[i : i + few]) for i in range(0, len(trials), few))
+    for columns in chain.from_iterable(parts):
         E = columns - Q @ (Q.T @ columns)
         E = E / np.maximum(np.linalg.norm(E, axis=0), 1e-300)
         theta = np.linalg.lstsq(E, rest, rcond=1e-9)[0]
