@@ -23,7 +23,7 @@ from harness.result import Result
 from harness.system.assembly import Assembly, resize_parts
 from harness.system.experiment import Experiment
 from harness.system.feedthrough import find_feedthrough
-from harness.system.graph import check_loops, find_port, make_plan, recorded_names, state_outputs
+from harness.system.graph import check_loops, find_port, make_plan, positions, recorded_names, state_outputs
 from harness.system.initialisation import Initialisation
 from harness.system.plan import Plan
 
@@ -85,7 +85,7 @@ class Session:
         with self._guard.running():
             find_feedthrough(system, experiment)
         master = find_master(experiment.master)
-        compared = state_outputs(system.parts) if master.implicit else []
+        compared = state_outputs(system.parts) if master.implicit else positions(system.parts, system.wires)
         plan = self._plan = make_plan(system, experiment, [*self._names, *tapped, *compared])
         schedule = master.schedule(plan, experiment)
         check_loops(system.parts, system.wires, implicit=schedule.implicit)
