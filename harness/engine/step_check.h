@@ -21,8 +21,6 @@
 #define BENT             0.1  /* of the change over the step: deviation from a straight line */
 #define SLIGHT           1e-3 /* of the magnitude: deviation that does not matter */
 #define SPLIT            0.44 /* first half of a step: equal halves miss an oscillation of twice their frequency */
-#define SHORT            0.2  /* of the step: inner steps below this are checked more strictly, */
-#define STRICT           0.1  /* with this factor of `step_tolerance` */
 #define DISTANCE_FACTOR  0.25 /* factor of `step_tolerance` for the distance along a contact */
 #define PREDICTION_LIMIT 0.05 /* of the magnitude, between an unknown and its linear prediction */
 #define JUMP_LIMIT       0.5  /* the same, during the cooldown */
@@ -221,9 +219,6 @@ static double difference(const Engine *e, Newton *newton, int64_t number, const 
     const Group *const g = &newton->groups[number];
     StepCheck *const guard = &newton->guards[number];
     const double strength = strength_of(newton, g);
-    /* errors of many short steps add up; after a jump, the motion is soon slower */
-    const bool strict = newton->error == 0.0 && s->to - s->from < SHORT && fabs(guard->jump) < NOTABLE;
-    const double tolerance = newton->step_tolerance * (strict ? STRICT : 1.0);
     double worst = 0.0, most = -1.0, farthest = 0.0;
     for (int64_t i = g->first; i < g->first + g->count; i++)
         for (int64_t k = e->lines_from[newton->order[i]]; k < e->lines_from[newton->order[i] + 1]; k++) {
@@ -236,7 +231,7 @@ static double difference(const Engine *e, Newton *newton, int64_t number, const 
                                  : is_force(newton, g, newton->order[i], k) ? EQUAL * strength
                                                                             : 0.0;
             const double size = fmax(fmax(a->scale, values), least);
-            const double tolerated = tolerance * (early && a->from_rest ? AT_START : 1.0);
+            const double tolerated = newton->step_tolerance * (early && a->from_rest ? AT_START : 1.0);
             const double remains = fmax((s->to - s->from) * in_mean, at_end);
             const double off = apart == 0.0 ? 0.0 : apart / (tolerated * size);
             worst = off <= worst ? worst : isnan(off) ? INFINITY : off;
@@ -250,14 +245,14 @@ static double difference(const Engine *e, Newton *newton, int64_t number, const 
     for (int64_t i = g->state; divides && i < g->state + g->states; i++) {
         const double kept = newton->kept_states[i], value = e->signals[newton->states[i].output];
         const double size = fmax(newton->state_sizes[i], fmax(fabs(kept), fabs(value)));
-        const double tolerated = tolerance * (early ? AT_START : DISTANCE_FACTOR);
+        const double tolerated = newton->step_tolerance * (early ? AT_START : DISTANCE_FACTOR);
         const double off = kept == value ? 0.0 : fabs(kept - value) / (tolerated * size);
         worst = off <= worst ? worst : isnan(off) ? INFINITY : off;
     }
     guard->distance_error = 0.0;
     for (const Contact *c = contacts_of(newton, g); c < contacts_of(newton, g) + g->contacts; c++) {
         const Moving *const a = &newton->kept_lines[c->line];
-        const double tolerated = tolerance * (early && a->from_rest ? AT_START : DISTANCE_FACTOR);
+        const double tolerated = newton->step_tolerance * (early && a->from_rest ? AT_START : DISTANCE_FACTOR);
         const double means = fmax(fabs(whole[c->line]), fabs(halves[c->line]));
         const double distance_error = s->h * fabs(whole[c->line] - halves[c->line]), path = a->path + s->h * means;
         if (distance_error > 0.0)

@@ -18,10 +18,9 @@ def test_swings_within_a_step_that_follow_a_jump(seed: int, tmp_path: Path) -> N
     assert {judge(case, answers, run, made) for run in ("newton", "adaptive")} <= {"right", "false alarm"}
 
 
-@pytest.mark.parametrize("seed", some([459, 469, 678, 801, 829], [678, 801]))
-def test_errors_of_short_inner_steps_do_not_add_up(seed: int, tmp_path: Path) -> None:
-    """Slips on contacts with states, and a mass on Tustin friction that swings 3900 radians within a step."""
-    case, made = draw(seed), Composites(tmp_path)
+def test_a_mass_that_swings_3900_radians_within_a_step(tmp_path: Path) -> None:
+    """On Tustin friction."""
+    case, made = draw(678), Composites(tmp_path)
     answers = References(case)
     assert answers.found
     assert judge(case, answers, "newton", made) == "right"
