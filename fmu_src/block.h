@@ -89,7 +89,7 @@
 #define ANGLE     "rad"
 #define NO_UNIT   ""
 
-/* Role of a row in the table; the packager reads these names (block_header.py). */
+/* Role of a row in the table; the packager reads these names (macros.py). */
 enum role { ROLE_TIME, ROLE_INPUT, ROLE_OUTPUT, ROLE_LOCAL, ROLE_PARAMETER, ROLE_FIXED, ROLE_STATE, ROLE_STATE_OUTPUT, ROLE_DERIVATIVE };
 enum type { TYPE_REAL, TYPE_INTEGER, TYPE_BOOLEAN };
 

@@ -1,7 +1,5 @@
 """The exceptions of the package. Each message states in one sentence what is wrong, where, and what to do."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterable, Sequence
 from typing import Final

@@ -146,7 +146,7 @@ def compensator_listing(result: StudyResult) -> Listing:
             "none" if row.name == "none" else f"{row.name}{'' if row.improves else ' (no improvement)'}",
             f"{row.bandwidth:.3g} Hz" if row.bandwidth is not None else "" if row.gain is None else f"{row.gain:g}",
             shown(row.metrics.rms, unit),
-            "fails" if row.worst is None else shown(row.worst, unit),
+            "" if row.untried else "fails" if row.worst is None else shown(row.worst, unit),
             "" if row.margins is None or row.margins.Ms is None else f"{row.margins.Ms:.2f}",
             f"{row.metrics.effort_high:.3g}",
             "" if row.cycles is None else f"{row.cycles:.0f}",

@@ -121,7 +121,6 @@ class PartError(HarnessError):
     """
 
     def __init__(self, part: str, function: str, reason: str, time: float | None = None) -> None:
-        """Store the arguments."""
         super().__init__(part, function, reason, time)  # all arguments, for pickling
         self.part = part
         self.function = function

@@ -1,7 +1,5 @@
 """Packages that only some functions need, and the extras of ``pip install`` that bring them."""
 
-from __future__ import annotations
-
 import ast
 import re
 import sys
@@ -59,11 +57,9 @@ def require_main_interpreter() -> None:
 
 
 def lazy_names(package: str) -> tuple[Callable[[str], object], Callable[[], list[str]]]:
-    """Return ``__getattr__`` and ``__dir__`` for a package that imports its names for type checkers only (PEP 562).
-
-    A public name that is also the name of a submodule must be imported by the package as usual: otherwise, importing
-    the submodule sets the attribute to the module.
-    """
+    """Return ``__getattr__`` and ``__dir__`` for a package that imports its names for type checkers only (PEP 562)."""
+    # A public name that is also the name of a submodule must be imported by the package as usual: otherwise, importing
+    # the submodule sets the attribute to the module.
     source = Path(str(sys.modules[package].__file__)).read_text(encoding="utf-8")
     checked = next(
         each for each in ast.parse(source).body if isinstance(each, ast.If) and isinstance(each.test, ast.Name)

@@ -50,11 +50,9 @@ def split_heading(text: str) -> tuple[str, str]:
 
 
 def quoted(text: str) -> str:
-    """Return a heading with an apostrophe before =, +, - or @, so that a spreadsheet does not read it as a formula.
-
-    A heading that begins with apostrophes and such a character gets one more apostrophe, so that `unquoted` recovers
-    every heading.
-    """
+    """Return a heading with an apostrophe before =, +, - or @, so that a spreadsheet does not read it as a formula."""
+    # A heading that begins with apostrophes and such a character gets one more apostrophe, so that `unquoted` recovers
+    # every heading.
     return f"'{text}" if _FORMULA.match(text) else text
 
 

@@ -1,7 +1,5 @@
 """A run: start the parts, loop over the communication steps, return the recorded values."""
 
-from __future__ import annotations
-
 import logging
 import math
 from collections.abc import Mapping, Sequence
@@ -22,8 +20,15 @@ from harness.parts.part import StartValue
 from harness.result import Result
 from harness.system.assembly import Assembly, resize_parts
 from harness.system.experiment import Experiment
-from harness.system.feedthrough import find_feedthrough
-from harness.system.graph import check_loops, find_port, make_plan, positions, recorded_names, state_outputs
+from harness.system.graph import (
+    check_loops,
+    find_feedthrough,
+    find_port,
+    make_plan,
+    positions,
+    recorded_names,
+    state_outputs,
+)
 from harness.system.initialisation import Initialisation
 from harness.system.plan import Plan
 
@@ -44,7 +49,6 @@ class Options:
     events: bool = False  # whether a second row has the values after events at the time of a row
 
     def __post_init__(self) -> None:
-        """Check the pace."""
         if self.pace is not None and not 0.0 < self.pace < np.inf:
             raise ExperimentError(
                 f"the pace is {self.pace}: give a positive number of simulated seconds per second (1 is real time)"
@@ -57,14 +61,12 @@ def run(system: Assembly, experiment: Experiment, options: Options | None = None
 
 
 class Session:
-    """A system laid out for runs that differ in their start values only.
+    """A system laid out for runs that differ in their start values only."""
 
-    A part that has the same instance in the next run, such as an FMU with `FmuPart.reuse`, is not bound to the engine
-    again.
-    """
+    # A part that has the same instance in the next run, such as an FMU with `FmuPart.reuse`, is not bound to the engine
+    # again.
 
     def __init__(self, system: Assembly, experiment: Experiment, options: Options | None = None) -> None:
-        """Lay it out."""
         self._system, self._experiment, self._options = system, experiment, options or Options()
         resize_parts(system)
         self._guard = Guard([*system.parts.values()])

@@ -52,7 +52,6 @@ class BaseUnit:
         )
 
     def __str__(self) -> str:
-        """Return a readable form, for example ``0.001 * m.s-1``."""
         powers = zip(BASE_SYMBOLS, self.exponents, strict=True)
         product = ".".join(name + (str(power) if power != 1 else "") for name, power in powers if power)
         text = product or "1"
@@ -144,13 +143,11 @@ _SUPERSCRIPTS = str.maketrans("⁰¹²³⁴⁵⁶⁷⁸⁹⁻", "0123456789-")
 
 
 def is_unit_text(text: str) -> bool:
-    """Return whether a text has the form of a unit name, so that it is safe to parse as an expression.
-
-    Parsers of expressions evaluate their input: ``9**9**9**9*N`` would never end. A unit name has at most
-    `LONGEST_UNIT` characters and consists of symbols, ``.``, ``*``, ``/``, ``·``, spaces and brackets. A symbol or a
-    bracket may have an integer power of at most two digits (``m2``, ``m^2``, ``m**2``, ``m²``), but powers are not
-    nested. The only number is 1.
-    """
+    """Return whether a text has the form of a unit name, so that it is safe to parse as an expression."""
+    # Parsers of expressions evaluate their input: ``9**9**9**9*N`` would never end. A unit name has at most
+    # `LONGEST_UNIT` characters and consists of symbols, ``.``, ``*``, ``/``, ``·``, spaces and brackets. A symbol or a
+    # bracket may have an integer power of at most two digits (``m2``, ``m^2``, ``m**2``, ``m²``), but powers are not
+    # nested. The only number is 1.
     return _unit_pieces(text) is not None
 
 
@@ -296,10 +293,8 @@ def in_unit(value: Any, name: str | None, base: BaseUnit | None, where: str) -> 
 
 
 def units_agree(a: str | None, base_a: BaseUnit | None, b: str | None, base_b: BaseUnit | None) -> bool | None:
-    """Return whether two units agree: True, False, or None if this is unknown.
-
-    A missing unit name (in FMI, no attribute ``unit``) is unknown. A missing base unit is looked up by name.
-    """
+    """Return whether two units agree: True, False, or None if this is unknown."""
+    # A missing unit name (in FMI, no attribute ``unit``) is unknown. A missing base unit is looked up by name.
     if a is None or b is None:
         return None
     base_a = base_a or parse_unit(a)

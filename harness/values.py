@@ -1,7 +1,5 @@
 """Values from files and users: checks of their kind, and their form in messages."""
 
-from __future__ import annotations
-
 import fnmatch
 import math
 import re

@@ -1,7 +1,5 @@
 """Pools of worker processes that end as soon as the process that started them ends or has an error."""
 
-from __future__ import annotations
-
 import os
 import signal
 import threading

@@ -14,11 +14,14 @@ from typing import Final
 import numpy as np
 
 from friction_fmus.blocks.catalogue import Block
-from friction_fmus.fmi.portrait.bench import Bench, Curve, Panel, Vector
 from friction_fmus.fmi.portrait.experiments import (
     POINTS,
     TIME,
+    Bench,
+    Curve,
     Experiment,
+    Panel,
+    Vector,
     experiment,
     largest_force,
     path_unit,

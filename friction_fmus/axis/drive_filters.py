@@ -1,7 +1,5 @@
 """Filters of a servo drive in sampled time: low-pass filter of the velocity and notch filter of the force command."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from math import exp, pi, sqrt, tan
 from typing import Final, TypeAlias

@@ -1,13 +1,10 @@
-"""Assembly of the closed loop of an axis from FMUs.
-
-This module connects FMUs. Control laws, plants and friction forces are computed inside them.
-"""
+"""Assembly of the closed loop of an axis from FMUs, in which laws, plants and friction are computed."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Hashable, Mapping
 from dataclasses import dataclass, field, replace
-from functools import partial
+from functools import cache, partial
 from pathlib import Path
 from types import TracebackType
 from typing import Final
@@ -24,10 +21,9 @@ from harness.parts.part import StartValue
 
 @dataclass
 class PartPool:
-    """Parts of loops, to be used again by the next one, because loading an FMU takes longer than a short run.
+    """Parts of loops, to be used again by the next one, because loading an FMU takes longer than a short run."""
 
-    Loops that share parts must not run at the same time. Used with ``with``, the pool closes the parts at the end.
-    """
+    # Loops that share parts must not run at the same time. Used with ``with``, the pool closes the parts at the end.
 
     _parts: dict[Hashable, FmuPart] = field(default_factory=dict)
 
@@ -39,17 +35,23 @@ class PartPool:
         return self._parts[key]
 
     def __enter__(self) -> PartPool:
-        """Return the pool."""
         return self
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
-        """Close the parts."""
         for part in self._parts.values():
             part.close()
 
 
 def block(name: str, rotary: bool = False) -> Path:
     """Return the FMU of a block with its default start values."""
+    path = _built(name, rotary)
+    if not path.exists():  # the cache was removed
+        _built.cache_clear()
+    return path if path.exists() else _built(name, rotary)
+
+
+@cache
+def _built(name: str, rotary: bool) -> Path:
     return fmu(name, domain_of(rotary))
 
 

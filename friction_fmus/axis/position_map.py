@@ -1,7 +1,5 @@
 """Force of an axis over position: cogging and position-dependent friction, as a table with cubic interpolation."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -62,7 +60,6 @@ class PositionMap:
     v_sign: float  # velocity over which the sign of the velocity is smoothed [m/s]
 
     def __post_init__(self) -> None:
-        """Validate the table."""
         if not len(self.cogging) == len(self.friction) == self.grid.nodes >= LEAST_NODES:
             raise BuildError(
                 f"A position map has {len(self.cogging)} values of cogging and {len(self.friction)} of friction for "

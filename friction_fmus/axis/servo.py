@@ -1,7 +1,5 @@
 """Configuration of the servo of an axis."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import KW_ONLY, dataclass, field
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Arithmetic in the files of blocks: ``Fc / sigma0``, ``max(Fc, Fs)``, ``sum(k)``; only arithmetic is evaluated."""
 
-from __future__ import annotations
-
 import ast
 import math
 import operator

@@ -1,7 +1,5 @@
 """Units and nouns of a linear and of a rotary axis, for messages and descriptions."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from typing import Literal, NamedTuple, TypeAlias
 

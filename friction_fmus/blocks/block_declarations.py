@@ -1,8 +1,6 @@
 """Declarations next to the equations in a block's file, used by its page, the doctor, the study and the
 identification."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
@@ -138,11 +136,7 @@ class About:
 def about_c_block(code: str) -> About:
     """Return the declarations in the macros of a C file."""
     about = About(
-        words(string(code, "QUOTES")),
-        identified(code),
-        in_loop(code),
-        use_of(code),
-        words(string(code, "CITES")),
+        words(string(code, "QUOTES")), identified(code), in_loop(code), use_of(code), words(string(code, "CITES"))
     )
     about.check(re.findall(r"\(\s*(\w+)\s*,", macro(code, "VARIABLES") or ""))
     return about

@@ -1,7 +1,5 @@
 """The catalogue of blocks: one C file per block and one Python file per law, found by folder."""
 
-from __future__ import annotations
-
 import os
 import re
 from collections.abc import Iterator, Mapping

@@ -76,7 +76,6 @@ class Friction:
     """Stiffness, damping proportional to the normal force, and viscous coefficient of the contact at rest."""
 
     def __post_init__(self) -> None:
-        """Raise an error for a text that is not an expression."""
         for text in vars(self).values():
             if text:
                 names_in(text)

@@ -1,14 +1,11 @@
 """The C source of a block with other start values or another name, as in a customised FMU."""
 
-from __future__ import annotations
-
 import hashlib
 import re
 from collections.abc import Mapping
 from numbers import Integral
 
-from friction_fmus.blocks.block_header import block_header, start_arguments
-from friction_fmus.blocks.macros import argument_spans, table
+from friction_fmus.blocks.macros import argument_spans, block_header, start_arguments, table
 from friction_fmus.errors import BuildError, UnknownNameError, did_you_mean
 
 Start = Mapping[str, float | int | bool | str]
@@ -37,11 +34,9 @@ def rotational(code: str) -> str:
 
 
 def with_long_arrays(code: str, name: str, start: Start) -> str:
-    """Return the source with arrays that are long enough for these start values.
-
-    A row ``SIZE(N, LONGEST, 16384)`` of its macro ``SIZES`` states that the parameter N can be up to the value of the
-    macro ``LONGEST``, a number, which can be raised to 16384.
-    """
+    """Return the source with arrays that are long enough for these start values."""
+    # A row ``SIZE(N, LONGEST, 16384)`` of its macro ``SIZES`` states that the parameter N can be up to the value of the
+    # macro ``LONGEST``, a number, which can be raised to 16384.
     for _, arguments in table(code, "SIZES", ("SIZE",)):
         parameter, limit, most = (*arguments, "", "", "")[:3]
         definition = re.compile(rf"^(#define\s+{re.escape(limit)}\s+)(\d+)$", re.M)

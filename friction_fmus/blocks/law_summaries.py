@@ -1,7 +1,5 @@
 """Names and summaries of laws, read from the text of their files, as importing them would import casadi."""
 
-from __future__ import annotations
-
 import ast
 import re
 from dataclasses import dataclass

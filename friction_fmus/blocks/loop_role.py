@@ -1,7 +1,5 @@
 """The role of a block in a control loop, for the doctor: plant, sensor, drive or law."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
@@ -88,7 +86,6 @@ class Loop:
     """Whether it shapes the reference of a law by the inverse of the gains Kp, Kd, Ki in its parameters."""
 
     def __post_init__(self) -> None:
-        """Raise an error for a text that is not an expression."""
         for text in (*self.gains.values(), self.inertia, self.amplifies, *self.adapts):
             if text:
                 names_in(text)

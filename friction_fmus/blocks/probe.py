@@ -1,7 +1,5 @@
 """The row table of a compiled block, its fingerprint, the groups of its variables, and their dependencies."""
 
-from __future__ import annotations
-
 import ctypes
 import math
 import random
@@ -12,7 +10,7 @@ from itertools import groupby
 from pathlib import Path
 from typing import Any
 
-from friction_fmus.blocks.block_header import block_header, constants, row_fields
+from friction_fmus.blocks.macros import block_header, constants, row_fields
 
 _ROLES, _TYPES = constants("role", block_header()), constants("type", block_header())
 TIME, INPUT, OUTPUT, LOCAL = (_ROLES[name] for name in ("TIME", "INPUT", "OUTPUT", "LOCAL"))

@@ -5,8 +5,6 @@ The rules are functions in `archive_rules`, `fmi2_rules` and `fmi3_rules`, and p
 function.
 """
 
-from __future__ import annotations
-
 from collections.abc import Collection, Iterator
 from dataclasses import replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Rules of the archive (FMI 2.0.5, section 2.3), checked before anything is unpacked."""
 
-from __future__ import annotations
-
 import stat
 import zipfile
 from collections import Counter
@@ -11,7 +9,7 @@ from functools import cached_property
 from pathlib import Path, PurePosixPath
 
 from friction_fmus.check.findings import DESCRIPTION, Fault, Finding, Severity, apply, declare, rule
-from harness.compiling.shared_library import LONGEST_TABLE, missing_of
+from harness.compiling.platforms import LONGEST_TABLE, missing_of
 from harness.storage.zip_file import (
     LONGEST,
     ZipError,

@@ -1,7 +1,5 @@
 """Checks of an FMU's binary in a monitored process, in which a crash or a hang is a finding."""
 
-from __future__ import annotations
-
 import contextlib
 import json
 import os
@@ -28,13 +26,7 @@ from harness.compiling.platforms import NATIVE
 from harness.storage.files import ScratchFolder
 from harness.storage.zip_file import unpack_zip
 
-_MODULES: Final = (
-    lifecycle,
-    stepping,
-    events,
-    fmi3_features,
-    surroundings,
-)  # register the probes, in this order
+_MODULES: Final = (lifecycle, stepping, events, fmi3_features, surroundings)  # register the probes, in this order
 
 _RULES: Final[dict[str, tuple[Severity, str, str]]] = {
     "binary-not-loadable": ("error", "2.3", "The library for this platform cannot be loaded."),

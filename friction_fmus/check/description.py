@@ -1,7 +1,5 @@
 """modelDescription.xml for the rules: everything as written, with the defaults of the standard."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, field
 from functools import cache, cached_property
@@ -164,7 +162,6 @@ class Model(DescribedModel):
     variables: list[Variable2] = field(init=False)
 
     def __post_init__(self) -> None:
-        """Collect the variables."""
         types = {element.get("name"): child_of(element) for element in self.all("TypeDefinitions/SimpleType")}
         self.variables = []
         for index, element in enumerate(self.all("ModelVariables/ScalarVariable"), start=1):

@@ -31,16 +31,11 @@ LONGEST: Final = 2000  # largest length of a text in a finding [characters]
 class Rule:
     """A rule."""
 
-    id: str
-    """Name in reports, such as ``start-outside-limits``."""
-    severity: Severity
-    """Severity; only notes leave the exit status at 0."""
-    section: str
-    """Section of FMI 2.0.5; of FMI 3.0.2 for the kind "fmi3", of SSP 1.0 for "ssp"."""
-    summary: str
-    """One sentence that describes the error."""
-    kind: Kind
-    """The examined part of the FMU."""
+    id: str  # name in reports, such as ``start-outside-limits``
+    severity: Severity  # severity; only notes leave the exit status at 0
+    section: str  # section of FMI 2.0.5; of FMI 3.0.2 for the kind "fmi3", of SSP 1.0 for "ssp"
+    summary: str  # one sentence that describes the error
+    kind: Kind  # the examined part of the FMU
 
     @property
     def standard(self) -> str:
@@ -62,8 +57,7 @@ class Finding:
     severity: Severity
     message: str
     """Description of the error, and its remedy."""
-    file: str = ""
-    """Member of the archive; empty for the archive itself."""
+    file: str = ""  # member of the archive; empty for the archive itself
     line: int | None = None
     variable: str | None = None
     standard: str = "FMI 2.0.5"
@@ -80,7 +74,6 @@ class Finding:
         return f"{self.file}:{self.line}" if self.line else self.file
 
     def __str__(self) -> str:
-        """Return one line of text."""
         place = f"{self.place}: " if self.file else ""
         return f"{place}{self.severity} {self.rule}: {self.message}"
 

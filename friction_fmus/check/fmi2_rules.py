@@ -1,7 +1,5 @@
 """Rules of modelDescription.xml of FMI 2.0.5: its head (2.2.1 to 2.2.6), ModelVariables, and ModelStructure."""
 
-from __future__ import annotations
-
 import math
 import re
 from collections import Counter, defaultdict

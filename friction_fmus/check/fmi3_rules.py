@@ -1,7 +1,5 @@
 """FMI 3.0.2: modelDescription.xml with its defaults, and the rules of variables, structure and interfaces."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass

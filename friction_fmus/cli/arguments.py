@@ -1,7 +1,5 @@
 """Arguments shared by several commands. This module must load fast, so it imports no large libraries."""
 
-from __future__ import annotations
-
 import argparse
 import json
 from collections.abc import Iterable, Sequence
@@ -144,10 +142,7 @@ def add_scheduler(parser: argparse._ActionsContainer) -> None:
 def add_column_options(parser: argparse.ArgumentParser) -> None:
     """Add the options that say what the columns of a data file are."""
     parser.add_argument(
-        "--columns",
-        default="",
-        metavar="TEXT",
-        help=f'columns by number or heading, such as "{COLUMNS_EXAMPLE}"',
+        "--columns", default="", metavar="TEXT", help=f'columns by number or heading, such as "{COLUMNS_EXAMPLE}"'
     )
     parser.add_argument(
         "--gain",

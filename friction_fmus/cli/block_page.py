@@ -1,7 +1,5 @@
 """The page that ``friction-fmus show`` prints about a block."""
 
-from __future__ import annotations
-
 from itertools import zip_longest
 
 from rich.console import Console

@@ -32,10 +32,8 @@ class VisibleConsole(Console):
 
 
 def literal_console(**options: Any) -> Console:
-    """Return a console that prints strings literally: ``o[/b].csv`` is not markup, and ``:x:`` is not an emoji.
-
-    Use `styled` or `rich.text.Text` for styled text.
-    """
+    """Return a console that prints strings literally: ``o[/b].csv`` is not markup, and ``:x:`` is not an emoji."""
+    # Use `styled` or `rich.text.Text` for styled text.
     return VisibleConsole(**LITERAL, **options)
 
 

@@ -1,14 +1,25 @@
-"""The results of ``identify`` as text for the terminal."""
-
-from __future__ import annotations
+"""The results of ``identify`` as text for the terminal, and its question about columns that several guesses fit."""
 
 import math
+import sys
 from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
 
 from rich.progress import Progress
 
 from friction_fmus.cli.console import console, drawn, styled
-from friction_fmus.identification import AxisUnits, Identification, LearnedResidual, Measurement, Record, RecordFinding
+from friction_fmus.errors import AmbiguousColumnsError
+from friction_fmus.identification import (
+    AxisUnits,
+    DataMapping,
+    Identification,
+    LearnedResidual,
+    Measurement,
+    Record,
+    RecordFinding,
+    read_measurement,
+)
 from friction_fmus.identification.fit.first_look import first_look
 from friction_fmus.identification.fit.position import PositionFit
 from friction_fmus.identification.identification_result import name_of
@@ -112,3 +123,24 @@ def _position_text(found: PositionFit, units: AxisUnits) -> str:
         f"friction {friction:.3g} {u.N} rms; error in cross-validation {found.crossed:.4g} {u.N}, without it "
         f"{found.crossed_without:.4g} {u.N}"
     )
+
+
+def read_asking(path: Path, mapping: DataMapping | Path | None) -> Measurement:
+    """Read a data file; on a terminal, ask which guess of its columns is right if more than one fits."""
+    try:
+        return read_measurement(path, mapping)
+    except AmbiguousColumnsError as error:
+        if not (error.choices and isinstance(mapping, DataMapping) and sys.stdin.isatty() and sys.stdout.isatty()):
+            raise
+        console.print(f"The columns of {path} can be read in {len(error.choices)} ways:", soft_wrap=True)
+        for number, (columns, reasons) in enumerate(error.choices, 1):
+            console.print(f"  {number}  {columns}", soft_wrap=True)
+            if reasons:
+                console.print(f"       {reasons}", soft_wrap=True)
+        try:
+            answer = input("Which one is right? Number, or Enter for none: ").strip()
+        except EOFError:
+            answer = ""
+        if not (answer.isdigit() and 1 <= int(answer) <= len(error.choices)):
+            raise
+        return read_measurement(path, replace(mapping, option=error.choices[int(answer) - 1][0]))

@@ -1,7 +1,5 @@
 """What commands read besides their files: a system, the address of a cluster, and the parameter sets of a sweep."""
 
-from __future__ import annotations
-
 import argparse
 import re
 from collections.abc import Mapping

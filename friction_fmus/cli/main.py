@@ -1,7 +1,5 @@
 """Build the parser from the modules of the commands and run one of them."""
 
-from __future__ import annotations
-
 import argparse
 import importlib
 import inspect
@@ -86,6 +84,7 @@ class _Visible(logging.Formatter):
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command."""
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # more threads only wait for each other
     given = list(sys.argv[1:] if arguments is None else arguments)
     top = parser(given)
     if "_ARGCOMPLETE" in os.environ:  # a shell asks what could follow

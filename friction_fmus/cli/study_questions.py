@@ -1,7 +1,5 @@
 """Questions about an axis on a terminal, for the file of settings of its study."""
 
-from __future__ import annotations
-
 import sys
 from collections.abc import Callable
 from dataclasses import replace
@@ -29,10 +27,8 @@ Check = Callable[[str], str]  # returns what is wrong with an answer; empty if n
 
 
 def write_configuration(data: Path, folder: Path) -> None:
-    """Write the settings of the study of a data file, and ask for missing information.
-
-    Without a terminal nothing is asked: missing entries are marked and listed.
-    """
+    """Write the settings of the study of a data file, and ask for missing information."""
+    # Without a terminal nothing is asked: missing entries are marked and listed.
     path = folder / SETTINGS_FILE
     if path.exists():
         raise FrictionError(f"{path} exists; edit it, or choose another folder with -o")

@@ -1,7 +1,5 @@
 """The result of a study as text for the terminal."""
 
-from __future__ import annotations
-
 from rich.console import Console
 
 from friction_fmus.cli.console import drawn, styled

@@ -101,10 +101,8 @@ def _registers(operands: str) -> int:
 class Spread:
     """Mean and largest value of a count per step."""
 
-    mean: float
-    """Mean for random inputs."""
-    most: int
-    """Largest value, for random inputs and in the unit test of the law."""
+    mean: float  # mean for random inputs
+    most: int  # largest value, for random inputs and in the unit test of the law
 
 
 @dataclass(frozen=True)
@@ -114,20 +112,13 @@ class Cost:
     core: Core
     code: int
     """Flash for the functions of the law: instructions and constants [bytes]."""
-    flash: int
-    """Flash including the library functions that the law calls [bytes]."""
-    instance: int
-    """RAM for the four structs [bytes]."""
-    static: int
-    """RAM for static variables, all of which belong to the C library [bytes]."""
-    frame: int
-    """Stack of the law's own functions, summed over the longest chain of calls [bytes]."""
-    stack: int | None = None
-    """Measured stack including library functions [bytes]; None without QEMU."""
-    instructions: Spread | None = None
-    """Instructions per step, including library functions; None without QEMU."""
-    cycles: Spread | None = None
-    """Estimated cycles per step; None without QEMU or published durations."""
+    flash: int  # flash including the library functions that the law calls [bytes]
+    instance: int  # RAM for the four structs [bytes]
+    static: int  # RAM for static variables, all of which belong to the C library [bytes]
+    frame: int  # stack of the law's own functions, summed over the longest chain of calls [bytes]
+    stack: int | None = None  # measured stack including library functions [bytes]; None without QEMU
+    instructions: Spread | None = None  # instructions per step, including library functions; None without QEMU
+    cycles: Spread | None = None  # estimated cycles per step; None without QEMU or published durations
     covered: float | None = None
     """Fraction of the instructions of the law, without library functions, that the counted steps execute."""
 

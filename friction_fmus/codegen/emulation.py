@@ -1,7 +1,5 @@
 """Runs of an exported law under QEMU: its results, its stack, and the instructions that it executes."""
 
-from __future__ import annotations
-
 import re
 import shutil
 import subprocess
@@ -117,11 +115,9 @@ def samples(export: Export, n: int, seed: int = 1) -> dict[str, np.ndarray]:
 
 
 def program(export: Export, given: Mapping[str, np.ndarray], restart: int = 0) -> str:
-    """Return the text of the program.
-
-    For every sample, the program writes a line with the bytes of the results and of the lower parts of pairs, and at
-    the end the depth of the stack [bytes]. With the macro QUIET it runs the law once and writes only that depth.
-    """
+    """Return the text of the program."""
+    # For every sample, the program writes a line with the bytes of the results and of the lower parts of pairs, and at
+    # the end the depth of the stack [bytes]. With the macro QUIET it runs the law once and writes only that depth.
     p, inputs = export.prefix, export.law.select(*INPUTS)
     n = len(next(iter(given.values()))) if given else 1
     cells = [cell for v in inputs for cell in _cells(export, v, given[v.name])]
@@ -319,11 +315,9 @@ def _steps(
 
 
 def _between(code: Mapping[int, Instruction], first: int, last: int) -> tuple[int, ...]:
-    """Return the addresses of the instructions from one to the other.
-
-    QEMU's own list is no substitute: its disassembler reads the code in pieces, and may show the second half of an
-    instruction as another one.
-    """
+    """Return the addresses of the instructions from one to the other."""
+    # QEMU's own list is no substitute: its disassembler reads the code in pieces, and may show the second half of an
+    # instruction as another one.
     found = [first]
     while (following := found[-1] + code[found[-1]].size) <= last:
         found.append(following)

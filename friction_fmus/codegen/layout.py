@@ -1,23 +1,25 @@
-"""The layout of a law in C: its structs, and which of their members are pairs of floats."""
-
-from __future__ import annotations
+"""Laws to export by name, and their layout in C: its structs, and which of their members are pairs of floats."""
 
 import re
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from pathlib import Path
 from types import MappingProxyType
 
 from casadi import Function
 
 from friction_fmus.axis.position_map import PositionMap
 from friction_fmus.blocks.axis_units import Words, words_of
+from friction_fmus.blocks.catalogue import find, listing
+from friction_fmus.errors import FrictionError, UnknownNameError, did_you_mean
 from friction_fmus.lawkit.declarations import FAULT, PARAMETERS
 from friction_fmus.lawkit.emit.branches import Weight, in_pairs, positions, rounded
 from friction_fmus.lawkit.emit.c_text import DOUBLE, Kernel, Lows, Real, kernel
 from friction_fmus.lawkit.emit.names import Named, comment_lines
 from friction_fmus.lawkit.emit.operations import CONDITIONS, LIBM, Node, graph
 from friction_fmus.lawkit.law import ANGLE, BOOLEANS, LENGTH, NO_UNIT, VECTORS, Kind, Law, LawVariable
+from friction_fmus.lawkit.law_files import discover_laws
 
 NONE: Mapping[int, str] = MappingProxyType({})
 
@@ -77,11 +79,9 @@ def placed(
     results: Mapping[str, int],
     commands: Collection[int],
 ) -> tuple[dict[int, list[str]], list[str]]:
-    """Return the comments for operations.
-
-    An equation whose left-hand side is no variable of the law is added to one that contains this side: to the next
-    equation, or else to one before it.
-    """
+    """Return the comments for operations."""
+    # An equation whose left-hand side is no variable of the law is added to one that contains this side: to the next
+    # equation, or else to one before it.
     own = [_node(equation.prefix + equation.name, nodes, named, results, commands) for equation in equations]
     places = range(len(equations))
     for place in (*reversed(places), *places):  # in both directions, as an equation may belong to one of the same kind
@@ -136,12 +136,9 @@ class Export:
     real: Real
     prefix: str
     """Prefix of files, types and functions."""
-    start: Values
-    """Start values of inputs, states and parameters by variable."""
-    rotary: bool = False
-    """Whether the law has the units of a rotary axis."""
-    table: PositionMap | None = None
-    """Force over position, for the input ``f_known`` of a loop."""
+    start: Values  # start values of inputs, states and parameters by variable
+    rotary: bool = False  # whether the law has the units of a rotary axis
+    table: PositionMap | None = None  # force over position, for the input ``f_known`` of a loop
 
     @property
     def words(self) -> Words:
@@ -327,3 +324,48 @@ def is_flag(variable: LawVariable) -> bool:
 def _is_length(variable: LawVariable) -> bool:
     """Return whether a variable may be an absolute position."""
     return variable.unit in (LENGTH, ANGLE)
+
+
+def law_of(model: str | Path) -> Law:
+    """Return a law."""
+    block = find(model)
+    if not block.is_law:
+        laws = [entry.name for entry in listing().values() if entry.path.suffix == ".py"]
+        near = [name for name in laws if name.startswith(block.name)]
+        what = f"in C: copy {block.path}" if block.family else f"a {block.kind} block"
+        hint = f"; did you mean {' or '.join(near)}?" if near else ""
+        raise FrictionError(f"{block.name} is {what}, but codegen exports compensators written in Python{hint}")
+    return next(law for law in discover_laws(block.path) if law.name == block.name)
+
+
+def start_values(law: Law, start: Mapping[str, float | bool]) -> dict[str, tuple[float, ...]]:
+    """Return the start values of a law by variable, with some changed."""
+    values = {variable.name: variable.starts for variable in law.given}
+    for name, value in start.items():
+        _set(law, values, name, value)
+    if broken := law.conditions.violated(values):
+        raise FrictionError(f"{law.name} requires {broken[0]}, which the given values violate")
+    return values
+
+
+def _set(law: Law, values: dict[str, tuple[float, ...]], name: str, value: float | bool) -> None:
+    element = re.fullmatch(r"(\w+)\[(\d+)\]", name)
+    plain = element[1] if element else name
+    variable = next((v for v in law.given if v.name == plain), None)
+    if variable is None or (variable.kind in VECTORS) != bool(element):
+        names = [v.name for v in law.given]
+        raise UnknownNameError(f"{law.name} has no variable {name!r} with a start value{did_you_mean(plain, names)}")
+    place = int(element[2]) - 1 if element else 0
+    if not 0 <= place < len(variable.starts):
+        raise UnknownNameError(
+            f"There is no variable {name!r}; the elements of {plain} are 1 to {len(variable.starts)}"
+        )
+    if variable.kind in BOOLEANS and value not in (0.0, 1.0):
+        raise FrictionError(f"{name} = {value:g} is not a Boolean; give true or false")
+    if not (variable.min <= value <= variable.max and abs(value) < float("inf")):
+        raise FrictionError(
+            f"{name} = {value:g} lies outside [{variable.min:g}, {variable.max:g}]; choose a value inside"
+        )
+    changed = list(values[plain])
+    changed[place] = float(value)
+    values[plain] = tuple(changed)

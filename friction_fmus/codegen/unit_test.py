@@ -1,7 +1,5 @@
 """The unit test of an exported law, which its user runs on the target."""
 
-from __future__ import annotations
-
 import math
 import textwrap
 from collections.abc import Sequence
@@ -10,9 +8,8 @@ from itertools import accumulate
 import numpy as np
 
 from friction_fmus.codegen.layout import INPUTS, Export
-from friction_fmus.codegen.runs import LOST
 from friction_fmus.codegen.sources import number
-from friction_fmus.codegen.vectors import EXACT, N, Vectors, parts
+from friction_fmus.codegen.vectors import EXACT, LOST, N, Vectors, parts
 from friction_fmus.lawkit.emit.c_text import DOUBLE
 from friction_fmus.lawkit.emit.names import comment
 from friction_fmus.lawkit.law import BOOLEANS, VECTORS, Kind, LawVariable

@@ -2,21 +2,275 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import accumulate, pairwise
-from typing import Final
+from types import MappingProxyType
+from typing import Any, Final
 
 import numpy as np
 
-from friction_fmus.codegen.layout import INPUTS, Export
-from friction_fmus.codegen.rounding import RUNS, Rounding
-from friction_fmus.codegen.runs import Faults, Run, Samples, held
+from friction_fmus.codegen.layout import INPUTS, STATES, Export, Values
 from friction_fmus.codegen.sources import unit_text
 from friction_fmus.errors import FrictionError
 from friction_fmus.lawkit.declarations import PARAMETERS
 from friction_fmus.lawkit.emit.c_text import DOUBLE
-from friction_fmus.lawkit.law import BOOLEANS, VECTORS, Kind, LawVariable
+from friction_fmus.lawkit.emit.operations import CALLS, COMPARE, LOGIC, Node, graph
+from friction_fmus.lawkit.law import BOOLEANS, VECTORS, Kind, Law, LawVariable
+
+LOST: Final = 2  # number of samples with an invalid input, one after the other
+_CELLS: Final = 2**19  # of a table in memory
+_CHANGE: Final = 0.01  # of a parameter
+_WRONG: Final[Mapping[str, Callable[..., Any]]] = {
+    **{"ADD": np.subtract, "SUB": np.add, "MUL": np.divide, "DIV": np.multiply, "TWICE": lambda a: 2.0 / a},
+    **{"LT": np.greater, "LE": np.greater_equal, "AND": np.logical_or, "OR": np.logical_and},
+}
+
+
+class Run:
+    """A run of a law, with the states fed back."""
+
+    # It begins with the start values of the export, but for `settings`. Before the sample `lost`, if it is not 0, there
+    # are `LOST` samples with an invalid input.
+
+    def __init__(self, export: Export, settings: Values = MappingProxyType({}), lost: int = 0) -> None:
+        law, start = export.law, {**export.start, **settings}
+        self.settings, self.lost = settings, lost
+        labels = [variable for variable in law.given for _ in variable.starts]
+        self.start = np.concatenate([held(export, v, np.array(start[v.name])) for v in law.given])
+        self._names = [v.name for v in export.law.select(*INPUTS)]
+        self._inputs = [i for i, v in enumerate(labels) if v.kind in INPUTS]
+        self._states = [i for i, v in enumerate(labels) if v.kind in STATES]
+        self._tally = [i for i, v in enumerate(labels) if v.tally]
+        self._evaluator = _Evaluator(law)
+        self._outputs = len(law.select(Kind.OUTPUT))
+
+    def enter(self, arguments: np.ndarray, given: Mapping[str, np.ndarray], k: int) -> None:
+        """Set the inputs of a sample, in every column."""
+        row = np.array([given[name][k] for name in self._names])
+        arguments[self._inputs] = row.reshape(-1, *(1,) * (arguments.ndim - 1))
+        arguments[self._tally] += LOST * (0 < k == self.lost)
+
+    def outputs(self, given: Mapping[str, np.ndarray], count: int) -> np.ndarray:
+        """Return the outputs of every sample."""
+        arguments = self.start.copy()
+        found = np.empty((count, self._outputs))
+        for k in range(count):
+            self.enter(arguments, given, k)
+            results = self._evaluator(arguments)
+            found[k], arguments[self._states] = results[: self._outputs], results[self._outputs :]
+        return found
+
+
+@dataclass(frozen=True)
+class Samples:
+    """Samples of a run."""
+
+    run: Run  # the run
+    given: Mapping[str, np.ndarray]  # inputs by name, as the type of the export holds them
+    expected: np.ndarray  # outputs in double
+    allowed: np.ndarray  # largest difference of an output from its expected value
+    doubtful: tuple[int, ...] = ()  # samples, counted from 1, in which rounding makes a decision that matters
+
+    def first(self, count: int) -> Samples:
+        """Return the first samples."""
+        given = {name: column[:count] for name, column in self.given.items()}
+        doubtful = tuple(k for k in self.doubtful if k <= count)
+        return Samples(self.run, given, self.expected[:count], self.allowed[:count], doubtful)
+
+
+class Faults:
+    """The faults that samples can show: another value of a parameter, a wrong operation, a state that stays 0."""
+
+    def __init__(self, export: Export, rounding: Rounding) -> None:
+        self._rounding = rounding
+        labels = [variable for variable in export.law.given for _ in variable.starts]
+        self.parameters = export.law.select(*PARAMETERS)
+        self._places = [[i for i, v in enumerate(labels) if v is parameter] for parameter in self.parameters]
+        wrong = [i for i, node in enumerate(rounding.nodes) if node.operation in _WRONG]
+        self._wrong = {node: len(self.parameters) + i for i, node in enumerate(wrong)}
+        states = [i for i, v in enumerate(labels) if v.kind in STATES and not v.tally]
+        self._states = {place: len(self.parameters) + len(wrong) + i for i, place in enumerate(states)}
+        self.all = np.arange(len(self.parameters) + len(wrong) + len(states))
+
+    def shown(self, trials: Sequence[Samples], faults: np.ndarray) -> np.ndarray:
+        """Return the first sample of each run that shows each of these faults; the number of samples if none does."""
+        columns = max(_CELLS // len(self._rounding.nodes), 2)
+        most = max(columns // (faults.size + 1), 1)
+        parts = [faults[i : i + columns] for i in range(0, faults.size, columns)]
+        rows = [[self._shown(trials[k : k + most], part) for part in parts] for k in range(0, len(trials), most)]
+        return np.block(rows)
+
+    def _shown(self, trials: Sequence[Samples], faults: np.ndarray) -> np.ndarray:
+        columns = np.append(-1, faults)
+        each = np.tile(columns, len(trials))
+        arguments = np.repeat(np.transpose([trial.run.start for trial in trials]), columns.size, axis=1)
+        for number, (variable, places) in enumerate(zip(self.parameters, self._places, strict=True)):
+            own = [variable.name not in trial.run.settings for trial in trials]  # the test does not set it
+            mine = np.ix_(np.array(places), np.flatnonzero((each == number) & np.repeat(own, columns.size)))
+            values = arguments[mine]
+            near = np.where(values == 0.0, _CHANGE, values * (1.0 + _CHANGE))
+            arguments[mine] = 1.0 - values if variable.kind in BOOLEANS else near
+        wrong = {node: each == fault for node, fault in self._wrong.items() if fault in faults}
+        kept = [(place, each == fault) for place, fault in self._states.items() if fault in faults]
+        allowed = np.stack([trial.allowed for trial in trials])
+        count = allowed.shape[1]
+        first = np.full((len(trials), columns.size), count)
+        for k in range(count):
+            for i, trial in enumerate(trials):
+                trial.run.enter(arguments[:, i * columns.size : (i + 1) * columns.size], trial.given, k)
+            results = self._rounding.exact(arguments, wrong, _mistaken)
+            outputs = results[: allowed.shape[2]].reshape(-1, *first.shape)
+            right = np.abs(outputs - outputs[:, :, :1]) <= allowed[:, k].T[:, :, np.newaxis]
+            first[~right.all(axis=0) & (first == count)] = k
+            arguments = self._rounding.after(arguments, results)
+            for place, mine in kept:
+                arguments[place, mine] = 0.0
+        return first[:, 1:]
+
+
+def _mistaken(node: Node, values: np.ndarray, _: int) -> Any:
+    return _WRONG[node.operation](*(values[argument] for argument in node.arguments))
+
+
+def held(export: Export, variable: LawVariable, values: np.ndarray) -> np.ndarray:
+    """Return values as the export holds them: in double, in float, or in a pair of floats."""
+    if export.real is DOUBLE or variable.kind in BOOLEANS:
+        return values
+    high = values.astype(np.float32).astype(float)
+    return high + (values - high).astype(np.float32) if variable.name in export.pairs else high
+
+
+class _Evaluator:
+    """One sample of a law by casadi."""
+
+    def __init__(self, law: Law) -> None:
+        self._buffer, self._evaluate = law.function.buffer()
+        self._given = np.zeros(law.function.n_in())
+        self._found = np.zeros(law.function.n_out())
+        for i in range(self._given.size):
+            self._buffer.set_arg(i, memoryview(self._given[i : i + 1]))  # type: ignore[call-arg, arg-type]
+        for i in range(self._found.size):
+            self._buffer.set_res(i, memoryview(self._found[i : i + 1]))  # type: ignore[call-arg, arg-type]
+
+    def __call__(self, arguments: np.ndarray) -> np.ndarray:
+        self._given[:] = arguments
+        self._evaluate()
+        return self._found.copy()
+
+
+RUNS = 17  # number of runs; the first one is exact
+
+Other = Callable[["Node", np.ndarray, int], Any]
+_DECISION_MARGIN = 4.0  # of a decision over the largest deviation of its sides
+_SAME = 1e-3  # relative difference of results between both sides of a decision that does not matter
+_FUNCTIONS: Mapping[str, Callable[..., Any]] = {
+    **{"ADD": np.add, "SUB": np.subtract, "MUL": np.multiply, "DIV": np.divide, "NEG": np.negative, "SQ": np.square},
+    **{"TWICE": lambda a: 2.0 * a, "INV": lambda a: 1.0 / a, "SIGN": np.sign, "FMIN": np.fmin, "FMAX": np.fmax},
+    **{"LT": np.less, "LE": np.less_equal, "EQ": np.equal, "NE": np.not_equal, "AND": np.logical_and},
+    **{"OR": np.logical_or, "NOT": np.logical_not, "SELECT": lambda c, a, b: np.where(c != 0.0, a, b)},
+    **{"IF_ELSE_ZERO": lambda c, a: np.where(c != 0.0, a, 0.0), "POW": np.power, "CONSTPOW": np.power},
+    **{"ASIN": np.arcsin, "ACOS": np.arccos, "ATAN": np.arctan, "ASINH": np.arcsinh, "ACOSH": np.arccosh},
+    **{"ATANH": np.arctanh, "ATAN2": np.arctan2, "FABS": np.fabs, "REMAINDER": lambda a, b: a - b * np.rint(a / b)},
+}
+_EXACT = {*COMPARE, *LOGIC, "NOT", "SELECT", "IF_ELSE_ZERO", "NEG", "TWICE", "SIGN", "FMIN", "FMAX", "FABS", "FLOOR"}
+_EXACT |= {"CEIL", "INPUT", "COPYSIGN"}
+_JUMPS = {*COMPARE, "SIGN", "FLOOR", "CEIL"}
+
+
+class Rounding:
+    """Samples of a law whose operations are rounded at random."""
+
+    def __init__(self, export: Export) -> None:
+        self.nodes, self._results = graph(export.law.function)
+        self._outputs = len(export.law.select(Kind.OUTPUT))
+        labels = [variable for variable in export.law.given for _ in variable.starts]
+        self._states = [i for i, variable in enumerate(labels) if variable.kind in STATES]
+        self._random = np.random.default_rng(0)
+        self._functions = [
+            _FUNCTIONS.get(node.operation) or getattr(np, node.operation.lower(), None) for node in self.nodes
+        ]
+        unit = 2.0**-53 if export.real is DOUBLE else 2.0**-24
+        self._units = [
+            (2.0**-46 if wide else 2.0 * unit if node.operation in CALLS else unit) * _is_rounded(node, export)
+            for node, wide in zip(self.nodes, export.wide_nodes, strict=True)
+        ]
+
+    def sample(self, given: np.ndarray) -> tuple[np.ndarray, bool]:
+        """Return the results of a sample, and whether rounding makes a decision that matters."""
+        values = self._values(given, {}, self._units, _opposite)
+        found = values[self._results]
+        near = [i for i, node in enumerate(self.nodes) if node.operation in _JUMPS and self._is_near(node, values)]
+        if not near:
+            return found, False
+        each = dict(zip(near, np.eye(len(near), dtype=bool), strict=True))
+        others = self.exact(np.repeat(given[:, :1], len(near), axis=1), each, _opposite)
+        size = np.abs(others) + np.abs(found[:, :1])
+        alike = (values[near] == values[near][:, :1]).all(axis=0)  # runs with the decisions of the exact one
+        spread = np.max(np.abs(found - found[:, :1])[:, alike], axis=1, keepdims=True)
+        matters = ~(np.abs(others - found[:, :1]) <= _SAME * size + _DECISION_MARGIN * spread).all(axis=0)
+        decided = {number: np.arange(RUNS) % 2 == 1 for number, counts in zip(near, matters, strict=True) if counts}
+        return (
+            (self._values(given, decided, self._units, _opposite)[self._results], True) if decided else (found, False)
+        )
+
+    def exact(self, given: np.ndarray, flipped: Mapping[int, np.ndarray], other: Other) -> np.ndarray:
+        """Return the results without rounding, with another result of the operations that are flipped."""
+        return self._values(given, flipped, [0.0] * len(self.nodes), other)[self._results]
+
+    def after(self, given: np.ndarray, results: np.ndarray) -> np.ndarray:
+        """Return the arguments of the next sample, with the same inputs."""
+        following = given.copy()
+        following[self._states] = results[self._outputs :]
+        return following
+
+    def _values(
+        self, given: np.ndarray, flipped: Mapping[int, np.ndarray], units: Sequence[float], other: Other
+    ) -> np.ndarray:
+        """Return the values of all operations, with the other result where it is flipped."""
+        values = np.empty((len(self.nodes), given.shape[1]))
+        rows = list(values)
+        with np.errstate(all="ignore"):
+            for i, (row, node, function) in enumerate(zip(rows, self.nodes, self._functions, strict=True)):
+                if isinstance(function, np.ufunc):
+                    function(*[rows[argument] for argument in node.arguments], out=row)
+                elif function:
+                    row[:] = function(*[rows[argument] for argument in node.arguments])
+                else:
+                    row[:] = given[int(node.value)] if node.operation == "INPUT" else node.value
+                if i in flipped:
+                    np.copyto(row, other(node, values, i), where=flipped[i])
+                if units[i]:
+                    noise = units[i] * self._random.uniform(-1.0, 1.0, given.shape[1] - 1)
+                    # integers such as counts have no rounding errors
+                    row[1:] *= 1.0 + np.where(row[1:] == np.round(row[1:]), 0.0, noise)
+        return values
+
+    def _is_near(self, node: Node, values: np.ndarray) -> bool:
+        """Return whether the sides of a decision are as close as rounding."""
+        first = values[node.arguments[0]]
+        if node.operation in COMPARE:
+            gap = first - values[node.arguments[1]]
+        else:
+            gap = first if node.operation == "SIGN" else first - np.round(first)
+        spread = np.max(np.abs(gap - gap[0]))
+        return bool(spread > 0.0 and abs(gap[0]) <= _DECISION_MARGIN * spread)
+
+
+def _is_rounded(node: Node, export: Export) -> bool:
+    if node.operation == "CONST":
+        return export.real is not DOUBLE and float(np.float32(node.value)) != node.value
+    return node.operation not in _EXACT
+
+
+def _opposite(node: Node, values: np.ndarray, number: int) -> np.ndarray:
+    """Return the other side of a decision."""
+    value: np.ndarray = values[number]
+    first: np.ndarray = values[node.arguments[0]]
+    if node.operation in COMPARE:
+        return 1.0 - value
+    return -value if node.operation == "SIGN" else value + np.where(first > np.round(first), -1.0, 1.0)
+
 
 SEGMENTS: Final = (
     ("at rest", 2, 0.0),
@@ -91,11 +345,9 @@ def inputs(export: Export) -> dict[str, np.ndarray]:
 
 
 def vectors(export: Export) -> Vectors:
-    """Return the test vectors of an export.
-
-    The first run has the start values. The others are chosen of runs with random inputs and parameters, each for the
-    number of faults that it shows and no run before, and end when it has shown them.
-    """
+    """Return the test vectors of an export."""
+    # The first run has the start values. The others are chosen of runs with random inputs and parameters, each for the
+    # number of faults that it shows and no run before, and end when it has shown them.
     functions = {name.removesuffix(export.real.suffix) for name in export.kernel.functions}
     relative = 3e-5 if export.real is not DOUBLE else 0.0 if functions <= EXACT else 1e-12
     rounding, run = Rounding(export), Run(export)

@@ -377,16 +377,14 @@ class Margins:
 
 
 def loop_margins(plant: DrivenPlant, laws: Sequence[SampledLaw], Ts: float, path: PathDynamics = DIRECT) -> Margins:
-    """Return the margins of a sampled loop with respect to the force of the drive.
-
-    With the transfer functions K of all laws from (x, v, u_prev) to the force, P of the held plant with the lag of the
-    actuator, N of the filter of the force, and a delay of whole samples, the loop is
-
-        L(z) = -(Kx Px + Kv Pv) / (1 - Ku/z) N z^-delay
-
-    where Pv contains the filter of the velocity (Astrom, Wittenmark: Computer-Controlled Systems, 3rd ed., 1997; Ms:
-    Astrom, Hagglund: Advanced PID Control, 2006).
-    """
+    """Return the margins of a sampled loop with respect to the force of the drive."""
+    # With the transfer functions K of all laws from (x, v, u_prev) to the force, P of the held plant with the lag of
+    # the actuator, N of the filter of the force, and a delay of whole samples, the loop is
+    #
+    #     L(z) = -(Kx Px + Kv Pv) / (1 - Ku/z) N z^-delay
+    #
+    # where Pv contains the filter of the velocity (Astrom, Wittenmark: Computer-Controlled Systems, 3rd ed., 1997; Ms:
+    # Astrom, Hagglund: Advanced PID Control, 2006).
     w = math.pi * np.geomspace(LOWEST, 1.0, POINTS)
     L = open_loop(plant, laws, Ts, path, np.exp(1j * w))
     loop = chain(plant, laws, Ts, path)

@@ -1,7 +1,5 @@
 """Conditions on friction compensation: observers, their sample time, and the amount of compensation."""
 
-from __future__ import annotations
-
 import math
 from typing import Final
 

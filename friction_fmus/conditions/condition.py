@@ -81,14 +81,12 @@ def spectral_radius(matrix: Matrix) -> float:
 
 
 def is_stable(matrix: Matrix) -> bool:
-    """Return whether all eigenvalues of the matrix, and of every matrix within `MARGIN`, are within the unit circle.
-
-    The computed eigenvalues alone are not sufficient. A multiple eigenvalue, such as the double one of a free mass at
-    1, has an error of the order of a root of the machine precision and may be computed on either side of the circle. No
-    matrix A + E with |E| <= e |A| has the eigenvalue z if e times the spectral radius of |(z - A)^-1| |A| is below 1
-    (Rump, SIAM Review 41(1), 1999); this test does not depend on the units of the states. It is evaluated at the points
-    of the circle in the directions of the eigenvalues near it.
-    """
+    """Return whether all eigenvalues of the matrix, and of every matrix within `MARGIN`, are within the unit circle."""
+    # The computed eigenvalues alone are not sufficient. A multiple eigenvalue, such as the double one of a free mass at
+    # 1, has an error of the order of a root of the machine precision and may be computed on either side of the circle.
+    # No matrix A + E with |E| <= e |A| has the eigenvalue z if e times the spectral radius of |(z - A)^-1| |A| is below
+    # 1 (Rump, SIAM Review 41(1), 1999); this test does not depend on the units of the states. It is evaluated at the
+    # points of the circle in the directions of the eigenvalues near it.
     if spectral_radius(matrix) >= 1.0:
         return False
     eigenvalues = np.linalg.eigvals(matrix)

@@ -1,7 +1,5 @@
 """Conditions on the communication step of a co-simulation: stiff contacts, sample times and delayed outputs."""
 
-from __future__ import annotations
-
 import math
 
 from friction_fmus.conditions.condition import Condition, at_most, below, compared

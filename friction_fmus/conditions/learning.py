@@ -1,7 +1,5 @@
 """Condition on iterative learning and repetitive control."""
 
-from __future__ import annotations
-
 from typing import TypeAlias
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Conditions on encoders, cogging, belts, a mass pulled by a spring, and stiffness fed back by a law."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Sequence
 from functools import cache
@@ -164,12 +162,10 @@ LARGEST_RATIO = 1e9  # largest ratio of a critical value to the present one that
 def sticks_again(
     m: float, k: float, damping: float, Fc: float, Fs: float, vs: float | None, delta: float, v: float
 ) -> bool:
-    """Return whether a pulled mass that broke away comes to rest again.
-
-    With w = V - v, the spring force q less its value in steady sliding at Coulomb friction, and the damping c,
-    m w' = -q - c w + g(V - w) - Fc and q' = k w. The mass breaks away with w = V; it comes to rest again if w reaches V
-    once more.
-    """
+    """Return whether a pulled mass that broke away comes to rest again."""
+    # With w = V - v, the spring force q less its value in steady sliding at Coulomb friction, and the damping c, m w' =
+    # -q - c w + g(V - w) - Fc and q' = k w. The mass breaks away with w = V; it comes to rest again if w reaches V once
+    # more.
     if at_most(Fs, Fc) or damping >= 2.0 * math.sqrt(k * m):
         return False
     if vs is None:
@@ -205,10 +201,8 @@ def sticks_again(
 
 
 def _sticks_after_a_jump(m: float, k: float, damping: float, drop: float, v: float) -> bool:
-    """Return whether the mass comes to rest again if friction drops at once; closed form.
-
-    m w'' + c w' + k w = 0 with w = V, w' = -(Fs - Fc)/m: the first maximum of w, at which w' = 0, is at least V.
-    """
+    """Return whether the mass comes to rest again if friction drops at once; closed form."""
+    # m w'' + c w' + k w = 0 with w = V, w' = -(Fs - Fc)/m: the first maximum of w, at which w' = 0, is at least V.
     a = damping / (2.0 * m)
     b = math.sqrt(k / m - a * a)
     s = (-drop / m + a * v) / b  # w = exp(-a t) (V cos(b t) + s sin(b t))
@@ -243,14 +237,7 @@ def critical_speed(m: float, k: float, damping: float, Fc: float, Fs: float, vs:
 
 
 def pulled_mass(
-    m: float,
-    k: float,
-    damping: float,
-    Fc: float,
-    Fs: float,
-    vs: float | None,
-    delta: float,
-    v: float,
+    m: float, k: float, damping: float, Fc: float, Fs: float, vs: float | None, delta: float, v: float
 ) -> Condition:
     """Check that a mass that is pulled by a spring ends in steady sliding.
 

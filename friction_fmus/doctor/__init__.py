@@ -4,8 +4,6 @@
 `friction_fmus.conditions` that apply. The file of each block states its role in a loop.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 from friction_fmus.doctor.examined_axis import LoopFinding

@@ -1,7 +1,5 @@
 """Search for the axes of a system: masses, the friction on them, and the laws that drive them."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import astuple, replace
@@ -293,11 +291,9 @@ def _samples(system: System, experiment: Experiment) -> Iterator[LoopFinding]:
 
 
 def _late(system: System, experiment: Experiment) -> Iterator[LoopFinding]:
-    """Yield the delay between a sampled part and the next part in the stepping order.
-
-    Connections with a specified delay are skipped, as are the inputs u_prev and f_prev, which expect the value of the
-    previous sample.
-    """
+    """Yield the delay between a sampled part and the next part in the stepping order."""
+    # Connections with a specified delay are skipped, as are the inputs u_prev and f_prev, which expect the value of the
+    # previous sample.
     order = list(experiment.order) or stepping_order(system.parts, system.wires)
     place = {name: index for index, name in enumerate(order)}
     reported: set[tuple[str, str]] = set()

@@ -1,7 +1,5 @@
 """Roles of blocks in a loop, read from their files: expressions become functions, names of rules become rules."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from functools import cache, partial
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The content of an FMU: compile, describe, document, zip."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from pathlib import Path
 

@@ -5,11 +5,13 @@ from __future__ import annotations
 import math
 import re
 from functools import cache
-
-import pint
+from typing import TYPE_CHECKING
 
 from friction_fmus.errors import FrictionError
 from harness.units import BASE_SYMBOLS, LONGEST_UNIT, BaseUnit, is_unit_text
+
+if TYPE_CHECKING:
+    import pint
 
 BASE_UNITS = {
     "kilogram": "kg",
@@ -56,6 +58,8 @@ DISPLAY_UNITS = {
 
 @cache
 def _registry() -> pint.UnitRegistry[float]:
+    import pint  # takes a third of a second
+
     registry: pint.UnitRegistry[float] = pint.UnitRegistry(None)
     # rad is a base unit in FMI, but dimensionless in pint
     for name, symbol, dimension in (
@@ -82,6 +86,8 @@ def _registry() -> pint.UnitRegistry[float]:
 
 @cache
 def _everyday_registry() -> pint.UnitRegistry[float]:
+    import pint
+
     return pint.UnitRegistry()
 
 

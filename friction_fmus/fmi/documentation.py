@@ -1,7 +1,5 @@
 """The documentation page inside an FMU and in the documentation, generated from the block."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from functools import cache
 from html import escape

@@ -1,7 +1,5 @@
 """Documentation pages inside FMUs."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from html import escape
 

@@ -1,12 +1,11 @@
 """modelDescription.xml and terminals of a block (FMI 2.0.5, section 2.2), from the row table of its binary."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from itertools import chain
 from types import MappingProxyType
+from typing import Final
 
 from lxml import etree
 
@@ -28,8 +27,17 @@ from friction_fmus.blocks.probe import (
 )
 from friction_fmus.fmi.block_units import DISPLAY_UNITS, QUANTITIES, base_unit
 from friction_fmus.version import VERSION, build_time
-from harness.parts.log_categories import LOG_CATEGORIES
 from harness.units import BASE_SYMBOLS
+
+LOG_CATEGORIES: Final = {
+    "logStatusWarning": "warnings that do not stop the simulation",
+    "logStatusDiscard": "rejected values and steps",
+    "logStatusError": "calls that are not allowed",
+    "logEvents": "events inside the model",
+    "logAll": "all messages",
+}
+"""Log categories, as in fmi2_modes.h."""
+
 
 FLANGES = (
     ("v", "F", "inflow"),

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from friction_fmus.blocks.axis_units import AxisUnits, Words
 from friction_fmus.errors import RecordError
-from friction_fmus.identification.data.position_findings import position_findings
+from friction_fmus.identification.data.excitation import position_findings
 from friction_fmus.identification.data.record import Array, Record, RecordFinding
 from friction_fmus.identification.fit.contact_model import contact_model
 from friction_fmus.identification.fit.first_look import solved

@@ -7,10 +7,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import matplotlib as mpl
 import numpy as np
-from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.figure import Figure
 
 from friction_fmus.blocks.axis_units import domain_of
 from friction_fmus.export.block_fmu import build
@@ -216,6 +213,10 @@ class Identification:
         OutputError
             If the file cannot be written.
         """
+        import matplotlib as mpl  # takes a third of a second, and studies do not draw with it
+        from matplotlib.backends.backend_agg import FigureCanvasAgg
+        from matplotlib.figure import Figure
+
         path = Path(path)
         figure = Figure(figsize=(9.0, 6.0), layout="constrained")
         FigureCanvasAgg(figure)

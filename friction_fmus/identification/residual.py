@@ -14,7 +14,7 @@ from friction_fmus.export.block_fmu import build
 from friction_fmus.identification.data.record import Array, Record
 from friction_fmus.identification.fit.scores import rms
 from friction_fmus.identification.identification_result import Identification, known_force, simulated
-from friction_fmus.lawkit.residual_grid import POSITIONS, SPEEDS
+from friction_fmus.lawkit.quantities import POSITIONS, SPEEDS
 
 BLOCK = "FrictionResidual"  # law that adds the residual to the force of a model
 BLOCKS = 6  # number of blocks of the cross-validation

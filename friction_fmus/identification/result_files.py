@@ -10,13 +10,10 @@ import tempfile
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import tomli_w
-from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.figure import Figure
 
 from friction_fmus.errors import IdentificationError
 from friction_fmus.identification.data.reading import Measurement
@@ -28,6 +25,10 @@ from friction_fmus.identification.identification_result import Identification, n
 from friction_fmus.identification.model_comparison import ModelComparison
 from friction_fmus.listings import plain
 from harness.compiling import toolchain
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 _LOG = logging.getLogger("friction_fmus")
 
@@ -87,6 +88,9 @@ def write_results(
 
 def comparison(found: ModelComparison) -> Figure:
     """Draw the errors of all models as bars, and signal and residual of the three best models."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
     results = found.results
     height = 0.6 + 0.28 * len(results)
     figure = Figure(figsize=(9.0, 5.2 + height), layout="constrained")

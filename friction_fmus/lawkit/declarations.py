@@ -1,7 +1,5 @@
 """Declarations of a law: variables with units, kinds, valid names, and conditions."""
 
-from __future__ import annotations
-
 import inspect
 import math
 import re

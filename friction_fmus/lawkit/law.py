@@ -156,8 +156,7 @@ class Law:
     summary: str
     source: str
     """Model identifier; one-line description; literature."""
-    documentation: str
-    """The documentation page as plain text; paragraphs indented by four spaces are equations."""
+    documentation: str  # the documentation page as plain text; paragraphs indented by four spaces are equations
     variables: tuple[LawVariable, ...]
     """Variables in declaration order: outputs follow the last input, the sample time is last."""
     function: Function
@@ -167,10 +166,8 @@ class Law:
     conditions: Conditions
     about: About
     """Further declarations in its file."""
-    sizes: Mapping[str, Size]
-    """Parameters whose start values determine the length of vectors."""
-    remade: Callable[[Mapping[str, int]], Law]
-    """Returns the law with these parameters fixed to other values."""
+    sizes: Mapping[str, Size]  # parameters whose start values determine the length of vectors
+    remade: Callable[[Mapping[str, int]], Law]  # returns the law with these parameters fixed to other values
     intermediate: Callable[[], tuple[Function, tuple[Label, ...]]]
     """Returns `function` with additional results, the intermediate results, and their names."""
     prefixes: Mapping[int, str] = field(default_factory=dict)

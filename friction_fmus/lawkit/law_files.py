@@ -1,7 +1,5 @@
 """Laws in files, found by folder, inside or outside the package."""
 
-from __future__ import annotations
-
 import hashlib
 import importlib.util
 import sys

@@ -1,9 +1,10 @@
-"""Units and nouns of the variables of a law, as the macros of block.h that stand for them in both builds."""
+"""Units and nouns of the variables of a law, as macros of block.h; the grid of the learned residual."""
 
 from __future__ import annotations
 
 import re
 from dataclasses import dataclass
+from typing import Final
 
 
 @dataclass(frozen=True)
@@ -16,11 +17,9 @@ class Unit:
     c: str  # C expression for the name of the unit
 
     def __add__(self, other: Unit | str) -> Unit:
-        """Join names, as C joins adjacent string literals."""
         return Unit(f"{self.c} {unit_of(other).c}")
 
     def __radd__(self, other: str) -> Unit:
-        """Join a plain name and a unit."""
         return unit_of(other) + self
 
 
@@ -57,3 +56,7 @@ TIME = Unit("TIME")
 FREQUENCY = Unit("FREQUENCY")
 ANGLE = Unit("ANGLE")
 NO_UNIT = Unit("NO_UNIT")
+
+
+SPEEDS: Final = (0.03, 0.1, 0.3, 0.6, 1.0)  # speeds over the largest one
+POSITIONS: Final = 8  # number of equally spaced positions

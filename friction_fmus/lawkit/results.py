@@ -1,7 +1,5 @@
 """The equations of a law as one casadi function with scalar results, and their labels."""
 
-from __future__ import annotations
-
 import sys
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """LuGre friction compensation with adaptation to the normal force."""
 
-from __future__ import annotations
-
 from casadi import SX, fabs, if_else, logic_and
 
 from friction_fmus.lawkit.law import Command, Friction, Loop, Output, Parameter, SampleTime, State, law, replaces_servo

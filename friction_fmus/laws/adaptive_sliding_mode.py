@@ -1,7 +1,5 @@
 """Sliding mode with adapted Coulomb and viscous friction, computed from the reference."""
 
-from __future__ import annotations
-
 from casadi import SX, exp, fabs, if_else, sign
 
 from friction_fmus.lawkit.law import Command, Loop, Output, Parameter, SampleTime, State, law, replaces_servo

@@ -1,7 +1,5 @@
 """Adaptive compensation of dynamic friction with a position measurement only."""
 
-from __future__ import annotations
-
 from casadi import SX, exp, fabs, if_else
 
 from friction_fmus.lawkit.law import Command, Friction, Loop, Output, Parameter, SampleTime, State, law, replaces_servo

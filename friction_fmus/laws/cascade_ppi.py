@@ -1,7 +1,5 @@
 """Cascade of a proportional position loop and a proportional-integral velocity loop."""
 
-from __future__ import annotations
-
 from casadi import SX, if_else
 
 from friction_fmus.lawkit.law import Loop, Parameter, SampleTime, State, law, replaces_servo

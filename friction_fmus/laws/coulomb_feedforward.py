@@ -1,7 +1,5 @@
 """Feedforward of inertia and Coulomb friction from the reference."""
 
-from __future__ import annotations
-
 from casadi import SX, if_else, logic_and
 
 from friction_fmus.lawkit.law import Friction, Loop, Parameter, Switch, Use, law

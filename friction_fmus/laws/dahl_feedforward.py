@@ -1,7 +1,5 @@
 """Feedforward of inertia and Dahl friction from the reference."""
 
-from __future__ import annotations
-
 from casadi import SX, expm1, fabs, if_else, log1p, logic_and, sign
 
 from friction_fmus.lawkit.law import Friction, Loop, Output, Parameter, State, Use, law

@@ -1,7 +1,5 @@
 """Feedforward of friction with a dead zone of the motor force."""
 
-from __future__ import annotations
-
 from casadi import SX, fabs, if_else, logic_or, sign
 
 from friction_fmus.lawkit.law import Friction, Input, Loop, Output, Parameter, Use, law

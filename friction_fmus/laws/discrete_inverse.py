@@ -1,7 +1,5 @@
 """Inverse of a sampled plant with a zero, or a pair of zeros, outside the unit circle, by preview."""
 
-from __future__ import annotations
-
 from casadi import SX, floor, if_else, logic_and, logic_not, logic_or
 
 from friction_fmus.lawkit.law import Command, Input, Loop, Output, Parameter, Size, State, Switch, Use, law

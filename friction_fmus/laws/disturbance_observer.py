@@ -1,7 +1,5 @@
 """Disturbance observer with the inverse model of a mass."""
 
-from __future__ import annotations
-
 from math import pi, sqrt
 
 from casadi import SX, cos, exp, expm1, if_else, logic_and, logic_not, sin

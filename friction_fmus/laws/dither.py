@@ -1,7 +1,5 @@
 """Dither: a fast oscillation that smooths friction."""
 
-from __future__ import annotations
-
 from math import pi
 
 from casadi import SX, fabs, floor, if_else, sin

@@ -1,7 +1,5 @@
 """Elasto-plastic friction estimated from displacements only."""
 
-from __future__ import annotations
-
 from casadi import SX, exp, fabs, if_else, sign
 
 from friction_fmus.lawkit.law import Command, Friction, Input, Loop, Parameter, State, Use, law

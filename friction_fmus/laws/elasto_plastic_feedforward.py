@@ -1,7 +1,5 @@
 """Feedforward of inertia and elasto-plastic friction from the reference."""
 
-from __future__ import annotations
-
 import math
 
 from casadi import SX, atan2, cos, expm1, fabs, if_else, log1p, logic_and, sign, sin

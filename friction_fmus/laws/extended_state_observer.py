@@ -1,7 +1,5 @@
 """Active disturbance rejection with an extended-state observer."""
 
-from __future__ import annotations
-
 from casadi import SX, exp, if_else
 
 from friction_fmus.lawkit.law import Command, Loop, Output, Parameter, SampleTime, State, Use, law

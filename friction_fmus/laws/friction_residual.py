@@ -1,7 +1,5 @@
 """Learned residual of a friction model over velocity, position and direction."""
 
-from __future__ import annotations
-
 from itertools import pairwise
 
 from casadi import SX, fabs, floor, if_else, sign
@@ -9,8 +7,7 @@ from casadi import SX, fabs, floor, if_else, sign
 from friction_fmus.lawkit.law import Command, Input, Output, Parameter, Switch, Use, law
 from friction_fmus.lawkit.parts import variables
 from friction_fmus.lawkit.parts.expressions import clip
-from friction_fmus.lawkit.quantities import FORCE, LENGTH, VELOCITY
-from friction_fmus.lawkit.residual_grid import POSITIONS, SPEEDS
+from friction_fmus.lawkit.quantities import FORCE, LENGTH, POSITIONS, SPEEDS, VELOCITY
 
 ZEROS = (0.0,) * (len(SPEEDS) * POSITIONS)
 

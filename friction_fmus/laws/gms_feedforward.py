@@ -1,7 +1,5 @@
 """Feedforward of inertia and generalised Maxwell slip friction from the reference."""
 
-from __future__ import annotations
-
 from casadi import SX, ceil, exp, fabs, if_else, logic_and, logic_or
 
 from friction_fmus.lawkit.law import Friction, Input, Loop, Output, Parameter, SampleTime, Use, law

@@ -1,7 +1,5 @@
 """Friction feedback with observed forces of generalised Maxwell slip elements."""
 
-from __future__ import annotations
-
 from casadi import SX, exp, fabs, if_else, logic_and, logic_not
 
 from friction_fmus.lawkit.law import Command, Friction, Loop, Parameter, SampleTime, Use, law

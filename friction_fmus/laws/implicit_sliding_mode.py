@@ -1,7 +1,5 @@
 """Sliding mode with implicit discretisation."""
 
-from __future__ import annotations
-
 from casadi import SX
 
 from friction_fmus.lawkit.law import Loop, Output, Parameter, SampleTime, law, replaces_servo

@@ -1,7 +1,5 @@
 """Super-twisting sliding mode with implicit discretisation."""
 
-from __future__ import annotations
-
 from casadi import SX, fabs, if_else, sign, sqrt
 
 from friction_fmus.lawkit.law import Command, Loop, Parameter, SampleTime, State, law, replaces_servo

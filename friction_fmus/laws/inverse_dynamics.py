@@ -1,7 +1,5 @@
 """Inverse dynamics of one mass, or of two masses connected by a spring."""
 
-from __future__ import annotations
-
 from casadi import SX
 
 from friction_fmus.lawkit.law import Command, Friction, Input, Loop, Output, Parameter, Use, law

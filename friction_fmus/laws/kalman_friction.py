@@ -1,7 +1,5 @@
 """Friction force modelled as a random walk and estimated by a Kalman filter."""
 
-from __future__ import annotations
-
 from casadi import SX, if_else
 
 from friction_fmus.lawkit.law import Command, Input, Loop, Output, Parameter, SampleTime, State, Switch, Use, law
@@ -107,11 +105,7 @@ def kalman_friction(
     n2 = (x_noise / position_unit) ** 2
     start = ((n2, 0.0, 0.0), (2.0 * n2, 0.0), (1.0,))
     predicted = (
-        (
-            P11 + 2.0 * P12 - P13 + P22 - P23 + P33 / 4.0,
-            P12 - P13 + P22 - 1.5 * P23 + P33 / 2.0,
-            P13 + P23 - P33 / 2.0,
-        ),
+        (P11 + 2.0 * P12 - P13 + P22 - P23 + P33 / 4.0, P12 - P13 + P22 - 1.5 * P23 + P33 / 2.0, P13 + P23 - P33 / 2.0),
         (P22 - 2.0 * P23 + P33, P23 - P33),
         (P33 + 1.0,),
     )

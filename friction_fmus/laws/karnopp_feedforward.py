@@ -1,7 +1,5 @@
 """Feedforward of inertia and Karnopp friction from the reference."""
 
-from __future__ import annotations
-
 from casadi import SX, fabs, if_else, logic_or, sign
 
 from friction_fmus.lawkit.law import Friction, Loop, Parameter, Use, law

@@ -1,7 +1,5 @@
 """Feedforward of inertia and LuGre friction from the reference."""
 
-from __future__ import annotations
-
 from casadi import SX, fabs, if_else, logic_and, sign
 
 from friction_fmus.lawkit.law import Friction, Loop, Output, Parameter, SampleTime, State, Switch, Use, law

@@ -1,7 +1,5 @@
 """Friction feedback with an observed LuGre bristle deflection."""
 
-from __future__ import annotations
-
 from casadi import SX, fabs, if_else
 
 from friction_fmus.lawkit.law import Command, Friction, Loop, Parameter, SampleTime, State, Use, law

@@ -1,7 +1,5 @@
 """Cascade with command feedforward and Karnopp friction of a modelled velocity."""
 
-from __future__ import annotations
-
 from casadi import SX, exp, fabs, if_else, sign
 
 from friction_fmus.lawkit.law import Command, Friction, Loop, Parameter, SampleTime, State, law, replaces_servo

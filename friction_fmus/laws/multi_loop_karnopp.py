@@ -1,7 +1,5 @@
 """Multi-loop cascade with Karnopp friction of a modelled velocity; controller and plant model of any order."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 from casadi import SX, fabs, if_else, sign, vertcat

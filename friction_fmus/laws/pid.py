@@ -1,7 +1,5 @@
 """PID position control."""
 
-from __future__ import annotations
-
 from casadi import SX, fabs, if_else, logic_and, logic_or, sign
 
 from friction_fmus.lawkit.law import Loop, Parameter, SampleTime, State, law, replaces_servo

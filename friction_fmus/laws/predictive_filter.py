@@ -1,7 +1,5 @@
 """Friction force as the model error in a predictive filter."""
 
-from __future__ import annotations
-
 from casadi import SX, if_else
 
 from friction_fmus.lawkit.law import Command, Loop, Output, Parameter, SampleTime, Use, law

@@ -1,7 +1,5 @@
 """Prefilter of the reference with the effect of a feedforward force."""
 
-from __future__ import annotations
-
 from casadi import SX, if_else
 
 from friction_fmus.blocks.block_declarations import SHAPES_REFERENCE, Use

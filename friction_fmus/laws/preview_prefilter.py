@@ -1,7 +1,5 @@
 """Prefilter of the reference with derivatives from a non-causal filter."""
 
-from __future__ import annotations
-
 from casadi import SX, if_else, logic_or
 
 from friction_fmus.blocks.block_declarations import SHAPES_REFERENCE, Use

@@ -1,7 +1,5 @@
 """PID position control with an integral that jumps at sign changes of the error."""
 
-from __future__ import annotations
-
 from casadi import SX, if_else, logic_or, sign
 
 from friction_fmus.lawkit.law import Loop, Output, Parameter, SampleTime, State, law, replaces_servo

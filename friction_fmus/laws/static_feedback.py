@@ -1,7 +1,5 @@
 """Stribeck friction computed from the measured velocity."""
 
-from __future__ import annotations
-
 from casadi import SX, fabs
 
 from friction_fmus.lawkit.law import Friction, Loop, Parameter, Use, law

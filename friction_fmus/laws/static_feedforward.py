@@ -1,7 +1,5 @@
 """Feedforward of inertia and Stribeck friction from the reference."""
 
-from __future__ import annotations
-
 from casadi import SX, fabs, if_else, logic_and
 
 from friction_fmus.lawkit.law import Friction, Loop, Parameter, Switch, Use, law

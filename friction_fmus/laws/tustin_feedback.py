@@ -1,7 +1,5 @@
 """Tustin friction and cogging from position-dependent tables."""
 
-from __future__ import annotations
-
 from casadi import SX, exp, fabs, floor, if_else, sign
 
 from friction_fmus.lawkit.law import Friction, Loop, Output, Parameter, Use, law

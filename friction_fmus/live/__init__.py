@@ -1,7 +1,5 @@
 """Scripts and styles of pages in which models run."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Final
 

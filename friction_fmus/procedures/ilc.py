@@ -4,8 +4,6 @@ Arimoto, Kawamura, Miyazaki, Journal of Robotic Systems 1(2), 1984; survey: Bris
 Systems Magazine 26(3), 2006. The FMU IterativeLearning performs the same learning step during a single run.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from dataclasses import dataclass

@@ -4,8 +4,6 @@ The experiment is mentioned, not described, in a summary of a paper that could n
 library's.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 

@@ -1,15 +1,16 @@
-"""Formatting of numbers and units."""
-
-from __future__ import annotations
+"""Formatting of numbers and units; names, axes and time spans used by several sections of the report."""
 
 import math
+from bisect import bisect_right
+from collections.abc import Sequence
 
 import numpy as np
 
 from friction_fmus.identification import Array
+from friction_fmus.study.study_result import Picture
 
 MINUS = "−"
-NONE = "–"
+_DASH = "–"
 NO_BREAK = "\u00a0"
 SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
@@ -26,7 +27,7 @@ SHOWN = {
 def number(value: float | None, digits: int = 3) -> str:
     """Return a number, with a power of ten outside of 0.001 to 99 999; a dash for None and NaN."""
     if value is None or math.isnan(value):
-        return NONE
+        return _DASH
     if math.isinf(value):
         return "∞" if value > 0 else f"{MINUS}∞"
     if value == 0.0:
@@ -40,7 +41,7 @@ def number(value: float | None, digits: int = 3) -> str:
 
 def brief(value: float | None) -> str:
     """Return a user-given number, such as a gain, not rounded."""
-    return NONE if value is None else _signed(f"{value:.6g}")
+    return _DASH if value is None else _signed(f"{value:.6g}")
 
 
 def with_error(value: float, error: float | None) -> str:
@@ -98,3 +99,45 @@ def _signed(text: str) -> str:
     if text.startswith("-"):
         return MINUS + text[1:] if any(digit in "123456789" for digit in text) else text[1:]
     return text
+
+
+NONE = "none"
+NO_COMPENSATION = "no compensation"
+
+
+def label(name: str) -> str:
+    """Return the name of a compensator in the report."""
+    return NO_COMPENSATION if name == NONE else name
+
+
+def axes(picture: Picture) -> tuple[tuple[str, str], tuple[float, float]]:
+    """Return the titles of the axes, and the factors that convert the curves to the units of the titles."""
+    curves = [*picture.data.values(), *picture.models.values()]
+    titles, factors = [], []
+    for text, unit, columns in (
+        (picture.x_label, picture.x_unit, [curve.x for curve in curves]),
+        (picture.y_label, picture.y_unit, [curve.y for curve in curves]),
+    ):
+        shown, factor = multiple(unit, np.concatenate([np.asarray(column, dtype=float) for column in columns]))
+        if unit == "s":
+            shown, factor = "s", 1.0
+        titles.append(f"{text} [{shown}]" if shown else text)
+        factors.append(factor)
+    return (titles[0], titles[1]), (factors[0], factors[1])
+
+
+def reversal(record: Sequence[Picture], part: float = 0.04, end: float = math.inf) -> tuple[float, float] | None:
+    """Return a time span around the reversal nearest to the middle of a record; None without one before the end [s]."""
+    for picture in record:
+        curve = next((curve for name, curve in picture.data.items() if "reference" in name), None)
+        count = 0 if curve is None else bisect_right(curve.x, end)
+        if curve is None or count < 3:
+            continue
+        x, y = np.asarray(curve.x[:count]), np.asarray(curve.y[:count])
+        moving = np.flatnonzero(np.diff(y))
+        turns = x[moving[1:][np.diff(np.sign(np.diff(y)[moving])) != 0]]
+        if turns.size:
+            centre = float(turns[np.argmin(np.abs(turns - 0.5 * (x[0] + x[-1])))])
+            half = 0.5 * part * float(x[-1] - x[0])
+            return centre - half, centre + half
+    return None

@@ -1,7 +1,5 @@
 """The what-if panel of the page: its scripts, its data, and its picture without scripts."""
 
-from __future__ import annotations
-
 import base64
 import json
 import math
@@ -14,14 +12,13 @@ from typing import Any, Final
 
 import numpy as np
 
-from friction_fmus.fmi.portrait.bench import Curve as PlainCurve
-from friction_fmus.fmi.portrait.bench import Panel
 from friction_fmus.fmi.portrait.drawing import chart
+from friction_fmus.fmi.portrait.experiments import Curve as PlainCurve
+from friction_fmus.fmi.portrait.experiments import Panel
 from friction_fmus.identification import Array
 from friction_fmus.live import SCRIPTS, assets
 from friction_fmus.report.figures import thinned
-from friction_fmus.report.formatting import multiple
-from friction_fmus.report.views import NO_COMPENSATION, NONE, reversal
+from friction_fmus.report.formatting import NO_COMPENSATION, NONE, multiple, reversal
 from friction_fmus.study.study_result import StudyResult
 from friction_fmus.study.what_if import Knob, WhatIf
 
@@ -64,7 +61,6 @@ def live_panel(study: StudyResult, axis: WhatIf) -> Mapping[str, Any]:
         "script": "\n".join([*(files[name] for name in SCRIPTS), *models, own]),
         "style": "\n".join(files[name] for name in ("uplot.css", "live.css")),
         "whole": axis.whole,
-        "same_master": axis.same_master,
         "seconds": seconds,
     }
 

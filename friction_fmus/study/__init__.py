@@ -20,7 +20,6 @@ else:
 
 class _Callable(ModuleType):
     def __call__(self, *arguments: Any, **options: Any) -> "StudyResult":
-        """Run a study; see `run_study`."""
         return self.run_study(*arguments, **options)  # type: ignore[no-any-return]
 
 

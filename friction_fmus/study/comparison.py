@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cache
 from itertools import islice
-from math import pi
+from math import inf, pi
 from pathlib import Path
 from typing import Any, Final, TypeAlias
 
@@ -42,7 +42,16 @@ from friction_fmus.study.evaluation import (
     system_of,
 )
 from friction_fmus.study.margins import margins_of
-from friction_fmus.study.recommendation import AS_MEASURED, FEEDFORWARD, extremes, ladder, rank, recommend
+from friction_fmus.study.recommendation import (
+    AS_MEASURED,
+    FEEDFORWARD,
+    extremes,
+    ladder,
+    nominal,
+    rank,
+    recommend,
+    within_worth,
+)
 from friction_fmus.study.steps import Step
 from friction_fmus.study.study_result import CompensatorResult, Limits, Picture, Recommendation, Rung
 from harness.storage.toml_file import read_toml
@@ -76,7 +85,7 @@ def _table() -> dict[str, LawCost]:
 SCALES: Final = tuple(float(2.0**power) for power in np.arange(4.0, -4.1, -0.5))
 """Factors of the bandwidth of `AxisKnowledge`, largest first; the first one within the limits gives the largest."""
 
-SHARES: Final = (1.0, 0.7, 0.5, 0.35, 0.25, 0.125)  # bandwidths that are tried, in parts of the largest possible one
+SHARES: Final = (1.0, 0.7, 0.5, 0.25)  # bandwidths that are tried, in parts of the largest possible one
 
 
 def trials(
@@ -130,6 +139,7 @@ def with_integral(servo: Servo, rate: float) -> Servo:
     return replace(servo, gains={**servo.gains, third: rate * over})
 
 
+FIRST: Final = 2  # number of compensators that are run on other axes before the others are compared with them
 JOINED: Final = 3  # number of the best feedforwards, and of the best estimators, that are combined with each other
 
 ESTIMATORS: Final = ("estimator", "integral action")
@@ -175,83 +185,138 @@ def compare(bench: AxisBench, known: AxisKnowledge, wanted: Compensation, run: R
         )
     bench = replace(bench, band=BAND * first.metrics.largest)
     limits = wanted.limits if alone is None else wanted.limits.relaxed(alone)
-    tried = cases(servo, wanted.mismatch, wanted.delays, limits.delay, known.level, known.words)
+    mismatch = wanted.mismatch, wanted.mass_mismatch
+    tried = cases(servo, mismatch, wanted.delays, limits.delay, known.level, known.words)
 
     as_measured = replace(bench, trajectory=replace(bench.trajectory, motion=False, offset=0.0))
     steps = [
-        Step("servo-as-measured", evaluate, (as_measured, [Scheme(servo)], ()), Evaluation),
+        Step("servo-as-measured", evaluate, (as_measured, [Scheme(servo)], (), False), Evaluation),
         Step("compensator-none", evaluate, (bench, [Scheme(servo, margins=alone)], tried), Evaluation),
     ]
     everything = candidates(wanted.compensators, known)
     applicable = [candidate for candidate in everything if candidate.applies]
-    task = bench, known, limits, wanted.gains, tried
+    task = bench, known, limits, wanted.gains
     steps += [Step(f"compensator-{c.name}", tuned, (c, *task), Evaluation) for c in applicable]
     plain, without, *evaluations = run(steps)
 
-    found: dict[str, Evaluation] = {c.name: each for c, each in zip(applicable, evaluations, strict=True)}
+    found = dict(zip((c.name for c in applicable), evaluations, strict=True))
     none = _row("none", "Servo without friction compensation", "none", "", without)
-    none = extremes(none, none)
-    rows = [_candidate_row(candidate, found.get(candidate.name), known.words) for candidate in everything]
-    before = _violated(bench, Scheme(servo)).keys()
-
-    def objections(name: str) -> dict[str, str]:
-        """Return the conditions that a compensator violates and the servo alone does not."""
-        scheme = found[name].scheme
-        return {} if scheme is None else {k: v for k, v in _violated(bench, scheme).items() if k not in before}
-
-    pairs = _pairs(rank(none, rows, bench.model_error), applicable, objections)
-    steps = []
-    for feedforward, estimator in pairs:
-        law = fixed(found[feedforward.name])
-        # a feedforward leaves the margins unchanged, so the trials of the estimator keep the limits
-        schemes = [replace(scheme, feedforward=law) for scheme in found[estimator.name].schemes]
-        name = f"compensator-{feedforward.name}-{estimator.name}"
-        steps.append(Step(name, evaluate, (bench, schemes, tried), Evaluation))
-    for (feedforward, estimator), evaluation in zip(pairs, run(steps), strict=True):
-        row = _joined(feedforward, estimator, evaluation, known.words)
-        rows.append(row)
-        found[row.name] = evaluation
-
+    rows = {c.name: _candidate_row(c, found.get(c.name), known.words) for c in everything}
+    contest = _Contest(bench, tried, run, extremes(none, none), rows, found)
+    contest.run_cases()
+    contest.join(applicable, known.words)
     if TABLE.name in found:
-        best = _best_of_each_kind(rank(none, rows, bench.model_error))
-        steps = []
-        for row in best:
-            scheme = found[row.name].scheme
-            assert scheme is not None
-            # a feedforward leaves the margins unchanged
-            arguments = bench, [replace(scheme, table=True)], tried
-            steps.append(Step(f"compensator-{row.name}-table", evaluate, arguments, Evaluation))
-        for row, evaluation in zip(best, run(steps), strict=True):
-            joined = _with_table(row, evaluation, known.words)
-            rows.append(joined)
-            found[joined.name] = evaluation
+        contest.add_table(known.words)
 
-    ranked = rank(none, rows, bench.model_error)
-    rungs = ladder(plain.metrics, motion, none, ranked)
-    contradicted = _contradicted(ranked, objections)
-    accepted = [row for row in ranked if row.name not in contradicted]
-    left = rank(none, accepted, bench.model_error) if contradicted else ranked
-    recommendation = recommend(none, left, rungs, known.words, contradicted, bench.model_error)
+    ranked = contest.ranked()
+    rungs = ladder(plain.metrics, motion, contest.none, ranked)
+    contradicted = contest.contradicted
+    while left := [row for row in contest.ranked() if row.name not in contradicted]:
+        if not left[0].improves:
+            contradicted.clear()
+        if not left[0].improves or not (wrong := contest.objection(left[0].name)):
+            break
+        contradicted[left[0].name] = wrong
+        contest.run_cases()
+    accepted = [row for row in contest.rows.values() if row.name not in contradicted]
+    left = rank(contest.none, accepted, bench.model_error)
+    ranked = contest.ranked()
+    recommendation = recommend(contest.none, left, rungs, known.words, contradicted, bench.model_error)
     chosen = found[recommendation.name].scheme if recommendation.name in found else None
     chosen = Scheme(servo) if chosen is None else chosen
     drawn = {recommendation.name: found.get(recommendation.name), AS_MEASURED: plain}
     drawn |= {FEEDFORWARD: without} if motion else {}
     curves = {name: each.turn for name, each in drawn.items() if each is not None and each.turn is not None}
     turn = Picture("time after the reversal", "tracking error", "s", known.words.m, {}, curves) if curves else None
-    return Comparison((none, *ranked), rungs, recommendation, chosen, limits, turn)
+    return Comparison((contest.none, *ranked), rungs, recommendation, chosen, limits, turn)
 
 
-def _contradicted(ranked: Sequence[CompensatorResult], objections: Callable[[str], dict[str, str]]) -> dict[str, str]:
-    """Return the compensators above the first one to which the doctor does not object, with the first objection."""
-    found: dict[str, str] = {}
-    for row in ranked:
-        if not row.improves:
-            break
-        new = objections(row.name)
-        if not new:
-            return found
-        found[row.name] = next(f"{name}: {wrong}" for name, wrong in new.items())
-    return {}
+@dataclass(eq=False)
+class _Contest:
+    """Compensators in a comparison: all are run on the identified axis, those that may be the best also on others."""
+
+    bench: AxisBench
+    cases: Sequence[Case]
+    run: RunSteps
+    none: CompensatorResult  # the servo alone
+    rows: dict[str, CompensatorResult]
+    found: dict[str, Evaluation]
+    contradicted: dict[str, str] = field(default_factory=dict)
+    """Compensators that are not recommended, with the condition that each violates."""
+
+    def __post_init__(self) -> None:
+        """Find the conditions that the servo alone violates."""
+        self.before = _violated(self.bench, Scheme(self.bench.servo)).keys()
+        self.objection = cache(self._objection)
+
+    def ranked(self) -> list[CompensatorResult]:
+        """Return the compensators by rank."""
+        return rank(self.none, list(self.rows.values()), self.bench.model_error)
+
+    def _objection(self, name: str) -> str:
+        """Return the first condition that a compensator violates and the servo alone does not; empty without one."""
+        scheme = self.found[name].scheme
+        violated = {} if scheme is None else _violated(self.bench, scheme)
+        return next((f"{each}: {wrong}" for each, wrong in violated.items() if each not in self.before), "")
+
+    def run_cases(self) -> None:
+        """Run compensators on other axes until every other one is worse here than one of these is there."""
+        while self.cases:
+            rows = [row for row in self.ranked() if row.metrics is not None and row.name not in self.contradicted]
+            best = min((row.worst for row in rows if row.improves and row.worst is not None), default=inf)
+            ahead = sorted((row for row in rows if row.untried), key=nominal)
+            ahead = ahead[:FIRST] if best == inf else ahead
+            ahead = [row for row in ahead if within_worth(best, nominal(row), self.bench.model_error)]
+            if not ahead:
+                return
+            steps = []
+            for row in ahead:
+                arguments = self.bench, [self.found[row.name].scheme], self.cases
+                steps.append(Step(f"cases-{row.name}", evaluate, arguments, Evaluation))
+            for row, each in zip(ahead, self.run(steps), strict=True):
+                self.found[row.name] = replace(self.found[row.name], metrics=each.metrics, corners=each.corners)
+                known = self.rows[row.name]
+                self.rows[row.name] = replace(known, metrics=each.metrics, corners=each.corners)
+
+    def join(self, candidates: Sequence[Candidate], u: Words) -> None:
+        """Run the best feedforwards with the best estimators, without those to which the doctor objects."""
+        by_name, ranked = {candidate.name: candidate for candidate in candidates}, self.ranked()
+
+        def best(*kinds: str) -> list[Candidate]:
+            possible = [row for row in ranked if row.kind in kinds and (row.untried or row.worst is not None)]
+            names = (row.name for row in possible if not self.objection(row.name))
+            return [by_name[name] for name in islice(names, JOINED)]
+
+        pairs, steps = [(one, other) for one in best("feedforward") for other in best(*ESTIMATORS)], []
+        for one, other in pairs:
+            law = fixed(self.found[one.name])
+            # a feedforward leaves the margins unchanged, so the trials of the estimator keep the limits
+            schemes = [replace(scheme, feedforward=law) for scheme in self.found[other.name].schemes]
+            steps.append(
+                Step(f"compensator-{one.name}-{other.name}", evaluate, (self.bench, schemes, (), False), Evaluation)
+            )
+        for (one, other), evaluation in zip(pairs, self.run(steps), strict=True):
+            self._add(_joined(one, other, evaluation, u), evaluation)
+        self.run_cases()
+
+    def add_table(self, u: Words) -> None:
+        """Run the best compensator of each kind with the table over position."""
+        best = {
+            kind: row for row in reversed(self.ranked()) if row.rank is not None and (kind := row.kind) in WITH_TABLE
+        }
+        steps = []
+        for row in best.values():
+            scheme = self.found[row.name].scheme
+            assert scheme is not None
+            # a feedforward leaves the margins unchanged
+            arguments = self.bench, [replace(scheme, table=True)], (), False
+            steps.append(Step(f"compensator-{row.name}-table", evaluate, arguments, Evaluation))
+        for row, evaluation in zip(best.values(), self.run(steps), strict=True):
+            self._add(_with_table(row, evaluation, u), evaluation)
+        self.run_cases()
+
+    def _add(self, row: CompensatorResult, evaluation: Evaluation) -> None:
+        self.rows[row.name], self.found[row.name] = row, evaluation
 
 
 def _violated(bench: AxisBench, scheme: Scheme) -> dict[str, str]:
@@ -287,9 +352,8 @@ def tuned(
     known: AxisKnowledge,
     limits: Limits,
     gains: Sequence[float],
-    tried: Sequence[Case],
 ) -> Evaluation:
-    """Tune a compensator within the limits, and run the best trial on axes that differ."""
+    """Tune a compensator within the limits."""
     schemes = trials(candidate, known, bench.speed, limits, gains)
     if not schemes:
         margin = f"Ms at most {limits.Ms:.3g} and a delay margin of at least {limits.delay:.3g} samples"
@@ -299,7 +363,7 @@ def tuned(
             )
         tuned_value = "bandwidth" if candidate.has_bandwidth else "gain"
         return Evaluation(None, None, (), (), None, f"No {tuned_value} gives {margin}.")
-    return evaluate(bench, schemes, tried)
+    return evaluate(bench, schemes, (), False)
 
 
 def fixed(evaluation: Evaluation) -> Compensator:
@@ -308,25 +372,6 @@ def fixed(evaluation: Evaluation) -> Compensator:
     assert scheme is not None
     assert scheme.compensator is not None
     return replace(scheme.compensator, values={**scheme.compensator.values, "gain": scheme.gain})
-
-
-def _pairs(
-    ranked: Sequence[CompensatorResult], known: Sequence[Candidate], objections: Callable[[str], dict[str, str]]
-) -> list[tuple[Candidate, Candidate]]:
-    """Return the best feedforwards, each with the best estimators, without those to which the doctor objects."""
-    by_name = {candidate.name: candidate for candidate in known}
-
-    def best(*kinds: str) -> list[Candidate]:
-        names = [row.name for row in ranked if row.kind in kinds and row.rank is not None and row.worst is not None]
-        return [by_name[name] for name in islice((name for name in names if not objections(name)), JOINED)]
-
-    return [(feedforward, estimator) for feedforward in best("feedforward") for estimator in best(*ESTIMATORS)]
-
-
-def _best_of_each_kind(ranked: Sequence[CompensatorResult]) -> list[CompensatorResult]:
-    """Return the best compensator of each kind that a table over position is added to."""
-    best = {kind: row for row in reversed(ranked) if row.rank is not None and (kind := row.kind) in WITH_TABLE}
-    return list(best.values())
 
 
 def _with_table(row: CompensatorResult, evaluation: Evaluation, u: Words) -> CompensatorResult:

@@ -1,7 +1,5 @@
 """Configuration of a study, read from TOML."""
 
-from __future__ import annotations
-
 import math
 import shlex
 from collections.abc import Callable, Mapping
@@ -53,8 +51,9 @@ class Compensation:
         Names of laws.
     gains : tuple of float
         Gains of the compensation; values above 1 show the effect of over-compensation.
-    mismatch : float
-        Relative error of friction and mass in the robustness runs, such as 0.1.
+    mismatch, mass_mismatch : float
+        Relative errors of friction and mass in the robustness runs. A record determines both better; friction of a
+        warm machine repeats to some percent, and changes more from a cold start or with wear.
     motion_feedforward : bool
         Whether the servo receives the reference velocity and acceleration, so that friction dominates the error.
     duration : float or None
@@ -67,7 +66,8 @@ class Compensation:
 
     compensators: tuple[str, ...] | str = BEST_KNOWN_LAWS
     gains: tuple[float, ...] = (0.2, 0.4, 0.6, 0.8, 1.0, 1.2)
-    mismatch: float = 0.1
+    mismatch: float = 0.05
+    mass_mismatch: float = 0.02
     motion_feedforward: bool = True
     duration: float | None = None
     delays: tuple[int, ...] = (1, 2)
@@ -278,8 +278,8 @@ def _period(table: TomlTable) -> float:
 
 
 def _compensation(table: TomlTable) -> Compensation:
-    known = ("compensators", "gains", "mismatch", "motion_feedforward", "duration", "delays", "Ms", "delay_margin")
-    table.known(known)
+    known = ("compensators", "gains", "mismatch", "mass_mismatch", "motion_feedforward", "duration", "delays", "Ms")
+    table.known((*known, "delay_margin"))
     default = Compensation()
     remedy = "a list of numbers above 0 and up to 2"
     gains = table.take("gains", lambda value: _list(value, lambda each: 0 < each <= 2), remedy, default.gains)
@@ -289,6 +289,7 @@ def _compensation(table: TomlTable) -> Compensation:
         _names(table, "compensators", BEST_KNOWN_LAWS),
         gains,
         _number(table, "mismatch", default.mismatch, low=0.0, high=0.9),
+        _number(table, "mass_mismatch", default.mass_mismatch, low=0.0, high=0.9),
         _flag(table, "motion_feedforward", default.motion_feedforward),
         _number(table, "duration", low=0.0, above=True) if "duration" in table else None,
         _delays(table),

@@ -16,14 +16,7 @@ from friction_fmus.axis.servo_loop import closed_loop, run_loop
 from friction_fmus.blocks.axis_units import domain_of
 from friction_fmus.data import EMPS_PUBLISHED, load_emps
 from friction_fmus.export.block_fmu import build_record
-from friction_fmus.identification import (
-    Array,
-    Measurement,
-    Record,
-    filtered_motion,
-    read_mapping,
-    read_measurement,
-)
+from friction_fmus.identification import Array, Measurement, Record, filtered_motion, read_mapping, read_measurement
 from friction_fmus.identification.data.reading import default_windows
 from friction_fmus.study.config import ConfigError, StudyConfig
 from friction_fmus.study.model_ranking import Measured
@@ -119,10 +112,8 @@ def tribometer() -> tuple[Record, ...]:
 
 
 def build_reference(t: Array, r: Array, folder: Path, name: str, rotary: bool = False) -> Path:
-    """Return an FMU that outputs a reference and its derivatives, computed by central differences.
-
-    A run ends one sample after the last of the record: for this sample the reference keeps its last velocity.
-    """
+    """Return an FMU that outputs a reference and its derivatives, computed by central differences."""
+    # A run ends one sample after the last of the record: for this sample the reference keeps its last velocity.
     Ts = float(t[-1] - t[0]) / (len(t) - 1)  # with the times themselves, rounding would leave a velocity at rest
     t, r = np.append(t, 2.0 * t[-1] - t[-2]), np.append(r, 2.0 * r[-1] - r[-2])
     rd = np.gradient(r, Ts)

@@ -1,7 +1,5 @@
 """The motion that a record lacks: a chirp on a slow motion, which shows up to which frequency an axis is rigid."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final

@@ -1,7 +1,5 @@
 """What to set in the drive and what to measure after a study, in sentences."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Final
 
@@ -13,11 +11,7 @@ from friction_fmus.listings import shown
 from friction_fmus.study.comparison import Comparison
 from friction_fmus.study.evaluation import AxisBench, Scheme
 from friction_fmus.study.recommendation import AS_MEASURED, improves
-from friction_fmus.study.study_result import (
-    CompensatorResult,
-    ModelResult,
-    Rung,
-)
+from friction_fmus.study.study_result import CompensatorResult, ModelResult, Rung
 
 LATE: Final = 0.01  # relative difference of the feedforward from the mass of the axis that is explained
 SENSITIVE = 1.5  # factor by which the error rises in a case that is worth a measurement

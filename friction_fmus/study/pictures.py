@@ -1,7 +1,5 @@
 """Pictures of a study: the record over time, velocity and position, with the simulations of the best models."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from typing import Final
 
@@ -9,15 +7,8 @@ import numpy as np
 
 from friction_fmus.axis.loop_assembly import block, typed, viscous_beside
 from friction_fmus.identification import Array, AxisUnits, Record, decimate, filtered_motion
-from friction_fmus.study.model_ranking import (
-    IdentifiedModel,
-)
-from friction_fmus.study.study_result import (
-    Picture,
-    StudyCurve,
-    curve,
-    thinned,
-)
+from friction_fmus.study.model_ranking import IdentifiedModel
+from friction_fmus.study.study_result import Picture, StudyCurve, curve, thinned
 from harness import Experiment, FmuPart, SeriesPart, System
 
 DRAWN: Final = 4  # number of models to plot, best first

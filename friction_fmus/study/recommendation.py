@@ -7,6 +7,8 @@
    of the smallest one are equivalent: the one with the fewest blocks comes first, then the one with the fewest cycles.
    The error of the simulated axis on the recorded motion is added to both, as the axis has it with each of them; of two
    with as many blocks, it does not make the worse one equivalent.
+4. Compensators that were not run in the other cases, because their error on the identified axis is above the worst case
+   of another one, follow in the order of this error.
 """
 
 from __future__ import annotations
@@ -28,7 +30,13 @@ def rank(none: CompensatorResult, rows: Sequence[CompensatorResult], model: floa
     """Rank the compensators on an axis that follows the recorded motion with the rms error `model`."""
     left = sorted(
         (_judged(none, row) for row in rows if row.metrics is not None),
-        key=lambda row: (not row.improves, inf if row.worst is None else row.worst, row.name),
+        key=lambda row: (
+            not row.improves,
+            row.untried,
+            inf if row.worst is None else row.worst,
+            nominal(row),
+            row.name,
+        ),
     )
     ordered: list[CompensatorResult] = []
     while left:
@@ -52,8 +60,18 @@ def _simplicity(row: CompensatorResult) -> tuple[int, float, float, str]:
 def equivalent(best: CompensatorResult, row: CompensatorResult, model: float) -> bool:
     """Return whether a compensator is as good as a better one: its worst-case error is at most `WORTH` larger."""
     if best.worst is None or row.worst is None:
-        return best.worst is row.worst and best.improves == row.improves
-    return best.improves == row.improves and (1.0 - WORTH) * hypot(row.worst, model) <= hypot(best.worst, model)
+        return row is best or (best.worst is row.worst and best.improves == row.improves and not row.untried)
+    return best.improves == row.improves and within_worth(best.worst, row.worst, model)
+
+
+def within_worth(best: float, error: float, model: float) -> bool:
+    """Return whether an error is at most `WORTH` above the smallest one, on an axis with the error `model` besides."""
+    return (1.0 - WORTH) * hypot(error, model) <= hypot(best, model)
+
+
+def nominal(row: CompensatorResult) -> float:
+    """Return the error on the identified axis."""
+    return inf if row.metrics is None else row.metrics.rms
 
 
 def blocks(row: CompensatorResult) -> int:
@@ -63,6 +81,8 @@ def blocks(row: CompensatorResult) -> int:
 
 def extremes(row: CompensatorResult, none: CompensatorResult) -> CompensatorResult:
     """Return the result with its extreme errors over the worst cases; no largest if a run fails only with it."""
+    if row.metrics is not None and none.corners and not row.corners:
+        return replace(row, untried=True)
     possible = zip(none.corners, row.corners, strict=True)
     runs = [row.metrics, *(own.metrics for alone, own in possible if own.counts and alone.metrics is not None)]
     errors = [run.rms for run in runs if run is not None]
@@ -73,7 +93,8 @@ def extremes(row: CompensatorResult, none: CompensatorResult) -> CompensatorResu
 def _judged(none: CompensatorResult, row: CompensatorResult) -> CompensatorResult:
     """Return the result with `worst`, `best` and `improves` set."""
     row = extremes(row, none)
-    counted = [(a.metrics, b.metrics) for a, b in zip(none.corners, row.corners, strict=True) if b.counts]
+    cases = () if row.untried else zip(none.corners, row.corners, strict=True)
+    counted = [(a.metrics, b.metrics) for a, b in cases if b.counts]
     improves = all(_reduces(a, b) for a, b in [(none.metrics, row.metrics), *counted])
     return replace(row, improves=improves and _certain(none.metrics, row.metrics))
 
@@ -181,10 +202,8 @@ def recommend(
         return Recommendation(first.name, reason, first.gain)
     second = improving[1]
     assert second.metrics is not None
-    also = (
-        f"{second.name} reaches {shown(second.metrics.rms, unit)} rms and {_worst(second, unit)} in the worst case. "
-        f"{_figures(none, second, u)}"
-    )
+    worst = "" if second.untried else f" and {_worst(second, unit)} in the worst case"
+    also = f"{second.name} reaches {shown(second.metrics.rms, unit)} rms{worst}. {_figures(none, second, u)}"
     return Recommendation(first.name, reason, first.gain, second.name, also)
 
 

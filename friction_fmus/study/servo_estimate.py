@@ -1,7 +1,5 @@
 """Estimate of the servo of an axis from a record with reference, position and drive force."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from itertools import product
@@ -67,12 +65,11 @@ class _Attempt:
 
 
 def estimate_servo(record: Record) -> EstimatedServo | None:
-    """Return the servo that reproduces the recorded drive force, or None if none of the known laws does.
-
-    The force is fitted by linear least squares for each velocity window, delay, and with or without feedforward of the
-    velocity, of the acceleration, of Coulomb friction, and integral action, and for a low-pass filter of the velocity
-    beside the best of them. Of those that fit nearly as well as the best, the one with the fewest features is taken.
-    """
+    """Return the servo that reproduces the recorded drive force, or None if none of the known laws does."""
+    # The force is fitted by linear least squares for each velocity window, delay, and with or without feedforward of
+    # the velocity, of the acceleration, of Coulomb friction, and integral action, and for a low-pass filter of the
+    # velocity beside the best of them. Of those that fit nearly as well as the best, the one with the fewest features
+    # is taken.
     if record.reference is None or record.q is None or record.force is None or len(record) < 20 * SETTLING:
         return None
     highest = float(np.max(np.abs(record.force)))

@@ -1,7 +1,5 @@
 """The file of settings that a study of a bare data file writes for the next step."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -16,7 +14,7 @@ from friction_fmus.identification.data.formats import read_table
 from friction_fmus.identification.data.mapping import MISSING, Column
 from friction_fmus.identification.data.reading import default_windows
 from friction_fmus.identification.data.tables import DataTable
-from friction_fmus.study.config import OPTIONAL_GAINS, StudyConfig
+from friction_fmus.study.config import BEST_KNOWN_MODELS, OPTIONAL_GAINS, StudyConfig
 from friction_fmus.study.data import Data
 from friction_fmus.study.study_result import WrittenFile
 from harness.storage.files import atomic_path
@@ -73,7 +71,7 @@ def settings_text(table: DataTable, known: Known, file: str, more: Sequence[str]
             *_windows(known.measurement),
             "",
             "[identify]",
-            'models = ["Coulomb", "Stribeck", "LuGre"]  # or "all"',
+            f'models = [{", ".join(map(quoted, BEST_KNOWN_MODELS))}]  # or "all"',
             "",
             *_servo(known),
             "",

@@ -1,7 +1,5 @@
 """Steps of a study in parallel; the result of each is cached, so that an interrupted study can be resumed."""
 
-from __future__ import annotations
-
 import gc
 import hashlib
 import json
@@ -55,7 +53,6 @@ class StepCache:
     """Cache of the results of steps, as JSON files."""
 
     def __init__(self, folder: Path) -> None:
-        """Create the folder."""
         self.folder = folder
         make_folder(folder)
         self.reused = 0  # number of results read from the cache

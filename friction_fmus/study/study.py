@@ -28,8 +28,9 @@ from friction_fmus.study.comparison import Comparison, clear, compare
 from friction_fmus.study.compensators import AxisKnowledge, check_names, period_of
 from friction_fmus.study.config import ALL, OF_RECORD, ConfigError, StudyConfig, load_config
 from friction_fmus.study.data import Data, build_reference, check_period, load_data, measured_servo
-from friction_fmus.study.evaluation import AxisBench, Scheme, motion_feedforward
+from friction_fmus.study.evaluation import LATE, AxisBench, Scheme, motion_feedforward
 from friction_fmus.study.model_ranking import (
+    INVERSE,
     IdentifiedModel,
     identify_model,
     inverse_model,
@@ -56,6 +57,7 @@ from friction_fmus.study.study_result import (
 from friction_fmus.study.trust import (
     NOT_SIMULATED,
     band_of,
+    bias_findings,
     claim_findings,
     force_findings,
     loop_findings,
@@ -299,7 +301,7 @@ class _Study:
             models = ranked(without_loop(models))
         models = [without_unknown_static_friction(found) for found in models]
         best = models[0]
-        findings += static_friction_findings(best, data.longest.units)
+        findings += [*static_friction_findings(best, data.longest.units), *bias_findings(best, data.longest)]
         if not any(finding.stops for finding in findings):  # otherwise the mass is a consequence
             findings += mass_findings(self.config.servo, best, data.longest.units.words)
         if best.row.rank is None:
@@ -319,7 +321,9 @@ class _Study:
             band = comparison.limits.band
             metrics = comparison.recommended.metrics
             left = math.inf if metrics is None else metrics.rms
-            findings += claim_findings(bench, band, beyond, data.longest.units, left)
+            corners = {corner.name: corner.metrics for corner in comparison.recommended.corners}
+            late = 0.0 if (found := corners.get(LATE)) is None else found.rms
+            findings += claim_findings(bench, band, beyond, data.longest.units, left, late)
             (self.out / EXPERIMENT_FILE).unlink(missing_ok=True)
             if narrow(bench, band):
                 level = AxisKnowledge(bench.servo, bench.plant, {}).level
@@ -398,8 +402,10 @@ class _Study:
         if measured is None:
             return ranked(found)
         smallest = min((each.error for each in found if each.error is not None), default=0.0)
+        # the simplest one always: with Fs = Fc, that of Stribeck has parameters without effect, which leave an error
+        simple = [each.row.name == INVERSE and each.error is not None for each in found]
         close = [each.error is not None and each.error <= CLOSE * smallest for each in found]
-        chosen = [each for each, is_close in zip(found, close, strict=True) if is_close]
+        chosen = [each for each, one, other in zip(found, simple, close, strict=True) if one or other]
         chosen.sort(key=lambda each: "needs force" not in catalogue()[each.block].features)  # the slowest first
         steps = [Step(f"loop-{each.row.name}", refine, (each, measured, *records), IdentifiedModel) for each in chosen]
         refined = self._run(steps, 0.4, 0.6)

@@ -1,7 +1,5 @@
 """Export of the recommended compensator: FMU, C code, the whole axis as SSP, and parameters as SSV."""
 
-from __future__ import annotations
-
 import textwrap
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -14,7 +12,7 @@ from friction_fmus.axis.servo_loop import accurate, closed_loop, recorded, with_
 from friction_fmus.blocks.axis_units import Words, domain_of
 from friction_fmus.blocks.catalogue import find
 from friction_fmus.codegen.law_export import export_law
-from friction_fmus.codegen.laws import law_of
+from friction_fmus.codegen.layout import law_of
 from friction_fmus.codegen.servo_law import LAWS, LOOP_FILE, SHARED, LoopFile, LoopLaw, loop_text
 from friction_fmus.export.block_fmu import build
 from friction_fmus.lawkit.law import Kind
@@ -160,8 +158,7 @@ def export_composites(folder: Path, whole: System) -> tuple[WrittenFile, ...]:
             "`axis.F_drive`",
         ),
         WrittenFile(
-            f"{folder.name}/servo_axis.fmu",
-            f"The same with servo and compensator; connect the reference to {inputs}",
+            f"{folder.name}/servo_axis.fmu", f"The same with servo and compensator; connect the reference to {inputs}"
         ),
     )
 
@@ -329,9 +326,7 @@ def _parameters(path: Path, values: Mapping[str, float | int | bool]) -> dict[st
     about = open_archive(path).variables
     return {
         name: Parameter(
-            value,
-            known[name].unit if known[name].type == "Real" else None,
-            description=about[name].description or "",
+            value, known[name].unit if known[name].type == "Real" else None, description=about[name].description or ""
         )
         for name, value in values.items()
     }

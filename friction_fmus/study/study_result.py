@@ -299,6 +299,7 @@ class CompensatorResult:
     worst: float | None = None
     best: float | None = None
     """Largest and smallest `rms` of `metrics` and of the corners that count."""
+    untried: bool = False  # whether it was not run on other axes, as another one is better there than this one here
     cycles: float | None = None
     flash: float | None = None
     """Estimated cycles of one sample and size of the C code on a Cortex-M4F [bytes]; None without C code."""
@@ -423,7 +424,6 @@ class StudyResult:
         return "published" if self.citation else "true"
 
     def __repr__(self) -> str:
-        """Return a summary in one line."""
         return study_text(self)
 
     def _repr_html_(self) -> str:

@@ -132,7 +132,10 @@ def static_friction_findings(best: IdentifiedModel, units: AxisUnits) -> tuple[S
     return (StudyFinding("static-friction-unknown", what, "Record slow strokes at constant speeds."),)
 
 
-NOT_SIMULATED: Final = ("saturated", "friction-drifts", "offset-drifts", "gravity", "backlash", "two-masses")
+NOT_SIMULATED: Final = (
+    *("saturated", "friction-drifts", "offset-drifts", "gravity", "backlash", "two-masses"),
+    *("load-dependent-friction", "friction-varies", "direction-dependent-viscous-friction"),
+)
 """Findings about the plant that the simulated axis, a rigid mass with friction, does not have."""
 
 NARROW: Final = 1.5
@@ -149,6 +152,11 @@ COMPARABLE: Final = 0.57
 claimed: both together are then more than 15 % larger."""
 
 
+SENSITIVE: Final = 1.15
+"""Error with an acceleration of the reference that is a sample late, in parts of the error, above which that is not
+claimed."""
+
+
 def model_error(best: IdentifiedModel, record: Record) -> float:
     """Return the rms error of the simulated axis in the recorded loop, without the noise of the position; 0 if unknown.
 
@@ -156,16 +164,38 @@ def model_error(best: IdentifiedModel, record: Record) -> float:
     """
     if not best.row.closed_loop or record.q is None:
         return 0.0
-    noise = max(position_noise(record.q, 8), record.quantum / math.sqrt(12.0))  # in motion, the first has the rounding
-    return math.sqrt(max(best.row.closed_loop[0].rms ** 2 - noise**2, 0.0))
+    return math.sqrt(max(best.row.closed_loop[0].rms ** 2 - noise_of(record) ** 2, 0.0))
+
+
+def noise_of(record: Record) -> float:
+    """Return the rms noise of a recorded position; in motion, it has the rounding."""
+    return 0.0 if record.q is None else max(position_noise(record.q, 8), record.quantum / math.sqrt(12.0))
+
+
+BIASED: Final = 3.0  # error of the model over the noise of the position above which it counts as biased
+
+
+def bias_findings(best: IdentifiedModel, record: Record) -> tuple[StudyFinding, ...]:
+    """Return a finding if the simulated axis follows a record so badly that its intervals do not hold."""
+    error, noise, units = model_error(best, record), noise_of(record), record.units
+    if error <= BIASED * noise:
+        return ()
+    what = (
+        f"The model is biased: the simulated axis follows the recorded position to {shown(error, units.position)} rms "
+        f"only, and the position has a noise of {shown(noise, units.position)}. {best.row.name} friction and a rigid "
+        f"{units.words.mass} lack a part of this axis, so that the true parameters may lie outside of the intervals."
+    )
+    change = "Look at the residual over time, speed and position for what is missing."
+    return (StudyFinding("model-biased", what, change),)
 
 
 def claim_findings(
-    bench: AxisBench, band: float, beyond: Sequence[str], units: AxisUnits, left: float = math.inf
+    bench: AxisBench, band: float, beyond: Sequence[str], units: AxisUnits, left: float = math.inf, late: float = 0.0
 ) -> tuple[StudyFinding, ...]:
     """Return a finding if the tracking errors of the simulated axis need not come true on the machine.
 
-    `left` is the error that the recommended compensator leaves on the simulated axis.
+    `left` is the error that the recommended compensator leaves on the simulated axis, `late` that with a later
+    acceleration of the reference.
     """
     model = bench.model_error
     natural = bench.bandwidth / (2.0 * math.pi)
@@ -182,6 +212,11 @@ def claim_findings(
         reasons.append(
             f"the simulated axis follows the recorded motion to {shown(model, units.position)} rms only, so that about "
             f"{expected} must be expected instead of {shown(left, units.position)}"
+        )
+    if late > SENSITIVE * left:
+        reasons.append(
+            f"it becomes {shown(late, units.position)} instead of {shown(left, units.position)} if the acceleration "
+            "that the drive feeds forward changes a sample later than here, which no record shows"
         )
     if not reasons:
         return ()

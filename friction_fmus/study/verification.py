@@ -1,7 +1,5 @@
 """Comparison of a study with a record that was taken with its recommendation."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -87,10 +85,8 @@ def _changes(records: Sequence[Record], known: Mapping[str, float]) -> Iterator[
 
 
 def _direction(records: Sequence[Record], servo: Servo | None, known: Mapping[str, float]) -> Iterator[str]:
-    """Yield what the part of the error that follows the direction of motion says of the compensation.
-
-    In slow motion, a servo without integral action needs the error F/Kp for a force F that nothing compensates.
-    """
+    """Yield what the part of the error that follows the direction of motion says of the compensation."""
+    # In slow motion, a servo without integral action needs the error F/Kp for a force F that nothing compensates.
     if servo is None or servo.pid[2] or not known.get("Fc"):
         return
     columns, errors = [], []

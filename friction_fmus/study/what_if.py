@@ -1,7 +1,5 @@
 """The axis that the report simulates in the browser: the servo alone and the recommendation as WebAssembly modules."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack
@@ -20,7 +18,6 @@ from friction_fmus.study.evaluation import AxisBench, Scheme, off_by, system_of
 from friction_fmus.study.study_result import CompensatorResult, Metrics
 from harness import FmuPart, HarnessError, System, Wire
 from harness.compiling.platforms import WASM
-from harness.masters import find_master
 from harness.system.wire import split_name
 
 SOURCES: Final = ("reference", "noise")  # parts whose outputs are inputs of the modules
@@ -71,7 +68,6 @@ class WhatIf:
     """Reference, and noise of the measured position of standard deviation 1; empty without noise."""
     run_up: int = 0  # number of samples before the first one of the record
     whole: bool = True  # whether the reference is that of the study, not only its first `LONGEST` samples
-    same_master: bool = True  # whether the study solves friction and motion together, as the modules do
 
 
 def panel_of(bench: AxisBench, found: Sequence[tuple[CompensatorResult, Scheme]], noise: Array) -> WhatIf | str:
@@ -89,21 +85,18 @@ def what_if(bench: AxisBench, found: Sequence[tuple[CompensatorResult, Scheme]],
         # they are started side by side when they are compiled: none shares a part with another one
         systems = [stack.enter_context(variable_system(bench, scheme, PartPool())) for _, _, scheme in shown]
         knobs = knobs_of(bench, [scheme for _, _, scheme in shown], systems)
-        same_master = all(s.experiment and find_master(s.experiment.master).composed for s in systems)
         with ThreadPoolExecutor(len(systems)) as threads:
             models = list(threads.map(_module, systems, [f"axis{i}" for i in range(len(systems))]))
     runs = tuple(PanelRun(name, metrics, model) for (name, metrics, _), model in zip(shown, models, strict=True))
     kept = slice(LONGEST)
     heard = noise[kept] if "noise" in systems[0].parts else np.zeros(0)
-    return WhatIf(runs, knobs, bench.servo.Ts, bench.r[kept], heard, bench.run_up, len(bench.r) <= LONGEST, same_master)
+    return WhatIf(runs, knobs, bench.servo.Ts, bench.r[kept], heard, bench.run_up, len(bench.r) <= LONGEST)
 
 
 def variable_system(bench: AxisBench, scheme: Scheme, pool: PartPool) -> System:
-    """Return the axis with a scheme as a system in which delay and encoder step are parameters, too.
-
-    Sums of `DELAYS` delayed commands, of which one has the gain 1, are in place of the delay of the connection: it is
-    the same delay, whereas a continuous actuator would add a step. An encoder of step 0 is exact.
-    """
+    """Return the axis with a scheme as a system in which delay and encoder step are parameters, too."""
+    # Sums of `DELAYS` delayed commands, of which one has the gain 1, are in place of the delay of the connection: it is
+    # the same delay, whereas a continuous actuator would add a step. An encoder of step 0 is exact.
     servo = replace(scheme.servo, delay=0, quantum=scheme.servo.quantum or 1.0)
     system = system_of(bench, replace(scheme, servo=servo), pool)
     assert system.experiment is not None
@@ -151,15 +144,7 @@ def knobs_of(bench: AxisBench, schemes: Sequence[Scheme], systems: Sequence[Syst
 
     return (
         Knob("friction", f"all friction {u.force}s of the axis", "", 1.0, 0.1, 4.0, tuple(frictions)),
-        Knob(
-            u.mass,
-            "moved by the drive",
-            u.kg,
-            mass,
-            0.25 * mass,
-            4.0 * mass,
-            alike({"axis.m": 1.0}),
-        ),
+        Knob(u.mass, "moved by the drive", u.kg, mass, 0.25 * mass, 4.0 * mass, alike({"axis.m": 1.0})),
         Knob(
             "delay",
             f"from command to {u.force}, in samples of {1e3 * servo.Ts:g} ms",

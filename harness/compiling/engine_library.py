@@ -1,7 +1,5 @@
 """The compiled engine and the structs that it shares with Python."""
 
-from __future__ import annotations
-
 import ctypes
 import re
 from functools import cache
@@ -11,8 +9,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from harness.compiling.platforms import NATIVE, native_library
-from harness.compiling.shared_library import missing_bytes
+from harness.compiling.platforms import NATIVE, missing_bytes, native_library
 
 _POINTER, _INT = ctypes.c_void_p, ctypes.c_int64
 _NUMBERS = ctypes.POINTER(ctypes.c_double)

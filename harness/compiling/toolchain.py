@@ -1,7 +1,5 @@
 """The C compiler: zig from PyPI, so that no system compiler is needed, or the command in ``CC``."""
 
-from __future__ import annotations
-
 import hashlib
 import os
 import platform

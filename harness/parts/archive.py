@@ -1,7 +1,5 @@
 """FMU files: all checks before an FMU is unpacked and loaded."""
 
-from __future__ import annotations
-
 import math
 import zipfile
 from collections.abc import Mapping

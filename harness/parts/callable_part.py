@@ -1,7 +1,5 @@
 """Parts made from Python functions."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import TypeAlias
 
@@ -59,7 +57,6 @@ class CallablePart(Part):
         sampled: bool = False,
         every: int = 1,
     ) -> None:
-        """Check that the dependencies name ports of this part."""
         self.name = name
         self.function = function
         self.inputs = tuple(port if isinstance(port, Port) else Port(port) for port in inputs)

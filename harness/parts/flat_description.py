@@ -1,7 +1,5 @@
 """The description of an FMI 3.0 FMU as the harness sees it: each element of an array is a variable of its own."""
 
-from __future__ import annotations
-
 import itertools
 import math
 from collections.abc import Iterator, Mapping, Sequence

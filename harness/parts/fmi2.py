@@ -1,7 +1,5 @@
 """One FMI 2.0 instance: its loaded library, its log, its saved states, and the status of every call."""
 
-from __future__ import annotations
-
 import ctypes
 import logging
 import math
@@ -15,7 +13,7 @@ from typing import Any, Final, TypeAlias
 import fmpy
 import fmpy.fmi2
 
-from harness.compiling.shared_library import missing_bytes
+from harness.compiling.platforms import missing_bytes
 from harness.errors import ENDED, FmuError, PartError
 from harness.parts.archive import Archive
 from harness.parts.integrator import FUNCTIONS
@@ -45,13 +43,11 @@ DO_STEP: Final = ctypes.CFUNCTYPE(_INT, _POINTER, _REAL, _REAL, _INT)  # fmi2DoS
 
 
 class Library:
-    """An unpacked FMU with its loaded shared library.
+    """An unpacked FMU with its loaded shared library."""
 
-    Each part has its own copy, so that an FMU with static variables can be used in several parts.
-    """
+    # Each part has its own copy, so that an FMU with static variables can be used in several parts.
 
     def __init__(self, archive: Archive, name: str) -> None:
-        """Unpack the FMU and load its library."""
         folder = ScratchFolder()
         self.folder = Path(folder.name)
         with LOADING:
@@ -124,7 +120,6 @@ class State:
     """Handle of a saved state of an FMU."""
 
     def __init__(self) -> None:
-        """Refer to no state yet."""
         self.pointer = ctypes.c_void_p()
         self.time = math.nan  # of an FMU for model exchange [s], which does not tell it
 
@@ -133,7 +128,6 @@ class Instance:
     """One instance of an FMU for co-simulation, from instantiation to release."""
 
     def __init__(self, library: Library, archive: Archive, name: str) -> None:
-        """Instantiate the FMU with logging on."""
         self._dll: Any = library.slave.dll
         self.name = name
         self.last_message = ""
@@ -286,10 +280,8 @@ class Instance:
 
 
 def _format_messages(callbacks: Any) -> None:
-    """Insert fmpy's native formatter before the logger, as Python cannot read the printf arguments of a message.
-
-    The formatter is not available on every platform; without it, messages keep their format specifiers.
-    """
+    """Insert fmpy's native formatter before the logger, as Python cannot read the printf arguments of a message."""
+    # The formatter is not available on every platform; without it, messages keep their format specifiers.
     try:
         from fmpy.logging import addLoggerProxy
     except Exception:

@@ -1,7 +1,5 @@
 """FMI 3.0 FMUs behind the functions of FMI 2.0 that the rest of the harness calls; the C is in fmi3_adapter.h."""
 
-from __future__ import annotations
-
 import ctypes
 import math
 import os

@@ -27,7 +27,6 @@ class ExchangeInstance(Instance):
     """One instance of an FMU for model exchange, which steps like one for co-simulation."""
 
     def __init__(self, library: Library, archive: Archive, name: str) -> None:
-        """Instantiate the FMU and make its solver."""
         super().__init__(library, archive, name)
         description = archive.description
         needed = {"CompletedIntegratorStep": archive.interface.needsCompletedIntegratorStep}
@@ -182,7 +181,6 @@ class FmuPart(Part):
         isolate: bool = False,
         timeout: float = 10.0,
     ) -> None:
-        """Check the file and read its model description."""
         if not (is_number(timeout) and 0.0 < timeout <= LONGEST_TIMEOUT):
             raise HarnessError(
                 f"the timeout of '{name}' is {shown(timeout)}: "

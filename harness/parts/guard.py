@@ -5,8 +5,6 @@ that changes the working directory, one that calls exit(). It cannot protect aga
 outlive the run, or against malicious code.
 """
 
-from __future__ import annotations
-
 import atexit
 import ctypes
 import locale
@@ -56,7 +54,6 @@ class Guard:
     """Guard that watches the parts of a system while they are loaded, run and freed."""
 
     def __init__(self, parts: Sequence[Part]) -> None:
-        """Find the parts to watch."""
         self._parts = parts
         self.watched = {part.name: part for part in parts if isinstance(part, FmuPart) and not part.isolate}
         self.acting: str | None = None

@@ -99,7 +99,6 @@ class Integrator:
     def __init__(
         self, component: int, addresses: Mapping[str, int], states: tuple[str, ...], indicators: int, inputs: int
     ) -> None:
-        """Make the solver."""
         engine = library()
         self.functions = {name: _address(engine, f"integrator_{export}") for name, export in _EXPORTED.items()}
         self.states = states

@@ -1,7 +1,5 @@
 """Parts and their ports, the elements of a system."""
 
-from __future__ import annotations
-
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -64,7 +62,6 @@ class Port:
     held: bool = False
 
     def __post_init__(self) -> None:
-        """Check that files can hold the name."""
         if not is_line(self.name):
             raise HarnessError(f"the name {shown(self.name)} of a port has control characters: rename it")
 
@@ -180,7 +177,6 @@ class Part(ABC):
         return nearest(name, known)
 
     def __repr__(self) -> str:
-        """Return the kind, the name and the numbers of variables."""
         return part_text(self)
 
     def _repr_html_(self) -> str:

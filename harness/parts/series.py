@@ -68,7 +68,6 @@ class SeriesPart(Part):
         beyond: Literal["error", "hold"] = "error",
         path: Path | None = None,
     ) -> None:
-        """Check the table."""
         self.name = name
         self.path = path
         self.interpolation = interpolation

@@ -12,17 +12,14 @@ from harness.extras import lazy_names
 
 if TYPE_CHECKING:
     from harness.result import Result
-    from harness.results.csv_file import to_csv
-    from harness.results.mat_file import to_mat
-    from harness.results.netcdf_file import to_netcdf
-    from harness.results.parquet_file import to_parquet
+    from harness.results.formats import to_csv, to_mat, to_netcdf, to_parquet
 else:
     __getattr__, __dir__ = lazy_names(__name__)
 
 __all__ = ["FORMATS", "load_result", "save_result", "to_csv", "to_mat", "to_netcdf", "to_parquet"]
 
 FORMATS: Final = {".csv": "csv", ".parquet": "parquet", ".nc": "netcdf", ".mat": "mat"}
-"""Format of each suffix; the module ``FORMAT_file`` has the functions ``to_FORMAT`` and ``from_FORMAT``."""
+"""Format of each suffix; `harness.results.formats` has the functions ``to_FORMAT`` and ``from_FORMAT``."""
 
 
 def save_result(result: Result, path: str | Path) -> None:
@@ -90,7 +87,7 @@ def load_result(path: str | Path) -> Result:
 def _function(direction: str, suffix: str) -> Callable[..., Any]:
     """Return the writer ("to") or reader ("from") for a suffix, and import the libraries of the format."""
     name = FORMATS[suffix]
-    function: Callable[..., Any] = getattr(import_module(f"harness.results.{name}_file"), f"{direction}_{name}")
+    function: Callable[..., Any] = getattr(import_module("harness.results.formats"), f"{direction}_{name}")
     return function
 
 

@@ -4,8 +4,6 @@ The communication step is also written to the annotations of the Open Simulation
 libcosim and OMSimulator read.
 """
 
-from __future__ import annotations
-
 import logging
 from collections.abc import Callable, Mapping
 from contextlib import suppress

@@ -1,7 +1,5 @@
 """Start values from the parameter bindings of an SSD (SSP 1.0 and 2.0, 5.3.2)."""
 
-from __future__ import annotations
-
 import logging
 from collections.abc import Container, Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -10,12 +8,20 @@ from lxml import etree
 
 from harness.errors import SystemFileError
 from harness.parts.part import StartValue
-from harness.ssp.arrays import count, shown
 from harness.ssp.flatten import Network
 from harness.ssp.package import SPACES, SSM, SSV, Package, check_element, parse_document
-from harness.ssp.parameter import Parameter
-from harness.ssp.ssv import MEDIA_TYPE, ParameterSet, parse_ssv
-from harness.ssp.structure import Endpoint, Linear, Path, Structure, Transformation, flag, read_transformation
+from harness.ssp.ssv import MEDIA_TYPE, Parameter, ParameterSet, parse_ssv
+from harness.ssp.structure import (
+    Endpoint,
+    Linear,
+    Path,
+    Structure,
+    Transformation,
+    count,
+    flag,
+    read_transformation,
+    shown,
+)
 from harness.units import BaseUnit
 
 
@@ -84,11 +90,9 @@ def read_bindings(package: Package, structure: Structure) -> list[Binding]:
 def bound_values(
     bindings: Sequence[Binding], structure: Structure, network: Network, only: Container[Endpoint] | None = None
 ) -> dict[Endpoint, StartValue]:
-    """Return the start values of all parts, in the units of their variables.
-
-    A later binding overrides an earlier one, and a binding of a system overrides the bindings of its elements. An
-    unknown name is ignored with a warning, as SSP requires.
-    """
+    """Return the start values of all parts, in the units of their variables."""
+    # A later binding overrides an earlier one, and a binding of a system overrides the bindings of its elements. An
+    # unknown name is ignored with a warning, as SSP requires.
     values: dict[Endpoint, Parameter] = {}
     for binding in bindings:
         values |= _bound(binding, structure, network, quiet=only is not None)

@@ -1,14 +1,12 @@
 """Connections between parts, from the connections of an SSD through the connectors of nested systems."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 
 from harness.errors import SystemFileError, UnitError
 from harness.parts.part import Part, Port
 from harness.ssp.annotations import read_wire
 from harness.ssp.package import Signal, known_unit
-from harness.ssp.parameter import Parameter
+from harness.ssp.ssv import Parameter
 from harness.ssp.structure import Edge, Endpoint, Linear, Path, Structure, Transformation
 from harness.system.wire import Wire
 from harness.units import BaseUnit, needed_unit
@@ -18,7 +16,6 @@ class Network:
     """The connections of all systems as one graph."""
 
     def __init__(self, structure: Structure, parts: Mapping[Path, Part], where: str) -> None:
-        """Sort the connections by target and by source."""
         self.structure = structure
         self.parts = parts
         self.where = where

@@ -128,7 +128,6 @@ class Package:
     """An archive opened for reading."""
 
     def __init__(self, path: Path) -> None:
-        """Open and check the archive."""
         self.path = path
         self._archive = open_file("SSP", path, SystemFileError)
         self._size = size_of(self._archive)
@@ -138,13 +137,11 @@ class Package:
             raise SystemFileError(f"{path} is not an SSP: it has no {SSD_NAME}; export it again")
 
     def __enter__(self) -> Self:
-        """Return the package; leaving the block closes it."""
         return self
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
     ) -> None:
-        """Close the archive."""
         self._archive.close()
 
     def read(self, member: str, where: str) -> bytes:
@@ -193,7 +190,6 @@ class TemporaryFolder:
     """A folder that is removed with the last reference to this object."""
 
     def __init__(self) -> None:
-        """Make the folder."""
         folder = ScratchFolder()
         self.path = Path(folder.name)
         weakref.finalize(self, folder.cleanup)

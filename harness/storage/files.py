@@ -1,7 +1,5 @@
 """Files: input of limited size, atomic output, scratch folders, and the cache."""
 
-from __future__ import annotations
-
 import csv
 import errno
 import hashlib
@@ -83,7 +81,6 @@ class ScratchFolder(tempfile.TemporaryDirectory[str]):
     """A temporary folder with a file that its process keeps locked; the lock ends with the process."""
 
     def __init__(self) -> None:
-        """Remove folders of killed processes, and make the folder."""
         _remove_leftovers(tempfile.gettempdir())
         super().__init__(prefix=PREFIX, ignore_cleanup_errors=True)
         self._owner = _claimed(Path(self.name))
@@ -96,7 +93,6 @@ class ScratchFolder(tempfile.TemporaryDirectory[str]):
         super().cleanup()
 
     def __del__(self) -> None:
-        """Release the lock; the base class removes the folder."""
         if getattr(self, "_owner", None) is not None:
             with suppress(OSError):
                 os.close(self._owner)  # type: ignore[arg-type]

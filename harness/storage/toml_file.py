@@ -1,7 +1,5 @@
 """TOML files from any source, limited in size, depth and text length, and the checked reading of their tables."""
 
-from __future__ import annotations
-
 import re
 import tomllib
 from collections.abc import Callable, Collection, Iterator, Mapping
@@ -47,16 +45,13 @@ class TomlTable:
     error: type[Exception]  # class of the errors
 
     def __post_init__(self) -> None:
-        """Refuse what is not a table."""
         if not isinstance(self.content, Mapping):
             raise self.error(f"{self.where} is {shown(self.content)}, not a table; make it a table")
 
     def __contains__(self, key: str) -> bool:
-        """Return whether the table has a key."""
         return key in self.content
 
     def __iter__(self) -> Iterator[str]:
-        """Iterate over the keys."""
         return iter(self.content)
 
     def known(self, keys: Collection[str], noun: str = "key") -> None:

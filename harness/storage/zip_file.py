@@ -1,7 +1,5 @@
 """Zip archives from any source (FMU, SSP): all checks before a member is unpacked."""
 
-from __future__ import annotations
-
 import io
 import itertools
 import re
@@ -34,10 +32,8 @@ class NotZipError(ZipError):
 
 
 def find_absence(path: Path) -> str | None:
-    """Return why a path is not a regular file, as the end of a sentence, or None if it is one.
-
-    Devices and pipes are rejected, because reading them may never end.
-    """
+    """Return why a path is not a regular file, as the end of a sentence, or None if it is one."""
+    # Devices and pipes are rejected, because reading them may never end.
     if path.is_file():
         return None
     if path.is_dir():

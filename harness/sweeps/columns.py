@@ -1,7 +1,5 @@
 """The table of a sweep: a row for each run, with its parameters, measures, time, error and warnings."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from typing import Any, Final, Protocol
 
@@ -34,7 +32,6 @@ class Columns:
     """The columns of the table; the first run that is measured says which measures there are."""
 
     def __init__(self, parameters: Mapping[str, PortType], units: Mapping[str, str]) -> None:
-        """Begin without measures."""
         self.parameters = parameters
         self.units = {**units, "wall_time": "s"}
         self.measures: list[str] | None = None  # None before a run was measured
@@ -82,7 +79,6 @@ class Memory:
     """The outcomes of a sweep without a folder."""
 
     def __init__(self, columns: Columns) -> None:
-        """Begin without outcomes."""
         self.done: set[int] = set()
         self._columns = columns
         self._outcomes: list[Outcome] = []

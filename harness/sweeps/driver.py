@@ -1,7 +1,5 @@
 """A sweep: many runs of one system on several workers, with results in a folder."""
 
-from __future__ import annotations
-
 import json
 import pickle
 from collections import Counter, deque
@@ -34,15 +32,13 @@ TRIES: Final = 3  # number of workers that may die in a run before it counts as 
 
 
 class Queue:
-    """Queue of the remaining runs.
+    """Queue of the remaining runs."""
 
-    A chunk takes about 0.5 s or 2 % of the sweep's duration so far, and at most 10 s. This limits the work lost if the
-    sweep is killed, and also the number of files. Towards the end, chunks become smaller, so that all workers finish at
-    about the same time.
-    """
+    # A chunk takes about 0.5 s or 2 % of the sweep's duration so far, and at most 10 s. This limits the work lost if
+    # the sweep is killed, and also the number of files. Towards the end, chunks become smaller, so that all workers
+    # finish at about the same time.
 
     def __init__(self, runs: Iterable[int], most: int) -> None:
-        """Start the clock."""
         self._runs = deque(runs)
         self._most = most
         self._again: deque[list[int]] = deque()

@@ -1,7 +1,5 @@
 """The folder of a sweep: its description, and Parquet files of the completed runs."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager

@@ -1,7 +1,5 @@
 """Measures: numbers that summarise a run."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass

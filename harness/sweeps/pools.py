@@ -1,7 +1,5 @@
 """Where the runs of a sweep are executed: in processes, in threads, in this thread, or on a dask cluster."""
 
-from __future__ import annotations
-
 import logging
 import multiprocessing
 import os
@@ -80,7 +78,6 @@ class ThreadPool:
     losses: tuple[type[BaseException], ...] = ()
 
     def __init__(self, workers: int) -> None:
-        """Start the threads."""
         self._workers = workers
         self._executor = ThreadPoolExecutor(workers, "sweep")
         self._stop = threading.Event()
@@ -106,7 +103,6 @@ class ProcessPool:
     losses: tuple[type[BaseException], ...] = (BrokenExecutor,)
 
     def __init__(self, workers: int) -> None:
-        """Start the processes."""
         # not fork, which copies locks that other threads may be holding
         # the fork server's socket is in the temporary folder, and its path may have at most 107 characters
         serves = "forkserver" in multiprocessing.get_all_start_methods() and len(tempfile.gettempdir()) < 70
@@ -206,7 +202,6 @@ class DaskPool:
     """The workers of a dask cluster."""
 
     def __init__(self, client: Any) -> None:
-        """Keep the client, which stays open afterwards."""
         from distributed.scheduler import KilledWorker
 
         # futures are cancelled by a restart of the workers; their runs are repeated if there is a scheduler

@@ -1,7 +1,5 @@
 """Parameter sets of a sweep."""
 
-from __future__ import annotations
-
 import itertools
 import math
 from collections import Counter

@@ -1,7 +1,5 @@
 """Workers: each executes chunks of runs with its own system, whose FMUs are reset between runs."""
 
-from __future__ import annotations
-
 import logging
 import threading
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -55,7 +53,6 @@ class Runner:
     """The system of one worker."""
 
     def __init__(self, job: Job) -> None:
-        """Open the system."""
         self.job = job
         self.busy = threading.Lock()  # held while the system runs or is closed
         self.used = perf_counter()  # when it last ran [s]
@@ -140,10 +137,8 @@ class Runner:
         return bounds
 
     def _probe(self, values: Sample) -> None:
-        """Use new instances in every run if reset instances do not behave like new ones.
-
-        An FMU may return fmi2OK from fmi2Reset and still keep a state, which shows after the first run.
-        """
+        """Use new instances in every run if reset instances do not behave like new ones."""
+        # An FMU may return fmi2OK from fmi2Reset and still keep a state, which shows after the first run.
         self._probed = True
         names = [
             f"{name}.{port.name}"

@@ -1,7 +1,5 @@
 """The interface of a system that a run needs, so that the modules that run it do not depend on the class."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
 from typing import Any, Protocol

@@ -1,7 +1,5 @@
 """The experiment: times, communication step, master algorithm and recorded variables."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
@@ -81,7 +79,6 @@ class Experiment:
     manipulators: tuple[Manipulator, ...] = ()
 
     def __post_init__(self) -> None:
-        """Check the settings."""
         make_plain(self)
         for name in ("start", "stop", "step"):
             object.__setattr__(self, name, _seconds(name, getattr(self, name)))  # an FMU accepts no other number type

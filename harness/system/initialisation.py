@@ -1,7 +1,5 @@
 """The start of a run: initialisation mode of all parts, with consistent values in all connections (FMI 2.0, 4.2.4)."""
 
-from __future__ import annotations
-
 import ctypes
 import logging
 from collections.abc import Callable, Mapping, Sequence
@@ -86,7 +84,6 @@ class Initialisation:
     """The start of the runs of a plan."""
 
     def __init__(self, plan: Plan, system: Assembly, experiment: Experiment, guard: Guard, *, open_end: bool) -> None:
-        """Find the order in which values spread, and the loops."""
         parts, wires = system.parts, system.wires
         self._plan, self._experiment, self._guard, self._open_end = plan, experiment, guard, open_end
         self._values = start_order(plan, parts, wires)
@@ -97,10 +94,8 @@ class Initialisation:
         ]
 
     def start(self, values: Mapping[str, StartValue]) -> None:
-        """Initialise all parts at the start time; the start values then stand in the signals of the plan.
-
-        A part that begins the run with the instance of an earlier run of this plan keeps its calls.
-        """
+        """Initialise all parts at the start time; the start values then stand in the signals of the plan."""
+        # A part that begins the run with the instance of an earlier run of this plan keeps its calls.
         plan, guard = self._plan, self._guard
         earlier, plan.calls[:] = [*plan.calls], []
         plan.begin(values)
@@ -137,12 +132,10 @@ class Initialisation:
         part.enter_initialisation(experiment.start, stop, experiment.tolerance, start_values(values, part.name))
 
     def _propagate(self) -> None:
-        """Propagate the start values through all connections until they settle.
-
-        One sweep in graph order suffices, except for cycles of parts (a plant whose recorded acceleration depends on
-        friction, which depends on its velocity) and for FMUs whose outputs depend on more inputs during
-        initialisation than later. Algebraic loops are solved.
-        """
+        """Propagate the start values through all connections until they settle."""
+        # One sweep in graph order suffices, except for cycles of parts (a plant whose recorded acceleration depends on
+        # friction, which depends on its velocity) and for FMUs whose outputs depend on more inputs during
+        # initialisation than later. Algebraic loops are solved.
         plan = self._plan
         fetchers = [fetcher(plan, index) for index in range(len(plan.parts))]
 

@@ -74,7 +74,6 @@ class System:
         name: str = "system",
         strict: bool = False,
     ) -> None:
-        """Check the system."""
         self.name = name
         self.strict = strict
         self.parts: dict[str, Part] = {}
@@ -268,7 +267,6 @@ class System:
             raise
 
     def __repr__(self) -> str:
-        """Return the name, the parts and the number of connections."""
         from harness.notebook import system_text
 
         return system_text(self)
@@ -321,7 +319,7 @@ class System:
     def _check_arrays(self, parameters: Mapping[str, Parameter | StartValue]) -> None:
         """Raise an error if an array of the parameters has other elements than the variable."""
         from harness.ssp import Parameter
-        from harness.ssp.arrays import shown as array_text
+        from harness.ssp.structure import shown as array_text
 
         shapes = {
             dotted.rpartition("[")[0]: given.shape
@@ -472,13 +470,11 @@ class System:
         return System, (tuple(self.parts.values()), self.wires, self.start, self.experiment, self.name, self.strict)
 
     def __enter__(self) -> Self:
-        """Return the system; leaving the block closes it."""
         return self
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
     ) -> None:
-        """Close the system."""
         self.close()
 
     def _check_start(self) -> None:

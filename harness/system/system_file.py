@@ -1,7 +1,5 @@
 """Systems as TOML files."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace

@@ -1,7 +1,5 @@
 """Connections: which output drives which input."""
 
-from __future__ import annotations
-
 import logging
 import math
 from collections.abc import Container, Iterable, Mapping, Sequence
@@ -44,7 +42,6 @@ class Manipulator:
     stop: float = field(default=math.inf, kw_only=True)
 
     def __post_init__(self) -> None:
-        """Check the numbers."""
         make_plain(self)
         for name in ("value", "sigma", "probability", "start", "stop"):
             if not is_number(getattr(self, name, 0.0)):
@@ -63,7 +60,6 @@ class Manipulator:
                 )
 
     def __str__(self) -> str:
-        """Return the kind and the input."""
         return f"{self.kind} of {self.input}"
 
 
@@ -124,7 +120,6 @@ class Noise(Manipulator):
     seed: int = 0
 
     def __post_init__(self) -> None:
-        """Check the standard deviation and the seed."""
         super().__post_init__()
         if self.sigma < 0.0:
             raise ExperimentError(f"sigma of the {self} is {self.sigma}: give 0 or more")
@@ -167,7 +162,6 @@ class DropOut(Manipulator):
     seed: int = 0
 
     def __post_init__(self) -> None:
-        """Check the probability and the seed."""
         super().__post_init__()
         if not 0.0 <= self.probability <= 1.0:
             raise ExperimentError(f"the probability of the {self} is {self.probability}: give 0 to 1")
@@ -195,7 +189,6 @@ class Delay(Manipulator):
     ticks: int = 1
 
     def __post_init__(self) -> None:
-        """Check the number of communication steps."""
         super().__post_init__()
         if not is_count(self.ticks, 1, LONGEST_DELAY):
             raise ExperimentError(
@@ -262,7 +255,6 @@ class Wire:
     initial: float | None = None
 
     def __post_init__(self) -> None:
-        """Make numbers of numpy plain."""
         make_plain(self)
 
     @cached_property
@@ -271,7 +263,6 @@ class Wire:
         return split_name(self.source), split_name(self.target)
 
     def __str__(self) -> str:
-        """Return a text with both ends."""
         return f"{self.source} -> {self.target}"
 
 
@@ -423,10 +414,8 @@ def _check_map(wire: Wire, source: Port, target: Port) -> None:
 
 
 def stated_starts(parts: Iterable[Part], driven: Container[str]) -> dict[str, StartValue]:
-    """Return the start values that FMUs of this project state for unconnected inputs.
-
-    Those of other FMUs are kept in every system, with a warning.
-    """
+    """Return the start values that FMUs of this project state for unconnected inputs."""
+    # Those of other FMUs are kept in every system, with a warning.
     inputs = (
         (f"{part.name}.{port.name}", port)
         for part in parts

@@ -21,8 +21,8 @@ from benchmarks.law_runs import LawC, compile_, rows_of, run_casadi
 from friction_fmus.__main__ import main
 from friction_fmus.axis.position_map import Grid, PositionMap
 from friction_fmus.blocks.axis_units import words_of
-from friction_fmus.blocks.block_header import si_units
 from friction_fmus.blocks.catalogue import laws_folder
+from friction_fmus.blocks.macros import si_units
 from friction_fmus.codegen.law_export import export_law, make_export, readme
 from friction_fmus.codegen.layout import Export, equations_of
 from friction_fmus.codegen.servo_law import LoopFile, LoopLaw, loop_law, loop_text, read_loop

@@ -11,12 +11,11 @@ from typing import Literal
 import pytest
 from thorough import some
 
-from friction_fmus.codegen.law_export import make_export
+from friction_fmus.codegen.law_export import class_name, make_export, wrapper
 from friction_fmus.codegen.layout import Export
 from friction_fmus.codegen.sources import header, implementation
 from friction_fmus.codegen.unit_test import unit_test
 from friction_fmus.codegen.vectors import vectors
-from friction_fmus.codegen.wrapper import class_name, wrapper
 
 REALS: tuple[Literal["double", "float"], ...] = ("double", "float")
 

@@ -18,8 +18,8 @@ from thorough import nightly, some
 from friction_fmus import build, catalogue
 from friction_fmus.blocks.catalogue import find
 from friction_fmus.blocks.probe import describe
-from friction_fmus.fmi.portrait.bench import Bench, Curve, Panel
 from friction_fmus.fmi.portrait.drawing import chart, icon, labelled, symbol
+from friction_fmus.fmi.portrait.experiments import Bench, Curve, Panel
 from harness import FmuPart
 
 ROOT = Path(__file__).parents[2]

@@ -7,7 +7,7 @@ import ctypes
 import pytest
 
 from friction_fmus.blocks import probe
-from friction_fmus.blocks.block_header import block_header, constants, row_fields, si_units, start_arguments
+from friction_fmus.blocks.macros import block_header, constants, row_fields, si_units, start_arguments
 
 
 def changed(old: str, new: str) -> str:

@@ -203,7 +203,7 @@ def test_a_truncated_library_beside_it_and_an_isolated_one(build_fmu: Callable[.
 
 
 def check_end_of_library(platform: Platform, folder: Path) -> None:
-    from harness.compiling.shared_library import missing_bytes
+    from harness.compiling.platforms import missing_bytes
 
     content = compiled(platform, engine_library.sources(), "engine", headers=False)
     path = folder / f"engine{platform.suffix}"

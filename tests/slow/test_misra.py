@@ -13,8 +13,7 @@ from thorough import nightly, some
 
 from friction_fmus.axis.position_map import Grid, PositionMap
 from friction_fmus.codegen.law_export import make_export, readme
-from friction_fmus.codegen.position_table import table_header, table_source
-from friction_fmus.codegen.sources import header, implementation
+from friction_fmus.codegen.sources import header, implementation, table_header, table_source
 
 LOOP = str(Path(__file__).parents[2] / "examples" / "loop.toml")
 LAWS = (

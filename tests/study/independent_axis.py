@@ -20,8 +20,7 @@ import numpy as np
 import tomli_w
 
 from friction_fmus.codegen.law_export import make_export
-from friction_fmus.codegen.position_table import table_header, table_source
-from friction_fmus.codegen.sources import header, implementation
+from friction_fmus.codegen.sources import header, implementation, table_header, table_source
 
 SOURCE = Path(__file__).with_name("independent_axis.c")
 STEP = 1e-5  # longest step of the integration [s]

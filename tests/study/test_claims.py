@@ -14,7 +14,13 @@ from friction_fmus.identification import LINEAR, Record
 from friction_fmus.study.evaluation import AxisBench
 from friction_fmus.study.model_ranking import IdentifiedModel, without_unknown_static_friction
 from friction_fmus.study.study_result import Fit, IdentifiedParameter, ModelResult
-from friction_fmus.study.trust import claim_findings, force_findings, model_error, static_friction_findings
+from friction_fmus.study.trust import (
+    bias_findings,
+    claim_findings,
+    force_findings,
+    model_error,
+    static_friction_findings,
+)
 
 SERVO = Servo("PID", {"Kp": 8000.0, "Kd": 160.0, "Ki": 0.0}, 1e-3, 50.0)
 BENCH = AxisBench(SERVO, AxisPlant("Coulomb", {"Fc": 6.0}, 2.0), Trajectory(Path(), 10, 0.0, 0.0), np.zeros(10))
@@ -46,12 +52,30 @@ def test_errors_below_that_of_the_model_are_not_claimed(model: float, claimed: b
     assert claimed or ("1.25 um" in found[0].what or "1.25 µm" in found[0].what)
 
 
+@pytest.mark.parametrize(("late", "claimed"), [(1.14e-6, True), (1.5e-6, False)])
+def test_an_error_that_depends_on_when_the_acceleration_changes_is_not_claimed(late: float, claimed: bool) -> None:
+    found = claim_findings(BENCH, 10.0 * NATURAL, [], LINEAR, 1e-6, late)
+    assert bool(found) != claimed
+    assert claimed or "becomes 1.5 µm instead of 1 µm" in found[0].what
+
+
 def test_the_rounding_of_a_position_counts_once() -> None:
     """In fast motion, rounding is white noise of q/sqrt(12): 0.25 - 1/12 of the square are left of 0.5 q."""
     q, t = 1e-6, 1e-3 * np.arange(8000)
     record = Record("axis", t, q=np.round(0.05 * np.sin(2.0 * pi * t) / q) * q, quantum=q)
     row = ModelResult("Coulomb", "", closed_loop=(Fit(0.5 * q, 1.0, "position", "m"),))
     assert model_error(IdentifiedModel(row), record) == pytest.approx(sqrt(0.25 - 1.0 / 12.0) * q, rel=0.15)
+
+
+@pytest.mark.parametrize(("error", "biased"), [(1e-6, False), (4e-6, True)])
+def test_an_error_above_the_noise_of_the_position_is_bias(error: float, biased: bool) -> None:
+    """Noise of 1 um: independent of the motion, so that 4 um are sqrt(15) um of the model."""
+    t, rng = 1e-3 * np.arange(8000), np.random.default_rng(1)
+    record = Record("axis", t, q=0.05 * np.sin(2.0 * pi * t) + 1e-6 * rng.standard_normal(8000))
+    row = ModelResult("Coulomb", "", closed_loop=(Fit(error, 1.0, "position", "m"),))
+    found = bias_findings(IdentifiedModel(row), record)
+    assert [finding.name for finding in found] == ["model-biased"] * biased
+    assert not biased or "3.87 µm" in found[0].what
 
 
 @pytest.mark.parametrize(("limit", "clipped"), [(15.0, False), (20.0, True)])

@@ -21,8 +21,7 @@ from thorough import nightly, some
 
 from friction_fmus.identification import ROTARY
 from friction_fmus.report import report_html, write_report
-from friction_fmus.report.comparison_plots import ticks
-from friction_fmus.report.figures import thinned
+from friction_fmus.report.figures import thinned, ticks
 from friction_fmus.report.formatting import brief, multiple, number, quantity, unit, with_error
 from friction_fmus.report.sections import SECTIONS, families, verdict
 from friction_fmus.study.study_result import Recommendation, StudyCurve, StudyFinding, StudyResult

@@ -13,6 +13,7 @@ from thorough import nightly, some
 from friction_fmus.axis.servo import AxisPlant, Compensator, Trajectory
 from friction_fmus.axis.servo_loop import LoopTrace, closed_loop
 from friction_fmus.data import load_emps
+from friction_fmus.export.block_fmu import build_record
 from friction_fmus.identification import LINEAR, identifiable
 from friction_fmus.identification.fit.contact_model import contact_model
 from friction_fmus.study import Servo, load_config, run_study
@@ -87,29 +88,45 @@ def test_an_axis_that_turns_is_the_same_axis(tmp_path: Path) -> None:
     known = AxisKnowledge(SERVO, PLANT, {"LuGre": LUGRE})
     (candidate,) = candidates(["LuGreFeedforward"], known)
     (turning,) = candidates(["LuGreFeedforward"], replace(known, rotary=True))
-    tried = cases(SERVO, 0.1, (1,), 1.5, 1.5)
+    tried = cases(SERVO, (0.1, 0.02), (1,), 1.5, 1.5)
     straight = run(bench(tmp_path), candidate.compensator, tried)
     turned = run(bench(tmp_path, rotary=True), turning.compensator, tried)
     assert straight.metrics is not None
     assert turned == straight
     assert [corner.name for corner in straight.corners] == [
-        "friction x 0.9, mass x 0.9",
-        "friction x 0.9, mass x 1.1",
-        "friction x 1.1, mass x 0.9",
-        "friction x 1.1, mass x 1.1",
+        "friction x 0.9, mass x 0.98",
+        "friction x 0.9, mass x 1.02",
+        "friction x 1.1, mass x 0.98",
+        "friction x 1.1, mass x 1.02",
         "1 more sample of delay",
+        "acceleration of the reference 1 sample later",
         "load of 0.75 N",
     ]
 
 
 def test_a_delay_beyond_the_margin_that_is_demanded_does_not_count() -> None:
     servo = replace(SERVO, quantum=1e-6)
-    found = {case.name: case.counts for case in cases(servo, 0.0, (1, 2), 1.5, 0.0)}
+    found = {case.name: case.counts for case in cases(servo, (0.0, 0.0), (1, 2), 1.5, 0.0)}
     assert found == {
         "1 more sample of delay": True,
         "2 more samples of delay": False,
         "coarser and noisier encoder": True,
+        "acceleration of the reference 1 sample later": True,
     }
+
+
+def test_an_acceleration_that_comes_late_is_that_of_the_sample_before(tmp_path: Path) -> None:
+    """The reference of the other run has it in its own table."""
+    given = bench(tmp_path)
+    (corner,) = run(given, None, (Case("late", late=True),)).corners
+    rd = np.gradient(R, 1e-3)
+    rdd = np.gradient(rd, 1e-3)
+    table = build_record(T, R, rd, np.concatenate([[0.0], rdd[:-1]]), tmp_path, "Late")
+    late = run(replace(given, trajectory=replace(given.trajectory, reference=table)), None).metrics
+    assert corner.metrics is not None
+    assert late is not None
+    assert corner.metrics.rms == pytest.approx(late.rms, rel=1e-5)
+    assert corner.metrics.rms != pytest.approx(run(given, None).metrics.rms, rel=1e-4)
 
 
 def test_a_load_that_the_servo_does_not_know_displaces_the_axis(tmp_path: Path) -> None:

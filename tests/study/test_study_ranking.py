@@ -2,13 +2,22 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
+from pathlib import Path
 
+import numpy as np
 import pytest
 
+from friction_fmus.axis.servo import AxisPlant, Servo, Trajectory
 from friction_fmus.blocks.axis_units import SLIDING
+from friction_fmus.study import comparison
+from friction_fmus.study.evaluation import AxisBench, Case, Evaluation, Scheme
 from friction_fmus.study.recommendation import extremes, ladder, largest_step, rank, recommend, shown
+from friction_fmus.study.steps import Step
 from friction_fmus.study.study_result import CompensatorResult, Corner, Limits, LoopMargins, Metrics
+
+SERVO = Servo("PID", {"Kp": 1.0, "Kd": 1.0, "Ki": 0.0}, 1e-3, 1.0)
 
 
 def row(
@@ -209,3 +218,42 @@ def test_a_compensator_to_which_the_doctor_objects_is_named() -> None:
 )
 def test_lengths_are_readable(value: float, text: str) -> None:
     assert shown(value, "m") == text
+
+
+def untried(name: str, rms: float) -> CompensatorResult:
+    return replace(row(name, rms), corners=())
+
+
+def test_what_was_not_run_in_other_cases_follows_in_the_order_of_its_error() -> None:
+    rows = [
+        untried("b", 40e-6),
+        row("tried", 10e-6, (30e-6, 20e-6)),
+        untried("a", 35e-6),
+        row("fails", 1e-6, (None, 2e-6)),
+    ]
+    assert order(*rows) == ["tried", "a", "b", "fails"]
+    done = recommend(without(), ranked(*rows), (), SLIDING)
+    assert (done.name, done.runner_up) == ("tried", "a")
+    assert done.runner_up_reason.startswith("a reaches 35 µm rms. ")
+
+
+def test_only_what_can_be_the_best_is_run_in_other_cases(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The worst case of the second, 15 um, excludes all above it: a worst case is at least the error here."""
+    monkeypatch.setattr(comparison, "_violated", lambda *_: {})
+    errors = {"one": (4e-6, 90e-6), "two": (6e-6, 15e-6), "three": (12e-6, 14e-6), "four": (20e-6, 21e-6)}
+    rows = {name: untried(name, here) for name, (here, _) in errors.items()}
+    scheme, there, runs = Scheme(SERVO), without().corners, []
+    found = {name: Evaluation(scheme, each.metrics, (), (), None) for name, each in rows.items()}
+
+    def run(steps: Sequence[Step]) -> list[Evaluation]:
+        names = [step.name.removeprefix("cases-") for step in steps]
+        runs.append(names)
+        metrics = [(rows[name].metrics, row(name, 0.0, (errors[name][1],) * len(there)).corners) for name in names]
+        return [Evaluation(scheme, own, (), corners, None) for own, corners in metrics]
+
+    plant = AxisPlant("Viscous", {"Fv": 0.0}, 1.0)
+    bench = AxisBench(SERVO, plant, Trajectory(Path(), 2, 0.0, 0.0), np.zeros(2))
+    contest = comparison._Contest(bench, (Case("a"), Case("b")), run, without(), rows, found)
+    contest.run_cases()
+    assert runs == [["one", "two"], ["three"]]
+    assert [each.name for each in contest.ranked()][:2] == ["three", "two"]

@@ -1,14 +1,22 @@
 """Probes of model exchange: events, states, derivatives, event indicators, and the order of calls."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Iterator
 from ctypes import byref, c_double, c_int, c_size_t, c_uint
 from typing import Any, Final
 
-from .exchange import MOST_ITERATIONS, EventInfo, RawExchange
-from .fmi2_library import OK, WARNING, ProbedVariable, RawInstance, RawLibrary, RefusedError, last_message
+from .fmi2_library import (
+    MOST_ITERATIONS,
+    OK,
+    WARNING,
+    EventInfo,
+    ProbedVariable,
+    RawExchange,
+    RawInstance,
+    RawLibrary,
+    RefusedError,
+    last_message,
+)
 from .lifecycle import report_accepted, report_refused
 from .probe_process import Report, probe
 

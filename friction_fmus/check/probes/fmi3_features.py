@@ -1,7 +1,5 @@
 """Probes of what FMI 3.0 adds: all types and arrays, configuration mode, clocks, adjoints, intermediate update."""
 
-from __future__ import annotations
-
 import math
 from ctypes import byref, c_bool, c_double, c_int, c_size_t, c_uint, c_void_p
 from typing import Any

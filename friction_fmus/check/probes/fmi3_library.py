@@ -1,7 +1,5 @@
 """The functions of FMI 2.0, which the probes call, by those of an FMI 3.0 library."""
 
-from __future__ import annotations
-
 import ctypes
 import mmap
 import os
@@ -60,7 +58,6 @@ class RawLibrary3(RawLibrary):
     token = "instantiation token"
 
     def __init__(self, job: dict[str, Any], trace: mmap.mmap) -> None:
-        """Load the library."""
         super().__init__(job, trace)
         self._special: dict[str, Callable[..., Any]] = {
             "GetVersion": lambda: bytes(self.raw("GetVersion", result=c_char_p)),

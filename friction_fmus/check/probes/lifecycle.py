@@ -1,7 +1,5 @@
 """Probes of functions, identity, values and the order of calls."""
 
-from __future__ import annotations
-
 import ctypes
 import math
 from collections.abc import Callable

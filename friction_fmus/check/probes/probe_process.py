@@ -1,7 +1,5 @@
 """The process: runs one probe after another, and writes each finding before the next call can end the process."""
 
-from __future__ import annotations
-
 import json
 import mmap
 import os

@@ -1,14 +1,11 @@
 """Probes of steps, instances, saved states and derivatives."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator
 from ctypes import byref, c_double, c_int, c_size_t, c_void_p
 from time import perf_counter
 from typing import Any
 
-from .exchange import start
 from .fmi2_library import (
     DISCARD,
     OK,
@@ -19,6 +16,7 @@ from .fmi2_library import (
     RefusedError,
     last_message,
     references,
+    start,
 )
 from .probe_process import Report, probe
 

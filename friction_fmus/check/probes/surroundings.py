@@ -1,7 +1,5 @@
 """Probes of the effects of an FMU on its process: memory, output, settings."""
 
-from __future__ import annotations
-
 import gc
 import os
 import sys
@@ -9,8 +7,7 @@ from collections.abc import Callable
 from pathlib import Path
 from time import perf_counter
 
-from .exchange import start
-from .fmi2_library import OK, WARNING, RawLibrary, settings_now
+from .fmi2_library import OK, WARNING, RawLibrary, settings_now, start
 from .probe_process import Report, probe
 
 _BLOCK = 0.4  # duration of a block of repetitions [s]

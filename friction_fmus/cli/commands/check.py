@@ -3,8 +3,6 @@
 The exit status is 1 if there are errors or warnings, and 2 if a file cannot be checked.
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 from pathlib import Path

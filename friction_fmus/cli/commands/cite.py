@@ -1,7 +1,5 @@
 """Print the BibTeX entries of the literature of models."""
 
-from __future__ import annotations
-
 import argparse
 
 from friction_fmus.cli.arguments import completed

@@ -5,8 +5,6 @@ included. The file of a loop, such as recommended/loop.toml of a study, joins se
 function call per sample.
 """
 
-from __future__ import annotations
-
 import argparse
 import re
 from pathlib import Path

@@ -3,8 +3,6 @@
 For bash and zsh: eval "$(friction-fmus completion)", also in ~/.bashrc or ~/.zshrc.
 """
 
-from __future__ import annotations
-
 import argparse
 
 

@@ -1,7 +1,5 @@
 """Write a system as one FMU, which solves the loops between its parts."""
 
-from __future__ import annotations
-
 import argparse
 import sys
 from pathlib import Path

@@ -1,7 +1,5 @@
 """List friction models, plants, compensators and signals."""
 
-from __future__ import annotations
-
 import argparse
 import os
 import shutil

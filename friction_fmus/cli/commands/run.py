@@ -105,7 +105,7 @@ def run(options: argparse.Namespace) -> int:
         console.print(drawn(values, title=False, padding=(0, 2, 0, 0)))
     missed = False
     if "accuracy" in result.attrs:
-        from friction_fmus.cli.accuracy_table import show_accuracy
+        from friction_fmus.cli.result_tables import show_accuracy
 
         reached = show_accuracy(result)
         missed = options.require is not None and not reached

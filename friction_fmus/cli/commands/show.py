@@ -1,7 +1,5 @@
 """Show use, limits, equations and variables of a model."""
 
-from __future__ import annotations
-
 import argparse
 from dataclasses import asdict
 

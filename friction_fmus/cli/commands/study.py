@@ -4,8 +4,6 @@ The study ranks friction models and compensators. It writes a report, and the re
 The exit status is 1 if the result cannot be trusted: then no compensator is ranked and no FMU is written.
 """
 
-from __future__ import annotations
-
 import argparse
 from contextlib import ExitStack
 from dataclasses import asdict, replace
@@ -66,9 +64,8 @@ def run(options: argparse.Namespace) -> int:
     if options.verify:
         return _verify(options)
     require("plotly", "the report of a study needs it")
-    from friction_fmus.cli.column_question import read_asking
     from friction_fmus.cli.console import RunBar, console, progress_bar
-    from friction_fmus.cli.identification_tables import show_first_look, show_understood
+    from friction_fmus.cli.identification_tables import read_asking, show_first_look, show_understood
     from friction_fmus.cli.inputs import connect
     from friction_fmus.cli.study_tables import show_study
     from friction_fmus.identification import DataMapping

@@ -77,7 +77,7 @@ def run(options: argparse.Namespace) -> int:
     """Run the sweep, and print the first results and the folder."""
     from friction_fmus.cli.console import RunBar, console
     from friction_fmus.cli.inputs import connect, open_system, parameter_sets
-    from friction_fmus.cli.sweep_table import show_sweep, sweep_progress
+    from friction_fmus.cli.result_tables import show_sweep, sweep_progress
     from harness.engine.defect import WRONG
 
     samples = parameter_sets(options)

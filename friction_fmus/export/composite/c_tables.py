@@ -1,7 +1,5 @@
 """The C file of a composite FMU: the plan of the harness as tables."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from textwrap import shorten

@@ -1,7 +1,5 @@
 """The archive of a composite FMU."""
 
-from __future__ import annotations
-
 import math
 import re
 from collections.abc import Mapping, Sequence
@@ -41,8 +39,7 @@ from harness.storage.files import stamped
 from harness.storage.zip_file import zipped
 from harness.system.assembly import Assembled, Assembly
 from harness.system.experiment import COUPLING_TOLERANCE, LOOP_TOLERANCE, STEP_TOLERANCE, Experiment
-from harness.system.feedthrough import find_feedthrough
-from harness.system.graph import check_loops, make_plan, state_outputs, stepping_order
+from harness.system.graph import check_loops, find_feedthrough, make_plan, state_outputs, stepping_order
 from harness.system.initialisation import start_order
 from harness.values import is_number
 

@@ -1,7 +1,5 @@
 """modelDescription.xml, terminals, dependencies and documentation of a composite FMU (FMI 2.0.5, section 2.2)."""
 
-from __future__ import annotations
-
 import math
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -16,10 +14,9 @@ from lxml import etree, html
 from friction_fmus.export.composite.composite_interface import CompositeVariable, PartCode, reinitialised, states
 from friction_fmus.export.composite.diagram import diagram
 from friction_fmus.fmi.html_page import page, row, table
-from friction_fmus.fmi.model_description import declare_traits, icon_root
+from friction_fmus.fmi.model_description import LOG_CATEGORIES, declare_traits, icon_root
 from harness.errors import BuildError
 from harness.parts.fmu import FmuPart
-from harness.parts.log_categories import LOG_CATEGORIES
 from harness.parts.part import Part
 from harness.system.assembly import Assembly
 from harness.system.experiment import Experiment
@@ -30,10 +27,8 @@ from harness.values import STRUCTURED
 
 
 def step_dependencies(system: Assembly, variables: Sequence[CompositeVariable]) -> dict[str, list[int]]:
-    """Return for each output and derivative the indices of the inputs and states on which it depends directly.
-
-    States count if the FMU is for model exchange too.
-    """
+    """Return for each output and derivative the indices of the inputs and states on which it depends directly."""
+    # States count if the FMU is for model exchange too.
     inside = [wire for wire in system.wires if wire.ends[0][0] in system.parts]
     outside = [wire for wire in system.wires if wire not in inside and not wire.delay]
     prompt = [wire for wire in outside if not system.parts[wire.ends[1][0]].sampled]

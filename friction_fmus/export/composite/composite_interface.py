@@ -1,7 +1,5 @@
 """The inputs and outputs of a composite FMU, and the part inside it that passes its inputs on."""
 
-from __future__ import annotations
-
 import re
 import sys
 from collections.abc import Iterable, Mapping, Sequence
@@ -95,10 +93,8 @@ def part_codes(parts: Mapping[str, Part], name: str, platforms: Sequence[Platfor
 
 
 def _apart(code: PartCode, part: str, platforms: Sequence[Platform], owners: dict[str, tuple[str, str]]) -> PartCode:
-    """Return the code with a prefix for each symbol that other code could define as well.
-
-    The linker takes one of two weak or common symbols without a message, and the parts then share it.
-    """
+    """Return the code with a prefix for each symbol that other code could define as well."""
+    # The linker takes one of two weak or common symbols without a message, and the parts then share it.
     targets = dict.fromkeys((None, *(target for platform in platforms for target in platform.targets)))
     symbols, writes = _defined(code, part, targets)
     code = replace(code, symbols=tuple(sorted(symbols)), single=code.single or writes)
@@ -217,7 +213,6 @@ class InputsPart(CallablePart):
     """The inputs of a composite FMU, as outputs of a part that exists in C only."""
 
     def __init__(self, name: str, ports: Sequence[Port]) -> None:
-        """Make a part with these outputs."""
         super().__init__(name, lambda t, u, x: np.full(len(ports), np.nan), outputs=ports)
 
 
@@ -321,28 +316,20 @@ def opened(system: Assembled, interface: Interface) -> Assembled:
 class CompositeVariable:
     """A variable of a composite FMU."""
 
-    name: str
-    """"part.variable"."""
-    part: str
-    """The part; empty for the time."""
-    port: Port
-    """Type, unit and limits."""
-    reference: int
-    """Value reference in the part's FMU, or column of a recorded series."""
+    name: str  # "part.variable"
+    part: str  # the part; empty for the time
+    port: Port  # type, unit and limits
+    reference: int  # value reference in the part's FMU, or column of a recorded series
     causality: str
     variability: str
     """As in the model description."""
-    initial: str | None = None
-    """"exact" or "calculated"; None for an input and the time."""
-    start: StartValue | None = None
-    """Start value, if it has one."""
-    early: bool = False
-    """Whether it can be set before the first step only."""
+    initial: str | None = None  # "exact" or "calculated"; None for an input and the time
+    start: StartValue | None = None  # start value, if it has one
+    early: bool = False  # whether it can be set before the first step only
     type_name: str | None = None
     quantity: str | None = None
     """The part's declared type of a Real, and its quantity."""
-    state: str | None = None
-    """The state of which this is the derivative."""
+    state: str | None = None  # the state of which this is the derivative
 
     @property
     def inner(self) -> str:

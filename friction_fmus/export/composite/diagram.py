@@ -1,7 +1,5 @@
 """The block diagram of a system, for the documentation and the icon of a composite FMU."""
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -11,7 +9,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import FancyArrowPatch, FancyBboxPatch
 from matplotlib.path import Path
 
-from friction_fmus.fmi.image import Image, plain_style, png_of, svg_of
+from friction_fmus.fmi.portrait.drawing import Image, plain_style, png_of, svg_of
 from harness.plot import label_of
 from harness.system.assembly import Assembly
 

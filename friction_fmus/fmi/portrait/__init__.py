@@ -1,17 +1,13 @@
 """Portraits of blocks: an icon and figures, computed with the block's binary."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np
 
 from friction_fmus.blocks.catalogue import Block, icon_files
 from friction_fmus.blocks.probe import Description
-from friction_fmus.fmi.image import Image
-from friction_fmus.fmi.portrait.bench import Bench, Panel
-from friction_fmus.fmi.portrait.drawing import chart, icon, labelled, terminal_icon
-from friction_fmus.fmi.portrait.experiments import Experiment, experiment
+from friction_fmus.fmi.portrait.drawing import Image, chart, icon, labelled, terminal_icon
+from friction_fmus.fmi.portrait.experiments import Bench, Experiment, Panel, experiment
 from harness.errors import HarnessError
 from harness.parts.fmu import FmuPart
 

@@ -1,7 +1,5 @@
 """Mapping of a data file that has none: from options, headings and physics, or a refusal with commands to copy."""
 
-from __future__ import annotations
-
 import re
 import shlex
 from collections.abc import Mapping

@@ -1,7 +1,5 @@
 """Columns of a data file found by physics: names and units propose, the motion decides, and doubt is asked about."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -82,7 +80,6 @@ class Guesser:
     """Search of the columns of a table; columns that are given are not searched."""
 
     def __init__(self, table: DataTable, given: Mapping[str, Column] | None = None) -> None:
-        """Read names and units of the columns."""
         self.table, self.given = table, dict(given or {})
         self.about: dict[str, ColumnMeaning] = {}
         self.problems: list[str] = []
@@ -440,10 +437,8 @@ class Guesser:
 
 
 def with_actual_position(table: DataTable) -> DataTable:
-    """Return the table with the position that a reference and a following error give, if it has no other.
-
-    The error is added or subtracted so that the position lags behind the reference.
-    """
+    """Return the table with the position that a reference and a following error give, if it has no other."""
+    # The error is added or subtracted so that the position lags behind the reference.
     kinds = {name: about(name, table.units.get(name, "")) for name in table.columns}
     signals = {
         qualifier: [name for name, each in kinds.items() if (each.kind, each.qualifier) == ("position", qualifier)]

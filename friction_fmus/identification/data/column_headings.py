@@ -1,7 +1,5 @@
 """Mapping of columns to signals from unambiguous headings; otherwise a template of the mapping to complete."""
 
-from __future__ import annotations
-
 import json
 import re
 from collections.abc import Iterator, Mapping
@@ -383,10 +381,8 @@ def _remove_other_axis(guess: Guess) -> None:
 
 
 def epoch_unit(times: Array) -> str:
-    """Return the unit of times since 1970 that lie between the years 2001 and 2096; empty for others.
-
-    Their steps are at most a second: a counter of microseconds passes the same numbers.
-    """
+    """Return the unit of times since 1970 that lie between the years 2001 and 2096; empty for others."""
+    # Their steps are at most a second: a counter of microseconds passes the same numbers.
     known = times[np.isfinite(times)]
     if len(known) < 2:
         return ""

@@ -1,16 +1,14 @@
 """Lines above the numbers of a table: headings in one to three rows, units, keys and values."""
 
-from __future__ import annotations
-
 import re
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Final
 
-from friction_fmus.identification.data.cells import is_moment, numeric
 from friction_fmus.identification.data.column_headings import LONGEST, meaning_of
 from friction_fmus.identification.data.record import unit_of
+from friction_fmus.identification.data.text_file import is_moment, numeric
 
 _HEADING = re.compile(r"(?P<name>.*?)\s*[\[(](?P<unit>[^\[\]()]*(\([^()]*\))?[^\[\]()]*)[\])]\s*")
 
@@ -70,12 +68,10 @@ def split_unit(heading: str) -> tuple[str, str]:
 
 
 def headings(rows: Sequence[Sequence[str]], width: int, loose: bool = False) -> Headings:
-    """Return names and units of the columns of a table from the cells of the rows above it.
-
-    Rows with one cell per column directly above the table are names, units, data types or indices, in any order. If
-    there are two rows of names, and the upper one only counts channels (``Analog 1``) or groups them, both are used. A
-    table with a `loose` end has an empty last column, whose cell may be missing.
-    """
+    """Return names and units of the columns of a table from the cells of the rows above it."""
+    # Rows with one cell per column directly above the table are names, units, data types or indices, in any order. If
+    # there are two rows of names, and the upper one only counts channels (``Analog 1``) or groups them, both are used.
+    # A table with a `loose` end has an empty last column, whose cell may be missing.
     fitting: list[list[str]] = []
     begin = len(rows)
     while begin and len(fitting) < 8 and (row := _fitted(rows[begin - 1], width, loose)) is not None:

@@ -1,7 +1,5 @@
 """Mapping from the columns of a data file to signals, read from TOML."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path

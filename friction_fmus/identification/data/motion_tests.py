@@ -1,7 +1,5 @@
 """Physical tests of columns: which is the derivative of which, and which force explains a motion."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Final
@@ -36,11 +34,9 @@ def without_jumps(x: Array) -> Array:
 
 
 def smoothed(values: Array, width: float, order: int = 0) -> Array:
-    """Return columns behind a Gaussian filter, or their first or second derivative per sample.
-
-    The second derivative is the difference of the first: the sum of a truncated kernel of it is not zero, and adds a
-    multiple of the values.
-    """
+    """Return columns behind a Gaussian filter, or their first or second derivative per sample."""
+    # The second derivative is the difference of the first: the sum of a truncated kernel of it is not zero, and adds a
+    # multiple of the values.
     found = gaussian_filter1d(values, width, axis=0, order=min(order, 1))
     return np.asarray(np.gradient(found, axis=0) if order == 2 else found, dtype=np.float64)
 

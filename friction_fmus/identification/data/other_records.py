@@ -1,7 +1,5 @@
 """Records without a drive force over time: steady speeds, coasting, and a free pendulum."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Final

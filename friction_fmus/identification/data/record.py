@@ -40,7 +40,6 @@ class RecordFinding:
     measure: str
 
     def __str__(self) -> str:
-        """Return the finding in one line."""
         return f"{self.name}: {self.what} {self.measure}"
 
 
@@ -113,7 +112,6 @@ class Record:
     steady: bool = False
 
     def __post_init__(self) -> None:
-        """Convert the columns to read-only arrays and validate them."""
         columns = {}
         for column in COLUMNS:
             if (given := getattr(self, column)) is None:
@@ -170,7 +168,6 @@ class Record:
         return float((self.t[-1] - self.t[0]) / (len(self.t) - 1))
 
     def __len__(self) -> int:
-        """Return the number of samples."""
         return len(self.t)
 
     def column(self, name: str) -> Array:

@@ -1,7 +1,5 @@
 """Times of a measurement: order, gaps, changes of the rate, and equal intervals."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
@@ -39,11 +37,10 @@ class SampledSegment:
 def in_order(
     table: DataTable, t: Array, columns: dict[str, Array], findings: list[RecordFinding]
 ) -> tuple[Array, dict[str, Array]]:
-    """Return the rows of a file at increasing times, where the order is certain; otherwise raise RecordError.
-
-    The column ``row`` with the numbers of the rows is removed. Repeated rows are dropped, rows of another order sorted,
-    joined logs put one after the other, and single wrong times or times with few digits replaced by a regular clock.
-    """
+    """Return the rows of a file at increasing times, where the order is certain; otherwise raise RecordError."""
+    # The column ``row`` with the numbers of the rows is removed. Repeated rows are dropped, rows of another order
+    # sorted, joined logs put one after the other, and single wrong times or times with few digits replaced by a regular
+    # clock.
     rows = columns.pop("row")
     if len(t) < SHORTEST:
         raise RecordError(f"{table.file} has {len(t)} samples; an identification needs at least {SHORTEST}.")
@@ -145,13 +142,12 @@ def _without_wrong_times(t: Array) -> Array | None:
 def equally_spaced(
     t: Array, columns: Mapping[str, Array], u: Words = SLIDING
 ) -> tuple[list[SampledSegment], list[RecordFinding]]:
-    """Split a measurement at gaps and where its rate changes, and convert each segment to equal intervals.
-
-    A segment whose intervals deviate by more than 1 % from their mean gets a new time grid. If the times are equally
-    spaced except for rounding, or deviate from a regular clock that explains the motion better, samples are not
-    interpolated. Otherwise they are resampled at the median interval by a cubic spline (position, velocity, reference)
-    or linearly (forces, which may jump). The result contains no information above half the local sample rate.
-    """
+    """Split a measurement at gaps and where its rate changes, and convert each segment to equal intervals."""
+    # A segment whose intervals deviate by more than 1 % from their mean gets a new time grid. If the times are equally
+    # spaced except for rounding, or deviate from a regular clock that explains the motion better, samples are not
+    # interpolated. Otherwise they are resampled at the median interval by a cubic spline (position, velocity,
+    # reference) or linearly (forces, which may jump). The result contains no information above half the local sample
+    # rate.
     steps = np.diff(t)
     cuts, changes = _cuts(steps)
     findings = []
@@ -241,10 +237,9 @@ def _cuts(steps: Array) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
 
 
 def _grid(t: Array, columns: Mapping[str, Array]) -> tuple[Array, str]:
-    """Return equally spaced times of a segment, and how they were determined.
-
-    ``kept``, ``rounded`` to the digits of the times, ``regular`` clock from which the times deviate, or ``resampled``.
-    """
+    """Return equally spaced times of a segment, and how they were determined."""
+    # ``kept``, ``rounded`` to the digits of the times, ``regular`` clock from which the times deviate, or
+    # ``resampled``.
     count = len(t) - 1
     mean = (t[-1] - t[0]) / count
     if np.all(np.abs(np.diff(t) / mean - 1.0) <= JITTER):
@@ -267,11 +262,9 @@ WINDOW: Final = 9  # number of samples of the polynomials that smooth a motion
 
 
 def _follows_clock(off: Array, step: float, columns: Mapping[str, Array]) -> bool:
-    """Return whether the samples were taken at regular times, from which those in the file deviate by `off`.
-
-    Otherwise the motion would deviate from a smooth one by its speed times `off`. The regression of one on the other
-    has the coefficient 0 for a regular clock, and 1 for samples at the times in the file.
-    """
+    """Return whether the samples were taken at regular times, from which those in the file deviate by `off`."""
+    # Otherwise the motion would deviate from a smooth one by its speed times `off`. The regression of one on the other
+    # has the coefficient 0 for a regular clock, and 1 for samples at the times in the file.
     motion = columns.get("q", columns.get("v"))
     if motion is None:
         return False

@@ -1,7 +1,5 @@
 """Numeric columns of a data file."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -62,11 +60,9 @@ class ChannelGroup:
 
 
 def on_one_clock(path: Path, groups: Sequence[ChannelGroup], time: str, unit: str) -> DataTable:
-    """Return the signals of all groups at the times of the group with the most signals.
-
-    The signals of other groups are interpolated linearly, and missing outside of their times. Each of them has a note,
-    because interpolation smooths a force and distorts the derivatives of a position.
-    """
+    """Return the signals of all groups at the times of the group with the most signals."""
+    # The signals of other groups are interpolated linearly, and missing outside of their times. Each of them has a
+    # note, because interpolation smooths a force and distorts the derivatives of a position.
     merged: list[ChannelGroup] = []
     for group in groups:
         at = next((i for i, each in enumerate(merged) if np.array_equal(each.t, group.t)), len(merged))

@@ -389,6 +389,9 @@ def identify_inverse_stribeck(record: Record, vs: Iterable[float] | None = None)
     return InverseModelFit(parameters, fit.relative_residual, fit.condition, fit.v, fit.friction)
 
 
+COLUMNS = 8  # columns that are filtered at a time, as the filter makes several copies of the whole signal
+
+
 def decimate(signal: Array, factor: int) -> Array:
     """Decimate a signal behind a zero-phase low-pass filter; the last sample is kept.
 
@@ -411,6 +414,9 @@ def decimate(signal: Array, factor: int) -> Array:
     """
     if factor == 1:
         return signal
+    if signal.ndim > 1 and signal.shape[1] > COLUMNS:
+        parts = range(0, signal.shape[1], COLUMNS)
+        return np.hstack([decimate(signal[:, begin : begin + COLUMNS], factor) for begin in parts])
     smooth = np.asarray(scipy.signal.sosfiltfilt(_low_pass(factor), signal, axis=0, padlen=24), dtype=np.float64)
     first = (len(signal) - 1) % factor
     return smooth[first::factor]

@@ -25,11 +25,10 @@ Pair = tuple[int, int | None]  # nodes of the upper and of the lower part; None 
 
 
 class Weight(NamedTuple):
-    """Factor with which a value contains the distance of the axis from zero.
+    """Factor with which a value contains the distance of the axis from zero."""
 
-    A reference has the factor 1; the difference of two references has none and is a small number. The factors are
-    operations on values that are only known at run time.
-    """
+    # A reference has the factor 1; the difference of two references has none and is a small number. The factors are
+    # operations on values that are only known at run time.
 
     number: float
     factors: tuple[tuple[str, int], ...] = ()
@@ -327,11 +326,9 @@ Key = TypeVar("Key")
 def in_loops(
     ordered: Sequence[Key], waits: Mapping[Key, set[Key]], lanes: Mapping[Key, int], sums: Collection[Key]
 ) -> list[list[Key]]:
-    """Return steps, each of one unit outside loops or of the units of one loop.
-
-    A loop contains what the units after it need, and what needs its elements; other operations on elements wait for a
-    later loop, so that their results need not be stored.
-    """
+    """Return steps, each of one unit outside loops or of the units of one loop."""
+    # A loop contains what the units after it need, and what needs its elements; other operations on elements wait for a
+    # later loop, so that their results need not be stored.
     steps: list[list[Key]] = []
     left = list(ordered)
     while left:

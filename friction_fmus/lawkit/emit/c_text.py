@@ -3,8 +3,6 @@
 `kernel` translates a function for use in any C file.
 """
 
-from __future__ import annotations
-
 import re
 from collections import Counter
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
@@ -254,7 +252,6 @@ class Values:
     def __init__(
         self, rolled: Rolled, real: Real, conditions: Collection[int], zeros: Zeros, flags: Collection[str]
     ) -> None:
-        """Prepare the texts of arguments and constants."""
         self.functions: set[str] = set()
         self._nodes = rolled.nodes
         self._reads = rolled.reads
@@ -427,7 +424,6 @@ class Writer(Values):
         flags: Collection[str] = (),
         unrolls: bool = False,
     ) -> None:
-        """Prepare the texts of arguments and constants."""
         super().__init__(rolled, real, conditions, zeros, flags)
         self._names = names
         self._kept = names.assigned | remarks.keys()
@@ -739,11 +735,9 @@ def kernel(
     flags: Collection[str] = (),
     unrolls: bool = False,
 ) -> Kernel:
-    """Translate a casadi function into C statements.
-
-    All results are assigned after the last operation, so a result may overwrite an argument. Operations that only one
-    side of a decision needs are computed on that side if this saves enough to justify a branch.
-    """
+    """Translate a casadi function into C statements."""
+    # All results are assigned after the last operation, so a result may overwrite an argument. Operations that only one
+    # side of a decision needs are computed on that side if this saves enough to justify a branch.
     nodes, results = graph(function)
     describes, named = named is not None, named or ()
     if lows:

@@ -1,7 +1,5 @@
 """Corresponding operations on the elements of vectors, and loops over them."""
 
-from __future__ import annotations
-
 import math
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -31,7 +29,6 @@ class Search:
         writes: Sequence[str],
         refused: Iterable[str],
     ) -> None:
-        """Find all chains and the sums of their elements."""
         self.nodes, self.results, self.reads, self.writes = nodes, results, reads, writes
         self._refused = frozenset(refused)
         self.needed = needed_for(nodes, results)  # nodes on which the results depend

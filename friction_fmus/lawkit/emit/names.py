@@ -1,7 +1,5 @@
 """Names of the constants and variables in generated C."""
 
-from __future__ import annotations
-
 import math
 import re
 import textwrap
@@ -106,10 +104,9 @@ def place_name(place: str) -> str:
 
 
 class Names:
-    """Unique identifiers, made from the names of nodes.
+    """Unique identifiers, made from the names of nodes."""
 
-    A node without a name is named after its operation and its operands, or after its operation if they have no names.
-    """
+    # A node without a name is named after its operation and its operands, or after its operation if they have no names.
 
     def __init__(
         self,
@@ -121,7 +118,6 @@ class Names:
         *,
         describes: bool,
     ) -> None:
-        """Choose a name for every node that has one."""
         self._nodes = nodes
         self._taken = {*taken}
         self._describes = describes

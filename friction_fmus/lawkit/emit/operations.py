@@ -1,7 +1,5 @@
 """The graph of operations of a casadi function, from which C code is generated, and the signs of its zeros."""
 
-from __future__ import annotations
-
 import math
 import struct
 from collections.abc import Collection, Mapping, Sequence

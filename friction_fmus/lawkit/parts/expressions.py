@@ -5,8 +5,6 @@ Astrom, Hagglund: Advanced PID Control, ISA 2006 (tracking mode and bumpless tra
 Conditioning technique, a general anti-windup and bumpless transfer method, Automatica 23(6), 1987.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 from casadi import SX, exp, expm1, fabs, if_else, logic_and, logic_not, logic_or, sign
@@ -52,10 +50,8 @@ def restarts(reset: SX, track: SX) -> SX:
 
 
 def tracked(track: SX, u_track: SX, gain: SX, otherwise: SX) -> SX:
-    """Return the output of a law before its limits: u_track itself, or `otherwise` if the law has no memory to set.
-
-    Computed from the memory, it would reach a limit or not as rounding decides.
-    """
+    """Return the output of a law before its limits: u_track itself, or `otherwise` if the law has no memory to set."""
+    # Computed from the memory, it would reach a limit or not as rounding decides.
     return if_else(logic_and(track, gain != 0.0), u_track, otherwise)
 
 
@@ -111,10 +107,8 @@ def limited(
 
 
 def acting(rate: SX, Ts: SX) -> SX:
-    """Return (1 - exp(-rate Ts)) / rate, the effective duration of the initial slope of z' = drive - rate z in Ts.
-
-    Drive and rate >= 0 are constant. A series replaces the quotient where it would lose accuracy.
-    """
+    """Return (1 - exp(-rate Ts)) / rate, the effective duration of the initial slope of z' = drive - rate z in Ts."""
+    # Drive and rate >= 0 are constant. A series replaces the quotient where it would lose accuracy.
     q = rate * Ts
     # fabs instead of a minus, as it is known not to return -0.0, which saves an operation in the generated C
     return if_else(q < 1e-5, Ts * (1.0 - q / 2.0), fabs(expm1(-q) / rate))

@@ -1,7 +1,5 @@
 """Elements of generalised Maxwell slip, shared by the laws that compute this friction."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any

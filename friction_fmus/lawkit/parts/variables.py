@@ -3,8 +3,6 @@
 A law whose variable has another description, start value or limits declares it itself.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any
 

@@ -6,8 +6,6 @@ with LOG for each message of the FMU (JSON), then with DONE and nothing, a numbe
 error (JSON). The harness never unpickles data from the process, because the FMU may have written them.
 """
 
-from __future__ import annotations
-
 import json
 import mmap
 import pickle
@@ -40,7 +38,6 @@ class ChannelEnd:
     """One end of the channel."""
 
     def __init__(self, end: socket.socket) -> None:
-        """Take ownership of the socket."""
         self.socket = end
 
     def ask(self, kind: int, content: object = None) -> None:
@@ -104,7 +101,6 @@ class Shared:
     """Values in memory shared by both processes."""
 
     def __init__(self, path: Path, inputs: int, outputs: int) -> None:
-        """Map the file, and make it if it does not exist."""
         size = 8 * (3 + inputs + outputs)
         with path.open("a+b") as file:
             file.truncate(size)

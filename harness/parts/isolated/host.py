@@ -1,7 +1,5 @@
 """The code that runs in the process of an isolated FMU."""
 
-from __future__ import annotations
-
 import logging
 import os
 import socket

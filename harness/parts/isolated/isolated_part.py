@@ -1,7 +1,5 @@
 """FMUs in their own process, so that one that crashes or hangs ends its run and not the harness."""
 
-from __future__ import annotations
-
 import logging
 import os
 import signal
@@ -32,7 +30,6 @@ class Process:
     """A Python process that serves one FMU, see `harness.parts.isolated.host.serve`."""
 
     def __init__(self, name: str, path: Path, timeout: float) -> None:
-        """Start the process and wait until it listens."""
         if os.name != "posix":
             raise HarnessError(f"part '{name}' cannot be isolated on {sys.platform}: leave isolate out")
         folder = ScratchFolder()
@@ -149,11 +146,10 @@ _EXCHANGES: Final = {SET: "fmi2SetXXX", STEP: "fmi2DoStep", GET: "fmi2GetXXX"}
 
 
 class IsolatedPart(FmuPart):
-    """An FMU in its own process, made by `FmuPart` with ``isolate=True``.
+    """An FMU in its own process, made by `FmuPart` with ``isolate=True``."""
 
-    Inputs, step and outputs of a communication step are transferred in one exchange. The native engine treats such a
-    part like a Python part. The master newton passes no input derivatives to it.
-    """
+    # Inputs, step and outputs of a communication step are transferred in one exchange. The native engine treats such a
+    # part like a Python part. The master newton passes no input derivatives to it.
 
     _process: Process | None = None
     _shared: Shared

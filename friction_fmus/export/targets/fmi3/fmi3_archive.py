@@ -1,7 +1,5 @@
 """The archive of an FMU in FMI 3.0."""
 
-from __future__ import annotations
-
 import hashlib
 import re
 from collections.abc import Iterator, Mapping, Sequence
@@ -34,18 +32,12 @@ _ELEMENT: Final = re.compile(r"(?P<name>.*)\[(?P<index>\d+)\](?P<end>\)?)")
 class Fmi3Variable:
     """A variable of FMI 3.0."""
 
-    name: str
-    """Name; that of an array has no index."""
-    inner: int
-    """Value reference in FMI 2.0 of the only or the first element."""
-    type: str
-    """Name of its element in the XML."""
-    elements: tuple[etree._Element, ...]
-    """ScalarVariable in FMI 2.0 of each element; the largest number of them."""
-    is_array: bool = False
-    """Whether it is an array, perhaps of one element."""
-    is_sized: bool = False
-    """Whether the structural parameter, which is the first variable, is the length of the array."""
+    name: str  # name; that of an array has no index
+    inner: int  # value reference in FMI 2.0 of the only or the first element
+    type: str  # name of its element in the XML
+    elements: tuple[etree._Element, ...]  # ScalarVariable in FMI 2.0 of each element; the largest number of them
+    is_array: bool = False  # whether it is an array, perhaps of one element
+    is_sized: bool = False  # whether the structural parameter, which is the first variable, is the length of the array
     reference: int = 0
     """Value reference: the position among the variables from 1, as OMSimulator reads dependencies as positions."""
 
@@ -503,10 +495,8 @@ def _build_description(identifier: str, compiled: Sequence[str]) -> bytes:
 
 
 def _fmi_header(name: str) -> str:
-    """Return a header of FMI 2.0, which importers of FMI 3.0 need not have.
-
-    As in the standard, and unlike in fmpy's copy, functions with a prefix are not exported.
-    """
+    """Return a header of FMI 2.0, which importers of FMI 3.0 need not have."""
+    # As in the standard, and unlike in fmpy's copy, functions with a prefix are not exported.
     text = (toolchain.header_folder() / name).read_text(encoding="utf-8").replace("\r\n", "\n")
     return re.sub(r"#if defined _WIN32.*?#endif\n(?=\n)|#define fmi2FullName.*?\n", _prefixed, text, flags=re.S)
 

@@ -1,7 +1,5 @@
 """The WebAssembly module of an FMU, and the npm package with it."""
 
-from __future__ import annotations
-
 import base64
 import gzip
 import json
@@ -272,11 +270,9 @@ class WasmModel:
 
 
 def class_script() -> str:
-    """Return a classic script that defines ``frictionFmus`` with the JavaScript class.
-
-    Pages opened as files can load it, as modules cannot; it works without network under the content-security policy
-    ``script-src 'self' 'wasm-unsafe-eval'``.
-    """
+    """Return a classic script that defines ``frictionFmus`` with the JavaScript class."""
+    # Pages opened as files can load it, as modules cannot; it works without network under the content-security policy
+    # ``script-src 'self' 'wasm-unsafe-eval'``.
     text = (_FOLDER / CLASS).read_text(encoding="utf-8")
     return (
         (_FOLDER / "classic.js")

@@ -3,8 +3,6 @@
 A format of text that other programs save under any suffix has ``recognises``, which examines the beginning of the text.
 """
 
-from __future__ import annotations
-
 import pkgutil
 from collections.abc import Mapping
 from dataclasses import replace
@@ -14,7 +12,7 @@ from types import ModuleType
 from typing import Final
 
 from friction_fmus.errors import RecordError
-from friction_fmus.identification.data.clocks import unwrapped, wrap_finding
+from friction_fmus.identification.data.column_builder import unwrapped, wrap_finding
 from friction_fmus.identification.data.tables import DataTable, one_clock
 from friction_fmus.identification.data.text_file import head_text
 from harness.errors import MissingPackageError

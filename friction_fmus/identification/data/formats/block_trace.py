@@ -1,17 +1,14 @@
 """Traces of controllers (CODESYS, ctrlX) as text: keys and values, with a block of times and values per variable."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import replace
 from pathlib import Path
 from typing import Final
 
 from friction_fmus.errors import RecordError
-from friction_fmus.identification.data.cells import any_numbers, decimal_comma
 from friction_fmus.identification.data.heading_rows import is_unit, split_unit, stated_period, unique_names
 from friction_fmus.identification.data.tables import ChannelGroup, DataTable, on_one_clock
-from friction_fmus.identification.data.text_file import LARGEST_TRACE, whole_text
+from friction_fmus.identification.data.text_file import LARGEST_TRACE, any_numbers, decimal_comma, whole_text
 
 SUFFIXES: Final = ()
 

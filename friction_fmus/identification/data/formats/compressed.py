@@ -1,7 +1,5 @@
 """Compressed data files of any of the other formats: .gz, .xz, .bz2, and .zip with one of them."""
 
-from __future__ import annotations
-
 import bz2
 import gzip
 import lzma

@@ -1,7 +1,5 @@
 """HDF5: data sets as ``group/x``, columns of matrices, fields of compound types; nothing from other files."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, Final
@@ -9,7 +7,7 @@ from typing import Any, Final
 import numpy as np
 
 from friction_fmus.errors import RecordError
-from friction_fmus.identification.data.array_columns import NUMBERS, columns_of, vector_table
+from friction_fmus.identification.data.column_builder import NUMBERS, columns_of, vector_table
 from friction_fmus.identification.data.tables import DataTable, limit_size
 
 SUFFIXES: Final = (".h5", ".hdf5", ".hdf", ".he5")

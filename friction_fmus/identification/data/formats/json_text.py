@@ -1,7 +1,5 @@
 """JSON: a list of records, columns by name, either of them nested in an object, and one record per line."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path

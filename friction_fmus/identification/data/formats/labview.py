@@ -1,17 +1,15 @@
 """Measurement files of LabVIEW (.lvm): segments with their own header, times in columns or as a step."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 from typing import Final
 
 import numpy as np
 
-from friction_fmus.identification.data.cells import any_numbers
 from friction_fmus.identification.data.formats import text
 from friction_fmus.identification.data.heading_rows import is_unit
 from friction_fmus.identification.data.tables import DataTable
+from friction_fmus.identification.data.text_file import any_numbers
 
 SUFFIXES: Final = (".lvm",)
 

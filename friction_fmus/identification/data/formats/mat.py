@@ -1,7 +1,5 @@
 """Files of MATLAB, versions 4 to 7.3, and of Dymola: vectors, matrices as ``a(:,2)``, structures as ``log.x``."""
 
-from __future__ import annotations
-
 import struct
 import zlib
 from collections.abc import Iterator
@@ -13,7 +11,7 @@ import numpy as np
 
 from friction_fmus.errors import RecordError
 from friction_fmus.identification.data import tables
-from friction_fmus.identification.data.array_columns import columns_of, vector_table
+from friction_fmus.identification.data.column_builder import columns_of, vector_table
 from friction_fmus.identification.data.formats.hdf5 import HDF5, matlab_vectors
 from friction_fmus.identification.data.tables import DataTable, limit_size
 
@@ -22,8 +20,7 @@ SUFFIXES: Final = (".mat",)
 LABELS: Final = ("label", "Label", "Name", "name", "signalName", "blockName")
 """Members of a structure that name its values."""
 
-VALUES: Final = ("values", "Data", "data", "Value", "value", "Values")
-"""Members of a structure that are its values."""
+VALUES: Final = ("values", "Data", "data", "Value", "value", "Values")  # members of a structure that are its values
 
 
 def read(path: Path) -> DataTable:

@@ -1,7 +1,5 @@
 """MCAP files, such as the bags of ROS 2: the numbers in the messages of all topics (extra ``mcap``)."""
 
-from __future__ import annotations
-
 import json
 import math
 import numbers
@@ -28,12 +26,10 @@ LONGEST: Final = 64  # largest number of elements of an array whose elements bec
 
 
 def read(path: Path) -> DataTable:
-    """Read an MCAP file.
-
-    Each number in a message becomes a column named after topic, joint and field, such as
-    ``/joint_states/axis1/position``. The time is that of the header of the message if it has one, otherwise the time of
-    the log, in s since the first message of the file.
-    """
+    """Read an MCAP file."""
+    # Each number in a message becomes a column named after topic, joint and field, such as
+    # ``/joint_states/axis1/position``. The time is that of the header of the message if it has one, otherwise the time
+    # of the log, in s since the first message of the file.
     require("mcap", "reading MCAP files needs it")
     from mcap.reader import make_reader
     from mcap_ros2.decoder import DecoderFactory

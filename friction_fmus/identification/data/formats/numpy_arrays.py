@@ -1,7 +1,5 @@
 """Arrays of NumPy: .npz with vectors and matrices, .npy with a matrix or a structured array."""
 
-from __future__ import annotations
-
 import io
 import zipfile
 from collections.abc import Iterator
@@ -12,7 +10,7 @@ import numpy as np
 from numpy.lib import format as npy
 
 from friction_fmus.errors import RecordError
-from friction_fmus.identification.data.array_columns import columns_of, vector_table
+from friction_fmus.identification.data.column_builder import columns_of, vector_table
 from friction_fmus.identification.data.tables import DataTable, limit_size
 
 SUFFIXES: Final = (".npz", ".npy")

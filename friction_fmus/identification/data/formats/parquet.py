@@ -1,7 +1,5 @@
 """Parquet files (extra ``parquet``)."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Final
 

@@ -1,7 +1,5 @@
 """Output of microcontrollers on a serial port: ``t: 0.01, pos: 3`` in each line, perhaps behind the time of the day."""
 
-from __future__ import annotations
-
 import re
 from collections import Counter
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Workbooks of spreadsheets: the sheet with the most numbers, with headings as in a text."""
 
-from __future__ import annotations
-
 import datetime
 import re
 import zipfile

@@ -1,7 +1,5 @@
 """Text with any separator, decimal commas, lines above the table, several rows of headings, dates."""
 
-from __future__ import annotations
-
 import io
 import re
 from collections import Counter
@@ -14,13 +12,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from friction_fmus.errors import RecordError
-from friction_fmus.identification.data import cells as cell
-from friction_fmus.identification.data.cells import split_cells
+from friction_fmus.identification.data import text_file as cell
 from friction_fmus.identification.data.column_builder import ColumnBuilder, made_table
 from friction_fmus.identification.data.heading_rows import Headings, headings
 from friction_fmus.identification.data.record import RecordFinding
 from friction_fmus.identification.data.tables import DataTable, limit_size
-from friction_fmus.identification.data.text_file import NAMES, pieces
+from friction_fmus.identification.data.text_file import NAMES, pieces, split_cells
 
 SUFFIXES: Final = (".csv", ".tsv", ".txt", ".dat", ".asc", ".log", ".prn", ".tab", ".out", ".trc", ".trace")
 
@@ -48,10 +45,8 @@ class TextLayout:
 
 
 def read(path: Path, others: tuple[str, ...] = (), named: Naming = headings) -> DataTable:
-    """Read a text table: columns separated by ; tab , | or spaces, after comments, keys and headings.
-
-    Lines that start with one of the `others` are no rows either. The rows above the table are `named`.
-    """
+    """Read a text table: columns separated by ; tab , | or spaces, after comments, keys and headings."""
+    # Lines that start with one of the `others` are no rows either. The rows above the table are `named`.
     with pieces(path) as (encoding, parts):
         head = next(parts, "")
         lines = head.split("\n")

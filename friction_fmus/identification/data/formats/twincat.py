@@ -1,17 +1,15 @@
 """Exports of TwinCAT Scope as text: a column of times for each channel, with its name above."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Final
 
-from friction_fmus.identification.data.cells import numeric, split_cells
 from friction_fmus.identification.data.formats import text
 from friction_fmus.identification.data.heading_rows import Headings, named_columns
 from friction_fmus.identification.data.tables import DataTable
+from friction_fmus.identification.data.text_file import numeric, split_cells
 
 SUFFIXES: Final = ()
 
