@@ -20,7 +20,15 @@ from harness.parts.part import StartValue
 from harness.result import Result
 from harness.system.assembly import Assembly, resize_parts
 from harness.system.experiment import Experiment
-from harness.system.graph import check_loops, find_feedthrough, find_port, make_plan, recorded_names, state_outputs
+from harness.system.graph import (
+    check_loops,
+    find_feedthrough,
+    find_port,
+    make_plan,
+    positions,
+    recorded_names,
+    state_outputs,
+)
 from harness.system.initialisation import Initialisation
 from harness.system.plan import Plan
 
@@ -79,7 +87,7 @@ class Session:
         with self._guard.running():
             find_feedthrough(system, experiment)
         master = find_master(experiment.master)
-        compared = state_outputs(system.parts) if master.implicit else []
+        compared = state_outputs(system.parts) if master.implicit else positions(system.parts, system.wires)
         plan = self._plan = make_plan(system, experiment, [*self._names, *tapped, *compared])
         schedule = master.schedule(plan, experiment)
         check_loops(system.parts, system.wires, implicit=schedule.implicit)

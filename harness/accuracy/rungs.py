@@ -2,7 +2,8 @@
 
 A longer step must not change the system: sampled parts keep their sample times and delays their durations. A part that
 is sampled in every second step leaves room for twice the step only. One that is sampled in every step leaves none: the
-run is then repeated with half the step.
+run is then repeated with half the step. A continuous part that steps every N communication steps goes on to do so: how
+long its inputs are held is part of the error.
 """
 
 from __future__ import annotations

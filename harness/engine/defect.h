@@ -23,8 +23,9 @@ static void end_window(Pair *p)
     p->ticks = 0;
 }
 
-#define SMALL 0.25 /* defects over the last large one that are none of an alternation */
-#define HELD  1e-9 /* relative difference of a holding force and its load */
+#define SMALL    0.25  /* defects over the last large one that are none of an alternation */
+#define ROUNDING 1e-15 /* of a position */
+#define HELD     1e-9  /* relative difference of a holding force and its load */
 enum { MOST_MISSED = 100, MOST_SIGNALS = 32 };
 
 /* A contact has passed or left v = 0: count it if its friction at v = 0 would balance the other forces. */
@@ -54,10 +55,27 @@ static void look_for_rest(Engine *e, Pair *p, int64_t input)
         p->contact = -1;
 }
 
+/* Compare the motion of a position in a step with the mean of its velocity. They differ if the part moves, within the
+   step, in ways that the velocities at its ends do not show, such as a light mass that follows its support. */
+static void measure_path(const Engine *e, Pair *p)
+{
+    const double x = e->signals[p->position], v = e->signals[e->sources[e->defects[p->velocity].input]];
+    const double moved = x - p->x, shown = 0.5 * (p->v + v) * e->step, apart = fabs(moved - shown);
+    p->path += fabs(moved);
+    p->strayed += apart > ROUNDING * fabs(x) ? apart : 0.0;
+    p->xx += moved * moved;
+    p->xv += moved * shown;
+    p->vv += shown * shown;
+    p->x = x;
+    p->v = v;
+}
+
 static void measure_defects(Engine *e)
 {
     for (Defect *d = e->defects; d < e->defects + e->defect_count; d++) {
-        const double end = arriving(e, d->input), defect = end - e->signals[d->input];
+        if (!d->renewed)
+            d->held = e->signals[d->input];
+        const double end = arriving(e, d->input), defect = end - d->held;
         const double lasting = fmin(fabs(defect), fabs(d->before));
         const bool large = fabs(defect) >= SMALL * fabs(d->before);
         if (large && defect * d->before < 0.0)
@@ -72,9 +90,11 @@ static void measure_defects(Engine *e)
     for (Pair *p = e->pairs; p < e->pairs + e->pair_count; p++) {
         const Defect *const force = &e->defects[p->force], *const velocity = &e->defects[p->velocity];
         const double F = force->mean, v = velocity->mean, passed = F * v * e->step;
-        const double made = (e->signals[force->input] * v - e->signals[velocity->input] * F) * e->step;
+        const double made = (force->held * v - velocity->held * F) * e->step;
         if (fabs(v) <= 0.5 * fabs(velocity->value) && velocity->value != 0.0 && p->contact >= 0)
             look_for_rest(e, p, velocity->input);
+        if (p->position >= 0)
+            measure_path(e, p);
         p->made += fabs(made);
         p->fed += made;
         p->net += passed;

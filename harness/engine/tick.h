@@ -36,6 +36,11 @@ static bool operate(Engine *e, int operation, int64_t index, int64_t tick)
         fetch_inputs(e, p);
         status = on_lines ? 0 : hand_over(p, e->signals);
     } else if (operation == RENEW) {
+        for (Defect *d = e->defects; d < e->defects + e->defect_count; d++)
+            if (d->input >= p->inputs[0] && d->input < p->inputs[TYPES]) {
+                d->renewed = 1;
+                d->held = e->signals[d->input];
+            }
         fetch_inputs(e, p);
         operation = SET;
         status = hand_over(p, e->signals);

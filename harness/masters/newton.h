@@ -36,7 +36,8 @@ static Span next_span(const Newton *newton, int64_t number, const Progress *p, d
 static double shortest(const Newton *newton, const Progress *p)
 {
     const double usual = p->h / newton->finest, first = p->h * pow(RUNG, 1 - RUNGS);
-    return p->since < 0.0 ? usual : fmin(usual, fmax(first, (p->done - p->since) / RUNG));
+    const double part = newton->error > 0.0 ? RUNG : RUNG * RUNG;
+    return p->since < 0.0 ? usual : fmin(usual, fmax(first, (p->done - p->since) / part));
 }
 
 /* Compute the error of a solved span over the tolerance: from the estimate of the adaptive master and, if the guard

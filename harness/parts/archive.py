@@ -73,6 +73,14 @@ class Archive:
         outputs = [name for name, variable in self.variables.items() if variable.causality == "output"]
         return {name: stated.get(name, inputs) for name in outputs}, frozenset(outputs) - stated.keys()
 
+    def integrals(self) -> dict[str, str]:
+        """Return the states whose time derivatives depend on one variable only, by the name of this variable."""
+        return {
+            unknown.dependencies[0].name: unknown.variable.derivative.name
+            for unknown in self.description.derivatives
+            if len(unknown.dependencies or ()) == 1 and unknown.variable.derivative is not None
+        }
+
 
 def open_archive(path: Path, sizes: Mapping[str, int] = MappingProxyType({})) -> Archive:
     """Check an FMU file and read its model description without unpacking it.

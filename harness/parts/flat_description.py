@@ -200,7 +200,7 @@ def _description(description: Any, scalars: list[Any], of_name: Mapping[str, lis
     return SimpleNamespace(
         modelVariables=scalars,
         outputs=outputs,
-        derivatives=[],
+        derivatives=description.derivatives,
         modelExchange=None,
         numberOfEventIndicators=0,
         coSimulation=SimpleNamespace(

@@ -220,6 +220,7 @@ class FmuPart(Part):
             ports[name] for name in numeric if variables[name].causality not in ("input", "output")
         )
         self.dependencies, self.undeclared = archive.feedthrough()
+        self.integrals = archive.integrals()
         self.strict = "strict" in archive.traits
         self.saves = bool(self.archive.interface.canGetAndSetFMUstate)
         self.events = archive.exchange or bool(archive.flat is not None and archive.flat.clocks)

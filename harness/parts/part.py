@@ -132,6 +132,8 @@ class Part(ABC):
     undeclared : frozenset of str
         Outputs without declared dependencies. They are taken to depend on all inputs until a run finds their
         dependencies.
+    integrals : mapping of str to str
+        Of variables such as a velocity: the name of the state, such as a position, whose rate each of them is.
     strict : bool
         Whether an input with neither a connection nor a given value is an error, even if the part states a start value.
     saves : bool
@@ -154,6 +156,7 @@ class Part(ABC):
     identity: str = ""
     instance: object = None
     undeclared: frozenset[str] = frozenset()
+    integrals: Mapping[str, str] = MappingProxyType({})
     strict: bool = True
     saves: bool = True
     events: bool = False

@@ -231,6 +231,13 @@ def state_outputs(parts: Mapping[str, Part]) -> list[str]:
     ]
 
 
+def positions(parts: Mapping[str, Part], wires: Iterable[Wire]) -> list[str]:
+    """Return the full names of the Real outputs that are integrals of outputs which are connected."""
+    sources = {split_name(wire.source) for wire in wires}
+    found = {(name, parts[name].integrals[port]) for name, port in sources if port in parts[name].integrals}
+    return sorted(f"{name}.{x}" for name, x in found if any(port.name == x for port in parts[name].outputs))
+
+
 def make_plan(system: Assembly, experiment: Experiment, read: Sequence[str]) -> Plan:
     """Return the plan of a run."""
     parts = [system.parts[name] for name in _order(system, experiment)]

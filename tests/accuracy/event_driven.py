@@ -73,7 +73,7 @@ class Pulled:
     phases: Sequence[Phase] = (Phase(0.0),)
 
     def run(self, t: Array) -> dict[str, Array]:
-        """Return x, v, F and the times of `changes` between rest and motion."""
+        """Return x, v, F, the times of `changes` between rest and motion, and F at the times `away` of the latter."""
         walk = _Walk(self, t)
         walk.all()
         return walk.found
@@ -95,6 +95,7 @@ class _Walk:
         self.x, self.v, self.support = of.x0, of.v0 - of.belt, of.support0
         self.found = {name: np.empty(len(self.t)) for name in ("x", "v", "F")}
         self.changes: list[tuple[float, bool]] = []
+        self.forces: list[float] = []
         ends = [phase.begin for phase in of.phases[1:]] + [inf]
         for phase, end in zip(of.phases, ends, strict=True):
             self.phase, self.end = phase, min(end, float(self.t[-1]))
@@ -106,6 +107,7 @@ class _Walk:
         self._keep(self.t[-1], np.inf, lambda tau: (self.x + 0 * tau, self.v + 0 * tau), self._friction_now)
         self.found["changes"] = np.array([time for time, _ in self.changes])
         self.found["away"] = np.array([time for time, rests in self.changes if not rests])
+        self.found["F_away"] = np.array(self.forces)
 
     # forces at the current time, all but friction, for motion with the belt
     def needed(self, x: float, v: float, support: float) -> float:
@@ -147,6 +149,9 @@ class _Walk:
     def _note(self, rests: bool) -> None:
         if not self.changes or self.changes[-1][1] != rests:
             self.changes.append((self.now, rests))
+            if not rests:
+                P, c = self.needed(self.x, self.v, self.support), self.of.contact
+                self.forces.append(c.sliding(self.v, copysign(1.0, self.v)) if self.v else min(max(P, -c.Fs), c.Fs))
 
     def _rest(self, P: float, rate: float) -> None:
         Fs = self.of.contact.Fs

@@ -7,7 +7,7 @@ import math
 import pytest
 
 from friction_fmus import fmu
-from harness import CallablePart, FmuPart, Port, System
+from harness import CallablePart, FmuPart, Port, SeriesPart, System
 
 STEPS = 4000
 MEAN, SWING, SPEED = 3.0, 2.0, 0.7
@@ -67,3 +67,58 @@ def test_a_contact_that_friction_would_hold_is_counted_where_it_passes_rest(
         found = system.run(stop=4.0, step=1.0, master="jacobi").attrs
     assert found["missed_rest"] == missed / 4
     assert "exceeds the stop time" not in caplog.text
+
+
+def test_a_force_that_grows_is_seen_beside_a_load_from_a_record(caplog: pytest.LogCaptureFixture) -> None:
+    """Held viscous friction changes v to v (1 - Fv h/m) in each step, here to -2 v; inputs are read again after it.
+
+    The smaller of two consecutive changes of F is 3/4 of its new value.
+    """
+    load = SeriesPart("load", [0.0], {"F": [0.0]}, {"F": "N"}, interpolation="previous", beyond="hold")
+    parts = [FmuPart("mass", fmu("Mass")), FmuPart("contact", fmu("Stiction")), load]
+    wires = [
+        "mass.v -> contact.v",
+        "contact.F -> mass.F_friction",
+        "mass.F_ext -> contact.F_ext",
+        "load.F -> mass.F_drive",
+    ]
+    start = {"mass.m": 1.0, "mass.v0": 1.0, "contact.Fv": 30.0, "contact.Fc": 1e-6, "contact.Fs": 1e-6}
+    with System(parts, wires, start) as system:
+        result = system.run(stop=3.0, step=0.1, master="gauss-seidel")
+    assert abs(result["mass.v"].to_numpy()[-1]) > 2.0**28
+    assert result.attrs["coupling_error"] == pytest.approx(0.75, rel=1e-3)
+    assert "the result is wrong" in caplog.text
+
+
+@pytest.mark.parametrize(("radians", "warns"), [(2.0 * math.pi, True), (0.1, False)])
+def test_a_mass_that_swings_within_a_step(radians: float, warns: bool, caplog: pytest.LogCaptureFixture) -> None:
+    """On a spring whose support moves, v = V (1 - cos(w t)): always 0 at the communication points if w h = 2 pi."""
+    h, speed = 0.01, 0.2
+    parts = [FmuPart("mass", fmu("Mass")), FmuPart("contact", fmu("Viscous"))]
+    start = {
+        "mass.m": 1.0,
+        "mass.k": (radians / h) ** 2,
+        "mass.v_support": speed,
+        "mass.F_drive": 0.0,
+        "contact.Fv": 0.0,
+    }
+    with System(parts, ["mass.v -> contact.v", "contact.F -> mass.F_friction"], start) as system:
+        found = system.run(stop=200 * h, step=h, master="gauss-seidel", record=["mass.v"]).attrs
+    assert found["motion_within_steps"] == pytest.approx(1.0 if warns else 0.0, abs=1e-3)
+    assert ("the result is wrong" in caplog.text) == warns
+
+
+def test_a_position_behind_a_gear_is_no_other_motion() -> None:
+    """x = sin(t)/2 where v = cos(t)."""
+    motion = [Port("x", "m"), Port("v", "m/s")]
+    mass = CallablePart(
+        "mass",
+        lambda t, _u, _x: [0.5 * math.sin(t), math.cos(t)],
+        [Port("F", "N")],
+        motion,
+        dependencies={"x": [], "v": []},
+    )
+    mass.integrals = {"v": "x"}
+    contact = CallablePart("contact", lambda _t, u, _x: u, [Port("v", "m/s")], [Port("F", "N")])
+    with System([mass, contact], ["mass.v -> contact.v", "contact.F -> mass.F"]) as system:
+        assert system.run(stop=10.0, step=0.01, master="gauss-seidel").attrs["motion_within_steps"] == 0.0

@@ -122,14 +122,14 @@ def test_the_last_span_ends_with_the_step(master: ctypes.CDLL, piece: float, las
 
 
 def test_spans_after_a_jump_may_be_shorter(master: ctypes.CDLL) -> None:
-    """A quarter of the time since the jump, at least the first piece of a check, at most the usual one."""
+    """A sixteenth of the time since the jump, at least the first piece of a check, at most the usual one."""
 
     def found(done: float, since: float) -> float:
         progress = Progress(0.0, 2.0, done, since, 0)
         return float(master.shortest_span(Loop().address, ctypes.addressof(progress)))
 
     assert found(1.0, -1.0) == 2.0
-    assert found(0.9, 0.5) == pytest.approx(0.4 / RUNG, rel=1e-15)
+    assert found(0.9, 0.5) == pytest.approx(0.4 / RUNG**2, rel=1e-15)
     assert found(0.5, 0.5) == 2.0 * RUNG ** (1 - RUNGS)
 
 

@@ -218,7 +218,10 @@ def rigid(rng: np.random.Generator, model: str, level: float, mass: Mapping[str,
 
     def solve(phases: Sequence[Phase], factor: float, t: np.ndarray) -> dict[str, np.ndarray]:
         law = Contact(Fc, Fs, Fv, curve).scaled(factor)
-        return Pulled(law, mass["m"], mass["k"], mass["d"], v0=mass["v0"], phases=phases).run(t)
+        found = Pulled(law, mass["m"], mass["k"], mass["d"], v0=mass["v0"], phases=phases).run(t)
+        rows = np.searchsorted(t, found["away"]).clip(0, len(t) - 1)
+        found["F"][rows] = found["F_away"]  # at v = 0, before the force falls along the Stribeck curve
+        return found
 
     return contact, solve
 

@@ -18,6 +18,14 @@ def test_swings_within_a_step_that_follow_a_jump(seed: int, tmp_path: Path) -> N
     assert {judge(case, answers, run, made) for run in ("newton", "adaptive")} <= {"right", "false alarm"}
 
 
+def test_a_mass_that_swings_3900_radians_within_a_step(tmp_path: Path) -> None:
+    """On Tustin friction."""
+    case, made = draw(678), Composites(tmp_path)
+    answers = References(case)
+    assert answers.found
+    assert judge(case, answers, "newton", made) == "right"
+
+
 @nightly
 @pytest.mark.parametrize("seed", some([2, 8, 10, 16, 22, 24, 31, 33, 86], [2]))
 def test_no_run_is_wrong_without_a_warning(seed: int, tmp_path: Path) -> None:
