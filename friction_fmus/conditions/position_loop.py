@@ -365,8 +365,18 @@ def stick_slip_free(
     )
 
 
-def hunting(Ki: float, Fc: float, Fs: float, turned: bool = False, elastic: bool = True) -> Condition:
-    """Check that no limit cycle occurs at rest: either no integral action, or static friction not above Coulomb.
+def hunting(
+    Ki: float,
+    Fc: float,
+    Fs: float,
+    turned: bool = False,
+    elastic: bool = True,
+    slip: float = math.inf,
+    deflection: float = 0.0,
+) -> Condition:
+    """Check that no limit cycle occurs at rest: no integral action, or static friction not above Coulomb friction.
+
+    An integral that moves the axis within the deflection of its contact only lets it creep to the reference.
 
     Parameters
     ----------
@@ -379,15 +389,18 @@ def hunting(Ki: float, Fc: float, Fs: float, turned: bool = False, elastic: bool
         but no closed form says by how much, and it does not end.
     elastic : bool
         Whether the contact springs back after a slip, which a turned integral needs.
+    slip, deflection : float
+        Length of a slip, see `expected_slip`, and deflection of the contact at break-away [m].
 
     Returns
     -------
     Condition
-        Its value is static, its bound Coulomb friction [N]; it holds for Ki = 0.
+        Its value is static, its bound Coulomb friction [N]; it holds for Ki = 0, and if a slip is not longer than the
+        deflection.
     """
     why = (
         "at a constant reference the integral winds up to Fs, the axis slips too far, and the cycle repeats: the axis "
-        "hunts with any stable set of gains"
+        "can hunt with any stable set of gains"
     )
     change = (
         "stop the integrator while the error is smaller than half a slip (dead band), or use Ki = 0 with friction "
@@ -403,7 +416,7 @@ def hunting(Ki: float, Fc: float, Fs: float, turned: bool = False, elastic: bool
         why += "; a rigid contact does not spring back, so the integral is turned after the next break-away only"
     return Condition(
         name="hunting",
-        ok=not (Ki > 0.0 and above(Fs, Fc)),
+        ok=not (Ki > 0.0 and above(Fs, Fc)) or slip <= deflection,
         value=Fs,
         bound=Fc,
         wrong=f"the position loop has integral action, Ki = {Ki:.4g} {{N_ms}}, and static friction, {Fs:.4g} {{N}}, is "

@@ -325,12 +325,16 @@ def _with_friction(axis: Axis, servo: ActiveLaw, gains: Gains) -> Iterator[Condi
     left = [left_of(axis, side) for side in (0, 1)]
     yield from _stick_slip(axis, servo, gains, left)
     at = max(left, key=lambda level: level.Fs - level.Fc)
-    if gains.db > 0.0 and gains.Ki > 0.0 and gains.Kp > 0.0:
-        slip = conditions.expected_slip(axis.m, axis.damping + at.viscous, gains.Kp, gains.Kd, at.Fc, at.Fs)
+    integral = gains.Ki > 0.0 and gains.Kp > 0.0
+    loop = axis.m, axis.damping + at.viscous, gains.Kp, gains.Kd
+    slip = conditions.expected_slip(*loop, at.Fc, at.Fs) if integral else math.inf
+    if gains.db > 0.0 and integral:
         yield conditions.dead_band(gains.db, slip)
     elif servo.law.hunts:
         turned = gains.reversal < 0.0 or gains.turned > 0.0
-        yield conditions.hunting(gains.Ki, at.Fc, at.Fs, turned, axis.contact.stiffness > 0.0)
+        stiffness = axis.contact.stiffness
+        deflection = at.Fs / stiffness if stiffness > 0.0 else 0.0
+        yield conditions.hunting(gains.Ki, at.Fc, at.Fs, turned, stiffness > 0.0, slip, deflection)
     if gains.turned > 0.0 and gains.Ki > 0.0:
         yield conditions.turned_friction(gains.turned, min(level.Fc for level in left))
 

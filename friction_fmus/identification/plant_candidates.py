@@ -1,11 +1,15 @@
-"""What a record shows of an axis beyond a rigid mass with the same friction in both directions.
+"""What a record shows of an axis beyond a rigid mass with friction that is the same in both directions and always.
 
 The drive force is fitted by F = M a + h(|v|) sgn(v) + F0 with a free friction curve h, elements of presliding friction
-and a delay (the derivative of the acceleration). Each candidate adds columns. It is found if these are significant, in
-a Wald test with the covariance of coloured residuals, and explain enough of the force. A second mass adds the force f
-of its spring over its mass, simulated along the measured motion x of the first one:
+and a delay (the derivative of the acceleration). Each candidate adds columns. Those that explain most are taken first;
+they are found if they are significant, in a Wald test with the covariance of coloured residuals, and explain enough of
+the force. A second mass adds the force f of its spring over its mass, simulated along the measured motion x of the
+first one:
 
-    f = w^2 s + 2 D w (x' - y'),  y'' = f - g sgn(y'),  s = x - y less the backlash.
+    f = w^2 s + 2 D w (x' - y'),  y'' = f - g sgn(y') - b y',  s = x - y less the backlash.
+
+Sizes and standard errors are those of all findings together, for the second mass with the derivatives of f with respect
+to its parameters.
 """
 
 from __future__ import annotations
@@ -14,13 +18,14 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
 from math import pi, sqrt
-from typing import Final, TypeAlias
+from typing import Final, NamedTuple, TypeAlias
 
 import numpy as np
 import scipy.stats
 from numpy.typing import NDArray
 from scipy.interpolate import make_interp_spline
 
+from friction_fmus.blocks.axis_units import Words
 from friction_fmus.errors import RecordError
 from friction_fmus.identification.data.record import Array, Record, RecordFinding
 from friction_fmus.identification.fit.estimate import coloured_covariance, correlation_length
@@ -28,9 +33,10 @@ from friction_fmus.identification.fit.idim import InverseModelSettings, default_
 from friction_fmus.identification.fit.scores import rms
 
 LEVEL: Final = 0.01  # significance level
-DRIFTS: Final = 0.015  # part of the rms force that a drift must explain: 5 % of the force from begin to end
+NOTABLE: Final = 0.015  # part of the rms force that a drift, for example of 5 % of the force, must explain
 MATTERS: Final = 0.03  # part of the rms force that another candidate must explain
-BIASED: Final = 0.04  # part of the rms force that a rigid mass leaves, above which a second one is searched
+BIASED: Final = 0.005  # part of the rms force that a rigid mass leaves, above which a second one is searched
+LOOSE: Final = 0.02  # the same for a backlash
 UNEQUAL: Final = 0.1  # constant force over Coulomb friction above which the directions differ
 SPEEDS: Final = (0.0, 0.02, 0.05, 0.1, 0.2, 0.4, 0.7, 1.0)  # nodes of the friction curve, over the largest speed
 SLOW: Final = SPEEDS[1]  # speed over the largest one below which the axis may stick
@@ -38,14 +44,19 @@ PRESLIDING: Final = (1e-4, 2.5e-4, 6e-4, 1.5e-3, 4e-3, 1e-2, 2.5e-2)  # break-aw
 PROMISING, EXPLAINED = 0.85, 0.6  # parts of the residual that a second mass may leave after the first and last search
 LIGHTEST: Final = 0.1  # part of the moved mass below which a second mass is not one
 DAMPED: Final = 0.25  # damping ratio above which a second mass does not resonate
+PARTS: Final = 16  # parts of the record between which the friction may differ
+RIPPLES: Final = 300  # most pitches that are tried, the longest with 1.5 periods in the stroke
+ALIASED: Final = 0.35  # frequency of a ripple over the rate of the rows above which a row does not show it
+FREE: Final = 0.02  # friction of a second mass over that of the first one that is tried as none
+ROUNDS, DRAWS = 5, 50  # rounds of the search of a second mass by the cross-entropy method, and trials in each
+STEPS: Final = 3  # steps by the method of Gauss and Newton after it
+START: Final = np.array([0.3, 1.0, 1.0, 1.0, 0.3])  # standard deviations of the logarithms in the first round
+TINY: Final = 1e-300  # logarithm of zero
 SATURATED: Final = 0.98  # part of the force limit above which a sample is saturated
 RARE, OFTEN = 0.01, 0.1  # part of saturated samples up to which it does not matter, and above which no interval holds
 
 Signals: TypeAlias = Mapping[str, Array]
 """t, q, v, a, jerk and sign of one record, shape (n,)."""
-
-Trial: TypeAlias = tuple[float, float, float, float]
-"""Parameters w, D, g of a second mass, and its backlash."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,29 +80,36 @@ class ForceBalance:
         return np.asarray(np.concatenate(parts)[self.moves])
 
     def rigid(self) -> Array:
-        """Return mass, viscous and Coulomb friction, and constant force."""
-        A = self.rows(lambda s: [s["a"], s["v"], s["sign"], np.ones_like(s["v"]), s["jerk"]])
-        return np.asarray(np.linalg.lstsq(A, self.force, rcond=None)[0][:4])
+        """Return rows of mass, viscous and Coulomb friction, constant force, and delay."""
+        return self.rows(lambda s: [s["a"], s["v"], s["sign"], np.ones_like(s["v"]), s["jerk"]])
 
     def left(self) -> float:
         """Return the rms force that the base leaves."""
         Q = _orthogonal(self.base)
         return rms(self.force - Q @ (Q.T @ self.force))
 
-    def matters(self, columns: Array, least: float, trials: int = 1) -> Array | None:
-        """Return the coefficients of base and columns, which were chosen from some trials; None if not found."""
-        A = np.hstack([self.base, columns])
-        length = np.maximum(np.linalg.norm(A, axis=0), 1e-300)
+    def fitted(self, A: Array) -> tuple[Array, Array, Array]:
+        """Return the coefficients of columns, their covariance, and the force that they leave."""
+        norm = np.linalg.norm(A, axis=0)
+        length = np.where(norm > 0.0, norm, 1.0)
         U, singular, right = np.linalg.svd(A / length, full_matrices=False)
         back = right.T / np.maximum(singular, 1e-9 * singular[0]) / length[:, None]
         theta: Array = back @ (U.T @ self.force)
         rest = self.force - A @ theta
+        return theta, coloured_covariance(back, U, rest, self.lengths, correlation_length(rest)), rest
+
+    def matters(self, columns: Array, least: float, trials: int = 1) -> bool:
+        """Return whether columns, which were chosen from some trials, are significant beside the base, and explain."""
+        theta, C, rest = self.fitted(np.hstack([self.base, columns]))
         if sqrt(max(self.left() ** 2 - rms(rest) ** 2, 0.0)) < least * rms(self.force):
-            return None
+            return False
         count = columns.shape[1]
-        C = coloured_covariance(back, U, rest, self.lengths, correlation_length(rest))[-count:, -count:]
-        statistic = float(theta[-count:] @ np.linalg.pinv(C, hermitian=True) @ theta[-count:])
-        return theta if trials * scipy.stats.chi2.sf(statistic, count) < LEVEL else None
+        statistic = float(theta[-count:] @ np.linalg.pinv(C[-count:, -count:], hermitian=True) @ theta[-count:])
+        return bool(trials * scipy.stats.chi2.sf(statistic, count) < LEVEL)
+
+    def beside(self, columns: Iterable[Array]) -> ForceBalance:
+        """Return the balance with more columns in its base."""
+        return replace(self, base=np.hstack([self.base, *columns]))
 
 
 def force_balance(records: Sequence[Record]) -> ForceBalance | None:
@@ -106,6 +124,8 @@ def force_balance(records: Sequence[Record]) -> ForceBalance | None:
             m = filtered_motion(record, settings)
             jerk = derivative(m.a, record.Ts)
             signals.append({"t": record.t, "q": m.q, "v": m.v, "a": m.a, "jerk": jerk, "sign": np.sign(m.v)})
+            if record.normal is not None:
+                signals[-1] |= {"normal": record.normal}
             slides = np.abs(m.v) > SLOW * float(np.max(np.abs(m.v)))
             moves.append(settings.rows(slides.astype(float), record.Ts) > 0.5)
             forces.append(settings.rows(record.force_at_samples(), record.Ts)[moves[-1]])
@@ -128,12 +148,19 @@ def force_balance(records: Sequence[Record]) -> ForceBalance | None:
 def plant_findings(
     records: Sequence[Record], limit: float | None = None
 ) -> tuple[tuple[RecordFinding, ...], tuple[float, ...]]:
-    """Return what records show of an axis beyond a rigid mass."""
+    """Return what records show of an axis beyond a rigid mass, and its resonances [Hz]."""
     found, resonances = list(_saturation(records, limit)), []
     if (balance := force_balance(records)) is not None:
-        gravity, balance = _gravity(balance)
-        found += [*gravity, *_constant(balance), *_drift(balance)]
-        for finding, resonance in _second_mass(balance):
+        effects, second = _effects(balance), _second_mass(balance)
+        beside = balance.beside(effects.values())
+        if effects and (second is None or beside.left() < balance.beside([second.columns]).left()):
+            second = _second_mass(beside)
+        elif second:
+            effects = _effects(balance.beside([second.columns[:, :2]]))
+        own = effects if second is None else effects | {"second": second.columns[:, :2]}
+        found += _named(balance.beside(own.values()), effects, _sizes(balance, own))
+        if second is not None:
+            finding, resonance = _of_second_mass(balance.beside(effects.values()), second)
             found.append(finding)
             resonances += [resonance] if resonance else []
     return tuple(found), tuple(resonances)
@@ -156,92 +183,275 @@ def _saturation(records: Sequence[Record], limit: float | None) -> Iterator[Reco
     yield RecordFinding("saturated", what, change)
 
 
-def _constant(balance: ForceBalance) -> Iterator[RecordFinding]:
-    """Yield a finding about a constant force, which acts in motion as Coulomb friction that differs by direction."""
-    *_, Fc, offset = balance.rigid()
-    u = balance.records[0].units.words
+def _effects(balance: ForceBalance) -> dict[str, Array]:
+    """Return the columns of the effects that are found, in the order of what they explain."""
+    found: dict[str, Array] = {}
+    while True:
+        now = balance.beside(found.values())
+        tries = [each for each in _candidates(now) if each[0] not in found]
+        tries.sort(key=lambda each: now.beside([each[1]]).left())
+        best = next((each for each in tries if now.matters(*each[1:])), None)
+        if best is None:
+            parts = _parts(balance)
+            return found | {"parts": parts} if "normal" not in found and now.matters(parts, MATTERS) else found
+        found[best[0]] = best[1]
+
+
+def _candidates(balance: ForceBalance) -> Iterator[tuple[str, Array, float, int]]:
+    """Yield names and columns of effects, the part of the force that they must explain, and the number of trials."""
+    whole = {key: np.concatenate([each[key] for each in balance.signals]) for key in "tq"}
+
+    def over(key: str, s: Signals) -> Array:
+        return _powers(np.interp(s[key], (np.min(whole[key]), np.max(whole[key])), (-1.0, 1.0))).T
+
+    def friction(s: Signals) -> list[Array]:
+        return [each * s[name] for name in ("sign", "v") for each in over("t", s)]
+
+    yield "direction", balance.rows(lambda s: [np.abs(s["v"])]), MATTERS, 1
+    yield "drift", balance.rows(friction), NOTABLE, 1
+    yield "offset drift", balance.rows(lambda s: over("t", s)), NOTABLE, 1
+    yield "position", balance.rows(lambda s: over("q", s)), MATTERS, 1
+    if all("normal" in each for each in balance.signals):
+        yield "normal", balance.rows(lambda s: [s["sign"] * s["normal"]]), NOTABLE, 1
+    if balance.records[0].units.position == "rad":
+        yield "gravity", _ripple(balance, 1.0), MATTERS, 1
+    pitch = _pitch(balance, float(np.ptp(whole["q"])))
+    yield f"cogging {pitch}", _ripple(balance, 2.0 * pi / pitch), MATTERS, RIPPLES
+
+
+def _powers(x: Array) -> Array:
+    """Return x, x^2 and x^3 without their means over -1 to 1, shape (n, 3)."""
+    return np.column_stack([x, x**2 - 1.0 / 3.0, x**3])
+
+
+def _ripple(balance: ForceBalance, wave: float) -> Array:
+    return balance.rows(lambda s: [np.sin(wave * s["q"]), np.cos(wave * s["q"])])
+
+
+def _pitch(balance: ForceBalance, stroke: float) -> float:
+    """Return the pitch of a force over position that explains most of the rest."""
+    q, v, one = balance.rows(lambda s: [s["q"], s["v"], np.ones_like(s["q"])]).T
+    q = q / one  # the filter of the rows has a gain
+    Q = _orthogonal(balance.base)
+    rest, rate = balance.force - Q @ (Q.T @ balance.force), 1.0 / balance.settings.decimation / balance.records[0].Ts
+
+    def left(pitch: float) -> float:
+        shows = np.abs(v) < ALIASED * rate * pitch
+        columns = np.column_stack([np.sin(2.0 * pi * q / pitch), np.cos(2.0 * pi * q / pitch)]) * shows[:, None]
+        columns = _orthogonal(columns - Q @ (Q.T @ columns))
+        return rms(rest - columns @ (columns.T @ rest))
+
+    best = min(stroke / np.arange(1.5, 1.5 + 0.5 * RIPPLES, 0.5), key=left)
+    return float(min(1.0 / (1.0 / best + np.linspace(-0.5, 0.5, 21) / stroke), key=left))
+
+
+def _parts(balance: ForceBalance) -> Array:
+    """Return columns of a Coulomb friction that differs between parts of the record, without that of the first one."""
+    ends = np.linspace(balance.records[0].t[0], balance.records[-1].t[-1], PARTS + 1)[1:-1]
+    return balance.rows(lambda s: [s["sign"] * (np.digitize(s["t"], ends) == i) for i in range(1, PARTS)])
+
+
+@dataclass(frozen=True, eq=False)
+class Sizes:
+    """Coefficients of a rigid mass and of all that is found beside it."""
+
+    names: Sequence[str]
+    theta: Array
+    covariance: Array
+    u: Words
+
+    def __call__(self, parts: Mapping[str, float]) -> tuple[float, float]:
+        """Return a sum of coefficients with these factors, and its standard error."""
+        weights = np.array([parts.get(name, 0.0) for name in self.names])
+        return float(weights @ self.theta), sqrt(max(float(weights @ self.covariance @ weights), 0.0))
+
+    def shown(self, parts: Mapping[str, float], unit: str) -> str:
+        """Return value, standard error and unit."""
+        value, error = self(parts)
+        return f"{value:.3g} ± {error:.1g} {unit}"
+
+    def ripple(self, name: str) -> str:
+        """Return the amplitude of a sine and a cosine."""
+        sine, cosine = (self({f"{name} {i}": 1.0})[0] for i in range(2))
+        size = float(np.hypot(sine, cosine))
+        return self.shown({f"{name} 0": sine / size, f"{name} 1": cosine / size}, self.u.N)
+
+
+def _sizes(balance: ForceBalance, effects: Mapping[str, Array]) -> Sizes:
+    names = ["M", "Fv", "Fc", "OF", "delay"]
+    names += [f"{name} {i}" for name, columns in effects.items() for i in range(columns.shape[1])]
+    theta, C, _ = balance.fitted(np.hstack([balance.rigid(), *effects.values()]))
+    return Sizes(names, theta, C, balance.records[0].units.words)
+
+
+def _named(balance: ForceBalance, effects: Iterable[str], sizes: Sizes) -> Iterator[RecordFinding]:
+    """Yield the findings about effects, which are in the base."""
+    u, N, shown = sizes.u, sizes.u.N, sizes.shown
+    (Fc, _), (offset, _) = sizes({"Fc": 1.0}), sizes({"OF": 1.0})
     without = replace(balance, base=np.delete(balance.base, 1, axis=1))
-    if abs(offset) <= UNEQUAL * max(Fc, 0.0) or without.matters(balance.base[:, 1:2], MATTERS) is None:
-        return
-    if abs(offset) > Fc:
-        what = f"A constant {u.force} of {offset:.3g} {u.N} acts, more than Coulomb friction ({Fc:.3g} {u.N})."
+    constant = abs(offset) > UNEQUAL * max(Fc, 0.0) and without.matters(balance.base[:, 1:2], MATTERS)
+    of_constant = shown({"OF": 1.0}, N)
+    if "direction" in effects or (constant and abs(offset) <= Fc):
+        name = "direction-dependent-friction"
+        forward, backward = (shown({"Fc": 1.0, "OF": sign}, N) for sign in (1.0, -1.0))
+        what = f"Coulomb friction is {forward} forward and {backward} backward, "
+        if "direction" in effects:
+            forward, backward = (shown({"Fv": 1.0, "direction 0": sign}, u.Ns_m) for sign in (1.0, -1.0))
+            what += f"viscous friction {forward} and {backward}, "
+            name = "direction-dependent-viscous-friction"
+        what += f"or a constant {u.force} of {of_constant} acts; motion does not separate the two."
+        change = f"Add this constant {u.force} to the drive; it compensates both while the axis moves."
+        yield RecordFinding(name, what, change)
+    elif constant:
+        what = f"A constant {u.force} of {of_constant} acts, more than Coulomb friction ({Fc:.3g} {N})."
         yield RecordFinding("constant-force", what, f"Add this {u.force}, of gravity or a preload, to the drive.")
-        return
-    what = (
-        f"Coulomb friction is {Fc + offset:.3g} {u.N} forward and {Fc - offset:.3g} {u.N} backward, or a constant "
-        f"{u.force} of {offset:.3g} {u.N} acts; motion does not separate the two."
-    )
-    change = f"Add this constant {u.force} to the drive; it compensates both while the axis moves."
-    yield RecordFinding("direction-dependent-friction", what, change)
+    yield from _over_time(effects, sizes)
+    yield from _over_position(effects, sizes)
 
 
-def _drift(balance: ForceBalance) -> Iterator[RecordFinding]:
-    """Yield findings about Coulomb friction and constant force that change linearly with time."""
-    begin, end = balance.records[0].t[0], balance.records[-1].t[-1]
-    u, (_, _, Fc, offset) = balance.records[0].units.words, balance.rigid()
-    time = balance.rows(lambda s: [s["sign"] * (s["t"] - begin), s["t"] - begin]) / (end - begin)
-    change = "Record the axis warmed up, or compensate with an estimator, which follows a drift."
-    kinds = (("friction-drifts", "Coulomb friction", Fc), ("offset-drifts", f"A constant {u.force}", offset))
-    for (name, what, mean), column in zip(kinds, time.T[:, :, None], strict=True):
-        if (theta := balance.matters(column - (name == "offset-drifts") * 0.5, DRIFTS)) is not None:
-            low, high = mean - 0.5 * theta[-1], mean + 0.5 * theta[-1]
-            text = f"{what} changes from {low:.3g} to {high:.3g} {u.N} during the record."
-            yield RecordFinding(name, text, change)
+def _over(level: str, name: str, x: float, first: int = 0) -> dict[str, float]:
+    """Return the factors of a level that follows time or position, x from -1 to 1."""
+    return {level: 1.0, **{f"{name} {first + i}": float(each) for i, each in enumerate(_powers(np.array([x]))[0])}}
 
 
-def _gravity(balance: ForceBalance) -> tuple[list[RecordFinding], ForceBalance]:
-    """Return the finding about gravity on a rotary axis, and the balance without its force."""
-    if balance.records[0].units.position != "rad":
-        return [], balance
-    columns = balance.rows(lambda s: [np.sin(s["q"]), np.cos(s["q"])])
-    theta = balance.matters(columns, MATTERS)
-    if theta is None:
-        return [], balance
-    size, u = float(np.hypot(*theta[-2:])), balance.records[0].units.words
-    what = f"A {u.force} of {size:.3g} {u.N} times the sine of the angle acts, as gravity on an eccentric load."
-    finding = RecordFinding("gravity", what, f"Add this {u.force} to the drive as a feedforward of the angle.")
-    return [finding], replace(balance, force=balance.force - columns @ theta[-2:])
+def _over_time(effects: Iterable[str], sizes: Sizes) -> Iterator[RecordFinding]:
+    u = sizes.u
+    warm = "Record the axis warmed up, or compensate with an estimator, which follows a drift."
+
+    def change(level: str, name: str, unit: str, first: int = 0) -> str:
+        begin, end = (sizes.shown(_over(level, name, x, first), unit) for x in (-1.0, 1.0))
+        return f"from {begin} to {end}"
+
+    if "drift" in effects:
+        what = f"Coulomb friction changes {change('Fc', 'drift', u.N)} during the record, "
+        what += f"viscous friction {change('Fv', 'drift', u.Ns_m, 3)}."
+        yield RecordFinding("friction-drifts", what, warm)
+    if "offset drift" in effects:
+        what = f"A constant {u.force} changes {change('OF', 'offset drift', u.N)} during the record."
+        yield RecordFinding("offset-drifts", what, warm)
+    if "normal" in effects:
+        what = f"Coulomb friction depends on the load: {sizes.shown({'normal 0': 1.0}, u.N)} per N of normal force."
+        model = "Use a friction model with the normal force as input, or an estimator, which follows the load."
+        yield RecordFinding("load-dependent-friction", what, model)
+    if "parts" in effects:
+        levels = [{"Fc": 1.0}, *({"Fc": 1.0, f"parts {i}": 1.0} for i in range(PARTS - 1))]
+        low, *_, high = sorted(levels, key=lambda each: sizes(each)[0])
+        between = f"{sizes.shown(low, u.N)} and {sizes.shown(high, u.N)}"
+        what = f"Coulomb friction varies between {between} in the course of the record, as if it depends on the load."
+        log = "Log the load and declare it as column normal, or record under constant conditions."
+        yield RecordFinding("friction-varies", what, log)
 
 
-def _second_mass(balance: ForceBalance) -> Iterator[tuple[RecordFinding, float]]:
-    """Yield the finding about a second mass behind a spring or a backlash, and its resonance; 0 for a backlash."""
-    base, (M, _, Fc, _) = balance.left(), balance.rigid()
+def _over_position(effects: Iterable[str], sizes: Sizes) -> Iterator[RecordFinding]:
+    u, table = sizes.u, "Identify and compensate it with a position map."
+    if "position" in effects:
+        ways = [_over("OF", "position", x) for x in np.linspace(-1.0, 1.0, 101)]
+        low, *_, high = sorted(ways, key=lambda each: sizes(each)[0])
+        change = sizes.shown({name: high[name] - low[name] for name in high}, u.N)
+        what = f"The {u.force} over position, as of gravity or a spring, changes by {change} along the stroke."
+        yield RecordFinding("force-over-position", what, table)
+    if "gravity" in effects:
+        what = f"A {u.force} of {sizes.ripple('gravity')} times the sine of the angle acts, as gravity on an eccentric"
+        change = f"Add this {u.force} to the drive as a feedforward of the angle."
+        yield RecordFinding("gravity", f"{what} load.", change)
+    for name in effects:
+        if name.startswith("cogging"):
+            pitch = float(name.partition(" ")[2])
+            what = f"A {u.force} of cogging has the amplitude {sizes.ripple(name)} and the pitch {pitch:.4g} {u.m}."
+            yield RecordFinding("cogging", what, table)
+
+
+class SecondMass(NamedTuple):
+    """A second mass that is found."""
+
+    trial: Array  # w, D, g, b and backlash
+    columns: Array  # f, its derivative, and the changes of the force with the logarithms of the parameters
+
+
+def _second_mass(balance: ForceBalance) -> SecondMass | None:
+    """Search a second mass behind a spring or a backlash."""
+    base, Ts = balance.left(), balance.records[0].Ts
+    M, Fv, Fc, *_ = balance.fitted(balance.rigid())[0]
     if base < BIASED * rms(balance.force) or M <= 0.0:
-        return
-    slowing, cutoff = max(float(Fc / M), 0.0), 2.0 * pi * balance.settings.cutoff
+        return None
+    cutoff, limit = 2.0 * pi * balance.settings.cutoff, 1.0 / (_stride(balance) * Ts)  # the latter of the integration
     stroke = max(float(np.ptp(s["q"])) for s in balance.signals)
-    some = slowing * np.array([0.0, 0.35, 0.7, 1.4])
-    spring = _best(balance, product(np.geomspace(0.01, 0.3, 14) * cutoff, (0.03, 0.1), some, (0.0,)))
-    loose = _best(balance, product((0.5 * cutoff,), (0.1,), some, stroke * np.geomspace(1e-4, 3e-2, 14)))
-    left, chosen = min(spring, loose)
-    if left > PROMISING * base:
-        return
-    for k in (0.12, 0.06, 0.02):
-        w, D, g, gap = chosen
-        frequencies = w * (np.array([0.7, 1.0, 1.4]) if gap else np.linspace(1 - k, 1 + k, 7))
-        near = sorted({0.0, *(max(g + each * k * max(g, slowing), 0.0) for each in (-4.0, -1.5, 0.0, 1.5, 4.0))})
-        gaps = gap * np.linspace(1 - 3 * k, 1 + 3 * k, 7) if gap else (0.0,)
-        left, chosen = _best(balance, product(frequencies, (D,) if gap else (0.5 * D, D, 2.0 * D), near, gaps))
-    theta = balance.matters(_coupling(balance, np.array([chosen]))[0], MATTERS, trials=1000)
-    w, D, g, gap = map(float, chosen)
-    if left > EXPLAINED * base or theta is None or D > DAMPED:
-        return
-    motor, load = float(theta[0]), float(theta[-2])
-    if motor <= 0.0 or load < LIGHTEST * (motor + load):
-        return
+    shares = [(share * max(Fc / M, 0.0), share * max(Fv / M, 0.0)) for share in (FREE, 0.4, 0.7, 1.0, 1.3)]
+    springs, gaps = np.geomspace(0.01, 0.3, 14) * cutoff, stroke * np.geomspace(1e-4, 3e-2, 18)
+    tried = [(w, D, g, FREE * max(Fv / M, 0.0), 0.0) for w, D, (g, _) in product(springs, (0.05, 0.2), shares)]
+    if base > LOOSE * rms(balance.force):
+        tried += [(0.4 * cutoff, 0.2, *share, gap) for share, gap in product(shares, gaps)]
+    trials = np.array(tried)
+    left = _left(balance, trials)
+    if np.min(left) > PROMISING * base:
+        return None
+    rubs = trials[:, 2] > shares[0][0]  # without friction there is another local minimum
+    starts = [trials[own][np.argmin(left[own])] for own in (rubs, ~rubs) if np.any(own)]
+    ends = np.array([_searched(balance, start, limit) for start in starts])
+    best = ends[np.argmin(_left(balance, ends))]
+    for _ in range(STEPS):
+        theta = balance.fitted(np.hstack([balance.base, _slopes(balance, best)]))[0]
+        parts = np.clip(np.outer((0.0, 1.0, 0.5, 0.2, 0.05), theta[-5:]), -1.0, 1.0)
+        near = _stable(best * np.exp(parts), limit)
+        left = _left(balance, near)
+        best = near[np.argmin(left)]
+    columns = _slopes(balance, best)
+    theta = balance.fitted(np.hstack([balance.base, columns[:, :2]]))[0]
+    light = theta[0] <= 0.0 or theta[-2] < LIGHTEST * (theta[0] + theta[-2])
+    if np.min(left) > EXPLAINED * base or light or (best[1] > DAMPED and not best[4]):
+        return None
+    return SecondMass(best, columns) if balance.matters(columns[:, :2], BIASED, trials=1000) else None
+
+
+def _searched(balance: ForceBalance, start: Array, limit: float) -> Array:
+    """Return the best trial of a search from a start by the cross-entropy method, see R. Rubinstein, 1999."""
+    random, spread, mean = np.random.default_rng(1), START, np.log(np.maximum(start, TINY))
+    for _ in range(ROUNDS):
+        draws = np.exp(mean + spread * random.standard_normal((DRAWS, 5))) * (start > 0.0)
+        near = _stable(np.vstack([start, draws]), limit)
+        near = near[np.argsort(_left(balance, near), stable=True)]
+        few = np.log(np.maximum(near[: DRAWS // 6], TINY))
+        start, mean, spread = near[0], np.mean(few, axis=0), np.maximum(np.std(few, axis=0), 0.02)
+    return start
+
+
+def _stable(trials: Array, limit: float) -> Array:
+    """Return trials with frequencies and damping that the simulation can follow."""
+    w = np.minimum(trials[:, 0], limit)
+    return np.column_stack([w, np.minimum(trials[:, 1], 0.5 * limit / w), trials[:, 2:]])
+
+
+def _slopes(balance: ForceBalance, trial: Array) -> Array:
+    """Return f, its derivative, and the changes of the force with the logarithms of the parameters, shape (rows, 7)."""
+    own, *others = _coupling(balance, trial * np.exp(1e-3 * np.vstack([np.zeros(5), np.eye(5), -np.eye(5)])))
+    theta = balance.fitted(np.hstack([balance.base, own]))[0][-2:]
+    slopes = [(more - less) @ theta / 2e-3 for more, less in zip(others[:5], others[5:], strict=True)]
+    return np.column_stack([own, *slopes])
+
+
+def _of_second_mass(balance: ForceBalance, second: SecondMass) -> tuple[RecordFinding, float]:
+    """Return the finding about a second mass, and its resonance; 0 for a backlash."""
+    w, D, g, _, gap = second.trial.tolist()
+    theta, C, _ = balance.fitted(np.hstack([balance.base, second.columns]))
+    motor, load, errors = theta[0], theta[-7], np.sqrt(np.diag(C))
     u = balance.records[0].units.words
-    what = f"The {u.mass} is in two parts, {motor:.3g} {u.kg} at the motor and {load:.3g} {u.kg} behind "
+    what = (
+        f"The {u.mass} is in two parts, {motor:.3g} ± {errors[0]:.1g} {u.kg} at the motor and {load:.3g} ± "
+        f"{errors[-7]:.1g} {u.kg} behind "
+    )
     if gap:
         what += f"a backlash of about {gap:.2g} {u.m}."
-        yield RecordFinding("backlash", what, "Reduce the backlash, or preload the coupling."), 0.0
-        return
+        change = "Reduce it, or preload the coupling. Bounces on impact can make it look twice as wide."
+        return RecordFinding("backlash", what, change), 0.0
     low, high = w / (2.0 * pi), w / (2.0 * pi) * sqrt(1.0 + load / motor)
+    Fc = abs(balance.fitted(balance.rigid())[0][2])
     rubs = f", and friction of {g * load:.3g} {u.N} behind it" if g * load > 0.05 * Fc else ""
     what += (
-        f"a spring{rubs}: resonance at {high:.3g} Hz, antiresonance at {low:.3g} Hz with a damping ratio of {D:.2g}."
+        f"a spring{rubs}: resonance at {high:.3g} Hz, antiresonance at {low:.3g} ± {low * errors[-5]:.1g} Hz with a "
+        f"damping ratio of {D:.2g}."
     )
     change = f"Set resonance = [{high:.3g}] in [axis]; results for a rigid {u.mass} hold only well below {low:.3g} Hz."
-    yield RecordFinding("two-masses", what, change), high
+    return RecordFinding("two-masses", what, change), high
 
 
 def _orthogonal(A: Array) -> Array:
@@ -250,22 +460,26 @@ def _orthogonal(A: Array) -> Array:
     return np.asarray(U[:, singular > 1e-9 * singular[0]])
 
 
-def _best(balance: ForceBalance, trials: Iterable[Trial]) -> tuple[float, Trial]:
-    """Return the rms force that the best trial leaves, and the trial."""
-    tried, Q, found = list(trials), _orthogonal(balance.base), []
+def _left(balance: ForceBalance, trials: Array) -> Array:
+    """Return the rms forces that trials leave; infinity with a negative mass."""
+    Q, found = _orthogonal(balance.base), []
     rest = balance.force - Q @ (Q.T @ balance.force)
-    for columns, trial in zip(_coupling(balance, np.array(tried)), tried, strict=True):
+    for columns in _coupling(balance, trials):
         E = columns - Q @ (Q.T @ columns)
         E = E / np.maximum(np.linalg.norm(E, axis=0), 1e-300)
         theta = np.linalg.lstsq(E, rest, rcond=1e-9)[0]
-        found.append((rms(rest - E @ theta) if theta[0] > 0.0 else np.inf, trial))
-    return min(found)
+        found.append(rms(rest - E @ theta) if theta[0] > 0.0 else np.inf)
+    return np.array(found)
+
+
+def _stride(balance: ForceBalance) -> int:
+    """Return the step of the simulation of a second mass in samples."""
+    return max(1, round(0.2 / balance.settings.cutoff / balance.records[0].Ts))
 
 
 def _coupling(balance: ForceBalance, trials: Array) -> Array:
     """Return f and its derivative, which stands for the delay, shape (trials, rows, 2)."""
-    Ts = balance.records[0].Ts
-    stride = max(1, round(0.2 / balance.settings.cutoff / Ts))
+    Ts, stride = balance.records[0].Ts, _stride(balance)
 
     def columns(s: Signals) -> list[Array]:
         at = np.arange(0, len(s["t"]), stride)
@@ -278,14 +492,18 @@ def _coupling(balance: ForceBalance, trials: Array) -> Array:
 
 def _simulated(x: Array, v: Array, h: float, trials: Array) -> Array:
     """Return f for all trials, shape (n, trials): semi-implicit Euler method, implicit in the friction."""
-    w, D, g, gap = trials.T
+    w, D, g, b, gap = trials.T
+    k, c, stops, kept, half = w * w, 2.0 * D * w, h * g, 1.0 / (1.0 + h * b), 0.5 * gap
     y, speed, force = np.full(len(w), x[0]), np.full(len(w), v[0]), np.empty((len(x), len(w)))
+    rigid, loose = gap == 0.0, bool(np.any(gap))
     for i in range(len(x)):
-        twist = x[i] - y
-        s = twist - np.clip(twist, -0.5 * gap, 0.5 * gap)
-        force[i] = w * w * s + 2.0 * D * w * (v[i] - speed) * ((gap == 0.0) | (s != 0.0))
-        speed = speed + h * force[i]
-        speed = speed - np.clip(speed, -h * g, h * g)
+        s, slip = x[i] - y, v[i] - speed
+        if loose:
+            s = s - np.minimum(np.maximum(s, -half), half)
+            slip = slip * (rigid | (s != 0.0))
+        force[i] = now = k * s + c * slip
+        speed = speed + h * now
+        speed = (speed - np.minimum(np.maximum(speed, -stops), stops)) * kept
         y = y + h * speed
     return force
 

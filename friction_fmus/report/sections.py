@@ -2,13 +2,24 @@
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Final
 
 import numpy as np
 
 from friction_fmus.blocks.catalogue import catalogue
-from friction_fmus.report.figures import STYLES, Plot, Point, ladder_dots, lines, panels, sweep, tradeoffs
+from friction_fmus.report.figures import (
+    STYLES,
+    Plot,
+    Point,
+    finished,
+    ladder_dots,
+    lines,
+    panels,
+    sweep,
+    thinned,
+    tradeoffs,
+)
 from friction_fmus.report.formatting import (
     NO_COMPENSATION,
     NONE,
@@ -217,6 +228,17 @@ def _turn(study: StudyResult) -> Plot | None:
     measured = {name: drawn.pop(name) for name in [AS_MEASURED] if name in drawn}
     figure = lines(measured, drawn, titles, factors, height=280)
     caption = "Tracking error around a reversal, simulated on the identified axis."
+    done = study.turn.models.get(study.recommendation.name)
+    if done is not None and len(study.turn.models) > 1:
+        (_, title), own = axes(replace(study.turn, models={"": done}))
+        x, y = (np.asarray(each, dtype=np.float32) for each in thinned(done, own))
+        figure.update_traces(selector={"meta": label(study.recommendation.name)}, x=x, y=y, yaxis="y2")
+        figure.update_yaxes(domain=(0.56, 1.0), title=titles[1].removeprefix("tracking "))
+        figure.update_layout(
+            yaxis2={"domain": (0.0, 0.44), "title": title.removeprefix("tracking ")}, xaxis_anchor="y2"
+        )
+        finished(figure, 360)
+        caption += " Below, with the recommended compensator, on a scale of its own."
     return Plot("turn-plot", figure, caption, f"Plot. {caption}", curves=False)
 
 

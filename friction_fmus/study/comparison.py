@@ -30,7 +30,7 @@ from friction_fmus.study.compensators import (
     tuned_to,
     within_range,
 )
-from friction_fmus.study.config import ALL, Compensation
+from friction_fmus.study.config import Compensation
 from friction_fmus.study.evaluation import (
     BAND,
     AxisBench,
@@ -202,7 +202,7 @@ def compare(bench: AxisBench, known: AxisKnowledge, wanted: Compensation, run: R
     found = dict(zip((c.name for c in applicable), evaluations, strict=True))
     none = _row("none", "Servo without friction compensation", "none", "", without)
     rows = {c.name: _candidate_row(c, found.get(c.name), known.words) for c in everything}
-    contest = _Contest(bench, tried, wanted.compensators == ALL, run, extremes(none, none), rows, found)
+    contest = _Contest(bench, tried, run, extremes(none, none), rows, found)
     contest.run_cases()
     contest.join(applicable, known.words)
     if TABLE.name in found:
@@ -237,7 +237,6 @@ class _Contest:
 
     bench: AxisBench
     cases: Sequence[Case]
-    all: bool  # whether all are run on other axes
     run: RunSteps
     none: CompensatorResult  # the servo alone
     rows: dict[str, CompensatorResult]
@@ -266,9 +265,8 @@ class _Contest:
             rows = [row for row in self.ranked() if row.metrics is not None and row.name not in self.contradicted]
             best = min((row.worst for row in rows if row.improves and row.worst is not None), default=inf)
             ahead = sorted((row for row in rows if row.untried), key=nominal)
-            if not self.all:
-                ahead = ahead[:FIRST] if best == inf else ahead
-                ahead = [row for row in ahead if within_worth(best, nominal(row), self.bench.model_error)]
+            ahead = ahead[:FIRST] if best == inf else ahead
+            ahead = [row for row in ahead if within_worth(best, nominal(row), self.bench.model_error)]
             if not ahead:
                 return
             steps = []

@@ -9,16 +9,17 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from itertools import product
 from math import pi, sqrt
 from typing import Final, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import minimize
+from scipy.optimize import minimize, minimize_scalar
 from threadpoolctl import threadpool_limits
 
-from friction_fmus.axis.drive_filters import LowPass, Notch, filtered
+from friction_fmus.axis.drive_filters import BUTTERWORTH, LowPass, Notch, filtered
 from friction_fmus.axis.loop_assembly import block
 from friction_fmus.axis.servo import GAIN_UNITS, GAINS, Servo
 from friction_fmus.blocks.axis_units import Words
@@ -267,11 +268,11 @@ def explain(compared: ComparedForce, allowed: float) -> Diagnosis:
     """Return why the servo does not reproduce the recorded force."""
     u = compared.record.units.words
     enough = max(allowed, EXPLAINED * compared.residual)
-    tries = (_factor, _delay, _feedforward, _velocity_or_notch, _gains, _gains_and_feedforward)
+    tries = (_factor, _delay, _feedforward, _filter, _gains, _gains_and_feedforward)
     attempts = [attempt(compared, allowed) for attempt in tries]
     if min(left for _, left in attempts) > allowed:
         attempts += [_with_filter(name, compared, allowed) for name in FILTERS]
-    least = max(_resolution(compared.record, compared.servo), 2.0 * min(left for _, left in attempts))
+    least = max(_resolution(compared.record, compared.servo), 1.5 * min(left for _, left in attempts))
     for found, left in attempts:
         if left <= min(enough, least):
             return found
@@ -337,13 +338,16 @@ def best_filter(name: str, servo: Servo, cost: Callable[[Servo], float], rounds:
     return make(servo, np.exp(found.x)), float(found.fun)
 
 
-def _velocity_or_notch(compared: ComparedForce, allowed: float) -> Attempt:
-    """Explain the difference by another velocity or a notch filter, by the first that is nearly as good as the best."""
-    attempts = [_window(compared), *_without_filter(compared)]
+def _filter(compared: ComparedForce, allowed: float) -> Attempt:
+    """Explain the difference by another velocity, the current loop or a notch filter, the first that is near best."""
+    filters = []
     for name in FILTERS:
         servo, left = best_filter(name, compared.servo, compared.left_by)
         if servo.notch == compared.servo.notch or (servo.notch is not None and servo.notch.damping < NARROW):
-            attempts.append((Diagnosis((_of_filter(compared, servo, left),), servo=servo), left))
+            filters.append((Diagnosis((_of_filter(compared, servo, left),), servo=servo), left))
+    loop = _current_loop(compared)
+    loops = [loop] if loop[1] <= min(left for _, left in filters) else []
+    attempts = [_window(compared), *_without_filter(compared), *loops, *filters]
     return next(each for each in attempts if each[1] <= SIMPLER * min(left for _, left in attempts))
 
 
@@ -431,6 +435,33 @@ def _delay(compared: ComparedForce, allowed: float) -> Attempt:
         f"Log {u.force}, position and reference of the same sample, or move the column of the {u.force} by {samples}."
     )
     return Diagnosis((StudyFinding("delay", what, change),)), trials[n]
+
+
+def _current_loop(compared: ComparedForce) -> Attempt:
+    """Explain the difference by a force that is recorded behind the current loop, a low-pass filter of the command."""
+    u, servo = compared.record.units.words, compared.servo
+
+    def left(order: int, late: int, logarithm: float) -> float:
+        behind = filtered(LowPass(order, float(np.exp(logarithm))), compared.command, servo.Ts)
+        return compared.left(compared.force - shifted(behind, late))
+
+    ends = float(np.log(LOWEST / servo.Ts)), float(np.log(HIGHEST / servo.Ts))
+    tried = [
+        (minimize_scalar(partial(left, order, late), bounds=ends, method="bounded"), order)
+        for order, late in product((1, 2), (0, 1))
+    ]
+    found, order = min(tried, key=lambda each: each[0].fun)
+    cutoff = float(np.exp(found.x))
+    lag = (1.0 if order == 1 else 2.0 * BUTTERWORTH) / (2.0 * pi * cutoff)
+    delay = round(lag / servo.Ts) + servo.delay
+    what = (
+        f"the {u.force} is that behind the current loop, a low-pass filter of the command of order {order} with a "
+        f"bandwidth of {cutoff:.3g} Hz, a lag of {1e3 * lag:.3g} ms."
+    )
+    delays = f", and set delay = {delay} in [servo]" if delay != servo.delay else ""
+    change = f"Keep this column{delays}{_better(compared, float(found.fun))}"
+    finding = StudyFinding("current-loop", what, change)
+    return Diagnosis((finding,), servo=replace(servo, delay=delay)), float(found.fun)
 
 
 def _feedforward(compared: ComparedForce, allowed: float) -> Attempt:
@@ -647,7 +678,7 @@ def check_servo(record: Record, servo: Servo | None) -> CheckedServo:
         with threadpool_limits(1):  # a thread would take longer to start than one of these small fits
             found = explain(compared, allowed)
     elif residual > max(NOTABLE * level, 1.5 * _resolution(record, servo)) and not is_noise(compared):
-        found, left = _velocity_or_notch(compared, allowed)
+        found, left = _filter(compared, allowed)
         found = found if left < residual / 3.0 else Diagnosis(())
     else:
         found = Diagnosis(())

@@ -132,7 +132,10 @@ def static_friction_findings(best: IdentifiedModel, units: AxisUnits) -> tuple[S
     return (StudyFinding("static-friction-unknown", what, "Record slow strokes at constant speeds."),)
 
 
-NOT_SIMULATED: Final = ("saturated", "friction-drifts", "offset-drifts", "gravity", "backlash", "two-masses")
+NOT_SIMULATED: Final = (
+    *("saturated", "friction-drifts", "offset-drifts", "gravity", "backlash", "two-masses"),
+    *("load-dependent-friction", "friction-varies", "direction-dependent-viscous-friction"),
+)
 """Findings about the plant that the simulated axis, a rigid mass with friction, does not have."""
 
 NARROW: Final = 1.5

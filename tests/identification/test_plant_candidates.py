@@ -20,10 +20,18 @@ T = 1e-3 * np.arange(20000.0)
 TWO = Axis(motor=4.0, load=8.0, kp=8.0, kv=300.0)
 
 
+NUMBER = r"-?\d+\.?\d*(?:e[-+]?\d+)?"
+
+
+def numbers_of(text: str) -> list[float]:
+    """Return the numbers of a sentence, without standard errors."""
+    return [float(each) for each in re.findall(rf"(?<!± )(?<![\d.e-]){NUMBER}", text)]
+
+
 def named(record: Record) -> tuple[str, list[float]]:
-    """Return the name of the only finding and the numbers in it."""
+    """Return the name of the only finding and the numbers in it, without standard errors."""
     (finding,), _ = plant_findings([record])
-    return finding.name, [float(each) for each in re.findall(r"-?\d+\.?\d*(?:e-?\d+)?", finding.what)]
+    return finding.name, numbers_of(finding.what)
 
 
 @pytest.mark.parametrize("load_friction", [0.0, 10.0])
@@ -34,7 +42,7 @@ def test_two_masses(load_friction):
     (finding,), (resonance,) = plant_findings([record])
     assert finding.name == "two-masses"
     assert resonance == pytest.approx(axis.resonance, rel=0.05)
-    numbers = [float(each) for each in re.findall(r"\d+\.?\d*", finding.what)]
+    numbers = numbers_of(finding.what)
     assert numbers[:2] == pytest.approx([axis.motor, axis.load], rel=0.12)
     if load_friction:
         assert numbers[2] == pytest.approx(load_friction, rel=0.15)
@@ -56,7 +64,7 @@ def test_a_constant_force_above_friction():
 
 @pytest.mark.parametrize("path", [moves, reference])
 def test_drift_of_friction(path):
-    name, (begin, end) = named(simulate(Axis(drift=-0.3), path(T)))
+    name, (begin, end, *_) = named(simulate(Axis(drift=-0.3), path(T)))
     assert name == "friction-drifts"
     assert (begin, end) == pytest.approx((18.0, 12.6), rel=0.1)
 
@@ -84,7 +92,7 @@ def test_backlash(gap):
     )
     name, numbers = named(simulate(axis, moves(T)))
     assert name == "backlash"
-    assert 0.5 * gap < numbers[-1] < 2.2 * gap  # impacts after the gap make it look wider
+    assert 0.5 * gap < numbers[-1] < 2.5 * gap  # bounces on impact make it look wider
 
 
 @pytest.mark.parametrize("limit", [None, 30.0])
@@ -94,7 +102,7 @@ def test_share_of_saturation(limit):
     record = Record("axis", t, q=np.sin(t), force=np.clip(wanted, -30.0, 30.0))
     finding = plant_findings([record], limit)[0][0]
     assert finding.name == "saturated"
-    numbers = [float(each) for each in re.findall(r"\d+\.?\d*", finding.what)]
+    numbers = numbers_of(finding.what)
     level = 0.98 * 30.0 if limit else 30.0
     assert numbers == pytest.approx([30.0, 100.0 * (1.0 - 2.0 / np.pi * np.arcsin(level / 40.0))], rel=0.01)
     assert "Do not trust the intervals" in finding.measure

@@ -27,7 +27,7 @@ class SimulatedAxis:
     jitter: float = 0.0  # largest error of a time stamp [s]
     actual: bool = False  # whether the log has the force after delay and current loop instead of the command
     unknown: tuple[str, ...] = ()  # parameters without one true value
-    declared: bool = False  # whether the user declares filters and friction feedforward of the drive
+    declared: bool = False  # whether the user declares filters and friction feedforward of the drive, or the load
     load: float = 0.0  # the load alternates between 0 and this value; logged as a column `normal`
     seed: int = 1
 
@@ -83,6 +83,8 @@ class SimulatedAxis:
         if self.load:
             columns["F_normal"] = np.where(self.Ts * np.arange(float(n)) % 5.0 < 2.5, 0.0, self.load)
             formats.append("%.3f")
+            if self.declared:
+                roles["normal"] = ("F_normal", "N")
         rows = np.column_stack([*columns.values()])
         folder.mkdir(parents=True, exist_ok=True)
         np.savetxt(folder / "log.csv", rows, formats, ",", header=",".join(columns), comments="")
@@ -180,6 +182,7 @@ UNDECLARED: Mapping[str, SimulatedAxis] = {
     ),
     "notch": SimulatedAxis(SLIDE, CASCADE | {"kv": 900.0, "notch": 120.0, "width": 0.5}, r"notch"),
     "delay_1": SimulatedAxis(SLIDE, CASCADE | {"delay": 1.0}, actual=True),
+    "current_loop": SimulatedAxis(SLIDE, CASCADE | {"lag": 1e-3}, r"current loop", actual=True),
     "delay_3": SimulatedAxis(SLIDE, CASCADE | {"kv": 900.0, "kp": 30.0, "delay": 3.0}),
     "drive_with_coulomb": SimulatedAxis(
         SLIDE, CASCADE | {"fed_coulomb": 10.0}, r"friction feedforward|sgn|Coulomb feedforward"
@@ -196,6 +199,7 @@ AXES: Mapping[str, SimulatedAxis] = {
     **UNDECLARED,
     "velocity_filter_declared": replace(UNDECLARED["velocity_filter"], declared=True, names=""),
     "notch_declared": replace(UNDECLARED["notch"], declared=True, names=""),
+    "load_dependent_declared": replace(UNDECLARED["load_dependent"], declared=True),
     "drive_with_coulomb_declared": replace(UNDECLARED["drive_with_coulomb"], declared=True, names=""),
 }
 """Axes by name."""

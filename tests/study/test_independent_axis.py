@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from math import exp, log, pi, sqrt
+import re
+from math import exp, log, pi, sin, sqrt
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +14,9 @@ from scipy.integrate import solve_ivp
 
 from friction_fmus.axis.servo import AxisPlant, Servo, Trajectory
 from friction_fmus.axis.servo_loop import closed_loop, run_loop
+from friction_fmus.conditions import expected_slip, hunting
+from friction_fmus.identification import read_records
+from friction_fmus.identification.plant_candidates import plant_findings
 from friction_fmus.study import load_config
 from friction_fmus.study.data import build_reference
 
@@ -240,6 +244,21 @@ def test_the_simulated_loop_follows_an_axis_on_soft_bristles(name: str, tmp_path
     assert np.sqrt(np.mean((trace.q - run.x1) ** 2)) < 2e-8
 
 
+@pytest.mark.parametrize(("stiffness", "hunts"), [(5e3, False), (1e7, True)])
+def test_an_integral_creeps_to_rest_where_a_slip_is_shorter_than_the_deflection(stiffness: float, hunts: bool) -> None:
+    """A slip of 1 mm, and a deflection of 4.8 mm or 2.4 um at break-away."""
+    m, Kp, Kd, Ki, Fc, Fs, Fv = 12.0, 6e3, 500.0, 3e4, 18.0, 24.0, 45.0
+    bristles = {"kind1": 2.0, "sigma01": stiffness, "sigma11": 0.8 * sqrt(stiffness * m)}
+    axis = {"m1": m, "Fc1": Fc, "Fs1": Fs, "vs1": 1e-4, "Fv1": Fv, **bristles, "x1": 3.0 * Fs / Kp}
+    servo = {"pid": 1.0, "kp": Kp, "kv": Kd, "ki": Ki, "limit": 400.0, "window": 1.0, "Ts": 5e-4}
+    run = simulate(axis, servo, resting(60_000), step=2e-5)
+    slip = expected_slip(m, Fv, Kp, Kd, Fc, Fs)
+    assert slip == pytest.approx(1e-3, rel=0.01)
+    assert hunting(Ki, Fc, Fs, False, True, slip, Fs / stiffness).ok != hunts
+    swing = np.ptp(run.x1[-20_000:])
+    assert 0.5 * slip < swing < 1.1 * slip if hunts else swing < 1e-8
+
+
 def test_the_log_has_the_signals_of_the_run(tmp_path: Path) -> None:
     for name, actual in (("jitter", False), ("delay_1", True)):
         axis = AXES[name]
@@ -257,3 +276,37 @@ def test_every_axis_of_the_list_follows_its_reference() -> None:
     assert len(AXES) >= 20
     for name, axis in AXES.items():
         assert axis.run(step=1e-4).finite, name
+
+
+WARM = 1.0 + 0.8 * exp(-16.0 / 6.0)  # friction of the axis `drifting` at the end over that without drift
+FAULTS = {  # finding, sizes in the order of its sentence, tolerance
+    "vertical_screw": ("constant-force", (60.0, 18.0), 0.01),
+    "swinging_arm": ("force-over-position", (60.0 * sin(1.2),), 0.03),
+    "direction": ("direction-dependent-viscous-friction", (14.0, 22.4, 40.0, 64.0), 0.01),
+    "drifting": ("friction-drifts", (18.0 * 1.8, 18.0 * WARM, 45.0 * 1.8, 45.0 * WARM), 0.03),
+    "load_dependent": ("friction-varies", (18.0, 30.0), 0.1),
+    "load_dependent_declared": ("load-dependent-friction", (0.15,), 0.01),
+    "cogging": ("cogging", (8.0, 0.024), 0.01),
+    "belt_8_Hz": ("two-masses", (3.0, 10.0, 10.0, 8.0, 8.0 * sqrt(3.0 / 13.0)), 0.05),
+    "belt_25_Hz": ("two-masses", (3.0, 10.0, 10.0, 25.0, 25.0 * sqrt(3.0 / 13.0)), 0.05),
+    "belt_60_Hz": ("two-masses", (3.0, 10.0, 10.0, 60.0, 60.0 * sqrt(3.0 / 13.0)), 0.4),
+    "backlash": ("backlash", (4.0, 8.0, 2e-4), 0.4),
+    "saturated": ("saturated", (48.0,), 1e-3),
+}
+
+
+@pytest.mark.parametrize("name", FAULTS)
+def test_faults_of_the_plant_are_named_with_their_size(name: str, tmp_path: Path) -> None:
+    AXES[name].write(tmp_path, name)
+    found = plant_findings(read_records(tmp_path / "axis.toml"), AXES[name].servo["limit"])[0]
+    wanted, sizes, tolerance = FAULTS[name]
+    texts = {each.name: each.what for each in found}
+    assert texts.keys() - {"constant-force"} == {wanted} - {"constant-force"}  # of an arm that swings to one side
+    numbers = re.findall(r"(?<!± )(?<![\d.e-])-?\d+\.?\d*(?:e-?\d+)?", texts[wanted])
+    assert [float(each) for each in numbers[: len(sizes)]] == pytest.approx(list(sizes), rel=tolerance)
+
+
+@pytest.mark.parametrize("name", ["stribeck", "lugre_pid", "maxwell_slip", "delay_3", "coarse_encoder", "frictionless"])
+def test_no_fault_of_the_plant_is_named_on_an_axis_without_one(name: str, tmp_path: Path) -> None:
+    AXES[name].write(tmp_path, name)
+    assert plant_findings(read_records(tmp_path / "axis.toml"), AXES[name].servo["limit"]) == ((), ())

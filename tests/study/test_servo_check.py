@@ -5,6 +5,7 @@ The recorded forces are computed here from the equations of the laws, or are tho
 
 from __future__ import annotations
 
+import re
 import tomllib
 from dataclasses import replace
 from math import pi
@@ -265,7 +266,9 @@ def driven(**drive: float) -> tuple[Record, Servo]:
     """Return the log of an axis with Coulomb friction under a drive, and the servo without filters and friction."""
     values, r = {**DRIVE, **drive}, typical_moves(6.0, 1e-3, 0.3, 0.6, 3.0)
     run = simulate({"m1": 12.0, "Fc1": 18.0, "Fs1": 18.0, "Fv1": 45.0}, values, r, step=5e-5)
-    force = run.command + 0.1 * np.random.default_rng(2).standard_normal(len(run.command))
+    force = (run.force if "lag" in drive else run.command) + 0.1 * np.random.default_rng(2).standard_normal(
+        len(run.command)
+    )
     record = Record("axis", 1e-3 * np.arange(6000.0), q=run.measured, reference=np.round(r.r, 9), force=force)
     gains = {"kp": values["kp"], "kv": values["kv"], "ki": 0.0}
     return record, Servo("CascadePPI", gains, 1e-3, 400.0, quantum=1e-7)
@@ -325,6 +328,20 @@ def test_a_feedforward_is_found_in_a_force_that_is_recorded_late() -> None:
     check = check_servo(replace(record, force=late), replace(servo, delay=3)).result
     assert only(check) == "inertia-feedforward"
     assert settings(check)["inertia_feedforward"] == pytest.approx(4.0, rel=0.02)
+
+
+@pytest.mark.parametrize("lag", [1e-3, 4e-3])
+def test_a_force_behind_the_current_loop_is_named(lag: float) -> None:
+    """The simulated current loop is a low-pass filter of order 1."""
+    record, servo = driven(lag=lag)
+    checked = check_servo(record, servo)
+    assert only(checked.result) == "current-loop"
+    what = checked.result.findings[0].what
+    bandwidth, found = (float(each) for each in re.findall(r"bandwidth of (\S+) Hz, a lag of (\S+) ms", what)[0])
+    assert bandwidth == pytest.approx(1.0 / (2.0 * pi * lag), rel=0.02)
+    assert found == pytest.approx(1e3 * lag, rel=0.02)
+    assert checked.servo is not None
+    assert checked.servo.delay == round(lag / 1e-3)
 
 
 def test_friction_feedforward_of_the_drive_is_found() -> None:

@@ -84,6 +84,7 @@ def run(options: argparse.Namespace) -> int:
     from friction_fmus.identification.fit.contact_model import contact_model
     from friction_fmus.identification.force_findings import FORBIDDING, contradictions, stuck
     from friction_fmus.identification.model_comparison import IdentificationTask, compare_models, long_enough
+    from friction_fmus.identification.plant_candidates import plant_findings
     from friction_fmus.identification.result_files import write_results
 
     data = options.data[0]
@@ -110,6 +111,8 @@ def run(options: argparse.Namespace) -> int:
     about = () if measurement.static else (*examine_segments(train), *contradictions(train), stuck(train))
     findings = (*measurement.findings, *(finding for finding in about if finding is not None))
     wrong = [finding.name for finding in findings if finding.name in FORBIDDING]
+    if not measurement.static and not wrong:
+        findings += plant_findings(measurement.records)[0]
     tables.show_data(train, validation, findings)
     task = IdentificationTask(
         train,
