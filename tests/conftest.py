@@ -29,15 +29,19 @@ os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
     """Leave out what is for the night."""
     if not THOROUGH:
-        config.hook.pytest_deselected(items=[item for item in items if is_for_the_night(item)])
-        items[:] = [item for item in items if not is_for_the_night(item)]
+        left_out = {item for item in items if is_for_the_night(item)}
+        config.hook.pytest_deselected(items=[item for item in items if item in left_out])
+        items[:] = [item for item in items if item not in left_out]
 
 
 def is_for_the_night(item: pytest.Item) -> bool:
     """Whether a test, or the block that it runs on, is left out before a landing."""
-    block = getattr(item, "callspec").params.get("library") if hasattr(item, "callspec") else None  # noqa: B009
-    other = block in catalogue() and block not in ONE_OF_EACH and item.get_closest_marker("one_of_each")
-    return bool(other or item.get_closest_marker("nightly"))
+    if item.get_closest_marker("nightly"):
+        return True
+    if not hasattr(item, "callspec") or not item.get_closest_marker("one_of_each"):
+        return False
+    block = item.callspec.params.get("library")
+    return block not in ONE_OF_EACH and block in catalogue()
 
 
 def pytest_collection_finish() -> None:

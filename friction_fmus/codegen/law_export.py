@@ -401,7 +401,7 @@ def export_law(
     """
     export = make_export(model, real=real, start=start, prefix=prefix)
     prefix = export.prefix
-    with ThreadPoolExecutor(len(CORES)) as threads:
+    with ThreadPoolExecutor() as threads:
         costs = () if COMPILER in missing() else tuple(threads.map(partial(measure, export), CORES))
     texts = {
         f"{prefix}.h": header(export),
