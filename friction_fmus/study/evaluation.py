@@ -26,9 +26,6 @@ HIGH: Final = 5.0  # high-frequency effort begins at this many times the natural
 REST: Final = 0.1
 """Shortest rest of the reference in which chatter is measured [s]; its first half is left out, as the axis settles."""
 
-STEP: Final = 1e-3
-"""Longest communication step between mass and friction [s]: twice that of a fit, with 0.3 % of difference on EMPS."""
-
 WINDOW: Final = 30.0
 """Longest settling time after a reversal, in time constants of the position loop; the axis then follows again."""
 
@@ -297,7 +294,7 @@ def system_of(bench: AxisBench, scheme: Scheme, pool: PartPool) -> System:
     servo, plant, trajectory = scheme.servo, bench.plant, with_table(bench, scheme)
     one, other = scheme.compensator, scheme.feedforward
     one, other = (other, None) if one is None else (one, other)
-    system = closed_loop(servo, plant, trajectory, one, longest=STEP, feedforward=other, pool=pool)
+    system = closed_loop(servo, plant, trajectory, one, feedforward=other, pool=pool)
     return system if scheme.compensator is None else with_gain(system, scheme.gain)
 
 
