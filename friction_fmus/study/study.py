@@ -20,6 +20,7 @@ from friction_fmus.blocks.catalogue import catalogue
 from friction_fmus.doctor import examine
 from friction_fmus.errors import FrictionError
 from friction_fmus.identification import Array, filtered_motion, identifiable
+from friction_fmus.identification.data.record import Record, RecordFinding
 from friction_fmus.identification.fit.contact_model import contact_model
 from friction_fmus.identification.force_findings import FORBIDDING
 from friction_fmus.identification.plant_candidates import plant_findings
@@ -288,14 +289,15 @@ class _Study:
         findings += [
             StudyFinding(each.name, each.what, each.measure, True) for each in about if each.name in FORBIDDING
         ]
-        beyond: list[str] = []
-        if self._goes_on(findings):
-            shown, resonances = plant_findings(data.records, servo.force_limit if servo is not None else None)
-            own = [StudyFinding(each.name, each.what, each.measure) for each in shown]
-            findings = sorted([*findings, *own], key=lambda each: each.name != "saturated")
-            self.config = replace(self.config, resonances=self.config.resonances or resonances)
-            beyond = [each.name for each in shown if each.name in NOT_SIMULATED]
-        models = self._models(data, checked, self._goes_on(findings))
+        limit = servo.force_limit if servo is not None else None
+        step = Step("plant", find_plant, (data.records, limit), FoundPlant)
+        models, plants = self._models(data, checked, [step] * self._goes_on(findings))
+        shown = [finding for plant in plants for finding in plant.findings]
+        own = [StudyFinding(each.name, each.what, each.measure) for each in shown]
+        findings = sorted([*findings, *own], key=lambda each: each.name != "saturated")
+        known = self.config.resonances or tuple(each for plant in plants for each in plant.resonances)
+        self.config = replace(self.config, resonances=known)
+        beyond = [each.name for each in shown if each.name in NOT_SIMULATED]
         findings += loop_findings(models, any(found.row.closed_loop for found in models), data.longest.units.words)
         if models[0].row.rank is None:
             models = ranked(without_loop(models))
@@ -371,11 +373,16 @@ class _Study:
         """Return whether the servo is simulated and files are written."""
         return self.force or not any(finding.stops for finding in findings)
 
-    def _models(self, data: Data, checked: CheckedServo, in_loop: bool) -> list[IdentifiedModel]:
-        """Identify all models, fit the best ones to the closed loop unless the servo is wrong, and rank them."""
+    def _models(
+        self, data: Data, checked: CheckedServo, beside: Sequence[Step]
+    ) -> tuple[list[IdentifiedModel], list[FoundPlant]]:
+        """Identify all models, fit the best ones to the closed loop unless the servo is wrong, and rank them.
+
+        The steps `beside` run at the same time; there are none if the servo is wrong.
+        """
         config = self.config
         measured = None
-        if config.servo is not None and in_loop and data.longest.units.known:
+        if config.servo is not None and beside and data.longest.units.known:
             name = identifier(data.longest.name)
             measured = measured_servo(data, config.servo, self.out / CACHE, name, checked.injected)
         names = list(identifiable()) if config.models == ALL else list(config.models)
@@ -398,9 +405,10 @@ class _Study:
         if "inverse" in known:
             arguments = (data.longest, known["inverse"])
             steps.append(Step("model-published", published_model, arguments, IdentifiedModel))
-        found: list[IdentifiedModel] = self._run(steps, 0.02, 0.4)
+        results = self._run([*steps, *beside], 0.02, 0.4)
+        found, plants = results[: len(steps)], results[len(steps) :]
         if measured is None:
-            return ranked(found)
+            return ranked(found), plants
         smallest = min((each.error for each in found if each.error is not None), default=0.0)
         # the simplest one always: with Fs = Fc, that of Stribeck has parameters without effect, which leave an error
         simple = [each.row.name == INVERSE and each.error is not None for each in found]
@@ -411,7 +419,7 @@ class _Study:
         refined = self._run(steps, 0.4, 0.6)
         better = {each.row.name: each for each in refined}
         rounded = config.servo.quantum / math.sqrt(12.0) if config.servo else 0.0  # rms error of a rounded position
-        return ranked([better.get(each.row.name, each) for each in found], rounded)
+        return ranked([better.get(each.row.name, each) for each in found], rounded), plants
 
     def _missing(self, data: Data, best: IdentifiedModel) -> str:
         """Return the reason why no compensator can be simulated; empty if they can."""
@@ -521,6 +529,19 @@ class _Study:
 
     def _run(self, steps: Sequence[Step], begin: float, end: float) -> list[Any]:
         return run_steps(steps, self.store, self.executor, self.progress.steps(begin, end, len(steps)))
+
+
+@dataclass(frozen=True)
+class FoundPlant:
+    """What records show of an axis beyond a rigid mass."""
+
+    findings: tuple[RecordFinding, ...]
+    resonances: tuple[float, ...]  # [Hz]
+
+
+def find_plant(records: Sequence[Record], limit: float | None) -> FoundPlant:
+    """Find what records show of an axis, see `plant_findings`."""
+    return FoundPlant(*plant_findings(records, limit))
 
 
 def of_laws(found: IdentifiedModel) -> bool:
