@@ -7,7 +7,7 @@ import math
 import platform
 import time
 from collections.abc import Callable, Sequence
-from concurrent.futures import Executor
+from concurrent.futures import Executor, ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Final
@@ -333,9 +333,11 @@ class _Study:
                 files.append(WrittenFile(EXPERIMENT_FILE, "Reference to record next: a chirp on a slow motion"))
             figures = None if metrics is None else Figures(metrics.rms, data.longest.units.position)
             name, citation = data.longest.name, data.longest.citation
-            files += export_recommended(self.out, bench, comparison.chosen, name, citation, figures)
-            doctor = self._doctor(bench)
-            self.panel = self._panel(bench, comparison)
+            with ThreadPoolExecutor(1) as thread:  # which mostly waits for a compiler
+                panel = thread.submit(self._panel, bench, comparison)
+                files += export_recommended(self.out, bench, comparison.chosen, name, citation, figures)
+                doctor = self._doctor(bench)
+                self.panel = panel.result()
         self.progress(0.97)
         record = data.longest
         files += settings_of(self.config, data, self.out)
