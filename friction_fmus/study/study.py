@@ -475,7 +475,9 @@ class _Study:
         weak = {parameter.name for parameter in best.row.parameters if parameter.weak}
         unsure = tuple(name for name, needed in OF_FRICTION_AT_REST.items() if weak & needed)
         error = model_error(best, record)
-        bench = AxisBench(servo, plant, trajectory, r, len(r) - len(recorded), error, unsure=unsure)
+        fit = best.row.validation or best.row.train
+        unexplained = 0.0 if fit is None else fit.percent / 100.0
+        bench = AxisBench(servo, plant, trajectory, r, len(r) - len(recorded), error, unexplained, unsure=unsure)
         if not trajectory.motion:
             return bench
         inertia, viscous = motion_feedforward(bench)
@@ -520,7 +522,9 @@ class _Study:
         """Return the conditions of the exported axis that the record can decide, violated ones first."""
         with System.from_ssp(self.out / OWN / "axis.ssp") as system:
             examined = [each for each in examine(system) if each.condition.name not in bench.unsure]
-        findings = [each for each in examined if each.condition.ok or clear(each.condition.value, each.condition.bound)]
+        findings = [
+            each for each in examined if each.condition.ok or clear(bench, each.condition.value, each.condition.bound)
+        ]
         rows = []
         for finding in findings:
             c = finding.condition
