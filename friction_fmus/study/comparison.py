@@ -320,17 +320,18 @@ class _Contest:
 
 
 def _violated(bench: AxisBench, scheme: Scheme) -> dict[str, str]:
-    """Return the conditions that an axis violates by more than `CLEAR`, by name."""
+    """Return the conditions that an axis clearly violates, by name."""
     with PartPool() as pool:
         findings = examine(system_of(bench, scheme, pool))
     violated = [finding.condition for finding in findings if not finding.condition.ok]
-    return {c.name: c.wrong for c in violated if c.name not in bench.unsure and clear(c.value, c.bound)}
+    return {c.name: c.wrong for c in violated if c.name not in bench.unsure and clear(bench, c.value, c.bound)}
 
 
-def clear(value: float, bound: float) -> bool:
-    """Return whether a value is beyond its bound by more than `CLEAR`, as far as their ratio tells it."""
+def clear(bench: AxisBench, value: float, bound: float) -> bool:
+    """Return whether a value is beyond its bound by more than the axis is known, as far as their ratio tells it."""
     both = value * bound
-    return not np.isfinite(both) or both <= 0.0 or max(value / bound, bound / value) > CLEAR
+    known = max(CLEAR, 1.0 + bench.unexplained)
+    return not np.isfinite(both) or both <= 0.0 or max(value / bound, bound / value) > known
 
 
 @dataclass(frozen=True)

@@ -43,6 +43,7 @@ class AxisBench:
     r: Array  # reference [m]
     run_up: int = 0  # number of samples before the first one of the record, in which the axis starts from rest
     model_error: float = 0.0  # rms error of this axis on the recorded motion [m]
+    unexplained: float = 0.0  # part of the drive force that its model does not explain
     band: float = 0.0  # error below which the axis has settled after a reversal [m]; 0 if it is not known yet
     unsure: tuple[
         str, ...

@@ -7,7 +7,7 @@ import math
 import platform
 import time
 from collections.abc import Callable, Sequence
-from concurrent.futures import Executor
+from concurrent.futures import Executor, ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Final
@@ -20,6 +20,7 @@ from friction_fmus.blocks.catalogue import catalogue
 from friction_fmus.doctor import examine
 from friction_fmus.errors import FrictionError
 from friction_fmus.identification import Array, filtered_motion, identifiable
+from friction_fmus.identification.data.record import Record, RecordFinding
 from friction_fmus.identification.fit.contact_model import contact_model
 from friction_fmus.identification.force_findings import FORBIDDING
 from friction_fmus.identification.plant_candidates import plant_findings
@@ -288,14 +289,15 @@ class _Study:
         findings += [
             StudyFinding(each.name, each.what, each.measure, True) for each in about if each.name in FORBIDDING
         ]
-        beyond: list[str] = []
-        if self._goes_on(findings):
-            shown, resonances = plant_findings(data.records, servo.force_limit if servo is not None else None)
-            own = [StudyFinding(each.name, each.what, each.measure) for each in shown]
-            findings = sorted([*findings, *own], key=lambda each: each.name != "saturated")
-            self.config = replace(self.config, resonances=self.config.resonances or resonances)
-            beyond = [each.name for each in shown if each.name in NOT_SIMULATED]
-        models = self._models(data, checked, self._goes_on(findings))
+        limit = servo.force_limit if servo is not None else None
+        step = Step("plant", find_plant, (data.records, limit), FoundPlant)
+        models, plants = self._models(data, checked, [step] * self._goes_on(findings))
+        shown = [finding for plant in plants for finding in plant.findings]
+        own = [StudyFinding(each.name, each.what, each.measure) for each in shown]
+        findings = sorted([*findings, *own], key=lambda each: each.name != "saturated")
+        known = self.config.resonances or tuple(each for plant in plants for each in plant.resonances)
+        self.config = replace(self.config, resonances=known)
+        beyond = [each.name for each in shown if each.name in NOT_SIMULATED]
         findings += loop_findings(models, any(found.row.closed_loop for found in models), data.longest.units.words)
         if models[0].row.rank is None:
             models = ranked(without_loop(models))
@@ -331,9 +333,11 @@ class _Study:
                 files.append(WrittenFile(EXPERIMENT_FILE, "Reference to record next: a chirp on a slow motion"))
             figures = None if metrics is None else Figures(metrics.rms, data.longest.units.position)
             name, citation = data.longest.name, data.longest.citation
-            files += export_recommended(self.out, bench, comparison.chosen, name, citation, figures)
-            doctor = self._doctor(bench)
-            self.panel = self._panel(bench, comparison)
+            with ThreadPoolExecutor(1) as thread:  # which mostly waits for a compiler
+                panel = thread.submit(self._panel, bench, comparison)
+                files += export_recommended(self.out, bench, comparison.chosen, name, citation, figures)
+                doctor = self._doctor(bench)
+                self.panel = panel.result()
         self.progress(0.97)
         record = data.longest
         files += settings_of(self.config, data, self.out)
@@ -371,11 +375,16 @@ class _Study:
         """Return whether the servo is simulated and files are written."""
         return self.force or not any(finding.stops for finding in findings)
 
-    def _models(self, data: Data, checked: CheckedServo, in_loop: bool) -> list[IdentifiedModel]:
-        """Identify all models, fit the best ones to the closed loop unless the servo is wrong, and rank them."""
+    def _models(
+        self, data: Data, checked: CheckedServo, beside: Sequence[Step]
+    ) -> tuple[list[IdentifiedModel], list[FoundPlant]]:
+        """Identify all models, fit the best ones to the closed loop unless the servo is wrong, and rank them.
+
+        The steps `beside` run at the same time; there are none if the servo is wrong.
+        """
         config = self.config
         measured = None
-        if config.servo is not None and in_loop and data.longest.units.known:
+        if config.servo is not None and beside and data.longest.units.known:
             name = identifier(data.longest.name)
             measured = measured_servo(data, config.servo, self.out / CACHE, name, checked.injected)
         names = list(identifiable()) if config.models == ALL else list(config.models)
@@ -398,9 +407,10 @@ class _Study:
         if "inverse" in known:
             arguments = (data.longest, known["inverse"])
             steps.append(Step("model-published", published_model, arguments, IdentifiedModel))
-        found: list[IdentifiedModel] = self._run(steps, 0.02, 0.4)
+        results = self._run([*steps, *beside], 0.02, 0.4)
+        found, plants = results[: len(steps)], results[len(steps) :]
         if measured is None:
-            return ranked(found)
+            return ranked(found), plants
         smallest = min((each.error for each in found if each.error is not None), default=0.0)
         # the simplest one always: with Fs = Fc, that of Stribeck has parameters without effect, which leave an error
         simple = [each.row.name == INVERSE and each.error is not None for each in found]
@@ -411,7 +421,7 @@ class _Study:
         refined = self._run(steps, 0.4, 0.6)
         better = {each.row.name: each for each in refined}
         rounded = config.servo.quantum / math.sqrt(12.0) if config.servo else 0.0  # rms error of a rounded position
-        return ranked([better.get(each.row.name, each) for each in found], rounded)
+        return ranked([better.get(each.row.name, each) for each in found], rounded), plants
 
     def _missing(self, data: Data, best: IdentifiedModel) -> str:
         """Return the reason why no compensator can be simulated; empty if they can."""
@@ -465,7 +475,9 @@ class _Study:
         weak = {parameter.name for parameter in best.row.parameters if parameter.weak}
         unsure = tuple(name for name, needed in OF_FRICTION_AT_REST.items() if weak & needed)
         error = model_error(best, record)
-        bench = AxisBench(servo, plant, trajectory, r, len(r) - len(recorded), error, unsure=unsure)
+        fit = best.row.validation or best.row.train
+        unexplained = 0.0 if fit is None else fit.percent / 100.0
+        bench = AxisBench(servo, plant, trajectory, r, len(r) - len(recorded), error, unexplained, unsure=unsure)
         if not trajectory.motion:
             return bench
         inertia, viscous = motion_feedforward(bench)
@@ -510,7 +522,9 @@ class _Study:
         """Return the conditions of the exported axis that the record can decide, violated ones first."""
         with System.from_ssp(self.out / OWN / "axis.ssp") as system:
             examined = [each for each in examine(system) if each.condition.name not in bench.unsure]
-        findings = [each for each in examined if each.condition.ok or clear(each.condition.value, each.condition.bound)]
+        findings = [
+            each for each in examined if each.condition.ok or clear(bench, each.condition.value, each.condition.bound)
+        ]
         rows = []
         for finding in findings:
             c = finding.condition
@@ -521,6 +535,19 @@ class _Study:
 
     def _run(self, steps: Sequence[Step], begin: float, end: float) -> list[Any]:
         return run_steps(steps, self.store, self.executor, self.progress.steps(begin, end, len(steps)))
+
+
+@dataclass(frozen=True)
+class FoundPlant:
+    """What records show of an axis beyond a rigid mass."""
+
+    findings: tuple[RecordFinding, ...]
+    resonances: tuple[float, ...]  # [Hz]
+
+
+def find_plant(records: Sequence[Record], limit: float | None) -> FoundPlant:
+    """Find what records show of an axis, see `plant_findings`."""
+    return FoundPlant(*plant_findings(records, limit))
 
 
 def of_laws(found: IdentifiedModel) -> bool:

@@ -15,6 +15,7 @@ from friction_fmus.conditions import SampledLaw, chain, one_mass
 from friction_fmus.conditions.condition import spectral_radius
 from friction_fmus.identification import AxisUnits, Record, filtered_motion
 from friction_fmus.identification.fit.rests import position_noise
+from friction_fmus.identification.fit.scores import rms
 from friction_fmus.identification.force_findings import FORBIDDING, contradictions
 from friction_fmus.identification.plant_band import PlantBand, plant_band
 from friction_fmus.identification.plant_candidates import SATURATED
@@ -173,12 +174,14 @@ def noise_of(record: Record) -> float:
 
 
 BIASED: Final = 3.0  # error of the model over the noise of the position above which it counts as biased
+SEARCHED: Final = 2e-4  # part of the recorded tracking error that the search of parameters leaves
 
 
 def bias_findings(best: IdentifiedModel, record: Record) -> tuple[StudyFinding, ...]:
     """Return a finding if the simulated axis follows a record so badly that its intervals do not hold."""
     error, noise, units = model_error(best, record), noise_of(record), record.units
-    if error <= BIASED * noise:
+    tracking = 0.0 if record.reference is None else rms(record.reference - record.column("q"))
+    if error <= max(BIASED * noise, SEARCHED * tracking):
         return ()
     what = (
         f"The model is biased: the simulated axis follows the recorded position to {shown(error, units.position)} rms "

@@ -223,6 +223,15 @@ def test_lengths_are_readable(value: float, text: str) -> None:
     assert shown(value, "m") == text
 
 
+@pytest.mark.parametrize(("unexplained", "certain"), [(0.02, True), (0.1, False)])
+def test_an_objection_needs_an_axis_that_is_known_so_well(unexplained: float, certain: bool) -> None:
+    """9 % of over-compensation are not certain with a model that leaves 10 % of the force."""
+    plant = AxisPlant("Viscous", {"Fv": 0.0}, 1.0)
+    bench = AxisBench(SERVO, plant, Trajectory(Path(), 2, 0.0, 0.0), np.zeros(2), unexplained=unexplained)
+    assert comparison.clear(bench, 1.09, 1.0) == certain
+    assert comparison.clear(bench, -1.0, 1.0)
+
+
 def untried(name: str, rms: float) -> CompensatorResult:
     return replace(row(name, rms), corners=())
 
