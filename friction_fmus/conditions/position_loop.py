@@ -469,9 +469,11 @@ def expected_slip(m: float, s2: float, Kp: float, Kd: float, Fc: float, Fs: floa
     Returns
     -------
     float
-        Length of the slip [m].
+        Length of the slip [m]; infinite for a damping ratio up to -1.
     """
     damping = (Kd + s2) / (2.0 * math.sqrt(Kp * m))
+    if damping <= -1.0:
+        return math.inf
     overshoot = math.exp(-math.pi * damping / math.sqrt(1.0 - damping**2)) if damping < 1.0 else 0.0
     return max(Fs - Fc, 0.0) / Kp * (1.0 + overshoot)
 

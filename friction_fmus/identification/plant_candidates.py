@@ -161,24 +161,30 @@ def plant_findings(
     resonances: tuple[float, ...] = ()
     if (balance := force_balance(records)) is not None:
         longest, most = max(records, key=len), LONG * _stride(balance)
-        if whole := sum(map(len, records)) <= most:
-            effects, second = _effects(balance), _second_mass(balance)
-        else:
-            effects, second = _effects(balance), None
-            part, resonances = plant_findings([longest.window(longest.t[0], longest.t[min(most, len(longest)) - 1])])
-            found += [each for each in part if each.name in ("two-masses", "backlash")]
-        beside = balance.beside(effects.values())
-        if whole and effects and (second is None or beside.left() < balance.beside([second.columns]).left()):
-            second = _second_mass(beside)
-        elif second:
-            effects = _effects(balance.beside([second.columns[:, :2]]))
+        part: ForceBalance | None = balance
+        if sum(map(len, records)) > most:  # a search of a second mass in all of it would take too long
+            part = force_balance([longest.window(longest.t[0], longest.t[min(most, len(longest)) - 1])])
+        effects, second = ({}, None) if part is None else _beside_each_other(part)
+        if part is not balance:
+            second = None if second is None else SecondMass(second.trial, _slopes(balance, second.trial))
+            effects = _effects(balance if second is None else balance.beside([second.columns[:, :2]]))
         own = effects if second is None else effects | {"second": second.columns[:, :2]}
         found += _named(balance.beside(own.values()), effects, _sizes(balance, own))
-        if second is not None:
-            finding, resonance = _of_second_mass(balance.beside(effects.values()), second)
+        for finding, resonance in () if second is None else _of_second_mass(balance.beside(effects.values()), second):
             found.append(finding)
             resonances = (resonance,) if resonance else ()
     return tuple(found), resonances
+
+
+def _beside_each_other(balance: ForceBalance) -> tuple[dict[str, Array], SecondMass | None]:
+    """Return effects and a second mass, each found beside the other if it explains less."""
+    effects, second = _effects(balance), _second_mass(balance)
+    beside = balance.beside(effects.values())
+    if effects and (second is None or beside.left() < balance.beside([second.columns]).left()):
+        second = _second_mass(beside)
+    elif second:
+        effects = _effects(balance.beside([second.columns[:, :2]]))
+    return effects, second
 
 
 def _saturation(records: Sequence[Record], limit: float | None) -> Iterator[RecordFinding]:
@@ -263,7 +269,9 @@ def _pitch(balance: ForceBalance, stroke: float) -> float:
 def _parts(balance: ForceBalance) -> Array:
     """Return columns of a Coulomb friction that differs between parts of the record, without that of the first one."""
     ends = np.linspace(balance.records[0].t[0], balance.records[-1].t[-1], PARTS + 1)[1:-1]
-    return balance.rows(lambda s: [s["sign"] * (np.digitize(s["t"], ends) == i) for i in range(1, PARTS)])
+    columns = balance.rows(lambda s: [s["sign"] * (np.digitize(s["t"], ends) == i) for i in range(PARTS)])
+    norm = np.linalg.norm(columns, axis=0)
+    return columns[:, norm > 0.1 * np.max(norm)][:, 1:]  # a part at rest shows no friction
 
 
 @dataclass(frozen=True, eq=False)
@@ -349,7 +357,8 @@ def _over_time(effects: Iterable[str], sizes: Sizes) -> Iterator[RecordFinding]:
         model = "Use a friction model with the normal force as input, or an estimator, which follows the load."
         yield RecordFinding("load-dependent-friction", what, model)
     if "parts" in effects:
-        levels = [{"Fc": 1.0}, *({"Fc": 1.0, f"parts {i}": 1.0} for i in range(PARTS - 1))]
+        others = [name for name in sizes.names if name.startswith("parts ")]
+        levels = [{"Fc": 1.0}, *({"Fc": 1.0, name: 1.0} for name in others)]
         low, *_, high = sorted(levels, key=lambda each: sizes(each)[0])
         between = f"{sizes.shown(low, u.N)} and {sizes.shown(high, u.N)}"
         what = f"Coulomb friction varies between {between} in the course of the record, as if it depends on the load."
@@ -444,11 +453,14 @@ def _slopes(balance: ForceBalance, trial: Array) -> Array:
     return np.column_stack([own, *slopes])
 
 
-def _of_second_mass(balance: ForceBalance, second: SecondMass) -> tuple[RecordFinding, float]:
-    """Return the finding about a second mass, and its resonance; 0 for a backlash."""
+def _of_second_mass(balance: ForceBalance, second: SecondMass) -> Iterator[tuple[RecordFinding, float]]:
+    """Yield the finding about a second mass, and its resonance; 0 for a backlash."""
     w, D, g, _, gap = second.trial.tolist()
-    theta, C, _ = balance.fitted(np.hstack([balance.base, second.columns]))
-    motor, load, errors = theta[0], theta[-7], np.sqrt(np.diag(C))
+    theta = balance.coefficients(np.hstack([balance.base, second.columns[:, :2]]))  # with the slopes: a step too far
+    motor, load = theta[0], theta[-2]
+    if min(motor, load) <= 0.0:
+        return
+    errors = np.sqrt(np.diag(balance.fitted(np.hstack([balance.base, second.columns]))[1]))
     u = balance.records[0].units.words
     what = (
         f"The {u.mass} is in two parts, {motor:.3g} ± {errors[0]:.1g} {u.kg} at the motor and {load:.3g} ± "
@@ -457,7 +469,8 @@ def _of_second_mass(balance: ForceBalance, second: SecondMass) -> tuple[RecordFi
     if gap:
         what += f"a backlash of about {gap:.2g} {u.m}."
         change = "Reduce it, or preload the coupling. Bounces on impact can make it look twice as wide."
-        return RecordFinding("backlash", what, change), 0.0
+        yield RecordFinding("backlash", what, change), 0.0
+        return
     low, high = w / (2.0 * pi), w / (2.0 * pi) * sqrt(1.0 + load / motor)
     Fc = abs(balance.coefficients(balance.rigid())[2])
     rubs = f", and friction of {g * load:.3g} {u.N} behind it" if g * load > 0.05 * Fc else ""
@@ -466,7 +479,7 @@ def _of_second_mass(balance: ForceBalance, second: SecondMass) -> tuple[RecordFi
         f"damping ratio of {D:.2g}."
     )
     change = f"Set resonance = [{high:.3g}] in [axis]; results for a rigid {u.mass} hold only well below {low:.3g} Hz."
-    return RecordFinding("two-masses", what, change), high
+    yield RecordFinding("two-masses", what, change), high
 
 
 def _orthogonal(A: Array) -> Array:

@@ -212,12 +212,12 @@ def compare(bench: AxisBench, known: AxisKnowledge, wanted: Compensation, run: R
     rungs = ladder(plain.metrics, motion, contest.none, ranked)
     contradicted = contest.contradicted
     while left := [row for row in contest.ranked() if row.name not in contradicted]:
-        if not left[0].improves:
-            contradicted.clear()
         if not left[0].improves or not (wrong := contest.objection(left[0].name)):
             break
         contradicted[left[0].name] = wrong
         contest.run_cases()
+    if not left or not left[0].improves:
+        contradicted.clear()
     accepted = [row for row in contest.rows.values() if row.name not in contradicted]
     left = rank(contest.none, accepted, bench.model_error)
     ranked = contest.ranked()

@@ -206,6 +206,7 @@ def slip(m: float, s2: float, Kp: float, Kd: float, drop: float) -> float:
 @pytest.mark.parametrize(("Kp", "Kd"), [(3.0, 6.0), (3.0, 1.0), (12e3, 190.0), (5.0, 0.0)])
 def test_expected_slip_is_that_of_a_rigid_mass(Kp: float, Kd: float) -> None:
     assert expected_slip(1.0, 0.4, Kp, Kd, 1.0, 1.5) == pytest.approx(slip(1.0, 0.4, Kp, Kd, 0.5), rel=1e-5)
+    assert expected_slip(1.0, -10.0, 1.0, 1.0, 1.0, 2.0) == np.inf  # overcompensated viscous friction: no stop
 
 
 def rests(db: float, Kp: float, Kd: float, Ki: float) -> bool:

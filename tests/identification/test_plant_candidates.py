@@ -12,7 +12,7 @@ from flexible_axis import Axis, moves, reference, simulate
 from thorough import some
 
 from friction_fmus.data import load_emps
-from friction_fmus.identification import ROTARY, Record
+from friction_fmus.identification import ROTARY, Record, plant_candidates
 from friction_fmus.identification.plant_candidates import plant_findings
 from friction_fmus.study.config import load_config
 from friction_fmus.study.data import load_data
@@ -141,3 +141,20 @@ def test_records_without_force_are_left_alone():
     t = 1e-3 * np.arange(3000.0)
     assert plant_findings([Record("axis", t, q=np.sin(t))]) == ((), ())
     assert plant_findings([Record("axis", t[:60], q=np.sin(t[:60]), force=np.cos(t[:60]))]) == ((), ())
+
+
+@pytest.mark.parametrize("begin", [0.0, 8.0])
+def test_friction_that_varies_is_found_beside_a_rest(begin):
+    """Coulomb friction of 18 +- 9 N, alternately for 2.5 s, with a rest of 4 s."""
+    record = simulate(Axis(noise=0.3), moves(np.where(begin > T, T, np.maximum(T - 4.0, begin))))
+    more = np.where((T // 2.5) % 2 == 0, 9.0, -9.0) * np.sign(np.gradient(record.q))
+    name, sizes = named(replace(record, force=record.column("force") + more))
+    assert name == "friction-varies"
+    assert sizes == pytest.approx((9.0, 27.0), rel=0.02)
+
+
+def test_a_second_mass_in_a_part_of_a_long_record_holds_for_all_of_it(monkeypatch):
+    monkeypatch.setattr(plant_candidates, "LONG", 6000)
+    name, numbers = named(simulate(TWO, moves(T)))  # without the second mass, a force over position would be found
+    assert name == "two-masses"
+    assert numbers[:2] == pytest.approx([TWO.motor, TWO.load], rel=0.12)

@@ -12,6 +12,9 @@ import pytest
 from friction_fmus.axis.servo import AxisPlant, Servo, Trajectory
 from friction_fmus.blocks.axis_units import SLIDING
 from friction_fmus.study import comparison
+from friction_fmus.study.comparison import tuned
+from friction_fmus.study.compensators import AxisKnowledge
+from friction_fmus.study.config import Compensation
 from friction_fmus.study.evaluation import AxisBench, Case, Evaluation, Scheme
 from friction_fmus.study.recommendation import extremes, ladder, largest_step, rank, recommend, shown
 from friction_fmus.study.steps import Step
@@ -266,3 +269,26 @@ def test_only_what_can_be_the_best_is_run_in_other_cases(monkeypatch: pytest.Mon
     contest.run_cases()
     assert runs == [["one", "two"], ["three"]]
     assert [each.name for each in contest.ranked()][:2] == ["three", "two"]
+
+
+def test_the_only_compensator_is_recommended_although_the_doctor_objects(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(comparison, "_violated", lambda _, scheme: {} if scheme.compensator is None else {"buzz": "x"})
+
+    def run(steps: Sequence[Step]) -> list[object]:
+        found: list[object] = []
+        for step in steps:
+            if step.function is comparison.built:
+                found.append(comparison.Built(step.name))
+                continue
+            given = step.arguments
+            scheme = Scheme(SERVO, compensator=given[0].compensator) if step.function is tuned else given[1][0]
+            metrics = metrics_of(1e-4 if scheme.compensator is None else 1e-5)
+            there = () if step.function is tuned else tuple(Corner(case.name, metrics) for case in given[2])
+            found.append(Evaluation(scheme, metrics, (), there, None))
+        return found
+
+    plant = AxisPlant("Viscous", {"Fv": 10.0}, 10.0)
+    known = AxisKnowledge(SERVO, plant, {"Stribeck": {"Fc": 10.0, "Fs": 12.0, "vs": 1e-2, "Fv": 10.0, "delta": 1.0}})
+    bench = AxisBench(SERVO, plant, Trajectory(Path(), 2, 0.0, 0.0), np.sin(2e-3 * np.arange(2000.0)))
+    wanted = Compensation(compensators=("StaticFeedforward",))
+    assert comparison.compare(bench, known, wanted, run).recommendation.name == "StaticFeedforward"
