@@ -395,8 +395,8 @@ def hunting(
     Returns
     -------
     Condition
-        Its value is static, its bound Coulomb friction [N]; it holds for Ki = 0, and if a slip is not longer than the
-        deflection.
+        Its value is static, its bound Coulomb friction [N]; it holds for Ki = 0. It also holds if a slip is not longer
+        than the deflection, which are then value and bound [m].
     """
     why = (
         "at a constant reference the integral winds up to Fs, the axis slips too far, and the cycle repeats: the axis "
@@ -414,11 +414,12 @@ def hunting(
         change = f"keep v_zc between velocity noise and spring-back if a small swing is allowed, or {change}"
     elif turned:
         why += "; a rigid contact does not spring back, so the integral is turned after the next break-away only"
+    rests = Ki > 0.0 and slip <= deflection
     return Condition(
         name="hunting",
-        ok=not (Ki > 0.0 and above(Fs, Fc)) or slip <= deflection,
-        value=Fs,
-        bound=Fc,
+        ok=not (Ki > 0.0 and above(Fs, Fc)) or rests,
+        value=slip if rests else Fs,
+        bound=deflection if rests else Fc,
         wrong=f"the position loop has integral action, Ki = {Ki:.4g} {{N_ms}}, and static friction, {Fs:.4g} {{N}}, is "
         f"above Coulomb friction, {Fc:.4g} {{N}}",
         why=why,

@@ -208,8 +208,6 @@ def compare(bench: AxisBench, known: AxisKnowledge, wanted: Compensation, run: R
     if TABLE.name in found:
         contest.add_table(known.words)
 
-    ranked = contest.ranked()
-    rungs = ladder(plain.metrics, motion, contest.none, ranked)
     contradicted = contest.contradicted
     while left := [row for row in contest.ranked() if row.name not in contradicted]:
         if not left[0].improves or not (wrong := contest.objection(left[0].name)):
@@ -221,6 +219,7 @@ def compare(bench: AxisBench, known: AxisKnowledge, wanted: Compensation, run: R
     accepted = [row for row in contest.rows.values() if row.name not in contradicted]
     left = rank(contest.none, accepted, bench.model_error)
     ranked = contest.ranked()
+    rungs = ladder(plain.metrics, motion, contest.none, ranked)
     recommendation = recommend(contest.none, left, rungs, known.words, contradicted, bench.model_error)
     chosen = found[recommendation.name].scheme if recommendation.name in found else None
     chosen = Scheme(servo) if chosen is None else chosen
