@@ -87,7 +87,7 @@ def files(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFacto
 
 
 def tolerance(files: Recommended, explicit: float) -> float:
-    """Only with dither, the axis needs the implicit master, whose iterations end at a residual of 3e-8."""
+    """With dither, the iterations of the master end at a residual of 3e-8 that counts."""
     assert files.scheme.compensator is not None
     return 1e-5 if files.scheme.compensator.model == "Dither" else explicit
 
@@ -332,7 +332,7 @@ def by_hand(files: Recommended, laws: Sequence[Part]) -> System:
     plant = ["axis.x -> encoder.x", "servo.u -> axis.F_drive", "axis.v -> friction.v", "friction.F -> axis.F_friction"]
     given = {f"{part}.{name}": value for part, own in values.items() for name, value in own.items()}
     experiment = Experiment(
-        stop=len(T) * TS, step=TS / EVERY, master="gauss-seidel", record=("axis.x", "servo.u"), decimate=EVERY
+        stop=len(T) * TS, step=TS / EVERY, master="newton", record=("axis.x", "servo.u"), decimate=EVERY
     )
     return System(parts, [*wires, *plant], {**given, **start}, experiment)
 
