@@ -456,11 +456,13 @@ def _slopes(balance: ForceBalance, trial: Array) -> Array:
 def _of_second_mass(balance: ForceBalance, second: SecondMass) -> Iterator[tuple[RecordFinding, float]]:
     """Yield the finding about a second mass, and its resonance; 0 for a backlash."""
     w, D, g, _, gap = second.trial.tolist()
-    theta = balance.coefficients(np.hstack([balance.base, second.columns[:, :2]]))  # with the slopes: a step too far
-    motor, load = theta[0], theta[-2]
+    whole = np.hstack([balance.base, second.columns])
+    theta, C, _ = balance.fitted(whole)
+    motor, load, errors = theta[0], theta[-7], np.sqrt(np.diag(C))
+    if not gap:  # slopes that hardly have an effect, as of a load without friction, are a step too far
+        motor, load = balance.coefficients(whole[:, :-5])[[0, -2]]
     if min(motor, load) <= 0.0:
         return
-    errors = np.sqrt(np.diag(balance.fitted(np.hstack([balance.base, second.columns]))[1]))
     u = balance.records[0].units.words
     what = (
         f"The {u.mass} is in two parts, {motor:.3g} ± {errors[0]:.1g} {u.kg} at the motor and {load:.3g} ± "
