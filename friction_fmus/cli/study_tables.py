@@ -28,7 +28,7 @@ def show_study(console: Console, result: StudyResult) -> None:
         console.print(drawn(compensator_listing(result)))
         console.print(
             "Tracking error: root mean square of reference minus position over the whole run. Worst case: with "
-            f"friction, {u.mass}, delay, encoder and load changed. Drive {u.force}: only the part above the loop "
+            f"friction, {u.mass}, delay, encoder and reference changed. Drive {u.force}: only the part above the loop "
             "bandwidth."
         )
         console.print(_numerical(result))

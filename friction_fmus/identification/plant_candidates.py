@@ -250,7 +250,7 @@ def _ripple(balance: ForceBalance, wave: float) -> Array:
 
 
 def _pitch(balance: ForceBalance, stroke: float) -> float:
-    """Return the pitch of a force over position that explains most of the rest."""
+    """Return the pitch of the ripple that explains most of what is left."""
     q, v, one = balance.rows(lambda s: [s["q"], s["v"], np.ones_like(s["q"])]).T
     q = q / one  # the filter of the rows has a gain
     Q = _orthogonal(balance.base)

@@ -149,7 +149,11 @@ WITH_TABLE: Final = ("feedforward", *ESTIMATORS, "feedforward with estimator", "
 """Kinds of compensators whose best one is also tried with the table over position."""
 
 CLEAR: Final = 1.05
-"""Ratio of the value of a violated condition to its bound above which it counts: the axis is not known better."""
+"""Ratio of the value of a violated condition to its bound above which it counts: the axis is not known better.
+
+What the model does not explain of the drive force adds to it."""
+
+LARGEST: Final = 0.5  # largest error of the friction in the cases
 
 RunSteps: TypeAlias = Callable[[Sequence[Step]], Sequence[Any]]
 
@@ -185,8 +189,9 @@ def compare(bench: AxisBench, known: AxisKnowledge, wanted: Compensation, run: R
         )
     bench = replace(bench, band=BAND * first.metrics.largest)
     limits = wanted.limits if alone is None else wanted.limits.relaxed(alone)
-    mismatch = wanted.mismatch, wanted.mass_mismatch
-    tried = cases(servo, mismatch, wanted.delays, limits.delay, known.level, known.words)
+    # friction is not known better than the force that the model leaves
+    friction = max(wanted.mismatch, min(bench.unexplained, LARGEST)) if wanted.mismatch else 0.0
+    tried = cases(servo, (friction, wanted.mass_mismatch), wanted.delays, limits.delay, known.level, known.words)
 
     as_measured = replace(bench, trajectory=replace(bench.trajectory, motion=False, offset=0.0))
     steps = [
@@ -329,8 +334,7 @@ def _violated(bench: AxisBench, scheme: Scheme) -> dict[str, str]:
 def clear(bench: AxisBench, value: float, bound: float) -> bool:
     """Return whether a value is beyond its bound by more than the axis is known, as far as their ratio tells it."""
     both = value * bound
-    known = max(CLEAR, 1.0 + bench.unexplained)
-    return not np.isfinite(both) or both <= 0.0 or max(value / bound, bound / value) > known
+    return not np.isfinite(both) or both <= 0.0 or max(value / bound, bound / value) > CLEAR + bench.unexplained
 
 
 @dataclass(frozen=True)

@@ -53,7 +53,8 @@ class Compensation:
         Gains of the compensation; values above 1 show the effect of over-compensation.
     mismatch, mass_mismatch : float
         Relative errors of friction and mass in the robustness runs. A record determines both better; friction of a
-        warm machine repeats to some percent, and changes more from a cold start or with wear.
+        warm machine repeats to some percent, and changes more from a cold start or with wear. Friction is at least as
+        far off as the drive force that its model does not explain.
     motion_feedforward : bool
         Whether the servo receives the reference velocity and acceleration, so that friction dominates the error.
     duration : float or None

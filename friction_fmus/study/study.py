@@ -131,8 +131,8 @@ def overview(config: StudyConfig, data: Data) -> dict[str, str]:
         )
         overview["compensation"] = (
             f"gains {', '.join(f'{gain:g}' for gain in wanted.gains)}, or the bandwidth, with a sensitivity peak of at "
-            f"most {wanted.limits.Ms:g} and a delay margin of at least {wanted.limits.delay:g} samples; friction and "
-            f"{u.mass} {100 * wanted.mismatch:g} % off; the servo "
+            f"most {wanted.limits.Ms:g} and a delay margin of at least {wanted.limits.delay:g} samples; friction "
+            f"{100 * wanted.mismatch:g} % off or more, {u.mass} {100 * wanted.mass_mismatch:g} % off; the servo "
             + ("has velocity and inertia feedforward" if wanted.motion_feedforward else "is as measured")
         )
     return overview
@@ -475,7 +475,7 @@ class _Study:
         weak = {parameter.name for parameter in best.row.parameters if parameter.weak}
         unsure = tuple(name for name, needed in OF_FRICTION_AT_REST.items() if weak & needed)
         error = model_error(best, record)
-        fit = best.row.validation or best.row.train
+        fit = next((each for each in best.row.closed_loop if each.signal == "force"), best.row.validation)
         unexplained = 0.0 if fit is None else fit.percent / 100.0
         bench = AxisBench(servo, plant, trajectory, r, len(r) - len(recorded), error, unexplained, unsure=unsure)
         if not trajectory.motion:

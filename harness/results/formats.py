@@ -104,8 +104,8 @@ def from_columns(
 # Aclass       4 texts, one per row: Atrajectory, 1.1, empty, and binTrans if all other matrices are transposed
 # name         names of the variables, one per column, padded with blanks; the first is the time
 # description  "text [unit]", in the same layout; complete form of the brackets: "[unit|shown unit:#(type=Integer)]"
-# dataInfo     4 rows: 1 or 2 for data_1 or data_2, 0 for the time; index of the row there, from 1 on, negative for
-#              the negative of that row; 0 for linear interpolation; -1: not defined outside the record
+# dataInfo     4 rows: 1 or 2 for data_1 or data_2, 0 for the time; number of the row there, counted from 1, with a
+#              minus for its negative; 0 for linear interpolation; -1: not defined outside the record
 # data_1       constant variables, one per row, at the first and the last time
 # data_2       all other variables, one per row, at all times
 _TYPES: Final = {"i": "Integer", "b": "Boolean"}

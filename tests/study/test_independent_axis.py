@@ -279,7 +279,7 @@ def test_every_axis_of_the_list_follows_its_reference() -> None:
         assert axis.run(step=1e-4).finite, name
 
 
-WARM = 1.0 + 0.8 * exp(-16.0 / 6.0)  # friction of the axis `drifting` at the end over that without drift
+WARM = 1.0 + 0.8 * exp(-16.0 / 6.0)  # friction of `drifting` at the end, relative to that without drift
 FAULTS = {  # finding, sizes in the order of its sentence, tolerance
     "vertical_screw": ("constant-force", (60.0, 18.0), 0.01),
     "swinging_arm": ("force-over-position", (60.0 * sin(1.2),), 0.03),
