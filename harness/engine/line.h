@@ -12,8 +12,8 @@ struct line {
 };
 
 /* Pass the lines to a part and step it. A part without input interpolation is stepped with the mean values. Inputs that
-   do not end at the end values, or not exactly, as where a block divides its step at v = 0, are then set to them for the
-   direct outputs. */
+   do not end at the end values, or not exactly, as where a block divides its step at v = 0, are then set to them for
+   the direct outputs. */
 static int step_on_lines(Engine *e, int64_t index, double t, double h)
 {
     EnginePart *const p = &e->parts[index];

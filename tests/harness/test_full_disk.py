@@ -105,7 +105,9 @@ def test_an_fmu_that_does_not_fit_into_the_temporary_folder(probe: Path, tmp_pat
     )
     try:
         environment = os.environ | {"TMPDIR": str(small), "PYTHONPATH": str(ROOT)}
-        run = subprocess.run([sys.executable, "-B", "-c", code], env=environment, capture_output=True, text=True, check=False)
+        run = subprocess.run(
+            [sys.executable, "-B", "-c", code], env=environment, capture_output=True, text=True, check=False
+        )
         left = list(small.iterdir())
     finally:
         subprocess.run(["umount", small], check=True)
