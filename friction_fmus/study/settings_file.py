@@ -132,7 +132,7 @@ def _servo(known: Known) -> list[str]:
     lines = ["[servo]", f'law = "{law}"  # "CascadePPI" with kp, kv, ki, or "PID" with Kp, Kd, Ki']
     lines += [f"{name} = {value}  # {unit}" for name, (value, unit) in entries.items()]
     lines.append(
-        '# In units of the drive: "95 mA/rpm" with torque_constant = "0.8 N.m/A" and pitch = "20 mm" (linear axis)'
+        '# Units of the drive: "95 mA/rpm" with torque_constant = "0.8 N.m/A", pitch = "20 mm" of a linear axis'
     )
     if known.servo:
         return lines
