@@ -11,6 +11,7 @@ from typing import Final
 
 import numpy as np
 
+from friction_fmus.axis.drive_filters import CurrentLoop
 from friction_fmus.axis.servo import AxisPlant, Compensator, Servo, Trajectory
 from friction_fmus.blocks.axis_units import domain_of
 from friction_fmus.blocks.catalogue import find
@@ -175,6 +176,10 @@ class LoopAssembly(AxisAssembly):
             self.add("notch", "SecondOrderFilter", {**servo.notch.parameters, "Ts": servo.Ts})
             self.wires.append(f"{command} -> notch.u")
             command = "notch.y"
+        if servo.lag:
+            self.add("current", "SecondOrderFilter", {**CurrentLoop(servo.lag, servo.Ts).parameters, "Ts": servo.Ts})
+            self.wires.append(f"{command} -> current.u")
+            command = "current.y"
         self.wires.append(Wire(command, "axis.F_drive", delay=self.every * servo.delay))
         for name, known in (("rd", motion or servo.velocity_feedforward), ("rdd", inertia > 0.0)):
             if known:

@@ -74,13 +74,14 @@ TOLERANCE = 1e-7
 
 
 def recorded(parts: Container[str]) -> tuple[str, str]:
-    """Return the variables that are recorded at every sample of the servo: position, and command of the drive."""
-    return "axis.x1" if OF_LOAD in parts else "axis.x", "notch.y" if "notch" in parts else "servo.u"
+    """Return the variables that are recorded at every sample of the servo: position, and force before its delay."""
+    force = next((f"{name}.y" for name in ("current", "notch") if name in parts), "servo.u")
+    return "axis.x1" if OF_LOAD in parts else "axis.x", force
 
 
 @dataclass(frozen=True, eq=False)
 class LoopTrace:
-    """Position q [m] and drive force [N] of a run, shape (samples,); the force is commanded at the time of q."""
+    """Position q [m] and drive force [N] of a run, shape (samples,); the force is held from the time of q on."""
 
     q: NDArray[np.float64]
     force: NDArray[np.float64]

@@ -55,7 +55,7 @@ def path_of(servo: Servo) -> PathDynamics:
     """Return delay, velocity estimate and filters of a servo."""
     filters = (servo.velocity_filter, servo.notch)
     lowpass, notch = (None if own is None else coefficients(own, servo.Ts) for own in filters)
-    return PathDynamics(delay=servo.delay * servo.Ts, window=servo.window, lowpass=lowpass, notch=notch)
+    return PathDynamics(servo.lag, servo.delay * servo.Ts, servo.window, lowpass=lowpass, notch=notch)
 
 
 def _rests(servo: Servo, driven: DrivenPlant) -> bool:

@@ -28,7 +28,7 @@ from friction_fmus.listings import shown
 from friction_fmus.study.comparison import Comparison, clear, compare
 from friction_fmus.study.compensators import AxisKnowledge, check_names, period_of
 from friction_fmus.study.config import ALL, OF_RECORD, ConfigError, StudyConfig, load_config
-from friction_fmus.study.data import Data, build_reference, check_period, load_data, measured_servo
+from friction_fmus.study.data import Data, build_reference, check_fits, load_data, measured_servo
 from friction_fmus.study.evaluation import LATE, AxisBench, Scheme, motion_feedforward
 from friction_fmus.study.model_ranking import (
     INVERSE,
@@ -278,7 +278,7 @@ class _Study:
         servo = self.config.servo
         if servo is not None and servo.quantum == OF_RECORD:
             self.config = replace(self.config, servo=replace(servo, quantum=data.longest.quantum))
-        check_period(data.longest, self.config.servo)
+        check_fits(self.config, data.longest)
         checked = check_servo(data.longest, self.config.servo)
         self.config = replace(self.config, servo=checked.servo or self.config.servo)
         data = data.with_total_force(checked.included)

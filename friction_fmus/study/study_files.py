@@ -111,8 +111,10 @@ def _paragraphs(
         f"delays. Once per sample, assign reference and measured position to `loop_inputs`, {table}call `loop_step`, "
         "and pass `u` to the drive."
     )
-    if "notch" in system.parts:
-        yield f"`notch` is the filter of the drive behind `servo.u`{'' if no_code else '; `c/` does not contain it'}."
+    for name, what in (("notch", "filter"), ("current", "current loop")):
+        if name in system.parts:
+            code = "" if no_code else "; `c/` does not contain it"
+            yield f"`{name}` is the {what} of the drive behind `servo.u`{code}."
     if figures is not None:
         yield (
             f"The tracking error of the report is {figures.rms:.4g} {figures.unit} rms; `friction-fmus run axis.ssp` "
