@@ -329,4 +329,4 @@ def test_faults_of_the_plant_are_named_with_their_size(name: str, tmp_path: Path
 @pytest.mark.parametrize("name", ["stribeck", "lugre_pid", "maxwell_slip", "delay_3", "coarse_encoder", "frictionless"])
 def test_no_fault_of_the_plant_is_named_on_an_axis_without_one(name: str, tmp_path: Path) -> None:
     AXES[name].write(tmp_path, name)
-    assert plant_findings(read_records(tmp_path / "axis.toml"), AXES[name].servo["limit"]) == ((), ())
+    assert plant_findings(read_records(tmp_path / "axis.toml"), AXES[name].servo["limit"]) == ((), None)
