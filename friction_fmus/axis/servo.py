@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import KW_ONLY, dataclass, field
-from math import pi
+from math import pi, sqrt
 from pathlib import Path
 from typing import Final
 
@@ -17,6 +17,27 @@ from friction_fmus.blocks.catalogue import find
 
 
 @dataclass(frozen=True)
+class FlexibleLoad:
+    """Part of the moved mass that a spring connects with the motor."""
+
+    share: float  # part of the moved mass
+    frequency: float  # antiresonance of the drive, sqrt(k / m2) [rad/s]
+    damping: float  # damping ratio of the load on its spring
+    friction: float  # part of the friction that acts on it
+
+    def parameters(self, mass: float) -> dict[str, float]:
+        """Return masses, stiffness and damping of `TwoMass`, of this mass together."""
+        m2 = self.share * mass
+        k, d = m2 * self.frequency**2, 2.0 * m2 * self.damping * self.frequency
+        return {"m1": mass - m2, "m2": m2, "k": k, "d": d}
+
+    @property
+    def resonance(self) -> float:
+        """Resonance of the free drive [Hz]."""
+        return self.frequency / (2.0 * pi * sqrt(1.0 - self.share))
+
+
+@dataclass(frozen=True)
 class AxisPlant:
     """Identified mass and friction of an axis."""
 
@@ -27,6 +48,7 @@ class AxisPlant:
     mass: float  # moved mass [kg]
     offset: float = 0.0  # constant force that the drive needs in addition to friction [N]
     position: PositionMap | None = None  # force that depends on position
+    load: FlexibleLoad | None = None  # part of the mass, behind a spring
 
     @property
     def stiffness(self) -> float:

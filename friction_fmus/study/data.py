@@ -28,6 +28,7 @@ LUGRE: Final[Mapping[str, float]] = {
 }
 """Friction parameters of the demo: Canudas de Wit, Olsson, Astrom, Lischinsky 1995."""
 
+RESTS: Final = 1e-9  # initial velocity over the largest one that is a rounding error of the filter
 PERIOD: Final = 2.0  # period of the reference of the demo [s]
 
 
@@ -148,7 +149,8 @@ def measured_servo(data: Data, servo: Servo, folder: Path, name: str, injected: 
     t = servo.Ts * np.arange(float(len(record)))
     reference = build_reference(t, record.reference, folder, f"{name}Reference", data.rotary)
     # the axis may be in motion at the start of the record
-    v0 = float(filtered_motion(record).v[0])
+    v = filtered_motion(record).v
+    v0 = float(v[0]) if abs(v[0]) > RESTS * np.max(np.abs(v)) else 0.0
     trajectory = Trajectory(reference, len(record), float(record.q[0]), v0, rotary=data.rotary, injected=injected)
     force = record.force
     if force is not None and servo.lag and servo.logged_force != "actual":  # the simulated one is behind the lag
