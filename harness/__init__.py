@@ -26,11 +26,9 @@ from harness.errors import (
     UnknownNameError,
     WireError,
 )
-from harness.extras import lazy_names, require_main_interpreter
+from harness.extras import lazy_names
 from harness.masters import masters
 from harness.plot import plot
-
-require_main_interpreter()
 
 if TYPE_CHECKING:
     from harness.engine.algorithm import Progress, Tap

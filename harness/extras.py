@@ -12,6 +12,14 @@ from pathlib import Path
 
 from harness.errors import MissingPackageError
 
+_SUBINTERPRETERS = "_interpreters" if sys.version_info >= (3, 13) else "_xxsubinterpreters"
+interpreters = import_module(_SUBINTERPRETERS) if find_spec(_SUBINTERPRETERS) else None
+if interpreters is not None and interpreters.get_current() != interpreters.get_main():  # before imports that may hang
+    raise ImportError(
+        "friction-fmus and its harness run in the main interpreter of Python only, as NumPy does: "
+        "use threads or processes instead of subinterpreters"
+    )
+
 MODELS: list[Callable[[str], Path]] = []
 """Functions that return the FMU of a model by its name; a package with models appends its own."""
 
@@ -41,19 +49,6 @@ def require(package: str, need: str) -> None:
     """Raise MissingPackageError if a package of an extra is not installed."""
     if find_spec(package) is None:
         raise missing(package, need)
-
-
-_SUBINTERPRETERS = "_interpreters" if sys.version_info >= (3, 13) else "_xxsubinterpreters"
-interpreters = import_module(_SUBINTERPRETERS) if find_spec(_SUBINTERPRETERS) else None
-
-
-def require_main_interpreter() -> None:
-    """Raise an ImportError in a subinterpreter, where the import of packages written in C may hang."""
-    if interpreters is not None and interpreters.get_current() != interpreters.get_main():
-        raise ImportError(
-            "friction-fmus and its harness run in the main interpreter of Python only, as NumPy does: "
-            "use threads or processes instead of subinterpreters"
-        )
 
 
 def lazy_names(package: str) -> tuple[Callable[[str], object], Callable[[], list[str]]]:

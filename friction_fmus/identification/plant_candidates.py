@@ -25,6 +25,7 @@ import scipy.stats
 from numpy.typing import NDArray
 from scipy.interpolate import make_interp_spline
 
+from friction_fmus.axis.servo import FlexibleLoad
 from friction_fmus.blocks.axis_units import Words
 from friction_fmus.errors import RecordError
 from friction_fmus.identification.data.record import Array, Record, RecordFinding
@@ -155,10 +156,10 @@ def force_balance(records: Sequence[Record]) -> ForceBalance | None:
 
 def plant_findings(
     records: Sequence[Record], limit: float | None = None
-) -> tuple[tuple[RecordFinding, ...], tuple[float, ...]]:
-    """Return what records show of an axis beyond a rigid mass, and its resonances [Hz]."""
+) -> tuple[tuple[RecordFinding, ...], FlexibleLoad | None]:
+    """Return what records show of an axis beyond a rigid mass, and the part of the mass behind a spring."""
     found: list[RecordFinding] = list(_saturation(records, limit))
-    resonances: tuple[float, ...] = ()
+    load: FlexibleLoad | None = None
     if (balance := force_balance(records)) is not None:
         longest, most = max(records, key=len), LONG * _stride(balance)
         part: ForceBalance | None = balance
@@ -170,10 +171,9 @@ def plant_findings(
             effects = _effects(balance if second is None else balance.beside([second.columns[:, :2]]))
         own = effects if second is None else effects | {"second": second.columns[:, :2]}
         found += _named(balance.beside(own.values()), effects, _sizes(balance, own))
-        for finding, resonance in () if second is None else _of_second_mass(balance.beside(effects.values()), second):
-            found.append(finding)
-            resonances = (resonance,) if resonance else ()
-    return tuple(found), resonances
+        for finding, behind in () if second is None else _of_second_mass(balance.beside(effects.values()), second):
+            found, load = [*found, finding], behind
+    return tuple(found), load
 
 
 def _beside_each_other(balance: ForceBalance) -> tuple[dict[str, Array], SecondMass | None]:
@@ -453,8 +453,8 @@ def _slopes(balance: ForceBalance, trial: Array) -> Array:
     return np.column_stack([own, *slopes])
 
 
-def _of_second_mass(balance: ForceBalance, second: SecondMass) -> Iterator[tuple[RecordFinding, float]]:
-    """Yield the finding about a second mass, and its resonance; 0 for a backlash."""
+def _of_second_mass(balance: ForceBalance, second: SecondMass) -> Iterator[tuple[RecordFinding, FlexibleLoad | None]]:
+    """Yield the finding about a second mass, and the load behind a spring; None for a backlash."""
     w, D, g, _, gap = second.trial.tolist()
     whole = np.hstack([balance.base, second.columns])
     theta, C, _ = balance.fitted(whole)
@@ -471,17 +471,19 @@ def _of_second_mass(balance: ForceBalance, second: SecondMass) -> Iterator[tuple
     if gap:
         what += f"a backlash of about {gap:.2g} {u.m}."
         change = "Reduce it, or preload the coupling. Bounces on impact can make it look twice as wide."
-        yield RecordFinding("backlash", what, change), 0.0
+        yield RecordFinding("backlash", what, change), None
         return
-    low, high = w / (2.0 * pi), w / (2.0 * pi) * sqrt(1.0 + load / motor)
     Fc = abs(balance.coefficients(balance.rigid())[2])
+    behind = min(g * load / Fc, 1.0) if Fc else 0.0
+    flexible = FlexibleLoad(load / (motor + load), w, D, behind)
+    low, high = w / (2.0 * pi), flexible.resonance
     rubs = f", and friction of {g * load:.3g} {u.N} behind it" if g * load > 0.05 * Fc else ""
     what += (
         f"a spring{rubs}: resonance at {high:.3g} Hz, antiresonance at {low:.3g} ± {low * errors[-5]:.1g} Hz with a "
         f"damping ratio of {D:.2g}."
     )
     change = f"Set resonance = [{high:.3g}] in [axis]; results for a rigid {u.mass} hold only well below {low:.3g} Hz."
-    yield RecordFinding("two-masses", what, change), high
+    yield RecordFinding("two-masses", what, change), flexible
 
 
 def _orthogonal(A: Array) -> Array:

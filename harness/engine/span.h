@@ -57,7 +57,10 @@ static double mean_of(Moving *m, const Span *s)
 }
 
 /* Return the value of an input at the end of the span. */
-static double end_of(const Moving *m, const Span *s) { return m->inner ? m->u1 : m->u0 + (m->u1 - m->u0) * s->to; }
+static double end_of(const Moving *m, const Span *s)
+{
+    return m->inner || s->to == 1.0 ? m->u1 : m->u0 + (m->u1 - m->u0) * s->to;
+}
 
 /* Step one continuous part with inputs that vary linearly. */
 static int move_part(Engine *e, Newton *newton, int64_t index, const Span *s)

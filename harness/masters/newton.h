@@ -114,6 +114,8 @@ static int step_loop(Engine *e, Newton *newton, int64_t number, int64_t tick, do
             return status;
     }
     release_limit(guard, h);
+    if (p.since >= 0.0 && !guard->resolves && !guard->abandoned && guard->checks_due == 0)
+        guard->checks_due = 1; /* the motion may be over within a part of the next step */
     return SOLVED;
 }
 

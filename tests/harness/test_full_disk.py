@@ -16,7 +16,8 @@ pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="limits the size
 
 ROOT = Path(__file__).parents[2]
 
-# a process of its own: the limit is for good, and netCDF ended with a segmentation fault
+# a process of its own: the limit is for good, and netCDF ended with a segmentation fault; without bytecode (-B), which
+# Python 3.11 leaves truncated
 LIMITED = """
 import resource, sys
 from pathlib import Path
@@ -41,7 +42,7 @@ def test_a_result_that_does_not_fit(there: bool, tmp_path: Path) -> None:
     for path in paths if there else ():
         path.write_text("the last one")
     run = subprocess.run(
-        [sys.executable, "-c", LIMITED, *map(str, paths)], cwd=ROOT, capture_output=True, text=True, check=False
+        [sys.executable, "-B", "-c", LIMITED, *map(str, paths)], cwd=ROOT, capture_output=True, text=True, check=False
     )
     assert (run.returncode, run.stderr) == (0, "")
     reason = "File too large; free some space or give a path on another disk"
@@ -75,7 +76,7 @@ def test_what_a_command_writes_and_does_not_fit(name: str, tmp_path: Path) -> No
     arguments = [argument.replace("FOLDER", str(folder)) for argument in COMMANDS[name]]
     limit = "16" if name.startswith("report") else "2048"
     run = subprocess.run(
-        [sys.executable, "-c", FULL, limit, *arguments],
+        [sys.executable, "-B", "-c", FULL, limit, *arguments],
         cwd=tmp_path,
         env=os.environ | {"PYTHONPATH": str(ROOT), "PATH": ""},
         capture_output=True,
@@ -104,7 +105,9 @@ def test_an_fmu_that_does_not_fit_into_the_temporary_folder(probe: Path, tmp_pat
     )
     try:
         environment = os.environ | {"TMPDIR": str(small), "PYTHONPATH": str(ROOT)}
-        run = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True, check=False)
+        run = subprocess.run(
+            [sys.executable, "-B", "-c", code], env=environment, capture_output=True, text=True, check=False
+        )
         left = list(small.iterdir())
     finally:
         subprocess.run(["umount", small], check=True)

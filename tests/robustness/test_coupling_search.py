@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -24,6 +25,15 @@ def test_a_mass_that_swings_3900_radians_within_a_step(tmp_path: Path) -> None:
     answers = References(case)
     assert answers.found
     assert judge(case, answers, "newton", made) == "right"
+
+
+@pytest.mark.parametrize("ratio", some([0.25, 0.79, 1.3, 3.7], [1.3]))
+def test_a_slip_that_begins_late_in_an_inner_step(ratio: float, tmp_path: Path) -> None:
+    """A light mass slips within two thirds of an inner step, of which a part lies in the next one."""
+    case, made = replace(draw(108), ratio=ratio), Composites(tmp_path)
+    answers = References(case)
+    assert answers.found
+    assert judge(case, answers, "composite", made) == "right"
 
 
 @nightly

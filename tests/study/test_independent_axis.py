@@ -228,6 +228,22 @@ def test_the_simulated_loop_has_the_filters_and_the_friction_feedforward_of_the_
     assert np.sqrt(np.mean((trace.force - command) ** 2)) < 0.02 * np.sqrt(np.mean(command**2))
 
 
+@pytest.mark.parametrize("lag", [0.2e-3, 2e-3])
+def test_the_simulated_loop_has_the_current_loop_of_the_drive(lag: float, tmp_path: Path) -> None:
+    """Twenty times as close as a loop without the lag, or with a delay in its place."""
+    axis = AXES["coulomb"]
+    n, reference, run = 4000, axis.reference, axis.run(lag=lag, kv=900.0)
+    gains = {"kp": 40.0, "kv": 900.0, "ki": 0.0}
+    servo = Servo("CascadePPI", gains, 1e-3, 400.0, quantum=1e-7, current_loop=1.0 / (2.0 * pi * lag))
+    fmu = build_reference(1e-3 * np.arange(float(n)), reference.r[:n], tmp_path, "Reference")
+    plant = AxisPlant("Coulomb", {"Fc": 18.0, "Fv": 45.0}, 12.0)
+    with closed_loop(servo, plant, Trajectory(fmu, n, 0.0, 0.0)) as system:
+        trace = run_loop(system)
+    apart = np.std(trace.q - run.x1[:n])
+    for other in ({}, {"delay": round(lag / 1e-3)}):
+        assert apart < 0.06 * np.std(axis.run(kv=900.0, **other).x1[:n] - run.x1[:n])
+
+
 @pytest.mark.parametrize("name", ["lugre_pid", "lugre_strengthening"])
 def test_the_simulated_loop_follows_an_axis_on_soft_bristles(name: str, tmp_path: Path) -> None:
     """A master of first order is off by 222 and 282 nm, which a fit takes for another damping."""
