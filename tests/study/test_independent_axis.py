@@ -313,7 +313,7 @@ FAULTS = {  # finding, sizes in the order of its sentence, tolerance
 }
 
 
-AT_NIGHT = ("belt_60_Hz", "load_dependent", "swinging_arm")
+AT_NIGHT = ("belt_8_Hz", "belt_60_Hz", "cogging", "direction", "drifting", "load_dependent", "swinging_arm")
 
 
 @pytest.mark.parametrize("name", some([*FAULTS], [name for name in FAULTS if name not in AT_NIGHT]))
@@ -342,7 +342,10 @@ def test_friction_that_differs_between_records_which_all_begin_at_0_is_found() -
     assert [first, last] == pytest.approx([18.0, 24.0], rel=0.1)
 
 
-@pytest.mark.parametrize("name", ["stribeck", "lugre_pid", "maxwell_slip", "delay_3", "coarse_encoder", "frictionless"])
+CLEAN = ("stribeck", "lugre_pid", "maxwell_slip", "delay_3", "coarse_encoder", "frictionless")
+
+
+@pytest.mark.parametrize("name", some(CLEAN, ("lugre_pid", "coarse_encoder")))
 def test_no_fault_of_the_plant_is_named_on_an_axis_without_one(name: str, tmp_path: Path) -> None:
     AXES[name].write(tmp_path, name)
     assert plant_findings(read_records(tmp_path / "axis.toml"), AXES[name].servo["limit"]) == ((), None)
