@@ -95,7 +95,7 @@ class AxisAssembly:
         """Add mass, friction, and the force over position."""
         trajectory, plant = self.trajectory, self.plant
         sides = {"": FRICTION} if plant.load is None else {"1": FRICTION, "2": OF_LOAD}
-        state = {f"x{side}_0" if side else "x0": trajectory.x0 for side in sides}
+        state = {"x0": trajectory.x0, "x1_0": trajectory.x0}
         state |= {f"v{side}_0" if side else "v0": trajectory.v0 for side in sides}
         self.add("axis", "Mass" if plant.load is None else "TwoMass", state, sampled=False)
         self.start |= constant_force(plant, trajectory.load - plant.offset)
@@ -104,7 +104,7 @@ class AxisAssembly:
             self.wires += [f"axis.v{side} -> {name}.v", f"{name}.F -> axis.F_friction{side}"]
             if _has_input(contact, "F_ext"):
                 self.wires.append(f"axis.F_ext{side} -> {name}.F_ext")
-        self.start |= start_of(plant, {part.name: part for part in self.parts})
+        self.start |= start_of(plant, {part.name: part for part in self.parts}, trajectory.x0)
         if "Fn0" in plant.values:  # the friction was identified at this normal force, which is constant
             loaded = [part for part in self.parts if isinstance(part, FmuPart) and _has_input(part, "Fn")]
             self.start |= {f"{part.name}.Fn": plant.values["Fn0"] for part in loaded}
@@ -275,14 +275,15 @@ def position_of(plant: AxisPlant) -> str:
     return "axis.x" if plant.load is None else "axis.x1"
 
 
-def start_of(plant: AxisPlant, parts: Mapping[str, Part]) -> dict[str, StartValue]:
-    """Return the start values of masses and friction of an axis."""
+def start_of(plant: AxisPlant, parts: Mapping[str, Part], x0: float) -> dict[str, StartValue]:
+    """Return the start values of masses and friction of an axis that begins at x0."""
     friction, load = parts[FRICTION], plant.load
     found: dict[str, StartValue]
     if load is None:
         found, parted = {"axis.m": plant.mass, "axis.d": viscous_beside(friction, plant)}, {FRICTION: 1.0}
     else:
         found = {f"axis.{name}": value for name, value in load.parameters(plant.mass).items()}
+        found["axis.x2_0"] = x0 - plant.offset / load.parameters(plant.mass)["k"]  # the spring holds a weight
         parted = {FRICTION: 1.0 - load.friction, OF_LOAD: load.friction}
     values, forces = typed(friction, plant.values), forces_of(friction)
     for part, share in parted.items():

@@ -487,11 +487,12 @@ def _of_second_mass(balance: ForceBalance, second: SecondMass) -> Iterator[tuple
         change = "Reduce it, or preload the coupling. Bounces on impact can make it look twice as wide."
         yield RecordFinding("backlash", what, change), None
         return
-    Fc = abs(balance.coefficients(balance.rigid())[2])
-    behind = min(g * load / Fc, 1.0) if Fc else 0.0
+    friction = g * load
+    Fc = friction + max(balance.coefficients(np.hstack([balance.rigid(), second.columns]))[2], 0.0)
+    behind = friction / Fc if Fc else 0.0
     flexible = FlexibleLoad(load / (motor + load), w, D, behind)
     low, high = w / (2.0 * pi), flexible.resonance
-    rubs = f", and friction of {g * load:.3g} {u.N} behind it" if g * load > 0.05 * Fc else ""
+    rubs = f", and friction of {friction:.3g} {u.N} behind it" if behind > 0.05 else ""
     what += (
         f"a spring{rubs}: resonance at {high:.3g} Hz, antiresonance at {low:.3g} ± {low * errors[own + 2]:.1g} Hz with "
         f"a damping ratio of {D:.2g}."

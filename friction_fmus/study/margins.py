@@ -100,27 +100,31 @@ def operating_points(plant: AxisPlant, speed: float) -> list[tuple[float, Driven
     """Return the plant linearised in sliding at a speed and, if its contact is elastic, at rest, with the speeds."""
     friction = find(plant.friction).about.in_loop.friction
     m = plant.mass
-    if plant.load is not None:
-        viscous = max(plant.values.get("Fv", plant.values.get("sigma2", 0.0)), 0.0)
-        parted = (1.0 - plant.load.friction) * viscous, plant.load.friction * viscous
-        p = plant.load.parameters(m)
-        return [(speed, two_masses(p["m1"], p["m2"], p["k"], p["d"], parted))]
+
+    def axis(damping: float, stiffness: float = 0.0) -> DrivenPlant:
+        if plant.load is None:
+            return one_mass(m, damping, stiffness)
+        p, at_load = plant.load.parameters(m), plant.load.friction
+        damped, held = (((1.0 - at_load) * each, at_load * each) for each in (damping, stiffness))
+        return two_masses(p["m1"], p["m2"], p["k"], p["d"], damped, held)
+
     if friction is None or speed <= 0.0:
-        return [(speed, one_mass(m))]
+        return [(speed, axis(0.0))]
     contact = friction.contact(plant.values)
     level = contact.levels[0]
     near = speed * np.array([0.99, 1.01])
     low, high = level.at(near)
     slope = float((high - low) / (near[1] - near[0]))
     beside = plant.values.get("Fv", 0.0) if friction.viscous == "0" else 0.0
-    sliding = one_mass(m, level.viscous + beside)
     if not contact.stiffness:
-        sliding.A[1, 1] -= slope / m
-        return [(speed, sliding)]
+        return [(speed, axis(level.viscous + beside + slope))]
     size = float(level.at(np.array([speed]))[0])
-    if size > 0.0:
-        sliding = on_bristles(sliding, 1, m, contact.stiffness, contact.damping, size, slope, speed)
-    return [(speed, sliding), (0.0, one_mass(m, contact.damping + contact.viscous + beside, contact.stiffness))]
+    if plant.load is not None or size <= 0.0:  # the slope of the friction without the lag of two sets of bristles
+        sliding = axis(level.viscous + beside + (slope if plant.load is not None else 0.0))
+    else:
+        bare = one_mass(m, level.viscous + beside)
+        sliding = on_bristles(bare, 1, m, contact.stiffness, contact.damping, size, slope, speed)
+    return [(speed, sliding), (0.0, axis(contact.damping + contact.viscous + beside, contact.stiffness))]
 
 
 def _laws(

@@ -423,9 +423,9 @@ def refine(
         def simulate(values: Mapping[str, float]) -> dict[str, Array]:
             own = {name: values.get(name, value) for name, value in found.values.items()}
             own |= {name: own[other] for name, other in tied.items()}
-            start = start_of(replace(found.plant, values=own, mass=values["M"]), system.parts)
-            offset = constant_force(found.plant, -values.get("OF", found.offset))
-            return {"q": run_loop(system.with_start({**start, **offset})).q}
+            plant = replace(found.plant, values=own, mass=values["M"], offset=values.get("OF", found.offset))
+            start = start_of(plant, system.parts, trajectory.x0)
+            return {"q": run_loop(system.with_start({**start, **constant_force(plant, -plant.offset)})).q}
 
         target = TargetSignal(measured.q[:last], 1e-6 if found.error is None else max(found.error, 1e-12), first)
         try:

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from friction_fmus.axis.servo import AxisPlant, Servo, Trajectory
+from friction_fmus.axis.servo import AxisPlant, FlexibleLoad, Servo, Trajectory
 from friction_fmus.identification import LINEAR, Record
 from friction_fmus.study.evaluation import AxisBench
 from friction_fmus.study.model_ranking import IdentifiedModel, without_unknown_static_friction
@@ -78,6 +78,9 @@ def test_an_error_above_the_noise_of_the_position_is_bias(error: float, biased: 
     assert bias_findings(IdentifiedModel(row), slow) == ()
     assert [finding.name for finding in found] == ["model-biased"] * biased
     assert not biased or "3.87 µm" in found[0].what
+    flexible = IdentifiedModel(row, load=FlexibleLoad(0.5, 100.0, 0.01, 0.5))
+    words = [finding.what for each in (IdentifiedModel(row), flexible) for finding in bias_findings(each, record)]
+    assert not biased or ("and a rigid mass lack" in words[0] and "and a mass in two parts lack" in words[1])
 
 
 @pytest.mark.parametrize(("limit", "clipped"), [(15.0, False), (20.0, True)])

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from independent_axes import AXES
-from independent_axis import resting, simulate
+from independent_axes import AXES, SimulatedAxis, belt
+from independent_axis import resting, simulate, typical_moves
 from thorough import some
 
 from friction_fmus.axis.loop_assembly import block
@@ -16,8 +16,11 @@ from friction_fmus.axis.servo import AxisPlant, FlexibleLoad, Servo, Trajectory
 from friction_fmus.axis.servo_loop import closed_loop, run_loop
 from friction_fmus.blocks.contact import AxisFriction, Level
 from friction_fmus.doctor import examine
+from friction_fmus.identification import read_records
+from friction_fmus.identification.plant_candidates import plant_findings
 from friction_fmus.study.data import build_reference
 from friction_fmus.study.evaluation import off_by
+from friction_fmus.study.margins import operating_points
 from harness import Experiment, FmuPart, SeriesPart, System
 
 HELD = 4  # ms, for which a force of the drive is constant
@@ -91,6 +94,45 @@ def test_the_simulated_loop_follows_an_axis_with_a_flexible_load(name: str, tmp_
     assert changed["axis.m1"] + changed["axis.m2"] == pytest.approx(0.9 * (p["m1"] + m2))
     assert changed["friction.Fc"] + changed["load_friction.Fc"] == pytest.approx(1.1 * level)
     assert "axis" in {part for finding in findings for part in finding.parts}
+
+
+@pytest.mark.parametrize("rotary", [False, True])
+def test_a_spring_holds_the_weight_of_the_load_from_the_start(rotary: bool, tmp_path: Path) -> None:
+    """Without friction that holds it, a load on a spring without stretch would begin to swing."""
+    p, n, weight = belt(8.0) | {"Fv1": 6.0, "Fv2": 10.0}, 2000, 40.0  # viscous friction shared like the Coulomb one
+    reference, w = typical_moves(2.0, 1e-3, 0.3, 0.6, 3.0), (p["k"] / p["m2"]) ** 0.5
+    gains = {"kp": 20.0, "kv": 300.0, "ki": 3000.0}
+    run = simulate(p | {"weight": weight, "x2": -weight / p["k"]}, gains | {"limit": 400.0}, reference)
+    load = FlexibleLoad(p["m2"] / 13.0, w, p["c"] / (2.0 * p["m2"] * w), 10.0 / 16.0)
+    plant = AxisPlant("Stribeck", {"Fc": 16.0, "Fs": 16.0, "Fv": 16.0}, 13.0, offset=weight, load=load)
+    fmu = build_reference(1e-3 * np.arange(float(n)), reference.r, tmp_path, "Reference", rotary)
+    with closed_loop(
+        Servo("CascadePPI", gains, 1e-3, 400.0), plant, Trajectory(fmu, n, 0.0, 0.0, rotary=rotary)
+    ) as system:
+        trace = run_loop(system)
+    assert np.sqrt(np.mean((trace.q - run.x1) ** 2)) < 1e-3 * np.sqrt(np.mean((reference.r - run.x1) ** 2))
+
+
+def test_parts_of_mass_and_friction_of_an_axis_that_swings(tmp_path: Path) -> None:
+    """A rigid mass has less Coulomb friction: the motor reverses more often than the load."""
+    servo = {"kp": 10.0, "kv": 120.0, "ki": 600.0, "limit": 400.0, "quantum": 1e-7}
+    SimulatedAxis(belt(8.0), servo).write(tmp_path, "swings")
+    _, load = plant_findings(read_records(tmp_path / "axis.toml"), 400.0)
+    assert load is not None
+    assert (load.share, load.friction) == pytest.approx((10.0 / 13.0, 10.0 / 16.0), rel=0.03)
+
+
+def test_margins_of_a_stiff_load_are_those_of_a_rigid_mass() -> None:
+    """On bristles at rest, and where friction falls with the speed, by 2 e exp(-1)/0.1 N.s/m at 0.1 m/s."""
+    lugre = {"sigma0": 1e5, "sigma1": 300.0, "sigma2": 4.0, "Fc": 1.0, "Fs": 1.5, "vs": 0.01}
+    for name, values, slowest in (
+        ("LuGre", lugre, np.roots([13.0, 304.0, 1e5])),
+        ("Stribeck", {"Fc": 1.0, "Fs": 1.0 + np.e, "vs": 0.1, "Fv": 4.0}, [0.0, (20.0 - 4.0) / 13.0]),
+    ):
+        plant = AxisPlant(name, values, 13.0, load=FlexibleLoad(10.0 / 13.0, 1e5, 0.02, 0.625))
+        _, driven = operating_points(plant, 0.1)[-1]
+        poles = sorted(np.linalg.eigvals(driven.A), key=abs)[:2]
+        assert sorted(poles, key=abs) == pytest.approx(sorted(slowest, key=abs), rel=1e-3, abs=1e-6)
 
 
 def test_friction_on_both_sides_counts_together() -> None:
