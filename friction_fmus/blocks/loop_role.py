@@ -1,4 +1,4 @@
-"""The role of a block in a control loop, for the doctor: plant, sensor, drive or law."""
+"""The role of a block in a control loop, for the doctor: plant, sensor, filter, drive or law."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field

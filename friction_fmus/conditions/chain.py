@@ -261,7 +261,8 @@ def _filter_step(own: Filter, state: Matrix, u: Matrix) -> tuple[Matrix, Matrix]
 
 def _velocity_filter(path: PathDynamics, Ts: float) -> Filter:
     keep = math.exp(-Ts / path.smoothing) if path.window and path.smoothing > 0.0 else 0.0
-    return in_series([path.lowpass or NO_FILTER, (np.array([1.0 - keep, 0.0]), np.array([1.0, -keep]))])
+    smoothing = (np.array([1.0 - keep, 0.0]), np.array([1.0, -keep])) if keep else NO_FILTER
+    return in_series([path.lowpass or NO_FILTER, smoothing])
 
 
 def _with_lag(plant: DrivenPlant, tau: float) -> tuple[Matrix, Matrix, Matrix]:
@@ -317,7 +318,7 @@ def loop_poles(
     faster, shorter = "", ""
     if not ok:
         hint = hint or _lower(plant, laws(Ts), Ts, path)
-        dead, fixed = max(path.delay, path.tau) > 0.0, path.lowpass or path.notch or path.position  # fixed: for this Ts
+        dead, fixed = max(path.delay, path.tau) > 0.0, path.lowpass or path.notch or path.position  # filters of this Ts
         longest = 0.0 if dead or fixed else longest_sample(lambda time: is_stable(loop(time)), Ts, 6, 1e-3)
         faster = f", or sample faster than every {longest:.4g} s" if longest else ""
         shorter = _shorter(plant, laws(Ts), Ts, path) if dead else ""
