@@ -277,7 +277,7 @@ def _evaluated(
     scheme, metrics, error = _best(possible)
     if bounded:
         metrics = replace(metrics, rms_bound=_rms_bound(system_of(bench, scheme, pool), bench))
-    corners = tuple(_corner(bench, scheme, case, pool) for case in cases)
+    corners = tuple(_corner(bench, scheme, case, pool, metrics) for case in cases)
     drawn = thinned(bench.servo.Ts * np.arange(float(len(error))), error)
     turn = around_reversal(error, bench)
     return Evaluation(scheme, metrics, tuple(trials), corners, drawn, schemes=tuple(schemes), turn=turn)
@@ -304,10 +304,13 @@ def with_table(bench: AxisBench, scheme: Scheme) -> Trajectory:
     return replace(bench.trajectory, table=bench.plant.position) if scheme.table else bench.trajectory
 
 
-def _corner(bench: AxisBench, scheme: Scheme, case: Case, pool: PartPool) -> Corner:
+def _corner(bench: AxisBench, scheme: Scheme, case: Case, pool: PartPool, nominal: Metrics) -> Corner:
     servo, trajectory = changed(scheme.servo, bench.trajectory, case)
     system = system_of(replace(bench, trajectory=trajectory), replace(scheme, servo=servo), pool)
     if case.late:
+        fed = [wire.ends[1][0] for wire in system.wires if wire.source == "reference.rdd"]
+        if not any(system.start.get(f"{part}.m", 1.0) for part in fed):
+            return Corner(case.name, replace(nominal, rms_bound=None), "", case.counts)
         assert system.experiment is not None
         sample = system.experiment.decimate
         wires = [replace(wire, delay=sample) if wire.source == "reference.rdd" else wire for wire in system.wires]

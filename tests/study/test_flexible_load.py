@@ -78,7 +78,8 @@ def test_the_simulated_loop_follows_an_axis_with_a_flexible_load(name: str, tmp_
     level = p["Fc1"] + p["Fc2"]
     values = {"Fc": level, "Fs": level, "Fv": p["Fv1"] + p["Fv2"]}
     gains = {"kp": s["kp"], "kv": s["kv"], "ki": s.get("ki", 0.0)}
-    servo = Servo("CascadePPI", gains, axis.Ts, s["limit"], window=round(s.get("window", 2.0)), delay=round(s.get("delay", 0.0)))
+    window, delay = round(s.get("window", 2.0)), round(s.get("delay", 0.0))
+    servo = Servo("CascadePPI", gains, axis.Ts, s["limit"], window=window, delay=delay)
     fmu = build_reference(axis.Ts * np.arange(float(n)), reference.r[:n], tmp_path, "Reference")
     plant = AxisPlant("Stribeck", values, p["m1"] + m2, load=load)
     with closed_loop(servo, plant, Trajectory(fmu, n, 0.0, 0.0)) as system:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from math import exp, log, pi, sin, sqrt
 from pathlib import Path
 
@@ -16,7 +17,7 @@ from thorough import some
 from friction_fmus.axis.servo import AxisPlant, Servo, Trajectory
 from friction_fmus.axis.servo_loop import closed_loop, run_loop
 from friction_fmus.conditions import expected_slip, hunting
-from friction_fmus.identification import read_records
+from friction_fmus.identification import Record, read_records
 from friction_fmus.identification.plant_candidates import plant_findings
 from friction_fmus.study import load_config
 from friction_fmus.study.data import build_reference
@@ -326,10 +327,25 @@ def test_faults_of_the_plant_are_named_with_their_size(name: str, tmp_path: Path
     assert [float(each) for each in numbers[: len(sizes)]] == pytest.approx(list(sizes), rel=tolerance)
 
 
+def test_friction_that_differs_between_records_which_all_begin_at_0_is_found() -> None:
+    """Coulomb friction of 18 and 24 N, and no drift within a record."""
+    records = []
+    for Fc in (18.0, 24.0):
+        axis = replace(AXES["coulomb"], axis={**AXES["coulomb"].axis, "Fc1": Fc, "Fs1": Fc})
+        run, force_noise = axis.run(), 0.1 * np.random.default_rng(3).standard_normal(16_000)
+        t = 1e-3 * np.arange(16_000.0)
+        records.append(Record("run", t, q=run.measured, force=run.command + force_noise, quantum=1e-7))
+    found, _ = plant_findings(records, 400.0)
+    (finding,) = found
+    assert finding.name == "friction-varies"
+    first, *_, last = (float(each) for each in re.findall(r"([\d.]+) ±", finding.what)[:2])
+    assert [first, last] == pytest.approx([18.0, 24.0], rel=0.1)
+
+
 CLEAN = ("stribeck", "lugre_pid", "maxwell_slip", "delay_3", "coarse_encoder", "frictionless")
 
 
 @pytest.mark.parametrize("name", some(CLEAN, ("lugre_pid", "coarse_encoder")))
 def test_no_fault_of_the_plant_is_named_on_an_axis_without_one(name: str, tmp_path: Path) -> None:
     AXES[name].write(tmp_path, name)
-    assert plant_findings(read_records(tmp_path / "axis.toml"), AXES[name].servo["limit"]) == ((), ())
+    assert plant_findings(read_records(tmp_path / "axis.toml"), AXES[name].servo["limit"]) == ((), None)
