@@ -1,7 +1,7 @@
 """Filters of a servo drive in sampled time: low-pass filter of the velocity and notch filter of the force command."""
 
 from dataclasses import dataclass
-from math import exp, pi, sqrt, tan
+from math import atan, exp, pi, sqrt, tan
 from typing import Final, TypeAlias
 
 import numpy as np
@@ -45,7 +45,21 @@ class Notch:
         return {"f": self.frequency, "zeta": self.damping, "low": 1.0, "band": self.depth, "high": 1.0}
 
 
-def coefficients(own: LowPass | Notch, Ts: float) -> tuple[Array, Array]:
+@dataclass(frozen=True)
+class CurrentLoop:
+    """Lag of order 1 from a held command to the force, by the trapezoidal rule: time constant, sample time [s]."""
+
+    tau: float
+    Ts: float
+
+    @property
+    def parameters(self) -> dict[str, float]:
+        """Parameters of the block SecondOrderFilter, of which a pole and a zero cancel."""
+        f = atan(0.5 * self.Ts / self.tau) / (pi * self.Ts)
+        return {"f": f, "zeta": 1.0, "low": 1.0, "band": 0.5, "high": 0.0}
+
+
+def coefficients(own: LowPass | Notch | CurrentLoop, Ts: float) -> tuple[Array, Array]:
     """Return numerator and denominator in powers of 1/z, as the blocks of the simulation have them."""
     if isinstance(own, LowPass) and own.order == 1:
         keep = exp(-Ts / own.tau)
@@ -57,7 +71,7 @@ def coefficients(own: LowPass | Notch, Ts: float) -> tuple[Array, Array]:
     return np.array([high + band * d + low, 2.0 * (low - high), high - band * d + low]) / a[0], a / a[0]
 
 
-def filtered(own: LowPass | Notch | None, values: Array, Ts: float) -> Array:
+def filtered(own: LowPass | Notch | CurrentLoop | None, values: Array, Ts: float) -> Array:
     """Return values of shape (n,) behind a filter, which begins as if the first one had always been there."""
     if own is None:
         return values

@@ -11,6 +11,7 @@ from typing import Final
 
 import numpy as np
 
+from friction_fmus.axis.drive_filters import CurrentLoop
 from friction_fmus.axis.servo import AxisPlant, Compensator, Servo, Trajectory
 from friction_fmus.blocks.axis_units import domain_of
 from friction_fmus.blocks.catalogue import find
@@ -70,6 +71,7 @@ class AxisAssembly:
     every: int  # number of communication steps between mass and friction in a sample of the servo
     fmus: Mapping[str, Path]  # FMUs to use instead of those of the library, by name of the part
     pool: PartPool  # parts of other loops to use again
+    plant: AxisPlant  # mass and friction
     parts: list[Part] = field(default_factory=list)
     wires: list[str | Wire] = field(default_factory=list)
     start: dict[str, StartValue] = field(default_factory=dict)
@@ -89,25 +91,29 @@ class AxisAssembly:
         self.parts.append(part)
         return part
 
-    def add_plant(self, plant: AxisPlant) -> None:
+    def add_plant(self) -> None:
         """Add mass, friction, and the force over position."""
-        trajectory = self.trajectory
-        own = {"m": plant.mass, "x0": trajectory.x0, "v0": trajectory.v0}
-        self.add("axis", "Mass", own, sampled=False)
+        trajectory, plant = self.trajectory, self.plant
+        sides = {"": FRICTION} if plant.load is None else {"1": FRICTION, "2": OF_LOAD}
+        state = {f"x{side}_0" if side else "x0": trajectory.x0 for side in sides}
+        state |= {f"v{side}_0" if side else "v0": trajectory.v0 for side in sides}
+        self.add("axis", "Mass" if plant.load is None else "TwoMass", state, sampled=False)
         self.start |= constant_force(plant, trajectory.load - plant.offset)
-        contact = self.add("friction", plant.friction, plant.values, sampled=False)
-        self.start["axis.d"] = viscous_beside(contact, plant)
-        self.wires += ["axis.v -> friction.v", "friction.F -> axis.F_friction"]
+        for side, name in sides.items():
+            contact = self.add(name, plant.friction, {}, sampled=False)
+            self.wires += [f"axis.v{side} -> {name}.v", f"{name}.F -> axis.F_friction{side}"]
+            if _has_input(contact, "F_ext"):
+                self.wires.append(f"axis.F_ext{side} -> {name}.F_ext")
+        self.start |= start_of(plant, {part.name: part for part in self.parts})
         if "Fn0" in plant.values:  # the friction was identified at this normal force, which is constant
             loaded = [part for part in self.parts if isinstance(part, FmuPart) and _has_input(part, "Fn")]
             self.start |= {f"{part.name}.Fn": plant.values["Fn0"] for part in loaded}
-        if _has_input(contact, "F_ext"):
-            self.wires.append("axis.F_ext -> friction.F_ext")
         if plant.position is not None:
             table = plant.position
             self._part("position", table, lambda: table.fmu(trajectory.rotary), 1)
             self.start |= {f"position.{name}": value for name, value in plant.position.start.items()}
-            self.wires += ["axis.x -> position.x", "axis.v -> position.v"]
+            velocity = "axis.v" if plant.load is None else "axis.v1"
+            self.wires += [f"{position_of(self.plant)} -> position.x", f"{velocity} -> position.v"]
             # a step late, so that only mass and friction are solved jointly: the force hardly changes in a step
             self.wires.append(Wire("position.F_position", "axis.F_load", delay=1))
 
@@ -132,7 +138,7 @@ class LoopAssembly(AxisAssembly):
     @property
     def _exact(self) -> str:
         """Output with the measured position before it is rounded."""
-        return "measured.y" if self.servo.noise else "axis.x"
+        return "measured.y" if self.servo.noise else position_of(self.plant)
 
     def add_sensors(self) -> None:
         """Add the reference, and the measurement of position and velocity."""
@@ -152,14 +158,14 @@ class LoopAssembly(AxisAssembly):
                 raise ValueError("a servo with noise needs an FMU that outputs the noise")
             self._part("noise", noise, lambda: noise, 1)
             self.add("measured", "Sum", {"gain[2]": servo.noise}, sampled=False)
-            self.wires += ["axis.x -> measured.u1", "noise.r -> measured.u2"]
+            self.wires += [f"{position_of(self.plant)} -> measured.u1", "noise.r -> measured.u2"]
         if servo.quantum:
             self.add("encoder", "Quantiser", {"q": servo.quantum}, sampled=False)
             self.wires.append(f"{self._exact} -> encoder.x")
 
-    def add_servo(self, mass: float) -> None:
-        """Add the feedback law; `mass` is the mass of the axis."""
-        servo, motion, given = self.servo, self.trajectory.motion, self.trajectory.inertia
+    def add_servo(self) -> None:
+        """Add the feedback law."""
+        servo, motion, given, mass = self.servo, self.trajectory.motion, self.trajectory.inertia, self.plant.mass
         inertia = (mass if given is None else given) if motion else servo.inertia_feedforward
         values = {**servo.gains, **self.limits, "Ts": servo.Ts, "m": inertia}
         values |= {"d": self.trajectory.viscous} if motion else {}
@@ -170,6 +176,10 @@ class LoopAssembly(AxisAssembly):
             self.add("notch", "SecondOrderFilter", {**servo.notch.parameters, "Ts": servo.Ts})
             self.wires.append(f"{command} -> notch.u")
             command = "notch.y"
+        if servo.lag:
+            self.add("current", "SecondOrderFilter", {**CurrentLoop(servo.lag, servo.Ts).parameters, "Ts": servo.Ts})
+            self.wires.append(f"{command} -> current.u")
+            command = "current.y"
         self.wires.append(Wire(command, "axis.F_drive", delay=self.every * servo.delay))
         for name, known in (("rd", motion or servo.velocity_feedforward), ("rdd", inertia > 0.0)):
             if known:
@@ -255,6 +265,34 @@ def with_friction(
     if servo.friction is None or any(use is not None and use.kind in REPLACING for use in uses):
         return compensator, feedforward
     return (servo.friction, None) if compensator is None else (compensator, servo.friction)
+
+
+FRICTION, OF_LOAD = "friction", "load_friction"  # parts with the friction of the motor, or of all, and of a load
+
+
+def position_of(plant: AxisPlant) -> str:
+    """Return the output with the position of an axis, which of two masses is that of the motor."""
+    return "axis.x" if plant.load is None else "axis.x1"
+
+
+def start_of(plant: AxisPlant, parts: Mapping[str, Part]) -> dict[str, StartValue]:
+    """Return the start values of masses and friction of an axis."""
+    friction, load = parts[FRICTION], plant.load
+    found: dict[str, StartValue]
+    if load is None:
+        found, parted = {"axis.m": plant.mass, "axis.d": viscous_beside(friction, plant)}, {FRICTION: 1.0}
+    else:
+        found = {f"axis.{name}": value for name, value in load.parameters(plant.mass).items()}
+        parted = {FRICTION: 1.0 - load.friction, OF_LOAD: load.friction}
+    values, forces = typed(friction, plant.values), forces_of(friction)
+    for part, share in parted.items():
+        found |= {f"{part}.{name}": share * value if name in forces else value for name, value in values.items()}
+    return found
+
+
+def forces_of(friction: Part) -> set[str]:
+    """Return the parameters of a friction block that are proportional to its force: in N, N/m, ..."""
+    return {port.name for port in friction.parameters if port.unit and port.unit[0] == "N" and port.name != "Fn0"}
 
 
 def viscous_beside(friction: Part, plant: AxisPlant) -> float:

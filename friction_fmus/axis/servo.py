@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import KW_ONLY, dataclass, field
+from math import pi, sqrt
 from pathlib import Path
 from typing import Final
 
@@ -16,6 +17,27 @@ from friction_fmus.blocks.catalogue import find
 
 
 @dataclass(frozen=True)
+class FlexibleLoad:
+    """Part of the moved mass that a spring connects with the motor."""
+
+    share: float  # part of the moved mass
+    frequency: float  # antiresonance of the drive, sqrt(k / m2) [rad/s]
+    damping: float  # damping ratio of the load on its spring
+    friction: float  # part of the friction that acts on it
+
+    def parameters(self, mass: float) -> dict[str, float]:
+        """Return masses, stiffness and damping of `TwoMass`, of this mass together."""
+        m2 = self.share * mass
+        k, d = m2 * self.frequency**2, 2.0 * m2 * self.damping * self.frequency
+        return {"m1": mass - m2, "m2": m2, "k": k, "d": d}
+
+    @property
+    def resonance(self) -> float:
+        """Resonance of the free drive [Hz]."""
+        return self.frequency / (2.0 * pi * sqrt(1.0 - self.share))
+
+
+@dataclass(frozen=True)
 class AxisPlant:
     """Identified mass and friction of an axis."""
 
@@ -26,6 +48,7 @@ class AxisPlant:
     mass: float  # moved mass [kg]
     offset: float = 0.0  # constant force that the drive needs in addition to friction [N]
     position: PositionMap | None = None  # force that depends on position
+    load: FlexibleLoad | None = None  # part of the mass, behind a spring
 
     @property
     def stiffness(self) -> float:
@@ -84,6 +107,10 @@ GAIN_UNITS: Final[Mapping[str, str]] = {
 """Units of the gains as templates for `Words.fill`."""
 
 
+LOGGED_FORCES: Final = ("command", "actual")
+"""What the column of a drive force may contain: the command, or the force behind delay and current loop."""
+
+
 @dataclass(frozen=True)
 class Servo:
     """Servo of an axis: feedback law, sensors and force limit.
@@ -122,6 +149,10 @@ class Servo:
     coulomb_feedforward, viscous_feedforward : float
         Friction feedforward of the drive: force in the direction of the reference velocity [N], and factor of that
         velocity [N.s/m].
+    current_loop : float
+        Bandwidth of the current loop, a low-pass filter of order 1 between command and force [Hz]; 0 for none.
+    logged_force : str
+        One of `LOGGED_FORCES`, what the column of the force contains; empty if unknown.
     """
 
     law: str
@@ -139,6 +170,8 @@ class Servo:
     notch: Notch | None = None
     coulomb_feedforward: float = 0.0
     viscous_feedforward: float = 0.0
+    current_loop: float = 0.0
+    logged_force: str = ""
 
     @property
     def features(self) -> dict[str, str]:
@@ -152,7 +185,14 @@ class Servo:
         if notch is not None:
             own = f"frequency = {notch.frequency:.4g}, damping = {notch.damping:.3g}, depth = {notch.depth:.3g}"
             given["notch"] = f"{{ {own} }}"
+        given |= {"current_loop": f"{self.current_loop:.4g}"} if self.current_loop else {}
+        given |= {"logged_force": f'"{self.logged_force}"'} if self.logged_force else {}
         return given | ({"delay": f"{self.delay}"} if self.delay else {})
+
+    @property
+    def lag(self) -> float:
+        """Time constant of the current loop [s]; 0 for none."""
+        return 0.5 / (pi * self.current_loop) if self.current_loop else 0.0
 
     @property
     def friction(self) -> Compensator | None:

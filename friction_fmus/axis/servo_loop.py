@@ -11,7 +11,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from friction_fmus.axis.loop_assembly import AxisAssembly, LoopAssembly, PartPool
+from friction_fmus.axis.loop_assembly import OF_LOAD, AxisAssembly, LoopAssembly, PartPool
 from friction_fmus.axis.servo import AxisPlant, Compensator, Servo, Trajectory
 from harness import Experiment, ExperimentError, Result, SeriesPart, System
 from harness.accuracy.measure_bounds import measure_bounds
@@ -74,13 +74,14 @@ TOLERANCE = 1e-7
 
 
 def recorded(parts: Container[str]) -> tuple[str, str]:
-    """Return the variables that are recorded at every sample of the servo: position, and command of the drive."""
-    return "axis.x", "notch.y" if "notch" in parts else "servo.u"
+    """Return the variables that are recorded at every sample of the servo: position, and force before its delay."""
+    force = next((f"{name}.y" for name in ("current", "notch") if name in parts), "servo.u")
+    return "axis.x1" if OF_LOAD in parts else "axis.x", force
 
 
 @dataclass(frozen=True, eq=False)
 class LoopTrace:
-    """Position q [m] and drive force [N] of a run, shape (samples,); the force is commanded at the time of q."""
+    """Position q [m] and drive force [N] of a run, shape (samples,); the force is held from the time of q on."""
 
     q: NDArray[np.float64]
     force: NDArray[np.float64]
@@ -98,11 +99,11 @@ def closed_loop(
 ) -> System:
     """Return the closed loop of an axis as a system."""
     every = max(1, int(np.ceil(servo.Ts / longest - 1e-9)))  # steps of mass and friction in a sample
-    loop = LoopAssembly(trajectory, every, fmus or {}, pool or PartPool(), servo=servo)
+    loop = LoopAssembly(trajectory, every, fmus or {}, pool or PartPool(), plant, servo=servo)
     loop.add_sensors()
-    loop.add_servo(plant.mass)
+    loop.add_servo()
     loop.add_compensation(compensator, feedforward)
-    loop.add_plant(plant)
+    loop.add_plant()
     step = servo.Ts / every
     stop = trajectory.samples * servo.Ts
     experiment = Experiment(
@@ -174,14 +175,14 @@ def free_axis(
     Ts = float((t[-1] - t[0]) / (len(t) - 1))
     every = max(1, int(np.ceil(Ts / longest - 1e-9)))
     still = Trajectory(Path(), len(t), 0.0, 0.0, rotary=rotary)
-    axis = AxisAssembly(still, every, {"friction": contact}, PartPool())
+    axis = AxisAssembly(still, every, {"friction": contact}, PartPool(), plant)
     columns = {"u": force, "trend": trend}
     drive = SeriesPart("drive", Ts * np.arange(len(t)), columns, interpolation="previous", beyond="hold")
     drive.every = every
     axis.parts.append(drive)
     axis.add("force", "Sum", {"gain[2]": 0.0}, sampled=False)
     axis.wires += ["drive.u -> force.u1", "drive.trend -> force.u2", "force.y -> axis.F_drive"]
-    axis.add_plant(plant)
+    axis.add_plant()
     step, stop, seen = Ts / every, Ts * (len(t) - 1), ("axis.x", "axis.v")
     experiment = Experiment(stop, step, master=MASTER, record=seen, decimate=every, loop_tolerance=FREE_TOLERANCE)
     return System(axis.parts, axis.wires, axis.start, experiment, "free axis")

@@ -54,6 +54,15 @@ class AxisFriction:
         forward, backward = (replace(level, Fc=load * level.Fc, Fs=load * level.Fs) for level in self.levels)
         return AxisFriction((forward, backward), load * self.stiffness, load * self.damping, self.viscous)
 
+    def beside(self, other: AxisFriction) -> AxisFriction:
+        """Return the friction of this contact and another one together, with the Stribeck curve of this one."""
+        forward, backward = (
+            replace(one, Fc=one.Fc + two.Fc, Fs=one.Fs + two.Fs, viscous=one.viscous + two.viscous)
+            for one, two in zip(self.levels, other.levels, strict=True)
+        )
+        at_rest = self.stiffness + other.stiffness, self.damping + other.damping, self.viscous + other.viscous
+        return AxisFriction((forward, backward), *at_rest)
+
 
 @dataclass(frozen=True)
 class Friction:

@@ -171,15 +171,24 @@ def _flexible(plant: Plant, p: Values) -> tuple[float, float, float, float] | No
 
 
 def _contact(among: Searched, name: str, plant: Plant) -> tuple[str | None, AxisFriction | None, bool]:
-    """Return the friction on a mass at the initial normal force, and whether it acts on the load."""
+    """Return the friction on a mass at the initial normal force, and whether all of it acts on the load.
+
+    Of motor and load, it is the sum of both, which are in motion together; the part is that of the motor.
+    """
+    found: list[tuple[str, AxisFriction, bool]] = []
     wired = [(among.drivers[name, port], port) for port in plant.friction if (name, port) in among.drivers]
     for part, port in [(wire.ends[0][0], port) for wire, port in wired] or [(name, "")]:
         friction = among.parts[part].block.friction
         if friction is not None:
             p = among.values(part)
             load = p["Fn"] / p["Fn0"] if "Fn" in p and p.get("Fn0") else 1.0
-            return part, friction.contact(p).loaded(max(load, 0.0)), port.endswith("2")
-    return None, None, False
+            found.append((part, friction.contact(p).loaded(max(load, 0.0)), port.endswith("2")))
+    if not found:
+        return None, None, False
+    part, contact, at_load = found[0]
+    for _, other, _ in found[1:]:
+        contact = contact.beside(other)
+    return part, contact, at_load
 
 
 def _cogging(among: Searched, name: str, plant: Plant) -> tuple[str, float] | None:

@@ -41,10 +41,8 @@ CORRELATED = 0.2
 def axis_simulator(
     contact: ContactModel, axis: MeasuredAxis, given: Mapping[str, float], step: float = FIT_STEP
 ) -> Iterator[Callable[[Mapping[str, float]], dict[str, Array]]]:
-    """Provide a function that simulates the servo with a friction block, for parameters in place of the given ones.
-
-    It returns "q" [m] and "force" [N] at the samples of the record.
-    """
+    """Provide a function that simulates the servo with a friction block, for parameters in place of the given ones."""
+    # It returns "q" [m] and "force" [N] at the samples of the record.
     record, servo = axis.record, axis.servo
     v = filtered_motion(record).v
     # the contact slides in the direction of the initial velocity
@@ -75,12 +73,10 @@ def axis_simulator(
 def identify_closed_loop(
     model: str | Path, axis: MeasuredAxis, open_loop: Identification, constraints: Constraints
 ) -> Identification:
-    """Fit mass, offset and friction so that the co-simulated servo follows the measured motion.
-
-    Only positions are compared: the force follows from the position through the known controller and would count the
-    same error twice. The search is `fit_output_error`. For `GMS`, only the sliding law is fitted; the elements remain
-    those of `open_loop`.
-    """
+    """Fit mass, offset and friction so that the co-simulated servo follows the measured motion."""
+    # Only positions are compared: the force follows from the position through the known controller and would count the
+    # same error twice. The search is `fit_output_error`. For `GMS`, only the sliding law is fitted; the elements remain
+    # those of `open_loop`.
     begin = time.perf_counter()
     contact = contact_model(model, axis.record.units)
     unseen = [name for name, e in open_loop.parameters.items() if not np.isfinite(e.standard_error)]

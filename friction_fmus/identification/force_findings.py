@@ -4,8 +4,6 @@ The force is fitted by F = M a + Fv v + Fc sgn(v) + OF, linear least squares wit
 as a negative mass and as friction that drives the axis. Identified masses do not show it: they are positive.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Final, NamedTuple
@@ -104,11 +102,9 @@ def drive_equations(records: Sequence[Record]) -> DriveEquations | None:
 
 
 def missing_force(equations: DriveEquations, u: Words) -> RecordFinding | None:
-    """Return a finding if, in some intervals, the motion needs another force than the recorded one.
-
-    Mass and friction are fitted robustly (Tukey's bisquare), so that these intervals do not count. Samples near a
-    reversal are left out, where a force that follows the sign of the velocity is smoothed by the filter.
-    """
+    """Return a finding if, in some intervals, the motion needs another force than the recorded one."""
+    # Mass and friction are fitted robustly (Tukey's bisquare), so that these intervals do not count. Samples near a
+    # reversal are left out, where a force that follows the sign of the velocity is smoothed by the filter.
     A, F, t, ends = equations
     if len(F) <= 2 * BESIDE + 1:  # too short to tell a disturbance from a reversal
         return None
@@ -138,11 +134,9 @@ def missing_force(equations: DriveEquations, u: Words) -> RecordFinding | None:
 
 
 def clipped_force(records: Sequence[Record], equations: DriveEquations) -> RecordFinding | None:
-    """Return a finding if the acceleration varies while the force has its largest value, at the same velocity.
-
-    A drive that gives its largest force accelerates the axis by what friction leaves, a function of the velocity; a
-    measurement that is clipped does not.
-    """
+    """Return a finding if the acceleration varies while the force has its largest value, at the same velocity."""
+    # A drive that gives its largest force accelerates the axis by what friction leaves, a function of the velocity; a
+    # measurement that is clipped does not.
     A, _, t, _ = equations
     force = np.concatenate([record.column("force") for record in records])
     at = np.concatenate([record.t for record in records])

@@ -116,7 +116,6 @@ class Identification:
     position: PositionFit | None = None
 
     def __repr__(self) -> str:
-        """Return a summary in one line."""
         return identification_text(self)
 
     def _repr_html_(self) -> str:

@@ -1,7 +1,5 @@
 """Identification of a friction model from data, with any of the methods."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -33,16 +31,14 @@ ALLOWANCE = 3.0
 
 
 def misfit_variance(found: SearchResult, parts: Sequence[Array], lengths: Sequence[int], G: Array) -> Array:
-    """Return the variances by which a misfit widens those of reported values, shape (values,).
-
-    A force that is measured a little later than the motion, and a velocity or an acceleration from filtered
-    differences, change the signal in proportion to the first and second time derivatives of its parts. With these
-    columns N beside the Jacobian J, the estimates would move by
-
-        d = -(J' P J)^-1 J' P r,   P = 1 - N (N'N)^-1 N'.
-
-    What `ALLOWANCE` d exceeds the increase of the variance is a bias, whose square is added to the variance.
-    """
+    """Return the variances by which a misfit widens those of reported values, shape (values,)."""
+    # A force that is measured a little later than the motion, and a velocity or an acceleration from filtered
+    # differences, change the signal in proportion to the first and second time derivatives of its parts. With these
+    # columns N beside the Jacobian J, the estimates would move by
+    #
+    #     d = -(J' P J)^-1 J' P r,   P = 1 - N (N'N)^-1 N'.
+    #
+    # What `ALLOWANCE` d exceeds the increase of the variance is a bias, whose square is added to the variance.
     ends = np.cumsum(lengths)[:-1]
     columns = []
     for part in parts:
@@ -64,8 +60,7 @@ def misfit_variance(found: SearchResult, parts: Sequence[Array], lengths: Sequen
 
 BELOW = 0.98  # static over Coulomb friction below which it needs an explanation
 FEWEST = 5  # fewest points near rest that can explain it
-FS_BELOW_FC = "Fs is below Fc"
-"""How the explanation begins, without the values: a study fits them again afterwards."""
+FS_BELOW_FC = "Fs is below Fc"  # how the explanation begins, without the values: a study fits them again afterwards
 
 
 def explanation(parameters: Mapping[str, float], v: Array, friction: Array, units: AxisUnits) -> str:

@@ -1,7 +1,5 @@
 """Identification and ranking of several models on the same record."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor, as_completed
 from concurrent.futures.process import BrokenProcessPool
@@ -44,12 +42,10 @@ def long_enough(records: Sequence[Record]) -> tuple[Record, ...]:
 def within_reach(
     identify: Callable[..., Identification], model: str | Path, train: Sequence[Record], **options: Any
 ) -> Identification:
-    """Identify a model; if a force or a velocity ran away, identify it again with a bound for this parameter.
-
-    A record that passes the Stribeck velocity between two samples does not determine Fs: the product of a huge Fs and
-    the exponential of a tiny vs fits. With a vs above all speeds, any Fc does. Nothing can be computed with such a
-    value, and it hides that the parameter is unknown.
-    """
+    """Identify a model; if a force or a velocity ran away, identify it again with a bound for this parameter."""
+    # A record that passes the Stribeck velocity between two samples does not determine Fs: the product of a huge Fs and
+    # the exponential of a tiny vs fits. With a vs above all speeds, any Fc does. Nothing can be computed with such a
+    # value, and it hides that the parameter is unknown.
     found = identify(model, train, **options)
     forces = [values for record in train for values in (record.force, record.friction) if values is not None]
     if options.get("bounds") or not forces:
@@ -142,7 +138,6 @@ class ModelComparison:
     ranked_by: str
 
     def __repr__(self) -> str:
-        """Return a summary in one line."""
         return comparison_text(self)
 
     def _repr_html_(self) -> str:

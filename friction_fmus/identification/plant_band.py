@@ -10,8 +10,6 @@ noise dominates; (1) is then the gain of the servo over w^2, a quarter period aw
 therefore does not show that a band is supported.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from math import pi
@@ -93,10 +91,8 @@ def plant_band(records: Sequence[Record], mass: float, friction: Sequence[Array]
 
 
 def forces_without_friction(records: Sequence[Record], motions: Sequence[Motion], mass: float) -> list[Array]:
-    """Return the drive forces without Coulomb friction, different by direction, and viscous friction, both fitted.
-
-    While the axis may stick, friction is the force, within the limits of Coulomb friction.
-    """
+    """Return the drive forces without Coulomb friction, different by direction, and viscous friction, both fitted."""
+    # While the axis may stick, friction is the force, within the limits of Coulomb friction.
     top = max(float(np.max(np.abs(motion.v))) for motion in motions)
     rows, rest = [], []
     for record, motion in zip(records, motions, strict=True):
@@ -120,10 +116,8 @@ def _directions(v: Array) -> Array:
 
 
 def _spectra(record: Record, net: Array, length: int) -> NDArray[np.complex128]:
-    """Return the spectra S_aa, S_FF, S_aF, and that of the friction, shape (length // 2 + 1, 4).
-
-    The acceleration is the second central difference of the position: it delays nothing, and has no filter.
-    """
+    """Return the spectra S_aa, S_FF, S_aF, and that of the friction, shape (length // 2 + 1, 4)."""
+    # The acceleration is the second central difference of the position: it delays nothing, and has no filter.
     q, friction = record.column("q"), record.column("force") - net
     a = np.concatenate([[0.0], q[2:] - 2.0 * q[1:-1] + q[:-2], [0.0]]) / record.Ts**2
     pairs = ((a, a), (net, net), (a, net), (friction, friction))

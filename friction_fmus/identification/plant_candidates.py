@@ -25,6 +25,7 @@ import scipy.stats
 from numpy.typing import NDArray
 from scipy.interpolate import make_interp_spline
 
+from friction_fmus.axis.servo import FlexibleLoad
 from friction_fmus.blocks.axis_units import Words
 from friction_fmus.errors import RecordError
 from friction_fmus.identification.data.record import Array, Record, RecordFinding
@@ -44,6 +45,7 @@ PRESLIDING: Final = (1e-4, 2.5e-4, 6e-4, 1.5e-3, 4e-3, 1e-2, 2.5e-2)  # break-aw
 PROMISING, EXPLAINED = 0.85, 0.6  # parts of the residual that a second mass may leave after the first and last search
 LIGHTEST: Final = 0.1  # part of the moved mass below which a second mass is not one
 DAMPED: Final = 0.25  # damping ratio above which a second mass does not resonate
+ALIKE: Final = 1.05  # what friction that differs between parts leaves, without and with a drift, if there is none
 PARTS: Final = 16  # parts of the record between which the friction may differ
 RIPPLES: Final = 300  # most pitches that are tried, the longest with 1.5 periods in the stroke
 ALIASED: Final = 0.35  # frequency of a ripple over the rate of the rows above which a row does not show it
@@ -125,13 +127,17 @@ def force_balance(records: Sequence[Record]) -> ForceBalance | None:
     if any(record.q is None or record.force is None or record.friction is not None for record in records):
         return None
     settings = default_settings(max(records, key=len))
-    signals, moves, forces = [], [], []
+    signals: list[dict[str, Array]] = []
+    moves, forces, end = [], [], -np.inf
     try:
         for record in records:
             settings.require(record, 2 * len(SPEEDS))
             m = filtered_motion(record, settings)
+            # records may all begin at 0: they follow one another
+            t = record.t if record.t[0] > end else record.t - record.t[0] + (end + record.Ts if signals else 0.0)
+            end = float(t[-1])
             jerk = derivative(m.a, record.Ts)
-            signals.append({"t": record.t, "q": m.q, "v": m.v, "a": m.a, "jerk": jerk, "sign": np.sign(m.v)})
+            signals.append({"t": t, "q": m.q, "v": m.v, "a": m.a, "jerk": jerk, "sign": np.sign(m.v)})
             if record.normal is not None:
                 signals[-1] |= {"normal": record.normal}
             slides = np.abs(m.v) > SLOW * float(np.max(np.abs(m.v)))
@@ -155,10 +161,10 @@ def force_balance(records: Sequence[Record]) -> ForceBalance | None:
 
 def plant_findings(
     records: Sequence[Record], limit: float | None = None
-) -> tuple[tuple[RecordFinding, ...], tuple[float, ...]]:
-    """Return what records show of an axis beyond a rigid mass, and its resonances [Hz]."""
+) -> tuple[tuple[RecordFinding, ...], FlexibleLoad | None]:
+    """Return what records show of an axis beyond a rigid mass, and the part of the mass behind a spring."""
     found: list[RecordFinding] = list(_saturation(records, limit))
-    resonances: tuple[float, ...] = ()
+    load: FlexibleLoad | None = None
     if (balance := force_balance(records)) is not None:
         longest, most = max(records, key=len), LONG * _stride(balance)
         part: ForceBalance | None = balance
@@ -170,10 +176,9 @@ def plant_findings(
             effects = _effects(balance if second is None else balance.beside([second.columns[:, :2]]))
         own = effects if second is None else effects | {"second": second.columns[:, :2]}
         found += _named(balance.beside(own.values()), effects, _sizes(balance, own))
-        for finding, resonance in () if second is None else _of_second_mass(balance.beside(effects.values()), second):
-            found.append(finding)
-            resonances = (resonance,) if resonance else ()
-    return tuple(found), resonances
+        for finding, behind in () if second is None else _of_second_mass(balance.beside(effects.values()), second):
+            found, load = [*found, finding], behind
+    return tuple(found), load
 
 
 def _beside_each_other(balance: ForceBalance) -> tuple[dict[str, Array], SecondMass | None]:
@@ -214,7 +219,12 @@ def _effects(balance: ForceBalance) -> dict[str, Array]:
         best = next((each for each in tries if now.matters(*each[1:])), None)
         if best is None:
             parts = _parts(balance)
-            return found | {"parts": parts} if "normal" not in found and now.matters(parts, MATTERS) else found
+            if "normal" in found or not now.matters(parts, MATTERS):
+                return found
+            steady = {name: columns for name, columns in found.items() if name != "drift"} | {"parts": parts}
+            both = found | {"parts": parts}  # steps between parts look like a drift
+            drifts = balance.beside(steady.values()).left() > ALIKE * balance.beside(both.values()).left()
+            return both if drifts else steady
         found[best[0]] = best[1]
 
 
@@ -268,8 +278,9 @@ def _pitch(balance: ForceBalance, stroke: float) -> float:
 
 def _parts(balance: ForceBalance) -> Array:
     """Return columns of a Coulomb friction that differs between parts of the record, without that of the first one."""
-    ends = np.linspace(balance.records[0].t[0], balance.records[-1].t[-1], PARTS + 1)[1:-1]
-    columns = balance.rows(lambda s: [s["sign"] * (np.digitize(s["t"], ends) == i) for i in range(PARTS)])
+    starts = [signals["t"][0] for signals in balance.signals]
+    ends = np.union1d(np.linspace(starts[0], balance.signals[-1]["t"][-1], PARTS + 1)[1:-1], starts[1:])
+    columns = balance.rows(lambda s: [s["sign"] * (np.digitize(s["t"], ends) == i) for i in range(len(ends) + 1)])
     norm = np.linalg.norm(columns, axis=0)
     return columns[:, norm > 0.1 * np.max(norm)][:, 1:]  # a part at rest shows no friction
 
@@ -453,35 +464,40 @@ def _slopes(balance: ForceBalance, trial: Array) -> Array:
     return np.column_stack([own, *slopes])
 
 
-def _of_second_mass(balance: ForceBalance, second: SecondMass) -> Iterator[tuple[RecordFinding, float]]:
-    """Yield the finding about a second mass, and its resonance; 0 for a backlash."""
+def _of_second_mass(balance: ForceBalance, second: SecondMass) -> Iterator[tuple[RecordFinding, FlexibleLoad | None]]:
+    """Yield the finding about a second mass, and the load behind a spring; None for a backlash."""
     w, D, g, _, gap = second.trial.tolist()
     whole = np.hstack([balance.base, second.columns])
+    own = balance.base.shape[1]
     theta, C, _ = balance.fitted(whole)
-    motor, load, errors = theta[0], theta[-7], np.sqrt(np.diag(C))
-    if not gap:  # slopes that hardly have an effect, as of a load without friction, are a step too far
-        motor, load = balance.coefficients(whole[:, :-5])[[0, -2]]
+    # without slopes that hardly have an effect, as of a load without friction, along which a step would be too far
+    while np.max(np.diag(C)[own + 3 :], initial=0.0) > 1.0:
+        whole = np.delete(whole, own + 3 + np.argmax(np.diag(C)[own + 3 :]), axis=1)
+        theta, C, _ = balance.fitted(whole)
+    motor, load, errors = theta[0], theta[own], np.sqrt(np.diag(C))
     if min(motor, load) <= 0.0:
         return
     u = balance.records[0].units.words
     what = (
         f"The {u.mass} is in two parts, {motor:.3g} ± {errors[0]:.1g} {u.kg} at the motor and {load:.3g} ± "
-        f"{errors[-7]:.1g} {u.kg} behind "
+        f"{errors[own]:.1g} {u.kg} behind "
     )
     if gap:
         what += f"a backlash of about {gap:.2g} {u.m}."
         change = "Reduce it, or preload the coupling. Bounces on impact can make it look twice as wide."
-        yield RecordFinding("backlash", what, change), 0.0
+        yield RecordFinding("backlash", what, change), None
         return
-    low, high = w / (2.0 * pi), w / (2.0 * pi) * sqrt(1.0 + load / motor)
     Fc = abs(balance.coefficients(balance.rigid())[2])
+    behind = min(g * load / Fc, 1.0) if Fc else 0.0
+    flexible = FlexibleLoad(load / (motor + load), w, D, behind)
+    low, high = w / (2.0 * pi), flexible.resonance
     rubs = f", and friction of {g * load:.3g} {u.N} behind it" if g * load > 0.05 * Fc else ""
     what += (
-        f"a spring{rubs}: resonance at {high:.3g} Hz, antiresonance at {low:.3g} ± {low * errors[-5]:.1g} Hz with a "
-        f"damping ratio of {D:.2g}."
+        f"a spring{rubs}: resonance at {high:.3g} Hz, antiresonance at {low:.3g} ± {low * errors[own + 2]:.1g} Hz with "
+        f"a damping ratio of {D:.2g}."
     )
     change = f"Set resonance = [{high:.3g}] in [axis]; results for a rigid {u.mass} hold only well below {low:.3g} Hz."
-    yield RecordFinding("two-masses", what, change), high
+    yield RecordFinding("two-masses", what, change), flexible
 
 
 def _orthogonal(A: Array) -> Array:

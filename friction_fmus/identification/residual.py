@@ -1,7 +1,5 @@
 """Residual of an identified friction model over velocity, position and direction, learned by least squares."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -154,10 +152,7 @@ def columns(v_max: float, x_begin: float, spacing: float, x: Array, v: Array) ->
 
 
 def learn_residual(
-    result: Identification,
-    validation: Record | Sequence[Record] | None = None,
-    *,
-    only_adds: bool = False,
+    result: Identification, validation: Record | Sequence[Record] | None = None, *, only_adds: bool = False
 ) -> LearnedResidual | None:
     """Learn the residual of an identified model from its training data.
 

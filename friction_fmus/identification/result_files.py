@@ -206,10 +206,7 @@ def _result(result: Identification) -> dict[str, Any]:
         "parameters": {name: _estimate(e) for name, e in result.parameters.items()},
         "initial": {name: _estimate(e) for name, e in result.initial.items()},
         "fixed": result.fixed,
-        "correlation": {
-            "names": [*result.parameters, *result.initial],
-            "matrix": result.correlation.tolist(),
-        },
+        "correlation": {"names": [*result.parameters, *result.initial], "matrix": result.correlation.tolist()},
         "weak": result.weak,
         "train": asdict(result.train),
         "validation": result.validation and asdict(result.validation),

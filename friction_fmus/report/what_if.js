@@ -30,7 +30,9 @@
       const loaded = await frictionFmus.load(model);
       const inputs = Object.keys(sources).filter((name) => loaded.variables.has(name));
       const block = loaded.instantiate(Object.fromEntries(inputs.map((name) => [name, sources[name][0]])));
-      return { block, label, inputs, role: told.runs.length > 1 ? ROLES[i] : ROLES[0], number: i, shown: true };
+      const position = ["axis.x", "axis.x1"].find((name) => loaded.variables.has(name)); // x1 is that of the motor
+      const role = told.runs.length > 1 ? ROLES[i] : ROLES[0];
+      return { block, label, inputs, position, role, number: i, shown: true };
     }),
   );
 
@@ -59,9 +61,9 @@
     const rows = (values) => values.subarray(run.done, run.done + steps + 1);
     const inputs = Object.fromEntries(run.inputs.map((name) => [name, rows(sources[name])]));
     try {
-      const found = run.block.run({ step: Ts, steps, inputs, outputs: ["axis.x", "servo.u"] });
+      const found = run.block.run({ step: Ts, steps, inputs, outputs: [run.position, "servo.u"] });
       for (let k = 0; k < steps; k++) {
-        run.error[run.done + k] = r[run.done + k] - found["axis.x"][k];
+        run.error[run.done + k] = r[run.done + k] - found[run.position][k];
         run.force[run.done + k] = found["servo.u"][k + 1];
       }
       run.done += steps;

@@ -8,9 +8,11 @@ from pathlib import Path
 from typing import Any, Final
 
 from friction_fmus.axis.drive_filters import LowPass, Notch
-from friction_fmus.axis.servo import GAINS, Servo
+from friction_fmus.axis.servo import GAINS, LOGGED_FORCES, Servo
 from friction_fmus.errors import FrictionError, did_you_mean
 from friction_fmus.identification import Measurement
+from friction_fmus.identification.data.record import unit_of
+from friction_fmus.study.drive_units import OF_DRIVE, DriveUnits
 from friction_fmus.study.study_result import Limits
 from harness.storage.toml_file import TomlTable, read_table
 from harness.values import finite, flag, texts
@@ -105,6 +107,8 @@ class StudyConfig:
         The data, if they are read already.
     resonances : tuple of float
         Known resonances of the axis, in ascending order [Hz].
+    rotary : bool or None
+        Whether the units of `servo` are those of a rotary axis; None if they fit both kinds.
     """
 
     name: str
@@ -119,6 +123,7 @@ class StudyConfig:
     bare: bool = False
     measurement: Measurement | None = None
     resonances: tuple[float, ...] = ()
+    rotary: bool | None = None
 
     @property
     def command(self) -> str:
@@ -198,18 +203,20 @@ def parse_config(content: Mapping[str, Any], folder: Path = Path(), origin: str 
     models = tables["identify"]
     models.known(("models", "position_map", "viscous"))
     tables["axis"].known(("resonance",))
+    servo, rotary = _servo_of_axis(tables["servo"], tables["columns"].content) if "servo" in content else (None, None)
     remedy = "a list of frequencies in Hz above 0"
     return StudyConfig(
         origin,
         record,
         mapping,
         folder,
-        _servo(tables["servo"]) if "servo" in content else None,
+        servo,
         _names(models, "models", BEST_KNOWN_MODELS),
         _flag(models, "position_map", True),
         _flag(models, "viscous", True),
         _compensation(tables["compensation"]),
         resonances=tables["axis"].take("resonance", lambda value: _list(value, lambda each: each > 0.0), remedy, ()),
+        rotary=rotary,
     )
 
 
@@ -221,12 +228,29 @@ def read_models(path: Path) -> list[str]:
     return [names] if isinstance(names, str) else list(names)
 
 
-def _servo(table: TomlTable) -> Servo:
-    law = table.choice("law", GAINS)
+def _servo_of_axis(table: TomlTable, columns: Mapping[str, Any]) -> tuple[Servo, bool | None]:
+    """Return the servo, and whether its units are those of a rotary axis, None if they fit both kinds."""
+    force, position = (each if isinstance(each := columns.get(role), Mapping) else {} for role in ("force", "position"))
+    found, wrong = {}, {}
+    for rotary in (False,) if "pitch" in table else (False, True):
+        try:
+            found[rotary] = _servo(table, rotary, str(force.get("gain", "")))
+        except ConfigError as error:
+            wrong[rotary] = error
+    if not found:
+        unit = unit_of(str(position.get("unit", "")))
+        raise wrong.get(unit is not None and unit.exponents[-1] == 1, wrong[False])
+    rotary = min(found)
+    return found[rotary], None if len(found) == 2 else rotary
+
+
+def _servo(given: TomlTable, rotary: bool, gain: str) -> Servo:
+    law = given.choice("law", GAINS)
     names = GAINS[law]
     other = ("law", "Ts", "force_limit", "window", "quantum", "velocity_feedforward", "inertia_feedforward", "mass")
-    more = ("delay", "noise", "velocity_filter", "notch", "coulomb_feedforward", "viscous_feedforward")
-    table.known((*names, *other, *more))
+    more = ("delay", "noise", "velocity_filter", "notch", "coulomb_feedforward", "viscous_feedforward", "current_loop")
+    given.known((*names, *other, *more, "logged_force", *OF_DRIVE))
+    table = DriveUnits(given, rotary, gain).converted()
     gains = {name: _number(table, name, low=0.0, above=True) for name in names[:-1]}
     return Servo(
         law,
@@ -244,6 +268,8 @@ def _servo(table: TomlTable) -> Servo:
         notch=_notch(table),
         coulomb_feedforward=_number(table, "coulomb_feedforward", 0.0, low=0.0),
         viscous_feedforward=_number(table, "viscous_feedforward", 0.0, low=0.0),
+        current_loop=_number(table, "current_loop", 0.0, low=0.0),
+        logged_force=table.choice("logged_force", LOGGED_FORCES, ""),
     )
 
 

@@ -11,6 +11,7 @@ from typing import Final
 
 import numpy as np
 
+from friction_fmus.axis.drive_filters import CurrentLoop, filtered
 from friction_fmus.axis.servo import AxisPlant, Servo, Trajectory
 from friction_fmus.axis.servo_loop import closed_loop, run_loop
 from friction_fmus.blocks.axis_units import domain_of
@@ -27,6 +28,7 @@ LUGRE: Final[Mapping[str, float]] = {
 }
 """Friction parameters of the demo: Canudas de Wit, Olsson, Astrom, Lischinsky 1995."""
 
+RESTS: Final = 1e-9  # initial velocity over the largest one that is a rounding error of the filter
 PERIOD: Final = 2.0  # period of the reference of the demo [s]
 
 
@@ -120,8 +122,16 @@ def build_reference(t: Array, r: Array, folder: Path, name: str, rotary: bool = 
     return build_record(t, r, rd, np.gradient(rd, Ts), folder, name=name, domain=domain_of(rotary))
 
 
-def check_period(record: Record, servo: Servo | None) -> None:
-    """Raise ConfigError if the sample time of the servo is not that of the record, before anything is estimated."""
+def check_fits(config: StudyConfig, record: Record) -> None:
+    """Raise ConfigError if kind of axis or sample time of the servo are not those of the record."""
+    servo = config.servo
+    if config.rotary is not None and config.rotary != record.units.rotary:
+        own, other = ("rotary", "linear") if config.rotary else ("linear", "rotary")
+        raise ConfigError(
+            f"[servo] has units of a {own} axis, but the position of the record {record.name!r} is that of a {other} "
+            f"one, in {record.units.position}; "
+            + ('add pitch = "10 mm", the way per turn of the motor.' if config.rotary else "give them for an angle.")
+        )
     if servo is None or record.q is None or record.reference is None:
         return
     if abs(record.Ts / servo.Ts - 1.0) > 1e-3:
@@ -139,8 +149,12 @@ def measured_servo(data: Data, servo: Servo, folder: Path, name: str, injected: 
     t = servo.Ts * np.arange(float(len(record)))
     reference = build_reference(t, record.reference, folder, f"{name}Reference", data.rotary)
     # the axis may be in motion at the start of the record
-    v0 = float(filtered_motion(record).v[0])
+    v = filtered_motion(record).v
+    v0 = float(v[0]) if abs(v[0]) > RESTS * np.max(np.abs(v)) else 0.0
     trajectory = Trajectory(reference, len(record), float(record.q[0]), v0, rotary=data.rotary, injected=injected)
+    force = record.force
+    if force is not None and servo.lag and servo.logged_force != "actual":  # the simulated one is behind the lag
+        force = filtered(CurrentLoop(servo.lag, servo.Ts), force, servo.Ts)
 
     def samples(records: tuple[Record, ...]) -> tuple[int, int]:
         if not records:
@@ -153,7 +167,7 @@ def measured_servo(data: Data, servo: Servo, folder: Path, name: str, injected: 
         servo,
         trajectory,
         record.q,
-        record.force,
+        force,
         record.reference,
         samples(data.train),
         samples(data.validation or data.train),

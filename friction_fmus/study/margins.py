@@ -55,7 +55,7 @@ def path_of(servo: Servo) -> PathDynamics:
     """Return delay, velocity estimate and filters of a servo."""
     filters = (servo.velocity_filter, servo.notch)
     lowpass, notch = (None if own is None else coefficients(own, servo.Ts) for own in filters)
-    return PathDynamics(delay=servo.delay * servo.Ts, window=servo.window, lowpass=lowpass, notch=notch)
+    return PathDynamics(servo.lag, servo.delay * servo.Ts, servo.window, lowpass=lowpass, notch=notch)
 
 
 def _rests(servo: Servo, driven: DrivenPlant) -> bool:
@@ -100,6 +100,11 @@ def operating_points(plant: AxisPlant, speed: float) -> list[tuple[float, Driven
     """Return the plant linearised in sliding at a speed and, if its contact is elastic, at rest, with the speeds."""
     friction = find(plant.friction).about.in_loop.friction
     m = plant.mass
+    if plant.load is not None:
+        viscous = max(plant.values.get("Fv", plant.values.get("sigma2", 0.0)), 0.0)
+        parted = (1.0 - plant.load.friction) * viscous, plant.load.friction * viscous
+        p = plant.load.parameters(m)
+        return [(speed, two_masses(p["m1"], p["m2"], p["k"], p["d"], parted))]
     if friction is None or speed <= 0.0:
         return [(speed, one_mass(m))]
     contact = friction.contact(plant.values)

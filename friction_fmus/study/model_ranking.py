@@ -8,9 +8,9 @@ from typing import Final
 
 import numpy as np
 
-from friction_fmus.axis.loop_assembly import constant_force
+from friction_fmus.axis.loop_assembly import constant_force, start_of
 from friction_fmus.axis.position_map import PositionMap
-from friction_fmus.axis.servo import AxisPlant, Servo, Trajectory
+from friction_fmus.axis.servo import AxisPlant, FlexibleLoad, Servo, Trajectory
 from friction_fmus.axis.servo_loop import closed_loop, run_loop
 from friction_fmus.blocks.axis_units import AxisUnits
 from friction_fmus.blocks.catalogue import find, summary_of
@@ -102,11 +102,12 @@ class IdentifiedModel:
     force: StudyCurve | None = None
     """Simulated minus measured position and force of the servo over time."""
     position_map: PositionMap | None = None  # cogging and position-dependent friction
+    load: FlexibleLoad | None = None  # part of the mass behind a spring, with which the servo was simulated
 
     @property
     def plant(self) -> AxisPlant:
         """Axis with this friction."""
-        return AxisPlant(self.block, self.values, self.mass, self.offset, self.position_map)
+        return AxisPlant(self.block, self.values, self.mass, self.offset, self.position_map, self.load)
 
 
 @dataclass(frozen=True, eq=False)
@@ -365,8 +366,24 @@ def without_unknown_static_friction(found: IdentifiedModel) -> IdentifiedModel:
     return replace(found, values={**found.values, "Fs": Fc}) if weak and Fs > PLAUSIBLE * Fc > 0.0 else found
 
 
+def with_load(found: IdentifiedModel, load: FlexibleLoad, measured: Measured) -> IdentifiedModel:
+    """Return a model with a part of its mass behind a spring, if the servo then follows the record better."""
+    if found.values.get("Fv") and "Fv" not in contact_model(found.block, ROTARY).parameters:
+        return found  # two masses have no friction beside the blocks
+    try:
+        flexible = in_closed_loop(replace(found, load=load), measured)
+    except FrictionError:
+        return found
+    assert found.error is not None
+    return flexible if flexible.error is not None and flexible.error < found.error else found
+
+
 def refine(
-    found: IdentifiedModel, measured: Measured, train: Sequence[Record], unfitted: Sequence[Record]
+    found: IdentifiedModel,
+    measured: Measured,
+    train: Sequence[Record],
+    unfitted: Sequence[Record],
+    load: FlexibleLoad | None = None,
 ) -> IdentifiedModel:
     """Fit the well-determined parameters so that the co-simulated servo follows the measured motion.
 
@@ -374,6 +391,8 @@ def refine(
     same error twice. The fit is discarded if, on data that were not fitted, it makes position or force of the simulated
     servo worse, or increases the error of the force predicted for the measured motion by more than `BIAS`.
     """
+    if load is not None:
+        found = with_load(found, load, measured)
     if not unfitted:
         return found
     rows = {p.name: p for p in found.row.parameters}
@@ -402,14 +421,11 @@ def refine(
     with closed_loop(measured.servo, found.plant, trajectory) as system:
 
         def simulate(values: Mapping[str, float]) -> dict[str, Array]:
-            own = {
-                f"friction.{name}" if name in known else "axis.d": value
-                for name, value in values.items()
-                if name not in MEANING
-            }
-            own |= {f"friction.{name}": values.get(other, found.values[other]) for name, other in tied.items()}
-            moved = {"axis.m": values["M"], **constant_force(found.plant, -values.get("OF", found.offset))}
-            return {"q": run_loop(system.with_start({**own, **moved})).q}
+            own = {name: values.get(name, value) for name, value in found.values.items()}
+            own |= {name: own[other] for name, other in tied.items()}
+            start = start_of(replace(found.plant, values=own, mass=values["M"]), system.parts)
+            offset = constant_force(found.plant, -values.get("OF", found.offset))
+            return {"q": run_loop(system.with_start({**start, **offset})).q}
 
         target = TargetSignal(measured.q[:last], 1e-6 if found.error is None else max(found.error, 1e-12), first)
         try:
@@ -451,6 +467,7 @@ def refine(
         found.error,
         predicted=found.predicted,
         position_map=found.position_map,
+        load=found.load,
     )
     return _better(found, in_closed_loop(refined, measured), train, unfitted)
 
@@ -459,7 +476,8 @@ def _better(
     found: IdentifiedModel, refined: IdentifiedModel, train: Sequence[Record], unfitted: Sequence[Record]
 ) -> IdentifiedModel:
     """Return the refined model if it is better on data that were not fitted; otherwise the other with a warning."""
-    before, after = _prediction_error(found, unfitted), _prediction_error(refined, unfitted)
+    rigid = [] if found.load else [found, refined]  # the prediction is of a rigid mass
+    before, after = [_prediction_error(each, unfitted) for each in rigid] or (None, None)
     units = unfitted[0].units
     level = rms(np.concatenate([record.column("force") for record in unfitted])) if before is not None else 0.0
     comparisons: tuple[tuple[str, float | None, float | None, float, str], ...] = (
@@ -477,10 +495,9 @@ def _better(
             "data that were not fitted."
         )
         return replace(found, row=replace(found.row, warnings=(*found.row.warnings, text)))
-    fitted = _scaled(found.row.train, _prediction_error(found, train), _prediction_error(refined, train))
-    return replace(
-        refined, row=replace(refined.row, train=fitted, validation=_scaled(found.row.validation, before, after))
-    )
+    fitted = _scaled(found.row.train, *([_prediction_error(each, train) for each in rigid] or (None, None)))
+    validation = _scaled(found.row.validation, before, after)
+    return replace(refined, row=replace(refined.row, train=fitted, validation=validation))
 
 
 def _scaled(fit: Fit | None, before: float | None, after: float | None) -> Fit | None:

@@ -41,7 +41,8 @@ class ComparedForce:
     servo: Servo  # servo as configured
     record: Record  # record with reference and position
     included: bool = False  # whether a declared injected force was subtracted from the recorded force
-    late: int = 0  # samples by which the command was shifted
+    late: int = 0  # samples by which the column of the force has the command later
+    loop: LowPass | None = None  # current loop between them
 
     @property
     def level(self) -> float:
@@ -66,7 +67,11 @@ class ComparedForce:
     def left_by(self, servo: Servo) -> float:
         """Return the residual of another servo; both are within the limit at the compared samples."""
         change = linear_command(servo, self.record) - linear_command(self.servo, self.record)
-        return self.left(self.force - self.command - shifted(change, self.late))
+        return self.left(self.force - self.command - self.logged(change))
+
+    def logged(self, command: Array) -> Array:
+        """Return a command of shape (n,) as the column of the force has it."""
+        return shifted(filtered(self.loop, command, self.servo.Ts), self.late)
 
 
 @dataclass(frozen=True, eq=False)
@@ -235,6 +240,8 @@ WIDEST: Final = 16  # largest window of the velocity that is tried, in samples
 LOWEST: Final = 1e-3
 HIGHEST: Final = 0.4
 """Frequencies of filters among which the first one is sought, over the sample rate."""
+
+FASTEST: Final = 2.0  # highest bandwidth of a current loop of order 1 that is sought, over the sample rate
 
 ENOUGH: Final = 5000  # samples above which only some are used in searches with other unknowns
 SIMPLER: Final = 1.05  # residual over the smallest one up to which a simpler explanation is taken
@@ -432,7 +439,8 @@ def _delay(compared: ComparedForce, allowed: float) -> Attempt:
     samples = "1 sample" if abs(n) == 1 else f"{abs(n)} samples"
     what = f"the {u.force} is the command of the law {samples} {late}."
     change = (
-        f"Log {u.force}, position and reference of the same sample, or move the column of the {u.force} by {samples}."
+        f"Log {u.force}, position and reference of the same sample, or move the column of the {u.force} by {samples}"
+        + (f'; if the drive acts so late, set delay = {n}, logged_force = "actual" in [servo].' if n > 0 else ".")
     )
     return Diagnosis((StudyFinding("delay", what, change),)), trials[n]
 
@@ -440,35 +448,43 @@ def _delay(compared: ComparedForce, allowed: float) -> Attempt:
 def _current_loop(compared: ComparedForce) -> Attempt:
     """Explain the difference by a force that is recorded behind the current loop, a low-pass filter of the command."""
     u, servo = compared.record.units.words, compared.servo
+    sent = commanded(servo, compared.record)
 
     def left(order: int, late: int, logarithm: float) -> float:
-        behind = filtered(LowPass(order, float(np.exp(logarithm))), compared.command, servo.Ts)
+        behind = filtered(LowPass(order, float(np.exp(logarithm))), sent, servo.Ts)
         return compared.left(compared.force - shifted(behind, late))
 
-    ends = float(np.log(LOWEST / servo.Ts)), float(np.log(HIGHEST / servo.Ts))
-    tried = [
-        (minimize_scalar(partial(left, order, late), bounds=ends, method="bounded"), order)
-        for order, late in product((1, 2), (0, 1))
-    ]
-    found, order = min(tried, key=lambda each: each[0].fun)
+    tried = []
+    for order, highest in ((1, FASTEST), (2, HIGHEST)):
+        ends = np.log([LOWEST / servo.Ts, highest / servo.Ts]).tolist()
+        for late in range(LATEST // 2 + 1):
+            found = minimize_scalar(partial(left, order, late), bounds=ends, method="bounded")
+            tried.append((found, order, late))
+    enough = SIMPLER * min(found.fun for found, _, _ in tried)
+    found, order, late = min(tried, key=lambda each: (each[0].fun > enough, each[1], each[0].fun))
     cutoff = float(np.exp(found.x))
     lag = (1.0 if order == 1 else 2.0 * BUTTERWORTH) / (2.0 * pi * cutoff)
-    delay = round(lag / servo.Ts) + servo.delay
+    # the force at a sample is that before the command of this sample
+    given = replace(servo, delay=max(late - 1, 0), logged_force="actual")
+    one = order == 1
+    given = replace(given, current_loop=cutoff * one, delay=given.delay + (0 if one else round(lag / servo.Ts)))
     what = (
         f"the {u.force} is that behind the current loop, a low-pass filter of the command of order {order} with a "
         f"bandwidth of {cutoff:.3g} Hz, a lag of {1e3 * lag:.3g} ms."
     )
-    delays = f", and set delay = {delay} in [servo]" if delay != servo.delay else ""
-    change = f"Keep this column{delays}{_better(compared, float(found.fun))}"
+    entries = {name: text for name, text in given.features.items() if servo.features.get(name) != text}
+    if not given.delay and servo.delay:
+        entries["delay"] = "0"
+    change = f"Set {', '.join(map(' = '.join, entries.items()))} in [servo]{_better(compared, float(found.fun))}"
     finding = StudyFinding("current-loop", what, change)
-    return Diagnosis((finding,), servo=replace(servo, delay=delay)), float(found.fun)
+    return Diagnosis((finding,), servo=given), float(found.fun)
 
 
 def _feedforward(compared: ComparedForce, allowed: float) -> Attempt:
     """Explain the difference by a feedforward of the reference that the configuration does not contain."""
     difference = compared.force - compared.command
     fed = behind_notch(compared.servo, references(compared.record, compared.servo.Ts))
-    columns = {name: shifted(column, compared.late) for name, column in fed.items()}
+    columns = {name: compared.logged(column) for name, column in fed.items()}
     kept: dict[str, Array] = {}
     fit = fitted(compared, kept, difference)
     while len(kept) < len(columns) and fit.left > allowed:
@@ -503,7 +519,7 @@ def _gains(compared: ComparedForce, allowed: float) -> Attempt:
 
     def of(integral: bool) -> LinearFit:
         columns = {**regressors(compared, integral=integral), **timing}
-        return fitted(compared, {name: shifted(each, compared.late) for name, each in columns.items()}, compared.force)
+        return fitted(compared, {name: compared.logged(each) for name, each in columns.items()}, compared.force)
 
     fit = of(False)
     if fit.left > allowed:
@@ -533,7 +549,7 @@ def _all_fitted(compared: ComparedForce) -> LinearFit:
     servo = compared.servo
     fed = behind_notch(servo, references(compared.record, servo.Ts))
     columns = {**regressors(compared, integral=bool(servo.pid[2])), **fed}
-    late = {name: shifted(column, compared.late) for name, column in columns.items()}
+    late = {name: compared.logged(column) for name, column in columns.items()}
     return fitted(compared, late, compared.force)
 
 
@@ -707,15 +723,25 @@ def _compared(record: Record, servo: Servo) -> ComparedForce:
     if np.count_nonzero(used) < 50:  # a unit is so wrong that all samples exceed the limit
         used[servo.window + SETTLING :] = True
     whole = ComparedForce(record.force, command, free, used, servo, record)
-    if servo.delay:  # the column may have the force that acts, which lags the command
-        delayed, unlimited = (shifted(values, servo.delay) for values in (command, free))
-        late = replace(whole, command=delayed, unlimited=unlimited, late=servo.delay)
+    ways = [replace(whole, late=late, loop=loop) for late, loop in _ways(servo)]
+    if len(ways) > 1:
         with threadpool_limits(1):  # a servo that lacks a feature must not decide it: with all of them fitted
-            whole = late if _all_fitted(late).left < _all_fitted(whole).left else whole
+            ways.sort(key=lambda each: _all_fitted(each).left)
+    whole = replace(ways[0], command=ways[0].logged(command), unlimited=ways[0].logged(free))
     if record.injected is None:
         return whole
     without = replace(whole, force=record.force - record.injected, included=True)
     return without if without.residual < whole.residual else whole
+
+
+def _ways(servo: Servo) -> list[tuple[int, LowPass | None]]:
+    """Return how a column of the force may lag the command: delay in samples, and current loop."""
+    command: list[tuple[int, LowPass | None]] = [(0, None)]
+    actual: list[tuple[int, LowPass | None]] = [(servo.delay, None)]
+    if servo.lag:  # the force at a sample is that before its command, unless it is read later
+        actual = [(servo.delay + late, LowPass(1, servo.current_loop)) for late in (1, 0)]
+    ways = {"command": command, "actual": actual}.get(servo.logged_force, [*command, *actual])
+    return list(dict.fromkeys(ways))
 
 
 def _resolution(record: Record, servo: Servo) -> float:

@@ -131,6 +131,7 @@ def _servo(known: Known) -> list[str]:
     entries |= {name: (known.servo[name], "estimated from the record") for name in known_others}
     lines = ["[servo]", f'law = "{law}"  # "CascadePPI" with kp, kv, ki, or "PID" with Kp, Kd, Ki']
     lines += [f"{name} = {value}  # {unit}" for name, (value, unit) in entries.items()]
+    lines.append('# Units of the drive: kv = "95 mA/rpm" with torque_constant = "0.8 N.m/A", pitch = "20 mm" if linear')
     if known.servo:
         return lines
     return [

@@ -14,7 +14,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from friction_fmus.axis.servo import Trajectory
+from friction_fmus.axis.servo import FlexibleLoad, Trajectory
 from friction_fmus.axis.servo_loop import from_rest
 from friction_fmus.blocks.catalogue import catalogue
 from friction_fmus.doctor import examine
@@ -28,7 +28,7 @@ from friction_fmus.listings import shown
 from friction_fmus.study.comparison import Comparison, clear, compare
 from friction_fmus.study.compensators import AxisKnowledge, check_names, period_of
 from friction_fmus.study.config import ALL, OF_RECORD, ConfigError, StudyConfig, load_config
-from friction_fmus.study.data import Data, build_reference, check_period, load_data, measured_servo
+from friction_fmus.study.data import Data, build_reference, check_fits, load_data, measured_servo
 from friction_fmus.study.evaluation import LATE, AxisBench, Scheme, motion_feedforward
 from friction_fmus.study.model_ranking import (
     INVERSE,
@@ -278,7 +278,7 @@ class _Study:
         servo = self.config.servo
         if servo is not None and servo.quantum == OF_RECORD:
             self.config = replace(self.config, servo=replace(servo, quantum=data.longest.quantum))
-        check_period(data.longest, self.config.servo)
+        check_fits(self.config, data.longest)
         checked = check_servo(data.longest, self.config.servo)
         self.config = replace(self.config, servo=checked.servo or self.config.servo)
         data = data.with_total_force(checked.included)
@@ -293,11 +293,12 @@ class _Study:
         step = Step("plant", find_plant, (data.records, limit), FoundPlant)
         models, plants = self._models(data, checked, [step] * self._goes_on(findings))
         shown = [finding for plant in plants for finding in plant.findings]
-        own = [StudyFinding(each.name, each.what, each.measure) for each in shown]
+        simulated = {} if models[0].load is None else {"two-masses": "The simulated axis has both parts."}
+        own = [StudyFinding(each.name, each.what, simulated.get(each.name, each.measure)) for each in shown]
         findings = sorted([*findings, *own], key=lambda each: each.name != "saturated")
-        known = self.config.resonances or tuple(each for plant in plants for each in plant.resonances)
+        known = self.config.resonances or tuple(plant.load.resonance for plant in plants if plant.load is not None)
         self.config = replace(self.config, resonances=known)
-        beyond = [each.name for each in shown if each.name in NOT_SIMULATED]
+        beyond = [each.name for each in shown if each.name in NOT_SIMULATED and each.name not in simulated]
         findings += loop_findings(models, any(found.row.closed_loop for found in models), data.longest.units.words)
         if models[0].row.rank is None:
             models = ranked(without_loop(models))
@@ -417,7 +418,10 @@ class _Study:
         close = [each.error is not None and each.error <= CLOSE * smallest for each in found]
         chosen = [each for each, one, other in zip(found, simple, close, strict=True) if one or other]
         chosen.sort(key=lambda each: "needs force" not in catalogue()[each.block].features)  # the slowest first
-        steps = [Step(f"loop-{each.row.name}", refine, (each, measured, *records), IdentifiedModel) for each in chosen]
+        load = next((plant.load for plant in plants), None)
+        steps = [
+            Step(f"loop-{each.row.name}", refine, (each, measured, *records, load), IdentifiedModel) for each in chosen
+        ]
         refined = self._run(steps, 0.4, 0.6)
         better = {each.row.name: each for each in refined}
         rounded = config.servo.quantum / math.sqrt(12.0) if config.servo else 0.0  # rms error of a rounded position
@@ -542,7 +546,7 @@ class FoundPlant:
     """What records show of an axis beyond a rigid mass."""
 
     findings: tuple[RecordFinding, ...]
-    resonances: tuple[float, ...]  # [Hz]
+    load: FlexibleLoad | None  # part of the mass behind a spring
 
 
 def find_plant(records: Sequence[Record], limit: float | None) -> FoundPlant:

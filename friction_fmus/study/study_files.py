@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final
 
-from friction_fmus.axis.loop_assembly import block, typed, viscous_beside, with_friction
+from friction_fmus.axis.loop_assembly import FRICTION, OF_LOAD, block, typed, viscous_beside, with_friction
 from friction_fmus.axis.servo import Compensator, Servo, Trajectory
 from friction_fmus.axis.servo_loop import accurate, closed_loop, recorded, with_gain
 from friction_fmus.blocks.axis_units import Words, domain_of
@@ -33,15 +33,16 @@ def with_tracking_error(system: System) -> System:
     assert system.experiment is not None
     # at the samples only, because the reference has its new value only then
     part = FmuPart(ERROR, block("Sum"), every=system.experiment.decimate)
-    parts = [*system.parts.values(), part]
-    wires: list[str | Wire] = [*system.wires, f"{REFERENCE} -> {ERROR}.u1", f"axis.x -> {ERROR}.u2"]
+    parts, (position, force) = [*system.parts.values(), part], recorded(system.parts)
+    wires: list[str | Wire] = [*system.wires, f"{REFERENCE} -> {ERROR}.u1", f"{position} -> {ERROR}.u2"]
     start = {**system.start, f"{ERROR}.gain[2]": -1.0}
-    position, force = recorded(system.parts)
     experiment = replace(system.experiment, record=(REFERENCE, position, f"{ERROR}.y", force))
     return System(parts, wires, start, experiment, system.name)
 
 
-PLANT: Final = ("axis", "friction", "position", "encoder", "measured", "noise", ERROR)
+MACHINE: Final = ("axis", FRICTION, OF_LOAD, "position")  # parts of the machine
+
+PLANT: Final = (*MACHINE, "encoder", "measured", "noise", ERROR)
 """Parts that stand for the machine or compute the tracking error; the README has the connections of all others."""
 
 SUMS: Final = ("force", "unexplained")
@@ -110,8 +111,10 @@ def _paragraphs(
         f"delays. Once per sample, assign reference and measured position to `loop_inputs`, {table}call `loop_step`, "
         "and pass `u` to the drive."
     )
-    if "notch" in system.parts:
-        yield f"`notch` is the filter of the drive behind `servo.u`{'' if no_code else '; `c/` does not contain it'}."
+    for name, what in (("notch", "filter"), ("current", "current loop")):
+        if name in system.parts:
+            code = "" if no_code else "; `c/` does not contain it"
+            yield f"`{name}` is the {what} of the drive behind `servo.u`{code}."
     if figures is not None:
         yield (
             f"The tracking error of the report is {figures.rms:.4g} {figures.unit} rms; `friction-fmus run axis.ssp` "
@@ -136,9 +139,6 @@ def _constants(system: System) -> Iterator[tuple[str, float]]:
         for target, value in system.start.items():
             if split_name(target)[0] == name and split_name(target)[1] in inputs and not isinstance(value, str):
                 yield target, float(value)
-
-
-MACHINE: Final = ("axis", "friction", "position")  # parts of the machine
 
 
 def export_composites(folder: Path, whole: System) -> tuple[WrittenFile, ...]:

@@ -144,8 +144,8 @@ NARROW: Final = 1.5
 
 
 def narrow(bench: AxisBench, band: float) -> bool:
-    """Return whether the band that a record supports is too narrow for the position loop."""
-    return band < NARROW * bench.bandwidth / (2.0 * math.pi)
+    """Return whether the band in which a record supports a rigid mass is too narrow for the position loop."""
+    return bench.plant.load is None and band < NARROW * bench.bandwidth / (2.0 * math.pi)
 
 
 COMPARABLE: Final = 0.57

@@ -14,7 +14,7 @@ from friction_fmus.axis.servo_loop import recorded
 from friction_fmus.export.composite.composite_archive import composite_source
 from friction_fmus.export.targets.wasm.npm_package import WasmModel, wasm_model
 from friction_fmus.identification import Array
-from friction_fmus.study.evaluation import AxisBench, Scheme, off_by, system_of
+from friction_fmus.study.evaluation import MASSES, AxisBench, Scheme, off_by, system_of
 from friction_fmus.study.study_result import CompensatorResult, Metrics
 from harness import FmuPart, HarnessError, System, Wire
 from harness.compiling.platforms import WASM
@@ -130,9 +130,9 @@ def knobs_of(bench: AxisBench, schemes: Sequence[Scheme], systems: Sequence[Syst
     """Return what can be changed in systems that `variable_system` returned for some schemes."""
     delays = _delays(bench.servo)
     servo, mass, u = bench.servo, bench.plant.mass, bench.trajectory.words
-    frictions = [off_by(system, 1.0, 1.0) for system in systems]
-    for each in frictions:
-        del each["axis.m"]
+    plants = [off_by(system, 1.0, 1.0) for system in systems]
+    frictions = [{name: value for name, value in each.items() if name not in MASSES} for each in plants]
+    masses = [{name: value / mass for name, value in each.items() if name in MASSES} for each in plants]
     # kp of a cascade multiplies kv, so the loop gain is proportional to all others
     gains = [
         {f"servo.{name}": scheme.servo.gains[name] for name in GAINS[servo.law] if name != "kp"} for scheme in schemes
@@ -144,7 +144,7 @@ def knobs_of(bench: AxisBench, schemes: Sequence[Scheme], systems: Sequence[Syst
 
     return (
         Knob("friction", f"all friction {u.force}s of the axis", "", 1.0, 0.1, 4.0, tuple(frictions)),
-        Knob(u.mass, "moved by the drive", u.kg, mass, 0.25 * mass, 4.0 * mass, alike({"axis.m": 1.0})),
+        Knob(u.mass, "moved by the drive", u.kg, mass, 0.25 * mass, 4.0 * mass, tuple(masses)),
         Knob(
             "delay",
             f"from command to {u.force}, in samples of {1e3 * servo.Ts:g} ms",
@@ -172,5 +172,5 @@ def knobs_of(bench: AxisBench, schemes: Sequence[Scheme], systems: Sequence[Syst
 def _module(system: System, name: str) -> WasmModel:
     """Return a system as a module with the variables that the report sets and reads."""
     sources = {wire.source for wire in system.wires if split_name(wire.source)[0] in SOURCES}
-    inputs, outputs = sorted(sources), ["axis.x", "servo.u"]
+    inputs, outputs = sorted(sources), [recorded(system.parts)[0], "servo.u"]
     return wasm_model(composite_source(system, name, (WASM,), inputs=inputs, outputs=outputs))

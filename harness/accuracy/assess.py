@@ -1,7 +1,5 @@
 """A run with the error of its result, from the same run with other steps."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -44,10 +42,8 @@ SHORTEST: Final = 4096  # largest quotient of present and suggested step: beyond
 def suggested_step(
     found: Sequence[ErrorEstimate], experiment: Experiment, required: float, floor: float
 ) -> float | None:
-    """Return the step with which all variables have the required accuracy [s].
-
-    It is the present step over a whole number, so that sampled parts keep their sample times.
-    """
+    """Return the step with which all variables have the required accuracy [s]."""
+    # It is the present step over a whole number, so that sampled parts keep their sample times.
     if floor >= MARGIN * required:
         return None
     quotients = [1]
@@ -127,10 +123,8 @@ def energy(
 
 
 def missed(track: Track, lines: bool, nominal: float) -> float:
-    """Return how much of a value a connection misses between rows, over the range of the value (rms).
-
-    A held value misses what changes within a step, a value on a line what it is bent.
-    """
+    """Return how much of a value a connection misses between rows, over the range of the value (rms)."""
+    # A held value misses what changes within a step, a value on a line what it is bent.
     change = np.diff(track.values, 2 if lines else 1)
     size = max(size_of(track.values), NOTHING * nominal)
     return math.sqrt(np.mean(np.square(change, out=change))) / size if size > 0.0 and len(change) else 0.0

@@ -333,11 +333,9 @@ def estimate(tracks: Sequence[Track], *, most: float, noise: float, nominal: flo
 
 
 def compare(one: ErrorEstimate, own: Track, other: Track, *, nominal: float, required: float) -> ErrorEstimate:
-    """Return the estimate, raised to the difference to a run of another master where that exceeds what is required.
-
-    A mass that swings several times within each step follows the held force of its contact at any such step: its runs
-    agree with each other, not with the truth.
-    """
+    """Return the estimate, raised to the difference to a run of another master where that exceeds what is required."""
+    # A mass that swings several times within each step follows the held force of its contact at any such step: its runs
+    # agree with each other, not with the truth.
     every, here, there = own.together(other)
     beyond = np.maximum(np.abs(here - there) - one.bound[::every][: len(here)], 0.0)
     size = max(size_of(own.values), NOTHING * nominal)
@@ -370,10 +368,8 @@ def unbounded(rows: int) -> NDArray[np.float32]:
 
 
 def _upper(near: Values, far: Values | None, convergence: Convergence, floor: float) -> tuple[int, Values]:
-    """Return the number of rows in a block, and the bound in each block.
-
-    If the runs do not converge, all rows are one block, whose bound is a multiple of the largest difference.
-    """
+    """Return the number of rows in a block, and the bound in each block."""
+    # If the runs do not converge, all rows are one block, whose bound is a multiple of the largest difference.
     if not convergence.resolved:
         most = float(np.max(near)) if far is None else max(float(np.max(near)), float(np.max(far)))
         return len(near), np.array([IRREGULAR * most + floor])

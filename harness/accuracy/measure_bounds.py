@@ -1,7 +1,5 @@
 """The error of a number that summarises a run, such as an rms value, from the same number of runs with other steps."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass

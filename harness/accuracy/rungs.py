@@ -6,8 +6,6 @@ run is then repeated with half the step. A continuous part that steps every N co
 long its inputs are held is part of the error.
 """
 
-from __future__ import annotations
-
 import logging
 import math
 import threading
@@ -72,11 +70,9 @@ def _keeps_time(part: Part) -> bool:
 def rung(
     system: Assembly, experiment: Experiment, ratio: Fraction, *, dense: bool = False
 ) -> Iterator[tuple[Assembly, Experiment]]:
-    """Provide the system and the experiment with a multiple of the given step.
-
-    The run ends with the last whole step; its recorded rows are about as far apart as those of the given experiment,
-    or in every step if that has one in every step and ``dense`` is true. The parts are shared with the given system.
-    """
+    """Provide the system and the experiment with a multiple of the given step."""
+    # The run ends with the last whole step; its recorded rows are about as far apart as those of the given experiment,
+    # or in every step if that has one in every step and ``dense`` is true. The parts are shared with the given system.
     sampled = [part for part in system.parts.values() if _keeps_time(part)]
     every = [part.every for part in sampled]
     wires = [replace(wire, delay=int(wire.delay / ratio)) for wire in system.wires]
@@ -230,7 +226,6 @@ class _Share:
     """The progress of one of several runs, as part of the whole."""
 
     def __init__(self, progress: Progress, before: float, share: float) -> None:
-        """Keep them."""
         self._progress, self._before, self._share = progress, before, share
 
     def update(self, done: int, total: int) -> None:

@@ -68,10 +68,8 @@ def tap_reader(plan: Plan, tap: Tap) -> Reader:
 
 
 def event_reader(plan: Plan, recorder: Recorder) -> Reader:
-    """Return a function of the tick that takes the events due then, records what they change, and undoes them.
-
-    Of the inputs, those from parts without inputs, such as recorded series, have their values at this time.
-    """
+    """Return a function of the tick that takes the events due then, records what they change, and undoes them."""
+    # Of the inputs, those from parts without inputs, such as recorded series, have their values at this time.
     parts = [index for index, part in enumerate(plan.parts) if part.events and part.saves]
     known = {output for output, source in plan.owners.items() if not plan.parts[source].inputs}
     driven = {
@@ -111,7 +109,6 @@ class Recorder:
         begin: int = 0,
         attributes: Mapping[str, str | float] | None = None,
     ) -> None:
-        """Allocate the table."""
         self._first = -(-begin // decimate)
         self.names = tuple(names)
         self.attributes = dict(attributes or {})  # the run adds what it has measured
@@ -224,7 +221,6 @@ class Ticks:
     """The ticks of a run, in C."""
 
     def __init__(self, plan: Plan, schedule: Schedule, experiment: Experiment) -> None:
-        """Lay out what all runs have in common."""
         self._engine, self._lines = Engine(plan, schedule.operations), schedule.lines
         self._algorithm = schedule.algorithm(self._engine) if schedule.algorithm else None
         self._coupling = None if schedule.implicit else Coupling(self._engine, schedule)

@@ -1,7 +1,5 @@
 """Checkpoints: files with the state of a run, from which another process continues it bit for bit."""
 
-from __future__ import annotations
-
 import hashlib
 import json
 import zipfile

@@ -292,7 +292,24 @@ static int solve_held(Engine *e, Newton *newton, const Group *g, const Span *s, 
     return SOLVED;
 }
 
-/* Solve a step: with the contacts at rest that may be, else in motion; and again with those at rest that pass v = 0. */
+/* Hold contacts that pass v = 0, or may: all, or the one with a number. Return how many. */
+static int64_t hold_some(const Engine *e, Newton *newton, const Group *g, int64_t only, bool any)
+{
+    int64_t held = 0;
+    for (const Contact *c = contacts_of(newton, g); c < contacts_of(newton, g) + g->contacts; c++) {
+        const Moving *const m = velocity_of(newton, c);
+        const bool slows = m->u0 * m->u1 <= (1.0 - STOPS) * m->u0 * m->u0;
+        if (m->rigid >= 0 && (slows || any) && (only < 0 || only == c - contacts_of(newton, g))) {
+            hold(e, newton, g, c);
+            held++;
+        } else if (only >= 0)
+            let_go(e, newton, g, c);
+    }
+    return held;
+}
+
+/* Solve a step: with the contacts at rest that may be, else in motion; and again with those at rest that pass v = 0. If
+   they do not stop together, one alone may: forces that stop both in a step can be far from those that stop one. */
 static int solve(Engine *e, Newton *newton, const Group *g, int64_t number, const Span *s, bool again)
 {
     const Contact *const first = contacts_of(newton, g), *const last = first + g->contacts;
@@ -314,24 +331,19 @@ static int solve(Engine *e, Newton *newton, const Group *g, int64_t number, cons
     if (status != SOLVED || rests)
         return status;
     status = iterate(e, newton, g, number, s, again || tried);
-    if (tried || (status != SOLVED && status != NOT_CONVERGED))
+    if (status != NOT_CONVERGED && (tried || status != SOLVED))
         return status;
-    bool passes = false;
-    for (const Contact *c = first; c < last; c++) {
-        const Moving *const m = velocity_of(newton, c);
-        const bool slows = m->u0 * m->u1 <= (1.0 - STOPS) * m->u0 * m->u0;
-        if (m->rigid >= 0 && (slows || newton->jumped || status == NOT_CONVERGED)) {
-            hold(e, newton, g, c);
-            passes = true;
-        }
-    }
-    if (!passes)
+    const bool jumped = newton->jumped, any = jumped || status == NOT_CONVERGED;
+    int64_t held = tried ? 2 : hold_some(e, newton, g, -1, any);
+    if (held == 0)
         return status;
-    const bool jumped = newton->jumped;
     const int solved = status;
     double *const w = newton->work + 6 * newton->most_unknowns + 2 * newton->most_unknowns * newton->most_unknowns;
     memcpy(w, newton->w + g->unknown, (size_t)g->unknowns * sizeof(double));
-    status = solve_held(e, newton, g, s, true, &rests);
+    status = tried ? SOLVED : solve_held(e, newton, g, s, true, &rests);
+    for (int64_t i = 0; status == SOLVED && !rests && held > 1 && any && i < g->contacts; i++)
+        if (hold_some(e, newton, g, i, any))
+            status = solve_held(e, newton, g, s, true, &rests);
     if (status != SOLVED || rests)
         return status;
     if (solved != SOLVED)

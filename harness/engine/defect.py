@@ -1,7 +1,5 @@
 """Coupling errors of explicit masters: the error of held values for each connection and each power bond."""
 
-from __future__ import annotations
-
 import ctypes
 import logging
 import math

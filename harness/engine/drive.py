@@ -1,7 +1,5 @@
 """Runs of one FMU with sampled inputs in the compiled engine, as a fit repeats them hundreds of times."""
 
-from __future__ import annotations
-
 import ctypes
 from collections.abc import Mapping, Sequence
 from typing import Any, Literal
@@ -38,7 +36,6 @@ class Drive:
     """
 
     def __init__(self, part: FmuPart) -> None:
-        """Reuse the FMU instance in all runs."""
         if part.isolate:
             raise HarnessError(
                 f"part '{part.name}' runs in a separate process, which a drive cannot use: make it with isolate=False"

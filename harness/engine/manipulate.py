@@ -1,7 +1,5 @@
 """Manipulators during a run: at each tick, each one changes the gain and the offset of its connection."""
 
-from __future__ import annotations
-
 import ctypes
 import math
 from collections.abc import Callable, Sequence
@@ -95,10 +93,9 @@ def _lay_out(
 
 
 def delay_length(plan: Plan, signal: int, ticks: int) -> int:
-    """Return the number of past values that a connection with a delay needs.
-
-    The delay counts from the end of a step, except for a sample of a continuous part, which is taken at its beginning.
-    """
+    """Return the number of past values that a connection with a delay needs."""
+    # The delay counts from the end of a step, except for a sample of a continuous part, which is taken at its
+    # beginning.
     source = plan.parts[plan.owners[int(plan.sources[signal])]]
     return ticks + (plan.parts[_target(plan, signal)].sampled and not source.sampled)
 

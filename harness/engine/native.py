@@ -1,7 +1,5 @@
 """The native engine: the plan of a run as C structs, and the compiled loop over them."""
 
-from __future__ import annotations
-
 import ctypes
 import signal
 import threading
@@ -49,7 +47,6 @@ class Engine:
     """A plan as the data of the compiled loop."""
 
     def __init__(self, plan: Plan, program: Sequence[tuple[int, int]]) -> None:
-        """Prepare what all runs share."""
         self.plan = plan
         self.error: BaseException | None = None
         self.data = EngineData()  # new for each run
@@ -84,10 +81,8 @@ class Engine:
             raise self.failure()
 
     def end(self) -> None:
-        """Free what `keep` keeps and the states of FMUs that the loop has saved; call it before FMUs are unloaded.
-
-        The callback of a part in Python and this engine refer to each other: the cycle must not keep the table alive.
-        """
+        """Free what `keep` keeps and the states of FMUs that the loop has saved; call it before FMUs are unloaded."""
+        # The callback of a part in Python and this engine refer to each other: the cycle must not keep the table alive.
         self._kept = []
         for index, bound in self._bound.items():
             part, native = self.parts[index], bound.native

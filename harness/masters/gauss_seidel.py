@@ -3,8 +3,6 @@
 Use it for loops that are slow compared with the step; it is the default.
 """
 
-from __future__ import annotations
-
 from harness.masters import Master
 from harness.parts.fmu import FmuPart
 from harness.parts.series import SeriesPart
@@ -14,11 +12,9 @@ from harness.system.plan import GET, RENEW, SET, STEP, Plan, Schedule
 
 
 def _schedule(plan: Plan, experiment: Experiment) -> Schedule:
-    """Set, step and read part by part in the order of the plan: sampled parts, then plants, then sensors.
-
-    Inputs from a recorded series follow its line, as a held value would shift the record by half a step. Outputs that
-    depend directly on a held value from a later part are read again with its value at the end of the step.
-    """
+    """Set, step and read part by part in the order of the plan: sampled parts, then plants, then sensors."""
+    # Inputs from a recorded series follow its line, as a held value would shift the record by half a step. Outputs that
+    # depend directly on a held value from a later part are read again with its value at the end of the step.
     parts = range(len(plan.parts))
     changed = {manipulator.input for manipulator in experiment.manipulators}
     lines = tuple(

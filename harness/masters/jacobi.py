@@ -3,8 +3,6 @@
 Use it for a comparison with other tools.
 """
 
-from __future__ import annotations
-
 from functools import partial
 from typing import Any
 
@@ -19,10 +17,8 @@ from harness.system.plan import GET, SET, STEP, Plan, Schedule
 
 
 def _schedule(plan: Plan, experiment: Experiment) -> Schedule:
-    """Set all parts, then step all, then read all; the order of the parts does not matter.
-
-    With extrapolation, inputs from continuous parts follow polynomials, see ``jacobi.h``.
-    """
+    """Set all parts, then step all, then read all; the order of the parts does not matter."""
+    # With extrapolation, inputs from continuous parts follow polynomials, see ``jacobi.h``.
     if experiment.extrapolation:
         return Schedule(algorithm=partial(Extrapolated, order=experiment.extrapolation))
     parts = range(len(plan.parts))
@@ -38,7 +34,6 @@ class Extrapolated(Algorithm):
     """The data of a master that extrapolates, attached to an engine."""
 
     def __init__(self, engine: Engine, order: int) -> None:
-        """Store the engine and the order, which all runs share."""
         self._engine, self._order = engine, order
 
     def begin(self) -> None:

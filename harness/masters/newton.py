@@ -7,8 +7,6 @@ step, see ``newton.h``. Sampled parts take their sample first. Parts that drive 
 that read from it are stepped after it.
 """
 
-from __future__ import annotations
-
 import ctypes
 import logging
 from collections.abc import Sequence
@@ -96,7 +94,6 @@ class Loops(Algorithm):
     def __init__(
         self, engine: Engine, tolerance: float, error: float = 0.0, step_tolerance: float = STEP_TOLERANCE
     ) -> None:
-        """Find the loops and fill in the data."""
         plan = engine.plan
         wires = plan.moving_wires
         groups = groups_of(plan, wires)

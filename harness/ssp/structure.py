@@ -89,7 +89,6 @@ class Endpoint:
     name: str
 
     def __str__(self) -> str:
-        """Return the name in the file."""
         return ".".join((*self.path, self.name))
 
 
@@ -117,7 +116,6 @@ class Edge:
     target_index: tuple[int, ...] = ()  # the same of the target
 
     def __str__(self) -> str:
-        """Return a text with both ends."""
         return f"the connection {self.source} -> {self.target}"
 
 

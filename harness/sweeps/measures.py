@@ -35,7 +35,6 @@ class Builtin:
     name: str  # ``part.port``
 
     def __str__(self) -> str:
-        """Return the heading of the column."""
         return f"{self.kind}({self.name})"
 
     def __call__(self, result: Result) -> Mapping[str, float]:

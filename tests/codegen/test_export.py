@@ -158,7 +158,7 @@ def test_a_prefix_keeps_two_laws_apart(tmp_path: Path) -> None:
         " inner_step(&p, &s, &i, &o); outer_step(&P, &S, &I, &O); return o.u + O.u; }"
     )
     (tmp_path / "both.c").write_text(both, encoding="utf-8")
-    command = [*COMPILERS["zig"], "-shared", "-fPIC", "both.c", "inner.c", "outer.c", "-o", "both.so", "-lm"]
+    command = [*COMPILERS["zig"], "-O1", "-shared", "-fPIC", "both.c", "inner.c", "outer.c", "-o", "both.so", "-lm"]
     subprocess.run(command, cwd=tmp_path, check=True)
     total = ctypes.CDLL(str(tmp_path / "both.so")).sum
     total.restype = ctypes.c_double

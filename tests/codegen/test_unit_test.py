@@ -47,7 +47,7 @@ def write(export: Export, folder: Path, law: str = "") -> None:
 
 def status(folder: Path, *flags: str, test: Sequence[str] = ()) -> int:
     """Compile both files, the test by another command if one is given, and return what the test returns."""
-    compiler = [*toolchain.compiler(), "-std=c99", *WARNINGS, *flags]
+    compiler = [*toolchain.compiler(), "-std=c99", "-O1", *WARNINGS, *flags]
     subprocess.run([*compiler, "-c", "law.c"], cwd=folder, check=True)
     subprocess.run([*(test or compiler), "-DLAW_TEST_MAIN", "-c", "law_test.c"], cwd=folder, check=True)
     subprocess.run([*compiler, "law.o", "law_test.o", "-o", "program", "-lm"], cwd=folder, check=True)

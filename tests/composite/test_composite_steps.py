@@ -37,17 +37,13 @@ def trajectory(library: Library, points: Sequence[float]) -> np.ndarray:
     return np.array(rows)
 
 
-def test_points_between_grid_points_do_not_move_the_grid(tmp_path: Path) -> None:
+def test_points_between_grid_points_do_not_move_the_grid(smooth: tuple[System, Library]) -> None:
     """Against a run whose grid contains the points; the motion is smooth, so that both are exact to 1e-9."""
-    parts = [FmuPart("mass", fmu("Mass")), FmuPart("friction", fmu("Viscous"))]
-    wires = ["mass.v -> friction.v", "friction.F -> mass.F_friction"]
-    start = {"mass.F_drive": 0.2, "mass.k": 2.0}
-    with System(parts, wires, start, Experiment(stop=0.1, step=2e-5)) as system:
-        system.to_fmu(tmp_path / "smooth.fmu")
-        result = system.run(master="newton", step=1e-5, record=["mass.x", "mass.v", "friction.F"])
-        expected = np.array([result[name].to_numpy() for name in NAMES]).T
+    system, library = smooth
+    result = system.run(master="newton", step=1e-5, record=["mass.x", "mass.v", "friction.F"])
+    expected = np.array([result[name].to_numpy() for name in NAMES]).T
     ticks = np.cumsum([0, *[5, 3, 1, 4] * 700])[:2000]  # of 1e-5 s; every second tick is between grid points
-    found = trajectory(load(tmp_path / "smooth.fmu"), [1e-5 * tick for tick in ticks])
+    found = trajectory(library, [1e-5 * tick for tick in ticks])
     error = np.abs(found - expected[ticks[1:]]).max(axis=0)
     assert (error <= 1e-9 * np.abs(expected).max(axis=0)).all()
 
@@ -74,12 +70,46 @@ def test_points_between_grid_points_change_no_value_at_them(tmp_path: Path) -> N
         assert np.abs(found[:, 0] - between).max() < 0.05 * np.ptp(expected[:, 0])
 
 
-@nightly
-def test_an_input_that_jumps_between_grid_points_has_its_impulse(tmp_path: Path) -> None:
+HOLDING = ("Stiction", "Tustin", "Karnopp")
+FREE = ("mass.F_drive", "mass.F_load", "mass.F_friction", "mass.v_support")
+
+
+@pytest.fixture(scope="module")
+def rigid(tmp_path_factory: pytest.TempPathFactory) -> Library:
+    """A mass on each of these models, ``mass_NAME`` and ``NAME``, and a free ``mass``: none acts on another."""
+    parts, wires, start = [FmuPart("mass", fmu("Mass"))], [], dict.fromkeys(FREE, 0.0) | {"mass.m": 1.0}
+    for model in HOLDING:
+        mass = f"mass_{model}"
+        parts += [FmuPart(mass, fmu("Mass")), FmuPart(model, fmu(model))]
+        wires += [f"{mass}.v -> {model}.v", f"{model}.F -> {mass}.F_friction", f"{mass}.F_ext -> {model}.F_ext"]
+        start |= {f"{mass}.F_drive": 0.0, f"{model}.Fc": 1.0, f"{model}.Fs": 1.5}
+    path = tmp_path_factory.mktemp("rigid") / "rigid.fmu"
+    with System(parts, wires, start | {"Stiction.Fv": 0.0}, Experiment(stop=1.0, step=1e-3)) as system:
+        system.to_fmu(path)
+    return load(path)
+
+
+@pytest.mark.parametrize("h", [0.31e-3, 0.79e-3, 2.5e-3, 3.7e-3])
+def test_a_force_that_jumps_between_grid_points_moves_a_mass_on_rigid_friction(rigid: Library, h: float) -> None:
+    """1 kg, Fc = 1 N, Fs = 1.5 N: 0.7 N is held; 3 N for a time T moves it with 2 m/s^2; without force it stops after
+    2 T, 3 T^2 from its start. The force within the time at rest is that at the point, not a mean."""
+    moved = round(10e-3 / h)
+    x, v = "mass_Stiction.x", "mass_Stiction.v"
+    with Instance(rigid) as run:
+        run.initialise()
+        for k in range(round(0.1 / h)):
+            force = {1: 0.7, 11: 3.0, 11 + moved: 0.0}.get(k)
+            if force is not None:
+                run.set({"mass_Stiction.F_drive": force})
+            run.step(k * h, h)
+            if k < 11:
+                assert run.get(x, v, "Stiction.F") == pytest.approx([0.0, 0.0, 0.7 if k else 0.0], abs=1e-12)
+        assert run.get(x, v) == pytest.approx([3.0 * (moved * h) ** 2, 0.0], rel=4e-4, abs=1e-12)
+
+
+def test_an_input_that_jumps_between_grid_points_has_its_impulse(rigid: Library) -> None:
     """A free mass of 1 kg: 2 N from 3.7 ms to 8.2 ms of a grid of 1 ms, v = 9 mm/s, also after a state."""
-    with System([FmuPart("mass", fmu("Mass"))], experiment=Experiment(stop=1.0, step=1e-3), start=free()) as system:
-        system.to_fmu(tmp_path / "impulse.fmu")
-    with Instance(load(tmp_path / "impulse.fmu")) as run:
+    with Instance(rigid) as run:
         run.initialise()
         run.step(0.0, 3.7e-3)
         run.set({"mass.F_drive": 2.0})
@@ -95,53 +125,19 @@ def test_an_input_that_jumps_between_grid_points_has_its_impulse(tmp_path: Path)
         assert run.get1("mass.v") == pytest.approx(2.0 * 6.3e-3, rel=1e-9)
 
 
-@pytest.mark.parametrize("h", [0.31e-3, 0.79e-3, 2.5e-3, 3.7e-3])
-def test_a_force_that_jumps_between_grid_points_moves_a_mass_on_rigid_friction(rigid: Library, h: float) -> None:
-    """1 kg, Fc = 1 N, Fs = 1.5 N: 0.7 N is held; 3 N for a time T moves it with 2 m/s^2; without force it stops after
-    2 T, 3 T^2 from its start. The force within the time at rest is that at the point, not a mean."""
-    moved = round(10e-3 / h)
+@pytest.mark.parametrize("model", HOLDING)
+def test_setting_an_input_keeps_the_holding_force(rigid: Library, model: str) -> None:
+    """0.7 N is held by friction of 1 N, also when the force is set again before the outputs are read."""
+    drive, names = f"mass_{model}.F_drive", (f"mass_{model}.x", f"mass_{model}.v", f"{model}.F", f"mass_{model}.a")
     with Instance(rigid) as run:
         run.initialise()
-        for k in range(round(0.1 / h)):
-            force = {1: 0.7, 11: 3.0, 11 + moved: 0.0}.get(k)
-            if force is not None:
-                run.set({"mass.F_drive": force})
-            run.step(k * h, h)
-            if k < 11:
-                assert run.get("mass.x", "mass.v", "friction.F") == pytest.approx(
-                    [0.0, 0.0, 0.7 if k else 0.0], abs=1e-12
-                )
-        assert run.get("mass.x", "mass.v") == pytest.approx([3.0 * (moved * h) ** 2, 0.0], rel=4e-4, abs=1e-12)
-
-
-@pytest.mark.parametrize("model", ["Stiction", "Tustin", "Karnopp"])
-def test_setting_an_input_keeps_the_holding_force(tmp_path: Path, model: str) -> None:
-    """0.7 N is held by friction of 1 N, also when the force is set again before the outputs are read."""
-    parts = [FmuPart("mass", fmu("Mass")), FmuPart("friction", fmu(model))]
-    wires = ["mass.v -> friction.v", "friction.F -> mass.F_friction", "mass.F_ext -> friction.F_ext"]
-    start = {"mass.F_drive": 0.0, "friction.Fc": 1.0, "friction.Fs": 1.5}
-    with System(parts, wires, start, Experiment(stop=1.0, step=1e-3)) as system:
-        system.to_fmu(tmp_path / "held.fmu")
-    with Instance(load(tmp_path / "held.fmu")) as run:
-        run.initialise()
         for k in range(5):
-            run.set({"mass.F_drive": 0.7})
+            run.set({drive: 0.7})
             run.step(k * 1e-3, 1e-3)
-        before = run.get("mass.x", "mass.v", "friction.F", "mass.a")
-        run.set({"mass.F_drive": 0.7})
-        assert run.get("mass.x", "mass.v", "friction.F", "mass.a") == before
+        before = run.get(*names)
+        run.set({drive: 0.7})
+        assert run.get(*names) == before
         assert before == pytest.approx([0.0, 0.0, 0.7, 0.0], abs=1e-12)
-
-
-@pytest.fixture(scope="module")
-def rigid(tmp_path_factory: pytest.TempPathFactory) -> Library:
-    parts = [FmuPart("mass", fmu("Mass")), FmuPart("friction", fmu("Stiction"))]
-    wires = ["mass.v -> friction.v", "friction.F -> mass.F_friction", "mass.F_ext -> friction.F_ext"]
-    start = {"mass.F_drive": 0.0, "friction.Fc": 1.0, "friction.Fs": 1.5, "friction.Fv": 0.0}
-    path = tmp_path_factory.mktemp("rigid") / "rigid.fmu"
-    with System(parts, wires, start, Experiment(stop=1.0, step=1e-3)) as system:
-        system.to_fmu(path)
-    return load(path)
 
 
 @nightly
@@ -321,11 +317,9 @@ def test_reset_starts_again(library: Library) -> None:
             run.must("Reset")
 
 
-def test_inputs_vary_linearly_within_a_step(tmp_path: Path) -> None:
-    """A free mass of 1 kg under a ramp force: v = F t^2/2 with F = 2 N/s, over one step and over ten inner steps."""
-    with System([FmuPart("mass", fmu("Mass"))], experiment=Experiment(stop=1.0, step=1e-2), start=free()) as system:
-        system.to_fmu(tmp_path / "ramp.fmu")
-    with Instance(load(tmp_path / "ramp.fmu")) as run:
+def test_inputs_vary_linearly_within_a_step(rigid: Library) -> None:
+    """A free mass of 1 kg under a ramp force: v = F t^2/2 with F = 2 N/s, over 100 inner steps."""
+    with Instance(rigid) as run:
         run.initialise()
         run.set({"mass.F_drive": 0.0})
         assert run.input_derivatives({"mass.F_drive": 2.0}) == OK
@@ -334,10 +328,6 @@ def test_inputs_vary_linearly_within_a_step(tmp_path: Path) -> None:
         assert run.get1("mass.x") == pytest.approx(2.0 * 0.1**3 / 6.0, rel=1e-12)
         run.step(0.1, 0.1)  # no derivative is set again: the force is held at 0.2 N
         assert run.get1("mass.v") == pytest.approx(0.01 + 0.02, rel=1e-12)
-
-
-def free() -> dict[str, float]:
-    return {"mass.F_drive": 0.0, "mass.F_load": 0.0, "mass.F_friction": 0.0, "mass.v_support": 0.0, "mass.m": 1.0}
 
 
 def test_outputs_follow_inputs_without_a_step(library: Library) -> None:

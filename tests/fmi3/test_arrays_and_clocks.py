@@ -32,8 +32,10 @@ def resize(one: Slave, size: int) -> None:
 # ---- the two profiles
 
 
-@pytest.mark.parametrize("full", [True, False])
-@pytest.mark.parametrize("name", ["GMS", "PID"])
+EVERY = [(name, full) for name in ("GMS", "PID") for full in (True, False)]
+
+
+@pytest.mark.parametrize(("name", "full"), some(EVERY, [("GMS", True), ("PID", True)]))
 def test_value_references_are_positions(build_fmu: Callable[..., Path], name: str, full: bool) -> None:
     """OMSimulator takes dependencies as positions from 1; as such they are those of FMI 2.0."""
     two, description = (fmpy.read_model_description(str(path)) for path in (build_fmu(name), three(name, full)))

@@ -306,11 +306,11 @@ def test_the_file_of_a_model_says_how_its_parameters_are_identified_not_their_na
     assert not model.lacks_viscous
 
 
-def test_a_parameter_without_a_statement_and_a_name_of_the_drive_are_errors(tmp_path: Path, lugre: Truth) -> None:
+def test_a_parameter_without_a_statement_and_a_name_of_the_drive_are_errors(tmp_path: Path) -> None:
     with pytest.raises(FitError, match=r"does not state how vs is identified.*HELD\(vs, "):
-        identify(own_names(tmp_path, "HELD(vs, 1e-4, slow)", ""), lugre[0])
+        identify(own_names(tmp_path, "HELD(vs, 1e-4, slow)", ""), sliding_record())
     with pytest.raises(FitError, match=r"OwnNames has a parameter OF, .* rename"):
-        identify(own_names(tmp_path, "alpha", "OF"), lugre[0])
+        identify(own_names(tmp_path, "alpha", "OF"), sliding_record())
 
 
 @pytest.mark.parametrize("name", identifiable())

@@ -43,6 +43,9 @@ OTHERS = {
     **{" && ": " || ", " || ": " && "},
 }
 EQUIVALENT = {
+    'fmu_src/composite/composite.h: REQUIRE(size >= SAVED_SIZE, "fmi2DeSerializeFMUstate: %u bytes were given, '
+    'but a state of this FMU has more",  ->  REQUIRE(size > SAVED_SIZE, "fmi2DeSerializeFMUstate: %u bytes were '
+    'given, but a state of this FMU has more",': ("a state without its parts is an error either way"),
     "fmu_src/composite/composite.h: if (size - end < sizeof inner)  ->  if (size - end <= sizeof inner)": (
         "no part has a state without bytes"
     ),

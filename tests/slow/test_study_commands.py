@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from thorough import nightly
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "study"))
 
@@ -132,6 +133,7 @@ def test_a_log_without_settings_from_beginning_to_end(
     assert "wrong sign" in " ".join(found["reasons"])
 
 
+@nightly
 def test_all_models_and_laws(studied: Studied) -> None:
     rows = (studied.folder / "log.csv").read_text(encoding="utf-8").splitlines(keepends=True)
     (studied.folder / "short.csv").write_text("".join(rows[:3001]), encoding="utf-8")

@@ -20,7 +20,7 @@ from every_block.test_block_package import another_value
 from lxml import etree
 from shell.instance import Instance, Library, RefusedError, load, signals
 from shell.selection import COMPOSITES, built
-from thorough import some
+from thorough import nightly, some
 from wasm.engines import CASES, ENGINES, NODE, in_node, run_in
 from wasm.test_wasm_package import LARGEST
 
@@ -44,8 +44,6 @@ ROUNDED = frozenset(
     )
 )
 """Functions that the C libraries round in different ways."""
-
-SAME_LIBRARY = ("SwitchMass", "stick_slip", "LuGre")
 
 
 @dataclass(frozen=True)
@@ -179,7 +177,8 @@ def test_a_module_computes_what_the_library_for_this_machine_computes(
 
 
 @pytest.mark.skipif(NODE is None, reason="node is not installed")
-@pytest.mark.parametrize("name", some((*catalogue(), *COMPOSITES), SAME_LIBRARY))
+@nightly  # builds a C library first
+@pytest.mark.parametrize("name", (*catalogue(), *COMPOSITES))
 def test_a_program_with_the_same_math_library_has_the_same_bits(name: str, tmp_path: Path) -> None:
     """Nothing else differs: the same sources, compiled for this processor with zig's C library."""
     library = load(built(name, tmp_path))

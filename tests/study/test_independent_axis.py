@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from math import exp, log, pi, sin, sqrt
 from pathlib import Path
 
@@ -16,7 +17,7 @@ from thorough import some
 from friction_fmus.axis.servo import AxisPlant, Servo, Trajectory
 from friction_fmus.axis.servo_loop import closed_loop, run_loop
 from friction_fmus.conditions import expected_slip, hunting
-from friction_fmus.identification import read_records
+from friction_fmus.identification import Record, read_records
 from friction_fmus.identification.plant_candidates import plant_findings
 from friction_fmus.study import load_config
 from friction_fmus.study.data import build_reference
@@ -228,6 +229,22 @@ def test_the_simulated_loop_has_the_filters_and_the_friction_feedforward_of_the_
     assert np.sqrt(np.mean((trace.force - command) ** 2)) < 0.02 * np.sqrt(np.mean(command**2))
 
 
+@pytest.mark.parametrize("lag", [0.2e-3, 2e-3])
+def test_the_simulated_loop_has_the_current_loop_of_the_drive(lag: float, tmp_path: Path) -> None:
+    """Twenty times as close as a loop without the lag, or with a delay in its place."""
+    axis = AXES["coulomb"]
+    n, reference, run = 4000, axis.reference, axis.run(lag=lag, kv=900.0)
+    gains = {"kp": 40.0, "kv": 900.0, "ki": 0.0}
+    servo = Servo("CascadePPI", gains, 1e-3, 400.0, quantum=1e-7, current_loop=1.0 / (2.0 * pi * lag))
+    fmu = build_reference(1e-3 * np.arange(float(n)), reference.r[:n], tmp_path, "Reference")
+    plant = AxisPlant("Coulomb", {"Fc": 18.0, "Fv": 45.0}, 12.0)
+    with closed_loop(servo, plant, Trajectory(fmu, n, 0.0, 0.0)) as system:
+        trace = run_loop(system)
+    apart = np.std(trace.q - run.x1[:n])
+    for other in ({}, {"delay": round(lag / 1e-3)}):
+        assert apart < 0.06 * np.std(axis.run(kv=900.0, **other).x1[:n] - run.x1[:n])
+
+
 @pytest.mark.parametrize("name", ["lugre_pid", "lugre_strengthening"])
 def test_the_simulated_loop_follows_an_axis_on_soft_bristles(name: str, tmp_path: Path) -> None:
     """A master of first order is off by 222 and 282 nm, which a fit takes for another damping."""
@@ -296,7 +313,7 @@ FAULTS = {  # finding, sizes in the order of its sentence, tolerance
 }
 
 
-AT_NIGHT = ("belt_60_Hz", "load_dependent", "swinging_arm")
+AT_NIGHT = ("belt_8_Hz", "belt_60_Hz", "cogging", "direction", "drifting", "load_dependent", "swinging_arm")
 
 
 @pytest.mark.parametrize("name", some([*FAULTS], [name for name in FAULTS if name not in AT_NIGHT]))
@@ -310,7 +327,25 @@ def test_faults_of_the_plant_are_named_with_their_size(name: str, tmp_path: Path
     assert [float(each) for each in numbers[: len(sizes)]] == pytest.approx(list(sizes), rel=tolerance)
 
 
-@pytest.mark.parametrize("name", ["stribeck", "lugre_pid", "maxwell_slip", "delay_3", "coarse_encoder", "frictionless"])
+def test_friction_that_differs_between_records_which_all_begin_at_0_is_found() -> None:
+    """Coulomb friction of 18 and 24 N, and no drift within a record."""
+    records = []
+    for Fc in (18.0, 24.0):
+        axis = replace(AXES["coulomb"], axis={**AXES["coulomb"].axis, "Fc1": Fc, "Fs1": Fc})
+        run, force_noise = axis.run(), 0.1 * np.random.default_rng(3).standard_normal(16_000)
+        t = 1e-3 * np.arange(16_000.0)
+        records.append(Record("run", t, q=run.measured, force=run.command + force_noise, quantum=1e-7))
+    found, _ = plant_findings(records, 400.0)
+    (finding,) = found
+    assert finding.name == "friction-varies"
+    first, *_, last = (float(each) for each in re.findall(r"([\d.]+) ±", finding.what)[:2])
+    assert [first, last] == pytest.approx([18.0, 24.0], rel=0.1)
+
+
+CLEAN = ("stribeck", "lugre_pid", "maxwell_slip", "delay_3", "coarse_encoder", "frictionless")
+
+
+@pytest.mark.parametrize("name", some(CLEAN, ("lugre_pid", "coarse_encoder")))
 def test_no_fault_of_the_plant_is_named_on_an_axis_without_one(name: str, tmp_path: Path) -> None:
     AXES[name].write(tmp_path, name)
-    assert plant_findings(read_records(tmp_path / "axis.toml"), AXES[name].servo["limit"]) == ((), ())
+    assert plant_findings(read_records(tmp_path / "axis.toml"), AXES[name].servo["limit"]) == ((), None)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from thorough import nightly
 
 from friction_fmus.data import EMPS_PUBLISHED, load_emps
 from friction_fmus.identification import (
@@ -97,6 +98,7 @@ def test_a_made_up_stribeck_curve_is_found_again(fs: float) -> None:
     assert values["Fc"] == pytest.approx(TRUTH["Fc"], rel=0.03)
 
 
+@nightly
 def test_emps_strengthens_with_speed() -> None:
     values = identify_inverse_stribeck(load_emps().record).values()
     assert values["Fs"] < values["Fc"]

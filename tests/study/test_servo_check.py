@@ -9,6 +9,7 @@ import re
 import tomllib
 from dataclasses import replace
 from math import pi
+from typing import Any
 from unittest.mock import ANY
 
 import numpy as np
@@ -21,7 +22,7 @@ from friction_fmus.axis.drive_filters import LowPass, Notch
 from friction_fmus.axis.servo import Servo
 from friction_fmus.data import load_emps
 from friction_fmus.identification import ROTARY, Record
-from friction_fmus.study import load_config
+from friction_fmus.study import load_config, parse_config
 from friction_fmus.study.servo_check import check_servo, commanded
 from friction_fmus.study.study_result import ServoCheck
 
@@ -330,10 +331,11 @@ def test_a_feedforward_is_found_in_a_force_that_is_recorded_late() -> None:
     assert settings(check)["inertia_feedforward"] == pytest.approx(4.0, rel=0.02)
 
 
-@pytest.mark.parametrize("lag", [1e-3, 4e-3])
-def test_a_force_behind_the_current_loop_is_named(lag: float) -> None:
-    """The simulated current loop is a low-pass filter of order 1."""
-    record, servo = driven(lag=lag)
+@pytest.mark.parametrize("delay", [0, 2])
+@pytest.mark.parametrize("lag", [1e-3, 3e-3])
+def test_a_force_behind_the_current_loop_is_named(lag: float, delay: int) -> None:
+    """The simulated current loop is a low-pass filter of order 1 behind the delay."""
+    record, servo = driven(lag=lag, delay=float(delay))
     checked = check_servo(record, servo)
     assert only(checked.result) == "current-loop"
     what = checked.result.findings[0].what
@@ -341,7 +343,37 @@ def test_a_force_behind_the_current_loop_is_named(lag: float) -> None:
     assert bandwidth == pytest.approx(1.0 / (2.0 * pi * lag), rel=0.02)
     assert found == pytest.approx(1e3 * lag, rel=0.02)
     assert checked.servo is not None
-    assert checked.servo.delay == round(lag / 1e-3)
+    assert (checked.servo.delay, checked.servo.logged_force) == (delay, "actual")
+    assert checked.servo.current_loop == pytest.approx(1.0 / (2.0 * pi * lag), rel=0.02)
+    change = checked.result.findings[0].change
+    entries = f'logged_force = "actual"{f", delay = {delay}" if delay else ""} in [servo]'
+    assert re.match(rf"Set current_loop = [\d.]+, {re.escape(entries)}: residual", change)
+
+
+@pytest.mark.parametrize("logged", ["", "actual", "command"])
+def test_a_declared_current_loop_leaves_no_residual(logged: str) -> None:
+    """The force has a noise of 0.1 N."""
+    record, servo = driven(lag=2e-3, delay=1.0)
+    check = check_servo(record, replace(servo, delay=1, current_loop=500.0 / (2.0 * pi), logged_force=logged)).result
+    assert check.residual is not None
+    assert (check.findings == ()) == (logged != "command")
+    assert (check.residual.rms < 0.11) == (logged != "command")
+
+
+def test_gains_in_the_units_of_the_drive_reproduce_the_record() -> None:
+    """The same axis on a screw of 20 mm, with a motor of 0.8 N.m/A."""
+    record, servo = driven()
+    turns = 2.0 * pi / 0.02
+    drive: dict[str, Any] = {"law": "CascadePPI", "torque_constant": "0.8 N.m/A", "pitch": "20 mm", "Ts": "1 ms"}
+    drive |= {"kp": "2.4 m/min/mm", "kv": f"{900.0 / turns**2 / 0.8 * 1e3 * pi / 30.0!r} mA/rpm", "quantum": "0.1 um"}
+    drive["force_limit"] = f"{400.0 / turns / 0.8!r} A"
+    found = parse_config({"data": {"file": "log.csv"}, "servo": drive}).servo
+    assert found is not None
+    check, expected = check_servo(record, found).result, check_servo(record, servo).result
+    assert check.residual is not None
+    assert expected.residual is not None
+    assert check.findings == expected.findings == ()
+    assert check.residual.rms == pytest.approx(expected.residual.rms, rel=1e-9)
 
 
 def test_friction_feedforward_of_the_drive_is_found() -> None:

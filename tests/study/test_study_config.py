@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import tomllib
 from dataclasses import replace
+from math import pi
 from pathlib import Path
 from typing import Any
 
@@ -14,10 +15,11 @@ from friction_fmus.axis.drive_filters import LowPass, Notch
 from friction_fmus.axis.loop_assembly import with_friction
 from friction_fmus.axis.servo import Compensator
 from friction_fmus.blocks.catalogue import catalogue
-from friction_fmus.identification import DataMapping, Measurement
+from friction_fmus.identification import DataMapping, Measurement, Record
 from friction_fmus.study import ConfigError, Servo, StudyConfig, StudyError, load_config, parse_config, run_study
 from friction_fmus.study.compensators import check_names, compensators
 from friction_fmus.study.config import OF_RECORD
+from friction_fmus.study.data import check_fits
 
 SERVO: dict[str, Any] = {"law": "PID", "Kp": 1e4, "Kd": 100.0, "Ts": 1e-3, "force_limit": 50.0}
 PD: dict[str, Any] = {**SERVO, "Ki": 0.0}
@@ -60,6 +62,8 @@ def test_filters_and_friction_of_a_drive_are_read_and_written() -> None:
         "notch": {"frequency": 120.0, "damping": 0.5},
         "coulomb_feedforward": 10.0,
         "viscous_feedforward": 2.5,
+        "current_loop": 300.0,
+        "logged_force": "command",
     }
     servo = parse_config({**DATA, "servo": {**PD, **drive}}).servo
     assert servo is not None
@@ -80,6 +84,50 @@ def test_the_friction_feedforward_of_a_drive_stays_beside_laws_without_a_frictio
 def test_a_cascade_is_a_pid() -> None:
     servo = Servo("CascadePPI", {"kp": 50.0, "kv": 2000.0, "ki": 10.0}, 1e-3, 1.0)
     assert servo.pid == (2000.0 * 50.0 + 10.0, 2000.0, 10.0 * 50.0)
+
+
+ON_A_SCREW = {"law": "CascadePPI", "Ts": "0.5 ms", "torque_constant": "0.4 N.m/A", "pitch": "10 mm"}
+TURNS = 2.0 * pi / 0.01  # angle of the motor per way of the axis [rad/m]
+
+
+@pytest.mark.parametrize(
+    ("drive", "gains"),
+    [
+        ({"kp": "1.2 m/min/mm", "kv": "50 mA/rpm", "Tn": "25 ms"}, {"kp": 20.0}),
+        ({"kp": "120 rpm/mm", "kv": "0.02 N.m/rpm", "Tn": 0.025}, {"kp": 20.0}),
+        ({"kp": "20 1/s", "kv": "0.191 N.m/(rad/s)", "ki": "3.056 A/mm"}, {"kv": 0.191 * TURNS**2, "ki": 768054.6}),
+    ],
+)
+def test_gains_in_the_units_of_the_drive(drive: dict[str, Any], gains: dict[str, float]) -> None:
+    """A force is the torque times 2 pi over pitch, a speed of the motor that of the axis times the same."""
+    servo = parse_config({**DATA, "servo": {**ON_A_SCREW, "force_limit": "6 A", **drive}}).servo
+    assert servo is not None
+    kv = 0.05 * 0.4 * 60.0 / (2.0 * pi) * TURNS**2
+    expected = {"kp": 20.0, "kv": kv, "ki": kv / 0.025, **gains}
+    assert servo.gains == pytest.approx(expected, rel=1e-5)
+    assert (servo.Ts, servo.force_limit) == (0.5e-3, pytest.approx(6.0 * 0.4 * TURNS))
+
+
+def test_the_units_of_a_rotary_axis_and_the_torque_constant_of_its_column() -> None:
+    columns = {"position": {"column": "q", "unit": "deg"}, "force": {"column": "iq", "unit": "mA", "gain": "0.5 N.m/A"}}
+    drive = {"law": "PID", "Kp": "3 A/deg", "Kd": "0.5 A/rpm", "Tn": "0.1 s", "Ts": 1e-3, "force_limit": "10 A"}
+    drive |= {"mass": "20 kg.cm2", "quantum": "0.01 deg", "current_loop": "0.8 kHz", "logged_force": "actual"}
+    config = parse_config({**DATA, "columns": columns, "servo": drive})
+    assert config.rotary
+    servo = config.servo
+    assert servo is not None
+    Kp = 3.0 * 0.5 * 180.0 / pi
+    assert servo.gains == pytest.approx({"Kp": Kp, "Kd": 0.25 * 60.0 / (2.0 * pi), "Ki": Kp / 0.1})
+    assert (servo.force_limit, servo.mass, servo.quantum) == pytest.approx((5.0, 2e-3, 0.01 * pi / 180.0))
+    assert (servo.current_loop, servo.logged_force) == (800.0, "actual")
+
+
+def test_units_of_a_rotary_axis_do_not_fit_a_record_in_metres() -> None:
+    drive = {**PD, "Kp": "3 N.m/deg"}
+    record = Record("axis", 1e-3 * np.arange(10.0), q=np.zeros(10), reference=np.zeros(10))
+    with pytest.raises(ConfigError, match=r"\[servo\] has units of a rotary axis, .* in m; add pitch = \"10 mm\""):
+        check_fits(parse_config({**DATA, "servo": drive}), record)
+    check_fits(parse_config({**DATA, "servo": {**drive, "pitch": "10 mm"}}), record)
 
 
 WRONG: dict[str, tuple[dict[str, Any], str]] = {
@@ -114,9 +162,37 @@ WRONG: dict[str, tuple[dict[str, Any], str]] = {
         r"\[servo\], has no Ts; add it",
     ),
     "text": (
-        {**DATA, "servo": {**SERVO, "Ts": "1 ms"}},
-        r"\[servo\], has Ts = '1 ms'; give a sample time from",
+        {**DATA, "servo": {**SERVO, "Ts": "1 mm"}},
+        r"\[servo\], has Ts = '1 mm'; give it in s or multiples, such as \"20 ms\"",
     ),
+    "unknown unit": (
+        {**DATA, "servo": {**PD, "Kd": "2 A/rmp"}},
+        r"\[servo\], Kd is '2 A/rmp', .* not a number with a known unit; use the form '0.5 A/rpm'",
+    ),
+    "volt": (
+        {**DATA, "servo": {**PD, "Kd": "2 V/rpm"}},
+        r"\[servo\], has Kd = '2 V/rpm'; on a linear axis, give it in N/\(m/s\), A/\(m/s\), .* or multiples",
+    ),
+    "frequency": ({**DATA, "servo": {**PD, "Kd": "2 N/Hz"}}, r"has Kd = '2 N/Hz'; on a linear axis, give it in N/"),
+    "constant": (
+        {**DATA, "servo": {**PD, "Kd": "2 A/rpm"}, "columns": {"position": {"column": "q", "unit": "deg"}}},
+        r"has Kd = '2 A/rpm'; add torque_constant = \"0.5 N.m/A\"",
+    ),
+    "constant in V": (
+        {**DATA, "servo": {**PD, "Kd": "2 A/rpm", "torque_constant": "2 V/A"}},
+        r"has torque_constant = '2 V/A'; give it in N.m/A or N/A",
+    ),
+    "no pitch": (
+        {**DATA, "servo": {**PD, "Kd": "2 A/rpm", "torque_constant": "2 N/A"}},
+        r"has Kd = '2 A/rpm'; on a linear axis, add pitch = \"10 mm\", the way per turn",
+    ),
+    "pitch": (
+        {**DATA, "servo": {**PD, "Kd": "2 N.m/rpm", "pitch": 10}},
+        r"has pitch = 10; give the way per turn of the motor with its unit",
+    ),
+    "reset time and gain": ({**DATA, "servo": {**PD, "Tn": 0.1}}, r"\[servo\], has both Tn and Ki; remove one"),
+    "reset time": ({**DATA, "servo": {**SERVO, "Tn": 0}}, r"\[servo\], has Tn = 0; give a reset time above 0 in s"),
+    "logged force": ({**DATA, "servo": {**PD, "logged_force": "current"}}, r"= 'current'; give one of command, actual"),
     "window": ({**DATA, "servo": {**SERVO, "window": 2.5}}, r"\[servo\], has window = 2.5; give an integer"),
     "gains": ({**DATA, "compensation": {"gains": [1.2]}}, r"\[compensation\], has gains = \[1.2\], none of them"),
     "mismatch": (

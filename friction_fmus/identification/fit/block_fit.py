@@ -1,7 +1,5 @@
 """Fit of a friction block to records, with a pool of loaded FMUs."""
 
-from __future__ import annotations
-
 import threading
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager

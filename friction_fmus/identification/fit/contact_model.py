@@ -4,8 +4,6 @@ Names, units, ranges and default values of the parameters come from the FMU; whi
 start values, and the motion that determines each of them come from the block's file (`CONTACT` and `IDENTIFIED`).
 """
 
-from __future__ import annotations
-
 import math
 import re
 from collections.abc import Mapping

@@ -1,7 +1,5 @@
 """Estimated parameters: values and standard errors, covariance from coloured residuals, dependent columns."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -30,12 +28,10 @@ def autocovariance(values: Array) -> Array:
 
 
 def correlation_length(residual: Array) -> int:
-    """Return the lag in samples up to which residuals are correlated; 0 for white noise.
-
-    Whiteness is tested with G. Ljung, G. Box, "On a measure of lack of fit in time series models", Biometrika 65, 1978,
-    over 20 lags at the level `WHITE`; fewer than `TESTABLE` residuals do not count as white. For correlated residuals,
-    the result is twice the first lag with a correlation within 2/sqrt(n) of zero.
-    """
+    """Return the lag in samples up to which residuals are correlated; 0 for white noise."""
+    # Whiteness is tested with G. Ljung, G. Box, "On a measure of lack of fit in time series models", Biometrika 65,
+    # 1978, over 20 lags at the level `WHITE`; fewer than `TESTABLE` residuals do not count as white. For correlated
+    # residuals, the result is twice the first lag with a correlation within 2/sqrt(n) of zero.
     n = len(residual)
     centred = residual - np.mean(residual)
     power = float(centred @ centred)
@@ -53,19 +49,15 @@ def correlation_length(residual: Array) -> int:
 
 
 def widening(part: float) -> float:
-    """Return the factor of intervals of 90 % whose Newey-West estimate uses lags up to this part of the record.
-
-    It follows from the distribution of the statistic for a fixed part (N. Kiefer, T. Vogelsang, "A new asymptotic
-    theory for heteroskedasticity-autocorrelation robust tests", Econometric Theory 21, 2005).
-    """
+    """Return the factor of intervals of 90 % whose Newey-West estimate uses lags up to this part of the record."""
+    # It follows from the distribution of the statistic for a fixed part (N. Kiefer, T. Vogelsang, "A new asymptotic
+    # theory for heteroskedasticity-autocorrelation robust tests", Econometric Theory 21, 2005).
     return 1.0 + (2.1859 * part + 0.3142 * part**2 - 0.3427 * part**3) / 1.6449
 
 
 def score_covariance(J: Array, r: Array, lengths: Sequence[int], correlation: int) -> Array:
-    """Return the Newey-West estimate of the covariance of J' r; targets of equal length are added sample by sample.
-
-    It is too small unless a record is much longer than `correlation`, and therefore enlarged by `widening`.
-    """
+    """Return the Newey-West estimate of the covariance of J' r; targets of equal length are added sample by sample."""
+    # It is too small unless a record is much longer than `correlation`, and therefore enlarged by `widening`.
     products = np.split(J * r[:, None], np.cumsum(lengths)[:-1])
     if len(set(lengths)) == 1:
         products = [np.sum(products, axis=0)]
@@ -82,11 +74,9 @@ def score_covariance(J: Array, r: Array, lengths: Sequence[int], correlation: in
 
 
 def coloured_covariance(back: Array, U: Array, residual: Array, lengths: Sequence[int], lag: int) -> Array:
-    """Return the covariance of estimates from the scores U' r.
-
-    The estimate from an autoregressive model is enlarged where that of Newey and West is larger, as for residuals whose
-    variance changes along the record.
-    """
+    """Return the covariance of estimates from the scores U' r."""
+    # The estimate from an autoregressive model is enlarged where that of Newey and West is larger, as for residuals
+    # whose variance changes along the record.
     ends = np.cumsum(lengths)[:-1]
     total = np.zeros((U.shape[1], U.shape[1]))
     for rows, errors in zip(np.split(U, ends), np.split(residual, ends), strict=True):
@@ -99,13 +89,12 @@ def coloured_covariance(back: Array, U: Array, residual: Array, lengths: Sequenc
 
 
 def _of_model(U: Array, residual: Array) -> Array:
-    """Return the covariance U' S U of the scores, where the residuals have the covariance S.
-
-    S is that of an autoregressive model, whose order has the smallest AIC. What a regression takes out of the residuals
-    makes them seem less correlated; the autocovariances are corrected by the difference between S and M S M, the
-    expectation of the model with M = 1 - U U'. The result is enlarged by the square of the ratio of the quantiles of
-    90 % of Student's t distribution, with the degrees of freedom of the independent residuals, and of the normal one.
-    """
+    """Return the covariance U' S U of the scores, where the residuals have the covariance S."""
+    # S is that of an autoregressive model, whose order has the smallest AIC. What a regression takes out of the
+    # residuals makes them seem less correlated; the autocovariances are corrected by the difference between S and M S
+    # M, the expectation of the model with M = 1 - U U'. The result is enlarged by the square of the ratio of the
+    # quantiles of 90 % of Student's t distribution, with the degrees of freedom of the independent residuals, and of
+    # the normal one.
     n, p = U.shape
     order = min(HIGHEST, n // EACH)
     sums = autocovariance(residual)[: order + 1]
@@ -153,12 +142,10 @@ RANK_TOLERANCE = 1e-6
 
 
 def dependent_columns(singular: Array, right: Array, names: Sequence[str]) -> list[str]:
-    """Return the names of linearly dependent columns; empty if all columns are independent.
-
-    With two dependences, the singular vectors are an arbitrary basis of the null space, determined by rounding. The
-    test therefore uses the length of the projection of each unit vector onto the null space, which does not depend on
-    the basis.
-    """
+    """Return the names of linearly dependent columns; empty if all columns are independent."""
+    # With two dependences, the singular vectors are an arbitrary basis of the null space, determined by rounding. The
+    # test therefore uses the length of the projection of each unit vector onto the null space, which does not depend on
+    # the basis.
     dependent = right[singular < RANK_TOLERANCE * singular[0]]
     parts = np.linalg.norm(dependent, axis=0)
     return [name for name, part in zip(names, parts, strict=True) if part > 0.1]

@@ -1,7 +1,5 @@
 """Coulomb and viscous friction within a second, by least squares over sliding, before any model is simulated."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from typing import Final
 
@@ -20,14 +18,12 @@ FEWEST: Final = 50  # fewest samples in sliding
 
 
 def first_look(records: Sequence[Record]) -> dict[str, Estimate]:
-    """Return M, Fc, Fv and OF of F = M a + Fc sgn(v) + Fv v + OF; empty without a drive force or enough sliding.
-
-    A motion that never reverses shows only the sum Fc + OF, or the difference.
-
-    Motion, direction and force pass the same Gaussian filter, the widest one that leaves most of the samples: noise and
-    rounding of the acceleration would make M too small and Fc too large. Samples whose filter reaches across a reversal
-    are left out, as the axis may stick there.
-    """
+    """Return M, Fc, Fv and OF of F = M a + Fc sgn(v) + Fv v + OF; empty without a drive force or enough sliding."""
+    # A motion that never reverses shows only the sum Fc + OF, or the difference.
+    #
+    # Motion, direction and force pass the same Gaussian filter, the widest one that leaves most of the samples: noise
+    # and rounding of the acceleration would make M too small and Fc too large. Samples whose filter reaches across a
+    # reversal are left out, as the axis may stick there.
     if records[0].friction is not None and records[0].normal is None:
         return _of_friction(records)
     found: list[Array] = []

@@ -8,8 +8,6 @@ limit, zero and its upper limit as initial force; a combination of the three is 
 the limits.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
@@ -168,12 +166,10 @@ def element_responses(segment: PreparedSegment, distance: Array, initial_force: 
 
 
 def with_count(grid: HysteresisGrid, count: int | None, u: Words = SLIDING) -> tuple[Array, Array, Array]:
-    """Return a given number of elements with nearly the same virgin curve as a grid.
-
-    As long as there are too many elements, the two neighbours whose combination changes the curve least are combined:
-    their stiffnesses and slip forces add up. If there are too few, the element with the largest slip force is split
-    into two whose break-away distances differ by a factor of 2.
-    """
+    """Return a given number of elements with nearly the same virgin curve as a grid."""
+    # As long as there are too many elements, the two neighbours whose combination changes the curve least are combined:
+    # their stiffnesses and slip forces add up. If there are too few, the element with the largest slip force is split
+    # into two whose break-away distances differ by a factor of 2.
     kept = grid.stiffness * grid.distance > 1e-6 * float(np.sum(grid.stiffness * grid.distance))
     if not np.any(kept):
         raise ExcitationError(

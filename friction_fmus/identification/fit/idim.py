@@ -9,8 +9,6 @@ squares (M. Gautier, Ph. Poignet, "Extended Kalman filtering and weighted least 
 robot", Control Engineering Practice 9, 2001; for the EMPS axis: Janot, Gautier, Brunot 2019).
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import cache
@@ -162,12 +160,10 @@ LOWEST = 8.0  # lowest cut-off frequency for a coarse position [Hz]
 
 
 def default_settings(record: Record) -> InverseModelSettings:
-    """Return the filter used for the EMPS record, with at most a quarter of the sample rate as cut-off frequency.
-
-    At a tenth of a rate of 100 Hz, the filter would be as long as the motion between two reversals, and the smoothed
-    reversals would be taken for a lower friction at low speeds. A coarse position needs a lower cut-off frequency, as
-    its rounding must not dominate the acceleration.
-    """
+    """Return the filter used for the EMPS record, with at most a quarter of the sample rate as cut-off frequency."""
+    # At a tenth of a rate of 100 Hz, the filter would be as long as the motion between two reversals, and the smoothed
+    # reversals would be taken for a lower friction at low speeds. A coarse position needs a lower cut-off frequency, as
+    # its rounding must not dominate the acceleration.
     rate = 1.0 / record.Ts
     cutoff = min(100.0, QUARTER * rate)
     settings = InverseModelSettings(cutoff=cutoff, decimation=max(1, round(rate / cutoff)))
@@ -307,12 +303,7 @@ def identify_inverse_model(record: Record, settings: InverseModelSettings | None
     """
     settings = default_settings(record) if settings is None else settings
     motion = filtered_motion(record, settings)
-    columns = {
-        "M": motion.a,
-        "Fv": motion.v,
-        "Fc": np.sign(motion.v),
-        "OF": np.ones_like(motion.v),
-    }
+    columns = {"M": motion.a, "Fv": motion.v, "Fc": np.sign(motion.v), "OF": np.ones_like(motion.v)}
     return _linear_fit(record, motion, columns, settings)[0]
 
 

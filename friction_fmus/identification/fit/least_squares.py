@@ -80,7 +80,6 @@ class Problem:
     viscous: bool = False  # whether the value Fv is the coefficient of a viscous friction beside the block
 
     def __post_init__(self) -> None:
-        """Compute the magnitude of the signal."""
         total = np.concatenate([segment.measured for segment in self.segments])
         self.size = float(np.sqrt(np.mean(np.square(total)))) or 1.0
         self.count = len(total)

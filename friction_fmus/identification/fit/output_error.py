@@ -4,8 +4,6 @@ The simulator is a callable that returns signals for parameter values, such as a
 The fit minimises the sum over the targets of |simulated - measured|^2 / scale^2.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass

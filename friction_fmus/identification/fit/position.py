@@ -5,8 +5,6 @@ from linear least squares, so that the search runs over the parameters only (var
 1973).
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
@@ -61,19 +59,17 @@ class PositionFit:
 
 @dataclass(frozen=True, eq=False)
 class TableRegressor:
-    """Linear regression of the residual of a model on the values of a table.
+    """Linear regression of the residual of a model on the values of a table."""
 
-    The values at the nodes add up to zero for cogging and for friction, because their means belong to the offset and to
-    the Coulomb friction of the model. Each value counts as one more sample, with a measured force of 0, so that the
-    table is flat where the record has few samples.
-    """
+    # The values at the nodes add up to zero for cogging and for friction, because their means belong to the offset and
+    # to the Coulomb friction of the model. Each value counts as one more sample, with a measured force of 0, so that
+    # the table is flat where the record has few samples.
 
     grid: Grid  # nodes
     v_sign: float  # velocity over which the sign is smoothed [m/s]
     columns: Array  # drive force for a unit of each coefficient, at the rows of the residual
 
     def __post_init__(self) -> None:
-        """Factorise the normal equations."""
         normal = self.columns.T @ self.columns + np.eye(self.columns.shape[1])
         object.__setattr__(self, "_factor", scipy.linalg.cho_factor(normal, overwrite_a=True))
 
@@ -98,13 +94,11 @@ class TableRegressor:
 
 
 def fit_with_table(fit: BlockFit, data: FitData, loss: Loss) -> tuple[BlockFit, PositionFit] | None:
-    """Fit a table together with the parameters of a friction model; None if the table does not help.
-
-    The number of nodes is the one with the smallest error in a cross-validation over blocks of the training data
-    (`NODES`, `BLOCKS`, `ALIKE`), in which the effect of the parameters is linearised and friction may be any function
-    of the speed (`SPEEDS`). A table helps if it reduces this error by a third (`HELPS`). Parameters that the record
-    does not determine keep the values of `fit`, see `Problem.anchor`.
-    """
+    """Fit a table together with the parameters of a friction model; None if the table does not help."""
+    # The number of nodes is the one with the smallest error in a cross-validation over blocks of the training data
+    # (`NODES`, `BLOCKS`, `ALIKE`), in which the effect of the parameters is linearised and friction may be any function
+    # of the speed (`SPEEDS`). A table helps if it reduces this error by a third (`HELPS`). Parameters that the record
+    # does not determine keep the values of `fit`, see `Problem.anchor`.
     if any(segment.record.q is None for segment in data.segments):
         return None
     with threadpool_limits(1):  # several models may be identified in parallel
@@ -195,11 +189,9 @@ def _rows(path: _Path, grid: Grid, v_sign: float) -> Array:
 
 
 def _over_speed(segment: PreparedSegment) -> Array:
-    """Return a force for each of some speeds, between which they vary linearly, shape (n, len(SPEEDS)).
-
-    On a record that passes every position at one speed, a table could replace the part of the friction over speed that
-    a model lacks. With these columns beside the model, that does not count as help.
-    """
+    """Return a force for each of some speeds, between which they vary linearly, shape (n, len(SPEEDS))."""
+    # On a record that passes every position at one speed, a table could replace the part of the friction over speed
+    # that a model lacks. With these columns beside the model, that does not count as help.
     v = segment.inputs["v"]
     speed = np.abs(v) / max(float(np.max(np.abs(v))), 1e-300)
     return np.column_stack([np.sign(v) * np.interp(speed, SPEEDS, row) for row in np.eye(len(SPEEDS))])

@@ -10,8 +10,6 @@ Random Data, 2nd ed., 1986, chapters 6 and 9; linearisation of LuGre: Altpeter, 
 between two friction models: a singular perturbation approach", CDC 1998).
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 

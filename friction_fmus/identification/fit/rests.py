@@ -1,7 +1,5 @@
 """Rests of an axis in a record: samples at which the motion cannot explain the drive force."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -32,12 +30,10 @@ class _Section:
 
 
 def unresolved_rest(record: Record) -> NDArray[np.bool_]:
-    """Return the samples, shape (n,), at which the axis sticks and no friction model can explain the drive force.
-
-    The position stays within one step of the encoder, or the velocity is zero, while the force changes by more than
-    `CHANGE`: the deflection of the contact is then smaller than the resolution, and friction is whatever the drive
-    gives. Rests whose force hardly changes are kept, as a model with presliding explains them.
-    """
+    """Return the samples, shape (n,), at which the axis sticks and no friction model can explain the drive force."""
+    # The position stays within one step of the encoder, or the velocity is zero, while the force changes by more than
+    # `CHANGE`: the deflection of the contact is then smaller than the resolution, and friction is whatever the drive
+    # gives. Rests whose force hardly changes are kept, as a model with presliding explains them.
     force = record.force_at_samples()
     least = CHANGE * float(np.sqrt(np.mean(np.square(force))))
     found = np.zeros(len(force), dtype=bool)
@@ -52,12 +48,10 @@ def unresolved_rest(record: Record) -> NDArray[np.bool_]:
 
 
 def standstill(record: Record) -> NDArray[np.bool_]:
-    """Return the samples, shape (n,), at which the axis stands still, so that friction has no value of its own.
-
-    A slow motion also stays within one step of the encoder for some time, but for as long within the next step; before
-    and after a standstill the axis leaves the step faster than `SHARE` of it. At a smooth reversal the step before and
-    after takes (sqrt(2) - 1)/2 = 0.21 of the time.
-    """
+    """Return the samples, shape (n,), at which the axis stands still, so that friction has no value of its own."""
+    # A slow motion also stays within one step of the encoder for some time, but for as long within the next step;
+    # before and after a standstill the axis leaves the step faster than `SHARE` of it. At a smooth reversal the step
+    # before and after takes (sqrt(2) - 1)/2 = 0.21 of the time.
     found = np.zeros(len(record), dtype=bool)
     sections = list(_sections(record))
     for k, section in enumerate(sections):
@@ -84,10 +78,8 @@ def _sections(record: Record) -> Iterator[_Section]:
 
 
 def position_noise(q: Array, order: int = 4) -> float:
-    """Return the standard deviation of the noise of a position from its differences of an even order.
-
-    Differences hardly contain the motion: those of order 8 do not even at a tenth of the sample rate.
-    """
+    """Return the standard deviation of the noise of a position from its differences of an even order."""
+    # Differences hardly contain the motion: those of order 8 do not even at a tenth of the sample rate.
     if len(q) <= order:
         return 0.0
     return float(np.median(np.abs(np.diff(q, order)))) / 0.6745 / math.sqrt(math.comb(2 * order, order))

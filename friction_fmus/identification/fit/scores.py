@@ -1,7 +1,5 @@
 """Scores of a prediction, information criteria, and poorly identifiable parameters."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -58,11 +56,9 @@ def score(measured: Array, predicted: Array) -> Score:
 
 
 def independent_samples(signals: Sequence[Array]) -> float:
-    """Return the number of independent samples in signals: their number over the correlation time.
-
-    The correlation time is 1 + 2 (rho_1 + ... + rho_k) up to the first correlation that is not positive. It is computed
-    from the measurement, not from residuals, so that it is the same for all models of a record.
-    """
+    """Return the number of independent samples in signals: their number over the correlation time."""
+    # The correlation time is 1 + 2 (rho_1 + ... + rho_k) up to the first correlation that is not positive. It is
+    # computed from the measurement, not from residuals, so that it is the same for all models of a record.
     total = 0.0
     for signal in signals:
         n, centred = len(signal), signal - np.mean(signal)

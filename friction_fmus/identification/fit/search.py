@@ -1,7 +1,5 @@
 """Search for the minimum: trust region from several start points, robust losses, covariance of the result."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -100,11 +98,9 @@ def unseen(J: Array) -> NDArray[np.bool_]:
 
 
 def _moved_back(problem: Problem, found: SearchResult, first: Array) -> SearchResult:
-    """Return the solution with undetermined coordinates as near to their start values as the cost allows.
-
-    A search goes on as long as the cost decreases, for example to a stiffness of 1e14 N/m for a rigid contact, where
-    other parameters have no effect and any value. The nearest value that fits as well is one that an axis can have.
-    """
+    """Return the solution with undetermined coordinates as near to their start values as the cost allows."""
+    # A search goes on as long as the cost decreases, for example to a stiffness of 1e14 N/m for a rigid contact, where
+    # other parameters have no effect and any value. The nearest value that fits as well is one that an axis can have.
     x, limit, flat = np.array(found.x), (1.0 + SAME) * found.cost, unseen(found.J)
 
     def fits(i: int, share: float) -> bool:
@@ -186,13 +182,12 @@ def _one(
 
 
 def covariance(found: SearchResult, lengths: Sequence[int]) -> tuple[Array, bool]:
-    """Return the covariance of the coordinates, and whether it is the robust estimate.
-
-    The covariance is s^2 (J'J)^-1 for white residuals and the loss "linear"; otherwise B^-1 S B^-1. For a robust loss
-    rho (P. Huber, "Robust estimation of a location parameter", Annals of Mathematical Statistics 35, 1964), the scores
-    are rho'(z) r J and B = J' (rho' + 2 z rho'') J with z = (r/scale)^2, in which single terms may be negative. For S,
-    see `coloured_covariance`. Directions that the residuals do not depend on have zero variance in the result.
-    """
+    """Return the covariance of the coordinates, and whether it is the robust estimate."""
+    # The covariance is s^2 (J'J)^-1 for white residuals and the loss "linear"; otherwise B^-1 S B^-1. For a robust loss
+    # rho (P. Huber, "Robust estimation of a location parameter", Annals of Mathematical Statistics 35, 1964), the
+    # scores are rho'(z) r J and B = J' (rho' + 2 z rho'') J with z = (r/scale)^2, in which single terms may be
+    # negative. For S, see `coloured_covariance`. Directions that the residuals do not depend on have zero variance in
+    # the result.
     J, residual = found.J, found.residual
     ends = np.cumsum(lengths)[:-1]
     lag = max(correlation_length(segment) for segment in np.split(residual, ends))

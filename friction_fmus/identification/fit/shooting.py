@@ -6,8 +6,6 @@ of optimal control problems", 9th IFAC World Congress, 1984). The conditions tha
 linearised and eliminated (condensing); at the solution they hold, and the arcs are one simulation.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
@@ -85,11 +83,9 @@ class _Linear:
 def shoot(
     simulate: Simulate, arcs: Sequence[Arc], states: Array, prior: Prior, independent: float, steps: Array
 ) -> ShootingResult:
-    """Fit parameters and the states at the beginning of each arc to measured positions.
-
-    Gauss-Newton iterations minimise N r'r / (n s^2) plus the squared distances from the prior in standard deviations,
-    for n samples of the error r, N of them independent, and its rms value s in the iteration before.
-    """
+    """Fit parameters and the states at the beginning of each arc to measured positions."""
+    # Gauss-Newton iterations minimise N r'r / (n s^2) plus the squared distances from the prior in standard deviations,
+    # for n samples of the error r, N of them independent, and its rms value s in the iteration before.
     x, p, converged = np.array(prior.mean), len(prior.mean), False
     run, linear = _linearise(simulate, arcs, x, states, prior, steps)
     for _ in range(ITERATIONS):

@@ -1,7 +1,5 @@
 """Identification of blocks with elastic, perfectly plastic elements: start values from a grid, then a search."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
