@@ -186,8 +186,8 @@ def bias_findings(best: IdentifiedModel, record: Record) -> tuple[StudyFinding, 
     masses = f"a rigid {units.words.mass}" if best.load is None else f"a {units.words.mass} in two parts"
     what = (
         f"The model is biased: the simulated axis follows the recorded position to {shown(error, units.position)} rms "
-        f"only, and the position has a noise of {shown(noise, units.position)}. {best.row.name} friction and {masses} lack a "
-        "part of this axis, so that the true parameters may lie outside of the intervals."
+        f"only, and the position has a noise of {shown(noise, units.position)}. {best.row.name} friction and {masses} "
+        "lack a part of this axis, so that the true parameters may lie outside of the intervals."
     )
     change = "Look at the residual over time, speed and position for what is missing."
     return (StudyFinding("model-biased", what, change),)
