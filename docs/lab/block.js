@@ -57,6 +57,8 @@
     };
   }
 
+  const limitsOf = ({ zero, min, ...about }) => live.limits({ ...about, min: zero ? 0 : min });
+
   /* Return sentences about the sliders: with what they begin, and which there are none of. */
   function notes(about, run, shown) {
     const begin = shown.filter(({ name }) => name in about.begin);
@@ -101,7 +103,7 @@
     });
     const count = Math.min(NUMBERS, ordered.filter((each) => !live.isRare(each)).length);
     const more = rows.slice(count);
-    const motion = motions.map((each) => live.slider({ ...each, start: setup[each.name] }, (key, value) => {
+    const motion = motions.map((each) => live.slider({ ...each, start: setup[each.name], accepts: limitsOf(each) }, (key, value) => {
       setup[key] = value;
       redraw();
     }).element);

@@ -51,7 +51,8 @@
       const factor = factorOf(unit, key);
       if (!isFinite(factor)) fail('The unit "' + unit + '" of ' + key + " is unknown: use a multiple of " + BASES[key][0].replace("n", "N") + ".");
       found[key] = Float64Array.from(lines.slice(1), (line, i) => {
-        const cell = (line.split(separator)[place] ?? "").trim();
+        const cells = line.split(separator), cell = (cells[place] ?? "").trim();
+        if (cells.slice(heads.length).some((each) => each.trim())) fail("Row " + (i + 2) + " has " + cells.length + " cells, but the heading names " + heads.length + ": separate columns by semicolons if numbers have decimal commas.");
         const value = Number(separator === ";" ? cell.replace(",", ".") : cell);
         if (cell === "" || !isFinite(value)) fail("Row " + (i + 2) + ' has "' + cell.slice(0, 20) + '" in the column of ' + key + ": give a number.");
         return value * factor;

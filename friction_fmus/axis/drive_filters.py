@@ -1,12 +1,14 @@
 """Filters of a servo drive in sampled time: low-pass filter of the velocity and notch filter of the force command."""
 
 from dataclasses import dataclass
-from math import atan, exp, pi, sqrt, tan
+from math import atan, exp, pi, sqrt
 from typing import Final, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import lfilter, lfilter_zi
+
+from friction_fmus.conditions.chain import second_order
 
 Array: TypeAlias = NDArray[np.float64]
 
@@ -64,11 +66,7 @@ def coefficients(own: LowPass | Notch | CurrentLoop, Ts: float) -> tuple[Array, 
     if isinstance(own, LowPass) and own.order == 1:
         keep = exp(-Ts / own.tau)
         return np.array([1.0 - keep, 0.0]), np.array([1.0, -keep])
-    f, zeta, low, band, high = own.parameters.values()
-    q = 1.0 / tan(pi * f * Ts)
-    d, high = 2.0 * zeta * q, high * q * q
-    a = np.array([q * q + d + 1.0, 2.0 * (1.0 - q * q), q * q - d + 1.0])
-    return np.array([high + band * d + low, 2.0 * (low - high), high - band * d + low]) / a[0], a / a[0]
+    return second_order(**own.parameters, Ts=Ts)
 
 
 def filtered(own: LowPass | Notch | CurrentLoop | None, values: Array, Ts: float) -> Array:

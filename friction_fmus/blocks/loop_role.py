@@ -1,4 +1,4 @@
-"""The role of a block in a control loop, for the doctor: plant, sensor, drive or law."""
+"""The role of a block in a control loop, for the doctor: plant, sensor, filter, drive or law."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -101,6 +101,7 @@ class InLoop:
     drive: Actuator | None = None
     cogging: Cogging | None = None
     law: Loop | None = None
+    biquad: tuple[str, ...] | None = None  # for a sampled filter of second order: f, zeta, low, band, high
     """The role."""
 
     @property
@@ -112,7 +113,7 @@ class InLoop:
 _KINDS = (
     *("FORCES", "FRICTION", "MASS", "DAMPER", "SPRING", "FLEXIBLE", "BELT", "SUPPORT"),
     *("SENSOR", "QUANTUM", "VELOCITY", "DRIVE", "LAG", "DELAY", "COGGING"),
-    *("LAW", "INERTIA", "FILTER", "RULES"),
+    *("LAW", "INERTIA", "FILTER", "RULES", "BIQUAD"),
 )
 
 
@@ -129,14 +130,14 @@ def in_loop(code: str) -> InLoop:
             return InLoop(drive=Actuator(*rows["DRIVE"], *rows.get("LAG", ("0",)), *rows.get("DELAY", ("0",))))
         if "COGGING" in rows:
             return InLoop(cogging=Cogging(*rows["COGGING"]))
+        if "BIQUAD" in rows:
+            return InLoop(biquad=rows["BIQUAD"])
         if "LAW" in rows:
             return InLoop(law=_law(rows, friction))
     except (TypeError, ValueError) as error:
         raise FrictionError(f"IN_LOOP has a row with too few or too many arguments: {rows}") from error
     if rows:
-        raise FrictionError(
-            "IN_LOOP has no row MASS, SENSOR, DRIVE, COGGING or LAW, which states the role of the block; add one"
-        )
+        raise FrictionError("IN_LOOP has no row MASS, SENSOR, DRIVE, COGGING, BIQUAD or LAW; add the role of the block")
     return InLoop(friction)
 
 
@@ -152,10 +153,5 @@ def _plant(rows: Rows) -> Plant:
 
 def _law(rows: Rows, friction: Friction | None) -> Loop:
     (inertia,), (linear,) = (rows.get(key, ("",)) for key in ("INERTIA", "FILTER"))
-    return Loop(
-        friction=friction,
-        inertia=inertia,
-        filter=linear,
-        estimates="estimates" in rows["LAW"],
-        rules=rows.get("RULES", ()),
-    )
+    estimates, rules = "estimates" in rows["LAW"], rows.get("RULES", ())
+    return Loop(friction=friction, inertia=inertia, filter=linear, estimates=estimates, rules=rules)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from functools import cache
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Final, Literal
 
 from rich.console import Console, ConsoleOptions, RenderableType
 from rich.segment import Segment
@@ -45,16 +45,23 @@ def styled(*parts: str | tuple[str, str]) -> Text:
 console = literal_console()
 
 
+LONGEST_WORD: Final = 24  # characters of a word that is not divided to fit the terminal
+
+
 def drawn(listing: Listing, *, title: bool = True, headings: bool = True, padding: tuple[int, ...] = (0, 1)) -> Table:
-    """Return a table for the terminal, in which numbers do not wrap."""
+    """Return a table for the terminal, in which numbers and words do not wrap."""
     caption = listing.caption if title else None
     table = Table(title=caption, title_justify="left", show_header=headings, box=None, pad_edge=False)
     table.padding = padding  # type: ignore[assignment]
+    cells_of_rows = list(listing.cells)
     for place, heading in enumerate(listing.headings):
         number = heading.startswith(" ")
-        kept = number or place == 0  # names are copied, and grep finds them
-        table.add_column(heading.strip(), justify="right" if number else "left", no_wrap=kept, overflow="fold")
-    for cells in listing.cells:
+        texts = [cells[place] for cells in cells_of_rows]
+        kept = number or not any(" " in text for text in texts)  # names are copied, and grep finds them
+        least = min(max((len(word) for text in texts for word in text.split()), default=0), LONGEST_WORD)
+        justify: Literal["right", "left"] = "right" if number else "left"
+        table.add_column(heading.strip(), justify=justify, no_wrap=kept, overflow="fold", min_width=least)
+    for cells in cells_of_rows:
         table.add_row(*cells)
     return table
 

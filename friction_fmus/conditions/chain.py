@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
+from functools import reduce
 from typing import TypeAlias
 
 import numpy as np
@@ -62,6 +63,7 @@ class DrivenPlant:
 
 
 Filter: TypeAlias = tuple[NDArray[np.float64], NDArray[np.float64]]
+Biquad: TypeAlias = tuple[float, float, float, float, float]  # f, zeta, low, band and high of SecondOrderFilter
 
 
 @dataclass(frozen=True)
@@ -76,9 +78,9 @@ class PathDynamics:
         The measured velocity is (x[k] - x[k-window])/(window Ts); with 0 the plant's velocity is measured.
     smoothing : float
         Time constant of a low-pass filter behind that difference [s].
-    lowpass, notch : (array, array)
-        Numerators and denominators in powers of 1/z of another filter there, instead of `smoothing`, and of one of the
-        total force; both of the same length, the first denominator is 1.
+    lowpass, notch, position : (array, array)
+        Numerators and denominators in powers of 1/z of further filters of the velocity, of the total force, and of the
+        position that the laws receive; both of the same length, the first denominator is 1.
     """
 
     tau: float = 0.0
@@ -87,9 +89,27 @@ class PathDynamics:
     smoothing: float = 0.0
     lowpass: Filter | None = None
     notch: Filter | None = None
+    position: Filter | None = None
 
 
+NO_FILTER: Filter = (np.ones(1), np.ones(1))
 DIRECT = PathDynamics()  # actuator without lag or delay, and an exact velocity measurement
+
+
+def second_order(f: float, zeta: float, low: float, band: float, high: float, Ts: float) -> Filter:
+    """Return the filter of a block SecondOrderFilter with these parameters."""
+    if not 0.0 < f * Ts < 0.5:
+        return NO_FILTER
+    q = 1.0 / math.tan(math.pi * f * Ts)
+    d, high = 2.0 * zeta * q, high * q * q
+    a = np.array([q * q + d + 1.0, 2.0 * (1.0 - q * q), q * q - d + 1.0])
+    return np.array([high + band * d + low, 2.0 * (low - high), high - band * d + low]) / a[0], a / a[0]
+
+
+def in_series(filters: Iterable[Filter]) -> Filter:
+    """Return filters in series as one."""
+    b, a = zip(*filters, strict=True)
+    return reduce(np.convolve, b), reduce(np.convolve, a)
 
 
 def one_mass(m: float, damping: float = 0.0, stiffness: float = 0.0) -> DrivenPlant:
@@ -204,32 +224,32 @@ def chain(plant: DrivenPlant, laws: Sequence[SampledLaw], Ts: float, path: PathD
     -------
     array, shape (n, n)
         States of the plant, the actuator lag, the forces of past samples, the positions of past samples, the filters of
-        velocity and force, the last force before its filter and the laws, in this order.
+        velocity, force and position, the last force before its filter and the laws, in this order.
     """
     A, b, read = _with_lag(plant, path.tau)
     n = len(b)
     whole = math.floor(path.delay / Ts + 1e-9)
     part = max(path.delay - whole * Ts, 0.0)
     early, late = held(A, b, part), held(A, b, Ts - part)
-    none = np.ones(1), np.ones(1)
-    lowpass, notch = _velocity_filter(path, Ts) if path.window else none, path.notch or none
-    sizes = (n, whole + 1, path.window, len(lowpass[1]) - 1, len(notch[1]) - 1, 1, *(len(law.C) for law in laws))
-    ends = np.cumsum(sizes)
+    filters = lowpass, notch, position = _velocity_filter(path, Ts), path.notch or NO_FILTER, path.position or NO_FILTER
+    orders = (len(own[1]) - 1 for own in filters)
+    ends = np.cumsum((n, whole + 1, path.window, *orders, 1, *(len(law.C) for law in laws)))
 
     # the states after a step, as combinations of the states before, which are the columns
-    motion, forces, positions, slow, notched, last, *memories = np.split(np.eye(ends[-1]), ends[:-1])
+    motion, forces, positions, slow, notched, smooth, last, *memories = np.split(np.eye(ends[-1]), ends[:-1])
     x, v = read @ motion
     if path.window:
-        v, slow = _filter_step(lowpass, slow, (x - positions[-1]) / (path.window * Ts))
-    y = np.array([x, v, last[0]])
+        v = (x - positions[-1]) / (path.window * Ts)
+    v, slow = _filter_step(lowpass, slow, v)
+    seen, smooth = _filter_step(position, smooth, x)
+    y = np.array([seen, v, last[0]])
     u = sum((law.C @ own + law.D @ y for law, own in zip(laws, memories, strict=True)), np.zeros(ends[-1]))
     force, notched = _filter_step(notch, notched, u)
     sent = np.vstack([force, forces])  # now, one sample ago, ...
     moved = late[0] @ (early[0] @ motion + np.outer(early[1], sent[whole + 1])) + np.outer(late[1], sent[whole])
     after = [law.A @ own + law.B @ y for law, own in zip(laws, memories, strict=True)]
     kept = np.vstack([x, positions])[: path.window]
-    matrix: Matrix = np.vstack([moved, sent[:-1], kept, slow, notched, u, *after])
-    return matrix
+    return np.vstack([moved, sent[:-1], kept, slow, notched, smooth, u, *after])
 
 
 def _filter_step(own: Filter, state: Matrix, u: Matrix) -> tuple[Matrix, Matrix]:
@@ -240,8 +260,9 @@ def _filter_step(own: Filter, state: Matrix, u: Matrix) -> tuple[Matrix, Matrix]
 
 
 def _velocity_filter(path: PathDynamics, Ts: float) -> Filter:
-    keep = math.exp(-Ts / path.smoothing) if path.smoothing > 0.0 else 0.0
-    return path.lowpass or (np.array([1.0 - keep, 0.0]), np.array([1.0, -keep]))
+    keep = math.exp(-Ts / path.smoothing) if path.window and path.smoothing > 0.0 else 0.0
+    smoothing = (np.array([1.0 - keep, 0.0]), np.array([1.0, -keep])) if keep else NO_FILTER
+    return in_series([path.lowpass or NO_FILTER, smoothing])
 
 
 def _with_lag(plant: DrivenPlant, tau: float) -> tuple[Matrix, Matrix, Matrix]:
@@ -297,8 +318,8 @@ def loop_poles(
     faster, shorter = "", ""
     if not ok:
         hint = hint or _lower(plant, laws(Ts), Ts, path)
-        dead = path.delay > 0.0 or path.tau > 0.0
-        longest = 0.0 if dead else longest_sample(lambda time: is_stable(loop(time)), Ts, 6, 1e-3)
+        dead, fixed = max(path.delay, path.tau) > 0.0, path.lowpass or path.notch or path.position  # filters of this Ts
+        longest = 0.0 if dead or fixed else longest_sample(lambda time: is_stable(loop(time)), Ts, 6, 1e-3)
         faster = f", or sample faster than every {longest:.4g} s" if longest else ""
         shorter = _shorter(plant, laws(Ts), Ts, path) if dead else ""
     return Condition(
@@ -330,11 +351,11 @@ def _edge(stable: Callable[[float], bool]) -> float:
 
 def _lower(plant: DrivenPlant, laws: Sequence[SampledLaw], Ts: float, path: PathDynamics) -> str:
     """Return the advice to lower all gains by one factor, if that makes the loop stable."""
-    share = _edge(
-        lambda share: is_stable(
-            chain(plant, [SampledLaw(law.A, law.B, share * law.C, share * law.D) for law in laws], Ts, path)
-        )
-    )
+
+    def stable(share: float) -> bool:
+        return is_stable(chain(plant, [replace(law, C=share * law.C, D=share * law.D) for law in laws], Ts, path))
+
+    share = _edge(stable)
     if share:
         return f"scale all gains down together, below {share:.3g} of their present values"
     return "change the gains: no common factor makes the loop stable"
@@ -410,20 +431,18 @@ def open_loop(plant: DrivenPlant, laws: Sequence[SampledLaw], Ts: float, path: P
     step, push = held(A, b, Ts)
     x, v = _response(step, push[:, None], read, np.zeros((2, 1)), z)[:, :, 0].T
     if path.window:
-        v = x * (1.0 - z**-path.window) / (path.window * Ts) * _gain(_velocity_filter(path, Ts), z)
-    force = z ** -round(path.delay / Ts) * (1.0 if path.notch is None else _gain(path.notch, z))
+        v = x * (1.0 - z**-path.window) / (path.window * Ts)
+    v, x = v * _gain(_velocity_filter(path, Ts), z), x * _gain(path.position or NO_FILTER, z)
+    force = z ** -round(path.delay / Ts) * _gain(path.notch or NO_FILTER, z)
     K = np.zeros((len(z), 3), dtype=complex)
     for law in laws:
         K += _response(law.A, law.B, law.C[None, :], law.D[None, :], z)[:, 0, :]
-    found: Response = -(K[:, 0] * x + K[:, 1] * v) / (1.0 - K[:, 2] / z) * force
-    return found
+    return np.asarray(-(K[:, 0] * x + K[:, 1] * v) / (1.0 - K[:, 2] / z) * force)
 
 
 def _gain(own: Filter, z: Response) -> Response:
     """Return the complex gain of a filter at each z."""
-    b, a = own
-    found: Response = np.polyval(b[::-1], 1.0 / z) / np.polyval(a[::-1], 1.0 / z)
-    return found
+    return np.asarray(np.polyval(own[0][::-1], 1.0 / z) / np.polyval(own[1][::-1], 1.0 / z))
 
 
 def _response(A: Matrix, B: Matrix, C: Matrix, D: Matrix, z: Response) -> Response:

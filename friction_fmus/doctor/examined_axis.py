@@ -10,6 +10,7 @@ from typing import TypeAlias
 from friction_fmus.blocks.axis_units import SLIDING, Words
 from friction_fmus.blocks.contact import AxisFriction, Level
 from friction_fmus.conditions import Condition, DrivenPlant, PathDynamics, SampledLaw, one_mass, two_masses
+from friction_fmus.conditions.chain import Biquad, in_series, second_order
 
 Values: TypeAlias = Mapping[str, float]  # parameters and constant inputs of a part, by name, in SI units
 
@@ -64,13 +65,18 @@ class SignalPath:
     smoothing: float = 0.0  # time constant of a low-pass filter behind that difference [s]
     quantum: float = 0.0  # resolution of the measured position [m]
     sensor: str = ""  # name of the sensor part; empty if the plant's outputs are used directly
+    lowpass: tuple[Biquad, ...] = ()
+    notch: tuple[Biquad, ...] = ()
+    position: tuple[Biquad, ...] = ()
+    """Filters of velocity, force and position."""
     at_load: tuple[bool, bool] = (False, False)
     """Whether position and velocity are measured at the load of a flexible drive."""
 
-    @property
-    def dynamics(self) -> PathDynamics:
-        """Lag, delay and velocity measurement, for the poles of the loop."""
-        return PathDynamics(self.tau, self.delay, self.window, self.smoothing)
+    def dynamics(self, Ts: float) -> PathDynamics:
+        """Return lag, delay, velocity measurement and filters, for the poles of the loop."""
+        found = [[second_order(*each, Ts) for each in own] for own in (self.lowpass, self.notch, self.position)]
+        filters = (in_series(own) if own else None for own in found)
+        return PathDynamics(self.tau, self.delay, self.window, self.smoothing, *filters)
 
 
 @dataclass(frozen=True)

@@ -12,6 +12,7 @@ from friction_fmus.blocks.catalogue import catalogue
 from friction_fmus.blocks.contact import AxisFriction
 from friction_fmus.blocks.loop_role import InLoop, Plant
 from friction_fmus.conditions import cogging_slope
+from friction_fmus.conditions.chain import Biquad
 from friction_fmus.doctor.examined_axis import ActiveLaw, Axis, LoopFinding, Shaper, SignalPath, Values
 from friction_fmus.doctor.roles import known_blocks, law_of
 from harness import Experiment, FmuPart, Part, System, Wire
@@ -113,11 +114,9 @@ def _limits(part: Part) -> Mapping[str, tuple[float, float]]:
 def gain_of(system: System, wire: Wire) -> float:
     """Return the ratio of the value at the target to the value at the source, including unit conversion."""
     (source, output), (target, port) = wire.ends
-    ends = (
-        next(p for p in system.parts[source].outputs if p.name == output),
-        next(p for p in system.parts[target].inputs if p.name == port),
-    )
-    return wire_map(wire, *ends)[0]
+    given = next(p for p in system.parts[source].outputs if p.name == output)
+    taken = next(p for p in system.parts[target].inputs if p.name == port)
+    return wire_map(wire, given, taken)[0]
 
 
 class KnownPart(NamedTuple):
@@ -244,6 +243,9 @@ def _laws(among: Searched, plant: str, names: Plant) -> Iterator[ActiveLaw]:
             low, high, lag, delay = (float(evaluate(text, values)) for text in astuple(block.drive))
             path = _limited(path, to_force, low, high)
             path = replace(path, tau=path.tau + lag, delay=path.delay + delay)
+        elif block.biquad is not None:
+            low, own = _filter(block.biquad, values)
+            to_force, path = to_force * low, replace(path, notch=(*path.notch, own))
         inputs = [port.name for port in among.system.parts[part].inputs if law is None or port.name == "f"]
         waiting += [(among.drivers[part, port], to_force, path) for port in inputs if (part, port) in among.drivers]
 
@@ -256,31 +258,41 @@ def _limited(path: SignalPath, to_force: float, low: float, high: float) -> Sign
 
 def _measured(among: Searched, plant: str, part: str, path: SignalPath) -> tuple[float, float, SignalPath]:
     """Return the gains of the measured position and velocity of a law, and the path with the sensors in between."""
-    x, _, x_port = _traced(among, plant, (part, "x"), path)
-    v, path, v_port = _traced(among, plant, (part, "v"), path)
-    if not path.sensor:
-        path = _traced(among, plant, (part, "x"), path)[1]
+    x, of_x, x_port = _traced(among, plant, (part, "x"), path)
+    v, of_v, v_port = _traced(among, plant, (part, "v"), path)
+    path = replace(of_v if of_v.sensor else of_x, lowpass=of_v.lowpass, position=of_x.lowpass)
     return x, v, replace(path, at_load=(x_port.endswith("2"), v_port.endswith("2")))
+
+
+def _filter(names: Iterable[str], p: Values) -> tuple[float, Biquad]:
+    """Return the gain of a filter at frequency 0, and the filter without this gain unless it is 0."""
+    f, zeta, low, band, high = (p[name] for name in names)
+    f, gain = (f, low or 1.0) if 0.0 < f * p["Ts"] < 0.5 else (0.0, 1.0)
+    return gain, (f, zeta, low / gain, band / gain, high / gain)
 
 
 def _traced(among: Searched, plant: str, port: tuple[str, str], path: SignalPath) -> tuple[float, SignalPath, str]:
     """Return the gain from plant to input, the path with its sensors (unknown ones are exact), and the output."""
     gain, wire = 1.0, among.drivers.get(port)
-    while wire is not None:
+    while wire is not None and len(path.lowpass) <= len(among.parts):  # filters may be connected in a circle
         (source, output), _ = wire.ends
         gain *= gain_of(among.system, wire)
         if source == plant:
             return gain, path, output
-        sensor = among.parts[source].block.sensor
-        if sensor is None:
-            return 1.0, path, ""
-        p = among.values(source)
-        quantum = float(evaluate(sensor.quantum, p)) if sensor.quantum else 0.0
-        path = replace(path, sensor=path.sensor or source, quantum=max(path.quantum, quantum))
-        if output == sensor.velocity and not path.window:
-            window, smoothing = evaluate(sensor.window, p), evaluate(sensor.smoothing, p)
-            path = replace(path, window=int(window), smoothing=float(smoothing))
-        wire = among.drivers.get((source, "x"))
+        sensor, biquad = among.parts[source].block.sensor, among.parts[source].block.biquad
+        if biquad is not None:
+            low, own = _filter(biquad, among.values(source))
+            gain, path = gain * low, replace(path, lowpass=(*path.lowpass, own))
+        elif sensor is not None:
+            p = among.values(source)
+            quantum = float(evaluate(sensor.quantum, p)) if sensor.quantum else 0.0
+            path = replace(path, sensor=path.sensor or source, quantum=max(path.quantum, quantum))
+            if output == sensor.velocity and not path.window:
+                window, smoothing = evaluate(sensor.window, p), evaluate(sensor.smoothing, p)
+                path = replace(path, window=int(window), smoothing=float(smoothing))
+        else:
+            break
+        wire = among.drivers.get((source, "u" if biquad else "x"))
     return 1.0, path, ""
 
 
@@ -315,9 +327,8 @@ def _late(system: System, experiment: Experiment) -> Iterator[LoopFinding]:
         master = find_master(experiment.master)
         late = master.together or (place[source] > place[target] and (other.sampled or not master.implicit))
         Ts = values_of(system, one).get("Ts", one.every * experiment.step)
-        yield LoopFinding(
-            (source, target), conditions.output_delay(experiment.step if late else 0.0, Ts, source, target)
-        )
+        delay = experiment.step if late else 0.0
+        yield LoopFinding((source, target), conditions.output_delay(delay, Ts, source, target))
 
 
 def _contacts(system: System, experiment: Experiment, axis: Axis) -> Iterator[LoopFinding]:

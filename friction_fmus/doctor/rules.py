@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from friction_fmus import conditions
 from friction_fmus.blocks.arithmetic import evaluate
 from friction_fmus.blocks.contact import Level
-from friction_fmus.conditions import Condition, DrivenPlant, SampledLaw
-from friction_fmus.conditions.condition import Matrix, above, below, first_largest, remainder, spectral_radius
+from friction_fmus.conditions import Condition, SampledLaw
+from friction_fmus.conditions.condition import above, below, first_largest, remainder, spectral_radius
 from friction_fmus.doctor.examined_axis import ActiveLaw, Axis, Gains, LoopFinding, Values
 
 Array: TypeAlias = NDArray[np.float64]
@@ -203,6 +203,8 @@ def falling(axis: Axis, servo: ActiveLaw, level: Level) -> Iterator[Condition]:
     mass = axis.m if axis.flexible is None else axis.flexible[int(axis.at_load)]
     speeds = level.vs * np.geomspace(0.05, 5.0, 31)
     g = level.at(speeds)
+    law, Ts = _together(laws), servo.values["Ts"]
+    path = servo.path.dynamics(Ts)
     found = []
     for v, here, slope in zip(speeds, g, np.gradient(g, speeds), strict=True):
         if axis.contact.stiffness:
@@ -212,13 +214,10 @@ def falling(axis: Axis, servo: ActiveLaw, level: Level) -> Iterator[Condition]:
             A = driven.A.copy()
             A[at, at] -= slope / mass
             plant = replace(driven, A=A)
-        found.append((spectral_radius(_chained(plant, laws)), float(v), float(slope), plant))
+        found.append((spectral_radius(conditions.chain(plant, law(Ts), Ts, path)), float(v), float(slope), plant))
     _, v, slope, plant = found[first_largest([radius for radius, *_ in found])]
     yield conditions.loop_poles(
-        plant,
-        _together(laws),
-        servo.values["Ts"],
-        servo.path.dynamics,
+        *(plant, law, Ts, path),
         name="stick-slip",
         where=f"at {v:.4g} {axis.words.m_s}, where friction falls by {-slope:.4g} {axis.words.Ns_m},",
         why="friction falls with speed faster than the loop's damping can make up for: slow motion is unstable "
@@ -233,11 +232,6 @@ def _resonance(m1: float, m2: float, k: float, d: float) -> str:
         f"motor and load resonate at {frequency:.4g} Hz, and with its delays and sensor location the loop excites "
         "this resonance: the oscillation grows"
     )
-
-
-def _chained(plant: DrivenPlant, laws: tuple[ActiveLaw, ...]) -> Matrix:
-    Ts = laws[0].values["Ts"]
-    return conditions.chain(plant, _together(laws)(Ts), Ts, laws[0].path.dynamics)
 
 
 def _poles(
@@ -257,10 +251,8 @@ def _poles(
         texts = {"why": _resonance(*axis.flexible)}
     elif stiffness:
         texts = {"name": "presliding loop", "why": _BUZZ}
-    driven = axis.driven(damping, stiffness, servo.path.at_load)
-    return conditions.loop_poles(
-        driven, _together(laws, times), servo.values["Ts"], servo.path.dynamics, where=where, **texts
-    )
+    driven, Ts = axis.driven(damping, stiffness, servo.path.at_load), servo.values["Ts"]
+    return conditions.loop_poles(driven, _together(laws, times), Ts, servo.path.dynamics(Ts), where=where, **texts)
 
 
 def _together(laws: tuple[ActiveLaw, ...], times: float = 1.0) -> Callable[[float], Sequence[SampledLaw]]:
@@ -276,8 +268,7 @@ def _together(laws: tuple[ActiveLaw, ...], times: float = 1.0) -> Callable[[floa
 
 def direct_gains(axis: Axis, servo: ActiveLaw) -> tuple[float, float]:
     """Return the immediate response of the force to a step of measured position and velocity [N/m, N.s/m]."""
-    laws = _with_estimators(axis, servo)
-    found = _together(laws)(servo.values["Ts"])
+    found = _together(_with_estimators(axis, servo))(servo.values["Ts"])
     return float(sum(law.D[0] for law in found)), float(sum(law.D[1] for law in found))
 
 
@@ -344,10 +335,11 @@ def _stick_slip(axis: Axis, servo: ActiveLaw, gains: Gains, left: list[Level]) -
     falling_curves = [at for at in left if at.vs and above(at.Fs, at.Fc)]
     if not falling_curves:
         return
-    composed = axis.flexible or servo.path.tau or servo.path.delay or estimating(axis, servo)
+    path = servo.path
+    dynamic = (axis.flexible, path.tau, path.delay, path.lowpass, path.notch, path.position, estimating(axis, servo))
     worst = max(falling_curves, key=lambda at: conditions.steepest_fall(at.Fc, at.Fs, at.vs or 0.0, at.delta))
     fall = conditions.steepest_fall(worst.Fc, worst.Fs, worst.vs or 0.0, worst.delta)
-    if composed and servo.law.linear is not None and math.isfinite(fall):
+    if any(dynamic) and servo.law.linear is not None and math.isfinite(fall):
         yield from falling(axis, servo, worst)
         return
     taken = axis.m * gains.Ki / gains.Kp if gains.Kp > 0.0 and gains.Ki > 0.0 else 0.0
@@ -370,7 +362,9 @@ def _around(axis: Axis, servo: ActiveLaw, gains: Gains) -> Iterator[LoopFinding]
         yield LoopFinding(parts, min(sides, key=lambda side: side.value - side.bound))
     if axis.contact is not None and path.quantum > 0.0 and servo.law.linear is not None:
         Kp, Kd = direct_gains(axis, servo)
-        window = path.window * servo.values["Ts"] + path.smoothing if path.window else math.inf
+        # the impulse response of a low-pass filter is nowhere above the inverse of its delay at frequency 0
+        slow = sum(zeta / (math.pi * f) for f, zeta, _, band, high in path.lowpass if f and band == high == 0.0)
+        window = path.window * servo.values["Ts"] + path.smoothing + slow if path.window else math.inf
         held = min(at.Fs for at in axis.contact.levels)
         yield LoopFinding((path.sensor, *parts), conditions.encoder_count(path.quantum, Kp, Kd, held, window))
     if axis.cogging is not None:

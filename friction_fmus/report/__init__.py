@@ -83,6 +83,7 @@ def report_html(study: StudyResult, panel: WhatIf | str = "") -> str:
         sections=[
             {"name": name, "title": section.title, "folded": section.folded, "body": body(name, section)}
             for name, section in SECTIONS.items()
+            if study.compensators or not section.compares
         ],
     )
 

@@ -387,12 +387,13 @@ class Section:
     values: Callable[[StudyResult], Mapping[str, Any]] = lambda study: {}
     """What the template needs in addition to ``study``."""
     folded: bool = False  # whether the reader opens the section
+    compares: bool = False  # whether it is left out of a study that compared no compensators
 
 
 SECTIONS: Final[Mapping[str, Section]] = {
     "result": Section("Result", _result),
-    "what_if": Section("What if the axis changes"),
-    "families": Section("Best compensator of each family", _families),
+    "what_if": Section("What if the axis changes", compares=True),
+    "families": Section("Best compensator of each family", _families, compares=True),
     "plant": Section("The axis, and the band in which the log supports it", _plant),
     "record": Section("Log", lambda study: {"record_plots": record_plots(study, True)}),
     "compensators": Section(
@@ -404,6 +405,7 @@ SECTIONS: Final[Mapping[str, Section]] = {
             "not_compared": not_compared(study),
         },
         folded=True,
+        compares=True,
     ),
     "servo": Section("Do the configured gains match the log?", _servo, folded=True),
     "models": Section(
@@ -423,7 +425,7 @@ SECTIONS: Final[Mapping[str, Section]] = {
         },
         folded=True,
     ),
-    "doctor": Section("Conditions of the loop", folded=True),
+    "doctor": Section("Conditions of the loop", folded=True, compares=True),
     "files": Section("Files", folded=True),
     "again": Section("Reproduction", folded=True),
     "sources": Section("Citations", lambda study: {"sources": sources(study)}, folded=True),

@@ -183,12 +183,11 @@ def bias_findings(best: IdentifiedModel, record: Record) -> tuple[StudyFinding, 
     tracking = 0.0 if record.reference is None else rms(record.reference - record.column("q"))
     if error <= max(BIASED * noise, SEARCHED * tracking):
         return ()
-    own = units.words.mass
-    axis = f"a rigid {own}" if best.load is None else f"a {own} in two parts"
+    masses = f"a rigid {units.words.mass}" if best.load is None else f"a {units.words.mass} in two parts"
     what = (
         f"The model is biased: the simulated axis follows the recorded position to {shown(error, units.position)} rms "
-        f"only, and the position has a noise of {shown(noise, units.position)}. {best.row.name} friction and "
-        f"{axis} lack a part of this axis, so that the true parameters may lie outside of the intervals."
+        f"only, and the position has a noise of {shown(noise, units.position)}. {best.row.name} friction and {masses} "
+        "lack a part of this axis, so that the true parameters may lie outside of the intervals."
     )
     change = "Look at the residual over time, speed and position for what is missing."
     return (StudyFinding("model-biased", what, change),)

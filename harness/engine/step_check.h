@@ -314,8 +314,8 @@ static int check(Engine *e, Newton *newton, int64_t number, const Span *s, int64
     keep(e, newton, g, number, true);
     newton->before[number] = before;
     newton->guards[number].checks++;
-    if (failed_halves) {
-        newton->guards[number].apart = newton->moving[newton->guards[number].line].scale;
+    if (failed_halves) { /* as where a contact breaks away: the error is over with the span */
+        newton->guards[number].apart = (s->to - s->from) * newton->moving[newton->guards[number].line].scale;
         newton->guards[number].distance_error = 0.0;
     }
     status = evaluate(e, newton, g, s, true, &norm);

@@ -64,12 +64,12 @@ def test_output_derivatives_in_time(smooth: tuple[System, Library], name: str) -
 
 @pytest.fixture(scope="module")
 def sums(tmp_path_factory: pytest.TempPathFactory) -> Library:
-    """a and b read each other at once; d reads c two steps later."""
-    parts = [FmuPart(name, fmu("Sum")) for name in "abcd"]
+    """a and b read each other at once; d reads c two steps later; sampled stands alone."""
+    parts = [*(FmuPart(name, fmu("Sum")) for name in "abcd"), FmuPart("sampled", fmu("SampledSum"))]
     wires = [Wire("a.y", "b.u1", gain=0.5), Wire("b.y", "a.u2", gain=0.4), Wire("c.y", "d.u1", gain=0.5, delay=2)]
     connected = {wire.target for wire in wires}
     start = {f"{part.name}.{port.name}": 0.0 for part in parts for port in part.inputs}
-    start = {name: value for name, value in start.items() if name not in connected}
+    start = {name: value for name, value in start.items() if name not in connected} | {"sampled.Ts": 1e-2}
     path = tmp_path_factory.mktemp("sums") / "sums.fmu"
     with System(parts, wires, start, Experiment(stop=1.0, step=1e-2)) as system:
         system.to_fmu(path)
@@ -101,6 +101,17 @@ def test_a_delayed_connection_passes_nothing_on(sums: Library) -> None:
             assert difference(run, "d.y", "c.u1", 0.0, 1e-3) == 0.0
             assert run.directional(["c.y", "d.y"], {"c.u1": 1.0, "d.u2": 3.0}) == pytest.approx([1.0, 3.0], rel=1e-7)
             assert run.directional(["d.y"], {"c.u1": 1.0}) == [0.0]
+
+
+def test_a_sampled_part_holds_its_outputs_after_the_start(sums: Library) -> None:
+    """y = u1 + u2 of the first sample follows its inputs; between samples it is held, so that its derivative is 0."""
+    with Instance(sums) as run:
+        run.setup()
+        run.must("EnterInitializationMode")
+        assert run.directional(["sampled.y"], {"sampled.u1": 2.0}) == pytest.approx([2.0], rel=1e-7)
+        run.must("ExitInitializationMode")
+        run.step(0.0, 1e-2)
+        assert run.directional(["sampled.y"], {"sampled.u1": 2.0}) == [0.0]
 
 
 def test_wrong_requests_are_errors(compose: Callable[[str], Path]) -> None:

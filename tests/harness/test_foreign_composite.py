@@ -142,3 +142,15 @@ def test_a_source_that_does_not_compile(foreign: Callable[..., Path], tmp_path: 
     system = System([part], experiment=Experiment(stop=0.1, step=0.01))
     with system, pytest.raises(BuildError, match=r"the FMU of 'a' cannot be .*foreign\.c, line \d+: .*unknown"):
         system.to_fmu(tmp_path / "Whole.fmu")
+
+
+def test_a_source_in_another_language(foreign: Callable[..., Path], tmp_path: Path) -> None:
+    path = with_sources(foreign("GAIN", states=True), tmp_path / "a.fmu")
+    with ZipFile(path) as archive:
+        members = {name: archive.read(name) for name in archive.namelist()}
+    with ZipFile(path, "w") as written:
+        for name, data in members.items():
+            written.writestr(name.replace("foreign.c", "foreign.cpp"), data.replace(b"foreign.c", b"foreign.cpp"))
+    system = System([FmuPart("a", path)], experiment=Experiment(stop=0.1, step=0.01))
+    with system, pytest.raises(BuildError, match=r"'a' has the source foreign\.cpp, which is not C"):
+        system.to_fmu(tmp_path / "Whole.fmu")

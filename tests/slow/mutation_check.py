@@ -358,10 +358,12 @@ class Finder:
         names = {"engine"} if file.startswith("harness") else set(self.libraries.get(Path(file).name, ()))
         folders = next((folders for start, folders in FOLDERS.items() if file.startswith(start)), ())
         folders = tuple(f"tests/{folder}" for folder in folders)
-        users = [
-            test for test, measured in self.files.items() if names & set(measured.opens) or test.startswith(folders)
-        ]
         stem = Path(file).stem.lower()
+        users = [
+            test
+            for test, measured in self.files.items()  # a library that an earlier file has opened is not opened again
+            if names & set(measured.opens) or test.startswith(folders) or stem in test.replace("_", "")
+        ]
 
         def cost(test: str) -> float:
             """Its time over how likely it fails, roughly."""

@@ -232,6 +232,7 @@ RECORDS = {
     "t,x\n0,1\n1,2\n2,3\n": "no column of friction",
     "t [s],x [inch],F [N]\n0,1,1\n1,1,1\n2,1,1\n": 'The unit "inch" of x is unknown',
     "t,v,F\n0,1,1\n1,a,1\n2,1,1\n": 'Row 3 has "a"',
+    "t,v,F\n0,5,1,1\n1,5,1,1\n2,5,1,1\n": "Row 2 has 4 cells, but the heading names 3",
     "t,v,F\n0,1,1\n2,1,1\n1,1,1\n": "does not increase from row 3 to row 4",
 }
 

@@ -318,3 +318,9 @@ def test_logarithmic_axes_have_ticks_at_1_2_and_5() -> None:
     many = ticks(-1.0, 3.0)
     assert [text for text in many["ticktext"] if text] == ["0.1", "1", "10", "100", "1000"]
     assert len(many["tickvals"]) == 15
+
+
+def test_a_study_without_a_comparison_says_why_once() -> None:
+    page = report_html(without_pieces()["no compensators"])
+    assert words(parsed(page)).count("The record has no servo.") == 1
+    assert "What if the axis changes" not in page

@@ -170,6 +170,9 @@ def _check(name: str, path: Path, members: list[str], listed: tuple[str, ...]) -
         )
     if any(member.startswith("resources/") for member in members):
         raise BuildError(f"'{name}' needs the resources of {path.name}, which a composite FMU does not contain")
+    other = next((file for file in listed if not file.endswith((".c", ".h"))), None)
+    if other is not None:
+        raise BuildError(f"'{name}' has the source {other}, which is not C: a composite FMU can contain C only")
     if not all(re.fullmatch(r"[\w./-]+", file) for file in listed):
         raise BuildError(f"'{name}' has a source file with an unusual name: rename it to letters, digits and _")
 

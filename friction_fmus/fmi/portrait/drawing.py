@@ -152,7 +152,8 @@ def chart(panel: Panel, title: str) -> bytes:
     """Return a panel with axes and units as SVG for the documentation."""
     with plain_style(**{"svg.fonttype": "none"}):  # keep texts as texts, for search and screen readers
         figure = Figure(figsize=(4.2, 3.0))
-        axes = figure.add_axes((0.16, 0.16, 0.8, 0.79))
+        named = any(curve.label for curve in panel.curves)
+        axes = figure.add_axes((0.16, 0.16, 0.8, 0.71 if named else 0.79))
         x_power, y_power = (_power(_range(columns)) for columns in _columns(panel))
         for curve in panel.curves:
             colour = ASIDE if curve.aside else COLOURS["friction"]
@@ -166,8 +167,8 @@ def chart(panel: Panel, title: str) -> bytes:
         axes.spines[["top", "right"]].set_visible(False)
         if panel.equal:
             axes.set_aspect("equal", adjustable="datalim")
-        if any(curve.label for curve in panel.curves):
-            axes.legend(frameon=False)
+        if named:
+            axes.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=2, frameon=False)
         return svg_of(figure, title)
 
 

@@ -4,6 +4,7 @@
 const TYPES = ["Real", "Integer", "Boolean"];
 const STATUS = ["ok", "warning", "discard", "error", "fatal"];
 const WARNING = 1;
+const MOST_ROWS = 2 ** 28; // of 2 GB a column: a module has 4 GB
 const typeOf = (variable) => (variable.type === "Enumeration" ? "Integer" : variable.type);
 
 export class FmuError extends Error {
@@ -110,12 +111,18 @@ export class Block {
     if (!(step > 0 && step < Infinity)) throw new RangeError(`the step is ${step} s: give a positive number of seconds`);
     this.#check();
     const rows = rowsOf(steps, inputs);
-    const time = Float64Array.from({ length: rows }, (_, k) => this.#time + k * step);
+    if (rows > MOST_ROWS) throw tooLong(rows);
+    const time = new Float64Array(rows).map((_, k) => this.#time + k * step);
     const driven = byType(Object.keys(inputs).map((name) => this.#input(name)));
     this.#asking = true;
     let columns;
     try {
       columns = driven.map((variable) => columnOf(variable, inputs[variable.name], time));
+      const other = columns.findIndex(({ length }) => length !== rows);
+      if (other >= 0) {
+        const { name } = driven[other], { length } = columns[other];
+        throw new RangeError(`the input ${name} has ${length} values: ${rows - 1} steps need ${rows}`);
+      }
     } finally {
       this.#asking = false;
     }
@@ -176,7 +183,10 @@ export class Block {
   #write(values) {
     for (const [name, given] of Object.entries(values)) {
       const found = this.model.find(name);
-      const each = this.model.variables.has(name) ? [given] : Array.from(given ?? []);
+      if (!this.model.variables.has(name) && typeof given?.[Symbol.iterator] !== "function") {
+        throw new TypeError(`${name} is ${shown(given)}: give an array`);
+      }
+      const each = this.model.variables.has(name) ? [given] : Array.from(given);
       if (each.length > found.length) throw new RangeError(`${name} has ${found.length} elements: ${each.length} are given`);
       each.forEach((value, k) => {
         const number = checked(found[k], value), type = typeOf(found[k]), place = this.#place(found[k]);
@@ -204,7 +214,7 @@ export class Block {
         if (done === rows) return new Float64Array(exports.memory.buffer, place + outputs, rows * shown.length).slice();
         if (refusal) throw refusal;
       }
-      throw new RangeError(`there is no memory for ${rows} rows: make several runs`);
+      throw tooLong(rows);
     } finally {
       exports.free(place);
     }
@@ -318,22 +328,24 @@ function rowsOf(steps, inputs) {
   if (!(Number.isInteger(rows) && rows > 0)) {
     throw new RangeError(`the number of steps is ${steps}: give a whole number, or an input as an array with a value more`);
   }
-  const other = lengths.find(([, given]) => given.length !== rows);
-  if (other) throw new RangeError(`the input ${other[0]} has ${other[1].length} values: ${rows - 1} steps need ${rows}`);
   return rows;
 }
 
 function columnOf(variable, given, time) {
   if (given instanceof Float64Array && typeOf(variable) === "Real") return given;
   if (typeof given === "function") return time.map((t) => checked(variable, given(t)));
-  if (typeof given !== "object") return time.fill.call(new Float64Array(time.length), checked(variable, given));
+  if (typeof given !== "object" || given === null) return time.fill.call(new Float64Array(time.length), checked(variable, given));
   return Float64Array.from(given, (value) => checked(variable, value));
 }
 
 function asNumber(what, seconds) {
   if (typeof seconds === "number") return;
-  throw new TypeError(`the ${what} is ${JSON.stringify(seconds) ?? typeof seconds}: give a number of seconds`);
+  throw new TypeError(`the ${what} is ${shown(seconds)}: give a number of seconds`);
 }
+
+const tooLong = (rows) => new RangeError(`there is no memory for ${rows} rows: make several runs`);
+
+const shown = (value) => (typeof value === "string" ? JSON.stringify(value) : String(value));
 
 // Return the number of a value that has the type of the variable; the module checks its limits.
 function checked(variable, value) {
@@ -342,7 +354,7 @@ function checked(variable, value) {
   if (type === "Integer" && value === (value | 0)) return value;
   if (type === "Boolean" && (typeof value === "boolean" || value === 0 || value === 1)) return Number(value);
   const wanted = { Real: "a number", Integer: "a whole number", Boolean: "true or false" }[type];
-  throw new TypeError(`${variable.name} is ${JSON.stringify(value) ?? typeof value}: give ${wanted}`);
+  throw new TypeError(`${variable.name} is ${shown(value)}: give ${wanted}`);
 }
 
 const listed = (names) => `known are ${names.slice(0, 12).join(", ") || "none"}${names.length > 12 ? ", ..." : ""}`;
