@@ -24,6 +24,7 @@ class FlexibleLoad:
     frequency: float  # antiresonance of the drive, sqrt(k / m2) [rad/s]
     damping: float  # damping ratio of the load on its spring
     friction: float  # part of the friction that acts on it
+    found: float = 0.0  # moved mass with which it was found [kg]; 0 if it was not found in a record
 
     def parameters(self, mass: float) -> dict[str, float]:
         """Return masses, stiffness and damping of `TwoMass`, of this mass together."""

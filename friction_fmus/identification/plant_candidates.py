@@ -490,7 +490,7 @@ def _of_second_mass(balance: ForceBalance, second: SecondMass) -> Iterator[tuple
     friction = g * load
     Fc = friction + max(balance.coefficients(np.hstack([balance.rigid(), second.columns]))[2], 0.0)
     behind = friction / Fc if Fc else 0.0
-    flexible = FlexibleLoad(load / (motor + load), w, D, behind)
+    flexible = FlexibleLoad(load / (motor + load), w, D, behind, motor + load)
     low, high = w / (2.0 * pi), flexible.resonance
     rubs = f", and friction of {friction:.3g} {u.N} behind it" if behind > 0.05 else ""
     what += (

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from typing import Final
 
@@ -370,12 +371,15 @@ def with_load(found: IdentifiedModel, load: FlexibleLoad, measured: Measured) ->
     """Return a model with a part of its mass behind a spring, if the servo then follows the record better."""
     if found.values.get("Fv") and "Fv" not in contact_model(found.block, ROTARY).parameters:
         return found  # two masses have no friction beside the blocks
-    try:
-        flexible = in_closed_loop(replace(found, load=load), measured)
-    except FrictionError:
-        return found
-    assert found.error is not None
-    return flexible if flexible.error is not None and flexible.error < found.error else found
+    best = found
+    for mass in dict.fromkeys((found.mass, load.found or found.mass)):  # the latter is better where the load swings
+        parameters = tuple(replace(p, value=mass) if p.name == "M" else p for p in found.row.parameters)
+        flexible = replace(found, row=replace(found.row, parameters=parameters), mass=mass, load=load)
+        with suppress(FrictionError):
+            flexible = in_closed_loop(flexible, measured)
+            if flexible.error is not None and (best.error is None or flexible.error < best.error):
+                best = flexible
+    return best
 
 
 def refine(
@@ -393,7 +397,7 @@ def refine(
     """
     if load is not None:
         found = with_load(found, load, measured)
-    if not unfitted:
+    if not unfitted or (load is not None and found.error is None):
         return found
     rows = {p.name: p for p in found.row.parameters}
     free = [p for p in rows.values() if p.determined]

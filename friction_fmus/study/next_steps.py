@@ -47,7 +47,8 @@ def _motion(bench: AxisBench, rungs: Sequence[Rung], units: AxisUnits) -> Iterat
             "lag of the measured velocity for an error."
         )
     if abs(own - mass) > LATE * mass:
-        text += f" The axis has {mass:.4g} {units.inertia}; the velocity, which is measured late, gives the rest."
+        rest = "gives the rest" if bench.plant.load is None else "and the load behind a spring change what is best"
+        text += f" The axis has {mass:.4g} {units.inertia}; the velocity, which is measured late, {rest}."
     if len(rungs) > 1 and rungs[0].title == AS_MEASURED and not improves(rungs[:1], rungs[1]):
         before, after = (shown(rung.metrics.rms, units.position) for rung in rungs[:2])
         text += f" Alone, it does not reduce the tracking error of this axis ({before} before, {after} after), but the "

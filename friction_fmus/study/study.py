@@ -416,9 +416,11 @@ class _Study:
         # the simplest one always: with Fs = Fc, that of Stribeck has parameters without effect, which leave an error
         simple = [each.row.name == INVERSE and each.error is not None for each in found]
         close = [each.error is not None and each.error <= CLOSE * smallest for each in found]
-        chosen = [each for each, one, other in zip(found, simple, close, strict=True) if one or other]
-        chosen.sort(key=lambda each: "needs force" not in catalogue()[each.block].features)  # the slowest first
         load = next((plant.load for plant in plants), None)
+        # a rigid mass may be so wrong that the servo does not follow the record with it
+        other = [load is not None and each.error is None and bool(each.row.closed_loop) for each in found]
+        chosen = [each for each, *one in zip(found, simple, close, other, strict=True) if any(one)]
+        chosen.sort(key=lambda each: "needs force" not in catalogue()[each.block].features)  # the slowest first
         steps = [
             Step(f"loop-{each.row.name}", refine, (each, measured, *records, load), IdentifiedModel) for each in chosen
         ]
