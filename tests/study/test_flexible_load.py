@@ -11,7 +11,7 @@ from independent_axes import AXES, SimulatedAxis, belt
 from independent_axis import resting, simulate, typical_moves
 from thorough import some
 
-from friction_fmus.axis.loop_assembly import block
+from friction_fmus.axis.loop_assembly import block, start_of
 from friction_fmus.axis.servo import AxisPlant, FlexibleLoad, Servo, Trajectory
 from friction_fmus.axis.servo_loop import closed_loop, run_loop
 from friction_fmus.blocks.contact import AxisFriction, Level
@@ -139,3 +139,12 @@ def test_friction_on_both_sides_counts_together() -> None:
     one = AxisFriction((Level(3.0, 4.0, 5.0, 0.1), Level(2.0, 2.0, 5.0, 0.1)), 1e5, 10.0)
     both = one.beside(AxisFriction((Level(1.0, 1.0, 2.0), Level(1.5, 2.5, 2.0)), 2e5, 5.0, 1.0))
     assert both == AxisFriction((Level(4.0, 5.0, 7.0, 0.1), Level(3.5, 4.5, 7.0, 0.1)), 3e5, 15.0, 1.0)
+
+
+def test_a_load_whose_friction_holds_a_small_constant_force_begins_at_rest() -> None:
+    """A spring that carries all of it leaves forces of the size of rounding errors, whose sign is not defined."""
+    load = FlexibleLoad(0.77, 24.0, 0.03, 0.6)
+    for offset, stretched in ((1e-3, False), (40.0, True)):
+        plant = AxisPlant("Stribeck", {"Fc": 16.0, "Fs": 16.0, "Fv": 15.0}, 13.0, offset, load=load)
+        starts = start_of(plant, {"friction": FmuPart("friction", block("Stribeck"))}, 0.1)
+        assert starts["axis.x2_0"] == pytest.approx(0.1 - stretched * offset / (0.77 * 13.0 * 24.0**2), rel=1e-12)
