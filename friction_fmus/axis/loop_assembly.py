@@ -282,11 +282,12 @@ def start_of(plant: AxisPlant, parts: Mapping[str, Part], x0: float) -> dict[str
     if load is None:
         found, parted = {"axis.m": plant.mass, "axis.d": viscous_beside(friction, plant)}, {FRICTION: 1.0}
     else:
-        found = {f"axis.{name}": value for name, value in load.parameters(plant.mass).items()}
+        own = load.parameters(plant.mass)
+        found = {f"axis.{name}": value for name, value in own.items()}
         rubs = find(plant.friction).about.in_loop.friction
         held = load.friction * rubs.level(plant.values).Fc if rubs is not None else 0.0
         spring = plant.offset if abs(plant.offset) > 0.5 * held else 0.0  # holds a weight that friction does not
-        found["axis.x2_0"] = x0 - spring / load.parameters(plant.mass)["k"]
+        found["axis.x2_0"] = x0 - spring / own["k"]
         parted = {FRICTION: 1.0 - load.friction, OF_LOAD: load.friction}
     values, forces = typed(friction, plant.values), forces_of(friction)
     for part, share in parted.items():

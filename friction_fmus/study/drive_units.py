@@ -99,9 +99,11 @@ class DriveUnits:
             number, unit = 0.0, BaseUnit()
         for force in ("N.m",) if self.rotary else ("N", "N.m"):
             if _fits(unit, f"{force}/A"):
-                return abs(number) * unit.factor * self._size(name, force)
+                if own and number <= 0.0:
+                    break
+                return abs(number) * unit.factor * self._size(name, force)  # a column may count the other way
         if own:
-            raise self._error("torque_constant", f"give it in N.m/A{'' if self.rotary else ' or N/A'}")
+            raise self._error("torque_constant", f"give it above 0 in N.m/A{'' if self.rotary else ' or N/A'}")
         raise self._error(name, 'add torque_constant = "0.5 N.m/A", or "60 N/A" of a linear motor, to convert it')
 
     def _pitch(self, name: str) -> float:

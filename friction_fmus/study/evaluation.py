@@ -319,7 +319,7 @@ def _corner(bench: AxisBench, scheme: Scheme, case: Case, pool: PartPool, nomina
     return Corner(case.name, metrics, failure, case.counts)
 
 
-MASSES: Final = ("axis.m", "axis.m1", "axis.m2")
+MASSES: Final = ("axis.m", "axis.m1", "axis.m2")  # start values of one mass, and of motor and load
 
 
 def off_by(system: System, friction: float, mass: float) -> dict[str, float]:

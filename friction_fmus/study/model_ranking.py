@@ -368,17 +368,17 @@ def without_unknown_static_friction(found: IdentifiedModel) -> IdentifiedModel:
 
 
 def with_load(found: IdentifiedModel, load: FlexibleLoad, measured: Measured) -> IdentifiedModel:
-    """Return a model with a part of its mass behind a spring, if the servo then follows the record better."""
+    """Return a model with a part of its mass behind a spring, if the servo then follows the record clearly better."""
     if found.values.get("Fv") and "Fv" not in contact_model(found.block, ROTARY).parameters:
         return found  # two masses have no friction beside the blocks
-    best = found
+    best, least = found, np.inf if found.error is None else (1.0 - ALIKE) * found.error
     for mass in dict.fromkeys((found.mass, load.found or found.mass)):  # the latter is better where the load swings
         parameters = tuple(replace(p, value=mass) if p.name == "M" else p for p in found.row.parameters)
         flexible = replace(found, row=replace(found.row, parameters=parameters), mass=mass, load=load)
         with suppress(FrictionError):
             flexible = in_closed_loop(flexible, measured)
-            if flexible.error is not None and (best.error is None or flexible.error < best.error):
-                best = flexible
+            if flexible.error is not None and flexible.error < least:
+                best, least = flexible, flexible.error
     return best
 
 

@@ -292,16 +292,16 @@ static int solve_held(Engine *e, Newton *newton, const Group *g, const Span *s, 
     return SOLVED;
 }
 
-/* Hold contacts that pass v = 0, or may: all, or the one with a number. Return how many. */
-static int64_t hold_some(const Engine *e, Newton *newton, const Group *g, int64_t only, bool any)
+/* Hold contacts that pass v = 0, or, if `any`, may: all, or the one with the number `only`. Return whether one is. */
+static bool hold_some(const Engine *e, Newton *newton, const Group *g, int64_t only, bool any)
 {
-    int64_t held = 0;
+    bool held = false;
     for (const Contact *c = contacts_of(newton, g); c < contacts_of(newton, g) + g->contacts; c++) {
         const Moving *const m = velocity_of(newton, c);
         const bool slows = m->u0 * m->u1 <= (1.0 - STOPS) * m->u0 * m->u0;
         if (m->rigid >= 0 && (slows || any) && (only < 0 || only == c - contacts_of(newton, g))) {
             hold(e, newton, g, c);
-            held++;
+            held = true;
         } else if (only >= 0)
             let_go(e, newton, g, c);
     }
@@ -334,14 +334,13 @@ static int solve(Engine *e, Newton *newton, const Group *g, int64_t number, cons
     if (status != NOT_CONVERGED && (tried || status != SOLVED))
         return status;
     const bool jumped = newton->jumped, any = jumped || status == NOT_CONVERGED;
-    int64_t held = tried ? 2 : hold_some(e, newton, g, -1, any);
-    if (held == 0)
+    if (!tried && !hold_some(e, newton, g, -1, any))
         return status;
     const int solved = status;
     double *const w = newton->work + 6 * newton->most_unknowns + 2 * newton->most_unknowns * newton->most_unknowns;
     memcpy(w, newton->w + g->unknown, (size_t)g->unknowns * sizeof(double));
     status = tried ? SOLVED : solve_held(e, newton, g, s, true, &rests);
-    for (int64_t i = 0; status == SOLVED && !rests && held > 1 && any && i < g->contacts; i++)
+    for (int64_t i = 0; any && g->contacts > 1 && status == SOLVED && !rests && i < g->contacts; i++)
         if (hold_some(e, newton, g, i, any))
             status = solve_held(e, newton, g, s, true, &rests);
     if (status != SOLVED || rests)

@@ -59,6 +59,14 @@ def test_an_error_that_depends_on_when_the_acceleration_changes_is_not_claimed(l
     assert claimed or "becomes 1.5 µm instead of 1 µm" in found[0].what
 
 
+@pytest.mark.parametrize(("quantum", "claimed"), [(3e-7, True), (4e-7, False)])
+def test_an_error_of_the_size_of_the_steps_of_the_encoder_is_not_claimed(quantum: float, claimed: bool) -> None:
+    bench = replace(BENCH, servo=replace(SERVO, quantum=quantum))
+    found = claim_findings(bench, 10.0 * NATURAL, [], LINEAR, 1e-6)
+    assert bool(found) != claimed
+    assert claimed or "1 µm are of the size of the steps of the encoder, 400 nm" in found[0].what
+
+
 def test_the_rounding_of_a_position_counts_once() -> None:
     """In fast motion, rounding is white noise of q/sqrt(12): 0.25 - 1/12 of the square are left of 0.5 q."""
     q, t = 1e-6, 1e-3 * np.arange(8000)

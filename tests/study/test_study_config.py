@@ -180,7 +180,11 @@ WRONG: dict[str, tuple[dict[str, Any], str]] = {
     ),
     "constant in V": (
         {**DATA, "servo": {**PD, "Kd": "2 A/rpm", "torque_constant": "2 V/A"}},
-        r"has torque_constant = '2 V/A'; give it in N.m/A or N/A",
+        r"has torque_constant = '2 V/A'; give it above 0 in N.m/A or N/A",
+    ),
+    "constant below 0": (
+        {**DATA, "servo": {**PD, "Kd": "2 A/rpm", "torque_constant": "-2 N/A"}},
+        r"has torque_constant = '-2 N/A'; give it above 0 in N.m/A or N/A",
     ),
     "no pitch": (
         {**DATA, "servo": {**PD, "Kd": "2 A/rpm", "torque_constant": "2 N/A"}},
