@@ -25,6 +25,7 @@ package Interfaces "Base classes of the laws"
   protected
     Modelica.Blocks.Interfaces.RealInput normal "normal force, also if it is not an input";
   equation
+    assert(Fn0 >= 1e-12, "Fn0 = " + String(Fn0) + " is outside [1e-12, inf]");
     connect(Fn, normal);
     if not useFn then
       normal = Fn0;

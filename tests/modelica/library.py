@@ -44,6 +44,9 @@ equation
 """An oscillator beside the system: after an event, the solver else begins with a step over many changes of an input."""
 
 
+SECONDS = 20.0  # most for a simulation
+
+
 class Library:
     """The library and the stub of the Modelica Standard Library."""
 
@@ -55,9 +58,9 @@ class Library:
         """Compile a model."""
         return rumoca.Session(roots=self.roots).loads(text, model=name)
 
-    def run(self, text: str, stop: float, interval: float, tolerance: float = 1e-9, seconds: float = 20.0) -> Any:
-        """Compile and simulate the model `Test`."""
-        config = rumoca.SimConfig(rtol=tolerance, atol=tolerance * 1e-3, dt=interval, max_wall_seconds=seconds)
+    def run(self, text: str, stop: float, interval: float, tolerance: float = 1e-9, smallest: float = 1e-3) -> Any:
+        """Compile and simulate the model `Test`; below `smallest`, the tolerance is absolute."""
+        config = rumoca.SimConfig(rtol=tolerance, atol=tolerance * smallest, dt=interval, max_wall_seconds=SECONDS)
         return self.model(text).simulate(stop, config=config)
 
     def prescribed(

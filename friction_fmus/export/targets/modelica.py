@@ -66,10 +66,10 @@ def with_assertions(law: str) -> str:
     added = ""
     for name, vector, attributes in re.findall(r"^  parameter \S+ (\w+)(\[N\])?\((.*?)\) =", law, re.M):
         limits = dict(re.findall(r"\b(min|max) = ([\w.+-]+)", attributes))
-        one = f"{name}[i]" if vector else name
+        one, i = (f"{name}[i]", '[" + String(i) + "]') if vector else (name, "")
         tests = [f"{one} {sign} {limits[end]}" for end, sign in (("min", ">="), ("max", "<=")) if end in limits]
-        given = f'{name}[" + String(i) + "]' if vector else name
-        text = f'"{given} = " + String({one}) + " is outside [{limits.get("min", "-inf")}, {limits.get("max", "inf")}]"'
+        low, high = float(limits.get("min", "-inf")), float(limits.get("max", "inf"))
+        text = f'"{name}{i} = " + String({one}) + " is outside [{low:g}, {high:g}]"'
         assertion = f"assert({' and '.join(tests)}, {text});"
         added += f"  for i in 1:N loop {assertion} end for;\n" if vector else f"  {assertion}\n" if tests else ""
     return law.replace("\nequation\n", f"\nequation\n{added}", 1)
