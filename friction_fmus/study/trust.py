@@ -146,8 +146,8 @@ def dry_friction_findings(best: IdentifiedModel, record: Record) -> tuple[StudyF
     if size >= NEGLIGIBLE * force:
         return ()
     what = (
-        f"The record shows no dry friction: the best model has {size:.2g} {units.force} of {force:.3g} {units.force} rms "
-        f"drive {units.words.force}. Neither this value nor its interval says anything."
+        f"The record shows no dry friction: the best model has {size:.2g} {units.force} of {force:.3g} {units.force} "
+        f"rms drive {units.words.force}. Neither this value nor its interval says anything."
     )
     change = f"Compensate {units.words.mass} and viscous friction by feedforward; friction compensators have no effect."
     return (StudyFinding("no-dry-friction", what, change),)
