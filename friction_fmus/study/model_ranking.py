@@ -24,19 +24,19 @@ from friction_fmus.identification import (
     Array,
     Estimate,
     Identification,
-    InverseModelFit,
     Record,
     Score,
-    TargetSignal,
-    Unknown,
-    filtered_motion,
-    fit_output_error,
     identify,
-    identify_inverse_model,
 )
 from friction_fmus.identification.fit.block_fit import driven
 from friction_fmus.identification.fit.contact_model import contact_model
-from friction_fmus.identification.fit.idim import default_settings
+from friction_fmus.identification.fit.idim import (
+    InverseModelFit,
+    default_settings,
+    filtered_motion,
+    identify_inverse_model,
+)
+from friction_fmus.identification.fit.output_error import TargetSignal, Unknown, fit_output_error
 from friction_fmus.identification.fit.position import PositionFit
 from friction_fmus.identification.fit.rests import standstill
 from friction_fmus.identification.fit.scores import rms, weak_parameters

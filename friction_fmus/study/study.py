@@ -19,9 +19,10 @@ from friction_fmus.axis.servo_loop import from_rest
 from friction_fmus.blocks.catalogue import find
 from friction_fmus.doctor import examine
 from friction_fmus.errors import FrictionError
-from friction_fmus.identification import Array, filtered_motion, identifiable
+from friction_fmus.identification import Array, identifiable
 from friction_fmus.identification.data.record import Record, RecordFinding
 from friction_fmus.identification.fit.contact_model import contact_model
+from friction_fmus.identification.fit.idim import filtered_motion
 from friction_fmus.identification.force_findings import FORBIDDING
 from friction_fmus.identification.plant_candidates import plant_findings
 from friction_fmus.listings import shown

@@ -14,7 +14,8 @@ from friction_fmus.blocks.axis_units import Words
 from friction_fmus.blocks.catalogue import find
 from friction_fmus.conditions import SampledLaw, chain, one_mass
 from friction_fmus.conditions.condition import spectral_radius
-from friction_fmus.identification import AxisUnits, Record, filtered_motion
+from friction_fmus.identification import AxisUnits, Record
+from friction_fmus.identification.fit.idim import filtered_motion
 from friction_fmus.identification.fit.rests import position_noise
 from friction_fmus.identification.fit.scores import rms
 from friction_fmus.identification.force_findings import FORBIDDING, contradictions
