@@ -76,8 +76,9 @@ class Case:
 
     @cached_property
     def fine(self) -> np.ndarray:
-        """The times of the reference."""
-        return np.linspace(0.0, self.stop, FINER * self.ticks + 1)
+        """The times of the reference, beyond the end as far as a run may be early."""
+        beyond = 1 + int(2.0 * max(1.0, self.ratio) + DRIFT * self.ticks)
+        return np.arange(FINER * (self.ticks + beyond) + 1) * (self.step / FINER)
 
     @property
     def start(self) -> dict[str, float]:
@@ -364,7 +365,8 @@ class References:
             right, other = (case.solve(case.phases, factor, case.fine) for factor in (1.0, 1.0 - SENSITIVE))
         except FAILURES:
             return
-        if fits(case, case.fine, other, right, 2.0 * case.step):
+        run = slice(FINER * case.ticks + 1)
+        if fits(case, case.fine[run], {name: other[name][run] for name in VARIABLES}, right, 2.0 * case.step):
             self.found = [right]
 
     def have(self, t: np.ndarray, values: Answer, step: float) -> bool:
@@ -392,7 +394,7 @@ def off(case: Case, t: np.ndarray, values: Answer, right: Answer, reach: float) 
     free = case.mass["v_support"] * case.stop + force  # motion without friction
     found = {}
     for name in VARIABLES:
-        size = max(float(np.ptp(right[name])), 0.05 * free if name == "x" else 0.0)
+        size = max(float(np.ptp(right[name][: FINER * case.ticks + 1])), 0.05 * free if name == "x" else 0.0)
         size = max(size, 1e-12 * float(np.abs(right[name]).max()), 1e-300)
         if name == "v":
             size = max(size, 1e-6 * case.mass["v_support"])
