@@ -90,10 +90,7 @@ static void measure_lead(Pair *p, double F, double v)
     p->highest = fmax(p->highest, p->way);
     if (!p->jumped)
         p->led = fmax(p->led, fabs(p->lead) - STEPS * fabs(v));
-    p->F = F;
-    p->dF = dF;
-    p->v1 = v;
-    p->dv = dv;
+    p->F = F, p->dF = dF, p->v1 = v, p->dv = dv;
 }
 
 static void measure_defects(Engine *e)
