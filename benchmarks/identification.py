@@ -21,8 +21,9 @@ from rows import Row, report
 
 from friction_fmus import fmu, identify
 from friction_fmus.data import load_emps, load_tribometer
-from friction_fmus.identification import Record, identify_hysteresis
+from friction_fmus.identification import Record
 from friction_fmus.identification.closed_loop import axis_response
+from friction_fmus.identification.fit.grid import identify_hysteresis
 from friction_fmus.identification.fit.scores import score
 from harness import Drive, FmuPart
 

@@ -39,7 +39,7 @@ if TYPE_CHECKING:
     from harness.parts.part import Calls, Part, Port
     from harness.parts.series import SeriesPart
     from harness.result import Result, select
-    from harness.results import load_result, save_result, to_csv, to_mat, to_netcdf, to_parquet
+    from harness.results import load_result, save_result
     from harness.ssp import Parameter, ParameterSet, read_ssv, write_ssv
     from harness.sweeps import grid, latin_hypercube, read_samples, read_sweep, sobol, sweep
     from harness.system.experiment import Experiment
@@ -106,9 +106,5 @@ __all__ = [
     "select",
     "sobol",
     "sweep",
-    "to_csv",
-    "to_mat",
-    "to_netcdf",
-    "to_parquet",
     "write_ssv",
 ]

@@ -137,18 +137,20 @@ _PIECE = re.compile(
     rf"(?P<space>\s*)(?:(?P<symbol>(?:{_LETTER}|[°%])(?:{_LETTER}|_)*|1(?![0-9]))(?P<power>(?:\^|\*\*)?(?:{_POWER}))?"
     rf"|(?P<open>\()|(?P<close>\))(?P<outer>(?:\^|\*\*)(?:{_POWER}))?|(?P<operator>[./*·]))"
 )
-_POWER_WORDS = {"square", "sq", "squared", "cubic", "cubed"}  # words that pint reads as powers
+_NAMES = {
+    **{"meter": "m", "metre": "m", "gram": "g", "second": "s", "minute": "min", "hour": "h", "newton": "N"},
+    **{"radian": "rad", "revolution": "rev", "hertz": "Hz", "pascal": "Pa", "joule": "J", "watt": "W"},
+    **{"ampere": "A", "amp": "A", "volt": "V"},
+}
+_NAMES_OF_PREFIXES = {"nano": "n", "micro": "u", "milli": "m", "centi": "c", "kilo": "k", "mega": "M"}
+_PHRASES = (
+    (re.compile(r"\b(?:square|sq)\s+([^\W\d_]+)"), r"\1^2"),
+    (re.compile(r"\bcubic\s+([^\W\d_]+)"), r"\1^3"),
+    (re.compile(r"\s+squared\b"), "^2"),
+    (re.compile(r"\s+per\s+"), "/"),
+)
 
 _SUPERSCRIPTS = str.maketrans("⁰¹²³⁴⁵⁶⁷⁸⁹⁻", "0123456789-")
-
-
-def is_unit_text(text: str) -> bool:
-    """Return whether a text has the form of a unit name, so that it is safe to parse as an expression."""
-    # Parsers of expressions evaluate their input: ``9**9**9**9*N`` would never end. A unit name has at most
-    # `LONGEST_UNIT` characters and consists of symbols, ``.``, ``*``, ``/``, ``·``, spaces and brackets. A symbol or a
-    # bracket may have an integer power of at most two digits (``m2``, ``m^2``, ``m**2``, ``m²``), but powers are not
-    # nested. The only number is 1.
-    return _unit_pieces(text) is not None
 
 
 def _unit_pieces(text: str) -> list[dict[str, str]] | None:
@@ -156,44 +158,15 @@ def _unit_pieces(text: str) -> list[dict[str, str]] | None:
     found, position, text = [], 0, text.strip()
     if len(text) > LONGEST_UNIT:
         return None
+    for phrase, short in _PHRASES:
+        text = phrase.sub(short, text)
     while position < len(text):
         match = _PIECE.match(text, position)
         if match is None:
             return None
         found.append(match.groupdict(default=""))
         position = match.end()
-    return found if _is_product(found) and not _has_nested_power(found) else None
-
-
-def _is_product(pieces: list[dict[str, str]]) -> bool:
-    """Return whether factors and operators alternate (a space is an operator) and brackets are balanced."""
-    depth, complete = 0, False
-    for piece in pieces:
-        begins = bool(piece["symbol"] or piece["open"])
-        if begins == complete and not (begins and piece["space"]):
-            return False
-        depth += bool(piece["open"]) - bool(piece["close"])
-        if depth < 0:
-            return False
-        complete = bool(piece["symbol"] or piece["close"])
-    return complete and depth == 0
-
-
-def _has_nested_power(pieces: list[dict[str, str]]) -> bool:
-    """Return whether a power is nested in another one; a power in words may not be combined with others."""
-    inside = [False]
-    for piece in pieces:
-        if piece["open"]:
-            inside.append(False)
-        elif piece["close"]:
-            within = inside.pop()
-            if within and piece["outer"]:
-                return True
-            inside[-1] |= within or bool(piece["outer"])
-        else:
-            inside[-1] |= bool(piece["power"])
-    words = sum(piece["symbol"] in _POWER_WORDS for piece in pieces)
-    return words > 1 or (words == 1 and inside[0])
+    return found
 
 
 def _symbol(name: str) -> BaseUnit | None:
@@ -202,37 +175,45 @@ def _symbol(name: str) -> BaseUnit | None:
     if whole is not None:
         return whole
     base = _SYMBOLS.get(name[1:]) if name[:1] in _PREFIXES else None
-    if base is None:
-        return None
-    return BaseUnit(base.exponents, base.factor * _PREFIXES[name[0]])
+    if base is not None:
+        return BaseUnit(base.exponents, base.factor * _PREFIXES[name[0]])
+    word = name.lower().removesuffix("s")
+    prefix = next((prefix for prefix in _NAMES_OF_PREFIXES if word.startswith(prefix)), "")
+    symbol = _NAMES.get(word.removeprefix(prefix))
+    return _symbol(_NAMES_OF_PREFIXES.get(prefix, "") + symbol) if symbol else None
 
 
 def _times(a: BaseUnit, b: BaseUnit, power: int) -> BaseUnit | None:
-    """Return the product a * b**power, or None if its factor is not finite; an offset has no meaning in a product."""
+    """Return the product a * b**power, or None if it is too large; an offset has no meaning in a product."""
     exponents = tuple(i + power * j for i, j in zip(a.exponents, b.exponents, strict=True))
     try:
         factor = a.factor * b.factor**power
     except (OverflowError, ZeroDivisionError):
         return None
-    return BaseUnit(exponents, factor) if 0.0 < factor < math.inf else None
+    small = 0.0 < factor < math.inf and max(map(abs, exponents)) <= LARGEST_POWER
+    return BaseUnit(exponents, factor) if small else None
+
+
+def _power(text: str) -> int:
+    return int(text.lstrip("^*").translate(_SUPERSCRIPTS) or 1)
 
 
 def _product(pieces: list[dict[str, str]], nested: bool) -> BaseUnit | None:
-    """Evaluate pieces from the left to the end or to the closing bracket, and remove them."""
+    """Evaluate pieces from the left to the end or to the closing bracket, and remove them; a space multiplies."""
     total = BaseUnit()
     sign, expect_symbol = 1, True
     while pieces:
         piece = pieces.pop(0)
         if piece["close"]:
-            return total if nested and not expect_symbol and not piece["outer"] else None
+            return _times(BaseUnit(), total, _power(piece["outer"])) if nested and not expect_symbol else None
         if piece["operator"]:
             if expect_symbol:
                 return None
             sign, expect_symbol = (-1 if piece["operator"] == "/" else 1), True
             continue
         factor = _product(pieces, nested=True) if piece["open"] else _symbol(piece["symbol"])
-        power = int(piece["power"].lstrip("^*").translate(_SUPERSCRIPTS) or 1)
-        product = _times(total, factor, sign * power) if factor is not None and expect_symbol else None
+        begins = expect_symbol or piece["space"]
+        product = _times(total, factor, sign * _power(piece["power"])) if factor is not None and begins else None
         if product is None:
             return None
         total = product
@@ -246,8 +227,9 @@ def parse_unit(text: str) -> BaseUnit | None:
     Parameters
     ----------
     text : str
-        Unit name: symbols with optional SI prefix and integer exponent, joined by ``.``, ``*`` or ``/`` (evaluated from
-        the left), with brackets; see `is_unit_text`.
+        Unit name: symbols with optional SI prefix, or their English names, with integer exponents of at most two digits
+        (``m2``, ``m^2``, ``m**2``, ``m²``, ``square meter``), joined by ``.``, ``*``, ``/``, a space or ``per``
+        (evaluated from the left), with brackets.
 
     Returns
     -------

@@ -8,9 +8,6 @@ from .chain import DrivenPlant, PathDynamics, SampledLaw, chain, loop_poles, on_
 from .compensation import (
     adaptation,
     break_away,
-    disturbance_loop,
-    disturbance_observer,
-    explicit_observer,
     inertia,
     injection,
     overcompensation,
@@ -23,7 +20,7 @@ from .compensation import (
 )
 from .condition import Condition, quotes
 from .coupling import contact_step, longest_step, output_delay, sample_step
-from .learning import contraction, learning_filter, process_sensitivity, sampled_sensitivity
+from .learning import contraction, learning_filter, sampled_sensitivity
 from .mechanics import belt, cogging, cogging_slope, critical_speed, encoder_count, fed_back_stiffness, pulled_mass
 from .position_loop import (
     closed_loop,
@@ -58,13 +55,10 @@ __all__ = [
     "contraction",
     "critical_speed",
     "dead_band",
-    "disturbance_loop",
-    "disturbance_observer",
     "dither_frequency",
     "dither_stroke",
     "encoder_count",
     "expected_slip",
-    "explicit_observer",
     "fed_back_stiffness",
     "hunting",
     "inertia",
@@ -79,7 +73,6 @@ __all__ = [
     "prefilter",
     "prefilter_match",
     "preview",
-    "process_sensitivity",
     "pulled_mass",
     "pulses",
     "quotes",

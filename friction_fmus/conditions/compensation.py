@@ -7,16 +7,11 @@ import numpy as np
 
 from friction_fmus.conditions.condition import (
     Condition,
-    Matrix,
     above,
     at_least,
     at_most,
     below,
     compared,
-    held_mass,
-    is_stable,
-    longest_sample,
-    spectral_radius,
 )
 
 MOST_PREVIEW: Final = 1024  # longest preview that is recommended, in samples: the limit of DiscreteInverse
@@ -298,132 +293,6 @@ def injection(m: float, Kp: float, Kd: float, Ki: float, s0: float, s1: float) -
         change=f"set the injection k to 0, or make {gain} at least {bound:.4g} {unit}",
         source="Canudas de Wit, Olsson, Astrom, Lischinsky, IEEE TAC 40(3), 1995 (positive realness); expressed in the "
         "parameters here",
-    )
-
-
-def disturbance_loop(
-    m: float,
-    Kp: float,
-    Kd: float,
-    Ki: float,
-    fq: float,
-    Ts: float,
-    damping: float = 0.0,
-    Kt: float = 0.0,
-    m_model: float | None = None,
-    gain: float = 1.0,
-) -> Matrix:
-    """Return the step matrix of a mass under PID with a first-order disturbance observer, held between samples.
-
-    d = d + a (u - m_model (v_next - v)/Ts - d) with a = 1 - exp(-2 pi fq Ts), and u = PID + gain d.
-
-    Parameters
-    ----------
-    m, Kp, Kd, Ki : float
-        As in `injection`.
-    fq, Ts : float
-        Corner frequency of the low-pass filter [Hz], sample time [s].
-    damping, Kt : float
-        Damping [N.s/m] and stiffness [N/m] of the plant; in presliding those of the contact.
-    m_model : float or None
-        Mass in the observer [kg]; None: the mass of the plant.
-    gain : float
-        Fraction of the estimate that is compensated.
-
-    Returns
-    -------
-    array, shape (4, 4), or (3, 3) for Ki = 0
-        Step matrix of (x, v, d, integral).
-    """
-    model = m if m_model is None else m_model
-    A, b = held_mass(m, damping, Kt, Ts)
-    a = -math.expm1(-2.0 * math.pi * fq * Ts)
-    force = np.array([-Kp, -Kd, gain, Ki])
-    now, after = np.eye(4), np.zeros((4, 4))
-    after[:2, :2] = A
-    after[:2] += np.outer(b, force)
-    after[2] = (1.0 - a) * now[2] + a * (force - model / Ts * (after[1] - now[1]))
-    after[3] = now[3] - Ts * now[0]
-    return after[:3, :3] if Ki == 0.0 else after
-
-
-def disturbance_observer(
-    m: float,
-    Kp: float,
-    Kd: float,
-    Ki: float,
-    fq: float,
-    Ts: float,
-    damping: float = 0.0,
-    Kt: float = 0.0,
-    m_model: float | None = None,
-    gain: float = 1.0,
-) -> Condition:
-    """Check that the loop with a disturbance observer is stable: all eigenvalues are within the unit circle.
-
-    See `disturbance_loop` for the loop; in presliding the plant has a stiffness.
-
-    Parameters
-    ----------
-    m, Kp, Kd, Ki, fq, Ts, damping, Kt, m_model, gain : float
-        As in `disturbance_loop`.
-
-    Returns
-    -------
-    Condition
-        Its value is the largest magnitude of the eigenvalues, its bound 1.
-    """
-
-    def loop(time: float) -> Matrix:
-        return disturbance_loop(m, Kp, Kd, Ki, fq, time, damping, Kt, m_model, gain)
-
-    value, ok = spectral_radius(loop(Ts)), is_stable(loop(Ts))
-    longest = 0.0 if ok else longest_sample(lambda time: is_stable(loop(time)), Ts)
-    where = f"in presliding (stiffness {Kt:.4g} {{N_m}})" if Kt else "in sliding"
-    faster = f", or sample faster than every {longest:.4g} s" if longest else ""
-    return Condition(
-        name="disturbance observer",
-        ok=ok,
-        value=value,
-        bound=1.0,
-        wrong=f"with the observer {where} the largest eigenvalue has the magnitude {value:.4g}, not below 1",
-        why="the inverse model of the observer differs too much from the plant: |Q D| < 1 is violated and "
-        "oscillations grow",
-        change=f"lower the corner frequency of the observer, correct its {{mass}}{faster}",
-        source="Ohnishi, Shibata, Murakami, IEEE/ASME Trans. Mechatronics 1(1), 1996; extension to the contact "
-        "derived here",
-    )
-
-
-def explicit_observer(Ts: float, s0: float, Fc: float, v: float) -> Condition:
-    """Check that an explicitly stepped bristle observer has Ts < 0.2 g/(s0 v); this library's laws step exactly.
-
-    The bound is a fifth of the relaxation time of the bristles. Laws that step exactly do not need this condition.
-
-    Parameters
-    ----------
-    Ts : float
-        Sample time [s].
-    s0, Fc : float
-        Bristle stiffness [N/m] and level g of the Stribeck curve at that speed [N], usually Fc.
-    v : float
-        Largest speed [m/s].
-
-    Returns
-    -------
-    Condition
-        Its value is Ts, its bound 0.2 g/(s0 v) [s].
-    """
-    bound = 0.2 * Fc / (s0 * abs(v)) if v else math.inf
-    return Condition(
-        "explicit observer",
-        *compared(below, Ts, bound),
-        wrong=f"Ts = {Ts:.4g} s must be below 0.2 g/(s0 v) = {bound:.4g} s at {abs(v):.4g} {{m_s}}",
-        why="the bristles relax within a few samples: an explicit step gives wrong {force}s long before it becomes "
-        "unstable at 2 g/(s0 v)",
-        change="use an observer with an exact step (LuGreObserver), sample faster, or move more slowly",
-        source="stiffness of the bristles: Canudas de Wit, Olsson, Astrom, Lischinsky, IEEE TAC 40(3), 1995; the "
-        "factor 0.2 is a rule of this library",
     )
 
 

@@ -11,27 +11,6 @@ from friction_fmus.conditions.position_loop import closed_loop
 Response: TypeAlias = NDArray[np.complex128]
 
 
-def process_sensitivity(
-    frequency: NDArray[np.float64], m: float, s2: float, Kp: float, Kd: float, Ki: float = 0.0
-) -> Response:
-    """Return the frequency response P/(1 + P C) from a force to the position of a mass under PID.
-
-    Parameters
-    ----------
-    frequency : float64 array, shape (n,)
-        Frequencies above 0 [Hz].
-    m, s2, Kp, Kd, Ki : float
-        Mass [kg], viscous friction [N.s/m] and gains [N/m, N.s/m, N/(m.s)].
-
-    Returns
-    -------
-    complex128 array, shape (n,)
-        1/(m s^2 + (Kd + s2) s + Kp + Ki/s) at s = 2 pi j frequency [m/N].
-    """
-    s = 2j * np.pi * np.asarray(frequency, dtype=np.float64)
-    return np.asarray(1.0 / (m * s**2 + (Kd + s2) * s + Kp + Ki / s), dtype=np.complex128)
-
-
 def sampled_sensitivity(
     frequency: NDArray[np.float64], m: float, s2: float, Kp: float, Kd: float, Ki: float, Ts: float, k: float = 0.0
 ) -> Response:
@@ -91,7 +70,7 @@ def contraction(
     frequency : float64 array, shape (n,)
         Frequencies of the responses [Hz], up to half the sample rate; dense enough to resolve their peaks.
     sensitivity : complex128 array, shape (n,)
-        P/(1 + P C) of the real loop, see `process_sensitivity` [m/N].
+        P/(1 + P C) of the real loop, see `sampled_sensitivity` [m/N].
     learning : complex128 array, shape (n,)
         Learning filter L [N/m].
     lowpass : float64 or complex128 array, shape (n,), or float

@@ -7,31 +7,13 @@ from harness.extras import lazy_names
 if TYPE_CHECKING:
     from friction_fmus.blocks.axis_units import LINEAR, ROTARY, AxisUnits
     from friction_fmus.errors import ExcitationError, FitError, IdentificationError, RecordError
-    from friction_fmus.identification.data.excitation import examine, examine_segments
-    from friction_fmus.identification.data.mapping import DataMapping, load_mapping, read_mapping, read_windows
+    from friction_fmus.identification.data.excitation import examine
+    from friction_fmus.identification.data.mapping import DataMapping
     from friction_fmus.identification.data.reading import Measurement, read_measurement, read_records
     from friction_fmus.identification.data.record import Array, Record, RecordFinding, RecordWarning
     from friction_fmus.identification.fit.contact_model import identifiable
     from friction_fmus.identification.fit.estimate import Estimate
-    from friction_fmus.identification.fit.grid import HysteresisGrid, identify_hysteresis
-    from friction_fmus.identification.fit.idim import (
-        PUBLISHED_SETTINGS,
-        InverseModelFit,
-        InverseModelSettings,
-        Motion,
-        decimate,
-        filtered_motion,
-        identify_inverse_model,
-        identify_inverse_stribeck,
-    )
-    from friction_fmus.identification.fit.output_error import (
-        Mapper,
-        OutputErrorFit,
-        Simulator,
-        TargetSignal,
-        Unknown,
-        fit_output_error,
-    )
+    from friction_fmus.identification.fit.idim import PUBLISHED_SETTINGS, InverseModelSettings
     from friction_fmus.identification.fit.presliding import PreslidingFit, identify_presliding
     from friction_fmus.identification.fit.scores import Score
     from friction_fmus.identification.identification_result import Identification
@@ -51,18 +33,13 @@ __all__ = [
     "Estimate",
     "ExcitationError",
     "FitError",
-    "HysteresisGrid",
     "Identification",
     "IdentificationError",
     "IdentificationTask",
-    "InverseModelFit",
     "InverseModelSettings",
     "LearnedResidual",
-    "Mapper",
     "Measurement",
     "ModelComparison",
-    "Motion",
-    "OutputErrorFit",
     "PreslidingFit",
     "Record",
     "RecordError",
@@ -70,25 +47,12 @@ __all__ = [
     "RecordWarning",
     "ResidualTable",
     "Score",
-    "Simulator",
-    "TargetSignal",
-    "Unknown",
     "compare_models",
-    "decimate",
     "examine",
-    "examine_segments",
-    "filtered_motion",
-    "fit_output_error",
     "identifiable",
     "identify",
-    "identify_hysteresis",
-    "identify_inverse_model",
-    "identify_inverse_stribeck",
     "identify_presliding",
     "learn_residual",
-    "load_mapping",
-    "read_mapping",
     "read_measurement",
     "read_records",
-    "read_windows",
 ]

@@ -4,11 +4,8 @@ from friction_fmus.procedures.ilc import (
     PidLoop,
     PositionTables,
     Training,
-    inverse_process_sensitivity,
-    learning_step,
     separate,
     train,
-    zero_phase,
 )
 from friction_fmus.procedures.static_friction import (
     BreakAways,
@@ -27,9 +24,6 @@ __all__ = [
     "break_away",
     "find_break_aways",
     "identify_from_feedback",
-    "inverse_process_sensitivity",
-    "learning_step",
     "separate",
     "train",
-    "zero_phase",
 ]

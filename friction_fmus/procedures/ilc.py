@@ -164,22 +164,7 @@ class Training:
 
 
 def inverse_process_sensitivity(error: ArrayLike, Ts: float, loop: PidLoop) -> Array:
-    """Return the force that would have cancelled an error: m e'' + Kd e' + Kp e + Ki int e, by central differences.
-
-    Parameters
-    ----------
-    error : array_like, shape (samples,)
-        Error of a trial [m]; assumed constant beyond its ends.
-    Ts : float
-        Sample time [s].
-    loop : PidLoop
-        Loop in which the force acts.
-
-    Returns
-    -------
-    array, shape (samples,)
-        Force [N]. As in the law PID, the integral at a sample excludes that sample.
-    """
+    """Return the force that would have cancelled an error: m e'' + Kd e' + Kp e + Ki int e, by central differences."""
     e = np.asarray(error, dtype=np.float64)
     wide = np.concatenate([e[:1], e, e[-1:]])
     second = np.diff(wide, 2) / Ts**2
@@ -190,21 +175,7 @@ def inverse_process_sensitivity(error: ArrayLike, Ts: float, loop: PidLoop) -> A
 
 
 def zero_phase(force: ArrayLike, Ts: float, fq: float) -> Array:
-    """Filter a signal with a zero-phase low-pass filter: second-order Butterworth, forward and backward.
-
-    Parameters
-    ----------
-    force : array_like, shape (samples,)
-        Signal.
-    Ts, fq : float
-        Sample time [s] and corner frequency [Hz]; with 0, or 1/(2 Ts) and above, the signal is not filtered.
-
-    Returns
-    -------
-    array, shape (samples,)
-        Filtered signal. The gain is the square of the Butterworth gain; each pass starts in the steady state of its
-        first value.
-    """
+    """Filter a signal with a zero-phase low-pass filter: second-order Butterworth, forward and backward."""
     values = np.asarray(force, dtype=np.float64)
     if fq <= 0.0 or fq * Ts >= 0.5:
         return values
@@ -216,28 +187,7 @@ def zero_phase(force: ArrayLike, Ts: float, fq: float) -> Array:
 
 
 def learning_step(force: ArrayLike, error: ArrayLike, Ts: float, loop: PidLoop, *, rate: float, fq: float) -> Array:
-    """Return the force of the next trial, Q (force + rate L error).
-
-    Parameters
-    ----------
-    force : array_like, shape (samples,)
-        Learned force of this trial [N].
-    error : array_like, shape (samples,)
-        Error of this trial [m].
-    Ts : float
-        Sample time [s].
-    loop : PidLoop
-        Loop that the learning filter L inverts, see `inverse_process_sensitivity`.
-    rate : float
-        Learning rate.
-    fq : float
-        Corner frequency of the filter Q [Hz], see `zero_phase`.
-
-    Returns
-    -------
-    array, shape (samples,)
-        Force of the next trial [N].
-    """
+    """Return the force of the next trial, Q (force + rate L error)."""
     return zero_phase(np.asarray(force) + rate * inverse_process_sensitivity(error, Ts, loop), Ts, fq)
 
 

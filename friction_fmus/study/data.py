@@ -17,8 +17,10 @@ from friction_fmus.axis.servo_loop import closed_loop, run_loop
 from friction_fmus.blocks.axis_units import domain_of
 from friction_fmus.data import EMPS_PUBLISHED, load_emps
 from friction_fmus.export.block_fmu import build_record
-from friction_fmus.identification import Array, Measurement, Record, filtered_motion, read_mapping, read_measurement
+from friction_fmus.identification import Array, Measurement, Record, read_measurement
+from friction_fmus.identification.data.mapping import read_mapping
 from friction_fmus.identification.data.reading import default_windows
+from friction_fmus.identification.fit.idim import filtered_motion
 from friction_fmus.study.config import ConfigError, StudyConfig
 from friction_fmus.study.model_ranking import Measured
 

@@ -6,7 +6,8 @@ from typing import Final
 import numpy as np
 
 from friction_fmus.axis.loop_assembly import block, typed, viscous_beside
-from friction_fmus.identification import Array, AxisUnits, Record, decimate, filtered_motion
+from friction_fmus.identification import Array, AxisUnits, Record
+from friction_fmus.identification.fit.idim import decimate, filtered_motion
 from friction_fmus.study.model_ranking import IdentifiedModel
 from friction_fmus.study.study_result import Picture, StudyCurve, curve, thinned
 from harness import Experiment, FmuPart, SeriesPart, System

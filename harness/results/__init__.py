@@ -8,15 +8,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 from harness.errors import MissingPackageError, OutputError, ResultFileError
-from harness.extras import lazy_names
 
 if TYPE_CHECKING:
     from harness.result import Result
-    from harness.results.formats import to_csv, to_mat, to_netcdf, to_parquet
-else:
-    __getattr__, __dir__ = lazy_names(__name__)
 
-__all__ = ["FORMATS", "load_result", "save_result", "to_csv", "to_mat", "to_netcdf", "to_parquet"]
+__all__ = ["FORMATS", "load_result", "save_result"]
 
 FORMATS: Final = {".csv": "csv", ".parquet": "parquet", ".nc": "netcdf", ".mat": "mat"}
 """Format of each suffix; `harness.results.formats` has the functions ``to_FORMAT`` and ``from_FORMAT``."""
@@ -38,12 +34,13 @@ def save_result(result: Result, path: str | Path) -> None:
     Raises
     ------
     OutputError
-        If the suffix is unknown or the file cannot be written.
+        If the suffix is unknown, the file cannot be written, or its format cannot hold the result: a name with a slash
+        in .nc, an integer above 2^53 in .mat.
     """
     suffix = Path(path).suffix.lower()
     if suffix not in FORMATS:
         raise OutputError(f"{path} has no known format: use a name that ends in {_suffixes()}")
-    _function("to", suffix)(result, path)
+    _function("to", suffix)(result, Path(path))
 
 
 def load_result(path: str | Path) -> Result:

@@ -21,27 +21,12 @@ from harness.storage.files import atomic_path, read_csv
 _TRUTHS: Final = {"true": True, "false": False}
 
 
-def to_csv(result: Result, path: str | Path) -> None:
-    """Write a result as CSV: ``time [s]`` and one column per variable, with all digits.
-
-    A heading that begins with =, +, - or @ gets a leading apostrophe, so that a spreadsheet does not read it as a
-    formula; `from_csv` removes it.
-
-    Parameters
-    ----------
-    result : xarray.Dataset
-        Result of a run.
-    path : path-like
-        The file; an existing file is replaced only when the new one is complete.
-
-    Raises
-    ------
-    OutputError
-        If the file cannot be written.
-    """
+def to_csv(result: Result, path: Path) -> None:
+    """Write a result as CSV: ``time [s]`` and one column per variable, with all digits."""
+    # A heading that begins with =, +, - or @ gets a leading apostrophe, so that a spreadsheet reads no formula.
     names = ["time", *result.data_vars]
     columns = [result[name].to_numpy().tolist() for name in names]
-    with atomic_path(Path(path)) as temporary, temporary.open("w", newline="", encoding="utf-8") as file:
+    with atomic_path(path) as temporary, temporary.open("w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file, lineterminator="\n")
         writer.writerow(quoted(heading(result, str(name))) for name in names)
         writer.writerows(
@@ -117,21 +102,8 @@ _LARGEST: Final = 1 << 53
 _ATTRIBUTES: Final = "attributes"
 
 
-def to_mat(result: Result, path: str | Path) -> None:
-    """Write a result as Dymola does; an additional last matrix holds the attributes of the run as JSON.
-
-    Parameters
-    ----------
-    result : xarray.Dataset
-        Result of a run.
-    path : path-like
-        The file; an existing file is replaced only when the new one is complete.
-
-    Raises
-    ------
-    OutputError
-        If the file cannot be written, or would round integers above 2^53.
-    """
+def to_mat(result: Result, path: Path) -> None:
+    """Write a result as Dymola does; an additional last matrix holds the attributes of the run as JSON."""
     from scipy.io import savemat
 
     for name, variable in result.data_vars.items():
@@ -154,7 +126,7 @@ def to_mat(result: Result, path: str | Path) -> None:
         "data_2": data,
         _ATTRIBUTES: _text_matrix([json.dumps(result.attrs, default=str)]).T,
     }
-    with atomic_path(Path(path)) as temporary:
+    with atomic_path(path) as temporary:
         savemat(temporary, matrices, appendmat=False, format="4")
 
 
@@ -218,28 +190,15 @@ def _decoded(text: bytes) -> str:
         return text.decode("latin-1")  # as Dymola writes it
 
 
-def to_netcdf(result: Result, path: str | Path) -> None:
-    """Write a result as netCDF-4, which stores everything in a Dataset.
-
-    Parameters
-    ----------
-    result : xarray.Dataset
-        Result of a run.
-    path : path-like
-        The file; an existing file is replaced only when the new one is complete.
-
-    Raises
-    ------
-    OutputError
-        If a name contains a slash, which netCDF does not allow, or the file cannot be written.
-    """
+def to_netcdf(result: Result, path: Path) -> None:
+    """Write a result as netCDF-4, which stores everything in a Dataset."""
     for name in result.data_vars:
         if "/" in str(name):
             raise OutputError(
                 f"cannot write {path}: netCDF does not allow a slash in a name such as '{name}'; use .parquet"
             )
     plain = {name: {"_FillValue": None} for name in result.variables}  # NaN is a value here, not a missing value
-    with atomic_path(Path(path)) as temporary:
+    with atomic_path(path) as temporary:
         # written in memory, as HDF5 crashes at the end of the process if it could not complete a file
         temporary.write_bytes(result.to_netcdf(engine="h5netcdf", encoding=plain))
 
@@ -264,21 +223,8 @@ _KEPT: Final = ("units", "description")
 _NUMBERS: Final = b"numbers"
 
 
-def to_parquet(result: Result, path: str | Path) -> None:
-    """Write a result as Parquet; the field metadata of each column hold its unit and description.
-
-    Parameters
-    ----------
-    result : xarray.Dataset
-        Result of a run; its attributes become metadata of the table, as texts.
-    path : path-like
-        The file; an existing file is replaced only when the new one is complete.
-
-    Raises
-    ------
-    OutputError
-        If the file cannot be written.
-    """
+def to_parquet(result: Result, path: Path) -> None:
+    """Write a result as Parquet; the field metadata of each column hold its unit and description."""
     require("pyarrow", "writing Parquet files needs it")
     import pyarrow as pa
     import pyarrow.parquet as pq
@@ -293,7 +239,7 @@ def to_parquet(result: Result, path: str | Path) -> None:
     # metadata are texts, so the numeric ones are listed
     numbers = [str(key) for key, value in result.attrs.items() if type(value) in (int, float)]
     schema = pa.schema(fields, metadata=attributes | {_NUMBERS: json.dumps(numbers)})
-    with atomic_path(Path(path)) as temporary:
+    with atomic_path(path) as temporary:
         pq.write_table(pa.Table.from_arrays(columns, schema=schema), temporary, write_page_checksum=True)
 
 

@@ -15,7 +15,8 @@ from pyarrow import parquet
 
 from friction_fmus.cli.main import main
 from friction_fmus.errors import visible
-from friction_fmus.identification import RecordError, load_mapping
+from friction_fmus.identification import RecordError
+from friction_fmus.identification.data.mapping import load_mapping
 
 TITLE = "\x1b]0;owned\x07"
 """It sets the title of a terminal."""

@@ -14,8 +14,8 @@ from thorough import nightly, some
 
 import friction_fmus
 import friction_fmus.harness
+import friction_fmus.identification
 import harness
-import harness.results
 from friction_fmus.blocks.catalogue import OWN_BLOCKS, Entry, catalogue, listing
 from friction_fmus.blocks.law_summaries import law_paths, read_headings
 from friction_fmus.lawkit.law_files import discover_laws
@@ -23,7 +23,7 @@ from friction_fmus.lawkit.law_files import discover_laws
 ROOT = Path(__file__).parents[2]
 COMMANDS = sorted(path.stem for path in (ROOT / "friction_fmus" / "cli" / "commands").glob("[!_]*.py"))
 SLOW = {
-    *("casadi", "fmpy", "h5py", "jinja2", "lxml", "markdown_it", "matplotlib", "numpy", "pandas", "pint"),
+    *("casadi", "fmpy", "h5py", "jinja2", "lxml", "markdown_it", "matplotlib", "numpy", "pandas"),
     *("platformdirs", "plotly", "pyarrow", "rich", "scipy", "threadpoolctl", "xarray", "multiprocessing"),
 }
 """What neither ``--help`` nor an import of a package may import."""
@@ -106,7 +106,7 @@ def test_a_function_is_not_hidden_by_the_submodule_of_its_name(name: str) -> Non
 
 def test_no_lazy_name_is_the_name_of_a_submodule() -> None:
     """Importing the submodule would replace the name."""
-    for package in (friction_fmus, harness, harness.results):
+    for package in (friction_fmus, harness, friction_fmus.identification):
         source = Path(str(package.__file__)).read_text(encoding="utf-8")
         submodules = {path.stem for path in Path(str(package.__file__)).parent.iterdir()}
         both = submodules & set(package.__all__)

@@ -120,12 +120,6 @@ def test_loops_that_no_sampling_makes_stable_are_told_so_at_any_sample_time() ->
             )
 
 
-def test_an_observer_that_no_sampling_makes_stable_gets_no_sample_time() -> None:
-    found = conditions.disturbance_observer(1.0, 3.0, 0.1, 100.0, 30.0, 1e-3)
-    assert not found.ok
-    assert "sample faster" not in found.change
-
-
 On = Callable[[float], Condition]
 BORDERS: dict[str, tuple[On, bool]] = {
     # with the factor by which one side is away from the border, and whether the border itself is allowed
@@ -139,7 +133,6 @@ BORDERS: dict[str, tuple[On, bool]] = {
     "cogging": (lambda q: conditions.cogging(0.1 + 0.2, q * 0.3), False),
     "fed-back stiffness": (lambda q: conditions.fed_back_stiffness(q * (0.1 + 0.2), 0.3), False),
     "injection": (lambda q: conditions.injection(0.1, 1.0, q * 0.1, 0.0, 3.0, 3.0), True),
-    "explicit observer": (lambda q: conditions.explicit_observer(q * 0.06, 1.0, 0.3, 1.0), False),
     "over-compensation": (lambda q: conditions.overcompensation(q * (0.7 + 0.2 + 0.1)), True),
     "inertia": (lambda q: conditions.inertia(q * (0.1 + 0.2), 0.3, laws=2), True),
     "break-away": (lambda q: conditions.break_away(q * (0.1 + 0.2), 0.3), False),

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import pytest
 from scipy.signal import bilinear, butter, cont2discrete, lfilter
@@ -12,7 +14,6 @@ from friction_fmus.conditions import (
     SampledLaw,
     chain,
     closed_loop,
-    disturbance_loop,
     loop_poles,
     on_bristles,
     one_mass,
@@ -44,11 +45,41 @@ def test_without_anything_else_it_is_the_loop_of_the_pid() -> None:
     assert poles(chain(one_mass(1.0, 0.4), [law], TS)) == pytest.approx(np.sort_complex(expected), abs=1e-9)
 
 
-def test_with_an_observer_of_first_order_it_is_the_loop_of_the_observer() -> None:
-    laws = [linearised("PID", {"Kp": 12e3, "Kd": 190.0, "Ki": 250e3}, TS)]
-    laws.append(linearised("DisturbanceObserver", {"m": 3.0, "fq": 30.0}, TS))
-    expected = np.linalg.eigvals(disturbance_loop(1.0, 12e3, 190.0, 250e3, 30.0, TS, 0.4, 5e4, m_model=3.0))
-    assert poles(chain(one_mass(1.0, 0.4, 5e4), laws, TS)) == pytest.approx(np.sort_complex(expected), abs=1e-9)
+@pytest.mark.parametrize("Kt", [0.0, 1e5])
+@pytest.mark.parametrize("m_model", [0.5, 1.0, 4.0, 9.0])
+@pytest.mark.parametrize("Ki", [0.0, 2e5])
+def test_disturbance_observer_loop_is_its_recursion(Kt: float, m_model: float, Ki: float) -> None:
+    """The observer sample by sample on a plant that scipy discretises: the same growth, the same verdict."""
+    m, Kp, Kd, fq, Ts, gain = 1.0, 12e3, 150.0, 60.0, 1e-3, 0.9
+    damping = 300.0 if Kt else 0.4
+    continuous = (
+        np.array([[0.0, 1.0], [-Kt / m, -damping / m]]),
+        np.array([[0.0], [1.0 / m]]),
+        np.eye(2),
+        np.zeros((2, 1)),
+    )
+    A, column, *_ = cont2discrete(continuous, Ts)
+    b = column[:, 0]
+    a = 1.0 - math.exp(-2.0 * math.pi * fq * Ts)
+    state, d, integral, u, last = np.array([1.0, 0.3]), 0.0, 0.0, None, 0.0
+    norms = []
+    for _ in range(6000):
+        if u is not None:
+            d += a * (u - m_model * (state[1] - last) / Ts - d)
+        u = -Kp * state[0] - Kd * state[1] + Ki * integral + gain * d
+        integral -= Ts * state[0]
+        last, state = state[1], A @ state + b * u
+        norms.append(float(np.linalg.norm(state)))
+        if not 1e-60 < norms[-1] < 1e60:
+            break
+    half = len(norms) // 2
+    grown = np.log(max(norms[-200:]) / max(norms[half : half + 200])) / (len(norms) - half - 200)
+    laws = [linearised("PID", {"Kp": Kp, "Kd": Kd, "Ki": Ki}, Ts)]
+    laws.append(linearised("DisturbanceObserver", {"m": m_model, "fq": fq, "gain": gain}, Ts))
+    found = loop_poles(one_mass(m, damping, Kt), lambda _: laws, Ts)
+    assert found.ok == (grown < 0.0)
+    if len(norms) == 6000:
+        assert math.log(found.value) == pytest.approx(grown, abs=3e-4)
 
 
 @pytest.mark.parametrize("delay", [0.0, 0.35e-3, 1e-3, 2.6e-3])

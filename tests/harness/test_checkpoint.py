@@ -91,9 +91,9 @@ def test_extrapolation_remembers(build_fmu: BuildFmu, tmp_path: Path, order: int
 
 SCRIPT = """
 import sys
-from harness import System, to_parquet
+from harness import System, save_result
 with System.from_toml(sys.argv[1]) as system:
-    to_parquet(system.run(stop=0.6, step=1e-3, master="newton", resume=sys.argv[2]), sys.argv[3])
+    save_result(system.run(stop=0.6, step=1e-3, master="newton", resume=sys.argv[2]), sys.argv[3])
 """
 
 

@@ -22,10 +22,7 @@ from harness import (
     Tap,
     UnknownNameError,
     plot,
-    to_csv,
-    to_mat,
-    to_netcdf,
-    to_parquet,
+    save_result,
 )
 
 
@@ -145,7 +142,7 @@ def mixed() -> Result:
 def test_csv(tmp_path: Path) -> None:
     path = tmp_path / "out.csv"
     path.write_text("old")
-    to_csv(mixed(), path)
+    save_result(mixed(), path)
     with path.open(newline="") as file:
         rows = list(csv.reader(file))
     assert rows[0] == ["time [s]", "p.F [N]", "p.n", "p.b"]
@@ -157,7 +154,7 @@ def test_csv(tmp_path: Path) -> None:
 
 def test_parquet(tmp_path: Path) -> None:
     path = tmp_path / "out.parquet"
-    to_parquet(mixed(), path)
+    save_result(mixed(), path)
     table = pq.read_table(path)
     assert table.column_names == ["time", "p.F", "p.n", "p.b"]
     assert table.schema.field("time").metadata[b"units"] == b"s"
@@ -194,14 +191,14 @@ def test_plot_of_nothing_or_to_nowhere(tmp_path: Path) -> None:
     assert list(tmp_path.iterdir()) == []
 
 
-@pytest.mark.parametrize("write", [to_csv, to_mat, to_netcdf, to_parquet, plot])
+@pytest.mark.parametrize("name", ["out.csv", "out.mat", "out.nc", "out.parquet", "out.png"])
 def test_failed_write_leaves_the_old_file_and_nothing_else(
-    write, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    result = mixed()
+    write, result = plot if name == "out.png" else save_result, mixed()
     with pytest.raises(OutputError, match="existing writable folder"):
-        write(result, tmp_path / "missing" / "out.png")
-    path = tmp_path / "out.png"
+        write(result, tmp_path / "missing" / name)
+    path = tmp_path / name
     path.write_text("old")
 
     def full(*_: object) -> None:
@@ -210,7 +207,7 @@ def test_failed_write_leaves_the_old_file_and_nothing_else(
     monkeypatch.setattr(Path, "replace", full)
     with pytest.raises(OutputError, match="No space left"):
         write(result, path)
-    assert [p.name for p in tmp_path.iterdir()] == ["out.png"]
+    assert [p.name for p in tmp_path.iterdir()] == [name]
     assert path.read_text() == "old"
 
 

@@ -9,7 +9,7 @@ import pandas as pd
 import pytest
 from harness_parts import mass
 
-from harness import SeriesError, SeriesPart, System, to_csv
+from harness import SeriesError, SeriesPart, System, save_result
 
 TIMES = [0.0, 0.5, 1.0, 2.0]
 VALUES = {"r": [0.0, 1.0, -1.0, 3.0], "q": [5.0, 5.0, 6.0, 7.0]}
@@ -61,7 +61,7 @@ def test_unknown_options() -> None:
 
 def test_a_result_can_be_played_back(tmp_path: Path) -> None:
     result = System([mass()], start={"mass.F": -2.0}).run(stop=1.0, step=0.1)
-    to_csv(result, tmp_path / "record.csv")
+    save_result(result, tmp_path / "record.csv")
     series = SeriesPart.from_csv("again", tmp_path / "record.csv")
     assert [(port.name, port.unit) for port in series.outputs] == [("mass.x", "m"), ("mass.v", "m/s")]
     again = System([series]).run(stop=1.0, step=0.1)

@@ -8,13 +8,8 @@ import numpy as np
 import pytest
 
 from friction_fmus import identify
-from friction_fmus.identification import (
-    InverseModelSettings,
-    Record,
-    RecordError,
-    filtered_motion,
-    identify_inverse_model,
-)
+from friction_fmus.identification import InverseModelSettings, Record, RecordError
+from friction_fmus.identification.fit.idim import filtered_motion, identify_inverse_model
 
 TRUTH = {"M": 20.0, "Fv": 40.0, "Fc": 8.0, "OF": -1.5}
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import ast
 import os
 import subprocess
 import sys
@@ -172,29 +171,8 @@ def test_the_command_refuses_it(tmp_path: Path) -> None:
     assert "Traceback" not in done.stderr
 
 
-def test_pint_parses_in_one_place_only() -> None:
-    """Nothing else imports pint, so that nothing else can give it a text."""
-    found = set()
-    for file in (*(ROOT / "friction_fmus").rglob("*.py"), *(ROOT / "harness").rglob("*.py")):
-        text = file.read_text(encoding="utf-8")
-        for node in ast.walk(ast.parse(text)) if "pint" in text.replace("print", "") else ():
-            names = [alias.name for alias in node.names] if isinstance(node, ast.Import) else []
-            names += [node.module or ""] if isinstance(node, ast.ImportFrom) else []
-            if any(name.split(".")[0] == "pint" for name in names):
-                found.add(file.relative_to(ROOT).as_posix())
-    assert found == {"friction_fmus/fmi/block_units.py"}
-    text = (ROOT / "friction_fmus" / "fmi" / "block_units.py").read_text(encoding="utf-8")
-    (parsing,) = (
-        node for node in ast.walk(ast.parse(text)) if isinstance(node, ast.FunctionDef) and node.name == "_parsed"
-    )
-    body = ast.unparse(parsing)
-    assert text.count(".parse_") == body.count(".parse_") == 1
-    assert text.count(".Quantity(") == body.count(".Quantity(") == 1
-    assert body.index("is_unit_text(") < body.index(".parse_")
-
-
 def test_a_mil_is_a_thousandth_of_an_inch() -> None:
-    """Not the angle of that name, which `pint` also reads ten times too small."""
+    """Not the angle of that name."""
     unit = unit_of("mil")
     assert unit is not None
     assert unit.factor == pytest.approx(25.4e-6, rel=1e-12)

@@ -11,7 +11,8 @@ from thorough import THOROUGH
 
 from friction_fmus import identify
 from friction_fmus.data import load_tribometer
-from friction_fmus.identification import FitError, Identification, Record, identify_hysteresis
+from friction_fmus.identification import FitError, Identification, Record
+from friction_fmus.identification.fit.grid import identify_hysteresis
 
 STEP = 1e-3
 STIFFNESS = np.array([4e4, 2e4, 1e4])

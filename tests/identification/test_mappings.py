@@ -8,7 +8,8 @@ import pytest
 from thorough import nightly
 
 from friction_fmus.data import load_emps, load_tribometer
-from friction_fmus.identification import ROTARY, RecordError, read_mapping, read_measurement, read_records
+from friction_fmus.identification import ROTARY, RecordError, read_measurement, read_records
+from friction_fmus.identification.data.mapping import read_mapping
 
 EXAMPLES = Path(__file__).parents[2] / "examples" / "identification"
 

@@ -11,8 +11,9 @@ import scipy.signal
 from thorough import nightly, some
 
 from friction_fmus import identify
-from friction_fmus.identification import Record, identify_inverse_model
+from friction_fmus.identification import Record
 from friction_fmus.identification.fit.estimate import widening
+from friction_fmus.identification.fit.idim import identify_inverse_model
 from friction_fmus.identification.fit.search import SearchResult, covariance
 
 TRUTH = {"M": 20.0, "Fv": 40.0, "Fc": 8.0, "OF": -1.5}

@@ -11,7 +11,8 @@ import numpy as np
 import pytest
 
 from friction_fmus.blocks.axis_units import units_of_channels
-from friction_fmus.identification import Identification, Record, identify, identify_inverse_model
+from friction_fmus.identification import Identification, Record, identify
+from friction_fmus.identification.fit.idim import identify_inverse_model
 from friction_fmus.identification.fit.rests import position_noise, standstill, unresolved_rest
 from friction_fmus.identification.force_findings import stuck
 from friction_fmus.identification.model_comparison import within_reach

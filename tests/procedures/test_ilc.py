@@ -11,7 +11,8 @@ from scipy.signal import butter, filtfilt
 from thorough import nightly
 
 from friction_fmus.errors import FrictionError
-from friction_fmus.procedures import PidLoop, inverse_process_sensitivity, learning_step, train, zero_phase
+from friction_fmus.procedures import PidLoop, train
+from friction_fmus.procedures.ilc import inverse_process_sensitivity, learning_step, zero_phase
 from harness import CallablePart, FmuPart, Part, Port, System
 
 LOOP = PidLoop(m=1.0, Kp=12e3, Kd=190.0, Ki=250e3)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from thorough import nightly
 
 from friction_fmus.data import EMPS_PUBLISHED, load_emps
 from friction_fmus.identification import (
@@ -15,25 +14,21 @@ from friction_fmus.identification import (
     InverseModelSettings,
     Record,
     RecordError,
-    decimate,
-    filtered_motion,
-    identify_inverse_model,
-    identify_inverse_stribeck,
 )
+from friction_fmus.identification.fit.idim import decimate, filtered_motion, identify_inverse_model
 
 TRUTH = {"M": 12.0, "Fv": 30.0, "Fc": 5.0, "OF": -1.5}
 
 
-def made_up(noise: float = 0.0, fs: float | None = None, seconds: float = 20.0) -> Record:
+def made_up(noise: float = 0.0) -> Record:
     """An axis whose motion and force are known in closed form."""
-    t = np.arange(0.0, seconds, 1e-3)
+    t = np.arange(0.0, 20.0, 1e-3)
     frequencies, amplitudes = (0.31, 0.83, 1.7), (0.06, 0.02, 0.006)
     omega = [2.0 * np.pi * f for f in frequencies]
     q = sum(a * np.sin(w * t) for a, w in zip(amplitudes, omega, strict=True))
     v = sum(a * w * np.cos(w * t) for a, w in zip(amplitudes, omega, strict=True))
     acceleration = sum(-a * w * w * np.sin(w * t) for a, w in zip(amplitudes, omega, strict=True))
-    level = TRUTH["Fc"] + (0.0 if fs is None else (fs - TRUTH["Fc"]) * np.exp(-((v / 0.04) ** 2)))
-    force = TRUTH["M"] * acceleration + TRUTH["Fv"] * v + level * np.sign(v) + TRUTH["OF"]
+    force = TRUTH["M"] * acceleration + TRUTH["Fv"] * v + TRUTH["Fc"] * np.sign(v) + TRUTH["OF"]
     force = force + noise * np.random.default_rng(1).standard_normal(len(t))
     return Record("made up", t, q, q, force)
 
@@ -88,22 +83,6 @@ def test_units_are_those_of_the_axis() -> None:
     assert units == {"M": "kg.m2", "Fv": "N.m.s/rad", "Fc": "N.m", "OF": "N.m"}
 
 
-@pytest.mark.parametrize("fs", [2.0, 9.0])
-def test_a_made_up_stribeck_curve_is_found_again(fs: float) -> None:
-    """Also where friction grows with speed, Fs < Fc."""
-    values = identify_inverse_stribeck(made_up(fs=fs), vs=[0.02, 0.03, 0.04, 0.05, 0.08]).values()
-    assert values["vs"] == pytest.approx(0.04)
-    assert values["delta"] == 2.0
-    assert values["Fs"] == pytest.approx(fs, rel=0.03)
-    assert values["Fc"] == pytest.approx(TRUTH["Fc"], rel=0.03)
-
-
-@nightly
-def test_emps_strengthens_with_speed() -> None:
-    values = identify_inverse_stribeck(load_emps().record).values()
-    assert values["Fs"] < values["Fc"]
-
-
 def test_the_data_behind_the_friction_curve_are_the_friction() -> None:
     fit = identify_inverse_model(made_up())
     fast = np.abs(fit.v) > 0.05  # away from the reversals, where the decimation filter rings
@@ -124,8 +103,6 @@ def test_too_little_motion_is_refused(motion: object, complaint: str) -> None:
     axis = Record("lazy", t, q, q, np.ones_like(t))
     with pytest.raises(ExcitationError, match=complaint):
         identify_inverse_model(axis)
-    with pytest.raises(ExcitationError):
-        identify_inverse_stribeck(axis)
 
 
 def test_a_short_record_is_refused() -> None:
@@ -137,11 +114,6 @@ def test_a_short_record_is_refused() -> None:
 def test_a_cut_off_beyond_nyquist_is_refused() -> None:
     with pytest.raises(RecordError, match="500"):
         filtered_motion(made_up(), InverseModelSettings(cutoff=600.0))
-
-
-def test_an_empty_grid_is_refused() -> None:
-    with pytest.raises(FitError, match="grid"):
-        identify_inverse_stribeck(made_up(), vs=[])
 
 
 def test_bad_settings_are_refused() -> None:

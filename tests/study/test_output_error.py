@@ -8,15 +8,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from friction_fmus.identification import (
-    Array,
-    ExcitationError,
-    FitError,
-    OutputErrorFit,
-    TargetSignal,
-    Unknown,
-    fit_output_error,
-)
+from friction_fmus.identification import Array, ExcitationError, FitError
+from friction_fmus.identification.fit.output_error import OutputErrorFit, TargetSignal, Unknown, fit_output_error
 
 T = np.linspace(0.0, 3.0, 601)
 TRUTH = {"a": 2.0, "tau": 0.7}
@@ -71,20 +64,6 @@ def test_bounds_hold() -> None:
     unknowns = [UNKNOWNS[0], replace(UNKNOWNS[1], lower=0.9, upper=1.1)]
     found = fit_output_error(decay, unknowns, {"x": target()})
     assert 0.9 <= found.values()["tau"] <= 1.1
-
-
-def test_the_mapper_gets_the_runs_of_the_jacobian() -> None:
-    batches: list[int] = []
-
-    def counted(function, items):  # type: ignore[no-untyped-def]
-        items = list(items)
-        batches.append(len(items))
-        return [function(item) for item in items]
-
-    seen: list[int] = []
-    found = fit_output_error(decay, UNKNOWNS, {"x": target()}, mapper=counted, iterated=seen.append)
-    assert set(batches) == {len(UNKNOWNS)}
-    assert seen == list(range(1, found.simulations + 1))
 
 
 def test_samples_before_the_first_do_not_count() -> None:

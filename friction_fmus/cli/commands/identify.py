@@ -79,7 +79,8 @@ def run(options: argparse.Namespace) -> int:
     from friction_fmus.cli import identification_tables as tables
     from friction_fmus.cli.console import RunBar, console, progress_bar, styled
     from friction_fmus.cli.identification_tables import read_asking
-    from friction_fmus.identification import DataMapping, examine_segments
+    from friction_fmus.identification import DataMapping
+    from friction_fmus.identification.data.excitation import examine_segments
     from friction_fmus.identification.data.reading import default_windows
     from friction_fmus.identification.fit.contact_model import contact_model
     from friction_fmus.identification.force_findings import FORBIDDING, contradictions, stuck
@@ -207,7 +208,7 @@ def _models(names: Sequence[str]) -> list[str]:
 
 def _windows(options: argparse.Namespace, measurement: Measurement) -> dict[str, tuple[float, float]]:
     """Return the windows of the command line, and those of the mapping that it does not replace."""
-    from friction_fmus.identification import read_windows
+    from friction_fmus.identification.data.mapping import read_windows
 
     asked = {name: getattr(options, name) for name in ("train", "validation")}
     given = {name: pair for name, pair in asked.items() if pair is not None}

@@ -133,7 +133,8 @@ def _verify(options: argparse.Namespace) -> int:
     """Print claimed and measured error; the status is 1 if the claim did not come true."""
     from friction_fmus.cli.console import console
     from friction_fmus.cli.study_tables import show_verification
-    from friction_fmus.identification import DataMapping, read_mapping, read_measurement
+    from friction_fmus.identification import DataMapping, read_measurement
+    from friction_fmus.identification.data.mapping import read_mapping
     from friction_fmus.study.config import load_config
     from friction_fmus.study.settings_file import SETTINGS_FILE
     from friction_fmus.study.verification import verify

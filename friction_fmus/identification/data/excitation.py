@@ -137,18 +137,7 @@ def examine(record: Record) -> tuple[RecordFinding, ...]:
 
 
 def examine_segments(records: Sequence[Record]) -> tuple[RecordFinding, ...]:
-    """Check whether any segment of a measurement contains the motion needed to identify friction.
-
-    Parameters
-    ----------
-    records : sequence of Record
-        Segments of the measurement.
-
-    Returns
-    -------
-    tuple of RecordFinding
-        Findings that apply to all segments, with the numbers of the longest one; see `examine`.
-    """
+    """Check whether any segment of a measurement contains the motion needed to identify friction."""
     found = [(len(record), examine(record)) for record in records]
     common = set.intersection(*({finding.name for finding in findings} for _, findings in found))
     _, longest = max(found, key=lambda pair: pair[0])

@@ -86,24 +86,7 @@ class DataMapping:
 
 
 def load_mapping(path: Path) -> DataMapping:
-    """Read a mapping from a TOML file.
-
-    Parameters
-    ----------
-    path : Path
-        Path of the TOML file. The path of the data file is relative to its folder. The tables that only a study needs
-        are ignored.
-
-    Returns
-    -------
-    DataMapping
-        Validated mapping.
-
-    Raises
-    ------
-    RecordError
-        If the file is missing, is not valid TOML, or has an invalid entry.
-    """
+    """Read a mapping from a TOML file."""
     table = read_table(path, RecordError).content
     data = table.get("data")
     if isinstance(data, Mapping) and "record" in data:
@@ -116,27 +99,7 @@ def load_mapping(path: Path) -> DataMapping:
 
 
 def read_mapping(table: Mapping[str, Any], folder: Path, origin: str = "The mapping") -> DataMapping:
-    """Read a mapping from the tables ``[data]``, ``[columns]`` and ``[windows]``.
-
-    Parameters
-    ----------
-    table : mapping of str to mapping
-        These tables; others are rejected.
-    folder : Path
-        Folder to which the path of the data file is relative.
-    origin : str
-        Name of the mapping in error messages.
-
-    Returns
-    -------
-    DataMapping
-        Validated mapping.
-
-    Raises
-    ------
-    RecordError
-        If an entry is unknown, missing or of the wrong type.
-    """
+    """Read a mapping from the tables ``[data]``, ``[columns]`` and ``[windows]``."""
     TomlTable(table, origin, RecordError).known(("data", "columns", "windows"), "table")
     about, headings, times = (
         TomlTable(table.get(name, {}), f"{origin}, [{name}],", RecordError) for name in ("data", "columns", "windows")
@@ -158,25 +121,7 @@ def read_mapping(table: Mapping[str, Any], folder: Path, origin: str = "The mapp
 
 
 def read_windows(table: Mapping[str, Any], where: str) -> dict[str, tuple[float, float]]:
-    """Read the windows of a record.
-
-    Parameters
-    ----------
-    table : mapping of str to (float, float)
-        Start and end of ``train`` and ``validation`` [s].
-    where : str
-        Location of the table, as the start of error messages.
-
-    Returns
-    -------
-    dict of str to (float, float)
-        Validated windows.
-
-    Raises
-    ------
-    RecordError
-        If a window is not a pair of increasing times, windows overlap, or only ``validation`` is given.
-    """
+    """Read the windows of a record."""
     given = TomlTable(table, where, RecordError)
     given.known(WINDOWS, "window")
     windows = {name: given.take(name, _pair, "start and end in s, the earlier one first") for name in given}

@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 
 from friction_fmus.blocks.axis_units import LINEAR, ROTARY, AxisUnits
 from friction_fmus.errors import RecordError
-from friction_fmus.fmi.block_units import everyday_unit
 from harness.units import LONGEST_UNIT, BaseUnit, parse_unit
 
 
@@ -332,10 +331,7 @@ def unit_of(text: str) -> BaseUnit | None:
     symbol = DRIVE_UNITS.get(text.strip(), text)
     if symbol in PER_MILLE:
         return BaseUnit(factor=1e-3)
-    known = parse_unit(symbol)
-    if known is not None or not symbol.strip():
-        return known
-    return everyday_unit(symbol)
+    return parse_unit(symbol)
 
 
 def wanted_unit(role: str, units: AxisUnits) -> str:

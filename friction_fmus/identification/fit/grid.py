@@ -30,61 +30,21 @@ INITIAL_FORCES = (-1.0, 0.0, 1.0)  # initial forces of an element over its limit
 
 @dataclass(frozen=True, eq=False)
 class HysteresisGrid:
-    """Elements identified on a grid of break-away distances.
+    """Elements identified on a grid of break-away distances."""
 
-    Attributes
-    ----------
-    distance : array, shape (p,)
-        Break-away distances in ascending order [position].
-    stiffness : array, shape (p,)
-        Stiffness of the element at each distance; 0 without an element [force / position].
-    initial_force : array, shape (p,)
-        Initial force over the slip force of the element, -1 to 1.
-    linear : mapping of str to float
-        Other fitted parameters: "sigma2" [force / velocity], and M and OF of a drive.
-    t, measured, predicted : array, shape (n,)
-        Time [s], measured and predicted signal.
-    relative_percent : float
-        Root mean square of predicted minus measured, in percent of the root mean square of the measured signal.
-    """
-
-    distance: Array
-    stiffness: Array
-    initial_force: Array
-    linear: Mapping[str, float]
-    t: Array
+    distance: Array  # break-away distances in ascending order, shape (p,) [position]
+    stiffness: Array  # of the element at each distance; 0 without an element [force / position]
+    initial_force: Array  # initial force over the slip force of the element, -1 to 1
+    linear: Mapping[str, float]  # other fitted parameters: "sigma2" [force / velocity], and M and OF of a drive
+    t: Array  # time [s], shape (n,)
     measured: Array
     predicted: Array
-    relative_percent: float
+    """Measured and predicted signal."""
+    relative_percent: float  # rms of predicted minus measured, in percent of the rms of the measured signal
 
 
 def identify_hysteresis(record: Record, points: int = 20) -> HysteresisGrid:
-    """Identify the distribution of stiffness over break-away distance.
-
-    Parameters
-    ----------
-    record : Record
-        Motion and friction, or drive force.
-    points : int
-        Number of grid points, logarithmically spaced from 1/200 to 2/3 of the range of the position.
-
-    Returns
-    -------
-    HysteresisGrid
-        Stiffness at each break-away distance.
-
-    Raises
-    ------
-    RecordError
-        If a column is missing.
-    ExcitationError
-        If the record has no motion.
-
-    Notes
-    -----
-    Non-negative least squares (C. Lawson, R. Hanson, "Solving least squares problems", 1974) on the distribution of
-    elements of W. Iwan, Journal of Applied Mechanics 33(4), 1966.
-    """
+    """Identify the distribution of stiffness over break-away distance."""
     model = contact_model("MaxwellSlip", record.units)
     signal, _ = signal_of([record])
     segment = prepare(record, model, signal)

@@ -9,7 +9,7 @@ squares (M. Gautier, Ph. Poignet, "Extended Kalman filtering and weighted least 
 robot", Control Engineering Practice 9, 2001; for the EMPS axis: Janot, Gautier, Brunot 2019).
 """
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
 
@@ -182,67 +182,26 @@ def default_settings(record: Record) -> InverseModelSettings:
 
 @dataclass(frozen=True, eq=False)
 class Motion:
-    """Filtered motion of an axis.
+    """Filtered motion of an axis."""
 
-    Attributes
-    ----------
-    q, v, a : array, shape (n,)
-        Position, velocity and acceleration, in the units of the axis.
-    """
-
-    q: Array
-    v: Array
-    a: Array
+    q: Array  # position, shape (n,)
+    v: Array  # velocity
+    a: Array  # acceleration
 
 
 @dataclass(frozen=True, eq=False)
 class InverseModelFit(Estimated):
-    """Result of a least squares fit of the inverse model.
+    """Result of a least squares fit of the inverse model."""
 
-    Attributes
-    ----------
-    parameters : mapping of str to Estimate
-        M, Fv, Fc, OF (and Fs, vs, delta for the Stribeck form).
-    relative_residual : float
-        Norm of the residual over the norm of the force, both decimated.
-    condition : float
-        Condition number of the decimated regressor matrix with normalised columns.
-    v, friction : array, shape (rows,)
-        Decimated velocity, and decimated F - M q'': the points of the friction curve.
-    """
-
-    parameters: Mapping[str, Estimate]
-    relative_residual: float
-    condition: float
-    v: Array
-    friction: Array
+    parameters: Mapping[str, Estimate]  # M, Fv, Fc, OF
+    relative_residual: float  # norm of the residual over the norm of the force, both decimated
+    condition: float  # condition number of the decimated regressor matrix with normalised columns
+    v: Array  # decimated velocity, shape (rows,)
+    friction: Array  # decimated F - M q'', the points of the friction curve with v
 
 
 def filtered_motion(record: Record, settings: InverseModelSettings | None = None) -> Motion:
-    """Return filtered position, velocity and acceleration of a record.
-
-    Parameters
-    ----------
-    record : Record
-        Record with a position.
-    settings : InverseModelSettings, optional
-        Cut-off frequency and order of the filter; by default `default_settings`.
-
-    Returns
-    -------
-    Motion
-        Filtered position and its first and second central differences.
-
-    Raises
-    ------
-    RecordError
-        If the record is too short for the filter, or the cut-off frequency is not below the Nyquist frequency.
-
-    Notes
-    -----
-    The reflection at the ends is three times the filter order, as in MATLAB's ``filtfilt``, which was used for the
-    published values; scipy's default is three samples longer.
-    """
+    """Return filtered position, velocity and acceleration of a record."""
     settings = default_settings(record) if settings is None else settings
     nyquist = 0.5 / record.Ts
     if not 0.0 < settings.cutoff < nyquist:
@@ -252,6 +211,7 @@ def filtered_motion(record: Record, settings: InverseModelSettings | None = None
         )
     sos = scipy.signal.butter(settings.order, settings.cutoff / nyquist, output="sos")
     _require_length(record, 3 * settings.order + 1)
+    # the reflection of MATLAB's filtfilt, which was used for the published values; the default of scipy is longer
     q = np.asarray(scipy.signal.sosfiltfilt(sos, record.column("q"), padlen=3 * settings.order), dtype=np.float64)
     v = derivative(q, record.Ts, settings.order_of_differences)
     return Motion(q, v, derivative(v, record.Ts, settings.order_of_differences))
@@ -267,142 +227,24 @@ def derivative(values: Array, Ts: float, order: int = 4) -> Array:
 
 
 def identify_inverse_model(record: Record, settings: InverseModelSettings | None = None) -> InverseModelFit:
-    """Identify M, Fv, Fc and OF of equation (1) by least squares.
-
-    Parameters
-    ----------
-    record : Record
-        Record with position and force.
-    settings : InverseModelSettings, optional
-        Filters; by default `default_settings`.
-
-    Returns
-    -------
-    InverseModelFit
-        Parameters M, Fv, Fc, OF in the units of the axis, with standard errors.
-
-    Raises
-    ------
-    RecordError
-        If the record is too short for the filters.
-    ExcitationError
-        If the regressors of the parameters are linearly dependent.
-
-    Notes
-    -----
-    Method of Janot, Gautier, Brunot 2019. With `PUBLISHED_SETTINGS`, those of the script `Script_IDIM_LS.m` published
-    with the record, the result agrees with their values in all printed digits. The sign is taken from the *filtered*
-    velocity at the full rate, before decimation. All regressors and the force are decimated by 10, to 100 Hz, with the
-    same zero-phase filter. The 20 Hz mentioned in their text are the bandwidth of the motion, not the rate of the rows:
-    decimation to 20 Hz would give M = 94.66 kg.
-
-    The motion at the ends of a record is wrong, because a filter continues it by a reflection; rows within `SETTLING`
-    of an end are discarded. Their script keeps the last ones, which is right if the axis is at rest there.
-
-    The standard errors are those of `coloured_covariance`; the published ones assume uncorrelated residuals.
-    """
+    """Identify M, Fv, Fc and OF of equation (1) by least squares."""
+    # Method of Janot, Gautier, Brunot 2019. With `PUBLISHED_SETTINGS`, those of the script `Script_IDIM_LS.m` published
+    # with the record, the result agrees with their values in all printed digits. The sign is taken from the filtered
+    # velocity at the full rate. The 20 Hz in their text are the bandwidth of the motion, not the rate of the rows:
+    # decimation to 20 Hz would give M = 94.66 kg. Their standard errors assume uncorrelated residuals.
     settings = default_settings(record) if settings is None else settings
     motion = filtered_motion(record, settings)
     columns = {"M": motion.a, "Fv": motion.v, "Fc": np.sign(motion.v), "OF": np.ones_like(motion.v)}
-    return _linear_fit(record, motion, columns, settings)[0]
-
-
-def identify_inverse_stribeck(record: Record, vs: Iterable[float] | None = None) -> InverseModelFit:
-    """Identify Stribeck friction from the inverse model, for example as start values of a fit in closed loop.
-
-    Parameters
-    ----------
-    record : Record
-        Record with position and force.
-    vs : iterable of float, optional
-        Stribeck velocities of the grid, in the velocity unit; by default 25 values from 1/200 to 1/2 of the largest
-        speed.
-
-    Returns
-    -------
-    InverseModelFit
-        Parameters M, Fv, Fc, Fs, OF with standard errors for fixed vs and delta, and the best vs and delta of the grid,
-        with the standard error NaN. Fs is below Fc if friction increases with speed.
-
-    Raises
-    ------
-    ExcitationError
-        If the regressors are linearly dependent at all grid points.
-    FitError
-        If `vs` is empty or not positive.
-
-    Notes
-    -----
-    The friction Fc + (Fs - Fc) exp(-|v/vs|^delta) is linear in all parameters except vs and delta. These two are
-    searched on a grid, and the others follow from linear least squares (variable projection; G. Golub, V. Pereyra,
-    1973).
-    """
-    settings = default_settings(record)
-    motion = filtered_motion(record, settings)
-    if vs is None:
-        top = float(np.max(np.abs(motion.v)))
-        vs = np.geomspace(top / 200.0, top / 2.0, 25) if top > 0.0 else [1.0]
-    grid = [(delta, float(speed)) for delta in (1.0, 2.0) for speed in vs]
-    if min((speed for _, speed in grid), default=0.0) <= 0.0:
-        raise FitError("The grid of vs is empty or not positive; give at least one positive value.")
-
-    sign = np.sign(motion.v)
-    best: tuple[float, InverseModelFit, Array, tuple[float, float]] | None = None
-    refused: ExcitationError | None = None
-    for delta, speed in grid:
-        columns = {
-            "M": motion.a,
-            "Fv": motion.v,
-            "Fc": sign,
-            "OF": np.ones_like(motion.v),
-            "Fs - Fc": sign * np.exp(-(np.abs(motion.v / speed) ** delta)),
-        }
-        try:
-            fit, covariance = _linear_fit(record, motion, columns, settings)
-        except ExcitationError as error:
-            refused = error
-            continue
-        # of curves with equal residuals, as without a Stribeck effect, the first one is kept; rounding must not decide
-        if best is None or fit.relative_residual < (1.0 - 1e-9) * best[0] - 1e-12:
-            best = (fit.relative_residual, fit, covariance, (delta, speed))
-    if best is None:
-        raise refused if refused is not None else ExcitationError("No grid point could be identified.")
-
-    _, fit, covariance, (delta, speed) = best
-    found = fit.parameters
-    fs_error = float(np.sqrt(covariance[2, 2] + covariance[4, 4] + 2.0 * covariance[2, 4]))
-    units = record.units
-    parameters = {name: found[name] for name in ("M", "Fv", "Fc")}
-    parameters["Fs"] = Estimate("Fs", found["Fc"].value + found["Fs - Fc"].value, fs_error, units.force)
-    parameters["vs"] = Estimate("vs", speed, float("nan"), units.velocity)
-    parameters["delta"] = Estimate("delta", delta, float("nan"), "1")
-    parameters["OF"] = found["OF"]
-    return InverseModelFit(parameters, fit.relative_residual, fit.condition, fit.v, fit.friction)
+    return _linear_fit(record, motion, columns, settings)
 
 
 COLUMNS = 8  # columns that are filtered at a time, as the filter makes several copies of the whole signal
 
 
 def decimate(signal: Array, factor: int) -> Array:
-    """Decimate a signal behind a zero-phase low-pass filter; the last sample is kept.
-
-    Parameters
-    ----------
-    signal : array, shape (n,) or (n, columns)
-        Signal.
-    factor : int
-        Decimation factor; with 1 the signal is returned unchanged.
-
-    Returns
-    -------
-    array, shape (ceil(n / factor),) or (ceil(n / factor), columns)
-        Every `factor`-th sample of the filtered signal, counted from the end.
-
-    Notes
-    -----
-    The filter is a Chebyshev filter of type I, order 8, 0.05 dB ripple, with the edge at 0.8 of the new Nyquist
-    frequency, run forward and backward with a reflection of 24 samples, as in MATLAB's ``decimate``.
-    """
+    """Decimate a signal behind a zero-phase low-pass filter; the last sample is kept."""
+    # Chebyshev, type I, order 8, 0.05 dB ripple, edge at 0.8 of the new Nyquist frequency, forward and backward with a
+    # reflection of 24 samples, as in MATLAB's decimate
     if factor == 1:
         return signal
     if signal.ndim > 1 and signal.shape[1] > COLUMNS:
@@ -421,8 +263,8 @@ def _low_pass(factor: int) -> Array:
 
 def _linear_fit(
     record: Record, motion: Motion, columns: Mapping[str, Array], settings: InverseModelSettings
-) -> tuple[InverseModelFit, Array]:
-    """Return the least-squares fit of the force on the columns, and the covariance of its parameters."""
+) -> InverseModelFit:
+    """Return the least-squares fit of the force on the columns."""
     if settings.decimation < 1 or min(settings.border or (0.0,)) < 0.0:
         raise FitError(
             f"The decimation is {settings.decimation} and the border {settings.border}; they must be at least 1 and 0."
@@ -457,14 +299,13 @@ def _linear_fit(
         name: Estimate(name, float(value), float(error), units.get(name, record.units.force))
         for name, value, error in zip(names, theta, errors, strict=True)
     }
-    fit = InverseModelFit(
+    return InverseModelFit(
         parameters,
         relative_residual=float(np.linalg.norm(residual) / np.linalg.norm(force)),
         condition=float(singular[0] / singular[-1]),
         v=settings.rows(motion.v, record.Ts)[kept],
         friction=force - theta[names.index("M")] * W[:, names.index("M")],
     )
-    return fit, covariance
 
 
 def _require_length(record: Record, samples: int) -> None:

@@ -5,9 +5,8 @@ The fit minimises the sum over the targets of |simulated - measured|^2 / scale^2
 """
 
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Protocol, TypeVar
 
 import numpy as np
 import scipy.optimize
@@ -16,93 +15,46 @@ from friction_fmus.errors import ExcitationError, FitError
 from friction_fmus.identification.data.record import Array
 from friction_fmus.identification.fit.estimate import Estimate, Estimated, dependent_columns, score_covariance
 
-S = TypeVar("S")
-T = TypeVar("T")
-
 #: Function of parameter values that returns simulated signals, each with the shape of its target.
 Simulator = Callable[[Mapping[str, float]], Mapping[str, Array]]
 
 
-class Mapper(Protocol):
-    """Function that applies another function to several items: `map`, or the `map` method of an executor."""
-
-    def __call__(self, function: Callable[[S], T], items: Iterable[S], /) -> Iterable[T]:
-        """Return the results in the order of the items."""
-
-
 @dataclass(frozen=True)
 class Unknown:
-    """Parameter to fit.
+    """Parameter to fit."""
 
-    Attributes
-    ----------
-    name : str
-        Name that the simulator receives.
-    start : float
-        Start value, in `unit`.
-    step : float
-        Step of the finite differences, in `unit`; it also scales the search. The effect of the step must exceed
-        quantisation and event errors of the simulation: use 0.5 to 5 % of the value, not the square root of the machine
-        precision.
-    unit : str
-        Unit of the parameter.
-    lower, upper : float
-        Bounds, in `unit`.
-    """
-
-    name: str
-    start: float
+    name: str  # name that the simulator receives
+    start: float  # start value, in `unit`
     step: float
-    unit: str
+    """Step of the finite differences, in `unit`; it also scales the search. The effect of the step must exceed
+    quantisation and event errors of the simulation: use 0.5 to 5 % of the value, not the square root of the machine
+    precision."""
+    unit: str  # unit of the parameter
     lower: float = -math.inf
     upper: float = math.inf
+    """Bounds, in `unit`."""
 
 
 @dataclass(frozen=True, eq=False)
 class TargetSignal:
-    """Measured signal to be reproduced by the simulation.
+    """Measured signal to be reproduced by the simulation."""
 
-    Attributes
-    ----------
-    measured : array, shape (n,)
-        Measured samples.
-    scale : float
-        Error that counts as one, in the unit of the signal; determines the relative weight of the targets.
-    first : int
-        First sample used in the fit.
-    """
-
-    measured: Array
-    scale: float
-    first: int = 0
+    measured: Array  # measured samples, shape (n,)
+    scale: float  # error that counts as one, in the unit of the signal; determines the relative weight of the targets
+    first: int = 0  # first sample used in the fit
 
 
 @dataclass(frozen=True, eq=False)
 class OutputErrorFit(Estimated):
-    """Result of an output-error fit.
+    """Result of an output-error fit."""
 
-    Attributes
-    ----------
-    parameters : mapping of str to Estimate
-        Estimates with robust standard errors.
-    classic_errors : mapping of str to float
-        Standard errors for uncorrelated residuals; too small if the residuals of neighbouring samples are correlated.
-    rms : mapping of str to float
-        Root mean square error of each target, in its unit.
-    simulations : int
-        Number of simulations.
-    converged : bool
-        Whether the search converged before `max_iterations`.
-    correlation : array, shape (p, p)
-        Correlation of the estimates.
-    """
-
-    parameters: Mapping[str, Estimate]
+    parameters: Mapping[str, Estimate]  # estimates with robust standard errors
     classic_errors: Mapping[str, float]
-    rms: Mapping[str, float]
-    simulations: int
-    converged: bool
-    correlation: Array
+    """Standard errors for uncorrelated residuals; too small if the residuals of neighbouring samples are correlated."""
+    rms: Mapping[str, float]  # root mean square error of each target, in its unit
+    simulations: int  # number of simulations
+    converged: bool  # whether the search converged before `max_iterations`
+    correlation: Array  # correlation of the estimates, shape (p, p)
 
 
 def fit_output_error(
@@ -110,55 +62,15 @@ def fit_output_error(
     unknowns: Sequence[Unknown],
     targets: Mapping[str, TargetSignal],
     *,
-    mapper: Mapper = map,
     tolerance: float = 1e-3,
     max_iterations: int = 6,
     correlation: int = 200,
-    iterated: Callable[[int], None] | None = None,
 ) -> OutputErrorFit:
-    """Fit the parameters of a simulation to measured signals.
-
-    Parameters
-    ----------
-    simulate : callable
-        Function of parameter values that returns signals.
-    unknowns : sequence of Unknown
-        Parameters to fit.
-    targets : mapping of str to TargetSignal
-        Measured signals, by the name of the simulated signal.
-    mapper : callable, optional
-        Map function for the simulations of one Jacobian; the `map` method of a pool runs them in parallel.
-    tolerance : float
-        Relative change of the cost, or of the parameters divided by their steps, at which the search ends.
-    max_iterations : int
-        Largest number of iterations; each needs at most ``1 + len(unknowns)`` simulations.
-    correlation : int
-        Largest lag at which residuals may be correlated, for the robust standard errors [samples].
-    iterated : callable, optional
-        Called with the number of simulations after each simulation.
-
-    Returns
-    -------
-    OutputErrorFit
-        Estimates with standard errors and correlation.
-
-    Raises
-    ------
-    FitError
-        If there are no unknowns or targets, a name occurs twice, a start value is outside its bounds, a step or scale
-        is not positive, or a signal is missing, has the wrong shape or is not finite.
-    ExcitationError
-        If the targets do not depend on a parameter, or the effects of parameters are linearly dependent.
-
-    Notes
-    -----
-    The search uses the trust-region method of `scipy.optimize.least_squares` on the parameters divided by their steps,
-    with forward differences of one step. The covariance is (J'J)^-1 S (J'J)^-1, where S is the sum over lags of the
-    products of scores J_k r_k, with weights that decrease linearly up to `correlation` (W. Newey, K. West, "A simple,
-    positive semi-definite, heteroskedasticity and autocorrelation consistent covariance matrix", Econometrica 55,
-    1987). The errors of a servo model are systematic and last for many samples; the classic formula s^2 (J'J)^-1 would
-    count these samples as independent measurements.
-    """
+    """Fit the parameters of a simulation to measured signals."""
+    # The trust-region method of `scipy.optimize.least_squares` on the parameters divided by their steps, with forward
+    # differences of one step; it ends when the cost or a parameter over its step changes by less than `tolerance`. The
+    # covariance is that of Newey and West, Econometrica 55, 1987, for residuals that are correlated over so many
+    # samples: the errors of a servo model are systematic, and s^2 (J'J)^-1 would count them as independent.
     _check(unknowns, targets)
     names = [unknown.name for unknown in unknowns]
     step = np.array([unknown.step for unknown in unknowns])
@@ -176,8 +88,6 @@ def fit_output_error(
     def stacked(signals: Mapping[str, Array]) -> Array:
         nonlocal simulations
         simulations += 1
-        if iterated is not None:
-            iterated(simulations)
         return np.concatenate([_error(signals, name, targets[name]) * weight[name] for name in targets])
 
     # residuals by point, so that the Jacobian does not repeat the simulation
@@ -200,7 +110,7 @@ def fit_output_error(
         # forward differences, backward at an upper bound
         direction = np.where(x + 1.0 <= upper, 1.0, -1.0)
         shifted = [named(x + direction[i] * np.eye(len(x))[i]) for i in range(len(x))]
-        moved = [stacked(signals) for signals in mapper(simulate, shifted)]
+        moved = [stacked(signals) for signals in map(simulate, shifted)]
         known = x, np.column_stack([(m - centre) / d for m, d in zip(moved, direction, strict=True)])
         return known[1]
 
