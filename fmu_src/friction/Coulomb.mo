@@ -8,7 +8,7 @@ equation
   sliding = load*Fc*pre(direction);
   annotation(Documentation(info = "<html>
 <pre>v /= 0:  F = load Fc sign(v)
-v  = 0:  |F| <= load Fc
+v  = 0:  |F| &lt;= load Fc
 load   = max(Fn, 0)/Fn0</pre>
 <p>C. A. Coulomb: Th&eacute;orie des machines simples, 1785.</p>
 </html>"));

@@ -15,6 +15,7 @@ partial model ElastoPlastic "Elasto-plastic bristle friction without drift below
   Units.Length along "deflection in the direction of motion";
   Real alpha "part of the motion in which the bristles slip";
 equation
+  assert(z_ba < min(Fc, Fs)/sigma0, "z_ba is not below Fc/sigma0 and Fs/sigma0; the FMU allows this");
   z_max = Interfaces.stribeck(v, Fc, Fs, vs, delta)/sigma0;
   along = if v < 0 then -z else z;
   alpha = if along >= z_max then 1 elseif along <= z_ba then 0
@@ -24,10 +25,11 @@ equation
   annotation(Documentation(info = "<html>
 <pre>dz/dt = v (1 - alpha z/z_ss(v)),   z_ss = sign(v) z_max,   z_max = S(v)/sigma0
 S(v)  = Fc + (Fs - Fc) exp(-|v/vs|^delta)
-alpha = 0 if sign(z) /= sign(v) or |z| <= z_ba,   1 if |z| >= z_max,   otherwise
+alpha = 0 if sign(z) /= sign(v) or |z| &lt;= z_ba,   1 if |z| &gt;= z_max,   otherwise
         1/2 + 1/2 sin(pi (|z| - (z_max + z_ba)/2)/(z_max - z_ba))
 F     = (sigma0 z + sigma1(v) dz/dt) load + sigma2 v,   load = max(Fn, 0)/Fn0
-sigma1(v) = sigma1 exp(-(v/v_d)^2) if v_d > 0, else sigma1</pre>
+sigma1(v) = sigma1 exp(-(v/v_d)^2) if v_d &gt; 0, else sigma1</pre>
+<p>z_ba must be below z_max(v) for all v.</p>
 <p>P. Dupont, V. Hayward, B. Armstrong, F. Altpeter: Single state elastoplastic friction models, IEEE Transactions on
 Automatic Control 47(5), 2002, with the exponent i = 1; sigma1(v) is from LuGre.</p>
 </html>"));

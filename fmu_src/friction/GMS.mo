@@ -22,7 +22,7 @@ equation
   for i in 1:N loop
     der(Fi[i]) = if pre(slips[i]) == 0 then k[i]*v
       else (if Ci[i] < 0 then C else Ci[i])*(pre(slips[i])*alpha[i]/sum(alpha) - Fi[i]/S);
-    rate[i] = if pre(slips[i]) == 0 then v else der(Fi[i])/k[i];
+    rate[i] = if pre(slips[i]) == 0 then v elseif k[i] > 0 then der(Fi[i])/k[i] else 0;
     slips[i] = if pre(slips[i]) <> 0 then (if pre(slips[i])*v > 0 then pre(slips[i]) else 0)
       elseif v > 0 and Fi[i] >= alpha[i]/sum(alpha)*S then 1
       elseif v < 0 and -Fi[i] >= alpha[i]/sum(alpha)*S then -1 else 0;
@@ -30,7 +30,7 @@ equation
   F = (sum(Fi) + sigma*sum(rate))*load + sigma2*v;
   annotation(Documentation(info = "<html>
 <pre>S(v)   = Fc + (Fs - Fc) exp(-|v/vs|^delta)
-stick:   dFi/dt = ki v                                      until sign(v) Fi >= alpha_i S(v)
+stick:   dFi/dt = ki v                                      until sign(v) Fi &gt;= alpha_i S(v)
 slip:    dFi/dt = sign(v) Ci (alpha_i - sign(v) Fi/S(v))    until v = 0
 F      = (sum Fi + sigma sum dzi/dt) load + sigma2 v,       load = max(Fn, 0)/Fn0
 dzi/dt = v in stick, (dFi/dt)/ki in slip</pre>

@@ -28,7 +28,7 @@ equation
 <pre>g(v)  = Fc + (Fs - Fc) exp(-|v/vs|^delta)
 dz/dt = v - sigma0 |v| z/g(v)
 F     = (sigma0 z + sigma1(v) dz/dt) load + sigma2 v,   load = max(Fn, 0)/Fn0
-sigma1(v) = sigma1 exp(-(v/v_d)^2) if v_d > 0, else sigma1</pre>
+sigma1(v) = sigma1 exp(-(v/v_d)^2) if v_d &gt; 0, else sigma1</pre>
 <p>A first model of an axis with presliding: one state describes stiffness at rest, break-away that depends on the rate
 of the force, the Stribeck effect with lag, and stick-slip. z drifts under a constant force with vibration, and
 reversal points are not remembered. If v jumps, F jumps by sigma1 times as much; v_d below 4 sqrt(2 e) Fc/sigma1 keeps

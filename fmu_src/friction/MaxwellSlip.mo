@@ -15,7 +15,7 @@ equation
   end for;
   F = sum(Fi)*load;
   annotation(Documentation(info = "<html>
-<pre>dFi/dt = 0 if |Fi| = Wi and Fi v > 0, else ki v,   i = 1 ... N
+<pre>dFi/dt = 0 if |Fi| = Wi and Fi v &gt; 0, else ki v,   i = 1 ... N
 F      = (F1 + ... + FN) load,   load = max(Fn, 0)/Fn0</pre>
 <p>W. D. Iwan: A distributed-element model for hysteresis and its steady-state dynamic response, Journal of Applied
 Mechanics 33(4), 1966.</p>

@@ -33,7 +33,7 @@ equation
 <pre>S(v)   = sign(v) (Fc + (Fs - Fc) exp(-|v/vs|^delta))
 Fh     = F1 + ... + FN
 dz/dt  = v (1 - sign(r) |r|^n),   r = Fh/S(v)
-dFi/dt = 0 if |Fi| = Wi and Fi dz/dt > 0, else ki dz/dt
+dFi/dt = 0 if |Fi| = Wi and Fi dz/dt &gt; 0, else ki dz/dt
 F      = (Fh + sigma1 dz/dt) load + sigma2 v,   load = max(Fn, 0)/Fn0</pre>
 <p>W1 + ... + WN must be at least Fs and Fc.</p>
 <p>V. Lampaert, J. Swevers, F. Al-Bender: Modification of the Leuven integrated friction model structure, IEEE

@@ -13,9 +13,9 @@ equation
   side = if pre(side) <> 0 then (if pre(side)*v < 0 then 0 else pre(side))
     elseif v > 0 and z >= z0 then 1 elseif v < 0 and z <= -z0 then -1 else 0;
   annotation(Documentation(info = "<html>
-<pre>dz/dt = 0  if v > 0 and z >= z0, or v < 0 and z <= -z0,  else v
+<pre>dz/dt = 0  if v &gt; 0 and z &gt;= z0, or v &lt; 0 and z &lt;= -z0,  else v
 F     = ((1 + a(z)) sigma0 z + beta dz/dt) load,   load = max(Fn, 0)/Fn0
-a(z)  = a if |z| < z0, else 0</pre>
+a(z)  = a if |z| &lt; z0, else 0</pre>
 <p>D. A. Haessig, B. Friedland: On the modeling and simulation of friction, ASME Journal of Dynamic Systems, Measurement,
 and Control 113(3), 1991.</p>
 </html>"));

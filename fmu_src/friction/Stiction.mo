@@ -10,7 +10,7 @@ equation
   sliding = load*Fc*pre(direction) + Fv*v;
   annotation(Documentation(info = "<html>
 <pre>v /= 0:  F = load Fc sign(v) + Fv v
-v  = 0:  |F| <= load max(Fs, Fc)
+v  = 0:  |F| &lt;= load max(Fs, Fc)
 load   = max(Fn, 0)/Fn0</pre>
 <p>A. Morin, 1833; in the form of H. Olsson and others: Friction models and friction compensation, European Journal of
 Control 4(3), 1998, equation (4).</p>

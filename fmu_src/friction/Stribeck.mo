@@ -26,7 +26,7 @@ equation
     else load*(Fc + (Fs - Fc)*part)*pre(direction) + Fv*v);
   annotation(Documentation(info = "<html>
 <pre>v /= 0:   F = load g(v) sign(v) + Fv v + offset
-v  = 0:   |F - offset| <= load max(Fs, Fc)
+v  = 0:   |F - offset| &lt;= load max(Fs, Fc)
 shape 0:  g(v) = Fc + (Fs - Fc) exp(-|v/vs|^delta)
 shape 1:  g(v) = Fc + (Fs - Fc)/(1 + |v/vs|^delta)
 load    = max(Fn, 0)/Fn0</pre>

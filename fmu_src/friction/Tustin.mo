@@ -11,7 +11,7 @@ equation
   sliding = load*(Fc + (Fs - Fc)*exp(-abs(v)/vs))*pre(direction) + Fv*v;
   annotation(Documentation(info = "<html>
 <pre>v /= 0:  F = load (Fc + (Fs - Fc) exp(-|v|/vs)) sign(v) + Fv v
-v  = 0:  |F| <= load max(Fs, Fc)
+v  = 0:  |F| &lt;= load max(Fs, Fc)
 load   = max(Fn, 0)/Fn0</pre>
 <p>A. Tustin: The effects of backlash and of speed-dependent friction on the stability of closed-cycle control systems,
 Journal of the Institution of Electrical Engineers 94(2A), 1947.</p>

@@ -44,7 +44,7 @@ package Interfaces "Base classes of the laws"
     a = der(v);
     0 = if pre(direction) == 0 then a else F - sliding;
     direction =
-      if initial() and v <> 0 then (if v > 0 then 1 else -1)
+      if initial() and v > 0 then 1 elseif initial() and v < 0 then -1
       elseif pre(direction) == 0 then (if F > high then 1 elseif F < low then -1 else 0)
       elseif not pre(direction)*v < 0 or pre(direction)*a > 0 then pre(direction) else 0;
     stuck = direction == 0;

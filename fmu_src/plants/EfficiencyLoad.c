@@ -5,7 +5,8 @@
        with the load:     Fn = base + |F_load| (1 - eta_back)
 
    F_load is what the load exerts on the driven side, there without friction: F_load = W lead / (2 pi) for a screw with
-   an axial force W. At rest, the direction is that of F_ext, the sum of the other forces on the mass.
+   an axial force W. Below v_rest, the direction is that of F_ext, the sum of the other forces on the mass: solvers
+   leave a velocity of the size of rounding at rest, whose sign says nothing.
 
    A screw with lead angle lambda and angle of friction phi has eta_drive = tan(lambda) / tan(lambda + phi) and eta_back
    = tan(lambda - phi) / tan(lambda). With eta_back at most 0, the load cannot move it: it is self-locking.
@@ -23,14 +24,15 @@
 #define CITES   "Shigley2015"
 
 /* clang-format off */
-#define VARIABLES                                                                                                   \
-    INPUT    (v,         VELOCITY, 0.0,             "velocity of the contact")                                      \
-    INPUT    (F_load,    FORCE,    0.0,             FORCE_NOUN " of the load, positive if it drives forward")       \
-    OPTIONAL (F_ext,     FORCE,    0.0,             "sum of the other " FORCE_NOUN "s on the " MASS_NOUN ", at rest") \
-    OUTPUT   (Fn,        "N",                       "normal force of a contact that has 1 N of friction at 1 N")    \
-    PARAMETER(base,      FORCE,    0.0, 0.0,   INF, "friction without load")                                        \
-    PARAMETER(eta_drive, NO_UNIT,  0.5, 1e-6,  1.0, "efficiency of motion against the load")                        \
-    PARAMETER(eta_back,  NO_UNIT,  0.2, -1e6,  1.0, "efficiency of motion with the load; at most 0: self-locking")
+#define VARIABLES                                                                                                     \
+    INPUT    (v,         VELOCITY, 0.0,             "velocity of the contact")                                        \
+    INPUT    (F_load,    FORCE,    0.0,             FORCE_NOUN " of the load, positive if it drives forward")         \
+    INPUT    (F_ext,     FORCE,    0.0,             "sum of the other " FORCE_NOUN "s on the " MASS_NOUN ", at rest") \
+    OUTPUT   (Fn,        "N",                       "normal force of a contact that has 1 N of friction at 1 N")      \
+    PARAMETER(base,      FORCE,    0.0, 0.0,   INF, "friction without load")                                          \
+    PARAMETER(eta_drive, NO_UNIT,  0.5, 1e-6,  1.0, "efficiency of motion against the load")                          \
+    PARAMETER(eta_back,  NO_UNIT,  0.2, -1e6,  1.0, "efficiency of motion with the load; at most 0: self-locking")    \
+    PARAMETER(v_rest,    VELOCITY, 1e-9, 0.0,  INF, "speed below which the direction is that of F_ext")
 /* clang-format on */
 
 #include "block.h"
@@ -38,7 +40,7 @@
 static void equations(Model *m)
 {
     GIVEN(m)
-    const double direction = sign(v != 0.0 ? v : F_ext), against = 1.0 / eta_drive - 1.0, with = 1.0 - eta_back;
+    const double direction = sign(fabs(v) > v_rest ? v : F_ext), against = 1.0 / eta_drive - 1.0, with = 1.0 - eta_back;
     const double share = direction == 0.0 ? fmax(against, with) : direction * F_load < 0.0 ? against : with;
     m->Fn = base + fabs(F_load) * share;
 }

@@ -29,20 +29,20 @@
 #define CITES   "Duclusaud2025"
 
 /* clang-format off */
-#define VARIABLES                                                                                                                       \
-    INPUT    (v,          VELOCITY,  0.0,               "velocity of the contact")                                                      \
-    INPUT    (F_drive,    FORCE,     0.0,               FORCE_NOUN " of the drive")                                                     \
-    INPUT    (F_external, FORCE,     0.0,               FORCE_NOUN " on the output side, such as gravity")                              \
-    OUTPUT   (Fn,         "N",                          "normal force of a contact that is valid at 1 N")                               \
-    PARAMETER(base,       FORCE,     1.0,  0.0,   INF,  "friction without load")                                                        \
-    PARAMETER(at_rest,    FORCE,     0.0,  0.0,   INF,  "additional friction at rest")                                                  \
-    PARAMETER(a_drive,    NO_UNIT,   0.1,  0.0,   INF,  "friction over " FORCE_NOUN " of the drive")                                    \
-    PARAMETER(a_external, NO_UNIT,   0.1,  0.0,   INF,  "friction over external " FORCE_NOUN)                                           \
-    PARAMETER(b_drive,    NO_UNIT,   0.0,  0.0,   INF,  "additional friction at rest over " FORCE_NOUN " of the drive")                 \
-    PARAMETER(b_external, NO_UNIT,   0.0,  0.0,   INF,  "additional friction at rest over external " FORCE_NOUN)                        \
+#define VARIABLES                                                                                                                        \
+    INPUT    (v,          VELOCITY,  0.0,               "velocity of the contact")                                                       \
+    INPUT    (F_drive,    FORCE,     0.0,               FORCE_NOUN " of the drive")                                                      \
+    INPUT    (F_external, FORCE,     0.0,               FORCE_NOUN " on the output side, such as gravity")                               \
+    OUTPUT   (Fn,         "N",                          "normal force of a contact that is valid at 1 N")                                \
+    PARAMETER(base,       FORCE,     1.0,  0.0,   INF,  "friction without load")                                                         \
+    PARAMETER(at_rest,    FORCE,     0.0,  0.0,   INF,  "additional friction at rest")                                                   \
+    PARAMETER(a_drive,    NO_UNIT,   0.1,  0.0,   INF,  "friction over " FORCE_NOUN " of the drive")                                     \
+    PARAMETER(a_external, NO_UNIT,   0.1,  0.0,   INF,  "friction over external " FORCE_NOUN)                                            \
+    PARAMETER(b_drive,    NO_UNIT,   0.0,  0.0,   INF,  "additional friction at rest over " FORCE_NOUN " of the drive")                  \
+    PARAMETER(b_external, NO_UNIT,   0.0,  0.0,   INF,  "additional friction at rest over external " FORCE_NOUN)                         \
     PARAMETER(c_drive,    PER_FORCE, 0.0,  0.0,   INF,  "the same over the square of the " FORCE_NOUN " of the drive, if it is smaller") \
-    PARAMETER(c_external, PER_FORCE, 0.0,  0.0,   INF,  "the same over the square of the external " FORCE_NOUN ", if it is smaller")    \
-    PARAMETER(vs,         VELOCITY,  1e-3, 1e-12, INF,  "Stribeck velocity")                                                            \
+    PARAMETER(c_external, PER_FORCE, 0.0,  0.0,   INF,  "the same over the square of the external " FORCE_NOUN ", if it is smaller")     \
+    PARAMETER(vs,         VELOCITY,  1e-3, 1e-12, INF,  "Stribeck velocity")                                                             \
     PARAMETER(delta,      NO_UNIT,   2.0,  1e-3,  100.0, "Stribeck exponent")
 /* clang-format on */
 
