@@ -205,5 +205,5 @@ def plain(content: Any) -> Any:
     if isinstance(content, Mapping):
         return {key: plain(value) for key, value in content.items()}
     if isinstance(content, (list, tuple)):
-        return [plain(value) for value in content]
+        return [value if isinstance(value, float) and math.isfinite(value) else plain(value) for value in content]
     return None if isinstance(content, float) and not math.isfinite(content) else content

@@ -7,15 +7,26 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING, Final, TypeAlias
 
 import numpy as np
-import xarray as xr
 
 from harness.errors import UnknownNameError, nearest
 from harness.values import matching
 
 if TYPE_CHECKING:
+    import xarray as xr
+
     from harness.parts.part import Port, Values
 
-Result: TypeAlias = xr.Dataset
+    Result: TypeAlias = xr.Dataset
+
+
+def __getattr__(name: str) -> object:
+    """Import xarray when it is first needed: it takes longer than a short run."""
+    if name != "Result":
+        raise AttributeError(name)
+    import xarray as xr
+
+    return xr.Dataset
+
 
 # the space before the bracket distinguishes a unit, "x [m]", from an index, "k[1]"
 _HEADING: Final = re.compile(r"\s*(?P<name>.+?)(?:\s+\[(?P<unit>[^\[\]]*)\])?\s*")
@@ -27,6 +38,8 @@ def make_result(
     times: Values, rows: Values, ports: Mapping[str, Port], attributes: Mapping[str, str | float]
 ) -> Result:
     """Return a Dataset of recorded rows."""
+    import xarray as xr
+
     variables = {}
     for index, (name, port) in enumerate(ports.items()):
         attrs = {"units": port.unit, "description": port.description}

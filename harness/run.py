@@ -7,7 +7,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from time import monotonic, sleep
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
@@ -17,7 +17,6 @@ from harness.errors import ENDED, ExperimentError, HarnessError, Interrupted, Pa
 from harness.masters import find_master
 from harness.parts.guard import Guard
 from harness.parts.part import StartValue
-from harness.result import Result
 from harness.system.assembly import Assembly, resize_parts
 from harness.system.experiment import Experiment
 from harness.system.graph import (
@@ -31,6 +30,9 @@ from harness.system.graph import (
 )
 from harness.system.initialisation import Initialisation
 from harness.system.plan import Plan
+
+if TYPE_CHECKING:
+    from harness.result import Result
 
 _LOG = logging.getLogger("harness")
 
@@ -55,7 +57,7 @@ class Options:
             )
 
 
-def run(system: Assembly, experiment: Experiment, options: Options | None = None) -> Result:
+def run(system: Assembly, experiment: Experiment, options: Options | None = None) -> "Result":
     """Run a system."""
     return Session(system, experiment, options).run(system.start).result()
 

@@ -13,12 +13,14 @@ from numpy.typing import NDArray
 
 from friction_fmus.axis.loop_assembly import OF_LOAD, AxisAssembly, LoopAssembly, PartPool
 from friction_fmus.axis.servo import AxisPlant, Compensator, Servo, Trajectory
-from harness import Experiment, ExperimentError, Result, SeriesPart, System
+from friction_fmus.blocks.catalogue import find
+from harness import Experiment, ExperimentError, SeriesPart, System
 from harness.accuracy.measure_bounds import measure_bounds
 from harness.engine.algorithm import Recorder
 from harness.engine.defect import inaccurate
 from harness.masters import best_first
 from harness.parts.part import StartValue
+from harness.run import Session
 
 FITTED: Final = 12  # number of samples at the start from which velocity and acceleration are estimated
 SLOW: Final = 1e-3  # initial velocity over the largest one up to which a reference begins at rest
@@ -62,7 +64,7 @@ def quiet_runs() -> Iterator[None]:
         log.setLevel(before)
 
 
-FINEST = 0.5e-3  # longest communication step between mass and friction [s]
+FINEST, COARSER = 0.5e-3, 1e-3  # longest communication steps of masses and friction with and without a spring [s]
 
 MASTER = "newton"
 """Master of an axis. On soft bristles an explicit one is of first order: 0.28 µm off with steps of 0.5 ms on an axis of
@@ -93,12 +95,12 @@ def closed_loop(
     trajectory: Trajectory,
     compensator: Compensator | None = None,
     fmus: Mapping[str, Path] | None = None,
-    longest: float = FINEST,
+    longest: float | None = None,
     feedforward: Compensator | None = None,
     pool: PartPool | None = None,
 ) -> System:
     """Return the closed loop of an axis as a system."""
-    every = max(1, int(np.ceil(servo.Ts / longest - 1e-9)))  # steps of mass and friction in a sample
+    every = max(1, ceil(servo.Ts / (longest or _longest(plant)) - 1e-9))  # steps of mass and friction in a sample
     loop = LoopAssembly(trajectory, every, fmus or {}, pool or PartPool(), plant, servo=servo)
     loop.add_sensors()
     loop.add_servo()
@@ -117,6 +119,13 @@ def closed_loop(
     return System(loop.parts, loop.wires, loop.start, experiment, "axis")
 
 
+def _longest(plant: AxisPlant) -> float:
+    """Return the longest communication step between mass and friction of an axis [s]."""
+    friction = find(plant.friction).about.in_loop.friction
+    rigid = plant.load is None and friction is not None and not friction.contact(plant.values).stiffness
+    return COARSER if rigid else FINEST
+
+
 def with_gain(system: System, gain: float) -> System:
     """Return the system with another gain of the compensation; both share their parts, so run one at a time."""
     into = ("servo.f", "force.u1")  # what adds the force of the compensator
@@ -125,42 +134,41 @@ def with_gain(system: System, gain: float) -> System:
     return System(system.parts.values(), wires, system.start, system.experiment, system.name)
 
 
-def accurate(system: System) -> tuple[System, Result]:
-    """Return a system of an axis, with a more accurate master if it needs one, and the result of its run."""
-    result = system.run()
+def accurate(system: System) -> tuple[System, Recorder]:
+    """Return a system of an axis, with a more accurate master if it needs one, and what its run records."""
+    assert system.experiment is not None
+    found = Session(system, system.experiment).run(system.start)
     for master in best_first(lambda master: master.implicit):
         assert system.experiment is not None
-        if inaccurate(result.attrs) and master != system.experiment.master:
+        if inaccurate(found.attributes) and master != system.experiment.master:
             experiment = replace(system.experiment, master=master)
             system = System(system.parts.values(), system.wires, system.start, experiment, system.name)
-            result = system.run()
-    if inaccurate(result.attrs):
+            found = Session(system, experiment).run(system.start)
+    if inaccurate(found.attributes):
         raise ExperimentError("the simulation of the axis is inaccurate, even with the master adaptive")
-    return system, result
+    return system, found
 
 
 def run_loop(system: System) -> LoopTrace:
     """Run the system of an axis and return position and force."""
-    _, result = accurate(system)
-    return _trace(*(result[name].to_numpy() for name in recorded(system.parts)))
+    return trace_of(*accurate(system))
 
 
-def numerical_error(system: System, measure: Callable[[LoopTrace], float]) -> float:
-    """Return the error bound of a number that summarises the run of an axis, from runs with other steps."""
-    system, result = accurate(system)
+def trace_of(system: System, found: Recorder) -> LoopTrace:
+    """Return position and force of a run; a row has the force of the sampling period that ends there."""
+    position, force = (found.column(name) for name in recorded(system.parts))
+    return LoopTrace(q=position[:-1], force=force[1:])
+
+
+def numerical_error(system: System, number: float, measure: Callable[[LoopTrace], float]) -> float:
+    """Return the error bound of a number that summarises an accurate run, from runs with other steps."""
     assert system.experiment is not None
 
     def measured(found: Recorder) -> dict[str, float]:
-        return {"number": measure(_trace(*(found.column(name) for name in recorded(system.parts))))}
+        return {"number": measure(trace_of(system, found))}
 
-    own = {"number": measure(_trace(*(result[name].to_numpy() for name in recorded(system.parts))))}
-    (bound,) = measure_bounds(system, system.experiment, measured, own).values()
+    (bound,) = measure_bounds(system, system.experiment, measured, {"number": number}).values()
     return bound
-
-
-def _trace(position: NDArray[np.float64], force: NDArray[np.float64]) -> LoopTrace:
-    """Return the trace of a result, whose rows have the force of the sampling period that ends there."""
-    return LoopTrace(q=position[:-1], force=force[1:])
 
 
 Array = NDArray[np.float64]

@@ -281,6 +281,16 @@ def _read(entry: Entry) -> Block:
     return _known_c_block(entry.path, entry.kind)
 
 
+@cache
+def about_of(entry: Entry) -> About:
+    """Return the declarations in a block's file, without translating a law to C."""
+    if entry.path.suffix != ".py":
+        return _known_c_block(entry.path, entry.kind).about
+    from friction_fmus.lawkit.law_files import discover_laws
+
+    return next(law.about for law in discover_laws(entry.path) if law.name == entry.name)
+
+
 def find(model: str | Path) -> Block:
     """Return the block with this name, or from a user's ``.c`` or law ``.py`` file.
 

@@ -8,7 +8,7 @@ from typing import NamedTuple
 from friction_fmus import conditions
 from friction_fmus.blocks.arithmetic import evaluate
 from friction_fmus.blocks.axis_units import words_of
-from friction_fmus.blocks.catalogue import catalogue
+from friction_fmus.blocks.catalogue import listing
 from friction_fmus.blocks.contact import AxisFriction
 from friction_fmus.blocks.loop_role import InLoop, Plant
 from friction_fmus.conditions import cogging_slope
@@ -61,7 +61,7 @@ def unknown_parts(system: System) -> list[str]:
     list of str
         Names of the parts.
     """
-    signals = {f"{block.summary} ({block.source})" for block in catalogue().values() if block.kind == "signal"}
+    signals = {f"{block.summary} ({block.source})" for block in listing().values() if block.kind == "signal"}
     unknown = [part for part in system.parts.values() if model_of(part) is None]
     return [
         part.name
@@ -79,7 +79,7 @@ def model_of(part: Part) -> str | None:
     for name in (part.model, archive.interface.modelIdentifier):
         if name in known:
             return str(name)
-    texts = {f"{block.summary} ({block.source})": name for name, block in catalogue().items() if name in known}
+    texts = {f"{block.summary} ({block.source})": name for name, block in listing().items() if name in known}
     return texts.get(archive.description.description)
 
 

@@ -9,7 +9,7 @@ import numpy as np
 from casadi import Function
 
 from friction_fmus.blocks.arithmetic import evaluate, is_known
-from friction_fmus.blocks.catalogue import catalogue
+from friction_fmus.blocks.catalogue import about_of, listing
 from friction_fmus.blocks.loop_role import InLoop, Loop
 from friction_fmus.conditions import SampledLaw
 from friction_fmus.doctor import rules
@@ -33,7 +33,7 @@ def _with_jacobian(path: Path, name: str) -> tuple[Law, Function]:
 
 def linearised(name: str, values: Mapping[str, float], Ts: float, output: str = "u", speed: float = 0.0) -> SampledLaw:
     """Return a law on its target as a linear sampled system from (x, v, u_prev) to a force."""
-    law, jacobian = _with_jacobian(catalogue()[name].path, name)
+    law, jacobian = _with_jacobian(listing()[name].path, name)
     given = [scalar for variable in law.given for scalar in variable.scalars]
     results = [scalar for variable in law.results for scalar in variable.scalars]
     states = [s for variable in law.select(Kind.STATE, Kind.STATES) for s in variable.scalars]
@@ -126,12 +126,13 @@ FILTERS: Final[Mapping[str, Callable[[Values, float], SampledLaw]]] = {"local_fu
 
 def known_blocks() -> dict[str, InLoop]:
     """Return the role in a loop of each block of the catalogue that states one, by name."""
-    return {name: block.about.in_loop for name, block in catalogue().items() if block.about.in_loop.known}
+    roles = {name: about_of(entry).in_loop for name, entry in listing().items()}
+    return {name: role for name, role in roles.items() if role.known}
 
 
 def law_of(name: str) -> LawProperties | None:
     """Return the properties of a law or controller that the conditions need; None for other blocks."""
-    found = known_blocks().get(name, InLoop()).law
+    found = about_of(listing()[name]).in_loop.law if name in listing() else None
     return None if found is None else _law(name, found)
 
 

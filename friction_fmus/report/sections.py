@@ -7,7 +7,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from friction_fmus.blocks.catalogue import catalogue
+from friction_fmus.blocks.catalogue import listing
 from friction_fmus.report.figures import (
     STYLES,
     Plot,
@@ -320,7 +320,7 @@ def _servo(study: StudyResult) -> Mapping[str, Any]:
 
 def sources(study: StudyResult) -> list[tuple[str, str]]:
     """Return name and source of each block of the catalogue used by the study."""
-    known = catalogue()
+    known = listing()
     names = [row.name for row in study.models if row.rank is not None] + [
         row.name for row in study.compensators if row.applies
     ]

@@ -15,7 +15,7 @@ import numpy as np
 from friction_fmus.axis.loop_assembly import PartPool, block
 from friction_fmus.axis.servo import GAINS, Compensator, Servo
 from friction_fmus.blocks.axis_units import Words
-from friction_fmus.blocks.catalogue import catalogue, summary_of
+from friction_fmus.blocks.catalogue import find, summary_of
 from friction_fmus.doctor import examine
 from friction_fmus.errors import FrictionError
 from friction_fmus.study.compensators import (
@@ -181,7 +181,8 @@ def compare(bench: AxisBench, known: AxisKnowledge, wanted: Compensation, run: R
     servo, motion = bench.servo, bench.trajectory.motion
     alone = margins_of(servo, bench.plant, bench.speed)
     builds = [Step(f"fmu-{name}", built, (name, known.rotary), Built) for name in buildable(wanted.compensators)]
-    first, *_ = run([Step("servo-alone", evaluate, (bench, [Scheme(servo, margins=alone)], ()), Evaluation), *builds])
+    unbounded = bench, [Scheme(servo, margins=alone)], (), False
+    first, *_ = run([Step("servo-alone", evaluate, unbounded, Evaluation), *builds])
     if first.metrics is None:
         raise FrictionError(
             f"The simulated servo is unstable even without compensation ({first.reason}); check the gains, Ts and "
@@ -387,18 +388,17 @@ def _with_table(row: CompensatorResult, evaluation: Evaluation, u: Words) -> Com
 
 def _candidate_row(candidate: Candidate, evaluation: Evaluation | None, u: Words) -> CompensatorResult:
     own = {INTEGRAL.name: INTEGRAL_SUMMARY, TABLE.name: u.fill(TABLE_SUMMARY)}
-    summary = own[candidate.name] if candidate.name in own else summary_of(catalogue()[candidate.name], u)
+    summary = own[candidate.name] if candidate.name in own else summary_of(find(candidate.name), u)
     if evaluation is None:
         return CompensatorResult(candidate.name, summary, candidate.kind, False, candidate.reason)
     return _row(candidate.name, summary, candidate.kind, candidate.model, evaluation, (candidate.name,))
 
 
 def _joined(feedforward: Candidate, estimator: Candidate, evaluation: Evaluation, u: Words) -> CompensatorResult:
-    blocks = catalogue()
-    second = INTEGRAL_SUMMARY if estimator == INTEGRAL else summary_of(blocks[estimator.name], u)
+    second = INTEGRAL_SUMMARY if estimator == INTEGRAL else summary_of(find(estimator.name), u)
     return _row(
         f"{feedforward.name} + {estimator.name}",
-        f"{summary_of(blocks[feedforward.name], u)}; {second[0].lower()}{second[1:]}",
+        f"{summary_of(find(feedforward.name), u)}; {second[0].lower()}{second[1:]}",
         f"feedforward with {estimator.kind}",
         feedforward.model,
         evaluation,

@@ -17,7 +17,7 @@ from friction_fmus.axis.servo import AxisPlant, Compensator, Servo
 from friction_fmus.blocks.arithmetic import Number, evaluate, names_in, vectors_in
 from friction_fmus.blocks.axis_units import Words, words_of
 from friction_fmus.blocks.block_declarations import Use
-from friction_fmus.blocks.catalogue import catalogue
+from friction_fmus.blocks.catalogue import about_of, listing
 from friction_fmus.blocks.kinds import USES
 from friction_fmus.errors import did_you_mean
 from friction_fmus.identification import Array
@@ -199,7 +199,8 @@ def within_range(compensator: Compensator) -> bool:
 
 def tuned_to(candidate: Candidate, known: AxisKnowledge) -> Compensator:
     """Return a candidate's compensator with the parameters for an axis, such as one with another `scale`."""
-    found = _choice(candidate.name, compensators()[candidate.name], known).compensator
+    use = compensators()[candidate.name]
+    found = _choice(candidate.name, use, known).compensator
     assert found is not None
     return found
 
@@ -246,7 +247,7 @@ def _choice(name: str, row: Use, known: AxisKnowledge) -> Candidate:
 
 def compensators() -> dict[str, Use]:
     """Return the laws and controllers of the catalogue that a study can use, ordered by kind."""
-    uses = {name: block.about.use for name, block in catalogue().items()}
+    uses = {name: about_of(entry).use for name, entry in listing().items()}
     known = [(name, use) for name, use in uses.items() if use is not None]
     return dict(sorted(known, key=lambda pair: USES.index(pair[1].kind)))
 

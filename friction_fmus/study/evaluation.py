@@ -14,7 +14,15 @@ from scipy import signal
 
 from friction_fmus.axis.loop_assembly import FRICTION, OF_LOAD, PartPool, forces_of
 from friction_fmus.axis.servo import AxisPlant, Compensator, Servo, Trajectory
-from friction_fmus.axis.servo_loop import LoopTrace, closed_loop, numerical_error, run_loop, with_gain
+from friction_fmus.axis.servo_loop import (
+    LoopTrace,
+    accurate,
+    closed_loop,
+    numerical_error,
+    run_loop,
+    trace_of,
+    with_gain,
+)
 from friction_fmus.blocks.axis_units import SLIDING, Words
 from friction_fmus.identification import Array
 from friction_fmus.identification.fit.scores import rms
@@ -256,7 +264,7 @@ class Evaluation:
 def evaluate(bench: AxisBench, schemes: Sequence[Scheme], cases: Sequence[Case], bounded: bool = True) -> Evaluation:
     """Co-simulate the axis with each scheme, and with the best one on axes that differ from the identified one.
 
-    A bound of the numerical error takes as long as three runs.
+    A bound of the numerical error takes as long as two runs.
     """
     with PartPool() as pool:
         return _evaluated(bench, schemes, cases, bounded, pool)
@@ -267,25 +275,25 @@ def _evaluated(
 ) -> Evaluation:
     trials, possible = [], []
     for scheme in schemes:
-        metrics, error, failure = _judged(system_of(bench, scheme, pool), bench)
+        system, metrics, error, failure = _judged(system_of(bench, scheme, pool), bench)
         trials.append(Trial(scheme.gain, scheme.bandwidth, scheme.margins, metrics, failure))
         if metrics is not None and error is not None and scheme.gain <= 1.0:
-            possible.append((scheme, metrics, error))
+            possible.append((scheme, metrics, error, system))
     if not possible:
         reason = next((trial.failure for trial in trials if trial.failure), "")
         return Evaluation(None, None, tuple(trials), (), None, reason, tuple(schemes))
-    scheme, metrics, error = _best(possible)
+    scheme, metrics, error, system = _best(possible)
     if bounded:
-        metrics = replace(metrics, rms_bound=_rms_bound(system_of(bench, scheme, pool), bench))
+        metrics = replace(metrics, rms_bound=_rms_bound(system, metrics.rms, bench))
     corners = tuple(_corner(bench, scheme, case, pool, metrics) for case in cases)
     drawn = thinned(bench.servo.Ts * np.arange(float(len(error))), error)
     turn = around_reversal(error, bench)
     return Evaluation(scheme, metrics, tuple(trials), corners, drawn, schemes=tuple(schemes), turn=turn)
 
 
-def _best(trials: Sequence[tuple[Scheme, Metrics, Array]]) -> tuple[Scheme, Metrics, Array]:
+def _best(trials: Sequence[tuple[Scheme, Metrics, Array, System]]) -> tuple[Scheme, Metrics, Array, System]:
     """Return the trial with the smallest error or, among those within `ALIKE`, the one with the highest bandwidth."""
-    least = min(metrics.rms for _, metrics, _ in trials)
+    least = min(metrics.rms for _, metrics, *_ in trials)
     alike = [trial for trial in trials if trial[1].rms <= (1.0 + ALIKE) * least]
     return min(alike, key=lambda trial: (-(trial[0].bandwidth or 0.0), trial[1].rms))
 
@@ -315,7 +323,7 @@ def _corner(bench: AxisBench, scheme: Scheme, case: Case, pool: PartPool, nomina
         sample = system.experiment.decimate
         wires = [replace(wire, delay=sample) if wire.source == "reference.rdd" else wire for wire in system.wires]
         system = System(system.parts.values(), wires, system.start, system.experiment, system.name)
-    metrics, _, failure = _judged(system.with_start(off_by(system, case.friction, case.mass)), bench)
+    _, metrics, _, failure = _judged(system.with_start(off_by(system, case.friction, case.mass)), bench)
     return Corner(case.name, metrics, failure, case.counts)
 
 
@@ -334,19 +342,19 @@ def off_by(system: System, friction: float, mass: float) -> dict[str, float]:
     return {**scaled, **{name: mass * float(value) for name, value in masses.items()}}
 
 
-def _judged(system: System, bench: AxisBench) -> tuple[Metrics | None, Array | None, str]:
-    """Run a system and return metrics, error and, if it failed, the reason."""
+def _judged(system: System, bench: AxisBench) -> tuple[System, Metrics | None, Array | None, str]:
+    """Run a system; return what ran, with the master that it needs, metrics, error and, if it failed, the reason."""
     try:
-        trace = run_loop(system)
+        system, found = accurate(system)
     except HarnessError as error:
-        return None, None, str(error)
-    return judge(trace, bench)
+        return system, None, None, str(error)
+    return system, *judge(trace_of(system, found), bench)
 
 
-def _rms_bound(system: System, bench: AxisBench) -> float | None:
+def _rms_bound(system: System, number: float, bench: AxisBench) -> float | None:
     """Return the bound of the numerical error of the tracking error; None if the run cannot be repeated."""
     try:
-        bound = numerical_error(system, lambda trace: rms(bench.r[: len(trace.q)] - trace.q))
+        bound = numerical_error(system, number, lambda trace: rms(bench.r[: len(trace.q)] - trace.q))
     except HarnessError:
         return None
     return bound if math.isfinite(bound) else None

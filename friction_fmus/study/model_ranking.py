@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
+from functools import cache
 from typing import Final
 
 import numpy as np
@@ -39,7 +40,7 @@ from friction_fmus.identification.fit.output_error import TargetSignal, Unknown,
 from friction_fmus.identification.fit.position import PositionFit
 from friction_fmus.identification.fit.rests import standstill
 from friction_fmus.identification.fit.scores import rms, weak_parameters
-from friction_fmus.identification.fit.simulation_data import prepare
+from friction_fmus.identification.fit.simulation_data import PreparedSegment, prepare
 from friction_fmus.identification.identifying import BELOW, FS_BELOW_FC
 from friction_fmus.identification.model_comparison import useless, within_reach
 from friction_fmus.study.study_result import Fit, IdentifiedParameter, ModelResult, PositionPart, StudyCurve, thinned
@@ -420,16 +421,22 @@ def refine(
         return Unknown(p.name, p.value, step(p), p.unit, lower)
 
     unknowns, simulations = [unknown(p) for p in free], found.row.simulations
+    names = [unknown.name for unknown in unknowns]
     first, last = measured.train
     trajectory = replace(measured.trajectory, samples=last)
     with closed_loop(measured.servo, found.plant, trajectory) as system:
 
-        def simulate(values: Mapping[str, float]) -> dict[str, Array]:
+        @cache  # the second search begins where the first one ends
+        def path(*given: float) -> Array:
+            values = dict(zip(names, given, strict=True))
             own = {name: values.get(name, value) for name, value in found.values.items()}
             own |= {name: own[other] for name, other in tied.items()}
             plant = replace(found.plant, values=own, mass=values["M"], offset=values.get("OF", found.offset))
             start = start_of(plant, system.parts, trajectory.x0)
-            return {"q": run_loop(system.with_start({**start, **constant_force(plant, -plant.offset)})).q}
+            return run_loop(system.with_start({**start, **constant_force(plant, -plant.offset)})).q
+
+        def simulate(values: Mapping[str, float]) -> dict[str, Array]:
+            return {"q": path(*(values[name] for name in names))}
 
         target = TargetSignal(measured.q[:last], 1e-6 if found.error is None else max(found.error, 1e-12), first)
         try:
@@ -481,7 +488,7 @@ def _better(
 ) -> IdentifiedModel:
     """Return the refined model if it is better on data that were not fitted; otherwise the other with a warning."""
     rigid = [] if found.load else [found, refined]  # the prediction is of a rigid mass
-    before, after = [_prediction_error(each, unfitted) for each in rigid] or (None, None)
+    before, after = _prediction_errors(rigid, unfitted) or (None, None)
     units = unfitted[0].units
     level = rms(np.concatenate([record.column("force") for record in unfitted])) if before is not None else 0.0
     comparisons: tuple[tuple[str, float | None, float | None, float, str], ...] = (
@@ -499,7 +506,7 @@ def _better(
             "data that were not fitted."
         )
         return replace(found, row=replace(found.row, warnings=(*found.row.warnings, text)))
-    fitted = _scaled(found.row.train, *([_prediction_error(each, train) for each in rigid] or (None, None)))
+    fitted = _scaled(found.row.train, *(_prediction_errors(rigid, train) or (None, None)))
     validation = _scaled(found.row.validation, before, after)
     return replace(refined, row=replace(refined.row, train=fitted, validation=validation))
 
@@ -511,22 +518,23 @@ def _scaled(fit: Fit | None, before: float | None, after: float | None) -> Fit |
     return replace(fit, rms=after / before * fit.rms, percent=after / before * fit.percent)
 
 
-def _prediction_error(found: IdentifiedModel, records: Sequence[Record]) -> float | None:
-    """Return the rms error of the drive force that a model predicts for the measured motion; None without a force."""
-    if any(record.force is None for record in records):
-        return None
-    contact = contact_model(found.block, records[0].units)
-    errors = []
+def _prediction_errors(models: Sequence[IdentifiedModel], records: Sequence[Record]) -> list[float]:
+    """Return the rms errors of the drive force that models of one block predict for the measured motion, if known."""
+    if not models or any(record.force is None for record in records):
+        return []
+    contact = contact_model(models[0].block, records[0].units)
+    own = contact.parameters
+    prepared = [(record, prepare(record, contact, "force")) for record in records]
     with driven(contact.path) as drive:
-        for record in records:
-            segment = prepare(record, contact, "force")
-            own = contact.parameters
+
+        def error(found: IdentifiedModel, record: Record, segment: PreparedSegment) -> Array:
             values = {name: own[name].typed(value) for name, value in found.values.items() if name in own}
             F = segment.run(drive, ["F"], values)[:, 0]
             if "Fv" not in own:
                 F = F + found.values.get("Fv", 0.0) * segment.inputs["v"]
             if found.position_map is not None:
                 F = F - found.position_map.force(record.column("q"), segment.inputs["v"])
-            error = segment.predicted(F, found.mass, found.offset) - segment.measured
-            errors.append(error[round(UNLOADED * len(error)) :])
-    return rms(np.concatenate(errors))
+            left = segment.predicted(F, found.mass, found.offset) - segment.measured
+            return left[round(UNLOADED * len(left)) :]
+
+        return [rms(np.concatenate([error(found, *each) for each in prepared])) for found in models]

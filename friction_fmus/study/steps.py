@@ -158,6 +158,9 @@ def _feed(digest: Any, value: Any) -> None:
             _feed(digest, value[key])
     elif isinstance(value, (list, tuple)):
         digest.update(f"row{len(value)}".encode())
+        if all(isinstance(each, float) for each in value):  # each alone would take ten times as long
+            digest.update(repr(value).encode())
+            return
         for each in value:
             _feed(digest, each)
     else:

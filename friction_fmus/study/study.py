@@ -16,7 +16,7 @@ import numpy as np
 
 from friction_fmus.axis.servo import FlexibleLoad, Trajectory
 from friction_fmus.axis.servo_loop import from_rest
-from friction_fmus.blocks.catalogue import catalogue
+from friction_fmus.blocks.catalogue import find
 from friction_fmus.doctor import examine
 from friction_fmus.errors import FrictionError
 from friction_fmus.identification import Array, identifiable
@@ -61,6 +61,7 @@ from friction_fmus.study.trust import (
     band_of,
     bias_findings,
     claim_findings,
+    dry_friction_findings,
     force_findings,
     loop_findings,
     mass_findings,
@@ -306,6 +307,7 @@ class _Study:
         models = [without_unknown_static_friction(found) for found in models]
         best = models[0]
         findings += [*static_friction_findings(best, data.longest.units), *bias_findings(best, data.longest)]
+        findings += dry_friction_findings(best, data.longest)
         if not any(finding.stops for finding in findings):  # otherwise the mass is a consequence
             findings += mass_findings(self.config.servo, best, data.longest.units.words)
         if best.row.rank is None:
@@ -392,7 +394,7 @@ class _Study:
         names = list(identifiable()) if config.models == ALL else list(config.models)
         if data.measurement is not None and data.measurement.static:
             names = [name for name in names if contact_model(name, data.longest.units).static]
-        names.sort(key=lambda name: "presliding" not in catalogue()[name].features)  # the slowest first
+        names.sort(key=lambda name: "presliding" not in find(name).features)  # the slowest first
         records = data.train, data.validation
         known = data.published
         steps = [
@@ -421,7 +423,7 @@ class _Study:
         # a rigid mass may be so wrong that the servo does not follow the record with it
         other = [load is not None and each.error is None and bool(each.row.closed_loop) for each in found]
         chosen = [each for each, *one in zip(found, simple, close, other, strict=True) if any(one)]
-        chosen.sort(key=lambda each: "needs force" not in catalogue()[each.block].features)  # the slowest first
+        chosen.sort(key=lambda each: "needs force" not in find(each.block).features)  # the slowest first
         steps = [
             Step(f"loop-{each.row.name}", refine, (each, measured, *records, load), IdentifiedModel) for each in chosen
         ]
@@ -560,7 +562,7 @@ def find_plant(records: Sequence[Record], limit: float | None) -> FoundPlant:
 def of_laws(found: IdentifiedModel) -> bool:
     """Return whether laws take the parameters of a model: presliding that the record does not determine harms them."""
     unknown = any(parameter.weak for parameter in found.row.parameters)
-    return found.row.rank is not None and not (unknown and "presliding" in catalogue()[found.block].features)
+    return found.row.rank is not None and not (unknown and "presliding" in find(found.block).features)
 
 
 def _noise(samples: int) -> Array:

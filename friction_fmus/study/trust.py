@@ -11,6 +11,7 @@ import numpy as np
 
 from friction_fmus.axis.servo import Servo
 from friction_fmus.blocks.axis_units import Words
+from friction_fmus.blocks.catalogue import find
 from friction_fmus.conditions import SampledLaw, chain, one_mass
 from friction_fmus.conditions.condition import spectral_radius
 from friction_fmus.identification import AxisUnits, Record
@@ -132,6 +133,25 @@ def static_friction_findings(best: IdentifiedModel, units: AxisUnits) -> tuple[S
         f"fit. The simulated axis has its Coulomb friction, {simulated:.3g} {units.force}, instead."
     )
     return (StudyFinding("static-friction-unknown", what, "Record slow strokes at constant speeds."),)
+
+
+NEGLIGIBLE: Final = 1e-3  # Coulomb friction over the rms drive force, below which a record shows none
+
+
+def dry_friction_findings(best: IdentifiedModel, record: Record) -> tuple[StudyFinding, ...]:
+    """Return a finding if the record shows no dry friction."""
+    role, units = find(best.block).about.in_loop.friction, record.units
+    if role is None or record.force is None:
+        return ()
+    size, force = role.contact(best.values).levels[0].Fc, rms(record.force)
+    if size >= NEGLIGIBLE * force:
+        return ()
+    what = (
+        f"The record shows no dry friction: the best model has {size:.2g} {units.force} of {force:.3g} {units.force} "
+        f"rms drive {units.words.force}. Neither this value nor its interval says anything."
+    )
+    change = f"Compensate {units.words.mass} and viscous friction by feedforward; friction compensators have no effect."
+    return (StudyFinding("no-dry-friction", what, change),)
 
 
 NOT_SIMULATED: Final = (

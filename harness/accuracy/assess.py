@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from itertools import pairwise
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,12 +28,14 @@ from harness.engine.defect import are_power, inaccurate, unit_of
 from harness.errors import ExperimentError, Interrupted
 from harness.masters import find_master
 from harness.parts.part import Part, Values
-from harness.result import Result
 from harness.run import Options
 from harness.system.assembly import Assembly
 from harness.system.experiment import Experiment
 from harness.system.graph import find_port, recorded_names
 from harness.system.wire import Wire, wire_map
+
+if TYPE_CHECKING:
+    from harness.result import Result
 
 MARGIN: Final = 0.8  # share of the required accuracy at which a suggestion aims
 SHORTEST: Final = 4096  # largest quotient of present and suggested step: beyond, the order says nothing
@@ -141,7 +143,7 @@ def _integral(row: float, values: Values) -> Values:
 REQUIRED: Final = 0.01  # required accuracy relative to the range of each variable, unless another one is given
 
 
-def run_with_accuracy(system: Assembly, experiment: Experiment, options: Options, required: float) -> Result:
+def run_with_accuracy(system: Assembly, experiment: Experiment, options: Options, required: float) -> "Result":
     """Run a system and estimate the error of the result."""
     if not 1e-12 <= required < 1.0:
         raise ExperimentError(f"the required accuracy is {required}: give a number from 1e-12 to below 1, such as 1e-3")
@@ -206,7 +208,7 @@ def _moves(parts: Mapping[str, Part], wire: Wire) -> bool:
     return port.type == "Real" and parts[name].moves and parts[target].moves
 
 
-def _attach(result: Result, name: str, one: ErrorEstimate) -> tuple[str, NDArray[np.float32], dict[str, str]]:
+def _attach(result: "Result", name: str, one: ErrorEstimate) -> tuple[str, NDArray[np.float32], dict[str, str]]:
     """Attach its error to a variable of a result, and return the companion with the bound."""
     variable = result[name]
     variable.attrs |= {"relative_error": one.relative, "observed_order": one.convergence.order}

@@ -13,7 +13,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from fractions import Fraction
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
@@ -24,11 +24,13 @@ from harness.errors import ExperimentError, HarnessError, Interrupted
 from harness.masters import find_master
 from harness.parts.part import Part
 from harness.parts.series import SeriesPart
-from harness.result import Result
 from harness.run import Options, Session
 from harness.system.assembly import Assembly, assembled
 from harness.system.experiment import COUPLING_TOLERANCE, LIMITS, LOOP_TOLERANCE, STEP_TOLERANCE, Experiment
 from harness.system.wire import Delay, DropOut, Manipulator, Noise
+
+if TYPE_CHECKING:
+    from harness.result import Result
 
 COARSER: Final = (Fraction(2), Fraction(4))
 TWICE: Final = (Fraction(2),)
@@ -149,7 +151,7 @@ class Repetition:
         return Track(self.ratio, stride, self.start, self.step * float(stride), self.recorder.column(name))
 
 
-def repeated(system: Assembly, experiment: Experiment, options: Options) -> tuple[Result, list[Repetition]]:
+def repeated(system: Assembly, experiment: Experiment, options: Options) -> "tuple[Result, list[Repetition]]":
     """Run a system, and again with other steps."""
     if options.resume or options.checkpoint:
         raise ExperimentError(

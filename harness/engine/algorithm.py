@@ -5,7 +5,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Protocol, TypeAlias
+from typing import TYPE_CHECKING, Any, Protocol, TypeAlias
 
 import numpy as np
 
@@ -15,9 +15,12 @@ from harness.engine.manipulate import Manipulations
 from harness.engine.native import NOT_CONVERGED, Engine
 from harness.errors import ExperimentError, HarnessError
 from harness.parts.part import Values
-from harness.result import Result, make_result
+from harness.result import make_result
 from harness.system.experiment import Experiment
 from harness.system.plan import MovingWire, Plan, Schedule, map_of
+
+if TYPE_CHECKING:
+    from harness.result import Result
 
 Reader: TypeAlias = Callable[[int], None]
 

@@ -70,6 +70,29 @@ static void measure_path(const Engine *e, Pair *p)
     p->v = v;
 }
 
+#define JUMP  0.05 /* of the largest force */
+#define STEPS 3.0  /* by which the whole motion may be early */
+
+/* A force that acts two steps late changes the velocity by twice the change of the acceleration that follows. Between
+   jumps this error shrinks with the acceleration. */
+static void measure_lead(Pair *p, double F, double v)
+{
+    const double dF = fabs(F - p->F), dv = v - p->v1;
+    if (p->jumped)
+        p->ahead += 2.0 * (dv - p->dv);
+    else if (fabs(dv) < fabs(p->dv))
+        p->ahead *= fabs(dv / p->dv);
+    p->strongest = fmax(p->strongest, fabs(F));
+    p->jumped = dF > p->dF && dF > JUMP * p->strongest;
+    p->lead += p->ahead;
+    p->way += v;
+    p->lowest = fmin(p->lowest, p->way);
+    p->highest = fmax(p->highest, p->way);
+    if (!p->jumped)
+        p->led = fmax(p->led, fabs(p->lead) - STEPS * fabs(v));
+    p->F = F, p->dF = dF, p->v1 = v, p->dv = dv;
+}
+
 static void measure_defects(Engine *e)
 {
     for (Defect *d = e->defects; d < e->defects + e->defect_count; d++) {
@@ -95,6 +118,8 @@ static void measure_defects(Engine *e)
             look_for_rest(e, p, velocity->input);
         if (p->position >= 0)
             measure_path(e, p);
+        if (p->late)
+            measure_lead(p, force->value, velocity->value);
         p->made += fabs(made);
         p->fed += made;
         p->net += passed;

@@ -28,8 +28,9 @@
 #define ABANDONED        30.0 /* root of the sum of the squares of the unresolved errors, over the magnitude */
 #define MOST_UNRESOLVED  40.0 /* sum of the shares of their steps */
 #define TURNED           5.0  /* ratio that a velocity counts as which may have passed 0 twice within a piece */
-#define AMPLIFIED        4.0  /* ratio of error to tolerance that an amplified value counts as */
-#define NEGLIGIBLE       1e-6 /* holding force over the largest force of a contact in the loop */
+#define FED_BACK   (-1.25)    /* diagonal of the inverse Jacobian if a fifth of a change of a value comes back to it */
+#define AMPLIFIED  4.0        /* ratio of error to tolerance that an amplified value counts as */
+#define NEGLIGIBLE 1e-6       /* holding force over the largest force of a contact in the loop */
 enum {
     CHECK_EVERY = 512,
     CHECK_SOON = 16,
@@ -82,6 +83,17 @@ static bool amplifies(const Newton *newton, const Group *g, const Span *s)
     return false;
 }
 
+/* Return whether a loop adds to a change of its values, as friction that falls with the velocity does: a motion that
+   grows fast is damped by a long implicit step. */
+static bool feeds_back(const Newton *newton, const Group *g, int64_t number)
+{
+    const double *const inverse = newton->inverse + number * newton->most_unknowns * newton->most_unknowns;
+    for (int64_t j = 0; j < g->unknowns; j++)
+        if (inverse[j * (g->unknowns + 1)] < FED_BACK || inverse[j * (g->unknowns + 1)] > 0.0)
+            return true;
+    return false;
+}
+
 /* Return whether the velocity of a contact was about to pass 0, but has the same sign at the end of the span. */
 static bool turns_within(const Newton *newton, const Group *g, const Span *s)
 {
@@ -115,7 +127,7 @@ static bool wants_check(const Engine *e, const Newton *newton, int64_t number, i
         return false;
     const Group *const g = &newton->groups[number];
     return guard->checks_due > 0 || guard->limited_ticks > 0 || (s->from == 0.0 && is_scheduled(guard, tick)) ||
-           turns_within(newton, g, s) || leaps(e, newton, g) ||
+           feeds_back(newton, g, number) || turns_within(newton, g, s) || leaps(e, newton, g) ||
            mispredicted(newton, g, s, tick >= guard->next ? PREDICTION_LIMIT : JUMP_LIMIT);
 }
 
@@ -328,12 +340,8 @@ static int check(Engine *e, Newton *newton, int64_t number, const Span *s, int64
 static void accumulate_error(Newton *newton, StepCheck *guard, const Span *s)
 {
     Moving *const m = &newton->moving[guard->line];
-    if (guard->unresolved == 0.0)
-        guard->time = s->t;
     guard->unresolved += s->to - s->from;
     m->accumulated_error = hypot(m->accumulated_error, guard->apart);
-    newton->moving[guard->contact].distance_error += guard->distance_error;
-    guard->distance_error = 0.0;
     guard->abandoned =
         m->accumulated_error > ABANDONED * fmax(m->scale, fabs(m->u1)) || guard->unresolved > MOST_UNRESOLVED;
 }
@@ -349,7 +357,13 @@ static inline double remaining_error(const Moving *m)
 static void conclude(Newton *newton, int64_t number, int64_t tick, const Span *s, double off, bool smallest)
 {
     StepCheck *const guard = &newton->guards[number];
+    if (off <= 1.0 || smallest) { /* what each of many steps is tolerated adds up */
+        newton->moving[guard->contact].distance_error += guard->distance_error;
+        guard->distance_error = 0.0;
+    }
     if (off > 1.0) {
+        if (guard->time == 0.0)
+            guard->time = s->t;
         if (smallest)
             accumulate_error(newton, guard, s);
         if (tick > guard->last) /* findings in the first ticks do not limit steps: values and errors are small there */

@@ -15,7 +15,6 @@ from harness.parts.flat_description import element_names
 from harness.parts.fmu import FmuPart
 from harness.parts.guard import Guard
 from harness.parts.part import Part, Port, StartValue
-from harness.result import Result
 from harness.system.assembly import resize_parts
 from harness.system.experiment import LISTS, Experiment, as_experiment
 from harness.system.system_file import SystemDescription, read_system, write_system
@@ -25,6 +24,7 @@ from harness.values import is_count, is_line, plain, shown
 
 if TYPE_CHECKING:
     from harness.engine.algorithm import Progress, Tap
+    from harness.result import Result
     from harness.ssp import Parameter, ParameterSet
 
 

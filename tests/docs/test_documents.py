@@ -32,7 +32,7 @@ FRICTION = [block for block in catalogue().values() if block.kind == "friction"]
 ADDING = [ROOT / "docs" / "adding-a-model.md", ROOT / "docs" / "adding-a-law.md"]
 TUTORIALS = [
     *("index.md", "first-fmu.md", "which-model.md", "which-compensator.md", "harness-tutorial.md"),
-    *("your-own-solver.md", "five-minutes.md", "microcontroller.md", "command-line.md"),
+    *("your-own-solver.md", "five-minutes.md", "microcontroller.md", "command-line.md", "modelica.md"),
 ]
 INSTALL = """python3 -m venv .venv
 source .venv/bin/activate   # Windows: .venv\\Scripts\\activate

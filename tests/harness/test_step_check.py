@@ -181,3 +181,6 @@ def test_errors_that_no_span_resolves_are_kept(master: ctypes.CDLL) -> None:
         master.conclude_check(loop.address, 101, ctypes.addressof(quarter), 1.5, True)
     assert (loop.line.accumulated_error, loop.line.distance_error) == (5.0, 0.75)
     assert (loop.guard.unresolved, loop.guard.time, loop.guard.distance_error) == (0.5, 7.0, 0.0)
+    loop.guard.distance_error = 0.125  # tolerated
+    master.conclude_check(loop.address, 102, ctypes.addressof(quarter), 0.5, False)
+    assert (loop.line.accumulated_error, loop.line.distance_error) == (5.0, 0.875)

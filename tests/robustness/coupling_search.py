@@ -7,9 +7,9 @@ A mass on a spring and a damper, on rigid friction (one half) or on a contact wi
 by steps of a force, on and off the communication grid. The references are not from the library: event-driven closed
 forms for rigid friction, solvers of SciPy with the equations of the papers for the others. A run may be early or late
 by two steps and one per cent of the time so far. It is right if x is then off by less than 2 % of its range in all
-rows, and v and F in 97 % of them. A step of a force between two communication points may act at either of them. A
-system is not counted if its answer changes by as much where friction is 0.3 % lower, or if its reference takes too
-long.
+rows (1 % with --accuracy, as required there), and v and F in 97 % of them. A step of a force between two communication
+points may act at either of them. A system is not counted if its answer changes by as much where friction is 0.3 %
+lower, or if its reference takes too long.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ MASTERS = ("newton", "adaptive", "gauss-seidel", "jacobi")
 STEPS = (1e-4, 1e-3, 1e-2)
 RATIOS = (1.0, 0.79, 3.7, 0.31, 2.5)
 """Of the communication step of a composite to its inner step."""
-OFF, ROWS, DRIFT, FINER = 0.02, 0.03, 0.01, 20
+OFF, REQUIRED, ROWS, DRIFT, FINER = 0.02, 0.01, 0.03, 0.01, 20
 VARIABLES = {"x": "mass.x", "v": "mass.v", "F": "friction.F"}
 SENSITIVE = 0.003
 FAILURES = (TooLongError, OverflowError, ValueError, RuntimeError)
@@ -76,8 +76,9 @@ class Case:
 
     @cached_property
     def fine(self) -> np.ndarray:
-        """The times of the reference."""
-        return np.linspace(0.0, self.stop, FINER * self.ticks + 1)
+        """The times of the reference, beyond the end as far as a run may be early."""
+        beyond = 1 + int(2.0 * max(1.0, self.ratio) + DRIFT * self.ticks)
+        return np.arange(FINER * (self.ticks + beyond) + 1) * (self.step / FINER)
 
     @property
     def start(self) -> dict[str, float]:
@@ -356,25 +357,26 @@ def _viscous(contact: Any, Fv: float) -> Any:
 class References:
     """The answers that count as right; none if the system is not fit to judge by."""
 
-    def __init__(self, case: Case) -> None:
-        """Solve for the load as it is, and with friction a little lower."""
-        self.case, self.found = case, []
+    def __init__(self, case: Case, most: float = OFF) -> None:
+        """Solve for the load as it is, and with friction a little lower; `most`: how far values may be off."""
+        self.case, self.most, self.found = case, most, []
         self._shifted: dict[float, list[Answer]] = {}
         try:
             right, other = (case.solve(case.phases, factor, case.fine) for factor in (1.0, 1.0 - SENSITIVE))
         except FAILURES:
             return
-        if fits(case, case.fine, other, right, 2.0 * case.step):
+        run = slice(FINER * case.ticks + 1)
+        if fits(case, case.fine[run], {name: other[name][run] for name in VARIABLES}, right, 2.0 * case.step, most):
             self.found = [right]
 
     def have(self, t: np.ndarray, values: Answer, step: float) -> bool:
         """Return whether the values are those of an answer, also one with its load at communication points."""
         reach = 2.0 * max(step, self.case.step)
-        if fits(self.case, t, values, self.found[0], reach):
+        if fits(self.case, t, values, self.found[0], reach, self.most):
             return True
         if step not in self._shifted:
             self._shifted[step] = list(self._at_communication_points(step))
-        return any(fits(self.case, t, values, right, reach) for right in self._shifted[step])
+        return any(fits(self.case, t, values, right, reach, self.most) for right in self._shifted[step])
 
     def _at_communication_points(self, step: float) -> Iterator[Answer]:
         case = self.case
@@ -392,7 +394,7 @@ def off(case: Case, t: np.ndarray, values: Answer, right: Answer, reach: float) 
     free = case.mass["v_support"] * case.stop + force  # motion without friction
     found = {}
     for name in VARIABLES:
-        size = max(float(np.ptp(right[name])), 0.05 * free if name == "x" else 0.0)
+        size = max(float(np.ptp(right[name][: FINER * case.ticks + 1])), 0.05 * free if name == "x" else 0.0)
         size = max(size, 1e-12 * float(np.abs(right[name]).max()), 1e-300)
         if name == "v":
             size = max(size, 1e-6 * case.mass["v_support"])
@@ -400,10 +402,10 @@ def off(case: Case, t: np.ndarray, values: Answer, right: Answer, reach: float) 
     return found
 
 
-def fits(case: Case, t: np.ndarray, values: Answer, right: Answer, reach: float) -> bool:
+def fits(case: Case, t: np.ndarray, values: Answer, right: Answer, reach: float, most: float) -> bool:
     """Return whether the values are those of the answer."""
     error = off(case, t, values, right, reach)
-    rows = {name: float((~(error[name] <= OFF)).mean()) for name in VARIABLES}
+    rows = {name: float((~(error[name] <= most)).mean()) for name in VARIABLES}
     return rows["x"] == 0.0 and max(rows["v"], rows["F"]) <= ROWS
 
 
@@ -446,7 +448,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         for seed in range(options.first, options.first + options.count):
             case = draw(seed)
             begin = time.process_time()
-            answers = References(case)
+            answers = References(case, REQUIRED if options.accuracy else OFF)
             spent = time.process_time() - begin
             for run in options.runs.split(","):
                 verdict = judge(case, answers, run, made, options.accuracy) if answers.found else "no reference"
@@ -457,7 +459,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
                 print(f"{seed:6d} {case.model:18s} reference took {spent:.1f} s", flush=True)
     for (run, verdict), count in sorted(counts.items()):
         print(f"{run:13s} {verdict:26s} {count:5d}")
-    return int(any("WRONG" in verdict for _, verdict in counts))
+    return int(any(verdict in ("WRONG", "wrong, called within tolerance") for _, verdict in counts))
 
 
 if __name__ == "__main__":

@@ -27,6 +27,29 @@ def test_a_mass_that_swings_3900_radians_within_a_step(tmp_path: Path) -> None:
     assert judge(case, answers, "newton", made) == "right"
 
 
+def test_friction_that_falls_with_the_velocity(tmp_path: Path) -> None:
+    """A light mass slips every 8 ms: long implicit steps damped the growth of its motion."""
+    case, made = draw(459), Composites(tmp_path)
+    answers = References(case)
+    assert answers.found
+    assert judge(case, answers, "newton", made) == "right"
+
+
+@pytest.mark.parametrize(
+    ("seed", "run"),
+    some(
+        [(73, "newton"), (73, "composite"), (723, "newton"), (801, "newton"), (175, "jacobi"), (681, "jacobi")],
+        [(73, "newton"), (681, "jacobi")],
+    ),
+)
+def test_errors_that_add_up_are_told(seed: int, run: str, tmp_path: Path) -> None:
+    """Of the distance along a contact over many steps; of a force that jumps two steps late."""
+    case, made = draw(seed), Composites(tmp_path)
+    answers = References(case)
+    assert answers.found
+    assert judge(case, answers, run, made) == "warned"
+
+
 @pytest.mark.parametrize("ratio", some([0.25, 0.79, 1.3, 3.7], [1.3]))
 def test_a_slip_that_begins_late_in_an_inner_step(ratio: float, tmp_path: Path) -> None:
     """A light mass slips within two thirds of an inner step, of which a part lies in the next one."""

@@ -81,6 +81,7 @@ def judged(name: str, axis: SimulatedAxis, folder: Path, default: bool) -> dict[
 def said(study: dict[str, Any]) -> str:
     """Return the sentences of a study about this axis: findings, warnings, violated conditions, recommendation."""
     lines = [f"{each['name']}: {each['what']} {each['change']}" for each in study["findings"]]
+    lines += [text for name, text in study["overview"].items() if name.startswith("finding")]
     for model in study["models"]:
         if model["rank"] == 1:
             lines += [f"best model {model['name']}", *(f"{model['name']}: {text}" for text in model["warnings"])]

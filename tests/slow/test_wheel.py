@@ -63,6 +63,7 @@ DONE = [
     ["show", "LuGre"],
     ["cite", "LuGre"],
     ["check", "{wheel}/friction_fmus/fmus/PID.fmu"],
+    ["export", "--to", "modelica", "-o", "modelica"],
     ["run", "{examples}/stick_slip.toml", "--stop", "0.1", "-o", "run.nc"],
     ["run", "{examples}/stick_slip.toml", "--stop", "0.1", "-o", "run.csv", "--plot", "run.png"],
 ]

@@ -16,7 +16,7 @@ from scipy.signal import butter, lfilter
 from thorough import some
 
 from friction_fmus.axis.servo import AxisPlant, Compensator, Servo, Trajectory
-from friction_fmus.axis.servo_loop import run_loop
+from friction_fmus.axis.servo_loop import accurate
 from friction_fmus.identification import Record
 from friction_fmus.study import evaluation
 from friction_fmus.study.data import build_reference
@@ -114,7 +114,7 @@ def test_a_late_acceleration_is_simulated_only_where_it_is_fed_forward(
     bench = replace(bench, trajectory=replace(bench.trajectory, motion=motion))
     law = Compensator("StaticFeedforward", "u", {"Fc": FC, "Fs": FC, "Fv": 0.0, "m": mass})
     done = []
-    monkeypatch.setattr(evaluation, "run_loop", lambda system: (done.append(1), run_loop(system))[1])
+    monkeypatch.setattr(evaluation, "accurate", lambda system: (done.append(1), accurate(system))[1])
     found = evaluate(bench, [Scheme(servo, compensator=law)], [Case(LATE, late=True)], bounded=False)
     (corner,) = found.corners
     assert len(done) == runs

@@ -22,7 +22,8 @@ from friction_fmus.study import load_config
 from friction_fmus.study.data import load_data, measured_servo
 from friction_fmus.study.model_ranking import IdentifiedModel, Measured, identify_model, in_closed_loop, refine
 from friction_fmus.study.servo_check import check_servo
-from friction_fmus.study.trust import force_findings, loop_growth
+from friction_fmus.study.study_result import ModelResult
+from friction_fmus.study.trust import dry_friction_findings, force_findings, loop_growth
 from harness import System
 from harness.system.wire import parse_wire
 
@@ -190,6 +191,15 @@ def test_pulses_that_the_recorded_force_does_not_contain(height: float, name: st
     assert start == pytest.approx(0.7, abs=0.02)
     assert size == pytest.approx(height, rel=0.1)
     assert contradictions([replace(record, injected=log.injected)]) == ()
+
+
+@pytest.mark.parametrize(("part", "names"), [(0.5e-3, ["no-dry-friction"]), (2e-3, [])])
+def test_a_record_without_dry_friction(part: float, names: list[str]) -> None:
+    t = np.arange(0.0, 1.0, 1e-3)
+    force = 30.0 * sqrt(2.0) * np.sin(40.0 * np.pi * t)  # 20 periods: 30 N rms
+    record = Record("free", t, q=np.zeros_like(t), force=force)
+    best = IdentifiedModel(ModelResult("Coulomb", ""), "Stribeck", {"Fc": 30.0 * part, "Fs": 30.0 * part}, 1.0)
+    assert [each.name for each in dry_friction_findings(best, record)] == names
 
 
 def test_a_force_beyond_the_limit_of_the_servo() -> None:

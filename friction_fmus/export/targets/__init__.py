@@ -97,10 +97,12 @@ class Target:
     """A form in which something is written. Its module must load fast: `write` imports what it needs."""
 
     summary: str  # what is written, for the help of the command line
-    takes: Literal["fmu", "law"]  # of what: of a `SourceFmu`, or of the name or file of a law or loop
+    takes: Literal["fmu", "law", "library"]
+    """Of what: of a `SourceFmu`, of the name or file of a law or loop, or of all friction models."""
     write: Callable[..., Any]
     """``write(source, path, **options)`` writes to a path completely or not at all;
-    ``write(model, folder, start=..., prefix=..., **options)`` writes a law and returns the paths."""
+    ``write(model, folder, start=..., prefix=..., **options)`` writes a law and returns the paths;
+    ``write(folder)`` writes a library and returns its path."""
     ending: str = ""  # end of the name of what is written of a `SourceFmu`
     options: tuple[Option, ...] = ()
     platform: str = ""  # platform that stands for this target alone

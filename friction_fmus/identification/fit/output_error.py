@@ -69,7 +69,7 @@ def fit_output_error(
     """Fit the parameters of a simulation to measured signals."""
     # The trust-region method of `scipy.optimize.least_squares` on the parameters divided by their steps, with forward
     # differences of one step; it ends when the cost or a parameter over its step changes by less than `tolerance`. The
-    # covariance is that of Newey and West, Econometrica 55, 1987, for residuals that are correlated over so many
+    # covariance is that of Newey and West, Econometrica 55, 1987, for residuals that are correlated over `correlation`
     # samples: the errors of a servo model are systematic, and s^2 (J'J)^-1 would count them as independent.
     _check(unknowns, targets)
     names = [unknown.name for unknown in unknowns]
