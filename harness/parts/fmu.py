@@ -292,8 +292,6 @@ class FmuPart(Part):
             functions,
             set_,
             get,
-            [ports[name].type for name in inputs],
-            [ports[name].type for name in outputs],
             instance.interpolates and "SetRealInputDerivatives" in functions,
             self.saves,
             instance.failure,
