@@ -154,7 +154,7 @@ OF_FRICTION_AT_REST: Final = {
 }
 """Conditions of the doctor, with the parameters that they need: without them, nothing is said about the condition."""
 
-CLOSE: Final = 1.5  # models whose error is at most this factor times the smallest are also fitted to the closed loop
+CLOSE: Final = 2.0  # models whose error is at most this factor times the smallest are also fitted to the closed loop
 SEED: Final = 1  # seed of the measurement noise, which is the same for all compensators
 LEAST_SAMPLES: Final = 100  # smallest number of samples of the servo over which a closed loop is simulated
 
