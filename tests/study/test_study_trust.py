@@ -200,6 +200,8 @@ def test_a_record_without_dry_friction(part: float, names: list[str]) -> None:
     record = Record("free", t, q=np.zeros_like(t), force=force)
     best = IdentifiedModel(ModelResult("Coulomb", ""), "Stribeck", {"Fc": 30.0 * part, "Fs": 30.0 * part}, 1.0)
     assert [each.name for each in dry_friction_findings(best, record)] == names
+    values = {**best.values, "N": 1.0, "k[1]": 1e4}  # sigma was not identified
+    assert [each.name for each in dry_friction_findings(replace(best, block="GMS", values=values), record)] == names
 
 
 def test_a_force_beyond_the_limit_of_the_servo() -> None:
