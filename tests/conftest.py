@@ -21,6 +21,8 @@ from thorough import THOROUGH
 
 from friction_fmus import build, catalogue, fmu
 
+gc.disable()  # until all is imported and collected, which makes no garbage, but many objects to look through
+
 # a process that compiles all modules again takes twice as long to start; tests start many
 sys.dont_write_bytecode = False
 os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
@@ -48,6 +50,7 @@ def pytest_collection_finish() -> None:
     """Leave what was imported and collected out of every later search for garbage."""
     gc.collect()
     gc.freeze()
+    gc.enable()
 
 
 def pytest_unconfigure() -> None:

@@ -21,7 +21,7 @@ from harness import FmuPart
 
 PLACES = (
     *("accuracy", "check", "codegen", "composite", "conditions", "every_block", "exchange", "fmi3", "harness"),
-    *("identification", "interop", "laws", "models", "portrait", "procedures", "shell", "study"),
+    *("identification", "interop", "laws", "modelica", "models", "portrait", "procedures", "shell", "study"),
     *("slow/fuzzing", "slow/importers", "slow/test_exchange_motions.py", "slow/test_fmi3_calls.py"),
     *("docs/test_site.py", "slow/test_fmi3_of_every_block.py"),
 )

@@ -109,13 +109,13 @@ SHA256 = {
     ("linux", "x86_64"): {
         "elements in a spring-driven mass": "e3e63666d07755e1d65efa214ac57f9bd3f4c0534ad8a5f0311ab920d4837e7e",
         "a lag and a memory": "a1a8c15ca7ce21de4af9a3d97771e26cc640579cf8c41cb0b28ec337002e849b",
-        "a belt that sticks": "d5943b6fd1fa6a4bfe732e4741c1ffa993de9095af26d700e605a73131af7693",
-        "two masses on two contacts": "86c95e9e00b8b6a76acab326ff8538992832f1abf4d0f2dac0eeed25fb41b6ec",
+        "a belt that sticks": "c7435f114665446a7762671169de122b914626a3d4ae7b8f0b4c1398a26eb542",
+        "two masses on two contacts": "88a3bcade7cfd5de02e88e4f5a930483acf6eaa5bd5850aecd56b6e3b8ecd72b",
         "a chain of blocks": "6d08a4cd95ecaafb93bc1f1a8464035b102643ce384b2c52457a0ed4212fa451",
         "a controller with an encoder": "10013bd55e43625c857aeafdcbe585c20888331f97746fbb7147746c9837d652",
-        "a resetting controller with a feedforward": "bd08563ef73af84a90b593bb87234b3ecba4e0ede18f013401577bbde7e31237",
-        "a cascade with an observer": "84de3b7be2d93038136b10595ab48412255d3c879ea2b90a040a701cd134572c",
-        "a sliding mode": "ac8bdf059c7122f9d5ab70698770b0b00e70e5c1e7b3117c1b8e6cb7325d3d1c",
+        "a resetting controller with a feedforward": "7c6e9460e26e5f0f274b7e8bd7e91d4681b97f53e343e2d9d9597dffa09ed5e4",
+        "a cascade with an observer": "08e17008243d5989b0100e18d4f72a5a5ac38dae0de28581f2c1136cdf4c76c4",
+        "a sliding mode": "2cde5a63b66dd8bb6799906a241af24261cc3fcccc58bccaab44452963cf27d2",
     }
 }
 """By operating system and machine."""

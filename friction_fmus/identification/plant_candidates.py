@@ -561,5 +561,5 @@ def _elements(x: Array, breaks: Array) -> Array:
     """Return the forces of elements of presliding friction over their break-away forces, shape (n, elements)."""
     force, z = np.empty((len(x), len(breaks))), np.zeros(len(breaks))
     for i, step in enumerate(np.diff(x, prepend=x[0])):
-        force[i] = z = np.clip(z + step / breaks, -1.0, 1.0)
+        force[i] = z = np.minimum(np.maximum(z + step / breaks, -1.0), 1.0)
     return force

@@ -150,7 +150,7 @@ def dry_friction_findings(best: IdentifiedModel, record: Record) -> tuple[StudyF
         f"The record shows no dry friction: the best model has {size:.2g} {units.force} of {force:.3g} {units.force} "
         f"rms drive {units.words.force}. Neither this value nor its interval says anything."
     )
-    change = f"Compensate {units.words.mass} and viscous friction by feedforward; friction compensators have no effect."
+    change = f"What remains to compensate are {units.words.mass} and viscous friction."
     return (StudyFinding("no-dry-friction", what, change),)
 
 

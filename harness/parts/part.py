@@ -104,8 +104,6 @@ class Native:
     directly, with ``instance``."""
     inputs: Sequence[int]  # value references, in the order in which the ports were bound
     outputs: Sequence[int]  # value references
-    input_types: Sequence[PortType]  # types of the ports
-    output_types: Sequence[PortType]  # types of the ports
     interpolates: bool  # whether the FMU accepts input derivatives
     saves: bool  # whether the state can be saved and restored
     failure: Callable[[str, int, float], Exception]  # ``failure(function, status, time)`` returns the error

@@ -251,21 +251,39 @@ def test_a_slip_within_one_step(master: str) -> None:
     assert result["mass.x"].to_numpy()[-1] == pytest.approx(right, rel=0.05)
 
 
-@pytest.mark.parametrize("master", ["newton", "adaptive", "composite"])
-@pytest.mark.parametrize(("m", "v0", "ticks"), [(1.0, 0.0437, 8.74), (1e-3, 0.5, 0.1)])
-def test_a_mass_stops_between_two_steps(m: float, v0: float, ticks: float, master: str, tmp_path: Path) -> None:
-    """It slides m v0^2/(2 Fc), also if it stops within the first step."""
-    step, Fc = 5e-3, m * v0 / (5e-3 * ticks)
+def sliding() -> System:
+    """A mass on Stiction, which comes to rest."""
     parts, wires = [FmuPart("mass", fmu("Mass")), FmuPart("friction", fmu("Stiction"))], ["mass.v -> friction.v"]
     wires += ["friction.F -> mass.F_friction", "mass.F_ext -> friction.F_ext"]
-    start = {"mass.m": m, "mass.v0": v0, "mass.F_drive": 0.0, "friction.Fc": Fc, "friction.Fs": 1.5 * Fc}
-    with System(parts, wires, {**start, "friction.Fv": 0.0}) as system, Warnings() as warned:
+    return System(parts, wires, {"mass.F_drive": 0.0, "friction.Fv": 0.0})
+
+
+@pytest.fixture(scope="module")
+def sliding_fmu(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("sliding") / "One.fmu"
+    with sliding() as system:
+        system.to_fmu(path, step=5e-3, inputs=[])
+    return path
+
+
+@pytest.mark.parametrize("master", ["newton", "adaptive", "composite"])
+@pytest.mark.parametrize(("m", "v0", "ticks"), [(1.0, 0.0437, 8.74), (1e-3, 0.5, 0.1)])
+def test_a_mass_stops_between_two_steps(
+    m: float, v0: float, ticks: float, master: str, request: pytest.FixtureRequest
+) -> None:
+    """It slides m v0^2/(2 Fc), also if it stops within the first step."""
+    step, Fc = 5e-3, m * v0 / (5e-3 * ticks)
+    start = {"mass.m": m, "mass.v0": v0, "friction.Fc": Fc, "friction.Fs": 1.5 * Fc}
+    names = ["mass.x", "mass.v"]
+    with Warnings() as warned:
         if master != "composite":
-            result = system.run(stop=20 * step, step=step, master=master, record=["mass.x", "mass.v"])
+            with sliding() as system:
+                system.start |= start
+                result = system.run(stop=20 * step, step=step, master=master, record=names)
         else:
-            system.to_fmu(tmp_path / "One.fmu", step=step, inputs=[])
-            with System([FmuPart("mass", tmp_path / "One.fmu")]) as one:
-                result = one.run(stop=20 * step, step=step, record=["mass.mass.x", "mass.mass.v"])
+            part = FmuPart("one", request.getfixturevalue("sliding_fmu"))
+            with System([part], start={f"one.{name}": value for name, value in start.items()}) as system:
+                result = system.run(stop=20 * step, step=step, record=[f"one.{name}" for name in names])
     x, v = (result[name].to_numpy() for name in result.data_vars)
     assert x[-1] == pytest.approx(0.5 * m * v0**2 / Fc, rel=1e-4)
     assert v[-1] == 0.0

@@ -234,6 +234,7 @@ def test_folders_and_fmus_have_a_default_name(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(System, "to_fmu", lambda _, path, **__: Path(path).touch())
     assert main(["compose", str(STICK_SLIP)]) == 0
     assert capsys.readouterr().out == "stick_slip.fmu\n"
     assert main(["codegen", "CoulombFeedforward"]) == 0  # two laws do not collide in one program

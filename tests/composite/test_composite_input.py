@@ -120,7 +120,9 @@ def broken(member: str, data: bytes) -> bytes | None:
         (lambda m, d: None if m == "sources/Mass.c" else d, {}, ["'mass'", "Mass.c"]),
         (lambda m, d: d, {"resources__table.csv": b"1"}, ["'mass'", "resources"]),
         pytest.param(broken, {}, ["part_Mass.c does not compile"], marks=nightly),
-        (lambda m, d: b"" if m == "sources/Mass.c" else d, {}, ["cannot be linked", "Mass_fmi2"]),
+        pytest.param(
+            lambda m, d: b"" if m == "sources/Mass.c" else d, {}, ["cannot be linked", "Mass_fmi2"], marks=nightly
+        ),
     ],
 )
 def test_a_part_that_cannot_be_compiled(

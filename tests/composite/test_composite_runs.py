@@ -177,6 +177,7 @@ def pull(
 '''
 
 
+@nightly
 def test_own_blocks_in_c_and_python(tmp_path: Path) -> None:
     """A mass of 1 kg on k = 400 N/m, d = 4 N.s/m under a force step of 8 N at 1 ms: the damped oscillation."""
     (tmp_path / "Spring.c").write_text(SPRING, encoding="utf-8")

@@ -1,4 +1,4 @@
-"""Contacts whose friction is computed without the blocks: closed forms, and LuGre by scipy's Radau."""
+"""Contacts whose friction is computed without the blocks: closed forms, and LuGre by LSODA of SciPy."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def lugre_motion(samples: int, step: float) -> tuple[Array, Array]:
 
 
 def lugre_force(t: Array, v: Array, p: Mapping[str, float] = LUGRE) -> Array:
-    """LuGre (Canudas de Wit et al. 1995, equations 2, 3, 5) along straight lines of the velocity, by Radau."""
+    """LuGre (Canudas de Wit et al. 1995, equations 2, 3, 5) along straight lines of the velocity, by LSODA."""
 
     def level(speed: Array) -> Array:
         return p["Fc"] + (p["Fs"] - p["Fc"]) * np.exp(-((speed / p["vs"]) ** 2))
@@ -39,7 +39,7 @@ def lugre_force(t: Array, v: Array, p: Mapping[str, float] = LUGRE) -> Array:
         lambda s, z: slip(np.interp(s, t, v), z),
         (t[0], t[-1]),
         [0.0],
-        method="Radau",
+        method="LSODA",
         t_eval=t,
         rtol=1e-8,
         atol=1e-13,

@@ -6,10 +6,11 @@ from dataclasses import dataclass
 from math import floor, pi, sin
 
 import numpy as np
+from thorough import THOROUGH
 
 from friction_fmus.identification import LINEAR, Record
 
-FINE = 20  # steps of the plant in a sample
+FINE = 20 if THOROUGH else 10  # steps of the plant in a sample
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from flexible_axis import Axis, moves, reference, simulate
-from thorough import some
+from thorough import THOROUGH, some
 
 from friction_fmus.data import load_emps
 from friction_fmus.identification import ROTARY, Record, plant_candidates
@@ -17,7 +17,7 @@ from friction_fmus.identification.plant_candidates import plant_findings
 from friction_fmus.study.config import load_config
 from friction_fmus.study.data import load_data
 
-T = 1e-3 * np.arange(20000.0)
+T = 1e-3 * np.arange(20000.0 if THOROUGH else 14000.0)
 TWO = Axis(motor=4.0, load=8.0, kp=8.0, kv=300.0)
 
 
@@ -147,8 +147,9 @@ def test_records_without_force_are_left_alone():
 @pytest.mark.parametrize("begin", some([0.0, 8.0], [8.0]))
 def test_friction_that_varies_is_found_beside_a_rest(begin):
     """Coulomb friction of 18 +- 9 N, alternately for 2.5 s, with a rest of 4 s."""
-    record = simulate(Axis(noise=0.3), moves(np.where(begin > T, T, np.maximum(T - 4.0, begin))))
-    more = np.where((T // 2.5) % 2 == 0, 9.0, -9.0) * np.sign(np.gradient(record.q))
+    t = 1e-3 * np.arange(20000.0)
+    record = simulate(Axis(noise=0.3), moves(np.where(begin > t, t, np.maximum(t - 4.0, begin))))
+    more = np.where((t // 2.5) % 2 == 0, 9.0, -9.0) * np.sign(np.gradient(record.q))
     name, sizes = named(replace(record, force=record.column("force") + more))
     assert name == "friction-varies"
     assert sizes == pytest.approx((9.0, 27.0), rel=0.02)

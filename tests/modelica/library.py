@@ -41,7 +41,7 @@ equation
   der(p) = 211*q;
   der(q) = -211*p;
 """
-"""An oscillator beside the system: after an event, the solver else begins with a step over many changes of an input."""
+"""An oscillator beside the system: at rest and after an event, a step else passes over many changes of an input."""
 
 
 SECONDS = 20.0  # most for a simulation

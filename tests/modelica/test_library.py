@@ -74,6 +74,20 @@ def test_parameters_are_those_of_the_fmu(law: str, library: Library) -> None:
             assert (math.inf if parameter.max is None else parameter.max) == high
 
 
+def test_units_are_those_of_the_fmus() -> None:
+    """Compared as texts: rumoca does not report units of types that are redeclared."""
+    header = (source_folder() / "block.h").read_text()
+    code = (source_folder() / "modelica" / "AxisUnits.mo").read_text()
+    rotational, translational = header.split("#ifdef ROTATIONAL")[1].split("#endif")[0].split("#else")
+    for domain, macros in (("Translational", translational), ("Rotational", rotational)):
+        units = dict(re.findall(r"#define (\w+) +\"([^\"]+)\"", macros))
+        package = code.split(f"package {domain} ")[1].split(f"end {domain};")[0]
+        types = dict(re.findall(r'redeclare type (\w+) = Real\(unit = "([^"]+)"\)', package))
+        assert types.pop("ForceRate") == units["FORCE"] + "/s"
+        assert types == {name.capitalize(): units[name.upper()] for name in types}
+        assert len(types) == 7
+
+
 @pytest.mark.parametrize(
     ("law", "value", "sentence"),
     [

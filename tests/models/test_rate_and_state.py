@@ -207,7 +207,7 @@ def integrated(theta: float, v: float, slope: float, h: float, law: float) -> fl
             x = abs(v + slope * s) * np.exp(y) / 1e-5
             return np.exp(-y) - x * np.exp(-y) if law == AGING else -x * np.exp(-y) * np.log(np.maximum(x, 1e-300))
 
-        solution = solve_ivp(rate, (begin, end), [y], "Radau", rtol=1e-12, atol=1e-13)
+        solution = solve_ivp(rate, (begin, end), [y], "LSODA", rtol=1e-12, atol=1e-13)
         assert solution.success
         y = float(solution.y[0, -1])
     return y

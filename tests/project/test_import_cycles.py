@@ -5,6 +5,7 @@ from __future__ import annotations
 import ast
 import re
 from collections.abc import Iterator
+from functools import cache
 from graphlib import CycleError, TopologicalSorter
 from importlib.util import resolve_name
 from pathlib import Path
@@ -14,13 +15,15 @@ ALLOWED = {("harness.parts.fmu", "harness.parts.isolated.isolated_part")}
 """`FmuPart(..., isolate=True)` makes an object of its subclass, as `pathlib.Path` does."""
 
 
-def modules() -> dict[str, Path]:
-    """Names and files of all modules."""
+@cache
+def modules() -> dict[str, tuple[Path, list[ast.stmt]]]:
+    """Names, files and statements of all modules."""
     found = {}
     for package in ("friction_fmus", "harness"):
         for file in (ROOT / package).rglob("*.py"):
             parts = file.relative_to(ROOT).with_suffix("").parts
-            found[".".join(parts[:-1] if parts[-1] == "__init__" else parts)] = file
+            statements = ast.parse(file.read_text(encoding="utf-8")).body
+            found[".".join(parts[:-1] if parts[-1] == "__init__" else parts)] = file, statements
     return found
 
 
@@ -45,9 +48,9 @@ def imports(nodes: list[ast.stmt], package: str, *, late: bool = True) -> Iterat
 def test_there_is_no_cycle() -> None:
     files = modules()
     graph: dict[str, set[str]] = {name: set() for name in files}
-    for name, file in files.items():
+    for name, (file, statements) in files.items():
         package = name if file.stem == "__init__" else name.rpartition(".")[0]
-        for module, taken in imports(ast.parse(file.read_text(encoding="utf-8")).body, package):
+        for module, taken in imports(statements, package):
             source = f"{module}.{taken}" if f"{module}.{taken}" in files else module
             while source and not f"{name}.".startswith(f"{source}."):  # the packages around it are imported, too
                 if source in files and (name, source) not in ALLOWED:
@@ -65,13 +68,14 @@ def folder(name: str) -> str:
     return ".".join(name.split(".")[:2])
 
 
+@cache
 def folder_imports() -> dict[str, set[str]]:
     """What the modules of each folder import when they are imported, from other folders."""
     files = modules()
     graph: dict[str, set[str]] = {}
-    for name, file in files.items():
+    for name, (file, statements) in files.items():
         package = name if file.stem == "__init__" else name.rpartition(".")[0]
-        for module, taken in imports(ast.parse(file.read_text(encoding="utf-8")).body, package, late=False):
+        for module, taken in imports(statements, package, late=False):
             source = f"{module}.{taken}" if f"{module}.{taken}" in files else module
             if source in files and folder(source) != folder(name):
                 graph.setdefault(folder(name), set()).add(folder(source))

@@ -99,7 +99,7 @@ def test_these_blocks_are_valid(block: Callable[[str], Library], name: str) -> N
 
 
 def scipy_at(times: list[float], rate: Callable[[float, np.ndarray], list[float]], start: list[float]) -> np.ndarray:
-    solution = solve_ivp(rate, (0.0, times[-1]), start, "Radau", t_eval=times, rtol=1e-11, atol=1e-14)
+    solution = solve_ivp(rate, (0.0, times[-1]), start, "LSODA", t_eval=times, rtol=1e-12, atol=1e-14)
     assert solution.success
     return np.asarray(solution.y.T)
 

@@ -191,9 +191,7 @@ UNDECLARED: Mapping[str, SimulatedAxis] = {
     "coarse_encoder": SimulatedAxis(
         SLIDE, CASCADE | {"kp": 20.0, "kv": 400.0, "quantum": 2e-5, "window": 4.0}, r"encoder|coarse", noise=0.0
     ),
-    "frictionless": SimulatedAxis(
-        {"m1": 12.0, "Fv1": 5.0}, CASCADE, r"no (Coulomb )?friction|friction(less| is negligible)"
-    ),
+    "frictionless": SimulatedAxis({"m1": 12.0, "Fv1": 5.0}, CASCADE, r"no dry friction"),
 }
 AXES: Mapping[str, SimulatedAxis] = {
     **UNDECLARED,

@@ -92,8 +92,8 @@ def fit_output_error(
 
     # residuals by point, so that the Jacobian does not repeat the simulation
     latest: dict[bytes, Array] = {}
-    # latest Jacobian and its point
-    known: tuple[Array, Array] | None = None
+    # latest Jacobian, and the value of each unknown for its column
+    J, at = np.empty((0, len(start))), np.full(len(start), np.inf)
 
     def residual(x: Array) -> Array:
         found = stacked(simulate(named(x)))
@@ -101,18 +101,19 @@ def fit_output_error(
         return found
 
     def jacobian(x: Array) -> Array:
-        nonlocal known
-        if known is not None and np.max(np.abs(x - known[0])) < 1.0:
-            return known[1]
+        nonlocal J
+        # a column hardly depends on the other unknowns
+        stale = np.flatnonzero(np.abs(x - at) >= 1.0)
+        if not len(stale):
+            return J
         centre = latest.get(x.tobytes())
-        if centre is None:
-            centre = residual(x)
-        # forward differences, backward at an upper bound
-        direction = np.where(x + 1.0 <= upper, 1.0, -1.0)
-        shifted = [named(x + direction[i] * np.eye(len(x))[i]) for i in range(len(x))]
-        moved = [stacked(signals) for signals in map(simulate, shifted)]
-        known = x, np.column_stack([(m - centre) / d for m, d in zip(moved, direction, strict=True)])
-        return known[1]
+        centre = residual(x) if centre is None else centre
+        J = J.copy() if len(J) else np.empty((len(centre), len(x)))
+        for i in stale:
+            direction = 1.0 if x[i] + 1.0 <= upper[i] else -1.0  # forward differences, backward at an upper bound
+            J[:, i] = (stacked(simulate(named(x + direction * np.eye(len(x))[i]))) - centre) / direction
+            at[i] = x[i]
+        return J
 
     result = scipy.optimize.least_squares(
         residual,
