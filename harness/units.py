@@ -99,7 +99,8 @@ _SYMBOLS = {
     "T": _unit("kg.s-2.A-1"),
     "Hz": _unit("s-1"),
     "min": _unit("s", 60.0),
-    "h": _unit("s", 3600.0),
+    "sec": _unit("s"),
+    **dict.fromkeys(("h", "hr"), _unit("s", 3600.0)),
     "deg": _unit("rad", math.pi / 180.0),
     "rev": _unit("rad", _TURN),
 }
@@ -107,7 +108,6 @@ _SYMBOLS = {
 _WHOLE = {
     **dict.fromkeys(("degC", "°C"), _unit("K", 1.0, 273.15)),
     **dict.fromkeys(("degF", "°F"), _unit("K", 5.0 / 9.0, 459.67 * 5.0 / 9.0)),
-    **dict.fromkeys(("sec", "second", "seconds"), _unit("s")),
     **dict.fromkeys(("°", "degree", "degrees"), _unit("rad", math.pi / 180.0)),
     "arcmin": _unit("rad", math.pi / 10_800.0),
     "arcsec": _unit("rad", math.pi / 648_000.0),
@@ -144,8 +144,8 @@ _NAMES = {
 }
 _NAMES_OF_PREFIXES = {"nano": "n", "micro": "u", "milli": "m", "centi": "c", "kilo": "k", "mega": "M"}
 _PHRASES = (
-    (re.compile(r"\b(?:square|sq)\s+([^\W\d_]+)"), r"\1^2"),
-    (re.compile(r"\bcubic\s+([^\W\d_]+)"), r"\1^3"),
+    (re.compile(r"\b(?:square|sq)\s+([^\W\d_]+)(?!\w)"), r"\1^2"),
+    (re.compile(r"\bcubic\s+([^\W\d_]+)(?!\w)"), r"\1^3"),
     (re.compile(r"\s+squared\b"), "^2"),
     (re.compile(r"\s+per\s+"), "/"),
 )

@@ -91,13 +91,10 @@ class Friction:
 
     def level(self, values: Numbers) -> Level:
         """Return the friction in forward motion; parameters without a value count as absent."""
-
-        def value(text: str, otherwise: float) -> float:
-            return float(evaluate(text, values)) if text and is_known(text, values) else otherwise
-
-        Fc = value(self.coulomb, 0.0)
-        vs = value(self.stribeck, 0.0) if self.stribeck and value(self.falls, 1.0) else None
-        return Level(Fc, value(self.static, Fc), value(self.viscous, 0.0), vs, value(self.exponent, 2.0))
+        Fc = _value(self.coulomb, values)
+        vs = _value(self.stribeck, values) if self.stribeck and _value(self.falls, values, 1.0) else None
+        viscous, exponent = _value(self.viscous, values), _value(self.exponent, values, 2.0)
+        return Level(Fc, _value(self.static, values, Fc), viscous, vs, exponent)
 
     def levels(self, values: Numbers) -> tuple[Level, Level]:
         """Return the friction in forward and in backward motion."""
@@ -107,9 +104,13 @@ class Friction:
         return self.level(values), self.level(backward)
 
     def contact(self, values: Numbers) -> AxisFriction:
-        """Return the friction in sliding and at rest."""
+        """Return the friction in sliding and at rest; parameters without a value count as absent."""
         at_rest = (self.stiffness, self.damping, self.viscous_at_rest)
-        return AxisFriction(self.levels(values), *(float(evaluate(text, values)) for text in at_rest))
+        return AxisFriction(self.levels(values), *(_value(text, values) for text in at_rest))
+
+
+def _value(text: str, values: Numbers, otherwise: float = 0.0) -> float:
+    return float(evaluate(text, values)) if text and is_known(text, values) else otherwise
 
 
 _ROWS = {

@@ -172,13 +172,14 @@ def _flexible(plant: Plant, p: Values) -> tuple[float, float, float, float] | No
 def _contact(among: Searched, name: str, plant: Plant) -> tuple[str | None, AxisFriction | None, bool]:
     """Return the friction on a mass at the initial normal force, and whether all of it acts on the load.
 
-    Of motor and load, it is the sum of both, which are in motion together; the part is that of the motor.
+    Of motor and load, it is the sum of both, which are in motion together; the part is that of the motor. Friction
+    under a normal force from another part has no one level and is left out.
     """
     found: list[tuple[str, AxisFriction, bool]] = []
     wired = [(among.drivers[name, port], port) for port in plant.friction if (name, port) in among.drivers]
     for part, port in [(wire.ends[0][0], port) for wire, port in wired] or [(name, "")]:
         friction = among.parts[part].block.friction
-        if friction is not None:
+        if friction is not None and (part, "Fn") not in among.drivers:
             p = among.values(part)
             load = p["Fn"] / p["Fn0"] if "Fn" in p and p.get("Fn0") else 1.0
             found.append((part, friction.contact(p).loaded(max(load, 0.0)), port.endswith("2")))

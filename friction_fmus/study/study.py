@@ -307,7 +307,7 @@ class _Study:
         models = [without_unknown_static_friction(found) for found in models]
         best = models[0]
         findings += [*static_friction_findings(best, data.longest.units), *bias_findings(best, data.longest)]
-        findings += dry_friction_findings(best, data.longest)
+        findings += dry_friction_findings(models, data.longest)
         if not any(finding.stops for finding in findings):  # otherwise the mass is a consequence
             findings += mass_findings(self.config.servo, best, data.longest.units.words)
         if best.row.rank is None:

@@ -138,12 +138,13 @@ def static_friction_findings(best: IdentifiedModel, units: AxisUnits) -> tuple[S
 NEGLIGIBLE: Final = 1e-3  # Coulomb friction over the rms drive force, below which a record shows none
 
 
-def dry_friction_findings(best: IdentifiedModel, record: Record) -> tuple[StudyFinding, ...]:
-    """Return a finding if the record shows no dry friction."""
-    role, units = find(best.block).about.in_loop.friction, record.units
-    if role is None or record.force is None:
+def dry_friction_findings(models: Sequence[IdentifiedModel], record: Record) -> tuple[StudyFinding, ...]:
+    """Return a finding if the best model, the first one, has no dry friction, but could have or others could."""
+    roles, units = [find(each.block).about.in_loop.friction for each in models if each.block], record.units
+    role = roles[0] if models[0].block else None
+    if role is None or record.force is None or all(each is None or each.coulomb == "0" for each in roles):
         return ()
-    size, force = role.contact(best.values).levels[0].Fc, rms(record.force)
+    size, force = role.contact(models[0].values).levels[0].Fc, rms(record.force)
     if size >= NEGLIGIBLE * force:
         return ()
     what = (

@@ -62,7 +62,7 @@ typedef struct {
     double distance_error; /* error of the distance along `contact` */
     double limit;          /* [s] longest inner step while findings recur */
     double unresolved;     /* inner steps of the smallest size that were still wrong: sum of their shares of the step */
-    double time;           /* [s] of the first of these */
+    double time;           /* [s] of the first of these; until then, of the first disagreement */
 } StepCheck;
 
 typedef struct {

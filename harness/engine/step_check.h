@@ -362,7 +362,7 @@ static void conclude(Newton *newton, int64_t number, int64_t tick, const Span *s
         guard->distance_error = 0.0;
     }
     if (off > 1.0) {
-        if (guard->time == 0.0)
+        if (guard->time == 0.0 || (smallest && guard->unresolved == 0.0))
             guard->time = s->t;
         if (smallest)
             accumulate_error(newton, guard, s);

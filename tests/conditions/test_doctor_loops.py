@@ -282,3 +282,14 @@ def test_parts_that_are_not_known_are_named(
     first, second = capsys.readouterr().out.split("a.ssp")
     assert "ignored, unknown blocks: fric" in first
     assert "no known mass found" in second
+
+
+def test_friction_under_the_load_of_another_part_has_no_one_level(make: Make) -> None:
+    """Friction of 50 N, fully compensated: the contact alone would have 1 N."""
+    blocks = {"mass": "Mass", "fric": "Stribeck", "load": "TransmissionLoad", "comp": "CoulombFeedforward"}
+    wires = [*CONTACT, "mass.F_ext -> fric.F_ext", "mass.v -> load.v", "load.Fn -> fric.Fn", "comp.u -> mass.F_drive"]
+    start = {**PLANT, "fric.Fs": 1.0, "load.base": 50.0, "load.F_drive": 0.0, "load.F_external": 0.0}
+    start |= {"comp.Fc": 50.0, "comp.rd": 0.0, "comp.rdd": 0.0}
+    assert names(make(blocks, wires, start)) == []
+    alone = make(blocks, [*wires[:3], wires[-1]], {**start, "fric.Fn": 1.0, "load.v": 0.0})
+    assert "over-compensation" in names(alone)

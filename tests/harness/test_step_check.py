@@ -174,7 +174,9 @@ def test_steps_that_agree_with_their_halves_end_the_checks(
 
 def test_errors_that_no_span_resolves_are_kept(master: ctypes.CDLL) -> None:
     """Those of values as the root of the sum of their squares, those of the distance as their sum."""
-    loop, quarter = Loop(), Span(7.0, 0.1, 0.25, 0.5, 1.0)
+    loop, quarter, whole = Loop(), Span(7.0, 0.1, 0.25, 0.5, 1.0), Span(2.0, 0.1, 0.0, 1.0, 1.0)
+    master.conclude_check(loop.address, 50, ctypes.addressof(whole), 1.5, False)
+    assert loop.guard.time == 2.0  # it was resolved by a division
     for apart, distance in ((3.0, 0.5), (4.0, 0.25)):
         loop.guard.apart, loop.guard.distance_error = apart, distance
         master.conclude_check(loop.address, 100, ctypes.addressof(quarter), 1.5, False)

@@ -83,6 +83,19 @@ def test_the_stiffness_of_an_axis_is_that_of_its_contact(
     assert AxisPlant(block, values, 1.0).stiffness == pytest.approx(stiffness, rel=1e-12)
 
 
+@pytest.mark.parametrize(
+    ("friction", "values", "step"),
+    [("GMS", {"N": 2.0, "k[1]": 2e4, "k[2]": 3e4, "Fc": 1.0}, 5e-4), ("LuGre", {}, 5e-4), ("Stribeck", {}, 1e-3)],
+)
+def test_parameters_that_were_not_identified_keep_their_start_values(
+    tmp_path: Path, friction: str, values: dict[str, float], step: float
+) -> None:
+    """A record without fast small motion leaves sigma of GMS open; contacts with a stiffness have the shorter step."""
+    with closed_loop(SERVO, AxisPlant(friction, values, 1.0), bench(tmp_path).trajectory) as system:
+        assert system.experiment is not None
+        assert system.experiment.step == pytest.approx(step, rel=1e-12)
+
+
 @nightly
 def test_an_axis_that_turns_is_the_same_axis(tmp_path: Path) -> None:
     known = AxisKnowledge(SERVO, PLANT, {"LuGre": LUGRE})

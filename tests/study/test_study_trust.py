@@ -199,7 +199,13 @@ def test_a_record_without_dry_friction(part: float, names: list[str]) -> None:
     force = 30.0 * sqrt(2.0) * np.sin(40.0 * np.pi * t)  # 20 periods: 30 N rms
     record = Record("free", t, q=np.zeros_like(t), force=force)
     best = IdentifiedModel(ModelResult("Coulomb", ""), "Stribeck", {"Fc": 30.0 * part, "Fs": 30.0 * part}, 1.0)
-    assert [each.name for each in dry_friction_findings(best, record)] == names
+    assert [each.name for each in dry_friction_findings([best], record)] == names
+    viscous = IdentifiedModel(ModelResult("Viscous", ""), "Viscous", {"Fv": 1.0}, 1.0)
+    assert dry_friction_findings([viscous], record) == ()  # no other model was tried
+    assert [each.name for each in dry_friction_findings([viscous, best], record)] == ["no-dry-friction"]
+    assert dry_friction_findings([IdentifiedModel(ModelResult("Coulomb", "", reason="failed"))], record) == ()
+    values = {**best.values, "N": 1.0, "k[1]": 1e4}  # sigma was not identified
+    assert [each.name for each in dry_friction_findings([replace(best, block="GMS", values=values)], record)] == names
 
 
 def test_a_force_beyond_the_limit_of_the_servo() -> None:
