@@ -73,6 +73,7 @@ CASES = {
     "TwoMass": Case("TwoMass", outputs=("x1", "v2"), inputs={}, tolerance=1e-12),
     "Belt": Case("Belt", outputs=("x", "v"), inputs={}, tolerance=1e-12),
     "Cogging": Case("Cogging", inputs={}),
+    "TransmissionLoad": Case("TransmissionLoad", {"at_rest": 0.3, "b_drive": 0.2}, outputs=("Fn",), inputs={}),
     "PositionMap": Case("PositionMap", outputs=("F_position",), inputs={}),
     "Quantiser": Case("Quantiser", {"q": 1e-4}, outputs=("y",), inputs={}),
     "Sine": Case("Sine", outputs=("r",), inputs={}),

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 from modelica.library import SHORT_STEPS, Library
-from modelica.test_coupled import text
+from modelica.test_coupled_systems import text
 from shell.instance import Instance, load
 from thorough import nightly
 
