@@ -18,10 +18,10 @@
 
    Limits: Fn jumps where the direction changes. The efficiencies do not depend on the speed; the contact may. */
 
-#define MODEL       EfficiencyLoad
-#define SUMMARY     "Load of a contact from the efficiencies of driving and back-driving: screws and worms, self-locking"
-#define SOURCE      "Budynas, Nisbett: Shigley's Mechanical Engineering Design, 10th ed., 2015, section 8-2"
-#define CITES       "Shigley2015"
+#define MODEL   EfficiencyLoad
+#define SUMMARY "Load of a contact from the efficiencies of driving and back-driving: screws and worms, self-locking"
+#define SOURCE  "Budynas, Nisbett: Shigley's Mechanical Engineering Design, 10th ed., 2015, section 8-2"
+#define CITES   "Shigley2015"
 #define NO_EXCHANGE "its direction changes with the velocity, without an event"
 
 /* clang-format off */

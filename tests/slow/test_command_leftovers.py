@@ -36,6 +36,7 @@ COMMANDS: dict[str, tuple[list[object], set[int], set[str]]] = {
         {0},
         {"out"},
     ),
+    "export": (["--to", "modelica", "-o", "out"], {0}, {"out"}),
     "identify": (
         ["../data/axis.toml", "--model", "Stribeck", "--train", "0", "3", "--workers", "1", "-o", "out"],
         {0},
