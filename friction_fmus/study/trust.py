@@ -248,8 +248,8 @@ def claim_findings(
         )
     if late > SENSITIVE * left:
         reasons.append(
-            f"it becomes {shown(late, units.position)} instead of {shown(left, units.position)} if the acceleration "
-            "that the drive feeds forward changes a sample later than here, which no record shows"
+            f"the error becomes {shown(late, units.position)} instead of {shown(left, units.position)} if the "
+            "acceleration that the drive feeds forward changes a sample later than here, which no record shows"
         )
     if left < STEPS * bench.servo.quantum:
         step = shown(bench.servo.quantum, units.position)
