@@ -217,6 +217,7 @@ def run_study(
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise StudyError(f"Cannot create the folder {folder} ({error.strerror}); choose another one.") from error
+    folder = folder.absolute()  # loading an FMU changes the working folder for a moment, and the panel has a thread
     reporter = ProgressReporter(progress)
     with workers(0 if executor is not None else processes or available()) as own:
         study = _Study(config, folder, StepCache(folder / CACHE), executor or own, reporter, force)
