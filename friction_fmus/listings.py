@@ -204,6 +204,6 @@ def plain(content: Any) -> Any:
         return {each.name: plain(getattr(content, each.name)) for each in fields(content)}
     if isinstance(content, Mapping):
         return {key: plain(value) for key, value in content.items()}
-    if isinstance(content, (list, tuple)):
+    if isinstance(content, (list, tuple)):  # without a call for each number, as there may be many
         return [value if isinstance(value, float) and math.isfinite(value) else plain(value) for value in content]
     return None if isinstance(content, float) and not math.isfinite(content) else content

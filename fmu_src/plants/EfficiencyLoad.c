@@ -4,9 +4,9 @@
        against the load:  Fn = base + |F_load| (1 / eta_drive - 1)
        with the load:     Fn = base + |F_load| (1 - eta_back)
 
-   F_load is what the load exerts on the driven side, there without friction: F_load = W lead / (2 pi) for a screw with
-   an axial force W. Below v_rest, the direction is that of F_ext, the sum of the other forces on the mass: solvers
-   leave a velocity of the size of rounding at rest, whose sign says nothing.
+   F_load is what the load would exert on the mass without friction: W lead / (2 pi) for a screw with an axial force W.
+   Below v_rest, the direction is that of F_ext, the sum of the other forces on the mass: solvers leave a velocity of
+   the size of rounding at rest, whose sign says nothing.
 
    A screw with lead angle lambda and angle of friction phi has eta_drive = tan(lambda) / tan(lambda + phi) and eta_back
    = tan(lambda - phi) / tan(lambda). With eta_back at most 0, the load cannot move it: it is self-locking.

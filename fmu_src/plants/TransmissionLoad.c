@@ -33,7 +33,7 @@
     INPUT    (v,          VELOCITY,  0.0,               "velocity of the contact")                                                       \
     INPUT    (F_drive,    FORCE,     0.0,               FORCE_NOUN " of the drive")                                                      \
     INPUT    (F_external, FORCE,     0.0,               FORCE_NOUN " on the output side, such as gravity")                               \
-    OUTPUT   (Fn,         "N",                          "normal force of a contact that is valid at 1 N")                                \
+    OUTPUT   (Fn,         "N",                          "normal force of a contact that has 1 N of friction at 1 N")                     \
     PARAMETER(base,       FORCE,     1.0,  0.0,   INF,  "friction without load")                                                         \
     PARAMETER(at_rest,    FORCE,     0.0,  0.0,   INF,  "additional friction at rest")                                                   \
     PARAMETER(a_drive,    NO_UNIT,   0.1,  0.0,   INF,  "friction over " FORCE_NOUN " of the drive")                                     \

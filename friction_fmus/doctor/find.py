@@ -173,7 +173,7 @@ def _contact(among: Searched, name: str, plant: Plant) -> tuple[str | None, Axis
     """Return the friction on a mass at the initial normal force, and whether all of it acts on the load.
 
     Of motor and load, it is the sum of both, which are in motion together; the part is that of the motor. Friction
-    under a normal force from another part has no one level and is left out.
+    whose normal force comes from another part is left out, as its level changes.
     """
     found: list[tuple[str, AxisFriction, bool]] = []
     wired = [(among.drivers[name, port], port) for port in plant.friction if (name, port) in among.drivers]

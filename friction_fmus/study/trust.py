@@ -139,7 +139,7 @@ NEGLIGIBLE: Final = 1e-3  # Coulomb friction over the rms drive force, below whi
 
 
 def dry_friction_findings(models: Sequence[IdentifiedModel], record: Record) -> tuple[StudyFinding, ...]:
-    """Return a finding if the best model, the first one, has no dry friction, but could have or others could."""
+    """Return a finding if models with dry friction were tried, and the best model, which is the first, has none."""
     roles, units = [find(each.block).about.in_loop.friction for each in models if each.block], record.units
     role = roles[0] if models[0].block else None
     if role is None or record.force is None or all(each is None or each.coulomb == "0" for each in roles):
@@ -149,7 +149,7 @@ def dry_friction_findings(models: Sequence[IdentifiedModel], record: Record) -> 
         return ()
     what = (
         f"The record shows no dry friction: the best model has {size:.2g} {units.force} of {force:.3g} {units.force} "
-        f"rms drive {units.words.force}. Neither this value nor its interval says anything."
+        f"rms drive {units.words.force}. Do not use this value or its interval."
     )
     change = f"What remains to compensate are {units.words.mass} and viscous friction."
     return (StudyFinding("no-dry-friction", what, change),)

@@ -185,7 +185,7 @@ UNDECLARED: Mapping[str, SimulatedAxis] = {
     "current_loop": SimulatedAxis(SLIDE, CASCADE | {"lag": 1e-3}, r"current loop", actual=True),
     "delay_3": SimulatedAxis(SLIDE, CASCADE | {"kv": 900.0, "kp": 30.0, "delay": 3.0}),
     "drive_with_coulomb": SimulatedAxis(
-        SLIDE, CASCADE | {"fed_coulomb": 10.0}, r"friction feedforward|sgn|Coulomb feedforward"
+        SLIDE, CASCADE | {"fed_coulomb": 10.0}, r"friction.feedforward|sgn|Coulomb feedforward"
     ),
     "jitter": SimulatedAxis(SLIDE, CASCADE, r"jitter|time stamps", jitter=1e-4),
     "coarse_encoder": SimulatedAxis(
