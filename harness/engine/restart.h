@@ -53,22 +53,31 @@ static double largest_jump(const Engine *e, Newton *newton, const Group *g)
     return most;
 }
 
-/* Compute the outputs of a loop or a part for its inputs after the jump. */
+/* Compute the outputs of a loop or a part for its inputs after the jump; again while an unknown changes, as a part may
+   be stepped before one that its outputs depend on. */
 static int refresh(Engine *e, Newton *newton, const Group *g, double t)
 {
-    for (int64_t i = g->first; i < g->first + g->count; i++) {
-        EnginePart *const p = &e->parts[newton->order[i]];
-        fetch_inputs(e, p);
-        int operation = SET, status = hand_over(p, e->signals);
-        if (status <= 1) {
-            operation = GET;
-            status = fetch_outputs(p, e->signals);
+    bool changed = true;
+    for (int64_t sweep = 0; changed && sweep < g->count; sweep++) {
+        for (int64_t j = g->unknown; j < g->unknown + g->unknowns; j++)
+            newton->r[j] = e->signals[newton->unknowns[j]];
+        for (int64_t i = g->first; i < g->first + g->count; i++) {
+            EnginePart *const p = &e->parts[newton->order[i]];
+            fetch_inputs(e, p);
+            int operation = SET, status = hand_over(p, e->signals);
+            if (status <= 1) {
+                operation = GET;
+                status = fetch_outputs(p, e->signals);
+            }
+            if (status > 1) {
+                failed(e, newton->order[i], operation, status, t);
+                return status;
+            }
+            set_at_rest(e, newton, g); /* before a contact at rest reads its velocity */
         }
-        if (status > 1) {
-            failed(e, newton->order[i], operation, status, t);
-            return status;
-        }
-        set_at_rest(e, newton, g); /* before a contact at rest reads its velocity */
+        changed = false;
+        for (int64_t j = g->unknown; j < g->unknown + g->unknowns; j++)
+            changed = changed || e->signals[newton->unknowns[j]] != newton->r[j];
     }
     return SOLVED;
 }

@@ -20,7 +20,7 @@ from scipy.sparse.csgraph import connected_components
 
 from harness.compiling.engine_library import bytes_of, library, mirror
 from harness.engine.algorithm import Algorithm, attach_lines
-from harness.engine.defect import UNRESOLVED, WRONG, contact_of
+from harness.engine.defect import UNRESOLVED, WRONG, contact_of, unit_of
 from harness.engine.native import Engine
 from harness.errors import ExperimentError
 from harness.masters import Master
@@ -171,9 +171,7 @@ class Loops(Algorithm):
         places = Moving * max(1, len(self.wires))
         self._arrays = (
             (Group * len(rows))(*rows),
-            places(
-                *(Moving(wire in self.inner, unknown) for wire, unknown in zip(self.wires, self.numbers, strict=True))
-            ),
+            places(*self._moving()),
             (StepCheck * len(rows))(),
             places(),
         )
@@ -196,6 +194,16 @@ class Loops(Algorithm):
         data.finest = FINEST_ADAPTIVE if self._error > 0.0 else FINEST
         engine.advance_by("newton_tick", data)
         library().newton_begin(ctypes.addressof(engine.data), ctypes.addressof(data))
+
+    def _moving(self) -> list[ctypes.Structure]:
+        """Return the lines at the start of a run."""
+        ports, names = self.plan.ports, self.plan.names
+        found = []
+        for wire, unknown in zip(self.wires, self.numbers, strict=True):
+            mine = self.groups[next(i for i, parts in enumerate(self.groups) if wire.target in parts)]
+            forces = {unit_of(ports[names[self.unknowns[row[2]]]]) for row in self.contacts if row[0] in mine}
+            found.append(Moving(wire in self.inner, unknown, unit_of(ports[names[wire.output]]) in forces - {None}))
+        return found
 
     def memory(self) -> dict[str, np.ndarray[Any, Any]]:
         """Return the values kept from step to step for a checkpoint, as views of the data."""

@@ -134,3 +134,21 @@ def test_what_follows_a_line_has_its_end_value(master: str, build_fmu: BuildFmu)
     with system:
         result = system.run(stop=0.19, step=1e-3, master=master)
     np.testing.assert_array_equal(result["sum.y"], result["source.y"])
+
+
+@pytest.mark.parametrize("master", ["newton", "adaptive"])
+def test_a_motor_that_jumps_moves_nothing_at_rest(build_fmu: BuildFmu, master: str) -> None:
+    """Voltages of up to 5 V, 5 N, over 6 N of static friction; the motor brakes, so that it is solved with the mass."""
+    t = 5e-3 * np.arange(100)
+    voltage = 5.0 * np.sin(40.0 * t)
+    series = SeriesPart("log", t, {"U": voltage}, {"U": "V"}, interpolation="previous", beyond="hold")
+    parts = [series, *(FmuPart(n, build_fmu(b)) for n, b in (("motor", "DCMotor"), ("m", "Mass"), ("f", "Stiction")))]
+    wires = ["log.U -> motor.U", "m.v -> motor.v", "motor.F -> m.F_drive", "m.v -> f.v", "m.F_ext -> f.F_ext"]
+    start = {"motor.duty": 1.0, "f.Fc": 4.0, "f.Fs": 6.0}
+    with System(parts, [*wires, "f.F -> m.F_friction"], start) as system:
+        result = system.run(stop=0.49, step=1e-3, master=master)
+    assert np.abs(result["m.x"].values).max() < 1e-20  # 3e-14 where the friction of before a jump acted after it
+    # the values at a time that is recorded are those before the jump
+    np.testing.assert_allclose(result["f.F"].values[1:], np.repeat(voltage, 5)[:490], rtol=0, atol=1e-12)
+    assert result.attrs["substeps"] < 2 * 490
+    assert result.attrs["unresolved_error"] == 0.0
