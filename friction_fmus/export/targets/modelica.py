@@ -31,30 +31,40 @@ ORDER = ["Translational", "Rotational", "Compensators", "Examples", "Laws", "Int
 
 def write(folder: Path) -> Path:
     """Write the library into a folder and return its path."""
-    from friction_fmus.blocks.catalogue import listing, source_folder
-    from friction_fmus.codegen.law_export import make_export
-    from friction_fmus.codegen.modelica_block import block, c_header, rotational
+    from friction_fmus.blocks.catalogue import PACKAGE
     from harness.storage.files import atomic_path, make_folder
 
-    source, library = source_folder(), folder / "FrictionFMUs"
-    laws = {file.stem: file.read_text(encoding="utf-8") for file in sorted((source / "friction").glob("*.mo"))}
-    names = sorted(entry.name for entry in listing().values() if entry.path.suffix == ".py")
-    exports = [make_export(name, prefix=f"FrictionFMUs_{name}") for name in names]
-    own, texts = source / "modelica", "".join(map(rotational, exports))
-    files = {file.relative_to(own).as_posix(): file.read_text(encoding="utf-8") for file in own.rglob("*.mo")}
-    files |= {f"{domain}.mo": components(domain, laws) for domain in DOMAINS}
-    files |= {f"Laws/{name}.mo": with_assertions(text) for name, text in laws.items()}
-    files |= {f"Compensators/{export.law.name}.mo": with_assertions(block(export)) for export in exports}
-    files |= {"Compensators/Rotational.mo": ROTATIONAL.format(blocks=texts)}
-    files |= {f"Resources/Include/{export.prefix}.h": c_header(export) for export in exports}
-    for package, order in {"": ORDER, "Laws/": laws, "Compensators/": [*names, "Rotational"]}.items():
-        files[f"{package}package.order"] = "".join(f"{name}\n" for name in order)
+    library, shipped = folder / "FrictionFMUs", PACKAGE / "modelica"  # a checkout has none
+    written = {file.relative_to(shipped).as_posix(): file for file in shipped.rglob("*.*")}
+    files = {name: file.read_text(encoding="utf-8") for name, file in written.items()} or generated()
     for part in ("Laws", "Compensators", "Resources/Include"):
         make_folder(library / part)
     for name, text in files.items():
         with atomic_path(library / name) as temporary:
             temporary.write_text(text, encoding="utf-8")
     return library
+
+
+def generated() -> dict[str, str]:
+    """Return the texts of the files of the library, by their places in it."""
+    from friction_fmus.blocks.catalogue import laws_folder, source_folder
+    from friction_fmus.codegen.law_export import make_export
+    from friction_fmus.codegen.modelica_block import block, c_header, rotational
+    from friction_fmus.lawkit.law_files import discover_laws
+
+    own = source_folder() / "modelica"
+    laws = {file.stem: file.read_text(encoding="utf-8") for file in sorted((own.parent / "friction").glob("*.mo"))}
+    names = sorted(law.name for law in discover_laws(laws_folder()))
+    exports = [make_export(name, prefix=f"FrictionFMUs_{name}") for name in names]
+    files = {file.relative_to(own).as_posix(): file.read_text(encoding="utf-8") for file in own.rglob("*.mo")}
+    files |= {f"{domain}.mo": components(domain, laws) for domain in DOMAINS}
+    files |= {f"Laws/{name}.mo": with_assertions(text) for name, text in laws.items()}
+    files |= {f"Compensators/{export.law.name}.mo": with_assertions(block(export)) for export in exports}
+    files |= {"Compensators/Rotational.mo": ROTATIONAL.format(blocks="".join(map(rotational, exports)))}
+    files |= {f"Resources/Include/{export.prefix}.h": c_header(export) for export in exports}
+    for package, order in {"": ORDER, "Laws/": laws, "Compensators/": [*names, "Rotational"]}.items():
+        files[f"{package}package.order"] = "".join(f"{name}\n" for name in order)
+    return files
 
 
 def components(domain: str, laws: dict[str, str]) -> str:
