@@ -1,4 +1,4 @@
-"""Compiles the engine of the harness and all FMUs into the wheel, for all platforms.
+"""Compiles the engine of the harness and all FMUs into the wheel, for all platforms; writes the Modelica library.
 
 For a wheel that is built sooner, ``FRICTION_FMUS_PLATFORMS=linux64,win64`` limits the platforms of the FMUs and
 ``FRICTION_FMUS_WHEEL_BLOCKS=LuGre,PID`` the blocks.
@@ -49,7 +49,7 @@ def build_fmus(names: list[str], folder: Path) -> None:
 
 
 class BinariesHook(BuildHookInterface):  # type: ignore[type-arg]
-    """Adds ``friction_fmus/fmus`` and ``harness/engine/binaries``.
+    """Adds ``friction_fmus/fmus``, ``friction_fmus/modelica`` and ``harness/engine/binaries``.
 
     An editable install compiles on first use instead, and so depends on what that needs; it gets what a study needs.
     """
@@ -60,6 +60,7 @@ class BinariesHook(BuildHookInterface):  # type: ignore[type-arg]
             build_data["dependencies"] += self.metadata.core.optional_dependencies["study"]
             return
         from friction_fmus.blocks.catalogue import OWN_BLOCKS, catalogue
+        from friction_fmus.export.targets.modelica import write
         from harness.compiling.engine_library import sources
         from harness.compiling.platforms import PLATFORMS, compiled
 
@@ -76,3 +77,4 @@ class BinariesHook(BuildHookInterface):  # type: ignore[type-arg]
         with ThreadPoolExecutor(processes) as pool:
             list(pool.map(build_fmus, [names[k::processes] for k in range(processes)], [fmus] * processes))
         added |= {str(fmus / f"{name}.fmu"): f"friction_fmus/fmus/{name}.fmu" for name in names}
+        added[str(write(folder))] = "friction_fmus/modelica"

@@ -62,6 +62,23 @@ package Examples "Systems with friction"
     annotation(experiment(StopTime = 2, Tolerance = 1e-8));
   end ServoReversal;
 
+  model FrictionCompensation "The same servo with feedforward of its friction: the peaks at reversals are gone"
+    extends Driven;
+    Translational.LuGre friction annotation(Placement(transformation(extent = {{-40, -10}, {-20, 10}})));
+    Compensators.LuGreFeedforward feedforward annotation(Placement(transformation(extent = {{20, 30}, {40, 50}})));
+    constant Real w = 2*Modelica.Constants.pi;
+    Real r = 0.01*(1 - cos(w*time)) "reference position [m]";
+    Real e = r - mass.s "tracking error [m]";
+  equation
+    connect(ground.flange, friction.flange_a);
+    connect(friction.flange_b, mass.flange_a);
+    feedforward.r = r;
+    feedforward.rd = 0.01*w*sin(w*time);
+    feedforward.rdd = 0.01*w^2*cos(w*time);
+    force.f = 4000*e + 90*(feedforward.rd - mass.v) + feedforward.u;
+    annotation(experiment(StopTime = 2, Tolerance = 1e-8));
+  end FrictionCompensation;
+
   model DeadZone "Forces below static friction do not move the mass"
     extends Driven;
     Translational.Stribeck friction annotation(Placement(transformation(extent = {{-40, -10}, {-20, 10}})));

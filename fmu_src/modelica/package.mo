@@ -1,4 +1,4 @@
-package FrictionFMUs "Friction models with flanges, the equations of the FMUs of the same names"
+package FrictionFMUs "Friction models with flanges, and compensators; FMUs have the same names and equations"
   extends Modelica.Icons.Package;
   annotation(
     uses(Modelica(version = "4.0.0")),
@@ -11,5 +11,7 @@ FMUs.</p>
 <code>useFn</code>, friction is proportional to the input <code>Fn</code>, the normal force, over <code>Fn0</code>.</p>
 <p>Coulomb, Stiction, Tustin and Stribeck stick exactly: at rest, the relative acceleration is zero and F is the force
 that this needs. Do not connect them to a prescribed motion with rests, in which this force is not determined.</p>
+<p><code>Compensators</code> has sampled blocks, which call the C code of a controller. Their numbers are those of the
+FMUs.</p>
 </html>"));
 end FrictionFMUs;

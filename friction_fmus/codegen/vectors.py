@@ -16,7 +16,8 @@ from friction_fmus.errors import FrictionError
 from friction_fmus.lawkit.declarations import PARAMETERS
 from friction_fmus.lawkit.emit.c_text import DOUBLE
 from friction_fmus.lawkit.emit.operations import CALLS, COMPARE, LOGIC, Node, graph
-from friction_fmus.lawkit.law import BOOLEANS, VECTORS, Kind, Law, LawVariable
+from friction_fmus.lawkit.law import BOOLEANS, VECTORS, Kind, LawVariable
+from friction_fmus.lawkit.results import Evaluator
 
 LOST: Final = 2  # number of samples with an invalid input, one after the other
 _CELLS: Final = 2**19  # of a table in memory
@@ -42,7 +43,7 @@ class Run:
         self._inputs = [i for i, v in enumerate(labels) if v.kind in INPUTS]
         self._states = [i for i, v in enumerate(labels) if v.kind in STATES]
         self._tally = [i for i, v in enumerate(labels) if v.tally]
-        self._evaluator = _Evaluator(law)
+        self._evaluator = Evaluator(law.function)
         self._outputs = len(law.select(Kind.OUTPUT))
 
     def enter(self, arguments: np.ndarray, given: Mapping[str, np.ndarray], k: int) -> None:
@@ -139,24 +140,6 @@ def held(export: Export, variable: LawVariable, values: np.ndarray) -> np.ndarra
         return values
     high = values.astype(np.float32).astype(float)
     return high + (values - high).astype(np.float32) if variable.name in export.pairs else high
-
-
-class _Evaluator:
-    """One sample of a law by casadi."""
-
-    def __init__(self, law: Law) -> None:
-        self._buffer, self._evaluate = law.function.buffer()
-        self._given = np.zeros(law.function.n_in())
-        self._found = np.zeros(law.function.n_out())
-        for i in range(self._given.size):
-            self._buffer.set_arg(i, memoryview(self._given[i : i + 1]))  # type: ignore[call-arg, arg-type]
-        for i in range(self._found.size):
-            self._buffer.set_res(i, memoryview(self._found[i : i + 1]))  # type: ignore[call-arg, arg-type]
-
-    def __call__(self, arguments: np.ndarray) -> np.ndarray:
-        self._given[:] = arguments
-        self._evaluate()
-        return self._found.copy()
 
 
 RUNS = 17  # number of runs; the first one is exact

@@ -21,6 +21,7 @@ import math
 import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -70,7 +71,14 @@ from friction_fmus.lawkit.quantities import (
     c_description,
     c_string,
 )
-from friction_fmus.lawkit.results import Equations, Label, function_of, intermediate_results, results_of
+from friction_fmus.lawkit.results import (
+    Equations,
+    Evaluator,
+    Label,
+    function_of,
+    intermediate_results,
+    results_of,
+)
 
 __all__ = [
     "ACCELERATION",
@@ -190,12 +198,12 @@ class Law:
         """Return the variables of these kinds."""
         return tuple(variable for variable in self.variables if variable.kind in kinds)
 
-    @property
+    @cached_property
     def given(self) -> tuple[LawVariable, ...]:
         """Variables that a sample reads, in the order of the function's arguments."""
         return tuple(variable for variable in self.variables if variable.kind is not Kind.OUTPUT)
 
-    @property
+    @cached_property
     def results(self) -> tuple[LawVariable, ...]:
         """Variables that a sample writes, in the order of the function's results."""
         return self.select(Kind.OUTPUT) + self.select(Kind.STATE, Kind.STATES)
@@ -232,6 +240,10 @@ class Law:
         }
         return tuple(variable.name for variable in self.given if variable.name in used)
 
+    @cached_property
+    def _evaluator(self) -> Evaluator:
+        return Evaluator(self.function)
+
     def evaluate(self, values: Mapping[str, float | tuple[float, ...]]) -> dict[str, Any]:
         """Evaluate one sample with casadi."""
         known = {variable.name for variable in self.given}
@@ -248,7 +260,7 @@ class Law:
                     "are given"
                 )
             arguments += map(float, elements)
-        found = iter(map(float, self.function.call(arguments)))
+        found = iter(self._evaluator(arguments).tolist())
         return {
             variable.name: tuple(next(found) for _ in variable.starts) if variable.kind in VECTORS else next(found)
             for variable in self.results

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable
+from functools import cache
 from itertools import pairwise
 from pathlib import Path
 
@@ -33,6 +34,7 @@ def page(library: Library) -> etree._Element:
     return parse(library.folder / "documentation" / "index.html")
 
 
+@cache
 def parse(path: Path) -> etree._Element:
     parser = html5lib.HTMLParser(html5lib.getTreeBuilder("lxml"), strict=True, namespaceHTMLElements=False)
     return parser.parse(path.read_text(encoding="utf-8")).getroot()

@@ -122,12 +122,12 @@ def test_the_command_writes_the_library(tmp_path: Path, capsys: pytest.CaptureFi
     assert main(["export", "--to", "modelica", "-o", str(tmp_path / "new")]) == 0
     folder = tmp_path / "new" / "FrictionFMUs"
     assert capsys.readouterr().out == f"{folder}\n"
-    for package in (folder, folder / "Laws"):
-        files = {file.stem for file in package.iterdir() if file.stem != "package"}
+    for package in (folder, folder / "Laws", folder / "Compensators"):
+        files = {file.stem for file in package.iterdir() if file.stem not in ("package", "Resources")}
         assert set((package / "package.order").read_text().split()) == files
         for file in package.glob("*.mo"):
             text = file.read_text()
             within = "" if file == folder / "package.mo" else "FrictionFMUs"
-            within += ".Laws" if package != folder and file.stem != "package" else ""
+            within += f".{package.name}" if package != folder and file.stem != "package" else ""
             assert text.startswith(f"within {within};" if within else "package FrictionFMUs")
     Library(folder).model("model Test extends FrictionFMUs.Examples.StickSlip; end Test;")

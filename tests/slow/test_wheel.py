@@ -150,8 +150,9 @@ def run(command: list[str], environment: dict[str, str], folder: Path) -> subpro
     return subprocess.run(whole, env=environment, cwd=folder, capture_output=True, text=True, check=False)
 
 
-def test_wheel_carries_engine_and_fmus_for_all_platforms(installed: Path) -> None:
+def test_wheel_carries_library_engine_and_fmus_for_all_platforms(installed: Path) -> None:
     assert {path.stem for path in (installed / "friction_fmus" / "fmus").iterdir()} == set(BLOCKS)
+    assert (installed / "friction_fmus" / "modelica" / "Compensators" / "PID.mo").is_file()
     for platform in PLATFORMS.values():
         engine = installed / "harness" / "engine" / "binaries" / platform.folder / f"engine{platform.suffix}"
         assert engine.stat().st_size > 10_000

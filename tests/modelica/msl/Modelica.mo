@@ -13,9 +13,14 @@ package Modelica "What FrictionFMUs uses of the Modelica Standard Library 4, wri
   end Icons;
 
   package Blocks
+    package Icons
+      partial block DiscreteBlock end DiscreteBlock;
+    end Icons;
     package Interfaces
       connector RealInput = input Real;
       connector RealOutput = output Real;
+      connector BooleanInput = input Boolean;
+      connector BooleanOutput = output Boolean;
     end Interfaces;
   end Blocks;
 
