@@ -114,8 +114,9 @@ def _chosen(data: FitData) -> tuple[tuple[str, ...], dict[str, float]]:
         left.remove(best)
         found = _regression(data, (*terms, best), values, measured)
         limits = [(found[name], *LIMITS.get(name, NO_LIMITS)) for name in TERMS[best]]
-        if all(low <= value <= high for value, low, high in limits):  # friction does not fall with the load
+        if all(low <= value <= high for value, low, high in limits):  # else perhaps after another term
             terms, values = (*terms, best), found
+            left = [term for term in CANDIDATES if term not in terms and _possible(data, term)]
     return terms, values
 
 
