@@ -18,7 +18,7 @@ import numpy as np
 
 from _common import BLUE, GREEN, GREY, RED, Array, command_line, panels, save
 from friction_fmus import build
-from harness import FmuPart, System, Wire
+from harness import FmuPart, System
 
 M, L, GRAVITY = 1.0, 0.3, 9.81  # [kg], [m], [m/s2]
 INERTIA, TORQUE = M * L**2, M * L * GRAVITY
@@ -27,8 +27,8 @@ SWING, PERIOD = pi / 3.0, 4.0  # amplitude [rad], [s]
 FREQUENCY = 6.0  # bandwidth of the controller [Hz]
 
 
-def errors(gravity: bool, friction: str) -> tuple[Array, Array]:
-    """Time [s] and error of the arm [degree] with this feedforward: none, constant or load."""
+def errors(friction: str) -> tuple[Array, Array]:
+    """Time [s] and error of the arm [degree] with this friction in the feedforward: none, constant or load."""
     blocks = {"reference": "Sine", "servo": "PID", "arm": "Mass", "gravity": "Cogging", "load": "TransmissionLoad"}
     blocks |= {"friction": "Stribeck", "known_gravity": "Cogging", "known_load": "TransmissionLoad"}
     blocks |= {"known_friction": "Stribeck", "known_torque": "Sum", "forward": "Sum"}
@@ -48,7 +48,7 @@ def errors(gravity: bool, friction: str) -> tuple[Array, Array]:
         "known_torque.y -> known_load.F_drive",
     ]
     wires += ["known_gravity.F -> known_load.F_external", "known_load.Fn -> known_friction.Fn"]
-    wires += ["known_torque.y -> forward.u1", "known_friction.F -> forward.u2", Wire("forward.y", "servo.f")]
+    wires += ["known_torque.y -> forward.u1", "known_friction.F -> forward.u2", "forward.y -> servo.f"]
     w = 2.0 * pi * FREQUENCY
     start = {"servo.Kp": INERTIA * w**2, "servo.Kd": 1.4 * INERTIA * w, "servo.Ki": 0.0, "servo.Ts": 1e-3}
     start |= {"servo.u_min": -50.0, "servo.u_max": 50.0, "servo.rdd": 0.0, "arm.m": INERTIA, "arm.x0": 0.0}
@@ -65,7 +65,7 @@ def errors(gravity: bool, friction: str) -> tuple[Array, Array]:
     for part in ("friction", "known_friction"):
         start |= {f"{part}.Fc": 1.0, f"{part}.Fs": 1.0, f"{part}.Fv": VISCOUS}
     start |= {"known_torque.gain[1]": -1.0, "known_torque.gain[2]": INERTIA, "known_friction.F_ext": 0.0}
-    start |= {"forward.gain[1]": float(gravity), "forward.gain[2]": float(friction != "none")}
+    start |= {"forward.gain[1]": 1.0, "forward.gain[2]": float(friction != "none")}
     with TemporaryDirectory() as folder:
         parts = [FmuPart(name, build(block, Path(folder), domain="rotational")) for name, block in blocks.items()]
         with System(parts, wires, start) as system:
@@ -77,15 +77,15 @@ def errors(gravity: bool, friction: str) -> tuple[Array, Array]:
 
 def main(folder: Path) -> str:
     """Draw the errors with each feedforward, check their order."""
-    cases = {
-        "gravity and inertia": (RED, True, "none"),
-        "and constant friction": (BLUE, True, "constant"),
-        "and friction under load": (GREEN, True, "load"),
-    }
+    cases = (
+        ("gravity and inertia", RED, "none"),
+        ("and constant friction", BLUE, "constant"),
+        ("and friction under load", GREEN, "load"),
+    )
     figure, (axis,) = panels("Error of an arm with each feedforward", 1, 1, (8.0, 3.6))
     rms = {}
-    for name, (colour, *how) in cases.items():
-        t, error = errors(*how)
+    for name, colour, friction in cases:
+        t, error = errors(friction)
         axis.plot(t, error, color=colour, lw=1.5, label=name)
         rms[name] = float(np.sqrt(np.mean(error**2)))
     axis.axhline(0.0, color=GREY, lw=0.8)

@@ -23,7 +23,7 @@ from friction_fmus.errors import FitError, RecordError
 from friction_fmus.export.block_fmu import fmu
 from friction_fmus.identification.data.record import Array, Record
 from friction_fmus.identification.fit.contact_model import ContactModel, DataTraits, contact_model
-from friction_fmus.identification.fit.estimate import Estimate, score_covariance
+from friction_fmus.identification.fit.estimate import Estimate, Estimated, score_covariance
 from friction_fmus.identification.fit.idim import filtered_motion
 from friction_fmus.identification.fit.least_squares import Coordinate
 from friction_fmus.identification.fit.scores import rms
@@ -130,7 +130,7 @@ class Joint:
 
 
 @dataclass(frozen=True, eq=False)
-class JointIdentification:
+class JointIdentification(Estimated):
     """Identified joint.
 
     Attributes
@@ -162,16 +162,6 @@ class JointIdentification:
     simulations: int
     converged: bool
     joint: Joint
-
-    def values(self) -> dict[str, float]:
-        """Return the values of the parameters.
-
-        Returns
-        -------
-        dict of str to float
-            Values in the units of the estimates.
-        """
-        return {name: estimate.value for name, estimate in self.parameters.items()}
 
     def predict(self, records: Sequence[JointRecord]) -> list[Array]:
         """Simulate the joint from the first angle of each record on, with its reference.
