@@ -112,9 +112,11 @@ static bool begins_anew(const Newton *newton, int64_t number, int64_t tick, cons
 {
     const Group *const g = &newton->groups[number];
     const StepCheck *const guard = &newton->guards[number];
-    for (const Contact *c = contacts_of(newton, g); c < contacts_of(newton, g) + g->contacts; c++)
-        if (velocity_of(newton, c)->rests && !is_rest(velocity_of(newton, c)))
-            return true;
+    for (const Contact *c = contacts_of(newton, g); c < contacts_of(newton, g) + g->contacts; c++) {
+        const Moving *const m = velocity_of(newton, c);
+        if (m->rests && (!is_rest(m) || (m->rests == AT_REST && m->role == IN_JUMP)))
+            return true; /* in the latter case, the load was too high within the span */
+    }
     const double least = guard->resolves == WHOLE_STEP && tick < guard->next ? JUMP_LIMIT : NOTABLE;
     return s->from == 0.0 && (tick == 0 || guard->jump > least);
 }
@@ -229,7 +231,9 @@ static bool is_held(const Engine *e, const Newton *newton, const Group *g, int64
 {
     for (const Contact *c = contacts_of(newton, g); c < contacts_of(newton, g) + g->contacts; c++) {
         const int64_t velocity = e->sources[e->lines[c->line].input];
-        const bool rests = is_rest(&newton->kept_lines[c->line]) && is_rest(velocity_of(newton, c));
+        const Moving *const a = &newton->kept_lines[c->line];
+        const bool moved = a->rests == AT_REST && a->role == IN_JUMP; /* before it came to rest again */
+        const bool rests = !moved && is_rest(a) && is_rest(velocity_of(newton, c));
         for (int64_t i = g->first; rests && i < g->first + g->count; i++) {
             const int64_t *const range = e->parts[newton->order[i]].outputs;
             if (velocity >= range[0] && velocity < range[TYPES] && output >= range[0] && output < range[TYPES])
