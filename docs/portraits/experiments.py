@@ -322,13 +322,6 @@ def over_pitch(bench: Bench) -> tuple[Panel, ...]:
     return both_ways(bench, np.linspace(0.0, bench.start("pitch", 1.0), 161), (4.0 * speed_scale(bench),), "u")
 
 
-def over_table(bench: Bench) -> tuple[Panel, ...]:
-    """Return the force of tables over the position at each speed of the table."""
-    x = 7.0 * bench.start("spacing", 1e-3) * np.linspace(-0.1, 1.1, 121)
-    speeds = tuple(share * bench.start("v_max", 1.0) for share in (0.03, 0.1, 0.3, 0.6, 1.0))
-    return both_ways(bench, x, speeds, "residual")
-
-
 def through_rest(bench: Bench) -> tuple[Panel, ...]:
     """Return the force over the velocity at a position."""
     velocity = 5.0 * bench.start("v_sign", 1e-3) * np.linspace(-1.0, 1.0, 201)
@@ -392,7 +385,6 @@ FURTHER: Final[Mapping[str, Experiment]] = {
     **dict.fromkeys(("LuGreObserver", "GMSObserver", "AdaptiveLuGre"), followed),
     "DiscreteInverse": quick_move,
     "Encoder": sampled,
-    "FrictionResidual": over_table,
     "GMS": lag,
     "ImpulsiveControl": pulses,
     "PositionMap": through_rest,
@@ -414,7 +406,6 @@ BEGIN: Final[Mapping[str, Values]] = {
     "Encoder": {"jitter": 1e-4},
     "FrenkelKontorova": {"amplitude": 0.3},
     "FrenkelKontorovaTomlinson": {"amplitude": 0.3},
-    "FrictionResidual": {"R_max": 0.5, **_wave("forward", 0.4, 40), **_wave("backward", 0.3, 40)},
     "ImpulsiveControl": {"alone": 0.0},
     "InverseDynamics": {"m_load": 1.0, "compliance": 1e-5},
     "KalmanFriction": {"use_v": 1.0},

@@ -14,7 +14,6 @@ from friction_fmus.identification import (
     AxisUnits,
     DataMapping,
     Identification,
-    LearnedResidual,
     Measurement,
     Record,
     RecordFinding,
@@ -86,29 +85,6 @@ def show_parameters(result: Identification) -> None:
         console.print(styled((name, "yellow"), f" is poorly identifiable: {reason}"), soft_wrap=True)
     for warning in result.warnings:
         console.print(styled(("warning", "yellow"), f" {warning}"), soft_wrap=True)
-
-
-def show_residual(result: Identification, learned: LearnedResidual | None) -> None:
-    """Print the errors of a model with and without its learned residual."""
-    if learned is None:
-        console.print(f"residual of {result.model}: none, as no table reduces the error in cross-validation by 2 %")
-        return
-    unit = "" if result.unit == "1" else f" {result.unit}"
-    over = "velocity, position and direction" if learned.over_position else "velocity and direction"
-    windows = {
-        "cross-validation": (learned.crossed, learned.crossed_without),
-        "validation": (learned.validation, learned.validation_without),
-    }
-    errors = ", ".join(
-        f"{name} {error:.4g}{unit}, without it {without:.4g}{unit}"
-        for name, (error, without) in windows.items()
-        if math.isfinite(error)
-    )
-    console.print(
-        f"residual of {result.model} over {over}, at most {learned.table.R_max:.3g} "
-        f"{result.records[0].units.force}: error in {errors}",
-        soft_wrap=True,
-    )
 
 
 def _position_text(found: PositionFit, units: AxisUnits) -> str:

@@ -18,8 +18,8 @@ if TYPE_CHECKING:
     from friction_fmus.identification.fit.scores import Score
     from friction_fmus.identification.identification_result import Identification
     from friction_fmus.identification.identifying import identify
+    from friction_fmus.identification.joint import Joint, JointIdentification, JointRecord, identify_joint
     from friction_fmus.identification.model_comparison import IdentificationTask, ModelComparison, compare_models
-    from friction_fmus.identification.residual import LearnedResidual, ResidualTable, learn_residual
 else:
     __getattr__, __dir__ = lazy_names(__name__)
 
@@ -37,7 +37,9 @@ __all__ = [
     "IdentificationError",
     "IdentificationTask",
     "InverseModelSettings",
-    "LearnedResidual",
+    "Joint",
+    "JointIdentification",
+    "JointRecord",
     "Measurement",
     "ModelComparison",
     "PreslidingFit",
@@ -45,14 +47,13 @@ __all__ = [
     "RecordError",
     "RecordFinding",
     "RecordWarning",
-    "ResidualTable",
     "Score",
     "compare_models",
     "examine",
     "identifiable",
     "identify",
+    "identify_joint",
     "identify_presliding",
-    "learn_residual",
     "read_measurement",
     "read_records",
 ]

@@ -13,6 +13,7 @@ from friction_fmus.blocks.axis_units import domain_of
 from friction_fmus.export.block_fmu import build
 from friction_fmus.identification.closed_loop import axis_response
 from friction_fmus.identification.data.record import Array, Record
+from friction_fmus.identification.fit.axis_terms import force_beside, middle_of
 from friction_fmus.identification.fit.block_fit import driven
 from friction_fmus.identification.fit.contact_model import ContactModel, contact_model, state_sizes
 from friction_fmus.identification.fit.estimate import Estimate
@@ -166,7 +167,9 @@ class Identification:
         values = self.values()
         if segment.a is None:
             return segment.predicted(F, 0.0, values.get("OF", 0.0))
-        return F + values.get("M", 0.0) * segment.a + values.get("OF", 0.0) - known_force(self, segment)
+        total = F + values.get("M", 0.0) * segment.a + values.get("OF", 0.0) + force_beside(values, segment)
+        found: Array = total / values.get("gain", 1.0) - known_force(self, segment)
+        return found
 
     def compare(self, record: Record) -> tuple[Array, Array]:
         """Return measured and predicted signal of a record, filtered as in the fit.
@@ -192,7 +195,9 @@ class Identification:
         segment, F = simulated(self, record, fit=True)
         values = self.values()
         known = segment.rows(known_force(self, segment))
-        return segment.measured, segment.predicted(F, values.get("M", 0.0), values.get("OF", 0.0)) - known
+        beside = force_beside(values, segment) if segment.a is not None else 0.0
+        predicted = segment.predicted(F + beside, values.get("M", 0.0), values.get("OF", 0.0))
+        return segment.measured, predicted / values.get("gain", 1.0) - known
 
     def plot(self, path: str | Path) -> Path:
         """Draw measured and predicted signal over time, over position or velocity, and the residuals.
@@ -347,6 +352,7 @@ def simulated(result: Identification, record: Record, fit: bool) -> tuple[Prepar
     """Return the prepared record, and the friction force along its motion with a fitted initial state."""
     contact = contact_model(result.block, record.units)
     segment = prepare(record, contact, result.signal, result.settings)
+    segment = replace(segment, middle=middle_of(result.records))
     coordinates, sizes = _initial(result, contact, segment)
     values = {
         name: contact.parameters[name].typed(value) if name in contact.parameters else value
@@ -358,9 +364,9 @@ def simulated(result: Identification, record: Record, fit: bool) -> tuple[Prepar
 
     with driven(contact.path) as drive:
         remaining = segment.measured + segment.rows(known_force(result, segment))
-        viscous = "Fv" in values and "Fv" not in contact.parameters
+        beside = replace(contact, viscous="Fv" in values and "Fv" not in contact.parameters)
         segments = [replace(segment, measured=remaining)]
-        problem = Problem(drive, segments, coordinates, lambda _: {}, states, values, viscous=viscous)
+        problem = Problem(drive, segments, coordinates, lambda _: {}, states, values, model=beside)
         x = problem.start()
         if coordinates:
             x = search(problem, "linear", 1).x if fit else 0.0 * x

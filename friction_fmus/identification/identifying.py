@@ -3,8 +3,9 @@
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
@@ -12,6 +13,7 @@ from friction_fmus.blocks.axis_units import AxisUnits
 from friction_fmus.errors import FitError
 from friction_fmus.identification.closed_loop import identify_closed_loop
 from friction_fmus.identification.data.record import Array, MeasuredAxis, Record
+from friction_fmus.identification.fit.axis_terms import CANDIDATES, middle_of
 from friction_fmus.identification.fit.block_fit import BlockFit, FitData, driven
 from friction_fmus.identification.fit.contact_model import ContactModel, contact_model
 from friction_fmus.identification.fit.estimate import Estimate
@@ -21,6 +23,7 @@ from friction_fmus.identification.fit.position import fit_with_table
 from friction_fmus.identification.fit.scores import Score, criteria, independent_samples, score, weak_parameters
 from friction_fmus.identification.fit.search import Loss, SearchResult, covariance, unseen
 from friction_fmus.identification.fit.simulation_data import PreparedSegment, prepare, signal_of, traits
+from friction_fmus.identification.fit.term_choice import check_load, check_terms, with_terms
 from friction_fmus.identification.identification_result import Identification
 from friction_fmus.identification.methods import find_method
 from friction_fmus.identification.methods.free_run import FREE_RUN, identify_free_run
@@ -100,6 +103,7 @@ def identify(
     settings: InverseModelSettings | None = None,
     position_map: bool = False,
     viscous: bool = False,
+    terms: Sequence[str] | Literal["auto"] = (),
 ) -> Identification:
     """Identify the parameters of a friction model from measured data.
 
@@ -137,6 +141,12 @@ def identify(
     viscous : bool
         Whether to identify viscous friction beside a model without it, as parameter Fv, from a drive force.
 
+    terms : sequence of str or "auto"
+        What acts beside the model on a drive force: "gravity" of an arm (G_sin, G_cos), "load" (a: friction that grows
+        with the transmitted force), "sides" (the same with a_drive and a_external), "direction" and "drift" of the
+        friction, "gain" of the drive, for which G_sin must be fixed. "auto" finds gravity, load, direction and drift by
+        cross-validation.
+
     Returns
     -------
     Identification
@@ -163,6 +173,10 @@ def identify(
     constraints = Constraints(dict(fixed or {}), dict(bounds or {}), dict(start or {}))
     given: dict[str, Any] = {"fixed": fixed, "bounds": bounds, "start": start, "loss": loss, "starts": starts}
     given |= {"settings": settings, "viscous": viscous}
+    if (isinstance(data, MeasuredAxis) or method == FREE_RUN) and terms:
+        raise FitError(
+            "Terms beside the friction model need a fit to the drive force; use another method, or no terms."
+        )
     if isinstance(data, MeasuredAxis):
         if method not in ("auto", "closed-loop"):
             raise FitError(
@@ -183,13 +197,20 @@ def identify(
     contact = contact_model(model, records[0].units)
     signal, unit = signal_of(records)
     contact = replace(contact, viscous=viscous and contact.lacks_viscous and signal == "force")
-    check_constraints(contact, signal, constraints)
+    named = () if terms == "auto" else tuple(terms)
+    check_terms(CANDIDATES[:1] if terms == "auto" else named, contact, signal, constraints.fixed)
+    check_constraints(contact, signal, constraints, named)
     name, chosen = find_method(contact, method)
     segments = [prepare(record, contact, signal, settings) for record in records]
+    segments = [replace(segment, middle=middle_of(records)) for segment in segments]
     Fn0 = _reference_load(constraints, segments)
     with driven(contact.path) as drive:
-        fitted = FitData(contact, drive, segments, traits(segments, Fn0 or 1.0), constraints, records[0].units, Fn0)
-        fit = chosen.fit(fitted, loss, starts)
+        about = traits(segments, Fn0 or 1.0)
+        fitted = FitData(contact, drive, segments, about, constraints, records[0].units, Fn0, named)
+        search = partial(chosen.fit, loss=loss, starts=starts)
+        fitted, fit = with_terms(fitted, search) if terms == "auto" else (fitted, search(fitted))
+        if signal == "force":
+            check_load(fit)
         result = _result(model, contact, name, fit, signal, unit, records, settings)
         with_table = fit_with_table(fit, fitted, loss) if position_map and signal == "force" else None
         checked = None if validation is None else _validated(result, validation)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass
-from typing import Final
 
 
 @dataclass(frozen=True)
@@ -56,7 +55,3 @@ TIME = Unit("TIME")
 FREQUENCY = Unit("FREQUENCY")
 ANGLE = Unit("ANGLE")
 NO_UNIT = Unit("NO_UNIT")
-
-
-SPEEDS: Final = (0.03, 0.1, 0.3, 0.6, 1.0)  # speeds over the largest one
-POSITIONS: Final = 8  # number of equally spaced positions

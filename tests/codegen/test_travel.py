@@ -49,8 +49,6 @@ START: dict[str, dict[str, float]] = {
     "InverseDynamics": {"compliance": 1e-4},
     "LuGreObserver": {"k": 50.0},
     "GMSObserver": {"k_e": 50.0},
-    "FrictionResidual": {"x_begin": -0.0071, "spacing": 1.7, "v_max": 0.01}
-    | {f"{way}[{i + 1}]": 1.5 + float(np.sin(i)) for way in ("forward", "backward") for i in range(40)},
     "TustinFeedback": {"x0": 0.0071} | {f"cogging[{i + 1}]": float(np.sin(np.pi * i / 8.0)) for i in range(16)},
 }
 """Parameters with which the position counts, and which a float does not hold."""

@@ -73,6 +73,7 @@ CASES = {
     "TwoMass": Case("TwoMass", outputs=("x1", "v2"), inputs={}, tolerance=1e-12),
     "Belt": Case("Belt", outputs=("x", "v"), inputs={}, tolerance=1e-12),
     "Cogging": Case("Cogging", inputs={}),
+    "DCMotor": Case("DCMotor", {"K": 0.4, "R": 4.0}, outputs=("F", "i"), inputs={}),
     "TransmissionLoad": Case("TransmissionLoad", {"at_rest": 0.3, "b_drive": 0.2}, outputs=("Fn",), inputs={}),
     "PositionMap": Case("PositionMap", outputs=("F_position",), inputs={}),
     "Quantiser": Case("Quantiser", {"q": 1e-4}, outputs=("y",), inputs={}),

@@ -20,7 +20,6 @@ LAWS = (
     "LuGreFeedforward",
     "GMSFeedforward",
     "GMSObserver",
-    "FrictionResidual",
     "ExtendedStateObserver",
     "DisturbanceObserver",
     "StaticFeedforward",

@@ -18,7 +18,7 @@ from friction_fmus.identification.methods import method_names
 from harness.processors import available
 
 if TYPE_CHECKING:
-    from friction_fmus.identification import Identification, Measurement, Record
+    from friction_fmus.identification import Measurement
 
 LOSSES = ("linear", "soft_l1", "huber", "cauchy", "arctan")
 SHOWN = 3  # most models whose parameters are all printed; with more models, only those of the best are
@@ -57,12 +57,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="identify cogging and position-dependent friction with each model, if this improves the prediction",
     )
     parser.add_argument(
-        "--residual",
-        action="store_true",
-        help="fit a correction table (velocity, position, direction) to the residual of the best model",
+        "--force", action="store_true", help="write FMUs although the drive force contradicts the motion"
     )
     parser.add_argument(
-        "--force", action="store_true", help="write FMUs although the drive force contradicts the motion"
+        "--terms",
+        metavar="LIST",
+        help="what acts beside the models: auto, or a list such as gravity,load (also sides, direction, drift, gain)",
     )
     parser.add_argument("--viscous", action="store_true", help="add viscous friction (Fv) to models that have none")
     parser.add_argument(
@@ -90,8 +90,6 @@ def run(options: argparse.Namespace) -> int:
 
     data = options.data[0]
     models = _models(options.model or _configured(data))
-    if options.residual and options.method == "free-run":
-        raise FrictionError("--residual needs a fit to forces; --method free-run fits positions: use another method")
     if options.output.exists() and not options.output.is_dir():
         raise FrictionError(f"{options.output} is a file; choose a folder for the results")
     if options.mapping and (options.columns or options.gain or len(options.data) > 1):
@@ -124,6 +122,7 @@ def run(options: argparse.Namespace) -> int:
             "loss": options.loss,
             "position_map": options.position_map,
             "viscous": options.viscous,
+            "terms": "auto" if options.terms == "auto" else tuple(options.terms.split(",")) if options.terms else (),
         },
     )
     with progress_bar() as bar:
@@ -141,8 +140,6 @@ def run(options: argparse.Namespace) -> int:
         console.print(
             f"\nThe parameters of the other models are in {options.output / 'parameters.toml'}.", soft_wrap=True
         )
-    if options.residual:
-        files += _residual(found.results[0], validation, options.output, fmus=fmus)
     for name, reason in found.failed.items():
         console.print(styled((name, "bold red"), f" was not identified: {reason}"), soft_wrap=True)
     console.print(f"{options.output}: {_listed(files)}", soft_wrap=True)
@@ -156,20 +153,6 @@ def run(options: argparse.Namespace) -> int:
     if options.json:
         print_json(options, json.loads((options.output / "identification.json").read_text(encoding="utf-8")))
     return 1 if wrong else 0
-
-
-def _residual(result: Identification, validation: Sequence[Record], folder: Path, fmus: bool) -> list[Path]:
-    """Learn the residual of a model, print its errors and write its FMU."""
-    from friction_fmus.cli.identification_tables import show_residual
-    from friction_fmus.identification import learn_residual
-    from harness.compiling import toolchain
-
-    learned = learn_residual(result, validation)
-    show_residual(result, learned)
-    if learned is None or not fmus or toolchain.lacking() is not None:
-        return []
-    rotary = result.records[0].units.rotary
-    return [learned.table.to_fmu(folder, f"{result.model}Residual", rotary)]
 
 
 def parse_fixed(text: str) -> tuple[str, float | bool]:

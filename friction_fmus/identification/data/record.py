@@ -48,7 +48,7 @@ JITTER = 0.01  # largest relative deviation of a sampling interval from the mean
 
 
 #: Columns of a record; all except the time are optional.
-COLUMNS = ("t", "q", "v", "reference", "force", "friction", "normal", "injected")
+COLUMNS = ("t", "q", "v", "reference", "force", "friction", "normal", "injected", "load")
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,6 +82,9 @@ class Record:
     injected : array, shape (n,), optional
         Force added to that of the servo from outside, in `units.force`; `force` does not contain it, see
         `with_total_force`.
+    load : array, shape (n,), optional
+        Known force on the axis from outside, positive forward, such as the gravity of a rigid-body model, in
+        `units.force`.
     held : bool
         Whether the forces are commands that the drive holds from one sample to the next, instead of values at the
         samples.
@@ -107,6 +110,7 @@ class Record:
     citation: str = ""
     quantum: float = 0.0
     injected: Array | None = None
+    load: Array | None = None
     held: bool = False
     steady: bool = False
 
@@ -260,6 +264,7 @@ ROLES: Final[Mapping[str, Role]] = {
     "friction": Role("force", "friction", "N"),
     "normal": Role("normal", "normal", "N"),
     "injected": Role("force", "injected", "N"),
+    "load": Role("force", "load", "N"),
 }
 
 _LONGEST = 2 * LONGEST_UNIT  # largest number of characters of a number with a unit

@@ -11,6 +11,7 @@ import numpy as np
 from friction_fmus.blocks.arithmetic import evaluate
 from friction_fmus.blocks.axis_units import AxisUnits
 from friction_fmus.errors import FitError
+from friction_fmus.identification.fit.axis_terms import term_units
 from friction_fmus.identification.fit.contact_model import ContactModel, DataTraits
 from friction_fmus.identification.fit.least_squares import (
     INITIAL_LIMIT,
@@ -38,11 +39,12 @@ class FitData:
     constraints: Constraints  # fixed values, bounds and start values given by the user
     units: AxisUnits  # units of the axis
     Fn0: float | None  # normal force at which the parameters are valid [N]; None if it was not measured
+    terms: tuple[str, ...] = ()  # what acts beside the block, of `TERMS`
 
     def problem(self, setup: Setup) -> Problem:
         """Return the least-squares problem of a setup."""
         parts = setup.coordinates, setup.assemble, setup.states, setup.constants
-        return Problem(self.drive, self.segments, *parts, viscous=self.model.viscous)
+        return Problem(self.drive, self.segments, *parts, model=self.model)
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,7 +70,7 @@ def scalar_setup(data: FitData) -> Setup:
     units, Fn0 = data.units, data.Fn0
     names = model.identified(constraints.named, constraints.fixed)
     coordinates = [coordinate(model, name, traits, constraints) for name in names]
-    coordinates += surroundings(segments, traits, constraints, model.viscous)
+    coordinates += surroundings(segments, traits, constraints, model.viscous, data.terms)
     if not coordinates:
         raise FitError(f"All parameters of {model.name} are fixed; leave at least one to be identified.")
     state = model.initial_state
@@ -87,6 +89,7 @@ def scalar_setup(data: FitData) -> Setup:
 
     unit = {name: p.unit for name, p in model.parameters.items()}
     unit |= {"M": units.inertia, "OF": units.force} | ({"Fv": units.viscous} if model.viscous else {})
+    unit |= term_units(units)
     if state is not None:
         unit[state] = model.states[state]
     return Setup(tuple(coordinates), dict, states, constants, unit)

@@ -91,6 +91,12 @@ class ContactModel:
         """State whose initial value is identified; None if there is none."""
         return self.identified_by.state or None
 
+    def level(self, values: Mapping[str, float]) -> float:
+        """Return the Coulomb friction, as the file of the block states it [force]."""
+        friction = find(self.block).about.in_loop.friction
+        given = {**{name: parameter.start for name, parameter in self.parameters.items()}, **values}
+        return max(friction.level(given).Fc if friction else values.get("Fc", 1.0), 1e-12)
+
     def identified(self, named: set[str], fixed: Mapping[str, float]) -> list[str]:
         """Return the scalar parameters to identify; `named` are the keys of the user's start values and bounds."""
         chosen = []

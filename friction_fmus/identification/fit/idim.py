@@ -209,12 +209,17 @@ def filtered_motion(record: Record, settings: InverseModelSettings | None = None
             f"The cut-off frequency {settings.cutoff:g} Hz is not between 0 and the Nyquist frequency {nyquist:g} Hz "
             f"of the record {record.name!r}; correct it."
         )
-    sos = scipy.signal.butter(settings.order, settings.cutoff / nyquist, output="sos")
     _require_length(record, 3 * settings.order + 1)
-    # the reflection of MATLAB's filtfilt, which was used for the published values; the default of scipy is longer
-    q = np.asarray(scipy.signal.sosfiltfilt(sos, record.column("q"), padlen=3 * settings.order), dtype=np.float64)
+    q = smoothed(record.column("q"), record, settings)
     v = derivative(q, record.Ts, settings.order_of_differences)
     return Motion(q, v, derivative(v, record.Ts, settings.order_of_differences))
+
+
+def smoothed(signal: Array, record: Record, settings: InverseModelSettings) -> Array:
+    """Return a signal of a record, shape (n,), behind the filter of the position."""
+    sos = scipy.signal.butter(settings.order, 2.0 * settings.cutoff * record.Ts, output="sos")
+    # the reflection of MATLAB's filtfilt, which was used for the published values; the default of scipy is longer
+    return np.asarray(scipy.signal.sosfiltfilt(sos, signal, padlen=3 * settings.order), dtype=np.float64)
 
 
 def derivative(values: Array, Ts: float, order: int = 4) -> Array:

@@ -11,6 +11,14 @@ import numpy as np
 
 from friction_fmus.errors import FitError, did_you_mean
 from friction_fmus.identification.data.record import Array
+from friction_fmus.identification.fit.axis_terms import (
+    LIMITS,
+    TERMS,
+    VALUES,
+    force_beside,
+    relative_load,
+    sizes_of,
+)
 from friction_fmus.identification.fit.contact_model import ContactModel, DataTraits
 from friction_fmus.identification.fit.simulation_data import PreparedSegment, inertia_guess
 from harness import Drive, PartError, StartValueError
@@ -77,7 +85,8 @@ class Problem:
     regressor: Regressor | None = None  # linear unknowns, which are eliminated from the residual (variable projection)
     anchor: Array | None = None
     """Point to which weak springs tie the coordinates, so that those which the record does not determine stay there."""
-    viscous: bool = False  # whether the value Fv is the coefficient of a viscous friction beside the block
+    model: ContactModel | None = None
+    """The block, if something acts beside it: viscous friction with the value Fv, or `TERMS`."""
 
     def __post_init__(self) -> None:
         total = np.concatenate([segment.measured for segment in self.segments])
@@ -102,17 +111,28 @@ class Problem:
         """Return the predicted signal of one segment."""
         given = {**self.constants, **self.assemble(self.values(x, None))}
         force = self.force(x, index)
-        return self.segments[index].predicted(force, float(given.get("M", 0.0)), float(given.get("OF", 0.0)))
+        numbers = {name: float(value) for name, value in given.items()}
+        segment = self.segments[index]
+        beside = force_beside(numbers, segment) if segment.a is not None else 0.0
+        found: Array = segment.predicted(force + beside, numbers.get("M", 0.0), numbers.get("OF", 0.0))
+        return found / numbers.get("gain", 1.0)
 
     def force(self, x: Array, index: int) -> Array:
         """Return the friction force along one segment."""
         segment, parameters = self.segments[index], self.assemble(self.values(x, None))
         start = {**self.constants, **parameters, **self.states(parameters, self.values(x, index))}
-        beside = ("M", "OF", "OF_rate", *(("Fv",) if self.viscous else ()))
+        viscous = self.model is not None and self.model.viscous
+        beside = {"M", "OF", "OF_rate", *(("Fv",) if viscous else ()), *VALUES}
         self.simulations += 1
         own = {name: value for name, value in start.items() if name not in beside}
+        if self.model is not None and not VALUES.isdisjoint(start):
+            numbers = {name: float(value) for name, value in start.items()}
+            load = relative_load(numbers, segment, self.model.level(numbers))
+            if load is not None:
+                Fn0 = own["Fn0"] = numbers.get("Fn0", 1.0)
+                segment = replace(segment, inputs={**segment.inputs, "Fn": Fn0 * load})
         force: Array = segment.run(self.drive, ["F"], own, TOLERANCE)[:, 0]
-        return force + float(start["Fv"]) * segment.inputs["v"] if self.viscous else force
+        return force + float(start["Fv"]) * segment.inputs["v"] if viscous else force
 
     def error(self, x: Array, index: int) -> Array:
         """Return the error of one segment over the size of the signal; infinite if the block rejects the values."""
@@ -196,9 +216,10 @@ class Setup:
     units: Mapping[str, str]  # units of the values returned by `assemble` and `states`
 
 
-def check_constraints(model: ContactModel, signal: str, constraints: Constraints) -> None:
+def check_constraints(model: ContactModel, signal: str, constraints: Constraints, terms: Sequence[str] = ()) -> None:
     """Validate the user's constraints."""
     known = {*model.parameters, "OF", *(("M",) if signal == "force" else ()), *(("Fv",) if model.viscous else ())}
+    known |= {name for term in terms for name in TERMS[term]}
     for kind, names in (("fixed", constraints.fixed), ("bounds", constraints.bounds), ("start", constraints.start)):
         for name in names:
             if name not in known:
@@ -248,9 +269,13 @@ def coordinate(model: ContactModel, name: str, traits: DataTraits, constraints: 
 
 
 def surroundings(
-    segments: Sequence[PreparedSegment], traits: DataTraits, constraints: Constraints, viscous: bool
+    segments: Sequence[PreparedSegment],
+    traits: DataTraits,
+    constraints: Constraints,
+    viscous: bool,
+    terms: Sequence[str] = (),
 ) -> list[Coordinate]:
-    """Return the coordinates of mass, force offset (if motion is both ways) and viscous friction beside the block."""
+    """Return the coordinates of mass, force offset (if motion is both ways), viscous friction and terms."""
     guesses: dict[str, tuple[float, float]] = {}
     if segments[0].a is not None:
         mass, offset = inertia_guess(segments)
@@ -272,6 +297,13 @@ def surroundings(
         value = constraints.start.get(name, guess)
         scale = abs(value) if name in ("M", "Fv") and value != 0.0 else max(abs(value), traits.level)
         found.append(Coordinate(name, scale, min(max(value, lower), upper), lower, upper))
+    sizes = sizes_of(segments, traits.level)
+    for name in (name for term in terms for name in TERMS[term] if name not in constraints.fixed):
+        gain, coefficient = name == "gain", name.startswith("a")
+        lower, upper = constraints.bounds.get(name, LIMITS.get(name, (-math.inf, math.inf)))
+        value = constraints.start.get(name, 1.0 if gain else 0.5 * sizes[name] if coefficient else 0.0)
+        scale = max(abs(value), sizes[name])
+        found.append(Coordinate(name, scale, min(max(value, lower), upper), lower, upper, log=gain))
     return found
 
 

@@ -136,13 +136,13 @@ def _choose(fit: BlockFit, segments: Sequence[PreparedSegment]) -> tuple[TableRe
     scale = np.linalg.norm(J, axis=0)
     J = J / np.where(scale > 0.0, scale, 1.0)
     block = np.arange(len(J)) * BLOCKS // len(J)
-    without = _crossed(J, np.zeros((len(J), 0)), residual, block)
+    without = crossed(J, np.zeros((len(J), 0)), residual, block)
     tried: list[tuple[float, TableRegressor]] = []
     for nodes in NODES:
         if nodes * ROWS_PER_NODE > len(J):
             break
         regressor = _regressor(segments, nodes)
-        tried.append((_crossed(J, regressor.columns, residual, block), regressor))
+        tried.append((crossed(J, regressor.columns, residual, block), regressor))
     least = min((error for error, _ in tried), default=np.inf)
     if least > HELPS * without or without - least < MATTERS:
         return None
@@ -203,7 +203,7 @@ def _basis(nodes: int) -> Array:
     return cosines[:, 1:]
 
 
-def _crossed(J: Array, columns: Array, residual: Array, block: NDArray[np.int64]) -> float:
+def crossed(J: Array, columns: Array, residual: Array, block: NDArray[np.int64]) -> float:
     """Return the rms error of the residual in blocks that are left out of its regression on both matrices."""
     A = np.hstack([J, columns])
     weight = np.concatenate([np.full(J.shape[1], REGULAR), np.ones(columns.shape[1])])

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Literal, TypeAlias
 
 import numpy as np
@@ -12,7 +12,13 @@ from numpy.typing import NDArray
 from friction_fmus.errors import RecordError
 from friction_fmus.identification.data.record import Array, Record
 from friction_fmus.identification.fit.contact_model import ContactModel, DataTraits
-from friction_fmus.identification.fit.idim import InverseModelSettings, default_settings, derivative, filtered_motion
+from friction_fmus.identification.fit.idim import (
+    InverseModelSettings,
+    default_settings,
+    derivative,
+    filtered_motion,
+    smoothed,
+)
 from friction_fmus.identification.fit.rests import standstill, unresolved_rest
 from harness import Drive
 from harness.parts.part import StartValue
@@ -35,6 +41,8 @@ class PreparedSegment:
     filter: InverseModelSettings | None  # filter of both sides of the equation; None for none
     stride: int = 1  # distance between the samples used, in samples of the record
     kept: NDArray[np.bool_] | None = None  # filtered rows outside rests; None for all
+    drive: Array = field(default_factory=lambda: np.zeros(0))  # drive force, filtered as the position
+    middle: float = 0.0  # time in the middle of all records [s]
 
     @property
     def step(self) -> float:
@@ -141,6 +149,8 @@ def prepare(
         x = np.append(0.0, np.cumsum(0.5 * (v[1:] + v[:-1]) * record.Ts))
     rows = None if used is None else _used_rows(record, model, used)
     segment = PreparedSegment(record, inputs, between, x, a, per, np.zeros(0), record.t, used, kept=rows)
+    if signal == "force":
+        segment = replace(segment, drive=smoothed(record.force_at_samples(), record, filter_))
     column = record.force_at_samples() if signal == "force" else record.column("friction")
     measured = column / per if per is not None else segment.rows(column)
     t = record.t if used is None else used.times(record.t, record.Ts)

@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from friction_fmus.errors import FitError
+from friction_fmus.identification.fit.axis_terms import VALUES, term_units
 from friction_fmus.identification.fit.block_fit import BlockFit, FitData
 from friction_fmus.identification.fit.contact_model import ContactModel
 from friction_fmus.identification.fit.grid import BLOCK_ELEMENTS, INITIAL_FORCES, coarse, fit_grid, with_count
@@ -93,7 +94,7 @@ def hysteresis_setup(data: FitData, found: Mapping[str, float] | None = None) ->
                 else EXCESS
             )
             coordinates.append(Coordinate("Fs/Fc", 1.0, start, 0.0, log=True))
-    coordinates += surroundings(segments, traits, constraints, model.viscous)
+    coordinates += surroundings(segments, traits, constraints, model.viscous, data.terms)
     linear = {**grid.linear, **({"Fv": grid.linear["sigma2"]} if model.viscous and viscous else {})}
     coordinates = [_moved(c, linear, constraints) for c in coordinates]
     for index, segment in enumerate(segments):
@@ -115,7 +116,7 @@ def hysteresis_setup(data: FitData, found: Mapping[str, float] | None = None) ->
             found["Fc"] = total
             if "Fs/Fc" in values:
                 found["Fs"] = max(values["Fs/Fc"] * total, model.parameters["Fs"].lower)
-        return found | {name: values[name] for name in (*law, *AROUND_BLOCK) if name in values}
+        return found | {name: values[name] for name in (*law, *AROUND_BLOCK, *VALUES) if name in values}
 
     def states(parameters: Mapping[str, float], values: Mapping[str, float]) -> dict[str, float]:
         force = {i: parameters.get(f"W[{i}]", 0.0) for i in range(1, N + 1)}
@@ -126,6 +127,7 @@ def hysteresis_setup(data: FitData, found: Mapping[str, float] | None = None) ->
 
     unit = {name: p.unit for name, p in model.parameters.items()}
     unit |= {"M": units.inertia, "OF": units.force} | ({"Fv": units.viscous} if model.viscous else {})
+    unit |= term_units(units)
     unit |= {f"Fi[{i}]": units.force for i in range(1, N + 1)}
     return Setup(tuple(coordinates), assemble, states, {**constants_of(model, constraints, Fn0), "N": N}, unit)
 

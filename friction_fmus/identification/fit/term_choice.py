@@ -1,0 +1,158 @@
+"""Choice of what acts beside a friction model, by cross-validation."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from math import inf
+from typing import Final
+
+import numpy as np
+
+from friction_fmus.errors import FitError, RecordError, did_you_mean
+from friction_fmus.identification.data.record import Array
+from friction_fmus.identification.fit.axis_terms import CANDIDATES, LIMITS, OF_FRICTION, TERMS, VALUES, force_beside
+from friction_fmus.identification.fit.block_fit import BlockFit, FitData
+from friction_fmus.identification.fit.contact_model import ContactModel
+from friction_fmus.identification.fit.position import BLOCKS, crossed
+from friction_fmus.identification.fit.search import covariance
+
+LESS: Final = 0.99  # largest error of the cross-validation over that without a term that is used
+CLEAR: Final = 4.0  # smallest magnitude of a value over its standard error
+WRONG: Final = 0.3  # deviation of the factor of a known load from 1 that is an error
+SLOW: Final = 0.1  # Stribeck velocity of the regression, over the largest speed
+NO_LIMITS: Final = (-inf, inf)
+
+
+def check_terms(terms: Sequence[str], contact: ContactModel, signal: str, fixed: Mapping[str, float]) -> None:
+    """Raise an error for terms that cannot be identified."""
+    for term in terms:
+        if term not in TERMS:
+            raise FitError(f"There is no term {term!r}{did_you_mean(term, TERMS)}; use {', '.join(TERMS)}.")
+        if term in OF_FRICTION and not contact.loaded:
+            raise FitError(
+                f"{contact.name} has no input Fn, which {term} changes; use a model with it, or omit {term}."
+            )
+    if terms and signal != "force":
+        raise FitError("Terms beside the friction model need a drive force; add the column, or omit the terms.")
+    if {"load", "sides"} <= set(terms):
+        raise FitError("The terms load and sides describe the same; use one of them.")
+    if "gain" in terms and "G_sin" not in fixed:
+        raise FitError("The gain of the drive needs a known torque: fix G_sin, the largest torque of gravity.")
+
+
+def check_load(fit: BlockFit) -> None:
+    """Raise an error if the known load would act on the axis with quite another factor."""
+    segments = fit.problem.segments
+    loads = [np.zeros(len(each.record)) if each.record.load is None else each.record.load for each in segments]
+    column = np.concatenate([each.rows(load) for each, load in zip(segments, loads, strict=True)]) / fit.problem.size
+    if not np.any(column):
+        return
+    J = np.column_stack([fit.found.J, column])
+    scale = np.maximum(np.linalg.norm(J, axis=0), 1e-300)
+    factor = 1.0 + float((np.linalg.lstsq(J / scale, fit.found.residual, rcond=None)[0] / scale)[-1])
+    if factor < 0.0:
+        raise RecordError(
+            f"The load has the wrong sign: the drive force shows {factor:.2g} times of it. It counts positive if it "
+            "pushes the axis forward; reverse its sign."
+        )
+    if not 1.0 - WRONG < factor < 1.0 + WRONG:
+        raise RecordError(
+            f"The drive force shows {factor:.2g} times the load; correct the unit of the load or the gain of the drive."
+        )
+
+
+def with_terms(data: FitData, again: Callable[[FitData], BlockFit]) -> tuple[FitData, BlockFit]:
+    """Return the data and the fit with the terms that improve the prediction."""
+    # They are chosen with Coulomb, Stribeck and viscous friction, which make a linear regression; a search that has to
+    # explain gravity by friction ends anywhere. Those that are not clear beside the model are left out again.
+    terms, values = _chosen(data)
+    start = {**{name: value for name, value in values.items() if name in VALUES}, **data.constraints.start}
+    data = replace(data, terms=terms, constraints=replace(data.constraints, start=start))
+    while True:
+        fit = again(data)
+        errors = np.sqrt(np.diag(covariance(fit.found, [len(each.measured) for each in data.segments])[0]))
+        coordinates = list(zip(fit.problem.coordinates, fit.found.x, errors, strict=True))
+        unclear = [
+            term
+            for term in data.terms
+            if not any(abs(x) > CLEAR * error > 0.0 for c, x, error in coordinates if c.name in TERMS[term])
+        ]
+        if not unclear:
+            return data, fit
+        kept = tuple(term for term in data.terms if term not in unclear)
+        start = {
+            name: value for name, value in start.items() if name not in VALUES or any(name in TERMS[t] for t in kept)
+        }
+        data = replace(data, terms=kept, constraints=replace(data.constraints, start=start))
+
+
+def _possible(data: FitData, term: str) -> bool:
+    turns = term != "gravity" or (data.units.rotary and all(each.record.q is not None for each in data.segments))
+    return turns and (term not in OF_FRICTION or data.model.loaded)
+
+
+def _chosen(data: FitData) -> tuple[tuple[str, ...], dict[str, float]]:
+    """Return the terms that a linear regression needs, and all its values."""
+    terms: tuple[str, ...] = ()
+    measured = np.concatenate([segment.measured for segment in data.segments])
+    block = np.arange(len(measured)) * BLOCKS // len(measured)
+    values = _regression(data, terms, {}, measured)
+
+    def error(tried: tuple[str, ...]) -> float:
+        columns = np.column_stack(list(_columns(data, tried, values).values()))
+        scale = np.linalg.norm(columns, axis=0)
+        A = columns / np.where(scale > 0.0, scale, 1.0)
+        found = np.linalg.lstsq(A, measured, rcond=None)[0]
+        return crossed(A, np.zeros((len(A), 0)), measured - A @ found, block)
+
+    left = [term for term in CANDIDATES if _possible(data, term)]
+    while left:
+        without = error(terms)
+        errors = {term: error((*terms, term)) for term in left}
+        best = min(errors, key=lambda each: errors[each])
+        if errors[best] > LESS * without:
+            break
+        left.remove(best)
+        found = _regression(data, (*terms, best), values, measured)
+        limits = [(found[name], *LIMITS.get(name, NO_LIMITS)) for name in TERMS[best]]
+        if all(low <= value <= high for value, low, high in limits):  # friction does not fall with the load
+            terms, values = (*terms, best), found
+    return terms, values
+
+
+def _regression(data: FitData, terms: Sequence[str], before: Mapping[str, float], measured: Array) -> dict[str, float]:
+    """Return the values of a linear regression; twice, as the load depends on gravity and offset."""
+    values = dict(before)
+    for _ in range(2):
+        columns = _columns(data, terms, values)
+        A = np.column_stack(list(columns.values()))
+        scale = np.maximum(np.linalg.norm(A, axis=0), 1e-300)
+        found = np.linalg.lstsq(A / scale, measured, rcond=None)[0] / scale
+        values = dict(zip(columns, (float(value) for value in found), strict=True))
+        level = abs(values["Fc"]) or 1.0
+        values |= {name: values[name] / level for name in ("direction", "drift") if name in values}
+    return values
+
+
+def _columns(data: FitData, terms: Sequence[str], values: Mapping[str, float]) -> dict[str, Array]:
+    """Return the drive force for a unit of each value, at the rows of the fit."""
+    parts = []
+    for segment in data.segments:
+        v, t = segment.inputs["v"], segment.record.t
+        assert segment.a is not None
+        way, one = np.sign(v), np.ones(len(v))
+        slow = np.exp(-((v / (SLOW * data.traits.speed)) ** 2))
+        outside = -force_beside(values, segment) - values.get("OF", 0.0)
+        load = np.abs(outside - segment.drive)
+        found = {"M": segment.a, "OF": one, "Fc": way, "slow": way * slow, "Fv": v}
+        level = 1.0 + values.get("a", 0.0) * load / (abs(values.get("Fc", 0.0)) or 1.0)
+        if "gravity" in terms:
+            q = segment.record.column("q")
+            found |= {"G_sin": np.sin(q), "G_cos": np.cos(q)}
+        if "load" in terms:
+            found["a"] = way * load
+        if "direction" in terms:
+            found["direction"] = level
+        if "drift" in terms:
+            found["drift"] = way * level * (t - segment.middle)
+        parts.append({name: segment.rows(column) for name, column in found.items()})
+    return {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}

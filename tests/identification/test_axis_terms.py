@@ -1,0 +1,75 @@
+"""Terms beside a friction model: gravity, load, direction and drift, with the truth from an integrator of its own."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from arms import drawn, moved
+
+from friction_fmus.errors import FitError, RecordError
+from friction_fmus.identification import Record, identify
+
+ARM = replace(drawn(7), direction=0.0)  # with gravity and load
+
+
+@pytest.fixture(scope="module")
+def record() -> Record:
+    """The motion of this ARM."""
+    return moved(ARM, 7)
+
+
+def test_gravity_and_load_are_found_and_nothing_else(record: Record) -> None:
+    found = identify("Stribeck", record, terms="auto")
+    values = found.values()
+    assert {"G_sin", "G_cos", "a"} <= values.keys()
+    assert not {"direction", "drift"} & values.keys()
+    for name, within in (("M", 0.05), ("Fc", 0.05), ("G_sin", 0.05), ("a", 0.1)):
+        assert values[name] == pytest.approx(getattr(ARM, name), rel=within)
+    assert record.force is not None
+    assert float(np.std(found.predict(record) - record.force)) < 0.05 * float(np.std(record.force))
+
+
+def test_an_arm_without_terms_has_none() -> None:
+    found = identify("Stribeck", moved(drawn(0), 0), terms="auto")
+    assert not {"G_sin", "a", "direction", "drift"} & found.values().keys()
+
+
+def test_known_gravity_gives_the_gain_of_the_drive(record: Record) -> None:
+    """The drive force in percent of 0.02 N.m: friction, mass and gain follow from the torque of gravity."""
+    given = identify(
+        "Stribeck",
+        replace(record, force=record.column("force") / 0.02),
+        terms=("gravity", "load", "gain"),
+        fixed={"G_sin": ARM.G_sin},
+        start={"gain": 0.01},
+    ).values()
+    assert given["gain"] == pytest.approx(0.02, rel=0.05)
+    assert given["M"] == pytest.approx(ARM.M, rel=0.05)
+    assert given["a"] == pytest.approx(ARM.a, rel=0.1)
+
+
+def test_a_known_load_replaces_gravity_and_its_sign_is_checked(record: Record) -> None:
+    load = -(ARM.G_sin * np.sin(record.column("q")) + ARM.G_cos * np.cos(record.column("q")))
+    found = identify("Stribeck", replace(record, load=load), terms=("load",)).values()
+    assert found["a"] == pytest.approx(ARM.a, rel=0.1)
+    assert found["M"] == pytest.approx(ARM.M, rel=0.05)
+    with pytest.raises(RecordError, match="wrong sign"):
+        identify("Stribeck", replace(record, load=-load))
+    with pytest.raises(RecordError, match=r"shows 0\.0\d+ times the load"):
+        identify("Stribeck", replace(record, load=20.0 * load))
+
+
+@pytest.mark.parametrize(
+    ("model", "terms", "what"),
+    [
+        ("Stribeck", ("lode",), "load"),
+        ("Viscous", ("load",), "no input Fn"),
+        ("Stribeck", ("load", "sides"), "describe the same"),
+        ("Stribeck", ("gain",), "fix G_sin"),
+    ],
+)
+def test_terms_that_cannot_be_identified_are_refused(model: str, terms: tuple[str, ...], what: str) -> None:
+    with pytest.raises(FitError, match=what):
+        identify(model, moved(drawn(0), 0).window(0.0, 4.0), terms=terms)

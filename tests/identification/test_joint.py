@@ -1,0 +1,81 @@
+"""A joint under a servo against gravity: motor and friction with the truth from an integrator of its own."""
+
+from __future__ import annotations
+
+from math import copysign, sin
+
+import numpy as np
+import pytest
+
+from friction_fmus.errors import FitError, RecordError
+from friction_fmus.identification import ROTARY, Joint, JointRecord, Record, identify_joint
+
+JOINT = Joint(0.005, 0.5)
+K, R, MOTOR, Fc, A, Fv = 0.4, 4.0, 0.002, 0.01, 0.15, 0.004
+Ts, SUBSTEPS, U = 5e-3, 50, 7.4
+
+
+def swung(gain: float, frequency: float) -> JointRecord:
+    """A joint whose reference swings, with friction Fc + A |external - drive|; exact rests, steps of 0.1 ms."""
+    t = Ts * np.arange(400)
+    goal = 1.2 * np.sin(2.0 * np.pi * frequency * t) * np.minimum(t, 1.0)
+    q, v, h, angle = 0.0, 0.0, Ts / SUBSTEPS, np.empty(len(t))
+    for k in range(len(t)):
+        angle[k] = q
+        for i in range(SUBSTEPS):
+            want = goal[k] + (i / SUBSTEPS) * (goal[min(k + 1, len(t) - 1)] - goal[k])
+            duty = min(max(gain * (want - q), -1.0), 1.0)
+            drive = K * (duty * U - K * v) / R
+            outside = -0.5 * sin(q)
+            level = Fc + A * abs(outside - drive)
+            free = drive + outside - Fv * v
+            if v == 0.0 and abs(free) <= level:
+                continue
+            new = v + h * (free - copysign(level, v or free)) / (0.005 + MOTOR)
+            new = 0.0 if new * v < 0.0 else new
+            q, v = q + 0.5 * h * (v + new), new
+    return JointRecord(Record("swung", t, q=angle, reference=goal, units=ROTARY), np.full(len(t), U), gain)
+
+
+@pytest.fixture(scope="module")
+def records() -> list[JointRecord]:
+    """Records with two gains."""
+    return [swung(1.0, 0.7), swung(2.0, 1.1)]
+
+
+def test_motor_and_friction_under_load_are_found(records: list[JointRecord]) -> None:
+    simple = identify_joint(records, JOINT)
+    found = identify_joint(records, JOINT, load="M3", start=simple.values())
+    values = found.values()
+    assert found.rms < 0.2 * simple.rms
+    assert found.rms < 2e-3
+    # a part of the braking of the motor is like viscous friction
+    assert values["K"] / values["R"] == pytest.approx(K / R, rel=0.03)
+    assert values["a"] == pytest.approx(A, rel=0.1)
+    assert values["inertia"] == pytest.approx(MOTOR, rel=0.1)
+    other = [swung(1.5, 0.9)]
+    assert found.error(other) < 5e-3
+
+
+def test_what_contradicts_gravity_or_is_incomplete_is_refused(records: list[JointRecord]) -> None:
+    motion = records[0].motion
+    upside = JointRecord(
+        Record("turned", motion.t, q=motion.column("q") + np.pi, reference=motion.column("reference") + np.pi),
+        records[0].supply,
+        1.0,
+    )
+    with pytest.raises(FitError, match="where the arm hangs down"):
+        identify_joint([upside], JOINT)
+    with pytest.raises(RecordError, match="hardly moves"):
+        still = Record("still", motion.t, q=0.0 * motion.t, reference=motion.column("reference"), units=ROTARY)
+        identify_joint([JointRecord(still, records[0].supply, 1.0)], JOINT)
+    with pytest.raises(RecordError, match="supply voltage"):
+        JointRecord(motion, records[0].supply[1:], 1.0)
+    with pytest.raises(RecordError, match="gain"):
+        JointRecord(motion, records[0].supply, -1.0)
+    with pytest.raises(FitError, match="must be positive"):
+        Joint(0.005, 0.0)
+    with pytest.raises(FitError, match="no input Fn"):
+        identify_joint(records, JOINT, model="Viscous")
+    with pytest.raises(FitError, match="M7"):
+        identify_joint(records, JOINT, load="M7")
