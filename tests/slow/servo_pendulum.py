@@ -1,8 +1,8 @@
 """Models of friction under load on a measured servo: errors of the simulated angle on records that were not fitted.
 
 The twelve records in examples/identification/servo_pendulum are divided into three groups with each motion and each
-gain; each group is predicted with what the other eight give, from its reference and its first angle. A model starts from
-the values of a simpler one.
+gain; each group is predicted with what the other eight give, from its reference and its first angle. A model starts
+from the values of a simpler one.
 
     python tests/slow/servo_pendulum.py [--groups 1 2 3] [--models M1 M3 ...]
 """
