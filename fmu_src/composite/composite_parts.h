@@ -199,7 +199,7 @@ typedef struct {
 } DelayData;
 
 typedef struct {
-    int64_t inner, unknown;
+    int64_t inner, unknown, is_force;
 } LineData;
 
 #endif

@@ -1,4 +1,4 @@
-"""Units and nouns of the variables of a law, as macros of block.h; the grid of the learned residual."""
+"""Units and nouns of the variables of a law, as macros of block.h."""
 
 from __future__ import annotations
 

@@ -27,6 +27,7 @@ typedef struct {
 typedef struct {
     int64_t part, line, unknown;    /* the part; line of its velocity; unknown that is its force */
     int64_t first_load, load_count; /* its inputs that are forces, one of which may be the sum of the other forces */
+    int64_t of_mass, of_next; /* outputs of the mass whose velocity it reads; none of a part with several masses */
 } Contact;
 
 /* An output of a loop that depends on no input directly and drives none in the loop, such as the position of a mass.

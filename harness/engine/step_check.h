@@ -227,18 +227,13 @@ static bool is_force(const Newton *newton, const Group *g, int64_t part, int64_t
 
 /* Return whether an output belongs to a mass that a contact holds in the span and in its halves: its position and
    velocity differ by rounding errors only. */
-static bool is_held(const Engine *e, const Newton *newton, const Group *g, int64_t output)
+static bool is_held(const Newton *newton, const Group *g, int64_t output)
 {
     for (const Contact *c = contacts_of(newton, g); c < contacts_of(newton, g) + g->contacts; c++) {
-        const int64_t velocity = e->sources[e->lines[c->line].input];
         const Moving *const a = &newton->kept_lines[c->line];
         const bool moved = a->rests == AT_REST && a->role == IN_JUMP; /* before it came to rest again */
-        const bool rests = !moved && is_rest(a) && is_rest(velocity_of(newton, c));
-        for (int64_t i = g->first; rests && i < g->first + g->count; i++) {
-            const int64_t *const range = e->parts[newton->order[i]].outputs;
-            if (velocity >= range[0] && velocity < range[TYPES] && output >= range[0] && output < range[TYPES])
-                return true;
-        }
+        if (output >= c->of_mass && output < c->of_next && !moved && is_rest(a) && is_rest(velocity_of(newton, c)))
+            return true;
     }
     return false;
 }
@@ -260,7 +255,7 @@ static double difference(const Engine *e, Newton *newton, int64_t number, const 
             if (!a->inner || (jumped && a->unknown < 0) || (a->role == HOLDING && b->role == HOLDING))
                 continue;
             const bool force = is_force(newton, g, newton->order[i], k);
-            if (!force && is_held(e, newton, g, e->sources[e->lines[k].input]))
+            if (!force && is_held(newton, g, e->sources[e->lines[k].input]))
                 continue;
             const double in_mean = fabs(whole[k] - halves[k]), at_end = jumped ? 0.0 : fabs(a->u1 - b->u1);
             const double apart = fmax(in_mean, at_end), values = fmax(fabs(a->u1), fabs(b->u1));
@@ -278,7 +273,7 @@ static double difference(const Engine *e, Newton *newton, int64_t number, const 
         }
     const bool divides = s->to - s->from > 1.0 / newton->finest; /* a smaller step would not show more */
     for (int64_t i = g->state; divides && i < g->state + g->states; i++) {
-        if (is_held(e, newton, g, newton->states[i].output))
+        if (is_held(newton, g, newton->states[i].output))
             continue;
         const double kept = newton->kept_states[i], value = e->signals[newton->states[i].output];
         const double size = fmax(newton->state_sizes[i], fmax(fabs(kept), fabs(value)));
@@ -288,7 +283,7 @@ static double difference(const Engine *e, Newton *newton, int64_t number, const 
     }
     guard->distance_error = 0.0;
     for (const Contact *c = contacts_of(newton, g); c < contacts_of(newton, g) + g->contacts; c++) {
-        if (is_held(e, newton, g, e->sources[e->lines[c->line].input]))
+        if (is_held(newton, g, e->sources[e->lines[c->line].input]))
             continue;
         const Moving *const a = &newton->kept_lines[c->line];
         const double tolerated = newton->step_tolerance * (early && a->from_rest ? AT_START : DISTANCE_FACTOR);

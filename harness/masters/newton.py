@@ -51,6 +51,9 @@ def implicit(experiment: Experiment, error: float = 0.0) -> Schedule:
     )
 
 
+OF_A_MASS: Final = 3
+"""Most outputs without direct dependency of a single mass: position, velocity, and position of the support or force."""
+
 Moving = mirror("Moving")
 Contact = mirror("Contact")
 Group = mirror("Group")
@@ -112,7 +115,7 @@ class Loops(Algorithm):
             part: contact for part in range(len(plan.parts)) if (contact := contact_of(plan, part, inner)) is not None
         }
         forces = {contact[1] for contact in contacts.values() if contact[2]}
-        self.contacts: list[tuple[int, int, int, int, int]] = []
+        self.contacts: list[tuple[int, ...]] = []
         self.loads: list[int] = []
         self.states: list[tuple[int, int]] = []
         driving = {wire.output for wire in inner}
@@ -130,7 +133,10 @@ class Loops(Algorithm):
             for part in group:
                 line, force, loads = contacts.get(part, (0, -1, []))
                 if force in numbers:
-                    self.contacts.append((part, wires.index(inner[line]), numbers[force], len(self.loads), len(loads)))
+                    own = plan.outputs[inner[line].source]
+                    single = 0 < sum(plan.names[signal] in compared for signal in range(*own)) <= OF_A_MASS
+                    reads = part, wires.index(inner[line]), numbers[force], len(self.loads), len(loads)
+                    self.contacts.append((*reads, *(own if single else (0, 0))))
                     self.loads += loads
             states = [
                 (signal, next(i for i, wire in enumerate(wires) if wire in inner and wire.target == part))
@@ -171,7 +177,7 @@ class Loops(Algorithm):
         places = Moving * max(1, len(self.wires))
         self._arrays = (
             (Group * len(rows))(*rows),
-            places(*self._moving()),
+            places(*(Moving(*row) for row in self.lines())),
             (StepCheck * len(rows))(),
             places(),
         )
@@ -195,14 +201,14 @@ class Loops(Algorithm):
         engine.advance_by("newton_tick", data)
         library().newton_begin(ctypes.addressof(engine.data), ctypes.addressof(data))
 
-    def _moving(self) -> list[ctypes.Structure]:
-        """Return the lines at the start of a run."""
+    def lines(self) -> list[tuple[int, int, int]]:
+        """Return the first numbers of `Moving` for each line."""
         ports, names = self.plan.ports, self.plan.names
         found = []
         for wire, unknown in zip(self.wires, self.numbers, strict=True):
             mine = self.groups[next(i for i, parts in enumerate(self.groups) if wire.target in parts)]
             forces = {unit_of(ports[names[self.unknowns[row[2]]]]) for row in self.contacts if row[0] in mine}
-            found.append(Moving(wire in self.inner, unknown, unit_of(ports[names[wire.output]]) in forces - {None}))
+            found.append((int(wire in self.inner), unknown, int(unit_of(ports[names[wire.output]]) in forces - {None})))
         return found
 
     def memory(self) -> dict[str, np.ndarray[Any, Any]]:

@@ -152,3 +152,18 @@ def test_a_motor_that_jumps_moves_nothing_at_rest(build_fmu: BuildFmu, master: s
     np.testing.assert_allclose(result["f.F"].values[1:], np.repeat(voltage, 5)[:490], rtol=0, atol=1e-12)
     assert result.attrs["substeps"] < 2 * 490
     assert result.attrs["unresolved_error"] == 0.0
+
+
+@pytest.mark.parametrize("master", ["newton", "adaptive"])
+@pytest.mark.parametrize("angle", [1.0, 3.0])
+def test_the_load_of_a_held_motor_oscillates_as_in_closed_form(build_fmu: BuildFmu, master: str, angle: float) -> None:
+    """Friction holds the motor, not the load: x2 = x0 cos(w t); `angle`: w times the step."""
+    w, x0 = 200.0, 1e-3
+    parts = [FmuPart("drive", build_fmu("TwoMass")), FmuPart("friction", build_fmu("Stiction"))]
+    wires = ["drive.v1 -> friction.v", "drive.F_ext1 -> friction.F_ext", "friction.F -> drive.F_friction1"]
+    start = {"drive.m1": 2.0, "drive.m2": 1.0, "drive.k": w**2, "drive.d": 0.0, "drive.x2_0": x0}
+    start |= {"drive.F_drive": 0.0, "drive.F_load": 0.0, "drive.F_friction2": 0.0, "friction.Fc": 50.0}
+    with System(parts, wires, {**start, "friction.Fs": 50.0}) as system:
+        result = system.run(stop=40 * angle / w, step=angle / w, master=master)
+    np.testing.assert_allclose(result["drive.x2"].values, x0 * np.cos(w * result.time.values), atol=1e-3 * x0)
+    assert np.abs(result["drive.x1"].values).max() < 1e-4 * x0

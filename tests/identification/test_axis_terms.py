@@ -27,8 +27,9 @@ def test_gravity_and_load_are_found_and_nothing_else(record: Record) -> None:
     assert not {"direction", "drift"} & values.keys()
     for name, within in (("M", 0.05), ("Fc", 0.05), ("G_sin", 0.05), ("a", 0.1)):
         assert values[name] == pytest.approx(getattr(ARM, name), rel=within)
-    assert record.force is not None
-    assert float(np.std(found.predict(record) - record.force)) < 0.05 * float(np.std(record.force))
+    # at rests, friction is what the drive gives; nine in ten samples are in motion
+    error = np.abs(found.predict(record) - record.column("force"))
+    assert float(np.quantile(error, 0.9)) < 0.05 * float(np.std(record.column("force")))
 
 
 def test_an_arm_without_terms_has_none() -> None:

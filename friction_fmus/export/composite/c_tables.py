@@ -236,8 +236,7 @@ class _Writer:
             numbers = f"{int(not np.isnan(first))}, {c_number(np.nan_to_num(first))}"
             delays.append(f"    {{{', '.join(str(int(x)) for x in row)}, {numbers}}},")
         begins = np.searchsorted([wire.target for wire in loops.wires], range(len(plan.parts) + 1))
-        pairs = zip(loops.wires, loops.numbers, strict=True)
-        lines = [f"    {{{int(wire in loops.inner)}, {unknown}}}," for wire, unknown in pairs]
+        lines = [f"    {{{', '.join(map(str, line))}}}," for line in loops.lines()]
         return [
             *c_integers("source_of", plan.sources),
             *c_reals("wire_gains", plan.wire_gains),
@@ -245,7 +244,7 @@ class _Writer:
             *c_rows("DelayData delay_data", delays, "{0, 0, 0, 0, 0, 0, 0.0}"),
             *c_integers("line_inputs", [wire.input for wire in loops.wires]),
             *c_integers("lines_from", begins),
-            *c_rows("LineData line_data", lines, "{0, 0}"),
+            *c_rows("LineData line_data", lines, "{0, 0, 0}"),
         ]
 
     def loops(self) -> list[str]:
@@ -259,7 +258,7 @@ class _Writer:
         groups_of_lines = [group_of[wire.target] for wire in loops.wires]
         return [
             *c_rows("Group group_data", groups, "{0}"),
-            *c_rows("Contact contact_data", contacts, "{0, 0, 0, 0, 0}"),
+            *c_rows("Contact contact_data", contacts, "{0, 0, 0, 0, 0, 0, 0}"),
             *c_integers("load_inputs", loops.loads),
             *c_rows("StateOutput state_data", states, "{0, 0}"),
             *c_rows("char *const loop_names", names, '""'),

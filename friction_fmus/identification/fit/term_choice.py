@@ -15,7 +15,7 @@ from friction_fmus.identification.fit.contact_model import ContactModel
 from friction_fmus.identification.fit.position import BLOCKS, crossed
 from friction_fmus.identification.fit.search import covariance
 
-LESS: Final = 0.99  # error of the cross-validation with a term over the one without it, up to which it is used
+LESS: Final = 0.99  # largest error of the cross-validation with a term, relative to the error without it
 CLEAR: Final = 4.0  # smallest magnitude of a value over its standard error
 WRONG: Final = 0.3  # deviation of the factor of a known load from 1 that is an error
 SLOW: Final = 0.1  # Stribeck velocity of the regression, over the largest speed
