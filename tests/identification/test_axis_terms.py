@@ -27,9 +27,10 @@ def test_gravity_and_load_are_found_and_nothing_else(record: Record) -> None:
     assert not {"direction", "drift"} & values.keys()
     for name, within in (("M", 0.05), ("Fc", 0.05), ("G_sin", 0.05), ("a", 0.1)):
         assert values[name] == pytest.approx(getattr(ARM, name), rel=within)
-    # at rests, friction is what the drive gives; nine in ten samples are in motion
-    error = np.abs(found.predict(record) - record.column("force"))
-    assert float(np.quantile(error, 0.9)) < 0.05 * float(np.std(record.column("force")))
+    # at rest, a quarter of the time, friction is what the drive gives
+    moving = np.abs(np.gradient(record.column("q"), record.Ts)) > 0.05
+    error = (found.predict(record) - record.column("force"))[moving]
+    assert float(np.std(error)) < 0.05 * float(np.std(record.column("force")))
 
 
 def test_an_arm_without_terms_has_none() -> None:
