@@ -15,7 +15,6 @@ from friction_fmus.codegen.sources import header, implementation, unit_text
 from friction_fmus.codegen.vectors import inputs
 from friction_fmus.errors import FrictionError
 from friction_fmus.lawkit.law import BOOLEANS, LawVariable
-from harness.storage.files import ScratchFolder
 
 COMPILER: Final = "arm-none-eabi-gcc"
 EMULATOR: Final = "qemu-arm"
@@ -78,14 +77,6 @@ def link_program(export: Export, core: Core, folder: Path, text: str, *flags: st
 def emulate(folder: Path, *flags: str) -> str:
     """Run ``program`` under QEMU and return its output."""
     return call(folder, EMULATOR, "-cpu", _CPU, *flags, "./program")
-
-
-def assembly(export: Export, core: Core, *flags: str) -> str:
-    """Return the assembly code of the law for a core, compiled with additional options."""
-    with ScratchFolder() as scratch:
-        folder = Path(scratch)
-        compile_law(export, core, folder, "-S", "-o", "law.s", *flags)
-        return (folder / "law.s").read_text(encoding="utf-8")
 
 
 # A program that runs an exported law with given samples under qemu-arm, in place of the microcontroller.
@@ -247,21 +238,6 @@ class Trace:
         return {address for i in {i for step in self.steps for i in step} for address in self.blocks[i]}
 
 
-def run(export: Export, core: Core, given: Mapping[str, np.ndarray]) -> tuple[np.ndarray, int]:
-    """Run the law for a core under QEMU."""
-    with ScratchFolder() as scratch:
-        folder = Path(scratch)
-        compile_law(export, core, folder)
-        link_program(export, core, folder, program(export, given))
-        lines = emulate(folder).splitlines()
-    kind = "<f4" if export.real.suffix else "<f8"
-    rows = [[np.frombuffer(bytes.fromhex(word), kind)[0] for word in line.split()] for line in lines[:-1]]
-    table = np.array(rows, dtype=float).reshape(len(rows), -1)
-    found = table[:, : len(export.results)].copy()
-    found[:, list(export.result_lows)] += table[:, len(export.results) :]
-    return found, _number(lines[-1])
-
-
 def trace(export: Export, core: Core, folder: Path) -> Trace:
     """Run a law that `compile_law` compiled in a folder, and return the instructions that it executes."""
     random, test = samples(export, RANDOM), inputs(export)
@@ -274,7 +250,7 @@ def trace(export: Export, core: Core, folder: Path) -> Trace:
     count = max((len(column) for column in given.values()), default=1)
     if len(steps) != count:
         raise FrictionError(f"{EMULATOR} logged {len(steps)} steps of {export.law.name} instead of {count}")
-    return Trace(code, blocks, steps, _number(depth))
+    return Trace(code, blocks, steps, int.from_bytes(bytes.fromhex(depth), "little"))
 
 
 def _steps(
@@ -334,8 +310,3 @@ def _disassembled(folder: Path) -> dict[int, Instruction]:
         elif match := row.fullmatch(line):
             found[int(match[1], 16)] = Instruction(len(match[2].replace(" ", "")) // 2, match[3], function)
     return found
-
-
-def _number(text: str) -> int:
-    """Return the number whose bytes the program wrote."""
-    return int.from_bytes(bytes.fromhex(text), "little")

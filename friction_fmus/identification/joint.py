@@ -23,11 +23,11 @@ from friction_fmus.errors import FitError, RecordError
 from friction_fmus.export.block_fmu import fmu
 from friction_fmus.identification.data.record import Array, Record
 from friction_fmus.identification.fit.contact_model import ContactModel, DataTraits, contact_model
-from friction_fmus.identification.fit.estimate import Estimate, score_covariance
+from friction_fmus.identification.fit.estimate import Estimate, Estimated, score_covariance
 from friction_fmus.identification.fit.idim import filtered_motion
 from friction_fmus.identification.fit.least_squares import Coordinate
 from friction_fmus.identification.fit.scores import rms
-from harness import FmuPart, Part, SeriesPart, System
+from harness import ExperimentError, FmuPart, Part, SeriesPart, System
 from harness.processors import available
 
 STEP: Final = 1.25e-3  # longest communication step [s]
@@ -36,6 +36,7 @@ SLOW: Final = 0.02  # speed over the largest one below which rows do not count i
 CORRELATED: Final = 0.25  # time over which errors count as correlated [s]
 DIFFERENCE: Final = 0.01
 """Step of finite differences, in coordinates: relative, or over the typical size of a value that may be 0."""
+FAILED: Final = 10.0  # error that counts for values with which the joint cannot be simulated [rad]
 MOST_STEPS: Final = 25  # of a search
 FARTHEST: Final = 30.0  # factor between a value and its typical size
 TOLERANCE: Final = 1e-4  # relative change of the cost at which a search ends
@@ -130,7 +131,7 @@ class Joint:
 
 
 @dataclass(frozen=True, eq=False)
-class JointIdentification:
+class JointIdentification(Estimated):
     """Identified joint.
 
     Attributes
@@ -162,16 +163,6 @@ class JointIdentification:
     simulations: int
     converged: bool
     joint: Joint
-
-    def values(self) -> dict[str, float]:
-        """Return the values of the parameters.
-
-        Returns
-        -------
-        dict of str to float
-            Values in the units of the estimates.
-        """
-        return {name: estimate.value for name, estimate in self.parameters.items()}
 
     def predict(self, records: Sequence[JointRecord]) -> list[Array]:
         """Simulate the joint from the first angle of each record on, with its reference.
@@ -266,7 +257,11 @@ def identify_joint(
         def residual(x: Array) -> Array:
             nonlocal simulations
             simulations += 1
-            q = np.concatenate(run({c.name: c.value(float(at)) for c, at in zip(unknowns, x, strict=True)}))
+            values = {c.name: c.value(float(at)) for c, at in zip(unknowns, x, strict=True)}
+            try:
+                q = np.concatenate(run(values))
+            except ExperimentError:  # a load that jumps can leave the loop without a solution; take a shorter step
+                return np.full(len(measured), FAILED)
             latest.clear()
             error: Array = (q - measured) / np.sqrt(len(measured))
             latest[x.tobytes()] = error

@@ -71,14 +71,7 @@ from friction_fmus.lawkit.quantities import (
     c_description,
     c_string,
 )
-from friction_fmus.lawkit.results import (
-    Equations,
-    Evaluator,
-    Label,
-    function_of,
-    intermediate_results,
-    results_of,
-)
+from friction_fmus.lawkit.results import Equations, Evaluator, Label, function_of, intermediate_results, results_of
 
 __all__ = [
     "ACCELERATION",

@@ -183,6 +183,8 @@ static int iterate(Engine *e, Newton *newton, const Group *g, int64_t number, co
                 step[i] -= inverse[i * n + j] * r0[j];
         }
         if (n == 1) {
+            if (w0[0] + step[0] == w0[0])
+                step[0] = r0[0]; /* the inverse is that of a jump: take the value that the parts return */
             if (tries == 1)
                 bracket.limit = 1e3 * fmax(newton->scale[g->unknown], fmax(fabs(w0[0]), fabs(w0[0] + r0[0])));
             note(&bracket, w0[0], r0[0]);

@@ -112,9 +112,11 @@ static bool begins_anew(const Newton *newton, int64_t number, int64_t tick, cons
 {
     const Group *const g = &newton->groups[number];
     const StepCheck *const guard = &newton->guards[number];
-    for (const Contact *c = contacts_of(newton, g); c < contacts_of(newton, g) + g->contacts; c++)
-        if (velocity_of(newton, c)->rests && !is_rest(velocity_of(newton, c)))
-            return true;
+    for (const Contact *c = contacts_of(newton, g); c < contacts_of(newton, g) + g->contacts; c++) {
+        const Moving *const m = velocity_of(newton, c);
+        if (m->rests && (!is_rest(m) || (m->rests == AT_REST && m->role == IN_JUMP)))
+            return true; /* in the latter case, the load was too high within the span */
+    }
     const double least = guard->resolves == WHOLE_STEP && tick < guard->next ? JUMP_LIMIT : NOTABLE;
     return s->from == 0.0 && (tick == 0 || guard->jump > least);
 }
@@ -227,10 +229,12 @@ static bool is_force(const Newton *newton, const Group *g, int64_t part, int64_t
    velocity differ by rounding errors only. */
 static bool is_held(const Newton *newton, const Group *g, int64_t output)
 {
-    for (const Contact *c = contacts_of(newton, g); c < contacts_of(newton, g) + g->contacts; c++)
-        if (output >= c->of_mass && output < c->of_next && is_rest(&newton->kept_lines[c->line]) &&
-            is_rest(velocity_of(newton, c)))
+    for (const Contact *c = contacts_of(newton, g); c < contacts_of(newton, g) + g->contacts; c++) {
+        const Moving *const a = &newton->kept_lines[c->line];
+        const bool moved = a->rests == AT_REST && a->role == IN_JUMP; /* before it came to rest again */
+        if (output >= c->of_mass && output < c->of_next && !moved && is_rest(a) && is_rest(velocity_of(newton, c)))
             return true;
+    }
     return false;
 }
 

@@ -26,6 +26,7 @@ BEYOND = {
     "compensation/bumpless_start": "a start without a jump, which the report does not discuss",
     "compensation/friction_from_displacements": "an estimator that the report does not know",
     "compensation/quadrant_glitches": "a measure of the report's applications, in cascade_on_a_circle",
+    "models/feedforward_under_load": "gears under load, which the report does not discuss",
     "models/friction_under_load": "screws and worms, which the report does not discuss",
     "models/optimal_motion": "a method of optimal control, which the report does not know",
     "compensation/sliding_mode": "implicit laws, which the report does not know",

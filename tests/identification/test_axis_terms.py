@@ -27,9 +27,10 @@ def test_gravity_and_load_are_found_and_nothing_else(record: Record) -> None:
     assert not {"direction", "drift"} & values.keys()
     for name, within in (("M", 0.05), ("Fc", 0.05), ("G_sin", 0.05), ("a", 0.1)):
         assert values[name] == pytest.approx(getattr(ARM, name), rel=within)
-    assert record.force is not None
-    moves = np.abs(np.gradient(record.column("q"), record.Ts)) > 0.2  # at rest, friction is any force up to Fs
-    assert np.std((found.predict(record) - record.force)[moves]) < 0.05 * np.std(record.force)
+    # at rest, a quarter of the time, friction is what the drive gives
+    moving = np.abs(np.gradient(record.column("q"), record.Ts)) > 0.05
+    error = (found.predict(record) - record.column("force"))[moving]
+    assert float(np.std(error)) < 0.05 * float(np.std(record.column("force")))
 
 
 def test_an_arm_without_terms_has_none() -> None:

@@ -2,14 +2,20 @@
 
 from __future__ import annotations
 
+import re
+import subprocess
+import sys
 from math import copysign, sin
+from pathlib import Path
 
 import numpy as np
 import pytest
+from thorough import nightly
 
 from friction_fmus.errors import FitError, RecordError
 from friction_fmus.identification import ROTARY, Joint, JointRecord, Record, identify_joint
 
+ROOT = Path(__file__).parents[2]
 JOINT = Joint(0.005, 0.5)
 K, R, MOTOR, Fc, A, Fv = 0.4, 4.0, 0.002, 0.01, 0.15, 0.004
 Ts, SUBSTEPS, U = 5e-3, 50, 7.4
@@ -79,3 +85,11 @@ def test_what_contradicts_gravity_or_is_incomplete_is_refused(records: list[Join
         identify_joint(records, JOINT, model="Viscous")
     with pytest.raises(FitError, match="M7"):
         identify_joint(records, JOINT, load="M7")
+
+
+@nightly
+def test_the_program_of_the_page_prints_what_it_says() -> None:
+    page = (ROOT / "docs" / "identification.md").read_text(encoding="utf-8")
+    (program,) = re.findall(r"<!-- joint -->\n```python\n(.*?)^```$", page, re.S | re.M)
+    done = subprocess.run([sys.executable, "-c", program], cwd=ROOT, capture_output=True, text=True, check=True)
+    assert f"It prints `{done.stdout.strip()}`" in page

@@ -27,6 +27,17 @@ def test_a_mass_that_swings_3900_radians_within_a_step(tmp_path: Path) -> None:
     assert judge(case, answers, "newton", made) == "right"
 
 
+@pytest.mark.parametrize(
+    ("seed", "run"), some([(1008, "newton"), (1008, "adaptive"), (990, "newton")], [(1008, "newton")])
+)
+def test_systems_that_were_wrong_without_a_warning_or_refused(seed: int, run: str, tmp_path: Path) -> None:
+    """A load beyond static friction for a small part of a step (1008), a solver that stagnated (990)."""
+    case, made = draw(seed), Composites(tmp_path)
+    answers = References(case)
+    assert answers.found
+    assert judge(case, answers, run, made) == "right"
+
+
 def test_friction_that_falls_with_the_velocity(tmp_path: Path) -> None:
     """A light mass slips every 8 ms: long implicit steps damped the growth of its motion."""
     case, made = draw(459), Composites(tmp_path)

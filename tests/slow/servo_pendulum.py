@@ -1,8 +1,8 @@
 """Models of friction under load on a measured servo: errors of the simulated angle on records that were not fitted.
 
-The twelve records (see the README beside them) are divided into three groups with each motion and each gain; each group
-is predicted with what the other eight give, from its reference and its first angle. A model starts from the values of a
-simpler one.
+The twelve records in examples/identification/servo_pendulum are divided into three groups with each motion and each
+gain; each group is predicted with what the other eight give, from its reference and its first angle. A model starts
+from the values of a simpler one.
 
     python tests/slow/servo_pendulum.py [--groups 1 2 3] [--models M1 M3 ...]
 """
@@ -18,7 +18,7 @@ import numpy as np
 
 from friction_fmus.identification import ROTARY, Joint, JointIdentification, JointRecord, Record, identify_joint
 
-DATA = Path(__file__).with_name("servo_pendulum")
+DATA = Path(__file__).parents[2] / "examples" / "identification" / "servo_pendulum"
 MASS, LENGTH, GRAVITY = 0.49, 0.1, 9.80665  # [kg], [m], [m/s2]
 JOINT = Joint(MASS * LENGTH**2, MASS * LENGTH * GRAVITY)
 COUNTS, DIVISOR, FULL = 4096.0, 256.0, 885.0  # encoder counts of a turn; duty cycle: counts * gain / 256 / 885

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 import subprocess
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from itertools import product
 from pathlib import Path
 
@@ -26,24 +26,48 @@ from friction_fmus.codegen.emulation import (
     M4F,
     M7,
     RANDOM,
-    assembly,
     call,
     compile_law,
     emulate,
     link_program,
-    run,
+    program,
     samples,
     trace,
 )
 from friction_fmus.codegen.law_export import ACCURACY, TRAVEL, make_export
+from friction_fmus.codegen.layout import Export
 from friction_fmus.codegen.unit_test import unit_test
 from friction_fmus.codegen.vectors import EXACT as EXACT_FUNCTIONS
 from friction_fmus.codegen.vectors import N, vectors
 from friction_fmus.lawkit.law import Kind
+from harness.storage.files import ScratchFolder
 
 WARNINGS = ("-Wall", "-Wextra", "-Wconversion", "-Wpedantic", "-Wshadow", "-Werror")
 UNITS = [*LAWS, str(EXAMPLE)]
 TARGETS = some([*product(CORES, ("float", "double"))], [(M0PLUS, "double"), (M4F, "float"), (M7, "double")])
+
+
+def assembly(export: Export, core: Core, *flags: str) -> str:
+    """Return the assembly code of the law for a core, compiled with additional options."""
+    with ScratchFolder() as scratch:
+        folder = Path(scratch)
+        compile_law(export, core, folder, "-S", "-o", "law.s", *flags)
+        return (folder / "law.s").read_text(encoding="utf-8")
+
+
+def run(export: Export, core: Core, given: Mapping[str, np.ndarray]) -> tuple[np.ndarray, int]:
+    """Run the law for a core under QEMU."""
+    with ScratchFolder() as scratch:
+        folder = Path(scratch)
+        compile_law(export, core, folder)
+        link_program(export, core, folder, program(export, given))
+        lines = emulate(folder).splitlines()
+    kind = "<f4" if export.real.suffix else "<f8"
+    rows = [[np.frombuffer(bytes.fromhex(word), kind)[0] for word in line.split()] for line in lines[:-1]]
+    table = np.array(rows, dtype=float).reshape(len(rows), -1)
+    found = table[:, : len(export.results)].copy()
+    found[:, list(export.result_lows)] += table[:, len(export.results) :]
+    return found, int.from_bytes(bytes.fromhex(lines[-1]), "little")
 
 
 def on(targets: Sequence[tuple[Core, str]]) -> pytest.MarkDecorator:

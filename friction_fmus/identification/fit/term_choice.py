@@ -15,7 +15,7 @@ from friction_fmus.identification.fit.contact_model import ContactModel
 from friction_fmus.identification.fit.position import BLOCKS, crossed
 from friction_fmus.identification.fit.search import covariance
 
-LESS: Final = 0.99  # largest error of the cross-validation over that without a term that is used
+LESS: Final = 0.99  # largest error of the cross-validation with a term, relative to the error without it
 CLEAR: Final = 4.0  # smallest magnitude of a value over its standard error
 WRONG: Final = 0.3  # deviation of the factor of a known load from 1 that is an error
 NOTABLE: Final = 1.1  # error of the fit over that with this factor which shows it
@@ -119,8 +119,9 @@ def _chosen(data: FitData) -> tuple[tuple[str, ...], dict[str, float]]:
         left.remove(best)
         found = _regression(data, (*terms, best), values, measured)
         limits = [(found[name], *LIMITS.get(name, NO_LIMITS)) for name in TERMS[best]]
-        if all(low <= value <= high for value, low, high in limits):  # friction does not fall with the load
+        if all(low <= value <= high for value, low, high in limits):  # else perhaps after another term
             terms, values = (*terms, best), found
+            left = [term for term in CANDIDATES if term not in terms and _possible(data, term)]
     return terms, values
 
 
