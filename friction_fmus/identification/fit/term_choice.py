@@ -49,14 +49,10 @@ def check_load(fit: BlockFit) -> None:
     J = np.column_stack([fit.found.J, column])
     scale = np.maximum(np.linalg.norm(J, axis=0), 1e-300)
     factor = 1.0 + float((np.linalg.lstsq(J / scale, fit.found.residual, rcond=None)[0] / scale)[-1])
-    if factor < 0.0:
-        raise RecordError(
-            f"The load has the wrong sign: the drive force shows {factor:.2g} times of it. It counts positive if it "
-            "pushes the axis forward; reverse its sign."
-        )
     if not 1.0 - WRONG < factor < 1.0 + WRONG:
         raise RecordError(
-            f"The drive force shows {factor:.2g} times the load; correct the unit of the load or the gain of the drive."
+            f"The drive force shows {factor:.2g} times the load; correct its sign, which is positive if it pushes the "
+            "axis forward, its unit, or the gain of the drive."
         )
 
 
