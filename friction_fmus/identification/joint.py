@@ -285,8 +285,9 @@ def identify_joint(
     values = {c.name: c.value(float(at)) for c, at in zip(unknowns, found.x, strict=True)}
     spread = _covariance(np.asarray(found.jac), np.asarray(found.fun), records)
     errors = [(values[c.name] if c.log else c.scale) * error for c, error in zip(unknowns, spread, strict=True)]
+    units = {**{name: parameter.unit for name, parameter in contact.parameters.items()}, **UNITS}
     estimates = {
-        name: Estimate(name, value, float(error), _unit(contact, name))
+        name: Estimate(name, value, float(error), units.get(name, "1"))
         for (name, value), error in zip(values.items(), errors, strict=True)
     }
     whole, seconds = float(np.linalg.norm(found.fun)), time.perf_counter() - begin
@@ -299,12 +300,6 @@ def _covariance(J: Array, residual: Array, records: Sequence[JointRecord]) -> Ar
     inverse = np.linalg.pinv(J.T @ J, rcond=1e-10)
     spread = np.sqrt(np.diag(inverse @ score_covariance(J, residual, lengths, lag) @ inverse))
     return np.where(np.linalg.norm(J, axis=0) > 0.0, spread, np.inf)
-
-
-def _unit(contact: ContactModel, name: str) -> str:
-    """Return the unit of a parameter."""
-    own = contact.parameters.get(name)
-    return UNITS.get(name, own.unit if own else "1")
 
 
 def _unknowns(

@@ -54,14 +54,10 @@ def check_load(fit: BlockFit) -> None:
     if errors[0] < NOTABLE * errors[1]:  # a constant load is like an offset, and a small one does not show
         return
     factor = 1.0 + float(x[-1] / np.linalg.norm(column))
-    if factor < 0.0:
-        raise RecordError(
-            f"The load has the wrong sign: the drive force shows {factor:.2g} times of it. It counts positive if it "
-            "pushes the axis forward; reverse its sign."
-        )
     if not 1.0 - WRONG < factor < 1.0 + WRONG:
         raise RecordError(
-            f"The drive force shows {factor:.2g} times the load; correct the unit of the load or the gain of the drive."
+            f"The drive force shows {factor:.2g} times the load; correct its sign, which is positive if it pushes the "
+            "axis forward, its unit, or the gain of the drive."
         )
 
 
