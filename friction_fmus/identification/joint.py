@@ -81,7 +81,7 @@ class JointRecord:
     Raises
     ------
     RecordError
-        If a column is missing, has another length or NaN, or the gain is not positive.
+        If a column is missing, has another length or NaN, the axis is linear, or the gain is not positive.
     """
 
     motion: Record
@@ -92,6 +92,8 @@ class JointRecord:
     def __post_init__(self) -> None:
         name = self.motion.name
         self.motion.column("q"), self.motion.column("reference")
+        if not self.motion.units.rotary:
+            raise RecordError(f"The record {name!r} has the units of a linear axis; give it units=ROTARY.")
         for what, column in (("supply voltage", self.supply), ("switch of the motor", self.on)):
             if column is not None and (np.shape(column) != self.motion.t.shape or not np.all(np.isfinite(column))):
                 raise RecordError(
@@ -248,6 +250,8 @@ def identify_joint(
         raise FitError(f"There is no load {load!r}; use one of {', '.join(LOADS)}.")
     if not records:
         raise RecordError("There are no records; pass at least one.")
+    if wrong := [name for name, value in (start or {}).items() if not np.isfinite(value)]:
+        raise FitError(f"The start value of {wrong[0]} is not a finite number; correct it.")
     unknowns = _unknowns(contact, joint, load, records, dict(start or {}))
     measured = np.concatenate([record.motion.column("q") for record in records])
     latest: dict[bytes, Array] = {}

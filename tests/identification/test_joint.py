@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import subprocess
 import sys
+from dataclasses import replace
 from math import copysign, sin
 from pathlib import Path
 
@@ -13,7 +14,7 @@ import pytest
 from thorough import nightly
 
 from friction_fmus.errors import FitError, RecordError
-from friction_fmus.identification import ROTARY, Joint, JointRecord, Record, identify_joint
+from friction_fmus.identification import LINEAR, ROTARY, Joint, JointRecord, Record, identify_joint
 
 ROOT = Path(__file__).parents[2]
 JOINT = Joint(0.005, 0.5)
@@ -66,7 +67,9 @@ def test_motor_and_friction_under_load_are_found(records: list[JointRecord]) -> 
 def test_what_contradicts_gravity_or_is_incomplete_is_refused(records: list[JointRecord]) -> None:
     motion = records[0].motion
     upside = JointRecord(
-        Record("turned", motion.t, q=motion.column("q") + np.pi, reference=motion.column("reference") + np.pi),
+        Record(
+            "turned", motion.t, q=motion.column("q") + np.pi, reference=motion.column("reference") + np.pi, units=ROTARY
+        ),
         records[0].supply,
         1.0,
     )
@@ -77,6 +80,10 @@ def test_what_contradicts_gravity_or_is_incomplete_is_refused(records: list[Join
         identify_joint([JointRecord(still, records[0].supply, 1.0)], JOINT)
     with pytest.raises(RecordError, match="supply voltage"):
         JointRecord(motion, records[0].supply[1:], 1.0)
+    with pytest.raises(RecordError, match="units=ROTARY"):
+        JointRecord(replace(motion, units=LINEAR), records[0].supply, 1.0)
+    with pytest.raises(FitError, match="start value of K"):
+        identify_joint(records, JOINT, start={"K": np.nan})
     with pytest.raises(RecordError, match="gain"):
         JointRecord(motion, records[0].supply, -1.0)
     with pytest.raises(FitError, match="must be positive"):
