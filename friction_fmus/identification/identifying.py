@@ -173,9 +173,12 @@ def identify(
     constraints = Constraints(dict(fixed or {}), dict(bounds or {}), dict(start or {}))
     given: dict[str, Any] = {"fixed": fixed, "bounds": bounds, "start": start, "loss": loss, "starts": starts}
     given |= {"settings": settings, "viscous": viscous}
-    if (isinstance(data, MeasuredAxis) or method == FREE_RUN) and terms:
+    records = (data,) if isinstance(data, Record) else (data.record,) if isinstance(data, MeasuredAxis) else tuple(data)
+    outside = terms or any(record.load is not None for record in records)
+    if (isinstance(data, MeasuredAxis) or method == FREE_RUN) and outside:
         raise FitError(
-            "Terms beside the friction model need a fit to the drive force; use another method, or no terms."
+            "Terms beside the friction model and a known load need a fit to the drive force; use another method, or "
+            "neither terms nor the column load."
         )
     if isinstance(data, MeasuredAxis):
         if method not in ("auto", "closed-loop"):
@@ -186,7 +189,6 @@ def identify(
         closed = identify_closed_loop(model, data, open_loop, constraints)
         checked = None if validation is None else _validated(closed, validation)
         return replace(closed, seconds=time.perf_counter() - begin, validation=checked)
-    records = (data,) if isinstance(data, Record) else tuple(data)
     if method == FREE_RUN:
         held = [replace(record, held=True) for record in records]
         result = identify_free_run(identify(model, held, position_map=position_map, **given))
@@ -197,7 +199,9 @@ def identify(
     contact = contact_model(model, records[0].units)
     signal, unit = signal_of(records)
     contact = replace(contact, viscous=viscous and contact.lacks_viscous and signal == "force")
-    named = () if terms == "auto" else tuple(terms)
+    named = () if terms == "auto" else tuple(dict.fromkeys((terms,) if isinstance(terms, str) and terms else terms))
+    if "gravity" in named and not records[0].units.rotary:
+        raise FitError("The gravity of an arm needs an angle; a constant force on a linear axis is OF.")
     check_terms(CANDIDATES[:1] if terms == "auto" else named, contact, signal, constraints.fixed)
     check_constraints(contact, signal, constraints, named)
     name, chosen = find_method(contact, method)

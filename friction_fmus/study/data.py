@@ -87,6 +87,8 @@ def load_data(config: StudyConfig, scratch: Path) -> Data:
                 measurement = read_measurement(read_mapping(config.data, config.folder, config.name))
         records, findings = measurement.records, tuple(str(finding) for finding in measurement.findings)
         windows = dict(measurement.mapping.windows)
+        if any(record.load is not None for record in records):
+            raise ConfigError("A study does not use the column load; declare it as injected.")
     return Data(records, *_windows(records, windows, config.name), published, findings, measurement)
 
 

@@ -9,7 +9,7 @@ import pytest
 from arms import drawn, moved
 
 from friction_fmus.errors import FitError, RecordError
-from friction_fmus.identification import Record, identify
+from friction_fmus.identification import LINEAR, Record, identify
 
 ARM = replace(drawn(7), direction=0.0)  # with gravity and load
 
@@ -61,6 +61,20 @@ def test_a_known_load_replaces_gravity_and_its_sign_is_checked(record: Record) -
         identify("Stribeck", replace(record, load=-load))
     with pytest.raises(RecordError, match=r"shows 0\.0\d+ times the load"):
         identify("Stribeck", replace(record, load=20.0 * load))
+    with pytest.raises(FitError, match="column load"):
+        identify("Stribeck", replace(record, load=load), method="free-run")
+
+
+def test_a_constant_load_only_moves_the_offset(record: Record) -> None:
+    loaded = replace(record, load=np.full(len(record), 0.1))
+    without, found = (identify("Coulomb", each, terms=("gravity", "load")).values() for each in (record, loaded))
+    assert found.pop("OF") == pytest.approx(without.pop("OF") + 0.1, abs=1e-3)
+    assert found == pytest.approx(without, rel=1e-2)
+
+
+def test_gravity_of_an_arm_needs_an_angle(record: Record) -> None:
+    with pytest.raises(FitError, match="needs an angle"):
+        identify("Coulomb", replace(record, units=LINEAR), terms="gravity")
 
 
 @pytest.mark.parametrize(

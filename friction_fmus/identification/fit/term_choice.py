@@ -18,6 +18,7 @@ from friction_fmus.identification.fit.search import covariance
 LESS: Final = 0.99  # largest error of the cross-validation with a term, relative to the error without it
 CLEAR: Final = 4.0  # smallest magnitude of a value over its standard error
 WRONG: Final = 0.3  # deviation of the factor of a known load from 1 that is an error
+NOTABLE: Final = 1.1  # error of the fit over that with this factor which shows it
 SLOW: Final = 0.1  # Stribeck velocity of the regression, over the largest speed
 NO_LIMITS: Final = (-inf, inf)
 
@@ -46,9 +47,13 @@ def check_load(fit: BlockFit) -> None:
     column = np.concatenate([each.rows(load) for each, load in zip(segments, loads, strict=True)]) / fit.problem.size
     if not np.any(column):
         return
-    J = np.column_stack([fit.found.J, column])
-    scale = np.maximum(np.linalg.norm(J, axis=0), 1e-300)
-    factor = 1.0 + float((np.linalg.lstsq(J / scale, fit.found.residual, rcond=None)[0] / scale)[-1])
+    A = np.column_stack([fit.found.J, column])
+    A /= np.maximum(np.linalg.norm(A, axis=0), 1e-300)
+    without, x = (np.linalg.lstsq(part, fit.found.residual, rcond=1e-10)[0] for part in (A[:, :-1], A))
+    errors = [np.linalg.norm(fit.found.residual - A[:, : len(each)] @ each) for each in (without, x)]
+    if errors[0] < NOTABLE * errors[1]:  # a constant load is like an offset, and a small one does not show
+        return
+    factor = 1.0 + float(x[-1] / np.linalg.norm(column))
     if not 1.0 - WRONG < factor < 1.0 + WRONG:
         raise RecordError(
             f"The drive force shows {factor:.2g} times the load; correct its sign, which is positive if it pushes the "
