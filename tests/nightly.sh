@@ -29,6 +29,8 @@ step env THOROUGH=1 EXCHANGE_MOTIONS=100 "$python" -m pytest -q -n 2 tests/slow/
 step "$python" tests/robustness/coupling_search.py 500
 step "$python" tests/slow/log_variants.py 300
 step "$python" tests/slow/axes_of_the_study.py --out "$(mktemp -d)"
+step "$python" tests/slow/axes_under_load.py
+step "$python" tests/slow/servo_pendulum.py
 step "$python" tests/slow/soak.py
 step "$python" tests/slow/mutation_check.py
 step "$python" tests/slow/fuzzing/mutants.py "$mutants"

@@ -149,8 +149,6 @@ class JointIdentification(Estimated):
         Error of the angle in the training data [rad].
     seconds : float
         Elapsed time [s].
-    simulations : int
-        Number of simulations of all records.
     converged : bool
         Whether the search converged.
     joint : Joint
@@ -162,7 +160,6 @@ class JointIdentification(Estimated):
     parameters: Mapping[str, Estimate]
     rms: float
     seconds: float
-    simulations: int
     converged: bool
     joint: Joint
 
@@ -255,12 +252,9 @@ def identify_joint(
     unknowns = _unknowns(contact, joint, load, records, dict(start or {}))
     measured = np.concatenate([record.motion.column("q") for record in records])
     latest: dict[bytes, Array] = {}
-    simulations = 0
     with _simulator(model, joint, records) as run:
 
         def residual(x: Array) -> Array:
-            nonlocal simulations
-            simulations += 1
             values = {c.name: c.value(float(at)) for c, at in zip(unknowns, x, strict=True)}
             try:
                 q = np.concatenate(run(values))
@@ -295,7 +289,7 @@ def identify_joint(
         for (name, value), error in zip(values.items(), errors, strict=True)
     }
     whole, seconds = float(np.linalg.norm(found.fun)), time.perf_counter() - begin
-    return JointIdentification(model, load, estimates, whole, seconds, simulations, found.status > 0, joint)
+    return JointIdentification(model, load, estimates, whole, seconds, found.status > 0, joint)
 
 
 def _covariance(J: Array, residual: Array, records: Sequence[JointRecord]) -> Array:

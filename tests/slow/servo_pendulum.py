@@ -63,7 +63,7 @@ def record(name: str) -> JointRecord:
 
 def published(load: str) -> JointIdentification:
     """Return the identification with published values."""
-    empty = JointIdentification("Stribeck", load, {}, 0.0, 0.0, 0, True, JOINT)
+    empty = JointIdentification("Stribeck", load, {}, 0.0, 0.0, True, JOINT)
     return replace(empty, parameters={name: Given(value) for name, value in PUBLISHED[load].items()})  # type: ignore
 
 
@@ -96,7 +96,7 @@ def main() -> None:
             shown = ", ".join(f"{key} {value:.3g}" for key, value in found.values().items())
             print(
                 f"group {group}: {name}: fitted {found.rms:.4f}, predicted {found.error(held):.4f} rad; "
-                f"{found.seconds:.0f} s, {found.simulations} runs{end}; {shown}",
+                f"{found.seconds:.0f} s{end}; {shown}",
                 flush=True,
             )
 
