@@ -203,7 +203,7 @@ def identify(
     if "gravity" in named and not records[0].units.rotary:
         raise FitError("The gravity of an arm needs an angle; a constant force on a linear axis is OF.")
     check_terms(CANDIDATES[:1] if terms == "auto" else named, contact, signal, constraints.fixed)
-    check_constraints(contact, signal, constraints, named)
+    check_constraints(contact, signal, constraints, CANDIDATES if terms == "auto" else named)
     name, chosen = find_method(contact, method)
     segments = [prepare(record, contact, signal, settings) for record in records]
     segments = [replace(segment, middle=middle_of(records)) for segment in segments]

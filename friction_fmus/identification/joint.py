@@ -34,8 +34,7 @@ STEP: Final = 1.25e-3  # longest communication step [s]
 FIRST: Final = 5  # samples from which the first velocity is measured
 SLOW: Final = 0.02  # speed over the largest one below which rows do not count in the regression of the start values
 CORRELATED: Final = 0.25  # time over which errors count as correlated [s]
-DIFFERENCE: Final = 0.01
-"""Step of finite differences, in coordinates: relative, or over the typical size of a value that may be 0."""
+DIFFERENCE: Final = 0.01  # step of finite differences, relative to the value or, if it may be 0, to its typical size
 FAILED: Final = 10.0  # error that counts for values with which the joint cannot be simulated [rad]
 MOST_STEPS: Final = 25  # of a search
 FARTHEST: Final = 30.0  # factor between a value and its typical size
@@ -51,11 +50,10 @@ LOADS: Final[Mapping[str, tuple[str, ...]]] = {
 }
 """Parameters of `TransmissionLoad` that each model of friction under load has beside base; a and b stand for both."""
 
-UNITS: Final[Mapping[str, str]] = {
-    **{"K": "N.m/A", "R": "Ohm", "inertia": "kg.m2", "q0": "rad", "vs": "rad/s", "distance": "rad"},
-    **{"base": "N.m", "at_rest": "N.m", "c_drive": "1/(N.m)", "c_external": "1/(N.m)"},
+#: Units of the parameters beside those of the friction model that have one.
+UNITS: Final = {"K": "N.m/A", "R": "Ohm", "inertia": "kg.m2", "q0": "rad", "vs": "rad/s", "distance": "rad"} | {
+    **{"base": "N.m", "at_rest": "N.m", "c_drive": "1/(N.m)", "c_external": "1/(N.m)"}
 }
-"""Units of the parameters beside those of the friction model that have one."""
 
 #: Function of parameters that returns the simulated angles of records.
 Simulator: TypeAlias = Callable[[Mapping[str, float]], list[Array]]
@@ -96,10 +94,7 @@ class JointRecord:
             raise RecordError(f"The record {name!r} has the units of a linear axis; give it units=ROTARY.")
         for what, column in (("supply voltage", self.supply), ("switch of the motor", self.on)):
             if column is not None and (np.shape(column) != self.motion.t.shape or not np.all(np.isfinite(column))):
-                raise RecordError(
-                    f"The {what} of the record {name!r} does not have a finite number for each of the "
-                    f"{len(self.motion)} samples; correct it."
-                )
+                raise RecordError(f"The {what} of the record {name!r} is not finite for each sample; correct it.")
         if not (np.isfinite(self.gain) and self.gain > 0.0):
             raise RecordError(f"The gain of the record {name!r} is {self.gain:g}; it must be positive.")
 
@@ -126,10 +121,7 @@ class Joint:
 
     def __post_init__(self) -> None:
         if not (self.inertia > 0.0 and self.gravity > 0.0 and np.isfinite(self.inertia + self.gravity)):
-            raise FitError(
-                f"A joint has the inertia {self.inertia:g} and the torque of gravity {self.gravity:g}; both must be "
-                "positive, as gravity sets the scale."
-            )
+            raise FitError(f"The inertia {self.inertia:g} and gravity {self.gravity:g} of a joint must be positive.")
 
 
 @dataclass(frozen=True, eq=False)

@@ -122,7 +122,11 @@ def run(options: argparse.Namespace) -> int:
             "loss": options.loss,
             "position_map": options.position_map,
             "viscous": options.viscous,
-            "terms": "auto" if options.terms == "auto" else tuple(options.terms.split(",")) if options.terms else (),
+            "terms": "auto"
+            if options.terms == "auto"
+            else tuple(options.terms.replace(" ", "").split(","))
+            if options.terms
+            else (),
         },
     )
     with progress_bar() as bar:
