@@ -18,7 +18,9 @@ from friction_fmus.identification.fit.search import covariance
 LESS: Final = 0.99  # largest error of the cross-validation with a term, relative to the error without it
 CLEAR: Final = 4.0  # smallest magnitude of a value over its standard error
 WRONG: Final = 0.3  # deviation of the factor of a known load from 1 that is an error
-NOTABLE: Final = 1.1  # error of the fit over that with this factor which shows it
+NOTABLE: Final = (
+    1.1  # least error of the fit without a factor of the load, relative to the error with it, that shows it
+)
 SLOW: Final = 0.1  # Stribeck velocity of the regression, over the largest speed
 NO_LIMITS: Final = (-inf, inf)
 
@@ -80,9 +82,8 @@ def with_terms(data: FitData, again: Callable[[FitData], BlockFit]) -> tuple[Fit
         if not unclear:
             return data, fit
         kept = tuple(term for term in data.terms if term not in unclear)
-        start = {
-            name: value for name, value in start.items() if name not in VALUES or any(name in TERMS[t] for t in kept)
-        }
+        gone = VALUES - {name for term in kept for name in TERMS[term]}
+        start = {name: value for name, value in start.items() if name not in gone}
         data = replace(data, terms=kept, constraints=replace(data.constraints, start=start))
 
 
