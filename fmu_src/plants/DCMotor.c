@@ -2,9 +2,8 @@
 
        F = on K (clip(duty, -1, 1) U - K v) / R
 
-   U is the supply voltage, K both the force or torque per current and the voltage per velocity, and R the resistance of
-   winding and bridge. K^2/R brakes like viscous friction as long as the motor is switched on. With on = 0 no current
-   flows.
+   U is the supply voltage, K the force or torque per current and the voltage per velocity, R the resistance of winding
+   and bridge. While the motor is switched on, K^2/R brakes like viscous friction. With on = 0 no current flows.
 
    Use it for servos that turn a position error into a duty cycle, and for axes whose log shows a voltage. With a gear,
    K is that of the motor times the ratio.

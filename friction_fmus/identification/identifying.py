@@ -176,10 +176,7 @@ def identify(
     records = (data,) if isinstance(data, Record) else (data.record,) if isinstance(data, MeasuredAxis) else tuple(data)
     outside = terms or any(record.load is not None for record in records)
     if (isinstance(data, MeasuredAxis) or method == FREE_RUN) and outside:
-        raise FitError(
-            "Terms beside the friction model and a known load need a fit to the drive force; use another method, or "
-            "neither terms nor the column load."
-        )
+        raise FitError("Terms and the column load need a fit to the drive force; use another method, or none of them.")
     if isinstance(data, MeasuredAxis):
         if method not in ("auto", "closed-loop"):
             raise FitError(

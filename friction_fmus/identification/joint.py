@@ -251,7 +251,7 @@ def identify_joint(
             try:
                 q = np.concatenate(run(values))
             except ExperimentError:  # a load that jumps can leave the loop without a solution; take a shorter step
-                return np.full(len(measured), FAILED)
+                return np.full(len(measured), FAILED / np.sqrt(len(measured)))
             latest.clear()
             error: Array = (q - measured) / np.sqrt(len(measured))
             latest[x.tobytes()] = error
@@ -274,13 +274,14 @@ def identify_joint(
         )
     values = {c.name: c.value(float(at)) for c, at in zip(unknowns, found.x, strict=True)}
     spread = _covariance(np.asarray(found.jac), np.asarray(found.fun), records)
-    errors = [(values[c.name] if c.log else c.scale) * error for c, error in zip(unknowns, spread, strict=True)]
     units = {**{name: parameter.unit for name, parameter in contact.parameters.items()}, **UNITS}
-    estimates = {
-        name: Estimate(name, value, float(error), units.get(name, "1"))
-        for (name, value), error in zip(values.items(), errors, strict=True)
-    }
+    estimates = {}
+    for c, error in zip(unknowns, spread.tolist(), strict=True):
+        size = values[c.name] if c.log else c.scale
+        estimates[c.name] = Estimate(c.name, values[c.name], size * error, units.get(c.name, "1"))
     whole, seconds = float(np.linalg.norm(found.fun)), time.perf_counter() - begin
+    if whole >= FAILED:
+        raise FitError("The joint cannot be simulated with the start values; give others.")
     return JointIdentification(model, load, estimates, whole, seconds, found.status > 0, joint)
 
 
@@ -301,7 +302,7 @@ def _unknowns(
     for short in "ab":  # the values of a model that does not distinguish the sides
         if short in start:
             start = {**start, **{f"{short}_{side}": start[short] for side in ("drive", "external")}}
-    loaded = any(name.startswith("a") and name != "at_rest" for name in LOADS[load])
+    loaded = load not in ("M1", "M2")
     sizes = {"K": K, "R": R, "inertia": inertia, "vs": 0.1 * speed, "delta": 2.0, "distance": 0.003 * speed}
     logarithmic = set(sizes)
     sizes |= {"q0": 0.02, "base": Coulomb, "at_rest": Coulomb, **dict.fromkeys(("a", "a_drive", "a_external"), 0.2)}
@@ -324,9 +325,8 @@ def _unknowns(
         low, high = (size / FARTHEST, size * FARTHEST) if log else (-pi if name == "q0" else 0.0, np.inf)
         high = min(high, 50.0) if name == "delta" else high
         least = 1.001 * low if log else low if name == "q0" else 1e-3 * size  # inside
-        found.append(
-            Coordinate(name, size, min(max(start.get(name, begin[name]), least), 0.999 * high), low, high, log)
-        )
+        value = min(max(start.get(name, begin[name]), least), 0.999 * high)
+        found.append(Coordinate(name, size, value, low, high, log))
     return found
 
 

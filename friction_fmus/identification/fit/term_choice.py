@@ -22,7 +22,6 @@ NOTABLE: Final = (
     1.1  # least error of the fit without a factor of the load, relative to the error with it, that shows it
 )
 SLOW: Final = 0.1  # Stribeck velocity of the regression, over the largest speed
-NO_LIMITS: Final = (-inf, inf)
 
 
 def check_terms(terms: Sequence[str], contact: ContactModel, signal: str, fixed: Mapping[str, float]) -> None:
@@ -115,7 +114,7 @@ def _chosen(data: FitData) -> tuple[tuple[str, ...], dict[str, float]]:
             break
         left.remove(best)
         found = _regression(data, (*terms, best), values, measured)
-        limits = [(found[name], *LIMITS.get(name, NO_LIMITS)) for name in TERMS[best]]
+        limits = [(found[name], *LIMITS.get(name, (-inf, inf))) for name in TERMS[best]]
         if all(low <= value <= high for value, low, high in limits):  # else perhaps after another term
             terms, values = (*terms, best), found
             left = [term for term in CANDIDATES if term not in terms and _possible(data, term)]
