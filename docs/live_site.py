@@ -25,7 +25,6 @@ from friction_fmus.export.block_fmu import block_source
 from friction_fmus.export.composite.composite_archive import composite_source
 from friction_fmus.export.targets import SourceFmu
 from friction_fmus.export.targets.wasm.npm_package import WasmModel, wasm_model
-from friction_fmus.fmi.documentation import markdown
 from friction_fmus.harness import System
 from friction_fmus.live import SCRIPTS, assets
 
@@ -34,6 +33,7 @@ sys.path.append(str(DOCS))
 from equations import equations as typeset  # noqa: E402
 from markdown.extensions.toc import slugify  # noqa: E402
 from portraits import about_block, opened, pictures  # noqa: E402
+from tables import markdown  # noqa: E402
 
 LAB = DOCS / "lab"
 ON_A_MASS = ("LuGre", "ElastoPlastic", "Dahl", "GMS", "ModifiedLeuven", "Leuven", "MaxwellSlip", "BlimanSorine")
