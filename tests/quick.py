@@ -16,7 +16,7 @@ from harness.compiling import toolchain
 
 PLACES = (
     *("accuracy", "check", "codegen", "composite", "conditions", "every_block", "exchange", "fmi3", "harness"),
-    *("identification", "interop", "laws", "modelica", "models", "procedures", "shell", "study"),
+    *("identification", "interop", "laws", "modelica", "models", "shell", "study"),
     *("slow/fuzzing", "slow/importers", "slow/test_exchange_motions.py", "slow/test_fmi3_calls.py"),
     *("docs/test_site.py", "slow/test_fmi3_of_every_block.py"),
 )

@@ -76,7 +76,7 @@
 
 #define USE                                                                                         \
     KIND (learning)                                                                                 \
-    NEVER("It learns from trial to trial, but the study runs the reference once (see procedures).")
+    NEVER("It learns from trial to trial, but the study runs the reference once.")
 /* clang-format on */
 
 #include "zero_phase.h"
