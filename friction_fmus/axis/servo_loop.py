@@ -189,7 +189,7 @@ def free_axis(
     drive.every = every
     axis.parts.append(drive)
     axis.add("force", "Sum", {"gain[2]": 0.0}, sampled=False)
-    axis.wires += ["drive.u -> force.u1", "drive.trend -> force.u2", "force.y -> axis.F_drive"]
+    axis.wires += ["drive.u -> force.u1", "drive.trend -> force.u2", f"force.y -> {plant.drive_input}"]
     axis.add_plant()
     step, stop, seen = Ts / every, Ts * (len(t) - 1), ("axis.x", "axis.v")
     experiment = Experiment(stop, step, master=MASTER, record=seen, decimate=every, loop_tolerance=FREE_TOLERANCE)

@@ -145,7 +145,7 @@ def identify(
         What acts beside the model on a drive force: "gravity" of an arm (G_sin, G_cos), "load" (a: friction that grows
         with the transmitted force), "sides" (the same with a_drive and a_external), "direction" and "drift" of the
         friction, "gain" of the drive, for which G_sin must be fixed. "auto" finds gravity, load, direction and drift by
-        cross-validation.
+        cross-validation, and ("auto", "gravity", "load") only these; a term that was found replaces a position map.
 
     Returns
     -------
@@ -196,11 +196,13 @@ def identify(
     contact = contact_model(model, records[0].units)
     signal, unit = signal_of(records)
     contact = replace(contact, viscous=viscous and contact.lacks_viscous and signal == "force")
-    named = () if terms == "auto" else tuple(dict.fromkeys((terms,) if isinstance(terms, str) and terms else terms))
+    listed = tuple(dict.fromkeys((terms,) if isinstance(terms, str) and terms else terms))
+    candidates = (listed[1:] or CANDIDATES) if listed[:1] == ("auto",) else ()
+    named = () if candidates else listed
     if "gravity" in named and not records[0].units.rotary:
         raise FitError("The gravity of an arm needs an angle; a constant force on a linear axis is OF.")
-    check_terms(CANDIDATES[:1] if terms == "auto" else named, contact, signal, constraints.fixed)
-    check_constraints(contact, signal, constraints, CANDIDATES if terms == "auto" else named)
+    check_terms(CANDIDATES[:1] if candidates else named, contact, signal, constraints.fixed)
+    check_constraints(contact, signal, constraints, candidates or named)
     name, chosen = find_method(contact, method)
     segments = [prepare(record, contact, signal, settings) for record in records]
     segments = [replace(segment, middle=middle_of(records)) for segment in segments]
@@ -209,11 +211,12 @@ def identify(
         about = traits(segments, Fn0 or 1.0)
         fitted = FitData(contact, drive, segments, about, constraints, records[0].units, Fn0, named)
         search = partial(chosen.fit, loss=loss, starts=starts)
-        fitted, fit = with_terms(fitted, search) if terms == "auto" else (fitted, search(fitted))
+        fitted, fit = with_terms(fitted, search, candidates) if candidates else (fitted, search(fitted))
         if signal == "force":
             check_load(fit)
         result = _result(model, contact, name, fit, signal, unit, records, settings)
-        with_table = fit_with_table(fit, fitted, loss) if position_map and signal == "force" else None
+        flat = not position_map or signal != "force" or (candidates and fitted.terms)
+        with_table = None if flat else fit_with_table(fit, fitted, loss)
         checked = None if validation is None else _validated(result, validation)
         if with_table is not None:
             fit, position = with_table

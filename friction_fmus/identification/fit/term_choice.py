@@ -9,7 +9,7 @@ import numpy as np
 
 from friction_fmus.errors import FitError, RecordError, did_you_mean
 from friction_fmus.identification.data.record import Array
-from friction_fmus.identification.fit.axis_terms import CANDIDATES, LIMITS, OF_FRICTION, TERMS, VALUES, force_beside
+from friction_fmus.identification.fit.axis_terms import LIMITS, OF_FRICTION, TERMS, VALUES, force_beside
 from friction_fmus.identification.fit.block_fit import BlockFit, FitData
 from friction_fmus.identification.fit.contact_model import ContactModel
 from friction_fmus.identification.fit.position import BLOCKS, crossed
@@ -62,11 +62,13 @@ def check_load(fit: BlockFit) -> None:
         )
 
 
-def with_terms(data: FitData, again: Callable[[FitData], BlockFit]) -> tuple[FitData, BlockFit]:
+def with_terms(
+    data: FitData, again: Callable[[FitData], BlockFit], candidates: Sequence[str]
+) -> tuple[FitData, BlockFit]:
     """Return the data and the fit with the terms that improve the prediction."""
     # They are chosen with Coulomb, Stribeck and viscous friction, which make a linear regression; a search that has to
     # explain gravity by friction ends anywhere. Those that are not clear beside the model are left out again.
-    terms, values = _chosen(data)
+    terms, values = _chosen(data, candidates)
     start = {**{name: value for name, value in values.items() if name in VALUES}, **data.constraints.start}
     data = replace(data, terms=terms, constraints=replace(data.constraints, start=start))
     while True:
@@ -91,7 +93,7 @@ def _possible(data: FitData, term: str) -> bool:
     return turns and (term not in OF_FRICTION or data.model.loaded)
 
 
-def _chosen(data: FitData) -> tuple[tuple[str, ...], dict[str, float]]:
+def _chosen(data: FitData, candidates: Sequence[str]) -> tuple[tuple[str, ...], dict[str, float]]:
     """Return the terms that a linear regression needs, and all its values."""
     terms: tuple[str, ...] = ()
     measured = np.concatenate([segment.measured for segment in data.segments])
@@ -105,7 +107,7 @@ def _chosen(data: FitData) -> tuple[tuple[str, ...], dict[str, float]]:
         found = np.linalg.lstsq(A, measured, rcond=None)[0]
         return crossed(A, np.zeros((len(A), 0)), measured - A @ found, block)
 
-    left = [term for term in CANDIDATES if _possible(data, term)]
+    left = [term for term in candidates if _possible(data, term)]
     while left:
         without = error(terms)
         errors = {term: error((*terms, term)) for term in left}
@@ -117,7 +119,7 @@ def _chosen(data: FitData) -> tuple[tuple[str, ...], dict[str, float]]:
         limits = [(found[name], *LIMITS.get(name, (-inf, inf))) for name in TERMS[best]]
         if all(low <= value <= high for value, low, high in limits):  # else perhaps after another term
             terms, values = (*terms, best), found
-            left = [term for term in CANDIDATES if term not in terms and _possible(data, term)]
+            left = [term for term in candidates if term not in terms and _possible(data, term)]
     return terms, values
 
 
