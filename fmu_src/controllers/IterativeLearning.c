@@ -42,7 +42,6 @@
 #define SUMMARY "Iterative learning of the {force} for a repeated motion"
 #define SOURCE  "Arimoto, Kawamura, Miyazaki, Journal of Robotic Systems 1(2), 1984"
 #define CITES   "Arimoto1984, Bristow2006"
-#define QUOTES  "contraction"
 
 /* clang-format off */
 #define VARIABLES                                                                                                                \

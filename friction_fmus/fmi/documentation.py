@@ -7,7 +7,6 @@ from itertools import groupby
 from friction_fmus.blocks.catalogue import FEATURES, Block
 from friction_fmus.blocks.macros import Paragraph, paragraphs
 from friction_fmus.blocks.probe import Description, variable_groups
-from friction_fmus.conditions import quotes
 from friction_fmus.fmi.html_page import flags_table, page, row, table
 from friction_fmus.fmi.model_description import CAPABILITIES, Terminal
 from friction_fmus.version import VERSION
@@ -17,7 +16,6 @@ def index_page(block: Block, description: Description, connected: Sequence[Termi
     """Return documentation/index.html: equations, behaviour, conditions, variables and source of the block."""
     sections = (
         _features(block),
-        _conditions(block),
         _variables(description),
         _terminals(connected),
         _capabilities(block, description),
@@ -32,17 +30,6 @@ def _features(block: Block) -> str:
     """Return the phenomena that a friction model shows, in the words of the catalogue."""
     items = "".join(f"<li>{escape(name)}: {escape(FEATURES[name])}</li>\n" for name in block.features)
     return f"<h2>Features</h2>\n<ul>\n{items}</ul>\n" if items else ""
-
-
-def _conditions(block: Block) -> str:
-    """Return the conditions on the use of the block in a loop, from `friction_fmus.conditions`."""
-    items = "".join(f"<li>{escape(text)} (<code>{name}</code>)</li>\n" for name, text in quotes(block.about.quotes))
-    if not items:
-        return ""
-    return (
-        f"<h2>Conditions</h2>\n<ul>\n{items}</ul>\n<p>Functions of <code>friction_fmus.conditions</code>; "
-        "<code>friction-fmus doctor SYSTEM</code> evaluates them for a given loop.</p>\n"
-    )
 
 
 def notes_as_html(notes: str) -> str:
