@@ -189,7 +189,7 @@ def stuck(records: Sequence[Record]) -> RecordFinding | None:
 def contradictions(records: Sequence[Record]) -> tuple[RecordFinding, ...]:
     """Return findings about a motion that no axis makes, and a force that no mass with friction needs for it."""
     about_position = tuple(position_findings(records))
-    equations = drive_equations(records)
+    equations = drive_equations([record.without_load() for record in records])
     balance = None if equations is None else drive_balance(equations)
     if equations is None or balance is None:
         return about_position

@@ -13,10 +13,12 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "study"))
 
 from independent_arm import ARM, exported, follow, moves, write
 from independent_axis import exported_law
+from thorough import nightly
 
 from friction_fmus.__main__ import main
 
 
+@nightly
 def test_gravity_and_load_are_identified_and_compensated(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     error = write(ARM, tmp_path, models=("Stribeck",), compensators=("StaticFeedforward",))
     monkeypatch.chdir(tmp_path)

@@ -208,6 +208,18 @@ class Record:
             return self
         return replace(self, force=self.force + self.injected, injected=None)
 
+    def without_load(self) -> Record:
+        """Return the record with the known force from outside added to the drive force, and without its column.
+
+        Returns
+        -------
+        Record
+            This record if it has no drive force or no load.
+        """
+        if self.force is None or self.load is None:
+            return self
+        return replace(self, force=self.force + self.load, load=None)
+
     def force_at_samples(self) -> Array:
         """Return the total drive force to which the acceleration at each sample belongs.
 
