@@ -10,6 +10,7 @@ from friction_fmus.axis.loop_assembly import (
     FRICTION,
     OF_LOAD,
     block,
+    drive_input,
     load_feedforward,
     typed,
     viscous_beside,
@@ -154,7 +155,7 @@ def export_composites(folder: Path, whole: System) -> tuple[WrittenFile, ...]:
     parts = [part for name, part in whole.parts.items() if name in MACHINE]
     wires = [wire for wire in whole.wires if {end[0] for end in wire.ends} <= set(MACHINE)]
     start = {name: value for name, value in whole.start.items() if split_name(name)[0] in MACHINE}
-    drive = "motor.u1" if "motor" in whole.parts else "axis.F_drive"
+    drive = drive_input(whole.parts)
     machine = System(parts, wires, {**start, drive: 0.0}, whole.experiment, "axis")
     machine.to_fmu(folder / "axis.fmu", inputs=[drive])
     references = sorted({wire.source for wire in whole.wires if split_name(wire.source)[0] == "reference"})

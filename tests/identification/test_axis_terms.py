@@ -10,6 +10,8 @@ from arms import drawn, moved
 
 from friction_fmus.errors import FitError, RecordError
 from friction_fmus.identification import LINEAR, Record, identify
+from friction_fmus.identification.fit.first_look import first_look
+from friction_fmus.identification.plant_candidates import plant_findings
 
 ARM = replace(drawn(7), direction=0.0)  # with gravity and load
 
@@ -89,3 +91,19 @@ def test_gravity_of_an_arm_needs_an_angle(record: Record) -> None:
 def test_terms_that_cannot_be_identified_are_refused(model: str, terms: tuple[str, ...], what: str) -> None:
     with pytest.raises(FitError, match=what):
         identify(model, moved(drawn(0), 0).window(0.0, 4.0), terms=terms)
+
+
+def test_findings_and_first_look_consider_a_known_load(record: Record) -> None:
+    """Without the load, gravity counts as friction that depends on the direction, and hides the mass."""
+    load = -(ARM.G_sin * np.sin(record.column("q")) + ARM.G_cos * np.cos(record.column("q")))
+    known = replace(record, load=load)
+    one, other = (abs(first_look([each])["M"].value / ARM.M - 1.0) for each in (known, record))
+    assert one < 0.25 < 0.9 < other
+    names = [{finding.name for finding in plant_findings([each])[0]} for each in (known, record)]
+    assert "direction-dependent-friction" in names[1] - names[0]
+
+
+def test_auto_chooses_from_given_terms(record: Record) -> None:
+    found = identify("Stribeck", record, terms=("auto", "gravity")).values()
+    assert "G_sin" in found
+    assert "a" not in found

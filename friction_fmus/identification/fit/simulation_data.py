@@ -150,7 +150,8 @@ def prepare(
     rows = None if used is None else _used_rows(record, model, used)
     segment = PreparedSegment(record, inputs, between, x, a, per, np.zeros(0), record.t, used, kept=rows)
     if signal == "force":
-        segment = replace(segment, drive=smoothed(record.force_at_samples(), record, filter_))
+        drive = smoothed(record.force_at_samples(), record, filter_)
+        segment = replace(segment, drive=drive, inputs=inputs | ({"F_t": drive} if model.transmits else {}))
     column = record.force_at_samples() if signal == "force" else record.column("friction")
     measured = column / per if per is not None else segment.rows(column)
     t = record.t if used is None else used.times(record.t, record.Ts)

@@ -9,7 +9,7 @@ import numpy as np
 
 from friction_fmus.errors import FitError, RecordError, did_you_mean
 from friction_fmus.identification.data.record import Array
-from friction_fmus.identification.fit.axis_terms import LIMITS, OF_FRICTION, TERMS, VALUES, force_beside
+from friction_fmus.identification.fit.axis_terms import CANDIDATES, LIMITS, OF_FRICTION, TERMS, VALUES, force_beside
 from friction_fmus.identification.fit.block_fit import BlockFit, FitData
 from friction_fmus.identification.fit.contact_model import ContactModel
 from friction_fmus.identification.fit.position import BLOCKS, crossed
@@ -62,6 +62,26 @@ def check_load(fit: BlockFit) -> None:
         )
 
 
+def with_starts(data: FitData) -> FitData:
+    """Return the data with start values of their terms from a linear regression, as far as it has them."""
+    terms = tuple(term for term in CANDIDATES if term in data.terms)
+    if not terms or "gain" in data.terms:
+        return data
+    measured = np.concatenate([segment.measured for segment in data.segments])
+    values = _regression(data, terms, {}, measured)
+    return _starting_at(data, {name: value for term in terms for name in TERMS[term] if (value := values[name])})
+
+
+def _starting_at(data: FitData, values: Mapping[str, float]) -> FitData:
+    """Return the data with these start values within their limits, beside those of the user."""
+    inside = {
+        name: min(max(value, LIMITS[name][0]), LIMITS[name][1]) if name in LIMITS else value
+        for name, value in values.items()
+        if name in VALUES
+    }
+    return replace(data, constraints=replace(data.constraints, start={**inside, **data.constraints.start}))
+
+
 def with_terms(
     data: FitData, again: Callable[[FitData], BlockFit], candidates: Sequence[str]
 ) -> tuple[FitData, BlockFit]:
@@ -69,8 +89,8 @@ def with_terms(
     # They are chosen with Coulomb, Stribeck and viscous friction, which make a linear regression; a search that has to
     # explain gravity by friction ends anywhere. Those that are not clear beside the model are left out again.
     terms, values = _chosen(data, candidates)
-    start = {**{name: value for name, value in values.items() if name in VALUES}, **data.constraints.start}
-    data = replace(data, terms=terms, constraints=replace(data.constraints, start=start))
+    data = _starting_at(replace(data, terms=terms), values)
+    start = data.constraints.start
     while True:
         fit = again(data)
         errors = np.sqrt(np.diag(covariance(fit.found, [len(each.measured) for each in data.segments])[0]))
