@@ -24,7 +24,6 @@ from friction_fmus.lawkit.quantities import DAMPING, FORCE, LENGTH, NO_UNIT, VEL
     source="Canudas de Wit, Olsson, Astrom, Lischinsky, IEEE TAC 40(3), 1995; Lampaert, Swevers, Al-Bender, ACC 2004",
     cites=("CanudasDeWit1995", "Lampaert2004"),
     Ts=1e-3,
-    quotes=("overcompensation", "inertia"),
     loop=Loop(friction=Friction("Fc", "Fs", "sigma2", "vs", "delta"), inertia="m"),
     use=Use("feedforward", models=("LuGre",), tuned={"m": "0"}),
     outputs={

@@ -23,7 +23,6 @@ from friction_fmus.lawkit.quantities import LENGTH
     source="Canudas de Wit, Olsson, Astrom, Lischinsky, IEEE TAC 40(3), 1995",
     cites=("CanudasDeWit1995",),
     Ts=1e-3,
-    quotes=("injection", "fed_back_stiffness", "overcompensation"),
     loop=Loop(
         friction=Friction("Fc", "Fs", "sigma2", "vs", "delta"),
         measured=True,

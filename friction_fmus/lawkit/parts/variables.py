@@ -81,7 +81,7 @@ SIGMA0: Any = Parameter(STIFFNESS, 1e5, "bristle stiffness", min=1e-9)
 SIGMA1: Any = Parameter(DAMPING, 316.22776601683796, "bristle damping", min=0.0)
 SIGMA2: Any = Parameter(DAMPING, 0.4, "viscous coefficient", min=0.0)
 
-# ---- outputs, and conditions that the documentation of a position loop quotes ----------------------------------------
+# ---- outputs ---------------------------------------------------------------------------------------------------------
 
 U_SAT: Any = Output(NO_UNIT, "active limit: -1 lower, +1 upper, 0 none")
 F_HAT: Any = Output(FORCE, "estimated friction {force}; u contains gain F_hat")
@@ -93,5 +93,3 @@ CONTROL = {"u": U_CONTROL, "u_sat": U_SAT}
 TRACKING = {"u": U_CONTROL, "F_hat": F_HAT, "u_sat": U_SAT}
 FEEDFORWARD = {"u": U_FORWARD, "F_hat": F_HAT, "u_sat": U_SAT}
 COMPENSATION = {"u": U_COMPENSATION, "F_hat": F_HAT, "u_sat": U_SAT}
-
-POSITION_LOOP = ("routh", "sampled", "loop_poles", "stick_slip_free", "break_away")
