@@ -75,8 +75,9 @@ class AxisFit:
         velocity = SeriesPart("motion", t, {"v": rd}, beyond="hold")
         experiment = Experiment(float(t[-1]), self.sample_time, record=("friction.F",))
         block = FmuPart("friction", fmu(axis.model, domain_of(axis.rotary)))
-        inputs = {port.name: axis.parameters.get(f"{port.name}0", 0.0) for port in block.inputs if port.name != "v"}
-        start = {f"friction.{name}": value for name, value in {**typed(block, axis.parameters), **inputs}.items()}
+        given = {"F_ext": 0.0} | ({"Fn": axis.parameters["Fn0"]} if "Fn0" in axis.parameters else {})
+        known = {port.name: given[port.name] for port in block.inputs if port.name in given}
+        start = {f"friction.{name}": value for name, value in {**typed(block, axis.parameters), **known}.items()}
         with System([velocity, block], ["motion.v -> friction.v"], start, experiment) as system:
             found: Array = Session(system, experiment).run(start).column("friction.F")
         return found + axis.viscous * rd
