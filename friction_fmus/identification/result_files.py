@@ -16,10 +16,12 @@ import numpy as np
 import tomli_w
 
 from friction_fmus.errors import IdentificationError
+from friction_fmus.export.identified_axis import IdentifiedAxis
 from friction_fmus.identification.data.reading import Measurement
-from friction_fmus.identification.data.record import RecordFinding
+from friction_fmus.identification.data.record import Record, RecordFinding
 from friction_fmus.identification.fit.contact_model import contact_model
 from friction_fmus.identification.fit.estimate import Estimate
+from friction_fmus.identification.fit.idim import filtered_motion
 from friction_fmus.identification.fit.position import PositionFit
 from friction_fmus.identification.identification_result import Identification, name_of, viscous_beside, write_viscous
 from friction_fmus.identification.model_comparison import ModelComparison
@@ -194,7 +196,33 @@ def _json(
         "ranked_by": found.ranked_by,
         "models": [_result(result) for result in found.results],
         "failed": found.failed,
+        "axes": [axis_of(each, mapping.citation) for each in found.results if each.records[0].units.known],
     }
+
+
+def axis_of(result: Identification, citation: str) -> IdentifiedAxis:
+    """Return the axis with an identified model, for the targets of `export`."""
+    record, values = result.records[0], result.values()
+    known = contact_model(result.block, record.units).parameters
+    return IdentifiedAxis(
+        name=record.name,
+        citation=citation,
+        rotary=record.units.rotary,
+        label=result.model,
+        model=str(result.block),
+        parameters={name: value for name, value in values.items() if name in known},
+        viscous=viscous_beside(result) or 0.0,
+        mass=values.get("M", 0.0),
+        offset=values.get("OF", 0.0),
+        position=None if result.position is None else result.position.table,
+        speed=max(map(largest_speed, result.records)),
+    )
+
+
+def largest_speed(record: Record) -> float:
+    """Return the largest speed of a record [m/s]; 0 if it has neither velocity nor position."""
+    v = record.v if record.q is None else filtered_motion(record).v
+    return 0.0 if v is None else float(np.max(np.abs(v)))
 
 
 def _result(result: Identification) -> dict[str, Any]:

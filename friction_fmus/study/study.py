@@ -48,7 +48,7 @@ from friction_fmus.study.servo_check import CheckedServo, check_servo
 from friction_fmus.study.servo_estimate import estimate_servo
 from friction_fmus.study.settings_file import SETTINGS_FILE, settings_of
 from friction_fmus.study.steps import CACHE, Step, StepCache, run_steps, workers
-from friction_fmus.study.study_files import OWN, Figures, export_models, export_recommended
+from friction_fmus.study.study_files import OWN, Figures, export_models, export_recommended, identified_axes
 from friction_fmus.study.study_result import (
     ConditionResult,
     Recommendation,
@@ -348,6 +348,7 @@ class _Study:
                 doctor = self._doctor(bench)
                 self.panel = panel.result()
         self.progress(0.97)
+        axes = identified_axes(models, data.longest, self.config.servo, comparison)
         record = data.longest
         files += settings_of(self.config, data, self.out)
         files += [
@@ -378,6 +379,7 @@ class _Study:
             servo_check=checked.result,
             findings=tuple(findings),
             turn=comparison.turn if comparison else None,
+            axes=axes if written else (),
         )
 
     def _goes_on(self, findings: Sequence[StudyFinding]) -> bool:

@@ -23,11 +23,18 @@ from friction_fmus.blocks.catalogue import find
 from friction_fmus.codegen.law_export import export_law
 from friction_fmus.codegen.layout import law_of
 from friction_fmus.codegen.servo_law import LAWS, LOOP_FILE, SHARED, LoopFile, LoopLaw, loop_text
+from friction_fmus.export.axis_loop import AxisLoop
 from friction_fmus.export.block_fmu import build
+from friction_fmus.export.identified_axis import IdentifiedAxis
+from friction_fmus.identification import Record
+from friction_fmus.identification.fit.contact_model import contact_model
+from friction_fmus.identification.result_files import largest_speed
 from friction_fmus.lawkit.law import Kind
+from friction_fmus.study.comparison import Comparison
 from friction_fmus.study.compensators import TABLE
 from friction_fmus.study.evaluation import AxisBench, Scheme, with_table
 from friction_fmus.study.model_ranking import IdentifiedModel
+from friction_fmus.study.recommendation import AS_MEASURED
 from friction_fmus.study.study_result import WrittenFile
 from harness import FmuPart, Parameter, ParameterSet, System, Wire, open_archive, write_ssv
 from harness.storage.files import atomic_path, make_folder
@@ -331,6 +338,39 @@ def export_models(out: Path, models: Sequence[IdentifiedModel], rotary: bool, ci
             write_ssv(ParameterSet(f"{identifier}Viscous", parameters, _cited(citation)), file)
             written.append(WrittenFile(_path(out, file), f"Viscous friction beside {found.row.name}, SSP 1.0"))
     return tuple(written)
+
+
+def identified_axes(
+    models: Sequence[IdentifiedModel], record: Record, servo: Servo | None, comparison: Comparison | None
+) -> tuple[IdentifiedAxis, ...]:
+    """Return the axis with each identified model, for the targets of `export`."""
+    errors = {} if comparison is None else {row.name: row.metrics for row in comparison.rows}
+    errors |= {rung.title: rung.metrics for rung in (comparison.ladder[:1] if comparison else ())}
+    loop = None
+    if servo is not None and comparison is not None:
+        law = comparison.recommended.name
+        known = [None if (found := errors.get(name)) is None else found.rms for name in (AS_MEASURED, "none", law)]
+        loop = AxisLoop(f"{OWN}/axis.ssp", servo.gains, law, *known)
+    return tuple(
+        IdentifiedAxis(
+            name=record.name,
+            citation=record.citation,
+            rotary=record.units.rotary,
+            label=found.row.name,
+            model=found.block,
+            parameters={name: value for name, value in found.values.items() if name in known},
+            viscous=0.0 if "Fv" in known else found.values.get("Fv", 0.0),
+            mass=found.mass or (servo.mass or 0.0 if servo is not None else 0.0),
+            offset=found.offset,
+            position=found.position_map,
+            speed=largest_speed(record),
+            force_limit=None if servo is None else servo.force_limit,
+            loop=loop,
+        )
+        for found in models
+        if found.row.rank is not None
+        for known in (contact_model(found.block, record.units).parameters,)
+    )
 
 
 def _parameters(path: Path, values: Mapping[str, float | int | bool]) -> dict[str, Parameter]:
