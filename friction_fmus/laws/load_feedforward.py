@@ -16,7 +16,6 @@ from friction_fmus.lawkit.quantities import DAMPING, FORCE, LENGTH, MASS, NO_UNI
     source="Duclusaud, Passault, Padois, Ly, IEEE International Conference on Robotics and Automation, 2025 (load)",
     cites=("Duclusaud2025",),
     Ts=1e-3,
-    quotes=("inertia",),
     loop=Loop(inertia="m"),
     use=Use("feedforward", never="A study adds it by itself to an axis with gravity or load."),
     outputs={
