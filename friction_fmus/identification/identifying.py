@@ -14,7 +14,7 @@ from friction_fmus.blocks.axis_units import AxisUnits
 from friction_fmus.errors import FitError
 from friction_fmus.identification.closed_loop import identify_closed_loop
 from friction_fmus.identification.data.record import Array, MeasuredAxis, Record
-from friction_fmus.identification.fit.axis_terms import CANDIDATES, middle_of
+from friction_fmus.identification.fit.axis_terms import CANDIDATES, mean_temperature, middle_of
 from friction_fmus.identification.fit.block_fit import BlockFit, FitData, driven
 from friction_fmus.identification.fit.contact_model import ContactModel, contact_model
 from friction_fmus.identification.fit.estimate import Estimate
@@ -144,9 +144,10 @@ def identify(
 
     terms : sequence of str or "auto"
         What acts beside the model on a drive force: "gravity" of an arm (G_sin, G_cos), "load" (a: friction that grows
-        with the transmitted force), "sides" (the same with a_drive and a_external), "direction" and "drift" of the
-        friction, "gain" of the drive, for which G_sin must be fixed. "auto" finds gravity, load, direction and drift by
-        cross-validation, and ("auto", "gravity", "load") only these; a term that was found replaces a position map.
+        with the transmitted force), "sides" (the same with a_drive and a_external), "direction", "drift" and
+        "temperature" (with the column of that name) of the friction, "gain" of the drive, for which G_sin must be
+        fixed. "auto" finds all but sides and gain by cross-validation, and ("auto", "gravity", "load") only these; a
+        term that was found replaces a position map.
 
     Returns
     -------
@@ -204,11 +205,12 @@ def identify(
         raise FitError(f"{contact.name} needs the force of the drive, which loads it; add the column.")
     if "gravity" in named and not records[0].units.rotary:
         raise FitError("The gravity of an arm needs an angle; a constant force on a linear axis is OF.")
-    check_terms(CANDIDATES[:1] if candidates else named, contact, signal, constraints.fixed)
+    check_terms(CANDIDATES[:1] if candidates else named, contact, signal, constraints.fixed, records)
     check_constraints(contact, signal, constraints, candidates or named)
     name, chosen = find_method(contact, method)
     segments = [prepare(record, contact, signal, settings) for record in records]
-    segments = [replace(segment, middle=middle_of(records)) for segment in segments]
+    middle, warm = middle_of(records), mean_temperature(records)
+    segments = [replace(segment, middle=middle, warm=warm) for segment in segments]
     Fn0 = _reference_load(constraints, segments)
     with driven(contact.path) as drive, quiet_runs():  # parameters that a block refuses are part of a search
         about = traits(segments, Fn0 or 1.0)

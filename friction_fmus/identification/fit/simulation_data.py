@@ -43,6 +43,7 @@ class PreparedSegment:
     kept: NDArray[np.bool_] | None = None  # filtered rows outside rests; None for all
     drive: Array = field(default_factory=lambda: np.zeros(0))  # drive force, filtered as the position
     middle: float = 0.0  # time in the middle of all records [s]
+    warm: float = 0.0  # mean temperature of all records [K]
 
     @property
     def step(self) -> float:
