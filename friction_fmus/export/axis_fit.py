@@ -22,13 +22,13 @@ PROBE: Final = 0.05  # relative change of a parameter from which its effect on t
 ROUNDS: Final = 3  # largest number of steps towards the least tracking error
 GAINS_MORE: Final = 0.99  # ratio of the tracking errors after and before a step above which the next one is left out
 
-Bounds: TypeAlias = tuple[Array | float, Array | float]
-
-FREE: Final[Bounds] = (-np.inf, np.inf)
-
 SAMPLES: Final = 4000
 RAMP: Final = 1.0
 """Number of samples and duration of a ramp of the motion that stands for a record without servo [s]."""
+
+Bounds: TypeAlias = tuple[Array | float, Array | float]
+FREE: Final[Bounds] = (-np.inf, np.inf)
+AGAINST: Final[Bounds] = (0.0, np.inf)  # for forces that oppose the motion
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,8 +44,7 @@ class AxisFit:
             return self.axis.loop.motion
         if self.axis.speed <= 0.0:
             raise BuildError(
-                f"The largest speed of {self.axis.name} is unknown, because its record has no position; export a model "
-                "that was identified from a moving axis."
+                f"The record {self.axis.name} has no position, so that the speeds of the axis are unknown."
             )
         t = self.sample_time * np.arange(float(SAMPLES))
         rd = self.axis.speed * (1.0 - np.abs((t / RAMP + 1.0) % 4.0 - 2.0))
@@ -57,13 +56,17 @@ class AxisFit:
         return 4.0 * RAMP / SAMPLES if self.axis.loop is None else self.axis.loop.sample_time
 
     @cached_property
-    def direction(self) -> Array:
+    def held(self) -> Array:
         """Direction of the command, shape (n,): 1 or -1, held while the reference stands; 0 before it first moves."""
-        rd = self.motion.rd
-        moving = np.abs(rd) > STANDS * np.max(np.abs(rd), initial=0.0)
-        last = np.maximum.accumulate(np.where(moving, np.arange(len(rd)), -1))
-        found: Array = np.where(last < 0, 0.0, np.sign(rd[last]))
+        moving = signs(self.motion)
+        last = np.maximum.accumulate(np.where(moving != 0.0, np.arange(len(moving)), 0))
+        found: Array = moving[last]
         return found
+
+    @property
+    def coulomb(self) -> Array:
+        """Unit forces in the direction of the command, forward and backward, shape (n, 2)."""
+        return np.column_stack([self.held > 0.0, -1.0 * (self.held < 0.0)])
 
     @cached_property
     def friction(self) -> Array:
@@ -82,16 +85,20 @@ class AxisFit:
             found: Array = Session(system, experiment).run(start).column("friction.F")
         return found + axis.viscous * rd
 
-    @property
+    @cached_property
     def needed(self) -> Array:
         """Force that the axis needs beside that of its mass, along the reference, shape (n,) [N]."""
+        return self.friction + self.axis.offset - self.along
+
+    @cached_property
+    def along(self) -> Array:
+        """Force over position on the axis along the reference, shape (n,) [N]."""
         table = self.axis.position
-        along = 0.0 if table is None else table.force(self.motion.r, self.motion.rd)
-        return self.friction + self.axis.offset - along
+        return np.zeros(len(self.motion.r)) if table is None else table.force(self.motion.r, self.motion.rd)
 
     def least_squares(self, columns: Array, known: Array | float, bounds: Bounds = FREE) -> Array:
         """Return the factors of the columns, shape (n, p), with which they and a known force follow the needed one."""
-        moving = np.abs(self.motion.rd) > STANDS * np.max(np.abs(self.motion.rd))
+        moving = signs(self.motion) != 0.0
         return _bounded(columns[moving], (self.needed - known)[moving], *bounds)
 
     def tracking(self, force: Array) -> float:
@@ -102,7 +109,7 @@ class AxisFit:
         assert self.axis.loop is not None
         return self.axis.loop.error(force)
 
-    def fit(self, columns: Array, known: Array | float = 0.0, bounds: Bounds = FREE) -> Array:
+    def fit(self, columns: Array, known: Array | float, bounds: Bounds = FREE) -> Array:
         """Return the factors of the columns, shape (p,), with the least tracking error.
 
         Without a servo, they are those of `least_squares`. The tracking error of a linear loop is affine in the
@@ -126,6 +133,12 @@ class AxisFit:
             if rms(best) > GAINS_MORE * before:
                 break
         return p
+
+
+def signs(motion: Motion) -> Array:
+    """Return the direction of a reference at each sample, shape (n,): 1, -1, or 0 while it stands."""
+    found: Array = np.sign(motion.rd) * (np.abs(motion.rd) > STANDS * np.max(np.abs(motion.rd), initial=0.0))
+    return found
 
 
 def _bounded(columns: Array, target: Array, least: Array | float, most: Array | float) -> Array:

@@ -18,8 +18,7 @@ from friction_fmus.export.axis_loop import AxisLoop
 from friction_fmus.export.block_fmu import build
 from friction_fmus.export.identified_axis import IdentifiedAxis
 from friction_fmus.identification import Record
-from friction_fmus.identification.fit.contact_model import contact_model
-from friction_fmus.identification.result_files import largest_speed
+from friction_fmus.identification.result_files import identified_axis
 from friction_fmus.lawkit.law import Kind
 from friction_fmus.study.comparison import Comparison
 from friction_fmus.study.compensators import TABLE
@@ -332,33 +331,20 @@ def identified_axes(
     models: Sequence[IdentifiedModel], record: Record, servo: Servo | None, comparison: Comparison | None
 ) -> tuple[IdentifiedAxis, ...]:
     """Return the axis with each identified model, for the targets of `export`."""
-    errors = {} if comparison is None else {row.name: row.metrics for row in comparison.rows}
-    errors |= {rung.title: rung.metrics for rung in (comparison.ladder[:1] if comparison else ())}
-    loop = None
+    loop, limit, mass = None, None if servo is None else servo.force_limit, 0.0 if servo is None else servo.mass or 0.0
     if servo is not None and comparison is not None:
+        metrics = {row.name: row.metrics for row in comparison.rows}
+        metrics |= {rung.title: rung.metrics for rung in comparison.ladder[:1]}
         law = comparison.recommended.name
-        known = [None if (found := errors.get(name)) is None else found.rms for name in (AS_MEASURED, "none", law)]
-        loop = AxisLoop(f"{OWN}/axis.ssp", servo.gains, law, *known)
-    return tuple(
-        IdentifiedAxis(
-            name=record.name,
-            citation=record.citation,
-            rotary=record.units.rotary,
-            label=found.row.name,
-            model=found.block,
-            parameters={name: value for name, value in found.values.items() if name in known},
-            viscous=0.0 if "Fv" in known else found.values.get("Fv", 0.0),
-            mass=found.mass or (servo.mass or 0.0 if servo is not None else 0.0),
-            offset=found.offset,
-            position=found.position_map,
-            speed=largest_speed(record),
-            force_limit=None if servo is None else servo.force_limit,
-            loop=loop,
-        )
-        for found in models
-        if found.row.rank is not None
-        for known in (contact_model(found.block, record.units).parameters,)
-    )
+        errors = [None if found is None else found.rms for found in map(metrics.get, (AS_MEASURED, "none", law))]
+        loop = AxisLoop(f"{OWN}/axis.ssp", servo.gains, law, *errors)
+    axes = []
+    for found in models:
+        if found.row.rank is not None:
+            both = found.mass or mass, found.offset
+            about = found.row.name, found.block, found.values, *both, found.position_map
+            axes.append(replace(identified_axis([record], record.citation, *about), force_limit=limit, loop=loop))
+    return tuple(axes)
 
 
 def _parameters(path: Path, values: Mapping[str, float | int | bool]) -> dict[str, Parameter]:
