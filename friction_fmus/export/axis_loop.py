@@ -71,15 +71,16 @@ class AxisLoop:
         """Return the tracking error over the samples, shape (n,) [m], with a force at the output of the servo.
 
         The servo has the gains of the record, and velocity and acceleration feedforward if the study has them. `force`,
-        of shape (n,) [N], stands for all forces beside the servo, the constant one included; it is held within a
-        sample. `motion` is another reference, which begins at rest.
+        of shape (n,) [N], stands for all forces beside the servo, the constant one included. `motion` is another
+        reference, which begins at rest.
         """
         from friction_fmus.axis.servo_loop import accurate
 
         whole, t = self.whole, self.sample_time * np.arange(float(len(force)))
         added = {"added": {"F": force}} | ({} if motion is None else {"reference": motion._asdict()})
         parts: list[Part] = [part for name, part in whole.parts.items() if name not in (*COMPENSATING, *added)]
-        parts += [SeriesPart(name, t, each, interpolation="previous", beyond="hold") for name, each in added.items()]
+        # all are read at samples; a held output would still have the value of the sample before
+        parts += [SeriesPart(name, t, each, beyond="hold") for name, each in added.items()]
         known = {part.name for part in parts}
         wires = [wire for wire in map(parse_wire, whole.wires) if {end[0] for end in wire.ends} <= known]
         wires.append(Wire("added.F", "servo.f"))
@@ -89,5 +90,5 @@ class AxisLoop:
         start.pop("servo.f", None)
         experiment = replace(self._experiment, stop=len(force) * self.sample_time)
         _, found = accurate(System(parts, wires, start, experiment, whole.name))
-        error: Array = found.column("tracking_error.y")[:-1]
+        error: Array = (motion or self.motion).r - found.column(experiment.record[1])[:-1]  # the second is the position
         return error

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import csv
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Final, NamedTuple
+
+import numpy as np
 
 from friction_fmus.blocks.catalogue import find
 from friction_fmus.errors import BuildError
@@ -19,13 +21,6 @@ from harness.units import in_unit
 COMPUTED: Final = "Computed and simulated, not tried on the device. Begin with a low torque limit and a low speed."
 
 
-class Source(NamedTuple):
-    """Documentation of a maker."""
-
-    title: str
-    address: str
-
-
 class Row(NamedTuple):
     """Parameter of a drive."""
 
@@ -34,7 +29,7 @@ class Row(NamedTuple):
     unit: str
     where: str
     """Value as it is entered, its unit, and where it is entered."""
-    source: Source | None = None  # documentation that states its meaning
+    source: tuple[str, ...] = ()  # title and address of the documentation that states its meaning
 
 
 class Sheet(NamedTuple):
@@ -60,16 +55,16 @@ def text(value: float, step: float = 0.0) -> str:
     return f"{value + 0.0:.{decimals}f}" if step else f"{value:.4g}"
 
 
-def rated_force(axis: IdentifiedAxis, given: str) -> float:
-    """Return the rated force or torque that a user gave with a unit."""
-    unit = axis.words.N
-    value = in_unit(given, unit, None, "--rated")
-    if not isinstance(value, float) or not value > 0.0:
-        example = f"--rated '2.4 {unit}'"
-        raise BuildError(
-            f"The drive takes parts of its rated {axis.words.force}: give it at the axis, as in {example}."
-        )
-    return value
+def in_percent(
+    axis: IdentifiedAxis, rated: str, forces: Mapping[str, float], step: float
+) -> tuple[list[float], Array, str]:
+    """Return forces as rounded percentages of a rated one, by name, as forces, and a note on them."""
+    u = axis.words
+    whole = in_unit(rated, u.N, None, "--rated") if rated.strip("+-.0123456789") else None
+    if not isinstance(whole, float) or not whole > 0.0:
+        raise BuildError(f"The drive takes parts of its rated {u.force}: give it at the axis, --rated '2.4 {u.N}'.")
+    found = [rounded(100.0 * force / whole, step, -100.0, 100.0, name) for name, force in forces.items()]
+    return found, 0.01 * whole * np.array(found), f"Percent of the rated {u.force}, {whole:.4g} {u.N} at the axis."
 
 
 def lost(axis: IdentifiedAxis, kept: Collection[str] = ()) -> Iterator[str]:
@@ -96,22 +91,24 @@ def write_sheet(sheet: Sheet, fit: AxisFit, folder: Path, name: str) -> list[Pat
     with atomic_path(page) as temporary:
         temporary.write_text("\n".join(_page(sheet, fit)) + "\n", encoding="utf-8", newline="\n")
     with atomic_path(table) as temporary, temporary.open("w", encoding="utf-8", newline="") as file:
-        rows = [[*row[:4], " ".join(row.source or ())] for row in sheet.rows]
+        rows = [[*row[:4], " ".join(row.source)] for row in sheet.rows]
         csv.writer(file).writerows([Row._fields, *rows])
     return [page, table]
 
 
 def _page(sheet: Sheet, fit: AxisFit) -> Iterator[str]:
     """Yield the lines of the page."""
-    axis, sources = fit.axis, list(dict.fromkeys(row.source for row in sheet.rows if row.source is not None))
+    axis, sources = fit.axis, list(dict.fromkeys(row.source for row in sheet.rows if row.source))
     yield from (f"# {axis.name}: friction compensation of {sheet.device}", "", COMPUTED, "")
     yield from ("| parameter | value | unit | where it is entered | source |", "|---|--:|---|---|---|")
     for row in sheet.rows:
-        cited = "" if row.source is None else f"[{sources.index(row.source) + 1}]"
-        yield f"| {' | '.join(row[:4])} | {cited} |"
+        yield f"| {' | '.join(row[:4])} | {f'[{sources.index(row.source) + 1}]' if row.source else ''} |"
     yield from ("", "## Tracking error in simulation", "", *_errors(sheet, fit), "")
-    yield from ("## Assumptions and limits", "", *(f"- {note}" for note in sheet.notes), "", "## Sources", "")
-    yield from (f"{i}. {each.title}, <{each.address}>" for i, each in enumerate(sources, start=1))
+    yield from ("## Assumptions and limits", "", *(f"- {note}" for note in sheet.notes))
+    if -1.0 not in fit.held or 1.0 not in fit.held:
+        yield "- The reference moves in one direction only: the record does not determine the values of the other one."
+    yield from ("", "## Sources", "")
+    yield from (f"{i}. {title}, <{address}>" for i, (title, address) in enumerate(sources, start=1))
     yield f"{len(sources) + 1}. Identified friction: {axis.label}" + f", {axis.citation}" * bool(axis.citation)
 
 

@@ -14,9 +14,11 @@ from friction_fmus.blocks.catalogue import find
 from friction_fmus.codegen.law_export import export_law
 from friction_fmus.codegen.layout import law_of
 from friction_fmus.codegen.servo_law import LAWS, LOOP_FILE, SHARED, LoopFile, LoopLaw, loop_text
+from friction_fmus.errors import BuildError
 from friction_fmus.export.axis_loop import AxisLoop
 from friction_fmus.export.block_fmu import build
 from friction_fmus.export.identified_axis import IdentifiedAxis
+from friction_fmus.export.targets import generic
 from friction_fmus.identification import Record
 from friction_fmus.identification.result_files import identified_axis
 from friction_fmus.lawkit.law import Kind
@@ -26,7 +28,7 @@ from friction_fmus.study.evaluation import AxisBench, Scheme, with_table
 from friction_fmus.study.model_ranking import IdentifiedModel
 from friction_fmus.study.recommendation import AS_MEASURED
 from friction_fmus.study.study_result import WrittenFile
-from harness import FmuPart, Parameter, ParameterSet, System, Wire, open_archive, write_ssv
+from harness import ExperimentError, FmuPart, Parameter, ParameterSet, System, Wire, open_archive, write_ssv
 from harness.storage.files import atomic_path, make_folder
 from harness.system.wire import parse_wire, split_name
 
@@ -345,6 +347,17 @@ def identified_axes(
             about = found.row.name, found.block, found.values, *both, found.position_map
             axes.append(replace(identified_axis([record], record.citation, *about), force_limit=limit, loop=loop))
     return tuple(axes)
+
+
+def export_sheet(out: Path, axis: IdentifiedAxis) -> tuple[WrittenFile, ...]:
+    """Write the parameters of the axis for a drive that runs no code, unless they cannot be simulated."""
+    loop = axis.loop and replace(axis.loop, archive=str(out / axis.loop.archive))
+    try:
+        files = generic.write(replace(axis, loop=loop), out / OWN)
+    except (BuildError, ExperimentError):  # the reference stands, or the simulation is inaccurate
+        return ()
+    what = "Parameters for a drive that runs no code; `friction-fmus export` writes those of some makers"
+    return tuple(WrittenFile(_path(out, file), what) for file in files)
 
 
 def _parameters(path: Path, values: Mapping[str, float | int | bool]) -> dict[str, Parameter]:

@@ -28,23 +28,18 @@ NAMES = (
 def write(axis: IdentifiedAxis, folder: Path, rated: str = "") -> list[Path]:
     """Write the sheet."""
     from friction_fmus.export.axis_fit import AGAINST, AxisFit
-    from friction_fmus.export.drive_sheet import Row, Sheet, Source, lost, rated_force, rounded, text, write_sheet
+    from friction_fmus.export.drive_sheet import Row, Sheet, in_percent, lost, text, write_sheet
 
-    fit, percent, u = AxisFit(axis), rated_force(axis, rated) / 100.0, axis.words
+    fit, opposite = AxisFit(axis), "All values are added to the command: the one of the negative direction is negative."
     forward, backward = fit.fit(fit.coulomb, axis.offset, AGAINST)
-    rows, p = [], []
-    for force, (one, other) in zip((axis.offset, forward, -backward), NAMES, strict=True):
-        p.append(rounded(force / percent, 1.0, -100.0, 100.0, one))
-        rows.append(Row(one, text(p[-1], 1.0), "%", "MINAS", Source(*PANASONIC)))
-        rows.append(Row(other, text(p[-1], 1.0), "%", "Omron G5", Source(*OMRON)))
-    force = percent * (p[0] + fit.coulomb @ [p[1], -p[2]])
-    notes = [
-        f"Percent of the rated {u.force}, {100.0 * percent:.4g} {u.N} at the axis.",
-        "All values are added to the torque command, so that the one of the negative direction is negative.",
-        "A direction is held until the next command direction.",
-        *lost(axis),
-    ]
-    return write_sheet(Sheet("Panasonic MINAS A5 and A6, Omron G5", rows, force, notes), fit, folder, "minas")
+    forces = dict(zip((one for one, _ in NAMES), (axis.offset, forward, -backward), strict=True))
+    values, p, note = in_percent(axis, rated, forces, 1.0)
+    both = list(zip(NAMES, (text(value, 1.0) for value in values), strict=True))
+    rows = [Row(one, value, "%", "MINAS", PANASONIC) for (one, _), value in both]
+    rows += [Row(other, value, "%", "Omron G5", OMRON) for (_, other), value in both]
+    notes = [note, opposite, "A direction is held until the next command direction.", *lost(axis)]
+    sheet = Sheet("Panasonic MINAS A5 and A6, Omron G5", rows, p[0] + fit.coulomb @ [p[1], -p[2]], notes)
+    return write_sheet(sheet, fit, folder, "minas")
 
 
 TARGET = Target("a sheet for Panasonic MINAS A5 and A6, and Omron G5", "axis", write, options=(RATED,))

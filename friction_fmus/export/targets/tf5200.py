@@ -13,6 +13,13 @@ if TYPE_CHECKING:
     from friction_fmus.export.identified_axis import IdentifiedAxis
 
 PARAMETERS: Final = "https://infosys.beckhoff.com/content/1033/tf5200_axis_compensation_parameters"
+PAGES: Final = {
+    **{"mode": ("00041", 493246859), "table_entries": ("00042", 113449739), "position_delay": ("00043", 113451275)},
+    **{"reversal_lookahead": ("00044", 113452811), "scaling_factor": ("00045", 113454347), "in": ("00046", 113455883)},
+    **{"out": ("00047", 113457419), "delay_cycles": ("00058", 351557899)},
+}
+"""Number of each parameter, and page of its description."""
+
 MOST_ROWS: Final = 20
 PLACES: Final = 120  # speeds among which those of the rows are chosen
 CHOICES: Final = {
@@ -71,11 +78,11 @@ def write(axis: IdentifiedAxis, folder: Path, rated: str = "", rows: str = str(M
 
     from friction_fmus.errors import BuildError
     from friction_fmus.export.axis_fit import AxisFit, signs
-    from friction_fmus.export.drive_sheet import Row, Sheet, Source, lost, rated_force, rounded, text, write_sheet
+    from friction_fmus.export.drive_sheet import Row, Sheet, in_percent, lost, text, write_sheet
 
     if not rows.isdecimal() or not 2 <= int(rows) <= MOST_ROWS:
         raise BuildError(f"--rows {rows}: the table has 2 to {MOST_ROWS} rows.")
-    fit, unit = AxisFit(axis), rated_force(axis, rated) / 1000.0
+    fit = AxisFit(axis)
     sign, speed = signs(fit.motion), np.abs(fit.motion.rd)
     scale, length = (180e3 / np.pi, np.pi / 1.8e6) if axis.rotary else (1e6, 1e-7)
     moving = speed[sign != 0.0]
@@ -89,36 +96,29 @@ def write(axis: IdentifiedAxis, folder: Path, rated: str = "", rows: str = str(M
     v[0], v[-1] = 0.0, most
     at = np.unique(np.round(scale * v[best_places(v, f, weights, int(rows))]))
     hats = np.column_stack([sign * np.interp(scale * speed, at, each) for each in np.eye(len(at))])
-    values = enumerate(fit.fit(hats, axis.offset) / unit)
-    out = [rounded(value, 1.0, -32767.0, 32767.0, f"frict_comp.table[{i}].out") for i, value in values]
+    forces = {f"frict_comp.table[{i}].out": force for i, force in enumerate(fit.fit(hats, axis.offset))}
+    percent, out, note = in_percent(axis, rated, forces, 0.1)
 
     def formed(given: dict[str, int]) -> Array:
         delay, *cycles = given.values()
-        return shaped(fit, unit * hats @ out, length * delay, *cycles) + axis.offset
+        return shaped(fit, hats @ out, length * delay, *cycles) + axis.offset
 
     chosen = dict.fromkeys(CHOICES, 0)
     for name, tried in CHOICES.items() if axis.loop is not None else ():
         chosen = min(({**chosen, name: value} for value in tried), key=lambda given: fit.tracking(formed(given)))
     short, turn = ("0.0001 deg", "0.001 deg/s") if axis.rotary else ("0.1 um", "um/s")
-    entries: list[tuple[str, float, str, str]] = [
-        ("mode", 3, "", "00041/493246859"),
-        ("table_entries", len(at), "", "00042/113449739"),
-        ("position_delay", chosen["position_delay"], short, "00043/113451275"),
-        ("reversal_lookahead", chosen["reversal_lookahead"], "cycles", "00044/113452811"),
-        ("scaling_factor", 1000, "0.1 %", "00045/113454347"),
-        ("delay_cycles", chosen["delay_cycles"], "cycles", "00058/351557899"),
-    ]
-    for i, pair in enumerate(zip(at, out, strict=True)):
-        entries.append((f"table[{i}].in", pair[0], turn, "00046/113455883"))
-        entries.append((f"table[{i}].out", pair[1], "0.1 % of rated", "00047/113457419"))
+    entries: list[tuple[str, float, str]] = [("mode", 3, ""), ("table_entries", len(at), "")]
+    entries += [(name, value, short if name == "position_delay" else "cycles") for name, value in chosen.items()]
+    entries.append(("scaling_factor", 1000, "0.1 %"))
+    for i, (each, current) in enumerate(zip(at, percent, strict=True)):
+        entries += [(f"table[{i}].in", each, turn), (f"table[{i}].out", 10.0 * current, "0.1 % of rated")]
     lines = []
-    for name, value, of, where in entries:
-        number, page = where.split("/")
-        source = Source(f"Beckhoff, TF5200 CNC, P-COMP-{number}", f"{PARAMETERS}/{page}.html")
-        lines.append(Row(f"frict_comp.{name}", text(value, 1.0), of, f"compensation list, P-COMP-{number}", source))
+    for name, value, of in entries:
+        number, page = PAGES[name.rpartition(".")[2]]
+        source = (f"Beckhoff, TF5200 CNC, P-COMP-{number}", f"{PARAMETERS}/{page}.html")
+        lines.append(Row(f"frict_comp.{name}", text(value, 1.0), of, "compensation list", source))
     notes = [
-        f"The rated {axis.words.force} is {1000.0 * unit:.4g} {axis.words.N} at the axis. The unit of the current "
-        "depends on the drive; 0.1 % of rated is that of CANopen drives.",
+        f"{note} The unit of the current depends on the drive; 0.1 % of rated is that of CANopen drives.",
         "lr_param.frict_comp = 1 (P-AXIS-00522) activates the compensation. It does not contain the constant force.",
         "A cycle is taken as a sample of the servo. Between rows, the current is interpolated; it is 0 at rest.",
         "position_delay is within the documented range, 0 to 10, although an example of the documentation has 30.",

@@ -23,7 +23,7 @@ def write(axis: IdentifiedAxis, folder: Path) -> list[Path]:
 
     from friction_fmus.errors import BuildError
     from friction_fmus.export.axis_fit import AGAINST, AxisFit
-    from friction_fmus.export.drive_sheet import Row, Sheet, Source, lost, text, write_sheet
+    from friction_fmus.export.drive_sheet import Row, Sheet, lost, text, write_sheet
     from friction_fmus.listings import shown
 
     if not axis.rotary:
@@ -34,9 +34,8 @@ def write(axis: IdentifiedAxis, folder: Path) -> list[Path]:
     own = np.column_stack([fit.motion.rd, fit.held])
     columns = own * fit.least_squares(own, axis.offset, AGAINST)
     scales = np.round(fit.fit(columns, axis.offset, (0.0, 1.0)), 2)
-    where, source = "argument of direct_torque, element of the joint", Source(*MANUAL)
-    names = "viscous_scale", "coulomb_scale"
-    rows = [Row(name, text(scale, 0.01), "", where, source) for name, scale in zip(names, scales, strict=True)]
+    both = zip(("viscous_scale", "coulomb_scale"), scales, strict=True)
+    rows = [Row(name, text(scale, 0.01), "", "argument of direct_torque", MANUAL) for name, scale in both]
     notes = [
         "The scales refer to the friction model of the robot, which is not documented: they assume that its Coulomb "
         "and viscous friction are those of the joint. Begin with the defaults of the robot.",
