@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Hashable, Mapping
+from collections.abc import Callable, Container, Hashable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cache, partial
 from pathlib import Path
@@ -18,6 +18,7 @@ from friction_fmus.blocks.catalogue import find
 from friction_fmus.export.block_fmu import fmu
 from harness import FmuPart, Part, SeriesPart, Wire
 from harness.parts.part import StartValue
+from harness.system.wire import parse_wire
 
 
 @dataclass
@@ -105,6 +106,8 @@ class AxisAssembly:
             if _has_input(contact, "F_ext"):
                 self.wires.append(f"axis.F_ext{side} -> {name}.F_ext")
         self.start |= start_of(plant, {part.name: part for part in self.parts}, trajectory.x0)
+        if _has_input(contact, "F_t"):
+            self._add_motor(f"{FRICTION}.F_t")
         if plant.loaded:
             self._add_load()
         elif "Fn0" in plant.values and _has_input(contact, "Fn"):  # identified at a constant normal force
@@ -122,11 +125,17 @@ class AxisAssembly:
         """Add what makes the friction grow with the transmitted force, and one input for both forces of the drive."""
         shares = {name: self.plant.terms[name] for name in SHARES}
         self.add("transmission", "TransmissionLoad", {"base": self.plant.values["Fn0"], **shares}, sampled=False)
-        self.add("motor", "Sum", {}, sampled=False)
-        self.wires += ["motor.y -> axis.F_drive", "motor.y -> transmission.F_drive"]
+        self._add_motor("transmission.F_drive")
         self.wires += ["axis.v -> transmission.v", f"transmission.Fn -> {FRICTION}.Fn"]
         if self.plant.position is not None:
             self.wires.append(Wire("position.F_position", "transmission.F_external", delay=1))
+
+    def _add_motor(self, other: str) -> None:
+        """Add one input for the force of the drive, which acts on the axis and is an input of another part."""
+        self.add("motor", "Sum", {}, sampled=False)
+        wires = [parse_wire(wire) for wire in self.wires]
+        self.wires = [replace(wire, target="motor.u1") if wire.target == DRIVE else wire for wire in wires]
+        self.wires += [f"motor.y -> {DRIVE}", f"motor.y -> {other}"]
 
 
 @dataclass
@@ -191,7 +200,7 @@ class LoopAssembly(AxisAssembly):
             self.add("current", "SecondOrderFilter", {**CurrentLoop(servo.lag, servo.Ts).parameters, "Ts": servo.Ts})
             self.wires.append(f"{command} -> current.u")
             command = "current.y"
-        self.wires.append(Wire(command, self.plant.drive_input, delay=self.every * servo.delay))
+        self.wires.append(Wire(command, DRIVE, delay=self.every * servo.delay))
         for name, known in (("rd", motion or servo.velocity_feedforward), ("rdd", inertia > 0.0)):
             if known:
                 self.wires.append(f"reference.{name} -> servo.{name}")
@@ -299,6 +308,14 @@ def with_friction(
 
 
 FRICTION, OF_LOAD = "friction", "load_friction"  # parts with the friction of the motor, or of all, and of a load
+
+
+DRIVE: Final = "axis.F_drive"  # input of the mass for the force of the drive
+
+
+def drive_input(parts: Container[str]) -> str:
+    """Return the input of an axis for the force of the drive."""
+    return "motor.u1" if "motor" in parts else DRIVE
 
 
 def position_of(plant: AxisPlant) -> str:

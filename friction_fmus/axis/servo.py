@@ -63,11 +63,6 @@ class AxisPlant:
         return any(self.terms.get(name) for name in SHARES)
 
     @property
-    def drive_input(self) -> str:
-        """Input of the axis for the force of the drive."""
-        return "motor.u1" if self.loaded else "axis.F_drive"
-
-    @property
     def stiffness(self) -> float:
         """Contact stiffness at rest, as the file of the block states it [N/m]; 0 if rigid."""
         friction = find(self.friction).about.in_loop.friction

@@ -392,9 +392,9 @@ def without_unknown_static_friction(found: IdentifiedModel) -> IdentifiedModel:
 
 def with_load(found: IdentifiedModel, load: FlexibleLoad, measured: Measured) -> IdentifiedModel:
     """Return a model with a part of its mass behind a spring, if the servo then follows the record clearly better."""
-    beside = found.values.get("Fv") and "Fv" not in contact_model(found.block, ROTARY).parameters
-    if beside or found.terms:
-        return found  # two masses have no friction beside the blocks, and no gravity
+    contact = contact_model(found.block, ROTARY)
+    if (found.values.get("Fv") and "Fv" not in contact.parameters) or contact.transmits or found.terms:
+        return found  # two masses have no friction beside the blocks, no gravity and no load
     best, least = found, np.inf if found.error is None else (1.0 - ALIKE) * found.error
     for mass in dict.fromkeys((found.mass, load.found or found.mass)):  # the latter is better where the load swings
         parameters = tuple(replace(p, value=mass) if p.name == "M" else p for p in found.row.parameters)

@@ -48,7 +48,14 @@ from friction_fmus.study.servo_check import CheckedServo, check_servo
 from friction_fmus.study.servo_estimate import estimate_servo
 from friction_fmus.study.settings_file import SETTINGS_FILE, settings_of
 from friction_fmus.study.steps import CACHE, Step, StepCache, run_steps, workers
-from friction_fmus.study.study_files import OWN, Figures, export_models, export_recommended
+from friction_fmus.study.study_files import (
+    OWN,
+    Figures,
+    export_models,
+    export_recommended,
+    export_sheet,
+    identified_axes,
+)
 from friction_fmus.study.study_result import (
     ConditionResult,
     Recommendation,
@@ -345,9 +352,12 @@ class _Study:
             with ThreadPoolExecutor(1) as thread:  # which mostly waits for a compiler
                 panel = thread.submit(self._panel, bench, comparison)
                 files += export_recommended(self.out, bench, comparison.chosen, name, citation, figures)
+                (axis,) = identified_axes(models[:1], data.longest, self.config.servo, comparison)
+                files += export_sheet(self.out, axis)
                 doctor = self._doctor(bench)
                 self.panel = panel.result()
         self.progress(0.97)
+        axes = identified_axes(models, data.longest, self.config.servo, comparison)
         record = data.longest
         files += settings_of(self.config, data, self.out)
         files += [
@@ -378,6 +388,7 @@ class _Study:
             servo_check=checked.result,
             findings=tuple(findings),
             turn=comparison.turn if comparison else None,
+            axes=axes if written else (),
         )
 
     def _goes_on(self, findings: Sequence[StudyFinding]) -> bool:

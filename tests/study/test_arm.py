@@ -90,9 +90,8 @@ def test_gravity_and_load_of_a_record_are_identified() -> None:
     assert plant.values["Fc"] == plant.values["Fn0"] == pytest.approx(ARM.Fc, rel=0.05)
     friction, load = friction_of(measured, found), load_along(found, measured)
     assert friction is not None
-    assert load is not None
     slides = np.abs(friction[1]) > 0.5
-    expected = np.sign(friction[1]) * load + ARM.Fv * friction[1]
+    expected = np.sign(friction[1]) * load["Fn"] + ARM.Fv * friction[1]
     assert np.median(np.abs(friction[2] - expected)[slides]) < 0.02
 
 
@@ -113,9 +112,9 @@ def test_friction_without_load_is_drawn_with_its_own_normal_force() -> None:
     row = ModelResult("Stribeck", find("Stribeck").name)
     found = IdentifiedModel(row, "Stribeck", FRICTION, ARM.M, terms=TERMS)
     v = np.full(50, 2.0)
-    F = driven_friction(found, ROTARY, 0.01 * np.arange(50.0), v, None)
+    F = driven_friction(found, ROTARY, 0.01 * np.arange(50.0), v, {})
     assert F[-1] == pytest.approx(ARM.Fc + 2.0 * ARM.Fv, rel=1e-6)
-    loaded = driven_friction(found, ROTARY, 0.01 * np.arange(50.0), v, np.full(50, 3.0 * ARM.Fc))
+    loaded = driven_friction(found, ROTARY, 0.01 * np.arange(50.0), v, {"Fn": np.full(50, 3.0 * ARM.Fc)})
     assert loaded[-1] == pytest.approx(3.0 * ARM.Fc + 2.0 * ARM.Fv, rel=1e-6)
 
 
