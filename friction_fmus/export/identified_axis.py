@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
@@ -53,6 +53,8 @@ class IdentifiedAxis:
         Largest force of the servo [N]; None without a servo.
     loop : AxisLoop or None
         Servo of the axis; None without a study that compared compensators.
+    terms : mapping of str to float
+        What acts beside the friction model, see `TERMS` of `friction_fmus.identification.fit.axis_terms`.
     """
 
     name: str
@@ -68,6 +70,7 @@ class IdentifiedAxis:
     speed: float
     force_limit: float | None = None
     loop: AxisLoop | None = None
+    terms: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def words(self) -> Words:

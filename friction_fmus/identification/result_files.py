@@ -19,6 +19,7 @@ from friction_fmus.errors import IdentificationError
 from friction_fmus.export.identified_axis import IdentifiedAxis
 from friction_fmus.identification.data.reading import Measurement
 from friction_fmus.identification.data.record import Record, RecordFinding
+from friction_fmus.identification.fit.axis_terms import VALUES
 from friction_fmus.identification.fit.contact_model import contact_model
 from friction_fmus.identification.fit.estimate import Estimate
 from friction_fmus.identification.fit.idim import filtered_motion
@@ -216,6 +217,7 @@ def axis_of(result: Identification, citation: str) -> IdentifiedAxis:
         offset=values.get("OF", 0.0),
         position=None if result.position is None else result.position.table,
         speed=max(map(largest_speed, result.records)),
+        terms={name: value for name, value in values.items() if name in VALUES - known.keys()},
     )
 
 
