@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Final, TypeAlias
 
 import numpy as np
+from scipy.optimize import nnls
 
 from friction_fmus.axis.servo import AxisPlant
 from friction_fmus.axis.servo_loop import COARSER, free_axis, quiet_runs, run_free
@@ -45,26 +46,23 @@ def contact_of(axis: IdentifiedAxis) -> AxisFriction:
             f"The joint of a simulator needs a positive {u.mass}, but that of {axis.name} is {axis.mass:g} {u.kg}; "
             f"identify the axis from a record with position and drive {u.force}."
         )
-    if declared is None:
-        raise BuildError(f"{axis.model} does not state its friction over velocity; choose another model with --model.")
+    if declared is None or axis.parameters.get("shape"):
+        raise BuildError(f"{axis.label} states no exponential Stribeck curve; choose another model with --model.")
     return declared.contact(axis.parameters)
 
 
 def coulomb_law(axis: IdentifiedAxis) -> AxisPlant:
-    """Return Coulomb and viscous friction with the least error of the force along the motion of the axis."""
-    contact_of(axis)
-    fit = AxisFit(axis)
-    along = 0.0 if axis.position is None else -axis.position.force(fit.motion.r, fit.motion.rd)
-    columns = np.column_stack([fit.direction, fit.motion.rd, np.ones_like(fit.direction)])
-    Fc, Fv, _ = fit.least_squares(columns, along, (np.array([0.0, 0.0, -inf]), inf)).tolist()
-    return AxisPlant("Stribeck", {"Fc": Fc, "Fs": Fc, "Fv": Fv}, axis.mass)
+    """Return Coulomb and viscous friction with the least error of the sliding force over the speeds of the motion."""
+    contact, v = contact_of(axis), np.abs(AxisFit(axis).motion.rd)
+    v = v[v > 0.0]
+    sliding = 0.5 * sum(level.at(v) + level.viscous * v for level in contact.levels) + axis.viscous * v
+    (Fc, fastest), _ = nnls(np.column_stack([np.ones_like(v), v / np.max(v)]), sliding)
+    return AxisPlant("Stribeck", {"Fc": float(Fc), "Fs": float(Fc), "Fv": float(fastest / np.max(v))}, axis.mass)
 
 
 def stribeck_law(axis: IdentifiedAxis) -> AxisPlant:
     """Return the Stribeck curve of the axis, the mean of both directions."""
     one, two = contact_of(axis).levels
-    if axis.parameters.get("shape"):
-        raise BuildError(f"The Stribeck curve of {axis.label} is not exponential; choose another model with --model.")
     mean = {name: 0.5 * (getattr(one, name) + getattr(two, name)) for name in ("Fc", "Fs", "delta")}
     # static friction that acts at rest only falls at a speed that no record resolves
     mean["vs"] = 0.5 * ((one.vs or 0.0) + (two.vs or 0.0)) or 1e-3 * axis.speed
@@ -108,7 +106,7 @@ def equivalence(axis: IdentifiedAxis, joint: Simulator, step: float = STEP) -> t
     own = simulator(AxisPlant(axis.model, {"Fv": axis.viscous, **axis.parameters}, axis.mass), axis.rotary)
     largest = float(np.max(np.abs(AxisFit(axis).friction)))
     # a sine of twice the friction reaches about the largest speed of the record
-    w = float(np.clip(largest / (axis.mass * axis.speed), 1.0, 0.02 / step))
+    w = float(np.clip(largest / (axis.mass * axis.speed), 1.0, 0.1 / step))
     t = step * np.arange(ceil(4.0 * pi / w / step) + 1.0)
     x, other = (run(t, 2.0 * largest * np.sin(w * t))[0] for run in (own, joint))
     return float(np.ptp(x)), rms(other - x), np.array([_rest(run, axis, largest, step) for run in (own, joint)])
@@ -164,6 +162,6 @@ def write_form(
     text = (FORMS / (form or path.name)).read_text(encoding="utf-8").format(**known)
     joint = simulate(text) if simulate else simulator(law, axis.rotary)
     lines = describe(axis, kept, joint, "MuJoCo 4" if simulate else "an exact solver", step)
-    lines = ["".join(filter(str.isprintable, line)).replace("--", "- -") for line in lines]
+    lines = [re.sub("-(?=-)", "- ", "".join(filter(str.isprintable, line))) for line in lines]  # a comment has no --
     write_fmu("\n".join(["<!--", *lines, "-->", text]).encode(), path)
     return [path]
