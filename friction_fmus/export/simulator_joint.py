@@ -1,7 +1,4 @@
-"""A joint of a simulator with the friction of an identified axis: its parameters, and how its motion differs.
-
-The law of a joint is given as a block with parameters and mass, so that it can be simulated here as well.
-"""
+"""A joint of a simulator with the friction of an identified axis: its parameters, and how its motion differs."""
 
 from __future__ import annotations
 
@@ -22,9 +19,9 @@ from friction_fmus.errors import BuildError
 from friction_fmus.export.axis_fit import AxisFit, rms
 from friction_fmus.export.axis_loop import Array
 from friction_fmus.export.block_fmu import fmu
-from friction_fmus.export.drive_sheet import digits
 from friction_fmus.export.targets import write_fmu
 from friction_fmus.listings import shown
+from harness import ExperimentError
 
 if TYPE_CHECKING:
     from friction_fmus.blocks.contact import AxisFriction
@@ -33,7 +30,6 @@ if TYPE_CHECKING:
 #: Function of time and force, shape (n,), held within a step, that returns position and velocity, shape (n,).
 Simulator: TypeAlias = Callable[[Array, Array], tuple[Array, Array]]
 
-FORMS: Final = Path(__file__).parent / "forms"
 STEP: Final = 1e-3  # time step of a joint whose friction does not need a shorter one [s]
 MOVING: Final = 0.01  # part of the largest speed of the record above which an axis counts as broken away
 
@@ -73,13 +69,13 @@ def lost(axis: IdentifiedAxis, kept: Collection[str]) -> list[str]:
     """Return what a joint does not have of the axis; `kept` are keys of the rows below, or names of terms."""
     u, contact = axis.words, contact_of(axis)
     one, two = contact.levels
-    terms = ", ".join(f"{name} = {digits(value)}" for name, value in axis.terms.items() if name not in kept)
+    terms = ", ".join(f"{name} = {value:.4g}" for name, value in axis.terms.items() if name not in kept)
     rows = {
-        "static": one.Fs != one.Fc and f"{digits(one.Fs)} {u.N} at rest instead of {digits(one.Fc)} {u.N}",
-        "presliding": contact.stiffness and f"presliding with a stiffness of {digits(contact.stiffness)} {u.N_m}",
+        "static": one.Fs != one.Fc and f"{one.Fs:.4g} {u.N} at rest instead of {one.Fc:.4g} {u.N}",
+        "presliding": contact.stiffness and f"presliding with a stiffness of {contact.stiffness:.4g} {u.N_m}",
         "directions": one != two and "different friction in both directions, of which this is the mean",
         "terms": terms and f"what acts beside the friction model: {terms}",
-        "offset": axis.offset and f"the constant {u.force} {digits(axis.offset)} {u.N}; add it to that of the drive",
+        "offset": axis.offset and f"the constant {u.force} {axis.offset:.4g} {u.N}; add it to that of the drive",
         "position": axis.position is not None and f"{u.force} over position",
     }
     return [f"- {text}" for name, text in rows.items() if text and name not in kept]
@@ -98,12 +94,10 @@ def simulator(law: AxisPlant, rotary: bool) -> Simulator:
 
 
 def equivalence(axis: IdentifiedAxis, joint: Simulator, step: float = STEP) -> tuple[float, float, Array]:
-    """Return how far a joint is from the axis as identified, without offset and force over position.
-
-    These are the travel under a sine of force and the rms difference of the positions [m], and for axis and joint the
-    largest friction before sliding [N] and the mean speed under 90 % of it [m/s], shape (2, 2).
-    """
-    own = simulator(AxisPlant(axis.model, {"Fv": axis.viscous, **axis.parameters}, axis.mass), axis.rotary)
+    """Return travel and rms difference under a sine of force [m], and, for axis and joint, the largest friction before
+    sliding [N] and the mean speed under 90 % of it [m/s], shape (2, 2); without offset and force over position."""
+    p = {name: value for name, value in axis.parameters.items() if name != "Fn0"}  # Fn and Fn0 are 1 N here
+    own = simulator(AxisPlant(axis.model, {"Fv": axis.viscous, **p}, axis.mass), axis.rotary)
     largest = float(np.max(np.abs(AxisFit(axis).friction)))
     # a sine of twice the friction reaches about the largest speed of the record
     w = float(np.clip(largest / (axis.mass * axis.speed), 1.0, 0.1 / step))
@@ -132,13 +126,16 @@ def describe(
     lines += [f"Record: {axis.citation}"] * bool(axis.citation) + ["Not in this joint:"] * bool(left) + left
     if joint is None:
         return [*lines, f"Not compared with the axis: {where} is not installed."]
-    travel, difference, rests = equivalence(axis, joint, step)
+    try:
+        travel, difference, rests = equivalence(axis, joint, step)
+    except ExperimentError as error:
+        return [*lines, f"Not compared with the axis, which could not be simulated: {error}"]
     (own, still), (level, creep) = np.round(rests, 12) + 0.0
     return [
         *lines,
         f"Axis as identified, and this joint in {where} with steps of {1e3 * step:g} ms, under the same {u.force}:",
         f"- position: rms difference {shown(difference, u.m)}, travel {shown(travel, u.m)}",
-        f"- break-away: {digits(own)} {u.N}, joint {digits(level)} {u.N}",
+        f"- break-away: {own:.4g} {u.N}, joint {level:.4g} {u.N}",
         f"- creep under 90 % of it: {shown(still, u.m_s)}, joint {shown(creep, u.m_s)}",
     ]
 
@@ -153,13 +150,10 @@ def write_form(
     simulate: Callable[[str], Simulator | None] | None = None,
     step: float = STEP,
 ) -> list[Path]:
-    """Fill a form with a law, and write it after a comment; `kind` is the type of the joint in the form.
-
-    The joint is simulated by a function of the text, or by this library. Names have letters, digits and _ only.
-    """
+    """Fill a form, and write it after a comment; `kind` is its type of the joint, and `simulate` may need the text."""
     known = {"name": re.sub(r"\W+", "_", axis.name, flags=re.ASCII).strip("_") or "axis", "inertia": axis.mass}
     known |= {"mass": 1.0 if axis.rotary else axis.mass, "kind": kind, "u": axis.words, "step": step, **law.values}
-    text = (FORMS / (form or path.name)).read_text(encoding="utf-8").format(**known)
+    text = Path(__file__).with_name("forms").joinpath(form or path.name).read_text(encoding="utf-8").format(**known)
     joint = simulate(text) if simulate else simulator(law, axis.rotary)
     lines = describe(axis, kept, joint, "MuJoCo 4" if simulate else "an exact solver", step)
     lines = [re.sub("-(?=-)", "- ", "".join(filter(str.isprintable, line))) for line in lines]  # a comment has no --

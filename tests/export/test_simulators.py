@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import re
+import sys
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -20,8 +21,9 @@ from friction_fmus.__main__ import main
 from friction_fmus.axis.position_map import Grid, PositionMap
 from friction_fmus.export import simulator_joint
 from friction_fmus.export.identified_axis import IdentifiedAxis
-from friction_fmus.export.simulator_joint import coulomb_law, equivalence, simulator
+from friction_fmus.export.simulator_joint import coulomb_law, equivalence, simulator, stribeck_law
 from friction_fmus.export.targets import mjcf, targets
+from harness import ExperimentError
 
 PAGE = Path(__file__).parents[2] / "docs" / "simulators.md"
 
@@ -244,6 +246,33 @@ def test_what_a_joint_does_not_have_is_said(tmp_path: Path) -> None:
         assert "constant force -3.082 N" in text
         assert "force over position" in text
     assert "Not in this joint" not in written("mjcf", replace(EMPS, offset=0.0), tmp_path)
+
+
+def test_the_axis_is_simulated_as_it_was_identified() -> None:
+    """With its own values for v < 0, and at the normal force of the record, Fn0, which the joint does not have."""
+    p = {**JOINT.parameters, "asymmetric": 1.0, "Fn0": 5.0} | {f"{name}_neg": v for name, v in JOINT.parameters.items()}
+    found = equivalence(replace(JOINT, parameters=p), simulator(stribeck_law(JOINT), True))
+    assert found[1] < 1e-9 * found[0]
+    p["Fc_neg"] = p["Fs_neg"] = 0.1
+    found = equivalence(replace(JOINT, parameters=p), simulator(stribeck_law(JOINT), True))
+    assert found[1] > 0.05 * found[0]
+
+
+def test_an_axis_that_cannot_be_simulated_is_exported_without_a_comparison(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    def fail(*_: object) -> None:
+        raise ExperimentError("no solution")
+
+    monkeypatch.setattr(simulator_joint, "equivalence", fail)
+    assert "which could not be simulated: no solution" in written("urdf", EMPS, tmp_path)
+
+
+def test_without_muJoCo_the_file_says_so(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setitem(sys.modules, "mujoco", None)
+    text = written("mjcf", EMPS, tmp_path)
+    assert "Not compared with the axis: MuJoCo 4 is not installed." in text
+    assert 'frictionloss="20.473"' in text
 
 
 @pytest.mark.parametrize("target", ["mjcf", "urdf", "sdf", "bam"])

@@ -30,10 +30,7 @@ def write(axis: IdentifiedAxis, folder: Path) -> list[Path]:
 
 
 def bristles(axis: IdentifiedAxis) -> tuple[AxisPlant, float]:
-    """Return LuGre friction, and the longest time step for its bristles [s].
-
-    For bristles that need a shorter step than the shortest one, stiffness and damping are limited.
-    """
+    """Return LuGre friction and a time step for its bristles [s]; their stiffness is limited for the shortest one."""
     from friction_fmus.axis.servo import AxisPlant
     from friction_fmus.export.simulator_joint import STEP, contact_of, stribeck_law
 
