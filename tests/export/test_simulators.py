@@ -18,10 +18,10 @@ from lxml import etree
 
 from friction_fmus import BuildError
 from friction_fmus.__main__ import main
+from friction_fmus.axis import simulator_joint
 from friction_fmus.axis.position_map import Grid, PositionMap
-from friction_fmus.export import simulator_joint
+from friction_fmus.axis.simulator_joint import coulomb_law, equivalence, simulator, stribeck_law
 from friction_fmus.export.identified_axis import IdentifiedAxis
-from friction_fmus.export.simulator_joint import coulomb_law, equivalence, simulator, stribeck_law
 from friction_fmus.export.targets import mjcf, targets
 from harness import ExperimentError
 

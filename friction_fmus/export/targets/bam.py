@@ -16,7 +16,7 @@ LOAD: Final = {"a": "base", "a_drive": "motor", "a_external": "external"}  # nam
 
 def write(axis: IdentifiedAxis, folder: Path) -> list[Path]:
     """Write the parameters, with the names of `bam.model.Model`."""
-    from friction_fmus.export.simulator_joint import STEP, describe, simulator, stribeck_law
+    from friction_fmus.axis.simulator_joint import STEP, describe, simulator, stribeck_law
 
     law, u = stribeck_law(axis), axis.words
     load = {side: axis.terms[name] for name, side in LOAD.items() if name in axis.terms}

@@ -9,9 +9,9 @@ from friction_fmus.export.targets import Target
 
 if TYPE_CHECKING:
     from friction_fmus.axis.servo import AxisPlant
+    from friction_fmus.axis.simulator_joint import Simulator
     from friction_fmus.export.axis_loop import Array
     from friction_fmus.export.identified_axis import IdentifiedAxis
-    from friction_fmus.export.simulator_joint import Simulator
 
 SHORTEST: Final = 1e-4  # time step for bristles [s]
 EXPLICIT: Final = 0.2  # time step over the time constants of bristles, in which MuJoCo is explicit
@@ -19,7 +19,7 @@ EXPLICIT: Final = 0.2  # time step over the time constants of bristles, in which
 
 def write(axis: IdentifiedAxis, folder: Path) -> list[Path]:
     """Write the model."""
-    from friction_fmus.export.simulator_joint import contact_of, coulomb_law, write_form
+    from friction_fmus.axis.simulator_joint import contact_of, coulomb_law, write_form
 
     path, kind = folder / "mjcf.xml", "hinge" if axis.rotary else "slide"
     if not (stiffness := contact_of(axis).stiffness):
@@ -32,7 +32,7 @@ def write(axis: IdentifiedAxis, folder: Path) -> list[Path]:
 def bristles(axis: IdentifiedAxis) -> tuple[AxisPlant, float]:
     """Return LuGre friction and a time step for its bristles [s]; their stiffness is limited for the shortest one."""
     from friction_fmus.axis.servo import AxisPlant
-    from friction_fmus.export.simulator_joint import STEP, contact_of, stribeck_law
+    from friction_fmus.axis.simulator_joint import STEP, contact_of, stribeck_law
 
     contact, p = contact_of(axis), stribeck_law(axis).values
     viscous, stiffness = p["Fv"], contact.stiffness

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 def write(axis: IdentifiedAxis, folder: Path, file: str = "joint.urdf", turning: str = "continuous") -> list[Path]:
     """Write a file; `turning` is the type of a rotary joint in it."""
-    from friction_fmus.export.simulator_joint import coulomb_law, write_form
+    from friction_fmus.axis.simulator_joint import coulomb_law, write_form
 
     return write_form(axis, folder / file, coulomb_law(axis), turning if axis.rotary else "prismatic")
 
