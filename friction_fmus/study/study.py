@@ -304,6 +304,10 @@ class _Study:
         models, plants = self._models(data, checked, [step] * self._goes_on(findings))
         shown = [finding for plant in plants for finding in plant.findings]
         simulated = {} if models[0].load is None else {"two-masses": "The simulated axis has both parts."}
+        arm = "The simulated axis is an arm, whose gravity the feedforward compensates."
+        simulated |= dict.fromkeys(("gravity", "force-over-position"), arm) if "G_sin" in models[0].terms else {}
+        loaded = "The friction of the simulated axis grows with it."
+        simulated |= {"load-dependent-friction": loaded} if models[0].plant.loaded else {}
         own = [StudyFinding(each.name, each.what, simulated.get(each.name, each.measure)) for each in shown]
         findings = sorted([*findings, *own], key=lambda each: each.name != "saturated")
         known = self.config.resonances or tuple(plant.load.resonance for plant in plants if plant.load is not None)
@@ -489,7 +493,7 @@ class _Study:
             float(r[0]),
             v0,
             motion=wanted.motion_feedforward,
-            offset=plant.offset,
+            offset=0.0 if plant.terms and wanted.motion_feedforward else plant.offset,  # else part of its load
             rotary=data.rotary,
             noise=noise,
         )

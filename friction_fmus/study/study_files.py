@@ -6,7 +6,16 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final
 
-from friction_fmus.axis.loop_assembly import FRICTION, OF_LOAD, block, typed, viscous_beside, with_friction
+from friction_fmus.axis.loop_assembly import (
+    FRICTION,
+    OF_LOAD,
+    block,
+    drive_input,
+    load_feedforward,
+    typed,
+    viscous_beside,
+    with_friction,
+)
 from friction_fmus.axis.servo import Compensator, Servo, Trajectory
 from friction_fmus.axis.servo_loop import accurate, closed_loop, recorded, with_gain
 from friction_fmus.blocks.axis_units import Words, domain_of
@@ -48,7 +57,7 @@ def with_tracking_error(system: System) -> System:
     return System(parts, wires, start, experiment, system.name)
 
 
-MACHINE: Final = ("axis", FRICTION, OF_LOAD, "position")  # parts of the machine
+MACHINE: Final = ("axis", FRICTION, OF_LOAD, "position", "motor", "transmission")  # parts of the machine
 
 PLANT: Final = (*MACHINE, "encoder", "measured", "noise", ERROR)
 """Parts that stand for the machine or compute the tracking error; the README has the connections of all others."""
@@ -154,8 +163,9 @@ def export_composites(folder: Path, whole: System) -> tuple[WrittenFile, ...]:
     parts = [part for name, part in whole.parts.items() if name in MACHINE]
     wires = [wire for wire in whole.wires if {end[0] for end in wire.ends} <= set(MACHINE)]
     start = {name: value for name, value in whole.start.items() if split_name(name)[0] in MACHINE}
-    machine = System(parts, wires, {**start, "axis.F_drive": 0.0}, whole.experiment, "axis")
-    machine.to_fmu(folder / "axis.fmu", inputs=["axis.F_drive"])
+    drive = drive_input(whole.parts)
+    machine = System(parts, wires, {**start, drive: 0.0}, whole.experiment, "axis")
+    machine.to_fmu(folder / "axis.fmu", inputs=[drive])
     references = sorted({wire.source for wire in whole.wires if split_name(wire.source)[0] == "reference"})
     whole.to_fmu(folder / "servo_axis.fmu", inputs=references)
     inputs = ", ".join(f"`{name}`" for name in references)
@@ -163,7 +173,7 @@ def export_composites(folder: Path, whole: System) -> tuple[WrittenFile, ...]:
         WrittenFile(
             f"{folder.name}/axis.fmu",
             "The axis with the identified friction as one FMU for any simulator at any step; connect the drive to "
-            "`axis.F_drive`",
+            f"`{drive}`",
         ),
         WrittenFile(
             f"{folder.name}/servo_axis.fmu", f"The same with servo and compensator; connect the reference to {inputs}"
@@ -188,7 +198,7 @@ def recommended_loop(
     path: Path,
 ) -> LoopFile:
     """Return the loop of an axis for which `without_code` gives no reason."""
-    outputs = {"servo": Compensator(servo.law)} | dict(laws)
+    outputs = {"servo": Compensator(servo.law), **laws}
     start = {name: value for name, value in system.start.items() if not isinstance(value, str)}
     own = {name.partition(".")[2]: value for name, value in start.items() if name.startswith("servo.")}
     wires = {wire.target: wire for wire in system.wires}
@@ -244,7 +254,9 @@ def export_recommended(
     recommends = any(both) or scheme.table or scheme.servo != bench.servo
     if recommends:
         both = with_friction(scheme.servo, *both)
-    laws = {part: law for part, law in zip(("compensator", "feedforward"), both, strict=True) if law is not None}
+    load = load_feedforward(bench.plant) if bench.trajectory.motion else None
+    named = zip(("load", *ADDED), (load, *both), strict=True)
+    laws = {part: law for part, law in named if law is not None}
     fmus: dict[str, Path] = {}
     chosen: dict[str, Mapping[str, float | bool]] = {}
     has_gain = True
