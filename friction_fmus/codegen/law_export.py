@@ -29,7 +29,7 @@ from friction_fmus.codegen.vectors import N, vectors
 from friction_fmus.errors import FrictionError
 from friction_fmus.lawkit.declarations import check_identifier
 from friction_fmus.lawkit.emit.c_text import DOUBLE, FLOAT
-from friction_fmus.lawkit.emit.names import comment
+from friction_fmus.lawkit.emit.syntax import comment
 from friction_fmus.version import VERSION
 from harness.storage.files import atomic_path, make_folder
 from harness.storage.toml_file import read_toml

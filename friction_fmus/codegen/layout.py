@@ -16,7 +16,7 @@ from friction_fmus.errors import FrictionError, UnknownNameError, did_you_mean
 from friction_fmus.lawkit.declarations import FAULT, PARAMETERS
 from friction_fmus.lawkit.emit.branches import Weight, in_pairs, positions, rounded
 from friction_fmus.lawkit.emit.c_text import DOUBLE, Kernel, Lows, Real, kernel
-from friction_fmus.lawkit.emit.names import Named, comment_lines
+from friction_fmus.lawkit.emit.names import Named
 from friction_fmus.lawkit.emit.operations import CONDITIONS, LIBM, Node, graph
 from friction_fmus.lawkit.law import ANGLE, BOOLEANS, LENGTH, NO_UNIT, VECTORS, Kind, Law, LawVariable
 from friction_fmus.lawkit.law_files import discover_laws
@@ -165,7 +165,7 @@ class Export:
         """One sample as statements on the structs."""
         remarks, others = self._remarks
         found = self.statements(self.law.function, self.law.given, self.results, self._lows, self.named, remarks)
-        return replace(found, lines=(*comment_lines(others), *found.lines))
+        return replace(found, lines=(*self.real.syntax.comment_lines(others), *found.lines))
 
     @property
     def _remarks(self) -> tuple[dict[int, list[str]], list[str]]:

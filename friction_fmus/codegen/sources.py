@@ -13,7 +13,7 @@ from friction_fmus.codegen.layout import Export, is_flag, numbered
 from friction_fmus.lawkit.declarations import PARAMETERS
 from friction_fmus.lawkit.emit.c_text import DOUBLE, Real
 from friction_fmus.lawkit.emit.chains import INDEX, LEAST
-from friction_fmus.lawkit.emit.names import comment
+from friction_fmus.lawkit.emit.syntax import comment
 from friction_fmus.lawkit.law import BOOLEANS, Kind, LawVariable
 from friction_fmus.version import VERSION
 

@@ -13,28 +13,24 @@ from casadi import Function
 
 from friction_fmus.lawkit.emit.branches import DECIDES, Block, CountedLoop, Decision, Weight, plan, split
 from friction_fmus.lawkit.emit.chains import INDEX, Rolled, roll
-from friction_fmus.lawkit.emit.names import DOUBLE, FLOAT, Named, Names, Real, comment_lines, place_name
+from friction_fmus.lawkit.emit.names import DOUBLE, FLOAT, Named, Names, Real, place_name
 from friction_fmus.lawkit.emit.operations import COMPARE, CONDITIONS, INFIX, LIBM, LOGIC, Node, Zeros, graph
+from friction_fmus.lawkit.emit.syntax import (
+    BOTH,
+    CHOICE,
+    COMPARISON,
+    EITHER,
+    PRIMARY,
+    PRODUCT,
+    SUM,
+    UNARY,
+    Syntax,
+    Text,
+    in_brackets,
+)
 
 __all__ = ["DOUBLE", "FLOAT", "Kernel", "Lows", "Real", "kernel"]
 
-
-class Text(NamedTuple):
-    """A C expression."""
-
-    text: str  # the expression
-    rank: int  # precedence of its outermost operator; `PRIMARY` for names, numbers and calls
-    reads: frozenset[int]  # indices of the arguments of the function that it reads
-
-
-PRIMARY = 9
-UNARY = 8
-PRODUCT = 7
-SUM = 6
-COMPARISON = 5
-BOTH = 4
-EITHER = 3
-CHOICE = 2
 
 TRUE, FALSE = (Text(text, PRIMARY, frozenset()) for text in ("true", "false"))
 _TRUTHS = ("true", "false")
@@ -52,11 +48,6 @@ def literal(value: float, real: Real) -> Text:
     return Text(text, UNARY if text.startswith("-") else PRIMARY, frozenset())
 
 
-def in_brackets(text: Text, least: int) -> str:
-    """Return the expression, in brackets if its precedence is below `least`."""
-    return text.text if text.rank >= least else f"({text.text})"
-
-
 def joined(first: Text, operator: str, second: Text, rank: int, least: tuple[int, int]) -> Text:
     """Return both expressions with an operator between them; ``a + -b`` becomes ``a - b``, which has the same bits."""
     if operator in "+-" and second.text.startswith("-") and second.rank >= PRODUCT:
@@ -65,13 +56,13 @@ def joined(first: Text, operator: str, second: Text, rank: int, least: tuple[int
     return Text(text, rank, first.reads | second.reads)
 
 
-def choice(condition: Text, first: Text, second: Text) -> Text:
+def choice(condition: Text, first: Text, second: Text, syntax: Syntax) -> Text:
     """Return the conditional expression."""
-    text = f"{in_brackets(condition, UNARY)} ? {in_brackets(first, PRODUCT)} : {in_brackets(second, PRODUCT)}"
-    return Text(text, CHOICE, condition.reads | first.reads | second.reads)
+    text, sides = syntax.choice(condition, first, second), (condition, first, second)
+    return Text(text, CHOICE, condition.reads | first.reads | second.reads, sides)
 
 
-def either(condition: Text, first: Text, second: Text) -> Text:
+def either(condition: Text, first: Text, second: Text, syntax: Syntax) -> Text:
     """Return one of two truth values, depending on a condition."""
     if FALSE in (first, second) or TRUE in (first, second):
         if second.text in _TRUTHS:
@@ -81,7 +72,7 @@ def either(condition: Text, first: Text, second: Text) -> Text:
         if first == TRUE:
             return joined(condition, "||", second, EITHER, (UNARY, UNARY))
         return joined(negation(condition), "&&", second, BOTH, (UNARY, UNARY))
-    return choice(condition, first, second)
+    return choice(condition, first, second, syntax)
 
 
 def negation(condition: Text) -> Text:
@@ -89,11 +80,6 @@ def negation(condition: Text) -> Text:
     if condition.rank == UNARY and condition.text.startswith("!"):
         return Text(condition.text[1:], PRIMARY, condition.reads)
     return Text(f"!{in_brackets(condition, PRIMARY)}", UNARY, condition.reads)
-
-
-def called_function(operation: str, real: Real) -> str:
-    """Return the function of the C library for an operation."""
-    return LIBM[operation] + real.suffix
 
 
 def expression(operation: str, given: Sequence[Text], real: Real, *, number_first: bool) -> Text:
@@ -109,7 +95,8 @@ def expression(operation: str, given: Sequence[Text], real: Real, *, number_firs
         return joined(given[0], COMPARE[operation], given[1], COMPARISON, (PRODUCT, PRODUCT))
     reads = frozenset[int]().union(*(text.reads for text in given))
     if operation in LIBM:
-        return Text(f"{called_function(operation, real)}({', '.join(text.text for text in given)})", PRIMARY, reads)
+        arguments = ", ".join(text.text for text in given)
+        return Text(f"{real.called(operation)}({arguments})", PRIMARY, reads)
     return _formula(operation, given, real)
 
 
@@ -126,10 +113,11 @@ def _formula(operation: str, given: Sequence[Text], real: Real) -> Text:
         return joined(first, operator, second, COMPARISON, (PRODUCT, PRODUCT))
 
     if operation == "SIGN":
-        positive = choice(less(given[0], zero, ">"), one, given[0])
-        return choice(less(given[0], zero, "<"), minus_one, positive)
+        positive = choice(less(given[0], zero, ">"), one, given[0], real.syntax)
+        return choice(less(given[0], zero, "<"), minus_one, positive, real.syntax)
     # the first of equal arguments, like fmin; a NaN in the first argument stays, unlike fmin
-    return choice(less(given[1], given[0], "<" if operation == "FMIN" else ">"), given[1], given[0])
+    other = less(given[1], given[0], "<" if operation == "FMIN" else ">")
+    return choice(other, given[1], given[0], real.syntax)
 
 
 RESULT, SIDE, IF = -1, -2, -3  # users of a value that are not nodes
@@ -215,37 +203,6 @@ def count_users(nodes: Sequence[Node], block: Block, users: dict[int, list[tuple
                 add(argument, item, place, REPEATS.get(nodes[item].operation, 1) * times(argument, item))
 
 
-_LINE = 100  # longest line of a statement
-_BREAKS = re.compile(r" (\+|-|\*|/|&&|\|\||\?|:) ")
-_ORDER = ("?", ":", "||", "&&", "+", "-", "*", "/")  # of operators at which a line is divided
-
-
-def statement(text: str) -> list[str]:
-    """Return a statement in lines, divided at its outermost operators if it is long."""
-    if len(text) <= _LINE:
-        return [text]
-    start = text.find(" = ") + 3
-    found = [
-        (_depth(text, start, match.start()), _ORDER.index(match[1]) // 2, -match.start())
-        for match in _BREAKS.finditer(text, start + 12, _LINE)
-    ]
-    if not found:
-        return [text]
-    place = -min(found)[2]
-    return [text[:place], *(f"    {line}" for line in statement(text[place + 1 :]))]
-
-
-def is_if(lines: Sequence[str]) -> bool:
-    """Return whether lines are a single ``if`` with its sides."""
-    outer = [line for line in lines if not line.startswith(" ")]
-    return bool(outer) and outer[0].startswith("if (") and all(line.startswith("}") for line in outer[1:])
-
-
-def _depth(text: str, start: int, end: int) -> int:
-    """Return the number of open brackets at a place."""
-    return text.count("(", start, end) - text.count(")", start, end)
-
-
 class Values:
     """The expressions of all values at one place in the code."""
 
@@ -255,7 +212,7 @@ class Values:
         self.functions: set[str] = set()
         self._nodes = rolled.nodes
         self._reads = rolled.reads
-        self._real = real
+        self._real, self._syntax = real, real.syntax
         self._conditions = conditions
         self._zeros = zeros
         self._flags = flags
@@ -275,7 +232,7 @@ class Values:
                 place = int(node.value)
                 self._texts[number] = Text(rolled.reads[place], PRIMARY, frozenset([place]))
             elif node.operation == "INDEX":
-                index = Text(f"({real.name}){INDEX}", UNARY, frozenset())
+                index = self._syntax.converted(INDEX, real.name)
                 first = literal(node.value, real)
                 self._texts[number] = joined(index, "+", first, SUM, (SUM, PRODUCT)) if node.value else index
             elif node.brief:
@@ -294,7 +251,7 @@ class Values:
         sides = value(number, 1), value(number, 2)
         if opposite >= 0:
             condition, sides = opposite, sides[::-1]
-        return (either if self._is_condition(number) else choice)(self._truth(condition), *sides)
+        return (either if self._is_condition(number) else choice)(self._truth(condition), *sides, self._syntax)
 
     def _opposite(self, condition: int) -> int:
         """Return the node that a condition negates, or -1 if it is not a negation or has a name."""
@@ -320,7 +277,7 @@ class Values:
         text = self._texts[node]
         if not self._is_condition(node):
             return text
-        return choice(text, self._one, self._zero)
+        return choice(text, self._one, self._zero, self._syntax)
 
     def _truth(self, node: int) -> Text:
         """Return the node as a truth value."""
@@ -367,13 +324,13 @@ class Values:
         if operation in DECIDES:
             return self._choice(number)
         if operation in LIBM:
-            self.functions.add(called_function(operation, self._real))
+            self.functions.add(self._real.called(operation))
         mirrored = operation in COMPARE and self._is_limit(*arguments)
         numbers = [self._number(argument) for argument in arguments]
         return expression(operation, numbers, self._real, number_first=mirrored)
 
     def _kind(self, number: int) -> str:
-        return "bool" if self._is_condition(number) else self._real.name
+        return self._syntax.flag if self._is_condition(number) else self._real.name
 
     def _element(self, number: int) -> str:
         return self._reads[int(self._nodes[number].value)]
@@ -386,8 +343,8 @@ class Values:
         """Return the assignments of a node, or of a select on one side."""
         lines = []
         for place in places:
-            text = self._assigned(number, side, self._holds_truth(place, number)).text
-            lines += statement(f"{place} = {text};") if text != place else []
+            value = self._assigned(number, side, self._holds_truth(place, number))
+            lines += self._syntax.assignment(place, value) if value.text != place else []
         return lines
 
     def _holds_truth(self, place: str, number: int) -> bool:
@@ -425,6 +382,7 @@ class Writer(Values):
         unrolls: bool = False,
     ) -> None:
         super().__init__(rolled, real, conditions, zeros, flags)
+        self.locals: list[tuple[str, str, int]] = []
         self._names = names
         self._kept = names.assigned | remarks.keys()
         self._remarks = {node: list(texts) for node, texts in remarks.items()}
@@ -453,10 +411,10 @@ class Writer(Values):
             return []
         if self._last_moment[number] == {self._reads[int(node.value)]}:
             return []  # it is its own next value
-        value = self._texts[number].text
+        value = self._texts[number]
         name = self._names.copy(self._reads[int(node.value)])
         self._texts[number] = Text(name, PRIMARY, frozenset())
-        return [f"const {self._kind(number)} {name} = {value};"]
+        return self._declared(self._kind(number), name, value)
 
     def _block(self, block: Block, targets: Mapping[int, Sequence[str]], stores: Sequence[Store] = ()) -> list[str]:
         """Return statements, then assignments to the targets of nodes."""
@@ -528,8 +486,7 @@ class Writer(Values):
         for number, name in names.items():
             array = number in self._arrays or (self._nodes[number].lanes and not self._in_loop)
             if number not in self._arrays and number not in self._elements:
-                size = f"[{self._nodes[number].lanes}]" if array else ""
-                self._lines.append(f"{self._kind(number)} {name}{size};")
+                self._variable(self._kind(number), name, size=self._nodes[number].lanes if array else 0)
             if array:
                 names[number] = self._elements.get(number, f"{name}[{INDEX}]")
         self._lines += self._decision(item, {**final, **{number: [name] for number, name in names.items()}})
@@ -540,10 +497,11 @@ class Writer(Values):
         sums = [item for item in items if isinstance(item, int) and self._nodes[item].operation == "SUM"]
         arrays = self._outside(items, stores)
         declared = [number for number in arrays if number not in self._elements]
-        self._lines += [f"{self._kind(number)} {self._names.of(number)}[{lanes}];" for number in declared]
+        for number in declared:
+            self._variable(self._kind(number), self._names.of(number), size=lanes)
         for number in sums:
             self._lines += self._remark(number)
-            self._lines.append(f"{self._real.name} {self._names.of(number)} = {self._start(number).text};")
+            self._variable(self._real.name, self._names.of(number), self._start(number))
         self._arrays.update(arrays)
         outer, self._lines, self._in_loop = self._lines, [], True
         for item in items:
@@ -552,15 +510,14 @@ class Writer(Values):
             elif item not in sums:
                 self._operation(item)
         for number in sums:
-            term = self._number(self._nodes[number].arguments[0]).text
-            self._lines += statement(f"{self._names.of(number)} += {term};")
+            term = self._number(self._nodes[number].arguments[0])
+            self._lines += self._syntax.increase(self._names.of(number), term)
         self._lines += self._stored(stores)
         body, self._lines, self._in_loop = self._lines, outer, False
         if not body:
             return
         self._lines += ["UNROLLED"] if self._unrolls else []
-        self._lines.append(f"for (int32_t {INDEX} = 0; {INDEX} < {lanes}; {INDEX}++) {{")
-        self._lines += [*(f"    {line}" for line in body), "}"]
+        self._lines += self._syntax.loop(INDEX, lanes, body)
         self._texts.update((number, Text(self._names.of(number), PRIMARY, frozenset())) for number in sums)
 
     def _start(self, number: int) -> Text:
@@ -594,9 +551,9 @@ class Writer(Values):
                 value = self._assigned(store.node, store.side, is_truth)
                 if any(self._reads[i] in written for i in value.reads):
                     name = self._names.copy(self._reads[min(value.reads)])
-                    copies += statement(f"const {'bool' if is_truth else self._real.name} {name} = {value.text};")
+                    copies += self._declared(self._syntax.flag if is_truth else self._real.name, name, value)
                     value = Text(name, PRIMARY, frozenset())
-                lines += statement(f"{place} = {value.text};") if value.text != place else []
+                lines += self._syntax.assignment(place, value) if value.text != place else []
             written |= {*store.places}
         return [*copies, *lines]
 
@@ -645,9 +602,9 @@ class Writer(Values):
         self._lines += self._remark(number)
         if number in self._arrays:
             name = self._elements.get(number, f"{name}[{INDEX}]")
-            self._lines += statement(f"{name} = {self._texts[number].text};")
+            self._lines += self._syntax.assignment(name, self._texts[number])
         else:
-            self._lines += statement(f"const {self._kind(number)} {name} = {self._texts[number].text};")
+            self._lines += self._declared(self._kind(number), name, self._texts[number])
         self._texts[number] = Text(name, PRIMARY, frozenset())
         self._open.discard(number)
 
@@ -655,8 +612,8 @@ class Writer(Values):
         """Return both sides, each with the operations that only it needs."""
         opposite = self._opposite(decision.condition)
         condition, order = (decision.condition, (1, 2)) if opposite < 0 else (opposite, (2, 1))
-        lines = [f"if ({self._truth(condition).text}) {{"]
-        outer = self._decided
+        written: list[list[str]] = []
+        tested, outer = self._truth(condition), self._decided
         for side in order:
             self._decided = {**outer, decision.condition: side}
             inner = decision.sides[side - 1]
@@ -674,14 +631,9 @@ class Writer(Values):
                     statements += self._remark(argument)
                 if number not in assigned:
                     statements += self._assignments(names, number, side)
-            if side == order[1] and is_if(statements):
-                lines += [f"}} else {statements[0]}", *statements[1:]]
-            else:
-                lines += ["} else {"] if side == order[1] else []
-                lines += [f"    {line}" for line in statements or ["/* nothing changes */"]]
-                lines += ["}"] if side == order[1] else []
+            written.append(statements)
         self._decided = outer
-        return lines
+        return self._syntax.decision(tested, *written)
 
     def _assigned_inside(self, block: Block, side: int, targets: Mapping[int, Sequence[str]]) -> list[int]:
         """Return the selects whose value on one side is a select of the last decision there, and is used only once."""
@@ -697,7 +649,17 @@ class Writer(Values):
 
     def _remark(self, number: int) -> list[str]:
         """Return the comment of a node, once."""
-        return comment_lines(self._remarks.pop(number, ()))
+        return self._syntax.comment_lines(self._remarks.pop(number, ()))
+
+    def _declared(self, kind: str, name: str, value: Text) -> list[str]:
+        """Return the declaration of a constant."""
+        self.locals.append((kind, name, 0))
+        return self._syntax.constant(kind, name, value)
+
+    def _variable(self, kind: str, name: str, value: Text | None = None, size: int = 0) -> None:
+        """Declare a variable."""
+        self.locals.append((kind, name, size))
+        self._lines += self._syntax.variable(kind, name, value, size)
 
 
 @dataclass(frozen=True)
@@ -708,6 +670,7 @@ class Kernel:
     """Declarations and statements, which end with the assignments of all results. Truth values have the type ``bool``.
     """
     functions: frozenset[str]  # called functions of <math.h>
+    locals: tuple[tuple[str, str, int], ...]  # types, names and sizes (0: scalar) of the constants and variables
 
 
 @dataclass(frozen=True)
@@ -768,13 +731,13 @@ def kernel(
             kept.setdefault(places[name], []).append(number)
     zeros = Zeros(rolled.nodes, kept, unsigned, never_negative)
     first = {number: targets[0] for number, targets in rolled.targets.items()}
-    names = Names(rolled.nodes, named, rolled.reads, first, [INDEX, *taken], describes=describes)
+    names = Names(rolled.nodes, named, rolled.reads, first, [INDEX, *taken], real.syntax.key, describes=describes)
     vectors = {place.rpartition("[")[0] for place in flags} - {""}
     written = {place for targets in rolled.targets.values() for place in targets}
     of_vectors = {place for place in written if place.rpartition("[")[0] in vectors}
     writer = Writer(rolled, real, truths, zeros, names, texts_of, flags={*flags, *of_vectors}, unrolls=unrolls)
     lines = writer.statements(plan(rolled.nodes, rolled.targets), rolled.targets)
-    return Kernel(tuple(lines), frozenset(writer.functions))
+    return Kernel(tuple(lines), frozenset(writer.functions), tuple(writer.locals))
 
 
 def _moved(named: Collection[Named], rolled: Rolled) -> list[Named]:
