@@ -414,7 +414,11 @@ def export_law(
     if export.table is not None:
         texts[f"{prefix}_table.h"] = table_header(export)
         texts[f"{prefix}_table.c"] = table_source(export, export.table)
-    folder = Path(out_dir)
+    return write_texts(texts, Path(out_dir))
+
+
+def write_texts(texts: Mapping[str, str], folder: Path) -> tuple[Path, ...]:
+    """Write files into a folder, all or none, and return their paths."""
     new = not folder.exists()
     make_folder(folder)
     try:

@@ -31,6 +31,10 @@ class Real:
         """Return the function for an operation."""
         return self.syntax.called(operation, self.suffix)
 
+    def finite(self, text: str) -> str:
+        """Return the condition that a value is finite."""
+        return f"isfinite({text})"
+
     def literal(self, value: float) -> str:
         """Return the shortest literal that reads back as this number."""
         if math.isnan(value):
