@@ -3,35 +3,22 @@
 import re
 import sys
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
+from html import escape
 from itertools import groupby
-from typing import Any, NamedTuple
+from pathlib import Path
+from string import Template
+from typing import NamedTuple
 
 import numpy as np
-from lxml import etree
-from lxml.builder import ElementMaker
 
+from friction_fmus.codegen import sources
 from friction_fmus.codegen.layout import Export, is_flag, numbered
-from friction_fmus.codegen.sources import (
-    at_rest,
-    described,
-    invalid,
-    is_long,
-    number,
-    numbered_rules,
-    overflow,
-    plain,
-    relations,
-    rules,
-    usable,
-    vectors_valid,
-)
 from friction_fmus.errors import FrictionError
-from friction_fmus.lawkit.emit.c_text import Kernel
 from friction_fmus.lawkit.emit.chains import INDEX
-from friction_fmus.lawkit.emit.structured_text import KEYWORDS, comment, functions, real_type, spelled
-from friction_fmus.lawkit.emit.syntax import indented
+from friction_fmus.lawkit.emit.structured_text import KEYWORDS, _StructuredReal, functions, real_type, spelled
+from friction_fmus.lawkit.emit.syntax import indented, plain
 from friction_fmus.lawkit.law import VECTORS, Kind, LawVariable
 from friction_fmus.version import VERSION, build_time
 
@@ -60,16 +47,16 @@ class Unit(NamedTuple):
 class FunctionBlock(Export):
     """A law with the settings of its export as a function block, whose variables replace the members of structs."""
 
-    locals: dict[str, Variable] = field(default_factory=dict)  # temporary variables, which the methods add
+    real: _StructuredReal
 
     @cached_property
     def names(self) -> dict[str, str]:
-        """Names in the block by names in the law; ``_value`` is added to keywords."""
+        """Names in the block by names in the law, with ``_value`` after keywords; also of its own variables."""
         own = ["valid", "rests", "sum", "holds", "violated", self.prefix]
+        own += [f"{v.name}_valid" for v in self.groups["parameters"] if sources.is_long(v)]
         own += [f"{v.name}_before" for v in self.law.select(Kind.OUTPUT)]
-        own += [f"{v.name}_valid" for v in self.groups["parameters"] if is_long(v)]
+        found = {name: name for name in own}
         used = {name.upper(): f"the variable {name} of the block" for name in own}
-        found = {}
         for variable in (v for members in self.groups.values() for v in members):
             name = found[variable.name] = f"{variable.name}{'_value' * (variable.name.upper() in KEYWORDS)}"
             for part in (name, f"{name}_low")[: 1 + (variable.name in self.pairs)]:
@@ -84,64 +71,53 @@ class FunctionBlock(Export):
     @property
     def taken(self) -> Iterable[str]:
         """Names that the variables of a function must not have."""
-        names = [*self.names.values(), *self.locals, self.prefix, "violated"]
-        return [*KEYWORDS, *names, *(f"{name}_low" for name in self.pairs)]
+        names = [*self.names.values(), *self.real.locals]
+        return [*KEYWORDS, *names, *(f"{name}_low" for name in names)]
 
     def places(self, variable: LawVariable) -> list[str]:
         """Return the variable, or the elements of a vector."""
         name = self.names[variable.name]
         return [f"{name}[{i}]" for i in range(len(variable.starts))] if variable.kind in VECTORS else [name]
 
-    def statements(self, *arguments: Any, **options: Any) -> Kernel:
-        """Return the statements of a function, and keep their variables; see `Export.statements`."""
-        found = super().statements(*arguments, **options)
-        self.locals.update((name, Variable(name, kind, size)) for kind, name, size in found.locals)
-        return found
-
     def body(self) -> list[str]:
         """Return the statements of a call, which correspond to ``PREFIX_check`` and ``PREFIX_step`` in C."""
-        syntax, disables = self.real.syntax, bool(self.law.disabled()[1])
-        count = len(self.law.conditions.texts)
+        real, disables, count = self.real, bool(self.law.disabled()[1]), len(self.law.conditions.texts)
         results = [place for v in self.law.select(Kind.OUTPUT) for place in (*self.places(v), *self.lows(v))]
-        flags = ["valid", "rests", *(f"{v.name}_valid" for v in self.groups["parameters"] if is_long(v))]
-        own = [*(Variable(name, "BOOL") for name in flags), *[Variable("holds", "BOOL", count)][:count]]
-        own += [Variable(name, self.real.name) for name in ("sum", *(f"{place}_before" for place in results))]
-        self.locals.update((v.name, v) for v in (*own, Variable(INDEX, syntax.integer)))
-
-        checked = ["violated := 0;"]
-        for i, (_, condition) in reversed([*enumerate(rules(self), start=1)]):
-            checked = syntax.decision(
-                plain(f"!({condition})" if " && " in condition else f"!{condition}"), [f"violated := {i};"], checked
-            )
-        total, loops, restart = overflow(self)
-        missed = [syntax.increase(v.name, plain(self.real.literal(1.0)))[0] for v in self.law.given if v.tally]
+        if count:
+            real.declared("BOOL", "holds", size=count)
+        real.declared("DINT", INDEX)
+        total, loops, restart = sources.overflow(self)
+        held = [f"{place} := {place}_before;" for place in results]
         sample = [
-            *(f"{place}_before := {place};" for place in results),
+            *(line for place in results for line in real.declared(real.name, f"{place}_before", plain(place))),
             *self.kernel.lines,
-            *syntax.assignment("sum", plain(total)),
+            *real.declared(real.name, "sum", plain(total)),
             *loops,
-            *syntax.assignment("valid", plain(self.real.finite("sum"))),
+            *real.assignment("valid", plain(real.finite.format("sum"))),
+            *real.decision(plain("!valid"), [*held, *restart], []),
             "rests := NOT valid;",
-            *syntax.decision(plain("rests"), [*(f"{place} := {place}_before;" for place in results), *restart], []),
         ]
+        missed = [f"{self.names[v.name]} := {self.names[v.name]} + 1.0;" for v in self.law.given if v.tally]
+        disabled = f"!{self.names['enable']} && !valid" if disables else "false"
         return [
-            *vectors_valid(self),
-            *relations(self),
-            *checked,
-            *syntax.assignment("valid", plain(usable(self))),
-            f"rests := NOT {self.names['enable']} AND NOT valid;" if disables else "rests := FALSE;",
-            *syntax.decision(plain("valid"), sample, missed),
-            *(syntax.decision(plain("rests"), at_rest(self), []) if disables else []),
+            *sources.vectors_valid(self),
+            *sources.relations(self),
+            *sources.checked(self),
+            *real.declared("BOOL", "valid", plain(sources.usable(self))),
+            *real.declared("BOOL", "rests", plain(disabled)),
+            *real.decision(plain("valid"), sample, missed),
+            *(real.decision(plain("rests"), sources.at_rest(self), []) if disables else []),
             "fault := NOT valid;",
         ]
 
+    @cached_property
     def units(self) -> list[Unit]:
-        """Return the functions that Structured Text lacks, and the function block."""
+        """The functions that Structured Text lacks, and the function block."""
         body, texts = "\n".join(self.body()), functions(self.real.name)
-        called: dict[str, None] = {}
-        for name in reversed(texts):  # a function calls only functions before it
+        called: list[str] = []
+        for name in reversed([*texts]):  # a function calls only functions before it
             if re.search(rf"_{name}\(", "".join([body, *(texts[user][1] for user in called)])):
-                called[name] = None
+                called.insert(0, name)
         parameters, states, inputs, outputs = (
             [part for v in members for part in self._declared(v)] for members in self.groups.values()
         )
@@ -150,41 +126,40 @@ class FunctionBlock(Export):
         sections = [
             *(("VAR_INPUT", inputs), ("VAR_INPUT", parameters), ("VAR_OUTPUT", outputs), ("VAR", states)),
             ("VAR CONSTANT", [Variable("largest", self.real.name, start=(largest,))]),
-            ("VAR_TEMP", [*self.locals.values()]),
+            ("VAR_TEMP", [Variable(name, kind, size) for name, (kind, size) in self.real.locals.items()]),
         ]
-        calls = {name: "" for name in sorted({*re.findall(r"\b[A-Z]+\b(?=\()", body)} - {"ABS", "SEL", "SQRT"})}
+        calls = dict.fromkeys(sorted({*re.findall(r"\b[A-Z]+\b(?=\()", body)} - {"ABS", "SEL", "SQRT"}), "")
         calls |= {f"{self.prefix}_{name}": f" ({texts[name][0]})" for name in called}
         block = Unit(self.prefix, "", self._title(calls), sections, body)
-        return [*(_function(*texts[name], self.prefix) for name in texts if name in called), block]
+        return [*(_function(*texts[name], self.prefix) for name in called), block]
 
     def _declared(self, variable: LawVariable) -> list[Variable]:
         """Return the declaration of a variable, and of its lower part."""
         name, starts = self.names[variable.name], self.start.get(variable.name, ())
-        text = described(self, variable) + f"; {variable.name} in the equations" * (name != variable.name)
+        text = sources.described(self, variable) + f"; {variable.name} in the equations" * (name != variable.name)
         kind = "BOOL" if is_flag(variable) else self.real.name
         size = len(variable.starts) if variable.kind in VECTORS else 0
-        found = [Variable(name, kind, size, tuple(spelled(number(self, variable, value)) for value in starts), text)]
-        if variable.name in self.pairs:
-            lows = tuple(self.real.literal(value - float(np.float32(value))) for value in starts)
-            found.append(Variable(f"{name}_low", kind, size, lows, f"{name} minus its value rounded to REAL"))
-        return found
+        values = tuple(spelled(sources.number(self, variable, value)) for value in starts)
+        paired = variable.name in self.pairs
+        lows = tuple(self.real.literal(value - float(np.float32(value))) for value in starts if paired)
+        low = Variable(f"{name}_low", kind, size, lows, f"{name} minus its value rounded to REAL")
+        return [Variable(name, kind, size, values, text), low][: 1 + paired]
 
     def _title(self, calls: Mapping[str, str]) -> str:
         """Return the comment of the block, with the functions whose last digits may differ from those of C."""
-        law, differs = self.law, ", ".join(f"{name}{how}" for name, how in calls.items()) or "none"
-        return "\n".join(
-            [
-                f"{law.name}: {self.words.fill(law.summary)}\n\n{numbered(law.documentation)}\n\nSource: {law.source}",
-                f"Generated by friction-fmus {VERSION} from {law.path.name}: change that file, not this one.\n",
-                "Call the block every `Ts` seconds. The declared start values are those before the first call.",
-                f"While an input {invalid(self)}, outputs and states are held, or at rest while `enable` is false.",
-                "If a result overflows, the law is at rest. `fault` is then true.\n",
-                f"`violated` is 0 if the parameters are valid, else {numbered_rules(self)}\n",
-                f"Functions whose last digits may differ from those of C: {differs}.",
-                "Switch off floating-point exceptions of the task: 1/0 must be infinity and must not stop the controller.",
-                "Tested on a PC against the C export; not tried in TwinCAT, in CODESYS or on a controller.",
-            ]
+        law = self.law
+        return _template("function_block.txt").substitute(
+            {"name": law.name, "source": law.source, "file": law.path.name, "version": VERSION},
+            summary=self.words.fill(law.summary),
+            documentation=numbered(law.documentation),
+            invalid=sources.invalid(self),
+            rules="\n".join(f"{i}: {text}" for i, (text, _) in enumerate(sources.rules(self), start=1)),
+            functions=", ".join(f"{name}{how}" for name, how in calls.items()) or "none",
         )
+
+
+def _template(name: str) -> Template:
+    return Template((Path(__file__).parent / name).read_text(encoding="utf-8").rstrip())
 
 
 def function_block(export: Export) -> FunctionBlock:
@@ -204,77 +179,62 @@ def _function(how: str, code: str, prefix: str) -> Unit:
         (keyword, [Variable(*declared) for declared in re.findall(r"(\w+) : (\w+);", rows)])
         for keyword, rows in re.findall(r"^(VAR\w*)$(.*?)^END_VAR$", text, re.DOTALL | re.MULTILINE)
     ]
-    body = text.rpartition("END_VAR\n")[2].partition("\nEND_FUNCTION")[0]
-    return Unit(name, returns, how, sections, body)
+    return Unit(name, returns, how, sections, text.rpartition("END_VAR\n")[2].partition("\nEND_FUNCTION")[0])
 
 
-def structured_text(units: Iterable[Unit]) -> str:
-    """Return the text of units."""
-    lines = []
-    for unit in units:
+def structured_text(export: FunctionBlock) -> str:
+    """Return the text of ``PREFIX.st``."""
+    lines, comment = [], export.real.comment
+    for unit in export.units:
         kind, result = ("FUNCTION", f" : {unit.returns}") if unit.returns else ("FUNCTION_BLOCK", "")
         lines += [comment(unit.text), f"{kind} {unit.name}{result}"]
         for keyword, variables in unit.sections:
-            lines += [keyword, *indented(map(_declaration, variables)), "END_VAR"] if variables else []
+            rows = [_declaration(v) + (f" {comment(v.text)}" if v.text else "") for v in variables]
+            lines += [keyword, *indented(rows), "END_VAR"] if rows else []
         lines += [unit.body, f"END_{kind}", ""]
     return "\n".join(lines)
 
 
 def _declaration(variable: Variable) -> str:
-    name, kind, size, start, text = variable
+    name, kind, size, start, _ = variable
     runs = [(value, len([*equal])) for value, equal in groupby(start)]
     values = ", ".join(f"{count}({value})" if count > 1 else value for value, count in runs)
     value = f" := {f'[{values}]' if size else values}" if start else ""
-    array = f"ARRAY[0..{size - 1}] OF " if size else ""
-    return f"{name} : {array}{kind}{value};{f' {comment(text)}' if text else ''}"
+    return f"{name} : {f'ARRAY[0..{size - 1}] OF ' if size else ''}{kind}{value};"
 
 
-_ELEMENTS = {"VAR_INPUT": "inputVars", "VAR_OUTPUT": "outputVars", "VAR_TEMP": "tempVars"}
+_ELEMENTS = {"VAR_INPUT": "inputVars", "VAR_OUTPUT": "outputVars", "VAR_TEMP": "tempVars", "VAR": "localVars"}
+_ELEMENTS |= {"VAR CONSTANT": 'localVars constant="true"'}
 
 
-def plcopen(units: Sequence[Unit]) -> str:
-    """Return the units as PLCopen XML, TC6 version 2.01."""
-    make = ElementMaker(
-        namespace="http://www.plcopen.org/xml/tc6_0201", nsmap={None: "http://www.plcopen.org/xml/tc6_0201"}
-    )
-    html = ElementMaker(namespace="http://www.w3.org/1999/xhtml", nsmap={None: "http://www.w3.org/1999/xhtml"})
+def plcopen(export: FunctionBlock) -> str:
+    """Return the text of ``PREFIX.xml``, in the format TC6 2.01 of PLCopen."""
+    given = {"name": export.prefix, "version": VERSION, "time": build_time(), "units": "".join(map(_pou, export.units))}
+    return _template("plcopen.xml").substitute(given)
 
-    def variable(v: Variable) -> etree._Element:
-        kind = make(v.kind)
-        values = [make.simpleValue(value=value) for value in v.start]
-        if v.size:
-            kind = make.array(make.dimension(lower="0", upper=str(v.size - 1)), make.baseType(kind))
-            values = [make.arrayValue(*map(make.value, values))] if values else []
-        parts = [make.type(kind), *map(make.initialValue, values)]
-        parts += [make.documentation(html.xhtml(v.text))] if v.text else []
-        return make.variable(*parts, name=v.name)
 
-    def pou(unit: Unit) -> etree._Element:
-        sections = [
-            make(
-                _ELEMENTS.get(keyword, "localVars"),
-                *map(variable, variables),
-                **{"constant": "true"} if "CONST" in keyword else {},
-            )
-            for keyword, variables in unit.sections
-        ]
-        returns = [make.returnType(make(unit.returns))] if unit.returns else []
-        return make.pou(
-            make.interface(*returns, *sections),
-            make.body(make.ST(html.xhtml(unit.body))),
-            make.documentation(html.xhtml(unit.text)),
-            name=unit.name,
-            pouType="function" if unit.returns else "functionBlock",
-        )
+def _pou(unit: Unit) -> str:
+    returns = f"<returnType><{unit.returns}/></returnType>" if unit.returns else ""
+    kind = "function" if returns else "functionBlock"
+    sections = ""
+    for keyword, variables in unit.sections:
+        element, _, attribute = _ELEMENTS[keyword].partition(" ")
+        sections += f"\n<{element} {attribute}>{''.join(map(_xml_variable, variables))}\n</{element}>"
+    return f"""
+<pou name="{unit.name}" pouType="{kind}"><interface>{returns}{sections}
+</interface><body><ST>{_xhtml(unit.body)}</ST></body><documentation>{_xhtml(unit.text)}</documentation></pou>"""
 
-    scaling = [make(name, make.scaling(x="1", y="1")) for name in ("fbd", "ld", "sfc")]
-    root = make.project(
-        make.fileHeader(
-            companyName="", productName="friction-fmus", productVersion=VERSION, creationDateTime=build_time()
-        ),
-        make.contentHeader(make.coordinateInfo(*scaling), name=units[-1].name),
-        make.types(make.dataTypes(), make.pous(*map(pou, units))),
-        make.instances(make.configurations()),
-    )
-    text = etree.tostring(root, encoding="unicode", pretty_print=True)
-    return f'<?xml version="1.0" encoding="utf-8"?>\n{text}'
+
+def _xml_variable(variable: Variable) -> str:
+    name, kind, size, start, text = variable
+    single, values = f"<{kind}/>", [f'<simpleValue value="{value}"/>' for value in start]
+    if size:
+        single = f'<array><dimension lower="0" upper="{size - 1}"/><baseType>{single}</baseType></array>'
+        values = [f"<arrayValue>{''.join(f'<value>{v}</value>' for v in values)}</arrayValue>"] if values else []
+    initial = "".join(f"<initialValue>{value}</initialValue>" for value in values)
+    note = f"<documentation>{_xhtml(text)}</documentation>" if text else ""
+    return f'\n<variable name="{name}"><type>{single}</type>{initial}{note}</variable>'
+
+
+def _xhtml(text: str) -> str:
+    return f'<xhtml xmlns="http://www.w3.org/1999/xhtml">{escape(text, quote=False)}</xhtml>'

@@ -170,7 +170,7 @@ class Export:
         """One sample as statements on the structs."""
         remarks, others = self._remarks
         found = self.statements(self.law.function, self.law.given, self.results, self._lows, self.named, remarks)
-        return replace(found, lines=(*self.real.syntax.comment_lines(others), *found.lines))
+        return replace(found, lines=(*self.real.comment_lines(others), *found.lines))
 
     @property
     def _remarks(self) -> tuple[dict[int, list[str]], list[str]]:

@@ -74,7 +74,7 @@ def program_of(block: FunctionBlock) -> Program:
     kind = block.real.name
     inexact = [name for name in functions("LREAL") if name not in EXACT]
     replaced = {f"{block.prefix}_{name}": libm(name, kind) for name in inexact}
-    return Program(structured_text(block.units()), kind, replaced)
+    return Program(structured_text(block), kind, replaced)
 
 
 def rows(export: Export, n: int) -> np.ndarray:

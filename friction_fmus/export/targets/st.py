@@ -12,9 +12,8 @@ def write(model: str | Path, folder: Path, **options: Any) -> tuple[Path, ...]:
     from friction_fmus.codegen.function_block import function_block, plcopen, structured_text
     from friction_fmus.codegen.law_export import make_export, write_texts
 
-    units = function_block(make_export(model, **options)).units()
-    name = units[-1].name
-    return write_texts({f"{name}.st": structured_text(units), f"{name}.xml": plcopen(units)}, folder)
+    block = function_block(make_export(model, **options))
+    return write_texts({f"{block.prefix}.st": structured_text(block), f"{block.prefix}.xml": plcopen(block)}, folder)
 
 
 TARGET = Target("IEC 61131-3 Structured Text, and PLCopen XML, for a controller (PLC)", "law", write, options=(REAL,))

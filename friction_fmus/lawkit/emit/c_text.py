@@ -13,26 +13,19 @@ from casadi import Function
 
 from friction_fmus.lawkit.emit.branches import DECIDES, Block, CountedLoop, Decision, Weight, plan, split
 from friction_fmus.lawkit.emit.chains import INDEX, Rolled, roll
-from friction_fmus.lawkit.emit.names import DOUBLE, FLOAT, Named, Names, Real, place_name
+from friction_fmus.lawkit.emit.names import Named, Names, place_name
 from friction_fmus.lawkit.emit.operations import COMPARE, CONDITIONS, INFIX, LIBM, LOGIC, Node, Zeros, graph
-from friction_fmus.lawkit.emit.syntax import (
-    BOTH,
-    CHOICE,
-    COMPARISON,
-    EITHER,
-    PRIMARY,
-    PRODUCT,
-    SUM,
-    UNARY,
-    Syntax,
-    Text,
-    in_brackets,
-)
+from friction_fmus.lawkit.emit.syntax import DOUBLE, FLOAT, PRIMARY, PRODUCT, SUM, UNARY, Real, Text, in_brackets, plain
 
 __all__ = ["DOUBLE", "FLOAT", "Kernel", "Lows", "Real", "kernel"]
 
 
-TRUE, FALSE = (Text(text, PRIMARY, frozenset()) for text in ("true", "false"))
+COMPARISON = 5
+BOTH = 4
+EITHER = 3
+CHOICE = 2
+
+TRUE, FALSE = (plain(text) for text in ("true", "false"))
 _TRUTHS = ("true", "false")
 
 TERNARY = {"SELECT", "IF_ELSE_ZERO", "SIGN", "FMIN", "FMAX"}
@@ -56,13 +49,13 @@ def joined(first: Text, operator: str, second: Text, rank: int, least: tuple[int
     return Text(text, rank, first.reads | second.reads)
 
 
-def choice(condition: Text, first: Text, second: Text, syntax: Syntax) -> Text:
+def choice(condition: Text, first: Text, second: Text, real: Real) -> Text:
     """Return the conditional expression."""
-    text, sides = syntax.choice(condition, first, second), (condition, first, second)
+    text, sides = real.choice(condition, first, second), (condition, first, second)
     return Text(text, CHOICE, condition.reads | first.reads | second.reads, sides)
 
 
-def either(condition: Text, first: Text, second: Text, syntax: Syntax) -> Text:
+def either(condition: Text, first: Text, second: Text, real: Real) -> Text:
     """Return one of two truth values, depending on a condition."""
     if FALSE in (first, second) or TRUE in (first, second):
         if second.text in _TRUTHS:
@@ -72,7 +65,7 @@ def either(condition: Text, first: Text, second: Text, syntax: Syntax) -> Text:
         if first == TRUE:
             return joined(condition, "||", second, EITHER, (UNARY, UNARY))
         return joined(negation(condition), "&&", second, BOTH, (UNARY, UNARY))
-    return choice(condition, first, second, syntax)
+    return choice(condition, first, second, real)
 
 
 def negation(condition: Text) -> Text:
@@ -113,11 +106,11 @@ def _formula(operation: str, given: Sequence[Text], real: Real) -> Text:
         return joined(first, operator, second, COMPARISON, (PRODUCT, PRODUCT))
 
     if operation == "SIGN":
-        positive = choice(less(given[0], zero, ">"), one, given[0], real.syntax)
-        return choice(less(given[0], zero, "<"), minus_one, positive, real.syntax)
+        positive = choice(less(given[0], zero, ">"), one, given[0], real)
+        return choice(less(given[0], zero, "<"), minus_one, positive, real)
     # the first of equal arguments, like fmin; a NaN in the first argument stays, unlike fmin
     other = less(given[1], given[0], "<" if operation == "FMIN" else ">")
-    return choice(other, given[1], given[0], real.syntax)
+    return choice(other, given[1], given[0], real)
 
 
 RESULT, SIDE, IF = -1, -2, -3  # users of a value that are not nodes
@@ -212,7 +205,7 @@ class Values:
         self.functions: set[str] = set()
         self._nodes = rolled.nodes
         self._reads = rolled.reads
-        self._real, self._syntax = real, real.syntax
+        self._real = real
         self._conditions = conditions
         self._zeros = zeros
         self._flags = flags
@@ -232,7 +225,7 @@ class Values:
                 place = int(node.value)
                 self._texts[number] = Text(rolled.reads[place], PRIMARY, frozenset([place]))
             elif node.operation == "INDEX":
-                index = self._syntax.converted(INDEX, real.name)
+                index = Text(real.converted.format(real.name, INDEX), UNARY)
                 first = literal(node.value, real)
                 self._texts[number] = joined(index, "+", first, SUM, (SUM, PRODUCT)) if node.value else index
             elif node.brief:
@@ -251,7 +244,7 @@ class Values:
         sides = value(number, 1), value(number, 2)
         if opposite >= 0:
             condition, sides = opposite, sides[::-1]
-        return (either if self._is_condition(number) else choice)(self._truth(condition), *sides, self._syntax)
+        return (either if self._is_condition(number) else choice)(self._truth(condition), *sides, self._real)
 
     def _opposite(self, condition: int) -> int:
         """Return the node that a condition negates, or -1 if it is not a negation or has a name."""
@@ -277,7 +270,7 @@ class Values:
         text = self._texts[node]
         if not self._is_condition(node):
             return text
-        return choice(text, self._one, self._zero, self._syntax)
+        return choice(text, self._one, self._zero, self._real)
 
     def _truth(self, node: int) -> Text:
         """Return the node as a truth value."""
@@ -330,7 +323,7 @@ class Values:
         return expression(operation, numbers, self._real, number_first=mirrored)
 
     def _kind(self, number: int) -> str:
-        return self._syntax.flag if self._is_condition(number) else self._real.name
+        return self._real.flag if self._is_condition(number) else self._real.name
 
     def _element(self, number: int) -> str:
         return self._reads[int(self._nodes[number].value)]
@@ -344,7 +337,7 @@ class Values:
         lines = []
         for place in places:
             value = self._assigned(number, side, self._holds_truth(place, number))
-            lines += self._syntax.assignment(place, value) if value.text != place else []
+            lines += self._real.assignment(place, value) if value.text != place else []
         return lines
 
     def _holds_truth(self, place: str, number: int) -> bool:
@@ -382,7 +375,6 @@ class Writer(Values):
         unrolls: bool = False,
     ) -> None:
         super().__init__(rolled, real, conditions, zeros, flags)
-        self.locals: list[tuple[str, str, int]] = []
         self._names = names
         self._kept = names.assigned | remarks.keys()
         self._remarks = {node: list(texts) for node, texts in remarks.items()}
@@ -413,8 +405,8 @@ class Writer(Values):
             return []  # it is its own next value
         value = self._texts[number]
         name = self._names.copy(self._reads[int(node.value)])
-        self._texts[number] = Text(name, PRIMARY, frozenset())
-        return self._declared(self._kind(number), name, value)
+        self._texts[number] = plain(name)
+        return self._real.declared(f"const {self._kind(number)}", name, value)
 
     def _block(self, block: Block, targets: Mapping[int, Sequence[str]], stores: Sequence[Store] = ()) -> list[str]:
         """Return statements, then assignments to the targets of nodes."""
@@ -486,11 +478,12 @@ class Writer(Values):
         for number, name in names.items():
             array = number in self._arrays or (self._nodes[number].lanes and not self._in_loop)
             if number not in self._arrays and number not in self._elements:
-                self._variable(self._kind(number), name, size=self._nodes[number].lanes if array else 0)
+                size = self._nodes[number].lanes if array else 0
+                self._lines += self._real.declared(self._kind(number), name, size=size)
             if array:
                 names[number] = self._elements.get(number, f"{name}[{INDEX}]")
         self._lines += self._decision(item, {**final, **{number: [name] for number, name in names.items()}})
-        self._texts.update((number, Text(name, PRIMARY, frozenset())) for number, name in names.items())
+        self._texts.update((number, plain(name)) for number, name in names.items())
 
     def _loop(self, lanes: int, items: Sequence[int | Decision], stores: Sequence[Store]) -> None:
         """Write a loop with the operations on an element, the sums, and the assignments to elements."""
@@ -498,10 +491,10 @@ class Writer(Values):
         arrays = self._outside(items, stores)
         declared = [number for number in arrays if number not in self._elements]
         for number in declared:
-            self._variable(self._kind(number), self._names.of(number), size=lanes)
+            self._lines += self._real.declared(self._kind(number), self._names.of(number), size=lanes)
         for number in sums:
             self._lines += self._remark(number)
-            self._variable(self._real.name, self._names.of(number), self._start(number))
+            self._lines += self._real.declared(self._real.name, self._names.of(number), self._start(number))
         self._arrays.update(arrays)
         outer, self._lines, self._in_loop = self._lines, [], True
         for item in items:
@@ -511,14 +504,14 @@ class Writer(Values):
                 self._operation(item)
         for number in sums:
             term = self._number(self._nodes[number].arguments[0])
-            self._lines += self._syntax.increase(self._names.of(number), term)
+            self._lines += self._real.assignment(self._names.of(number), term, "+=")
         self._lines += self._stored(stores)
         body, self._lines, self._in_loop = self._lines, outer, False
         if not body:
             return
         self._lines += ["UNROLLED"] if self._unrolls else []
-        self._lines += self._syntax.loop(INDEX, lanes, body)
-        self._texts.update((number, Text(self._names.of(number), PRIMARY, frozenset())) for number in sums)
+        self._lines += self._real.loop(INDEX, lanes, body)
+        self._texts.update((number, plain(self._names.of(number))) for number in sums)
 
     def _start(self, number: int) -> Text:
         """Return the value before the first term of a sum; -0.0 keeps the sign of the sum of -0.0."""
@@ -551,9 +544,10 @@ class Writer(Values):
                 value = self._assigned(store.node, store.side, is_truth)
                 if any(self._reads[i] in written for i in value.reads):
                     name = self._names.copy(self._reads[min(value.reads)])
-                    copies += self._declared(self._syntax.flag if is_truth else self._real.name, name, value)
-                    value = Text(name, PRIMARY, frozenset())
-                lines += self._syntax.assignment(place, value) if value.text != place else []
+                    kind = self._real.flag if is_truth else self._real.name
+                    copies += self._real.declared(f"const {kind}", name, value)
+                    value = plain(name)
+                lines += self._real.assignment(place, value) if value.text != place else []
             written |= {*store.places}
         return [*copies, *lines]
 
@@ -602,10 +596,10 @@ class Writer(Values):
         self._lines += self._remark(number)
         if number in self._arrays:
             name = self._elements.get(number, f"{name}[{INDEX}]")
-            self._lines += self._syntax.assignment(name, self._texts[number])
+            self._lines += self._real.assignment(name, self._texts[number])
         else:
-            self._lines += self._declared(self._kind(number), name, self._texts[number])
-        self._texts[number] = Text(name, PRIMARY, frozenset())
+            self._lines += self._real.declared(f"const {self._kind(number)}", name, self._texts[number])
+        self._texts[number] = plain(name)
         self._open.discard(number)
 
     def _decision(self, decision: Decision, targets: Mapping[int, Sequence[str]]) -> list[str]:
@@ -633,7 +627,7 @@ class Writer(Values):
                     statements += self._assignments(names, number, side)
             written.append(statements)
         self._decided = outer
-        return self._syntax.decision(tested, *written)
+        return self._real.decision(tested, *written)
 
     def _assigned_inside(self, block: Block, side: int, targets: Mapping[int, Sequence[str]]) -> list[int]:
         """Return the selects whose value on one side is a select of the last decision there, and is used only once."""
@@ -649,17 +643,7 @@ class Writer(Values):
 
     def _remark(self, number: int) -> list[str]:
         """Return the comment of a node, once."""
-        return self._syntax.comment_lines(self._remarks.pop(number, ()))
-
-    def _declared(self, kind: str, name: str, value: Text) -> list[str]:
-        """Return the declaration of a constant."""
-        self.locals.append((kind, name, 0))
-        return self._syntax.constant(kind, name, value)
-
-    def _variable(self, kind: str, name: str, value: Text | None = None, size: int = 0) -> None:
-        """Declare a variable."""
-        self.locals.append((kind, name, size))
-        self._lines += self._syntax.variable(kind, name, value, size)
+        return self._real.comment_lines(self._remarks.pop(number, ()))
 
 
 @dataclass(frozen=True)
@@ -670,7 +654,6 @@ class Kernel:
     """Declarations and statements, which end with the assignments of all results. Truth values have the type ``bool``.
     """
     functions: frozenset[str]  # called functions of <math.h>
-    locals: tuple[tuple[str, str, int], ...]  # types, names and sizes (0: scalar) of the constants and variables
 
 
 @dataclass(frozen=True)
@@ -731,13 +714,13 @@ def kernel(
             kept.setdefault(places[name], []).append(number)
     zeros = Zeros(rolled.nodes, kept, unsigned, never_negative)
     first = {number: targets[0] for number, targets in rolled.targets.items()}
-    names = Names(rolled.nodes, named, rolled.reads, first, [INDEX, *taken], real.syntax.key, describes=describes)
+    names = Names(rolled.nodes, named, rolled.reads, first, [INDEX, *taken], no_case=real.no_case, describes=describes)
     vectors = {place.rpartition("[")[0] for place in flags} - {""}
     written = {place for targets in rolled.targets.values() for place in targets}
     of_vectors = {place for place in written if place.rpartition("[")[0] in vectors}
     writer = Writer(rolled, real, truths, zeros, names, texts_of, flags={*flags, *of_vectors}, unrolls=unrolls)
     lines = writer.statements(plan(rolled.nodes, rolled.targets), rolled.targets)
-    return Kernel(tuple(lines), frozenset(writer.functions), tuple(writer.locals))
+    return Kernel(tuple(lines), frozenset(writer.functions))
 
 
 def _moved(named: Collection[Named], rolled: Rolled) -> list[Named]:

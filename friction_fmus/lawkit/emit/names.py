@@ -1,55 +1,13 @@
 """Names of the constants and variables in generated C."""
 
-import math
 import re
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
-from dataclasses import dataclass
 from typing import NamedTuple
 
 from friction_fmus.errors import FrictionError
 from friction_fmus.lawkit.declarations import check_identifier
 from friction_fmus.lawkit.emit.chains import INDEX
 from friction_fmus.lawkit.emit.operations import COMPARE, LIBM, Node
-from friction_fmus.lawkit.emit.syntax import C, Syntax
-
-
-@dataclass(frozen=True)
-class Real:
-    """A floating-point type of C."""
-
-    name: str  # C keyword
-    suffix: str  # suffix of literals and of the functions in <math.h>
-    infinity: str  # expression for infinity
-    largest: float  # largest finite number
-    smallest: float
-    """Smallest magnitude of a constant other than zero: a guard against division by zero must not become zero."""
-    bound: float = 0.0
-    """Largest magnitude of an input, so that its square does not overflow; 0 if each finite number is accepted."""
-    syntax: Syntax = C
-
-    def called(self, operation: str) -> str:
-        """Return the function for an operation."""
-        return self.syntax.called(operation, self.suffix)
-
-    def finite(self, text: str) -> str:
-        """Return the condition that a value is finite."""
-        return f"isfinite({text})"
-
-    def literal(self, value: float) -> str:
-        """Return the shortest literal that reads back as this number."""
-        if math.isnan(value):
-            return "NAN"
-        if math.isinf(value):
-            return f"-{self.infinity}" if value < 0.0 else self.infinity
-        if abs(value) > self.largest:
-            raise FrictionError(f"The constant {value!r} is too large for the C type {self.name}")
-        if 0.0 < abs(value) < self.smallest:
-            value = math.copysign(self.smallest, value)
-        return repr(float(value)) + self.suffix
-
-
-DOUBLE = Real("double", "", "HUGE_VAL", math.inf, 0.0)
-FLOAT = Real("float", "f", "HUGE_VALF", 3.4028234e38, 1.1754944e-38, 1e9)
 
 _LIBRARY = {"abort", "atoi", "calloc", "exit", "free", "malloc", "printf", "puts", "rand", "realloc", "system"}
 """Functions of the C library with names that a law may use for its variables."""
@@ -105,12 +63,13 @@ class Names:
         reads: Sequence[str],
         results: Mapping[int, str],
         taken: Iterable[str],
-        key: Callable[[str], str],
         *,
+        no_case: bool,
         describes: bool,
     ) -> None:
         self._nodes = nodes
-        self._key, self._taken = key, {*map(key, taken)}
+        self._key: Callable[[str], str] = str.upper if no_case else str
+        self._taken = {*map(self._key, taken)}
         self._describes = describes
         self._reads = reads
         self._results = results
