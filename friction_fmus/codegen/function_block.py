@@ -23,7 +23,7 @@ from friction_fmus.lawkit.law import VECTORS, Kind, LawVariable
 from friction_fmus.version import VERSION, build_time
 
 
-class Variable(NamedTuple):
+class Declaration(NamedTuple):
     """A variable of a function block or of a function."""
 
     name: str
@@ -33,13 +33,13 @@ class Variable(NamedTuple):
     text: str = ""  # comment
 
 
-class Unit(NamedTuple):
+class Pou(NamedTuple):
     """A program organization unit: a function block or a function."""
 
     name: str
     returns: str  # type of a function; empty for a function block
     text: str  # documentation
-    sections: Sequence[tuple[str, Sequence[Variable]]]  # variables, with the keyword of their section
+    sections: Sequence[tuple[str, Sequence[Declaration]]]  # variables, with the keyword of their section
     body: str
 
 
@@ -111,7 +111,7 @@ class FunctionBlock(Export):
         ]
 
     @cached_property
-    def units(self) -> list[Unit]:
+    def units(self) -> list[Pou]:
         """The functions that Structured Text lacks, and the function block."""
         body, texts = "\n".join(self.body()), functions(self.real.name)
         called: list[str] = []
@@ -121,19 +121,19 @@ class FunctionBlock(Export):
         parameters, states, inputs, outputs = (
             [part for v in members for part in self._declared(v)] for members in self.groups.values()
         )
-        outputs.append(Variable("violated", "DINT", text="0, or the number of the first violated rule"))
+        outputs.append(Declaration("violated", "DINT", text="0, or the number of the first violated rule"))
         largest = self.real.literal(min(self.real.largest, sys.float_info.max))
         sections = [
             *(("VAR_INPUT", inputs), ("VAR_INPUT", parameters), ("VAR_OUTPUT", outputs), ("VAR", states)),
-            ("VAR CONSTANT", [Variable("largest", self.real.name, start=(largest,))]),
-            ("VAR_TEMP", [Variable(name, kind, size) for name, (kind, size) in self.real.locals.items()]),
+            ("VAR CONSTANT", [Declaration("largest", self.real.name, start=(largest,))]),
+            ("VAR_TEMP", [Declaration(name, kind, size) for name, (kind, size) in self.real.locals.items()]),
         ]
         calls = dict.fromkeys(sorted({*re.findall(r"\b[A-Z]+\b(?=\()", body)} - {"ABS", "SEL", "SQRT"}), "")
         calls |= {f"{self.prefix}_{name}": f" ({texts[name][0]})" for name in called}
-        block = Unit(self.prefix, "", self._title(calls), sections, body)
+        block = Pou(self.prefix, "", self._title(calls), sections, body)
         return [*(_function(*texts[name], self.prefix) for name in called), block]
 
-    def _declared(self, variable: LawVariable) -> list[Variable]:
+    def _declared(self, variable: LawVariable) -> list[Declaration]:
         """Return the declaration of a variable, and of its lower part."""
         name, starts = self.names[variable.name], self.start.get(variable.name, ())
         text = sources.described(self, variable) + f"; {variable.name} in the equations" * (name != variable.name)
@@ -142,8 +142,8 @@ class FunctionBlock(Export):
         values = tuple(spelled(sources.number(self, variable, value)) for value in starts)
         paired = variable.name in self.pairs
         lows = tuple(self.real.literal(value - float(np.float32(value))) for value in starts if paired)
-        low = Variable(f"{name}_low", kind, size, lows, f"{name} minus its value rounded to REAL")
-        return [Variable(name, kind, size, values, text), low][: 1 + paired]
+        low = Declaration(f"{name}_low", kind, size, lows, f"{name} minus its value rounded to REAL")
+        return [Declaration(name, kind, size, values, text), low][: 1 + paired]
 
     def _title(self, calls: Mapping[str, str]) -> str:
         """Return the comment of the block, with the functions whose last digits may differ from those of C."""
@@ -171,15 +171,15 @@ def function_block(export: Export) -> FunctionBlock:
     return FunctionBlock(export.law, real, prefix, export.start, export.rotary, export.table)
 
 
-def _function(how: str, code: str, prefix: str) -> Unit:
+def _function(how: str, code: str, prefix: str) -> Pou:
     """Return a function of functions.st."""
     text = code.replace("PREFIX", prefix)
     name, returns = re.findall(r"FUNCTION (\w+) : (\w+)", text)[0]
     sections = [
-        (keyword, [Variable(*declared) for declared in re.findall(r"(\w+) : (\w+);", rows)])
+        (keyword, [Declaration(*declared) for declared in re.findall(r"(\w+) : (\w+);", rows)])
         for keyword, rows in re.findall(r"^(VAR\w*)$(.*?)^END_VAR$", text, re.DOTALL | re.MULTILINE)
     ]
-    return Unit(name, returns, how, sections, text.rpartition("END_VAR\n")[2].partition("\nEND_FUNCTION")[0])
+    return Pou(name, returns, how, sections, text.rpartition("END_VAR\n")[2].partition("\nEND_FUNCTION")[0])
 
 
 def structured_text(export: FunctionBlock) -> str:
@@ -195,7 +195,7 @@ def structured_text(export: FunctionBlock) -> str:
     return "\n".join(lines)
 
 
-def _declaration(variable: Variable) -> str:
+def _declaration(variable: Declaration) -> str:
     name, kind, size, start, _ = variable
     runs = [(value, len([*equal])) for value, equal in groupby(start)]
     values = ", ".join(f"{count}({value})" if count > 1 else value for value, count in runs)
@@ -213,7 +213,7 @@ def plcopen(export: FunctionBlock) -> str:
     return _template("plcopen.xml").substitute(given)
 
 
-def _pou(unit: Unit) -> str:
+def _pou(unit: Pou) -> str:
     returns = f"<returnType><{unit.returns}/></returnType>" if unit.returns else ""
     kind = "function" if returns else "functionBlock"
     sections = ""
@@ -225,7 +225,7 @@ def _pou(unit: Unit) -> str:
 </interface><body><ST>{_xhtml(unit.body)}</ST></body><documentation>{_xhtml(unit.text)}</documentation></pou>"""
 
 
-def _xml_variable(variable: Variable) -> str:
+def _xml_variable(variable: Declaration) -> str:
     name, kind, size, start, text = variable
     single, values = f"<{kind}/>", [f'<simpleValue value="{value}"/>' for value in start]
     if size:

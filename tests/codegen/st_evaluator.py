@@ -27,7 +27,7 @@ def libm(name: str, kind: str) -> Callable[..., Any]:
     function = getattr(LIBM, name + "f" * (kind == "REAL"))
     c_type, wrapped = (ctypes.c_double, float) if kind == "LREAL" else (ctypes.c_float, np.float32)
     function.restype = c_type
-    function.argtypes = [c_type] * (2 if name in ("pow", "atan2") else 1)
+    function.argtypes = [c_type] * (2 if name in ("pow", "atan2", "fmod") else 1)
     return lambda *given: wrapped(function(*given))
 
 
@@ -80,7 +80,9 @@ class Program:
         Functions in place of those of the text, by their names.
     """
 
-    def __init__(self, text: str, kind: str = "LREAL", replaced: Mapping[str, Callable[..., Any]] | None = None) -> None:
+    def __init__(
+        self, text: str, kind: str = "LREAL", replaced: Mapping[str, Callable[..., Any]] | None = None
+    ) -> None:
         """Parse and translate it."""
         parsed = parse_source_code(text)
         if parsed.exception:
@@ -93,7 +95,12 @@ class Program:
         for real in ("LREAL", "REAL"):
             self.scope |= {f"{real}_TO_LINT": rounded_to_integer, f"LINT_TO_{real}": number, f"DINT_TO_{real}": number}
         self.results = {name: kind for name in self.scope} | {"SEL": ""}
-        self.results |= {"LREAL_TO_LINT": "LINT", "REAL_TO_LINT": "LINT", "LREAL_TO_REAL": "REAL", "REAL_TO_LREAL": "LREAL"}
+        self.results |= {
+            "LREAL_TO_LINT": "LINT",
+            "REAL_TO_LINT": "LINT",
+            "LREAL_TO_REAL": "REAL",
+            "REAL_TO_LREAL": "LREAL",
+        }
         for item in parsed.transform().items:
             unit = self._unit(item)
             self.units[unit.name] = unit
