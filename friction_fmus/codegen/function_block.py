@@ -9,7 +9,6 @@ from html import escape
 from itertools import groupby
 from pathlib import Path
 from string import Template
-from typing import NamedTuple
 
 import numpy as np
 
@@ -21,26 +20,6 @@ from friction_fmus.lawkit.emit.structured_text import KEYWORDS, _StructuredReal,
 from friction_fmus.lawkit.emit.syntax import indented, plain
 from friction_fmus.lawkit.law import VECTORS, Kind, LawVariable
 from friction_fmus.version import VERSION, build_time
-
-
-class Declaration(NamedTuple):
-    """A variable of a function block or of a function."""
-
-    name: str
-    kind: str  # its type, of a vector the type of an element
-    size: int = 0  # number of elements; 0 for a scalar
-    start: tuple[str, ...] = ()  # start values as literals; none for zero
-    text: str = ""  # comment
-
-
-class Pou(NamedTuple):
-    """A program organization unit: a function block or a function."""
-
-    name: str
-    returns: str  # type of a function; empty for a function block
-    text: str  # documentation
-    sections: Sequence[tuple[str, Sequence[Declaration]]]  # variables, with the keyword of their section
-    body: str
 
 
 @dataclass(frozen=True)
@@ -111,39 +90,78 @@ class FunctionBlock(Export):
         ]
 
     @cached_property
-    def units(self) -> list[Pou]:
-        """The functions that Structured Text lacks, and the function block."""
-        body, texts = "\n".join(self.body()), functions(self.real.name)
+    def text(self) -> str:
+        """The text of ``PREFIX.st``: the functions that Structured Text lacks, and the function block."""
+        texts, real = functions(self.real.name), self.real
+        body, table = "\n".join(self.body()), self._table_function()
         called: list[str] = []
         for name in reversed([*texts]):  # a function calls only functions before it
-            if re.search(rf"_{name}\(", "".join([body, *(texts[user][1] for user in called)])):
+            if re.search(rf"_{name}\(", "".join([body, table, *(texts[user][1] for user in called)])):
                 called.insert(0, name)
-        parameters, states, inputs, outputs = (
-            [part for v in members for part in self._declared(v)] for members in self.groups.values()
-        )
-        outputs.append(Declaration("violated", "DINT", text="0, or the number of the first violated rule"))
-        largest = self.real.literal(min(self.real.largest, sys.float_info.max))
-        sections = [
-            *(("VAR_INPUT", inputs), ("VAR_INPUT", parameters), ("VAR_OUTPUT", outputs), ("VAR", states)),
-            ("VAR CONSTANT", [Declaration("largest", self.real.name, start=(largest,))]),
-            ("VAR_TEMP", [Declaration(name, kind, size) for name, (kind, size) in self.real.locals.items()]),
-        ]
         calls = dict.fromkeys(sorted({*re.findall(r"\b[A-Z]+\b(?=\()", body)} - {"ABS", "SEL", "SQRT"}), "")
         calls |= {f"{self.prefix}_{name}": f" ({texts[name][0]})" for name in called}
-        block = Pou(self.prefix, "", self._title(calls), sections, body)
-        return [*(_function(*texts[name], self.prefix) for name in called), block]
+        before = [f"(* {how} *)\n{code}" for how, code in (texts[name] for name in called)] + [table] * bool(table)
+        parameters, states, inputs, outputs = (
+            [row for v in members for row in self._declared(v)] for members in self.groups.values()
+        )
+        outputs.append(self._row("violated", "DINT", text="0, or the number of the first violated rule"))
+        largest = self._row("largest", real.name, start=[real.literal(min(real.largest, sys.float_info.max))])
+        own = [self._row(name, kind, size) for name, (kind, size) in real.locals.items()]
+        lines = [real.comment(self._title(calls)), f"FUNCTION_BLOCK {self.prefix}"]
+        for keyword, rows in {
+            **{"VAR_INPUT": inputs + parameters, "VAR_OUTPUT": outputs, "VAR": states},
+            **{"VAR CONSTANT": [largest], "VAR_TEMP": own},
+        }.items():
+            lines += [keyword, *indented(rows), "END_VAR"] if rows else []
+        return "\n".join([*before, *lines, body, "END_FUNCTION_BLOCK", ""]).replace("PREFIX_", f"{self.prefix}_")
 
-    def _declared(self, variable: LawVariable) -> list[Declaration]:
+    def _declared(self, variable: LawVariable) -> list[str]:
         """Return the declaration of a variable, and of its lower part."""
         name, starts = self.names[variable.name], self.start.get(variable.name, ())
         text = sources.described(self, variable) + f"; {variable.name} in the equations" * (name != variable.name)
         kind = "BOOL" if is_flag(variable) else self.real.name
         size = len(variable.starts) if variable.kind in VECTORS else 0
-        values = tuple(spelled(sources.number(self, variable, value)) for value in starts)
-        paired = variable.name in self.pairs
-        lows = tuple(self.real.literal(value - float(np.float32(value))) for value in starts if paired)
-        low = Declaration(f"{name}_low", kind, size, lows, f"{name} minus its value rounded to REAL")
-        return [Declaration(name, kind, size, values, text), low][: 1 + paired]
+        found = [self._row(name, kind, size, [spelled(sources.number(self, variable, v)) for v in starts], text)]
+        if variable.name in self.pairs:
+            lows = [self.real.literal(value - float(np.float32(value))) for value in starts]
+            found.append(self._row(f"{name}_low", kind, size, lows, f"{name} minus its value rounded to REAL"))
+        return found
+
+    def _row(self, name: str, kind: str, size: int = 0, start: Sequence[str] = (), text: str = "") -> str:
+        """Return a declaration."""
+        runs = [(value, len([*equal])) for value, equal in groupby(start)]
+        values = ", ".join(f"{count}({value})" if count > 1 else value for value, count in runs)
+        value = f" := {f'[{values}]' if size else values}" if start else ""
+        array = f"ARRAY[0..{size - 1}] OF " if size else ""
+        return f"{name} : {array}{kind}{value};{f' {self.real.comment(text)}' if text else ''}"
+
+    def _table_function(self) -> str:
+        """Return the function that computes the table of a loop; empty if it has none."""
+        if not self.table:
+            return ""
+        if self.real.bound:
+            raise FrictionError(f"{self.law.path.name} has a table over position, which needs LREAL: omit --real float")
+        grid, literal = self.table.grid, self.real.literal
+        span = grid.nodes if grid.periodic else grid.nodes - 1
+        along = f"r_value - {literal(grid.begin)}" if grid.begin >= 0.0 else f"r_value + {literal(-grid.begin)}"
+        start = [f"place := ({along}) / {literal(grid.spacing)};"]
+        if grid.periodic:
+            start = [f"place := PREFIX_fmod({along}, {literal(span * grid.spacing)}) / {literal(grid.spacing)};"]
+            start += [f"IF place < 0.0 THEN\n    place := place + {span}.0;\nEND_IF;"]
+
+        def nodes(column: Sequence[float]) -> str:  # with one node before, and one or two after the table
+            before, after = [2.0 * column[0] - column[1]], [2.0 * column[-1] - column[-2]]
+            if grid.periodic:
+                before, after = [column[-1]], [*column[:2]]
+            return ", ".join(map(literal, [*before, *column, *after]))
+
+        return _template("table.st").substitute(
+            {"span": span, "last": span + 2, "v_sign": literal(self.table.v_sign), "start": "\n".join(start)},
+            force=self.words.force,
+            unit=self.words.N,
+            cogging=nodes(self.table.cogging),
+            friction=nodes(self.table.friction),
+        )
 
     def _title(self, calls: Mapping[str, str]) -> str:
         """Return the comment of the block, with the functions whose last digits may differ from those of C."""
@@ -171,69 +189,42 @@ def function_block(export: Export) -> FunctionBlock:
     return FunctionBlock(export.law, real, prefix, export.start, export.rotary, export.table)
 
 
-def _function(how: str, code: str, prefix: str) -> Pou:
-    """Return a function of functions.st."""
-    text = code.replace("PREFIX", prefix)
-    name, returns = re.findall(r"FUNCTION (\w+) : (\w+)", text)[0]
-    sections = [
-        (keyword, [Declaration(*declared) for declared in re.findall(r"(\w+) : (\w+);", rows)])
-        for keyword, rows in re.findall(r"^(VAR\w*)$(.*?)^END_VAR$", text, re.DOTALL | re.MULTILINE)
-    ]
-    return Pou(name, returns, how, sections, text.rpartition("END_VAR\n")[2].partition("\nEND_FUNCTION")[0])
+_POU = r"^\(\* (.*?) \*\)\nFUNCTION(\w*) (\w+)(?: : (\w+))?\n((?:VAR.*?^END_VAR\n)+)(.*?)\nEND_FUNCTION\2$"
+_SECTION = r"^VAR(\w*)( CONSTANT)?\n(.*?)^END_VAR$"
+_ROW = r"^    (\w+) : (?:ARRAY\[0\.\.(\d+)\] OF )?(\w+)(?: := \[?(.*?)\]?)?;(?: \(\* (.*) \*\))?$"
+_FLAGS = re.DOTALL | re.MULTILINE
 
 
-def structured_text(export: FunctionBlock) -> str:
-    """Return the text of ``PREFIX.st``."""
-    lines, comment = [], export.real.comment
-    for unit in export.units:
-        kind, result = ("FUNCTION", f" : {unit.returns}") if unit.returns else ("FUNCTION_BLOCK", "")
-        lines += [comment(unit.text), f"{kind} {unit.name}{result}"]
-        for keyword, variables in unit.sections:
-            rows = [_declaration(v) + (f" {comment(v.text)}" if v.text else "") for v in variables]
-            lines += [keyword, *indented(rows), "END_VAR"] if rows else []
-        lines += [unit.body, f"END_{kind}", ""]
-    return "\n".join(lines)
-
-
-def _declaration(variable: Declaration) -> str:
-    name, kind, size, start, _ = variable
-    runs = [(value, len([*equal])) for value, equal in groupby(start)]
-    values = ", ".join(f"{count}({value})" if count > 1 else value for value, count in runs)
-    value = f" := {f'[{values}]' if size else values}" if start else ""
-    return f"{name} : {f'ARRAY[0..{size - 1}] OF ' if size else ''}{kind}{value};"
-
-
-_ELEMENTS = {"VAR_INPUT": "inputVars", "VAR_OUTPUT": "outputVars", "VAR_TEMP": "tempVars", "VAR": "localVars"}
-_ELEMENTS |= {"VAR CONSTANT": 'localVars constant="true"'}
-
-
-def plcopen(export: FunctionBlock) -> str:
-    """Return the text of ``PREFIX.xml``, in the format TC6 2.01 of PLCopen."""
-    given = {"name": export.prefix, "version": VERSION, "time": build_time(), "units": "".join(map(_pou, export.units))}
+def plcopen(text: str) -> str:
+    """Return a text of Structured Text as PLCopen XML, TC6 version 2.01."""
+    pous = re.findall(_POU, text, _FLAGS)
+    given = {"name": pous[-1][2], "version": VERSION, "time": build_time(), "units": "".join(map(_pou, pous))}
     return _template("plcopen.xml").substitute(given)
 
 
-def _pou(unit: Pou) -> str:
-    returns = f"<returnType><{unit.returns}/></returnType>" if unit.returns else ""
-    kind = "function" if returns else "functionBlock"
-    sections = ""
-    for keyword, variables in unit.sections:
-        element, _, attribute = _ELEMENTS[keyword].partition(" ")
-        sections += f"\n<{element} {attribute}>{''.join(map(_xml_variable, variables))}\n</{element}>"
+def _pou(found: Sequence[str]) -> str:
+    text, block, name, returns, declared, body = found
+    sections = f"<returnType><{returns}/></returnType>" if returns else ""
+    for kind, constant, rows in re.findall(_SECTION, declared, _FLAGS):
+        element, attribute = f"{kind.strip('_').lower() or 'local'}Vars", ' constant="true"' if constant else ""
+        variables = "".join(map(_variable, re.findall(_ROW, rows, re.MULTILINE)))
+        sections += f"\n<{element}{attribute}>{variables}</{element}>"
     return f"""
-<pou name="{unit.name}" pouType="{kind}"><interface>{returns}{sections}
-</interface><body><ST>{_xhtml(unit.body)}</ST></body><documentation>{_xhtml(unit.text)}</documentation></pou>"""
+<pou name="{name}" pouType="{"functionBlock" if block else "function"}"><interface>{sections}</interface>
+<body><ST>{_xhtml(body)}</ST></body><documentation>{_xhtml(text)}</documentation></pou>"""
 
 
-def _xml_variable(variable: Declaration) -> str:
-    name, kind, size, start, text = variable
-    single, values = f"<{kind}/>", [f'<simpleValue value="{value}"/>' for value in start]
-    if size:
-        single = f'<array><dimension lower="0" upper="{size - 1}"/><baseType>{single}</baseType></array>'
-        values = [f"<arrayValue>{''.join(f'<value>{v}</value>' for v in values)}</arrayValue>"] if values else []
-    initial = "".join(f"<initialValue>{value}</initialValue>" for value in values)
+def _variable(found: Sequence[str]) -> str:
+    name, last, kind, start, text = found
+    kind, initial = f"<{kind}/>", f'<simpleValue value="{start}"/>'
+    if last:
+        kind = f'<array><dimension lower="0" upper="{last}"/><baseType>{kind}</baseType></array>'
+        runs = re.findall(r"(?:(\d+)\()?([^(), ]+)", start)
+        values = (f'<value repetitionValue="{count or 1}"><simpleValue value="{v}"/></value>' for count, v in runs)
+        initial = f"<arrayValue>{''.join(values)}</arrayValue>"
+    initial = f"<initialValue>{initial}</initialValue>" if start else ""
     note = f"<documentation>{_xhtml(text)}</documentation>" if text else ""
-    return f'\n<variable name="{name}"><type>{single}</type>{initial}{note}</variable>'
+    return f'\n<variable name="{name}"><type>{kind}</type>{initial}{note}</variable>'
 
 
 def _xhtml(text: str) -> str:

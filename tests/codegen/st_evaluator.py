@@ -93,14 +93,11 @@ class Program:
         self.scope |= {name: libm(c_name, kind) for name, c_name in STANDARD.items()}
         self.scope |= {"SEL": lambda g, no, yes: yes if g else no, "LREAL_TO_REAL": np.float32, "REAL_TO_LREAL": float}
         for real in ("LREAL", "REAL"):
-            self.scope |= {f"{real}_TO_LINT": rounded_to_integer, f"LINT_TO_{real}": number, f"DINT_TO_{real}": number}
-        self.results = {name: kind for name in self.scope} | {"SEL": ""}
-        self.results |= {
-            "LREAL_TO_LINT": "LINT",
-            "REAL_TO_LINT": "LINT",
-            "LREAL_TO_REAL": "REAL",
-            "REAL_TO_LREAL": "LREAL",
-        }
+            self.scope |= {f"{integer}_TO_{real}": number for integer in ("DINT", "LINT")}
+        self.results = dict.fromkeys(self.scope, kind) | {"LREAL_TO_REAL": "REAL", "REAL_TO_LREAL": "LREAL"}
+        for integer in ("DINT", "LINT"):
+            self.scope[f"{kind}_TO_{integer}"] = rounded_to_integer
+            self.results[f"{kind}_TO_{integer}"] = integer
         for item in parsed.transform().items:
             unit = self._unit(item)
             self.units[unit.name] = unit

@@ -7,14 +7,14 @@ import math
 import re
 import struct
 import sys
-from itertools import groupby
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
 import pytest
 from codegen.st_evaluator import Instance, Program, libm
-from codegen.test_loop import LOOPS
+from codegen.test_loop import LOOPS, TABLE
 from laws.draws import random_arguments
 from plcopen import Project
 from thorough import THOROUGH, nightly, some
@@ -26,21 +26,24 @@ sys.path.insert(0, str(Path(__file__).parents[2]))
 from benchmarks.law_runs import compile_
 from friction_fmus.__main__ import main
 from friction_fmus.blocks.catalogue import laws_folder
-from friction_fmus.codegen.function_block import FunctionBlock, function_block, plcopen, structured_text
+from friction_fmus.codegen.function_block import FunctionBlock, function_block, plcopen
 from friction_fmus.codegen.law_export import make_export
 from friction_fmus.codegen.layout import Export, is_flag
-from friction_fmus.codegen.servo_law import loop_text
-from friction_fmus.codegen.sources import header, implementation
+from friction_fmus.codegen.servo_law import LoopFile, loop_text
+from friction_fmus.codegen.sources import header, implementation, table_header, table_source
+from friction_fmus.errors import FrictionError
 from friction_fmus.lawkit.emit.structured_text import KEYWORDS, functions
 from friction_fmus.lawkit.law import BOOLEANS, PARAMETERS, VECTORS, LawVariable
 from friction_fmus.lawkit.law_files import discover_laws
 
 LAWS = [law.name for law in discover_laws(laws_folder())]
-CHOSEN = ("ElastoPlasticEstimator", "Dither", "GMSObserver")
-"""Take-over, rest, EXP; a function of its own; vectors, loops, a choice in a sum. blark takes seconds for each."""
+CHOSEN = ("ElastoPlasticEstimator", "GMSObserver")
+"""Take-over, rest, EXP; vectors, loops, a choice in a sum. blark takes seconds for each."""
 SAMPLES = 10_000 if THOROUGH else 1_500
 EXACT = ("floor", "ceil", "fmod", "fma")  # functions of functions.st with the bits of C; the others are replaced by it
 
+
+SECTION = re.compile(r"^VAR.*?$(.*?)^END_VAR$", re.MULTILINE | re.DOTALL)
 
 Real = Literal["double", "float"]
 
@@ -78,7 +81,7 @@ def program_of(block: FunctionBlock) -> Program:
     kind = block.real.name
     inexact = [name for name in functions("LREAL") if name not in EXACT]
     replaced = {f"{block.prefix}_{name}": libm(name, kind) for name in inexact}
-    return Program(structured_text(block), kind, replaced)
+    return Program(block.text, kind, replaced)
 
 
 def rows(export: Export, n: int) -> np.ndarray:
@@ -157,17 +160,37 @@ def test_a_law_has_the_bits_of_c(name: str, tmp_path: Path) -> None:
     assert violations > 0
 
 
-def exported_loop(name: str, folder: Path, real: Real = "double") -> Export:
+def exported_loop(loop: LoopFile, folder: Path) -> Export:
     path = folder / "loop.toml"
-    path.write_text(loop_text(LOOPS[name], "A loop"), encoding="utf-8")
-    return make_export(path, real=real)
+    path.write_text(loop_text(loop, "A loop"), encoding="utf-8")
+    return make_export(path)
 
 
 @pytest.mark.parametrize("name", some([*LOOPS], ["servo"]))
 def test_a_loop_has_the_bits_of_c(name: str, tmp_path: Path) -> None:
-    faults, violations = compare(exported_loop(name, tmp_path), SAMPLES // 5, tmp_path)
+    faults, violations = compare(exported_loop(LOOPS[name], tmp_path), SAMPLES // 5, tmp_path)
     assert faults > 0
     assert violations > 0
+
+
+@pytest.mark.parametrize("periodic", some([False, True], [True]))
+def test_the_table_over_position_has_the_bits_of_c(periodic: bool, tmp_path: Path) -> None:
+    """Inside, at the nodes, and beyond both ends; tanh is that of C."""
+    table = replace(TABLE, grid=replace(TABLE.grid, periodic=periodic))
+    export = exported_loop(replace(LOOPS["servo"], table=table), tmp_path)
+    block = function_block(export)
+    text = block.text[: block.text.rindex("\n(*", 0, block.text.index("\nFUNCTION_BLOCK"))]
+    program = Program(text, replaced={"loop_tanh": libm("tanh", "LREAL")})
+    (tmp_path / "loop_table.h").write_text(table_header(export), encoding="utf-8")
+    source = tmp_path / "loop_table.c"
+    source.write_text(table_source(export, table), encoding="utf-8")
+    in_c = compile_(source).loop_table
+    in_c.restype, in_c.argtypes = ctypes.c_double, [ctypes.c_double] * 2
+    x = np.concatenate([np.linspace(-0.05, 0.06, 400), -0.01 + 0.004 * np.arange(12.0), [math.nan]])
+    for place, speed in zip(x.tolist(), (2e-3 * np.cos(np.arange(x.size))).tolist(), strict=True):
+        assert bits(program.scope["LOOP_TABLE"](place, speed)) == bits(in_c(place, speed))
+    with pytest.raises(FrictionError, match=r"loop.toml has a table over position, which needs LREAL: omit --real"):
+        _ = function_block(make_export(tmp_path / "loop.toml", real="float")).text
 
 
 @nightly
@@ -199,14 +222,13 @@ def test_the_functions_of_the_text_have_the_digits_of_c() -> None:
                 assert abs(one - other) <= 4.0 * math.ulp(other) or (name == "atan2" and 0.0 in given), (name, given)
 
 
-def test_only_choices_without_operations_compute_both_values() -> None:
+@pytest.mark.parametrize("name", some(LAWS, ("GMSObserver", "ImplicitSuperTwisting")))
+def test_only_choices_without_operations_compute_both_values(name: str) -> None:
     """A division by zero on the side that is not chosen could stop a controller."""
-    for name in LAWS:
-        text = structured_text(function_block(make_export(name)))
-        for line in re.findall(r"SEL\(.*", text):
-            _, first, second = re.findall(r"SEL\((.*), ([^,]*), ([^,)]*)\)", line)[0]
-            assert re.fullmatch(r"[\w.]+(\[i\])?", first), line
-            assert re.fullmatch(r"[\w.]+(\[i\])?", second), line
+    for line in re.findall(r"SEL\(.*", function_block(make_export(name)).text):
+        _, first, second = re.findall(r"SEL\((.*), ([^,]*), ([^,)]*)\)", line)[0]
+        assert re.fullmatch(r"[\w.]+(\[i\])?", first), line
+        assert re.fullmatch(r"[\w.]+(\[i\])?", second), line
 
 
 def read_plcopen(text: str) -> Any:
@@ -220,8 +242,8 @@ def read_plcopen(text: str) -> Any:
 def test_the_plcopen_file_has_the_content_of_the_text(name: str, real: Real) -> None:
     """Declarations, start values, comments and statements, of all units in order."""
     block = function_block(make_export(name, real=real))
-    text = structured_text(block)
-    project = read_plcopen(plcopen(block))
+    text = block.text
+    project = read_plcopen(plcopen(text))
     assert project.content_header.name == "law"
     assert re.findall(r"^FUNCTION(?:_BLOCK)? (\w+)", text, re.MULTILINE) == [p.name for p in project.types.pous.pou]
     rows = [line.strip() for line in text.splitlines()]
@@ -234,8 +256,7 @@ def test_the_plcopen_file_has_the_content_of_the_text(name: str, real: Real) -> 
                 assert declaration(variable) in rows
         assert f"END_VAR\n{pou.body[0].st.w3_org_1999_xhtml_element.text}\nEND_FUNCTION" in text
         assert (interface.return_type is None) == (pou.name == "law")
-    sections = re.findall(r"^VAR.*?$(.*?)^END_VAR$", text, re.MULTILINE | re.DOTALL)
-    assert count == sum(len(section.strip().splitlines()) for section in sections)
+    assert count == sum(len(section.strip().splitlines()) for section in SECTION.findall(text))
 
 
 def declaration(variable: Any) -> str:
@@ -246,9 +267,8 @@ def declaration(variable: Any) -> str:
     (kind,) = (text for attribute, text in kinds.items() if getattr(single, attribute) is not None)
     value = ""
     if variable.initial_value and array:
-        runs = groupby(v.simple_value.value for v in variable.initial_value.array_value.value)
-        counted = [(text, len([*run])) for text, run in runs]
-        value = f" := [{', '.join(f'{n}({text})' if n > 1 else text for text, n in counted)}]"
+        runs = [(v.repetition_value, v.simple_value.value) for v in variable.initial_value.array_value.value]
+        value = f" := [{', '.join(f'{count}({v})' if int(count) > 1 else v for count, v in runs)}]"
     elif variable.initial_value:
         value = f" := {variable.initial_value.simple_value.value}"
     (dimension,) = array.dimension if array else (None,)
@@ -281,14 +301,21 @@ def own(folder: Path, name: str = "k", expression: str = "fabs(v)", uses: str = 
     return path
 
 
-@pytest.mark.parametrize("name", ["S", "on", "R", "by", "Time", "f_trig", "abs_", "I", "largest", "N"])
-def test_keywords_and_equal_names_in_another_case_are_renamed(name: str, tmp_path: Path) -> None:
+def test_keywords_and_equal_names_in_another_case_are_renamed(tmp_path: Path) -> None:
     """Also of local variables; comments do not nest."""
-    export = make_export(own(tmp_path, name))
+    names = ["S", "on", "R", "by", "Time", "f_trig", "abs_", "I", "largest", "N"]
+    path = own(tmp_path, names[0], " * ".join(names))
+    text = path.read_text(encoding="utf-8")
+    row = re.findall(r"    S: SX.*\n", text)[0]
+    path.write_text(text.replace(row, "".join(row.replace("S:", f"{name}:", 1) for name in names)), encoding="utf-8")
+    export = make_export(path)
     block = function_block(export)
-    assert block.names[name] == (name if name == "abs_" else f"{name}_value")
-    assert not {v.upper() for v in (*block.names.values(), *block.real.locals)} - {"I", "SUM"} & KEYWORDS
+    assert [block.names[name] for name in names] == [name if name == "abs_" else f"{name}_value" for name in names]
     compare(export, 50, tmp_path)
+    rows = [row for section in SECTION.findall(block.text) for row in section.strip().splitlines()]
+    declared = [row.split()[0].upper() for row in rows]
+    assert len(declared) == len({*declared})
+    assert {*declared} & KEYWORDS == {"LARGEST", "I"}
 
 
 @pytest.mark.parametrize(
