@@ -42,7 +42,7 @@ def get_requires_for_build_editable(config_settings: dict[str, Any] | None = Non
 
 
 def build_fmus(names: list[str], folder: Path) -> None:
-    """FMUs in a process of its own: matplotlib draws their pictures."""
+    """FMUs in a process of its own."""
     platforms = os.environ.get("FRICTION_FMUS_PLATFORMS", "all").split(",")
     command = [sys.executable, "-m", "friction_fmus", "build", *names, "--platform", *platforms, "-o", str(folder)]
     subprocess.run(command, cwd=ROOT, stdout=subprocess.DEVNULL, check=True)

@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+import inspect
 import json
 import re
 import sys
@@ -16,7 +17,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
-from friction_fmus import fmu
+from friction_fmus import conditions, fmu
 from friction_fmus.blocks.block_declarations import FILE
 from friction_fmus.blocks.catalogue import Block, catalogue
 from friction_fmus.blocks.macros import Paragraph, paragraphs
@@ -25,7 +26,6 @@ from friction_fmus.export.block_fmu import block_source
 from friction_fmus.export.composite.composite_archive import composite_source
 from friction_fmus.export.targets import SourceFmu
 from friction_fmus.export.targets.wasm.npm_package import WasmModel, wasm_model
-from friction_fmus.fmi.documentation import markdown
 from friction_fmus.harness import System
 from friction_fmus.live import SCRIPTS, assets
 
@@ -33,7 +33,9 @@ DOCS = Path(__file__).parent
 sys.path.append(str(DOCS))
 from equations import equations as typeset  # noqa: E402
 from markdown.extensions.toc import slugify  # noqa: E402
+from needs import CONDITIONS  # noqa: E402
 from portraits import about_block, opened, pictures  # noqa: E402
+from tables import markdown  # noqa: E402
 
 LAB = DOCS / "lab"
 ON_A_MASS = ("LuGre", "ElastoPlastic", "Dahl", "GMS", "ModifiedLeuven", "Leuven", "MaxwellSlip", "BlimanSorine")
@@ -206,11 +208,20 @@ def block_page(block: Block, found: dict[str, Any]) -> str:
             cells = (f"`{e.name}`", e.unit, ", ".join(e.starts), e.limits, e.text)
             parts.append(f"| {' | '.join(cell.replace('|', chr(92) + '|') for cell in cells)} |")
         parts.append("")
+    parts += conditions_of(block)
     parts += ["## Source", "", f"{block.origin}.", "", "```bibtex", *block.bibtex, "```", ""]
     if notes:
         shown = [typeset(each.lines, names) if each.equations else markdown(each) for each in notes]
         parts += ["## Notes on source and computation", "", "\n\n".join(shown), ""]
     return "\n".join(parts)
+
+
+def conditions_of(block: Block) -> list[str]:
+    """Return the conditions on the use of a block in a loop, each by the first sentence of its function."""
+    named = {name: inspect.getdoc(getattr(conditions, name)) or "" for name in CONDITIONS.get(block.name, ())}
+    items = [f"- {' '.join(text.partition(chr(10) * 2)[0].split())} (`{name}`)" for name, text in named.items()]
+    last = "`friction-fmus doctor SYSTEM` evaluates them for a loop, see [conditions](../conditions.md)."
+    return ["## Conditions", "", *items, "", last, ""] if items else []
 
 
 def split_notes(block: Block) -> tuple[list[Paragraph], list[Paragraph]]:

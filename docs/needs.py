@@ -5,6 +5,7 @@ Each row names the blocks that it recommends, best first.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 
@@ -317,3 +318,53 @@ SITUATIONS = (
         first=2,
     ),
 )
+
+POSITION_LOOP = ("routh", "sampled", "loop_poles", "stick_slip_free", "break_away")
+"""Conditions of a position loop."""
+
+CONDITIONS: Mapping[str, tuple[str, ...]] = {
+    **dict.fromkeys(("Actuator", "ExtendedStateObserver"), ("loop_poles", "break_away")),
+    "Belt": ("belt",),
+    **dict.fromkeys(("Cogging", "PositionMap"), ("cogging",)),
+    **dict.fromkeys(
+        ("TwoMass", "DisturbanceObserver", "KalmanFriction", "LocalFunctionEstimator", "PredictiveFilter"),
+        ("loop_poles",),
+    ),
+    **dict.fromkeys(
+        ("ANDFC", "AdaptiveLuGre"), (*POSITION_LOOP, "adaptation", "fed_back_stiffness", "overcompensation")
+    ),
+    "AdaptiveSlidingMode": (*POSITION_LOOP, "adaptation"),
+    "CascadePPI": (*POSITION_LOOP, "hunting"),
+    **dict.fromkeys(
+        (
+            "CoulombFeedforward",
+            "DahlFeedforward",
+            "ElastoPlasticFeedforward",
+            "GMSFeedforward",
+            "InverseDynamics",
+            "KarnoppFeedforward",
+            "LeuvenFeedforward",
+            "LoadFeedforward",
+            "LuGreFeedforward",
+            "ModifiedLeuvenFeedforward",
+            "StaticFeedforward",
+        ),
+        ("overcompensation", "inertia"),
+    ),
+    "DeadZoneFeedforward": ("overcompensation", "inertia", "loop_poles"),
+    "DiscreteInverse": ("preview",),
+    "Dither": ("dither_stroke", "dither_frequency"),
+    **dict.fromkeys(("ElastoPlasticEstimator", "GMSObserver"), ("fed_back_stiffness", "overcompensation")),
+    "ImplicitSlidingMode": ("loop_poles", "sliding_gain", "break_away"),
+    "ImplicitSuperTwisting": ("loop_poles", "super_twisting", "super_twisting_rate", "break_away"),
+    "ImpulsiveControl": ("pulses",),
+    **dict.fromkeys(("IterativeLearning", "RepetitiveController"), ("contraction",)),
+    "LuGreObserver": ("injection", "fed_back_stiffness", "overcompensation"),
+    "ModelledOutputKarnopp": (*POSITION_LOOP, "overcompensation"),
+    "PID": (*POSITION_LOOP, "hunting", "dead_band", "turned_friction"),
+    **dict.fromkeys(("Prefilter", "PreviewPrefilter"), ("prefilter", "prefilter_match")),
+    "ResetPID": POSITION_LOOP,
+    **dict.fromkeys(("StaticFeedback", "TustinFeedback"), ("overcompensation",)),
+    "Encoder": ("encoder_count", "loop_poles"),
+}
+"""Functions of `friction_fmus.conditions` that say when a block works in a loop, by block."""

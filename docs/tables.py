@@ -14,7 +14,7 @@ from pathlib import Path
 from needs import KNOWLEDGE, MEASURED, MOTIONS, QUESTIONS, REFERENCE, SITUATIONS, SWITCHES, Motion, Question, Situation
 
 from friction_fmus.blocks.catalogue import FEATURES, Block, catalogue
-from friction_fmus.blocks.macros import Paragraph, paragraphs
+from friction_fmus.blocks.macros import INDENT, Paragraph, paragraphs
 from friction_fmus.blocks.probe import (
     BOOLEAN,
     FIXED,
@@ -28,7 +28,6 @@ from friction_fmus.blocks.probe import (
 )
 from friction_fmus.cli.main import parser
 from friction_fmus.export.block_fmu import describe_block
-from friction_fmus.fmi.documentation import markdown
 from friction_fmus.fmi.model_description import CAPABILITIES, ROLE
 from friction_fmus.identification.data.formats import modules as data_formats
 from harness.masters import master_names
@@ -295,6 +294,15 @@ def _section(block: Block) -> str:
     leads = [paragraph for paragraph in rest if paragraph.lead]
     parts = [markdown(paragraph) for paragraph in (first, *leads, *_equations(rest))]
     return "\n\n".join([f"## {block.name}", *parts, f"Source: {block.origin}."]) + "\n"
+
+
+def markdown(paragraph: Paragraph) -> str:
+    """Return a paragraph of the notes of a block in Markdown."""
+    if paragraph.equations:
+        return "\n".join(["```text", *(INDENT + line for line in paragraph.lines), "```"])
+    lead = f"**{paragraph.lead}** " if paragraph.lead else ""
+    written = "\n  ".join(paragraph.lines) if paragraph.item else "\n".join(paragraph.lines)
+    return ("- " if paragraph.item else lead) + written.replace("*", "\\*").replace("|", "\\|")
 
 
 def _equations(notes: Sequence[Paragraph]) -> list[Paragraph]:

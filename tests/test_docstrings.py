@@ -17,7 +17,6 @@ PACKAGES = (
     "friction_fmus.data",
     "friction_fmus.doctor",
     "friction_fmus.identification",
-    "friction_fmus.procedures",
     "friction_fmus.report",
     "friction_fmus.study",
     "harness",

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
-from friction_fmus.fmi.portrait import finite_panels
-from friction_fmus.fmi.portrait.drawing import chart
+from portraits.by_ports import finite_panels
+from portraits.chart import chart
 from portraits.experiments import shown
 from portraits.recorded import RecordedBench, opened, recorded_figures
 

@@ -1,8 +1,7 @@
 """Experiments for the pages of blocks whose ports do not tell what to show, and the values they begin with.
 
-The figures in the documentation of an FMU show what a block does with its start values. On a page, each slider must
-change a figure, so some pages have a further experiment or begin with other values, such as a second sine that is not
-zero.
+Each slider of a page must change a figure, so some pages have a further experiment or begin with other values than the
+start values, such as a second sine that is not zero.
 """
 
 from __future__ import annotations
@@ -14,14 +13,11 @@ from typing import Final
 import numpy as np
 
 from friction_fmus.blocks.catalogue import Block
-from friction_fmus.fmi.portrait.experiments import (
+from portraits.by_ports import (
     POINTS,
     TIME,
     Bench,
-    Curve,
     Experiment,
-    Panel,
-    Vector,
     experiment,
     largest_force,
     path_unit,
@@ -30,6 +26,7 @@ from friction_fmus.fmi.portrait.experiments import (
     sine,
     speed_scale,
 )
+from portraits.chart import Curve, Panel, Vector
 
 Values = Mapping[str, float]
 

@@ -15,18 +15,10 @@ import numpy as np
 from friction_fmus.blocks.catalogue import Block
 from friction_fmus.blocks.probe import BlockVariables
 from friction_fmus.export.block_fmu import describe_block
-from friction_fmus.fmi.portrait.experiments import (
-    Bench,
-    BenchRun,
-    Curve,
-    Panel,
-    Vector,
-    elastic_reach,
-    friction_panels,
-    speed_scale,
-)
 from harness.errors import HarnessError
 from harness.parts.fmu import FmuPart
+from portraits.by_ports import Bench, BenchRun, elastic_reach, friction_panels, speed_scale
+from portraits.chart import Curve, Panel, Vector
 from portraits.experiments import BEGIN, FURTHER, idle, shown
 
 

@@ -20,9 +20,9 @@ from tempfile import TemporaryDirectory
 import numpy as np
 
 from _effect import Check, Effect, command_line, near
+from _learning import train
 from _loop import BLACK, BLUE, FC, GAINS, RED, TS, Array, panels, save
 from friction_fmus import build
-from friction_fmus.procedures import PidLoop, separate, train
 from harness import FmuPart, Part, SeriesPart, System
 
 COGGING, PITCH, VISCOUS = 0.7, 0.024, 0.4  # [N], [m], [N s/m]
@@ -57,16 +57,7 @@ def learned_over_position(speed: float) -> Array:
     samples = round((SETTLED + PITCH / abs(speed) + REST) / TS)
     times: Array = TS * np.arange(samples + 1, dtype=np.float64)
     with TemporaryDirectory() as folder:
-        training = train(
-            lambda part: axis(part, speed, times, Path(folder)),
-            PidLoop(GAINS["m"], GAINS["Kp"], GAINS["Kd"], GAINS["Ki"]),
-            reference="reference.r",
-            position="mass.x",
-            samples=samples,
-            Ts=TS,
-            fq=200.0,
-            master="newton",
-        )
+        training = train(lambda part: axis(part, speed, times, Path(folder)), GAINS, samples)
     table = slice(round(SETTLED / TS), samples - round(REST / TS))
     place = np.mod(speed * (times[table] - 0.5 * RISE), PITCH)
     order = np.argsort(place)
@@ -76,15 +67,15 @@ def learned_over_position(speed: float) -> Array:
 def main(folder: Path, full: bool = False) -> Effect:
     """Draw learned forces and tables, check friction and amplitude of the cogging."""
     speeds = (0.05, 0.02, 0.03, 0.1) if full else (0.05,)
-    forward, backward = ([learned_over_position(sign * speed) for speed in speeds] for sign in (1.0, -1.0))
-    tables = [separate(X, [v], [a], [b]) for v, a, b in zip(speeds, forward, backward, strict=True)]
+    forward, backward = (np.array([learned_over_position(sign * v) for v in speeds]) for sign in (1.0, -1.0))
+    friction, cogging = (forward - backward) / 2.0, (forward + backward) / 2.0
 
     figure, axes = panels("Learned forces separate friction from cogging", 1, 2, (9.0, 3.8))
     axes[0].plot(1e3 * X, forward[0], color=RED, lw=1.3, label="forward")
     axes[0].plot(1e3 * X, backward[0], color=BLUE, lw=1.3, label="backward")
     axes[0].set(xlabel="position [mm]", ylabel="learned force [N]", ylim=(-2.0, 2.8))
-    axes[1].plot(1e3 * X, tables[0].friction[0], color=RED, lw=1.5, label="friction")
-    axes[1].plot(1e3 * X, tables[0].cogging, color=BLUE, lw=1.5, label="against cogging")
+    axes[1].plot(1e3 * X, friction[0], color=RED, lw=1.5, label="friction")
+    axes[1].plot(1e3 * X, cogging[0], color=BLUE, lw=1.5, label="against cogging")
     truth = -COGGING * np.sin(2.0 * pi * X / PITCH)
     axes[1].plot(1e3 * X, truth, color=BLACK, ls=":", lw=1.3, label="of the plant")
     axes[1].axhline(FC + VISCOUS * speeds[0], color=BLACK, ls=":", lw=1.3)
@@ -95,9 +86,9 @@ def main(folder: Path, full: bool = False) -> Effect:
 
     checks: list[Check] = []
     found: list[tuple[float, float]] = []
-    for speed, table in zip(speeds, tables, strict=True):
-        amplitude = float(2.0 * abs(np.mean(table.cogging * np.exp(-2j * pi * X / PITCH))))
-        found.append((amplitude, float(table.friction.mean())))
+    for speed, rubs, cogs in zip(speeds, friction, cogging, strict=True):
+        amplitude = float(2.0 * abs(np.mean(cogs * np.exp(-2j * pi * X / PITCH))))
+        found.append((amplitude, float(rubs.mean())))
         name = f"{1e3 * speed:g} mm/s"
         checks.append(near(f"{name}: amplitude of the cogging", amplitude, COGGING, 5e-3, "N"))
         checks.append(near(f"{name}: friction", found[-1][1], FC + VISCOUS * speed, 3e-3, "N"))

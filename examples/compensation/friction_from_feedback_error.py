@@ -15,6 +15,7 @@ Source: Johnson, Lorenz, IEEE Transactions on Industry Applications 28(6), 1992.
 """
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -24,7 +25,6 @@ from _effect import Check, Effect, command_line, near, small
 from _loop import BLACK, BLUE, FC, FS, GREY, RED, TS, VS, Array, panels, save
 from friction_fmus import build
 from friction_fmus.conditions import steepest_fall
-from friction_fmus.procedures import identify_from_feedback
 from harness import FmuPart, SeriesPart, System
 
 FIRM, SOFT = {"Kp": 9e4, "Kd": 600.0}, {"Kp": 100.0, "Kd": 20.0}  # [N/m], [N s/m]
@@ -53,21 +53,45 @@ def axis(folder: Path, gains: dict[str, float], stop: float) -> Callable[[float,
     return system
 
 
+@dataclass(frozen=True)
+class FrictionTable:
+    """Friction over speed, identified from the feedback force."""
+
+    speeds: Array
+    levels: Array
+    """Feedforward force of each pass [N], shape (passes + 1, speeds); the last row is the result."""
+    feedback: Array
+    """Mean feedback force of each pass [N], shape (passes, speeds)."""
+    ripple: Array
+    """Largest relative deviation of the velocity, shape (passes, speeds); 1 or more if the axis stopped."""
+
+
+def identify(
+    system: Callable[[float, float], System], speeds: Array, settled: float, stop: float, passes: int = 2
+) -> FrictionTable:
+    """Identify the friction at constant speeds: F_next(v) = F(v) + mean feedback force at v from ``settled`` on."""
+    levels, feedback, ripple = [np.zeros(speeds.size)], [], []
+    for _ in range(passes):
+        means, deviations = np.empty(speeds.size), np.empty(speeds.size)
+        for i, (speed, force) in enumerate(zip(speeds, levels[-1], strict=True)):
+            with system(float(speed), float(force)) as made:
+                result = made.run(stop=stop, step=TS, record=["pid.u", "mass.v"], master="newton")
+            late = result["time"].to_numpy() >= settled
+            means[i] = result["pid.u"].to_numpy()[late].mean() - force
+            deviations[i] = np.abs(result["mass.v"].to_numpy()[late] / speed - 1.0).max()
+        feedback.append(means)
+        ripple.append(deviations)
+        levels.append(levels[-1] + means)
+    return FrictionTable(speeds, np.array(levels), np.array(feedback), np.array(ripple))
+
+
 def main(folder: Path, full: bool = False) -> Effect:
     """Draw both tables, check that the firm one is right after two passes."""
     slow = (3e-4, 1e-3, 2e-3, 1e-2, 0.1)
     speeds = np.array([1e-4, *slow, *(-v for v in slow), 0.5] if full else slow)
     with TemporaryDirectory() as fmus:
         firm, soft = (
-            identify_from_feedback(
-                axis(Path(fmus), gains, stop),
-                v,
-                control="pid.u",
-                velocity="mass.v",
-                settled=settled,
-                stop=stop,
-                step=TS,
-            )
+            identify(axis(Path(fmus), gains, stop), v, settled, stop)
             for gains, v, settled, stop in ((FIRM, speeds, 6.0, 10.0), (SOFT, np.array(slow), 30.0, 60.0))
         )
 
@@ -91,7 +115,7 @@ def main(folder: Path, full: bool = False) -> Effect:
         Check("steepest fall of the curve over Kd = 600 N s/m", steepest_fall(FC, FS, VS) / FIRM["Kd"], "", 0.0, 1.0),
         Check("steepest fall of the curve over Kd = 20 N s/m", steepest_fall(FC, FS, VS) / SOFT["Kd"], "", 1.0),
     ]
-    for speed, value, left in zip(speeds, firm.friction, firm.feedback[-1], strict=True):
+    for speed, value, left in zip(speeds, firm.levels[-1], firm.feedback[-1], strict=True):
         name = f"Kd = 600 N s/m, {1e3 * speed:g} mm/s"
         checks.append(
             near(f"{name}: friction after two passes", value, float(np.sign(speed) * level(abs(speed))), 1e-3, "N")
@@ -101,7 +125,7 @@ def main(folder: Path, full: bool = False) -> Effect:
     checks.append(Check("Kd = 20 N s/m: speeds at which the axis sticks", float(sticks.sum()), "", 1.0))
     wrong = np.abs(soft.levels[-1] - level(np.array(slow)))[sticks].max()
     checks.append(Check("Kd = 20 N s/m: largest error of a mean force there", wrong, "N", 0.02))
-    assert np.abs(np.abs(firm.friction) - level(np.abs(speeds))).max() < 1e-6  # N
+    assert np.abs(np.abs(firm.levels[-1]) - level(np.abs(speeds))).max() < 1e-6  # N
     return Effect(
         "With Kd = 600 N s/m, two passes identify the friction at all speeds to 1 µN. With Kd = 20 N s/m the axis "
         f"sticks at {int(sticks.sum())} of {len(slow)} speeds, where the mean force is up to {wrong:.2f} N off.",

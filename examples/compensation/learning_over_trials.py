@@ -25,9 +25,9 @@ from tempfile import TemporaryDirectory
 import numpy as np
 
 from _effect import Check, Effect, command_line, near
+from _learning import Training, train
 from _loop import BLACK, BLUE, GAINS, GREY, RED, TS, Array, panels, rms, save
 from friction_fmus import build
-from friction_fmus.procedures import PidLoop, Training, train
 from harness import CallablePart, FmuPart, Part, Port, System
 
 TRIALS, SAMPLES, FQ = 15, 2000, 200.0  # learning steps, samples of a trial (1 s), corner of the filter Q [Hz]
@@ -60,20 +60,9 @@ def axis(learner: Part, amplitude: float, folder: Path) -> System:
 
 def learn(amplitude: float, gamma: float, stiffness: float = 0.0) -> Training:
     """All trials, with a stiffness [N/m] that L knows of."""
-    loop = PidLoop(GAINS["m"], GAINS["Kp"] + stiffness, GAINS["Kd"], GAINS["Ki"])
+    gains = {**GAINS, "Kp": GAINS["Kp"] + stiffness}
     with TemporaryDirectory() as folder:
-        return train(
-            lambda learned: axis(learned, amplitude, Path(folder)),
-            loop,
-            reference="reference.r",
-            position="mass.x",
-            samples=SAMPLES,
-            Ts=TS,
-            trials=TRIALS,
-            rate=gamma,
-            fq=FQ,
-            master="newton",
-        )
+        return train(lambda learned: axis(learned, amplitude, Path(folder)), gains, SAMPLES, TRIALS, gamma, FQ)
 
 
 def by_the_fmu(amplitude: float, gamma: float) -> Array:

@@ -37,7 +37,6 @@
 #define SUMMARY "{Force} pulses for an axis that is stuck away from its target"
 #define SOURCE  "Armstrong-Helouvry, Dupont, Canudas de Wit, Automatica 30(7), 1994"
 #define CITES   "ArmstrongHelouvry1994"
-#define QUOTES  "pulses"
 
 /* clang-format off */
 #define VARIABLES                                                                                                               \

@@ -42,7 +42,6 @@
 #define SUMMARY "Iterative learning of the {force} for a repeated motion"
 #define SOURCE  "Arimoto, Kawamura, Miyazaki, Journal of Robotic Systems 1(2), 1984"
 #define CITES   "Arimoto1984, Bristow2006"
-#define QUOTES  "contraction"
 
 /* clang-format off */
 #define VARIABLES                                                                                                                \
@@ -76,7 +75,7 @@
 
 #define USE                                                                                         \
     KIND (learning)                                                                                 \
-    NEVER("It learns from trial to trial, but the study runs the reference once (see procedures).")
+    NEVER("It learns from trial to trial, but the study runs the reference once.")
 /* clang-format on */
 
 #include "zero_phase.h"

@@ -38,7 +38,6 @@
 #define STATUS  "not checked against the papers"
 #define SOURCE  "Swevers, Al-Bender, Ganseman, Prajogo, IEEE TAC 45(4), 2000"
 #define CITES   "Swevers2000, Lampaert2004"
-#define QUOTES  "overcompensation, inertia"
 
 /* clang-format off */
 #define VARIABLES                                                                                                          \

@@ -35,7 +35,6 @@
 #define SUMMARY "Compensation of friction estimated by a polynomial fit to the last mean {force}s"
 #define SOURCE  "Savitzky, Golay, Analytical Chemistry 36(8), 1964"
 #define CITES   "SavitzkyGolay1964"
-#define QUOTES  "loop_poles"
 
 /* clang-format off */
 #define VARIABLES                                                                                                                   \

@@ -34,7 +34,6 @@
 #define STATUS  "not checked against the paper"
 #define SOURCE  "Lampaert, Swevers, Al-Bender, IEEE TAC 47(4), 2002"
 #define CITES   "Lampaert2002"
-#define QUOTES  "overcompensation, inertia"
 
 /* clang-format off */
 #define VARIABLES                                                                                                          \

@@ -40,7 +40,6 @@
 #define SUMMARY "Repetitive learning of the {force} against a periodic error during operation"
 #define SOURCE  "Hara, Yamamoto, Omata, Nakano, IEEE Trans. Automatic Control 33(7), 1988"
 #define CITES   "Hara1988, Tomizuka1989"
-#define QUOTES  "contraction"
 
 /* clang-format off */
 #define VARIABLES                                                                                                                \

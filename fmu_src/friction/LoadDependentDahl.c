@@ -45,7 +45,12 @@
     PARAMETER(eps,    LENGTH,   1e-3, 1e-12, INF,  "path constant after a reversal")                                       \
     PARAMETER(Fv,     DAMPING,  0.4,  0.0,   INF,  "viscous coefficient")
 
-#define IDENTIFIED METHOD(none)
+#define IDENTIFIED                   \
+    FIT    (mu_avg, 0.1, sliding)    \
+    FIT    (mu_dif, 0, directions)   \
+    FIT    (eps, distance, loops)    \
+    FIT    (Fv, viscous, sliding)    \
+    SLIDING(z, 1)
 /* clang-format on */
 
 #define STEPS_BY step

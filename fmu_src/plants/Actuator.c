@@ -29,7 +29,6 @@
 #define SOURCE      "Ellis: Control System Design Guide, 4th ed., 2012"
 #define CITES       "Ellis2012"
 #define NO_EXCHANGE "every change of u would become a time event after the delay"
-#define QUOTES      "loop_poles, break_away"
 
 /* clang-format off */
 #define VARIABLES                                                                                                           \

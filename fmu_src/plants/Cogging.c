@@ -21,7 +21,6 @@
 #define SUMMARY "Position-dependent conservative {force}: harmonics of the magnet pitch"
 #define SOURCE  "Otten et al., IEEE/ASME Transactions on Mechatronics 2(3), 1997"
 #define CITES   "Otten1997"
-#define QUOTES  "cogging"
 
 /* clang-format off */
 #define VARIABLES                                                                                                                           \

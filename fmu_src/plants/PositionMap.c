@@ -25,7 +25,6 @@
 #define SUMMARY "{Force} over position: cogging and position-dependent friction from a table"
 #define SOURCE  "Otten et al., IEEE/ASME Transactions on Mechatronics 2(3), 1997; table in map.h"
 #define CITES   "Otten1997"
-#define QUOTES  "cogging"
 
 /* clang-format off */
 #define VARIABLES                                                                                              \

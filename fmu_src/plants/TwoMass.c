@@ -31,7 +31,6 @@
 #define SUMMARY "Flexible drive: motor and load connected by a spring and a damper"
 #define SOURCE  "Munnig Schmidt, Schitter, Rankers, van Eijk: The Design of High Performance Mechatronics, 2020"
 #define CITES   "MunnigSchmidt2020"
-#define QUOTES  "loop_poles"
 
 /* clang-format off */
 #define VARIABLES                                                                                                    \

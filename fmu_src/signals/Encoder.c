@@ -23,7 +23,6 @@
 #define SUMMARY "Sampled, quantised position with velocity by difference, optionally with jitter"
 #define SOURCE  "Widrow, Kollar, 2008; Brown, Schneider, Mulligan, IEEE TIE 39(1), 1992"
 #define CITES   "WidrowKollar2008, Brown1992"
-#define QUOTES  "encoder_count, loop_poles"
 
 /* clang-format off */
 #define VARIABLES                                                                                      \

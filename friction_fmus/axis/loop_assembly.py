@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Hashable, Mapping
+from collections.abc import Callable, Container, Hashable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cache, partial
 from pathlib import Path
@@ -12,12 +12,13 @@ from typing import Final
 import numpy as np
 
 from friction_fmus.axis.drive_filters import CurrentLoop
-from friction_fmus.axis.servo import AxisPlant, Compensator, Servo, Trajectory
+from friction_fmus.axis.servo import SHARES, AxisPlant, Compensator, Servo, Trajectory
 from friction_fmus.blocks.axis_units import domain_of
 from friction_fmus.blocks.catalogue import find
 from friction_fmus.export.block_fmu import fmu
 from harness import FmuPart, Part, SeriesPart, Wire
 from harness.parts.part import StartValue
+from harness.system.wire import parse_wire
 
 
 @dataclass
@@ -105,9 +106,12 @@ class AxisAssembly:
             if _has_input(contact, "F_ext"):
                 self.wires.append(f"axis.F_ext{side} -> {name}.F_ext")
         self.start |= start_of(plant, {part.name: part for part in self.parts}, trajectory.x0)
-        if "Fn0" in plant.values:  # the friction was identified at this normal force, which is constant
-            loaded = [part for part in self.parts if isinstance(part, FmuPart) and _has_input(part, "Fn")]
-            self.start |= {f"{part.name}.Fn": plant.values["Fn0"] for part in loaded}
+        if _has_input(contact, "F_t"):
+            self._add_motor(f"{FRICTION}.F_t")
+        if plant.loaded:
+            self._add_load()
+        elif "Fn0" in plant.values and _has_input(contact, "Fn"):  # identified at a constant normal force
+            self.start |= {f"{name}.Fn": plant.values["Fn0"] for name in sides.values()}
         if plant.position is not None:
             table = plant.position
             self._part("position", table, lambda: table.fmu(trajectory.rotary), 1)
@@ -116,6 +120,22 @@ class AxisAssembly:
             self.wires += [f"{position_of(self.plant)} -> position.x", f"{velocity} -> position.v"]
             # a step late, so that only mass and friction are solved jointly: the force hardly changes in a step
             self.wires.append(Wire("position.F_position", "axis.F_load", delay=1))
+
+    def _add_load(self) -> None:
+        """Add what makes the friction grow with the transmitted force, and one input for both forces of the drive."""
+        shares = {name: self.plant.terms[name] for name in SHARES}
+        self.add("transmission", "TransmissionLoad", {"base": self.plant.values["Fn0"], **shares}, sampled=False)
+        self._add_motor("transmission.F_drive")
+        self.wires += ["axis.v -> transmission.v", f"transmission.Fn -> {FRICTION}.Fn"]
+        if self.plant.position is not None:
+            self.wires.append(Wire("position.F_position", "transmission.F_external", delay=1))
+
+    def _add_motor(self, other: str) -> None:
+        """Add one input for the force of the drive, which acts on the axis and is an input of another part."""
+        self.add("motor", "Sum", {}, sampled=False)
+        wires = [parse_wire(wire) for wire in self.wires]
+        self.wires = [replace(wire, target="motor.u1") if wire.target == DRIVE else wire for wire in wires]
+        self.wires += [f"motor.y -> {DRIVE}", f"motor.y -> {other}"]
 
 
 @dataclass
@@ -180,7 +200,7 @@ class LoopAssembly(AxisAssembly):
             self.add("current", "SecondOrderFilter", {**CurrentLoop(servo.lag, servo.Ts).parameters, "Ts": servo.Ts})
             self.wires.append(f"{command} -> current.u")
             command = "current.y"
-        self.wires.append(Wire(command, "axis.F_drive", delay=self.every * servo.delay))
+        self.wires.append(Wire(command, DRIVE, delay=self.every * servo.delay))
         for name, known in (("rd", motion or servo.velocity_feedforward), ("rdd", inertia > 0.0)):
             if known:
                 self.wires.append(f"reference.{name} -> servo.{name}")
@@ -236,6 +256,10 @@ class LoopAssembly(AxisAssembly):
         for name, law in reversed(given.items()):
             self._add_law(name, law)
         forces = [Wire(f"{name}.{law.output}", "") for name, law in given.items()]
+        gravity = load_feedforward(self.plant) if self.trajectory.motion else None
+        if gravity is not None:
+            self._add_law("load", gravity)
+            forces.append(Wire("load.u", ""))
         table = self.trajectory.table
         if table is not None:
             self._part("table", table, lambda: table.fmu(self.trajectory.rotary), 1)
@@ -249,8 +273,24 @@ class LoopAssembly(AxisAssembly):
         part = self.add(name, law.model, {**self.limits, "Ts": self.servo.Ts, **law.values})
         known = {"x": self.position, "v": self.velocity, **{port: f"reference.{port}" for port in ("r", "rd", "rdd")}}
         taken = {port.name for port in part.inputs}
+        if "Fn" in taken and self.plant.loaded and self.trajectory.motion:
+            known["Fn"] = "load.Fn"
+        elif "Fn" in taken:
+            self.start[f"{name}.Fn"] = law.values.get("Fn0", 1.0)
         self.wires += [f"{source} -> {name}.{port}" for port, source in known.items() if port in taken]
         return part
+
+
+def load_feedforward(plant: AxisPlant) -> Compensator | None:
+    """Return the law for gravity and load of an axis; None if it has neither."""
+    if not plant.terms:
+        return None
+    rubs = find(plant.friction).about.in_loop.friction
+    own = rubs is not None and rubs.viscous != "0"
+    viscous = rubs.level(plant.values).viscous if rubs is not None and own else plant.values.get("Fv", 0.0)
+    given = {"m": 0.0, "offset": plant.offset, "m_moved": plant.mass, "Fv": viscous, "G_sin": 0.0}
+    given |= {"Fc": plant.values["Fn0"]} if plant.loaded else dict.fromkeys(SHARES, 0.0)
+    return Compensator("LoadFeedforward", "u", {**given, **plant.terms})
 
 
 REPLACING: Final = ("feedforward", "model feedback")
@@ -268,6 +308,14 @@ def with_friction(
 
 
 FRICTION, OF_LOAD = "friction", "load_friction"  # parts with the friction of the motor, or of all, and of a load
+
+
+DRIVE: Final = "axis.F_drive"  # input of the mass for the force of the drive
+
+
+def drive_input(parts: Container[str]) -> str:
+    """Return the input of an axis for the force of the drive."""
+    return "motor.u1" if "motor" in parts else DRIVE
 
 
 def position_of(plant: AxisPlant) -> str:
@@ -308,7 +356,10 @@ def viscous_beside(friction: Part, plant: AxisPlant) -> float:
 
 def constant_force(plant: AxisPlant, force: float) -> dict[str, StartValue]:
     """Return the start value that applies a constant force to the axis."""
-    return {"axis.F_load" if plant.position is None else "position.F0": force}
+    if plant.position is not None:
+        return {"position.F0": force}
+    found: dict[str, StartValue] = {"axis.F_load": force}
+    return found | ({"transmission.F_external": force} if plant.loaded else {})
 
 
 def _has_input(part: Part, name: str) -> bool:

@@ -15,6 +15,7 @@ Array = NDArray[np.float64]
 
 BLOCK = "PositionMap"  # block that computes the force
 LEAST_NODES = 4  # smallest number of nodes of a table
+NODES_OF_TURN = 256  # number of nodes of the gravity of an arm
 
 
 @dataclass(frozen=True)
@@ -102,6 +103,14 @@ class PositionMap:
             f"static const bool map_periodic = {'true' if self.grid.periodic else 'false'};\n"
             f"static const double map[][2] = {{\n{rows}}};\n"
         }
+
+
+def gravity_map(G_sin: float, G_cos: float) -> PositionMap:
+    """Return the gravity of an arm, for which its drive needs G_sin sin q + G_cos cos q, within 1e-6."""
+    q = 2.0 * np.pi * np.arange(NODES_OF_TURN) / NODES_OF_TURN
+    force = -(G_sin * np.sin(q) + G_cos * np.cos(q))
+    grid = Grid(0.0, 2.0 * np.pi / NODES_OF_TURN, NODES_OF_TURN, periodic=True)
+    return PositionMap(grid, tuple(force.tolist()), (0.0,) * NODES_OF_TURN, 1.0)
 
 
 def _catmull_rom(w: Array) -> tuple[Array, Array, Array, Array]:

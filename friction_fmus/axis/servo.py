@@ -38,6 +38,9 @@ class FlexibleLoad:
         return self.frequency / (2.0 * pi * sqrt(1.0 - self.share))
 
 
+SHARES: Final = ("a_drive", "a_external")  # coefficients of the load
+
+
 @dataclass(frozen=True)
 class AxisPlant:
     """Identified mass and friction of an axis."""
@@ -50,6 +53,14 @@ class AxisPlant:
     offset: float = 0.0  # constant force that the drive needs in addition to friction [N]
     position: PositionMap | None = None  # force that depends on position
     load: FlexibleLoad | None = None  # part of the mass, behind a spring
+    terms: Mapping[str, float] = field(default_factory=dict)
+    """Gravity of an arm, G_sin and G_cos [N.m], and a_drive and a_external, the friction over the transmitted force;
+    the parameter Fn0 of the block is then its friction without load, and `position` the gravity."""
+
+    @property
+    def loaded(self) -> bool:
+        """Whether the friction grows with the transmitted force."""
+        return any(self.terms.get(name) for name in SHARES)
 
     @property
     def stiffness(self) -> float:

@@ -11,7 +11,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from friction_fmus.axis.loop_assembly import OF_LOAD, AxisAssembly, LoopAssembly, PartPool
+from friction_fmus.axis.loop_assembly import DRIVE, OF_LOAD, AxisAssembly, LoopAssembly, PartPool
 from friction_fmus.axis.servo import AxisPlant, Compensator, Servo, Trajectory
 from friction_fmus.blocks.catalogue import find
 from harness import Experiment, ExperimentError, SeriesPart, System
@@ -189,7 +189,7 @@ def free_axis(
     drive.every = every
     axis.parts.append(drive)
     axis.add("force", "Sum", {"gain[2]": 0.0}, sampled=False)
-    axis.wires += ["drive.u -> force.u1", "drive.trend -> force.u2", "force.y -> axis.F_drive"]
+    axis.wires += ["drive.u -> force.u1", "drive.trend -> force.u2", f"force.y -> {DRIVE}"]
     axis.add_plant()
     step, stop, seen = Ts / every, Ts * (len(t) - 1), ("axis.x", "axis.v")
     experiment = Experiment(stop, step, master=MASTER, record=seen, decimate=every, loop_tolerance=FREE_TOLERANCE)

@@ -97,9 +97,6 @@ def use_of(code: str) -> Use | None:
 class About:
     """Declarations in the file of a block."""
 
-    quotes: tuple[str, ...] = ()
-    """Functions of `friction_fmus.conditions` that the documentation page quotes. The doctor evaluates them for systems
-    with the block."""
     identified: Identified = field(default_factory=Identified)  # how a friction model is identified
     in_loop: InLoop = field(default_factory=InLoop)  # the role of the block in a control loop
     use: Use | None = None  # how a law or controller is used as a compensator; None excludes it from studies
@@ -135,8 +132,6 @@ class About:
 
 def about_c_block(code: str) -> About:
     """Return the declarations in the macros of a C file."""
-    about = About(
-        words(string(code, "QUOTES")), identified(code), in_loop(code), use_of(code), words(string(code, "CITES"))
-    )
+    about = About(identified(code), in_loop(code), use_of(code), words(string(code, "CITES")))
     about.check(re.findall(r"\(\s*(\w+)\s*,", macro(code, "VARIABLES") or ""))
     return about

@@ -126,16 +126,24 @@ def source_folder() -> Path:
     return inside if inside.is_dir() else PACKAGE.parent / "fmu_src"
 
 
-def package_text(name: str) -> str:
-    """Return the text of ``LICENSE`` or ``CHANGELOG.md``: inside an installed package, next to it in a checkout."""
-    inside = PACKAGE / name
-    return (inside if inside.is_file() else PACKAGE.parent / name).read_text(encoding="utf-8")
+def licence_text() -> str:
+    """Return the text of ``LICENSE``: inside an installed package, next to it in a checkout."""
+    inside = PACKAGE / "LICENSE"
+    return (inside if inside.is_file() else PACKAGE.parent / "LICENSE").read_text(encoding="utf-8")
 
 
-def icon_files(path: Path) -> tuple[Path, ...]:
-    """Return the drawn icon beside the file of a block, ``NAME.png`` and ``NAME.svg``, if both exist."""
-    files = path.with_suffix(".png"), path.with_suffix(".svg")
-    return files if all(file.is_file() for file in files) else ()
+def icon_files(block: Block) -> tuple[Path, ...]:
+    """Return the icon of a block: ``NAME.png`` and ``NAME.svg`` beside its file, or else that of its kind."""
+    files = block.path.with_suffix(".png"), block.path.with_suffix(".svg")
+    if all(file.is_file() for file in files):
+        return files
+    return drawn("presliding" if "presliding" in block.features else block.kind)
+
+
+def drawn(name: str) -> tuple[Path, Path]:
+    """Return the PNG and SVG file of an icon of this package."""
+    folder = PACKAGE / "fmi" / "icons"
+    return folder / f"{name}.png", folder / f"{name}.svg"
 
 
 def laws_folder() -> Path:

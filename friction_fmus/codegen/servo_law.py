@@ -182,7 +182,8 @@ def _symbols_in(values: Iterable[SX]) -> set[str]:
 
 
 LOOP_FILE: Final = "loop.toml"  # name of the file that a study writes
-LAWS: Final = ("feedforward", "compensator", "servo")  # tables of the laws, in the order of computation
+LAWS: Final = ("load", "feedforward", "compensator", "servo")  # tables of the laws, in the order of computation
+WHOLE: Final = ("load", "servo")  # laws of which no output is chosen and multiplied
 SHARED: Final = ("Ts", "u_min", "u_max")  # of all laws, unless the file gives the limit of one
 MOST: Final = 64  # largest number of samples over which the velocity is computed
 
@@ -210,7 +211,7 @@ class LoopLaw:
 class LoopFile:
     """A servo with compensation."""
 
-    laws: Mapping[str, LoopLaw]  # by table: ``servo``, and optionally ``feedforward`` and ``compensator``
+    laws: Mapping[str, LoopLaw]  # by table: ``servo``, and optionally ``load``, ``feedforward`` and ``compensator``
     Ts: float  # sample time [s]
     u_min: float  # lower limit of the force [N]
     u_max: float  # upper limit of the force [N]
@@ -284,7 +285,7 @@ def loop_text(loop: LoopFile, heading: str) -> str:
     given = {key: value for key, value in settings.items() if value != getattr(LoopFile, key, None)}
     content: dict[str, Any] = {"loop": given}
     for name, law in loop.laws.items():
-        own = {"law": law.law, **({"output": law.output} if name != "servo" else {})}
+        own = {"law": law.law, **({"output": law.output} if name not in WHOLE else {})}
         groups = {"factor": law.factor, "parameters": dict(law.parameters), "connections": dict(law.connections)}
         content[name] = own | {key: value for key, value in groups.items() if value not in (None, {})}
     if loop.table is not None:
@@ -310,7 +311,7 @@ def _numbers(table: TomlTable, key: str) -> tuple[float, ...]:
 
 
 def _law_table(table: TomlTable, name: str) -> LoopLaw:
-    table.known(("law", "parameters", "connections", *(("output", "factor") if name != "servo" else ())))
+    table.known(("law", "parameters", "connections", *(("output", "factor") if name not in WHOLE else ())))
     law = table.take("law", text, "the name of a law")
     output = table.take("output", text, "the name of an output of the law", "u")
     parameters, connections = (
@@ -367,6 +368,7 @@ class _Loop:
         self._equations: list[str] = []
         self._sections: dict[str, str] = {}
         self._outputs: list[tuple[LawVariable, SX]] = []
+        self._normal_force: dict[str, Named] = {}
         # all inputs first, in the order of the members of the struct; those without effect are omitted later
         inputs = {name: variable for name, variable in SIGNALS.items() if name != "v" or not loop.window}
         self._signals = {name: self._declared(name, variable) for name, variable in inputs.items()}
@@ -383,14 +385,17 @@ class _Loop:
         offset = self._number("offset", loop.offset, FORCE, "constant part of u, unknown to the laws")
         seen = ("u_last", u_last) if offset is None else ("u_last - offset", u_last - offset)
         forces: dict[str, SX] = {}
+        load = {"load_u": self._load()} if "load" in self._laws else {}
         if "feedforward" in self._laws:
             text, force = self._force("feedforward", seen)
             forces[text] = force
             seen = self._without(seen, "last_feedforward", text, force)
+        for text, force in load.items():
+            seen = self._without(seen, "last_load", text, force)
         known = self._declared("f_known", KNOWN) if loop.known_force else None
         if known is not None:
             seen = self._without(seen, "last_known", "f_known", known)
-        others = {**forces, **({} if known is None else {"f_known": known})}
+        others = {**forces, **load, **({} if known is None else {"f_known": known})}
         others |= {} if offset is None else {"offset": offset}
         if "compensator" in self._laws:
             text, force = self._force("compensator", seen, self._taken_over(others))
@@ -489,6 +494,19 @@ class _Loop:
             self._signals[name] = self._declared(name, variable)
         return self._signals[name]
 
+    def _load(self) -> SX:
+        """Compute the law of the load, whose normal force is that of the other laws, and return its force."""
+        found = self._apply("load", {})
+        for output in ("u", "Fn"):
+            if output not in found:
+                raise FrictionError(
+                    f"{self._where('load')} names {self._laws['load'].name}, which has no output {output}; choose "
+                    "LoadFeedforward, or a law of your own with force u and normal force Fn"
+                )
+            self._outputs.append((_named(f"load_{output}", _output(self._laws["load"], output)), found[output]))
+        self._normal_force = {"Fn": ("load_Fn", found["Fn"])}
+        return found["u"]
+
     def _force(self, name: str, seen: Named, taken_over: Mapping[str, Named] = EMPTY) -> Named:
         """Compute a law before the servo, and return its force."""
         entry, law = self._loop.laws[name], self._laws[name]
@@ -499,7 +517,9 @@ class _Loop:
                 f"{', '.join(forces)}; choose one of them"
             )
         text, value = seen
-        found = self._apply(name, {"u_prev": (text, self._parts.label(f"{name}_u_prev", value)), **taken_over})
+        loaded = {} if "Fn" in entry.connections else self._normal_force
+        u_prev = text, self._parts.label(f"{name}_u_prev", value)
+        found = self._apply(name, {"u_prev": u_prev, **loaded, **taken_over})
         for output in dict.fromkeys((entry.output, "F_hat")):
             if output in found:
                 self._outputs.append((_named(f"{name}_{output}", _output(law, output)), found[output]))

@@ -18,7 +18,7 @@ from .compensation import (
     super_twisting,
     super_twisting_rate,
 )
-from .condition import Condition, quotes
+from .condition import Condition
 from .coupling import contact_step, longest_step, output_delay, sample_step
 from .learning import contraction, learning_filter, sampled_sensitivity
 from .mechanics import belt, cogging, cogging_slope, critical_speed, encoder_count, fed_back_stiffness, pulled_mass
@@ -75,7 +75,6 @@ __all__ = [
     "preview",
     "pulled_mass",
     "pulses",
-    "quotes",
     "routh",
     "sample_step",
     "sampled",

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import importlib
-import inspect
 import math
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from copy import copy
 from dataclasses import dataclass
 from typing import Final, TypeAlias
@@ -15,36 +13,6 @@ from numpy.typing import NDArray
 from scipy.linalg import expm
 
 from friction_fmus.blocks.axis_units import SLIDING, Words
-from friction_fmus.errors import FrictionError, did_you_mean
-
-
-def quotes(names: Iterable[str]) -> tuple[tuple[str, str], ...]:
-    """Return the name and the first sentence of the docstring of each condition.
-
-    Parameters
-    ----------
-    names : iterable of str
-        Functions of `friction_fmus.conditions`, see `About.quotes`.
-
-    Returns
-    -------
-    tuple of (str, str)
-        Pairs of name and sentence.
-
-    Raises
-    ------
-    FrictionError
-        If there is no condition with that name.
-    """
-    functions = importlib.import_module("friction_fmus.conditions")
-    found = []
-    for name in names:
-        if name not in functions.__all__:
-            raise FrictionError(f"There is no condition {name!r} to quote{did_you_mean(name, functions.__all__)}")
-        text = inspect.getdoc(getattr(functions, name)) or ""
-        found.append((name, " ".join(text.split("\n\n")[0].split())))
-    return tuple(found)
-
 
 Matrix: TypeAlias = NDArray[np.float64]
 

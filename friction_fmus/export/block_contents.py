@@ -3,45 +3,37 @@
 from collections.abc import Mapping
 from pathlib import Path
 
-from friction_fmus.blocks.catalogue import Block, package_text
+from friction_fmus.blocks.catalogue import Block, drawn, icon_files, licence_text
 from friction_fmus.blocks.probe import FIXED, INPUT, PARAMETER, STATE, Description, describe
 from friction_fmus.errors import BuildError
 from friction_fmus.fmi.documentation import index_page
 from friction_fmus.fmi.model_description import model_description, terminals, terminals_and_icons
-from friction_fmus.fmi.portrait import portray, terminal_icon
 from friction_fmus.version import build_time
 from harness.compiling.platforms import NATIVE, compiled
-from harness.parts.fmu import FmuPart
 from harness.storage.files import ScratchFolder
 from harness.storage.zip_file import zipped
 
 
 def assemble(block: Block, sources: Mapping[str, str]) -> bytes:
-    """Return the FMU for this machine: library, model description, documentation, terminals and figures."""
+    """Return the FMU for this machine: library, model description, documentation and terminals."""
     place = f"binaries/{NATIVE.folder}/{block.name}{NATIVE.suffix}"
     members = {f"sources/{name}": text.encode() for name, text in sources.items()}
     members[place] = compiled(NATIVE, sources, block.name)
     with ScratchFolder() as folder:
-        native, fmu = Path(folder) / f"{block.name}{NATIVE.suffix}", Path(folder) / f"{block.name}.fmu"
+        native = Path(folder) / f"{block.name}{NATIVE.suffix}"
         native.write_bytes(members[place])
         description = describe(native, computed(block))
-        _check_start_values(block, description)
-        members["modelDescription.xml"] = model_description(block, description, block.name)
-        fmu.write_bytes(zipped(members, build_time()))
-        part = FmuPart(block.name, fmu)
-        portrait = portray(block, description, part)
-        part.close()
+    _check_start_values(block, description)
     connected = terminals(description)
-    icons = {"icon": portrait.icon, **{each.shape: terminal_icon(each.shape) for each in connected}}
-    for name, image in icons.items():
-        members |= {f"terminalsAndIcons/{name}.png": image.png, f"terminalsAndIcons/{name}.svg": image.svg}
-    for number, figure in enumerate(portrait.figures, start=1):
-        members[f"documentation/figure{number}.svg"] = figure.svg
+    icons = {"icon": icon_files(block), **{each.shape: drawn(each.shape) for each in connected}}
+    for name, files in icons.items():
+        members |= {f"terminalsAndIcons/{name}{file.suffix}": file.read_bytes() for file in files}
     members |= {
-        "model.png": portrait.icon.png,
+        "modelDescription.xml": model_description(block, description, block.name),
+        "model.png": members["terminalsAndIcons/icon.png"],
         "terminalsAndIcons/terminalsAndIcons.xml": terminals_and_icons(connected),
-        "documentation/licenses/license.txt": package_text("LICENSE").encode(),
-        "documentation/index.html": index_page(block, description, portrait.figures, connected).encode(),
+        "documentation/licenses/license.txt": licence_text().encode(),
+        "documentation/index.html": index_page(block, description, connected).encode(),
     }
     return zipped(members, build_time())
 

@@ -17,7 +17,6 @@ from friction_fmus.blocks.catalogue import (
     find,
     icon_files,
     listing,
-    package_text,
     source_folder,
     with_room,
 )
@@ -287,19 +286,18 @@ def _key(sources: Mapping[str, str], block: Block) -> str:
         toolchain.identity(),
         *(block.kind, block.summary, block.source, block.notes),
         *(part for item in sorted(sources.items()) for part in item),
-        *(file.read_bytes().hex() for file in icon_files(block.path)),
+        *(file.read_bytes().hex() for file in icon_files(block)),
     ]
     return _hash(texts)[:24]
 
 
 @cache
 def _generator() -> str:
-    """Return a hash of what generates FMUs: this package with its changelog, and the libraries that it draws with."""
+    """Return a hash of what generates FMUs: this package and fmpy."""
     from importlib.metadata import version
 
-    libraries = (version(library) for library in ("fmpy", "matplotlib"))
     modules = (path.read_text(encoding="utf-8") for path in sorted(PACKAGE.rglob("*.py")))
-    return _hash((VERSION, *libraries, package_text("CHANGELOG.md"), *modules))
+    return _hash((VERSION, version("fmpy"), *modules))
 
 
 def _hash(texts: Iterable[str]) -> str:

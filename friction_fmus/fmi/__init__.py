@@ -1,1 +1,1 @@
-"""FMUs of blocks: model description, documentation, portraits, package."""
+"""FMUs of blocks: model description, documentation, icons."""

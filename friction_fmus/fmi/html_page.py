@@ -17,10 +17,6 @@ td:last-child { min-width: 12rem; }
 tbody th[scope=rowgroup] { font-weight: bold; padding-top: .8rem; }
 summary { cursor: pointer; font-weight: bold; padding: .4rem 0; }
 .icon { float: right; width: 9rem; height: auto; margin: 0 0 1rem 1rem; }
-.figures { display: flex; flex-wrap: wrap; gap: 1rem; clear: both; }
-figure { margin: 0; flex: 1 1 19rem; max-width: 29rem; }
-figure img { width: 100%; height: auto; }
-figcaption { font-size: .9rem; color: #404040; }
 """
 
 

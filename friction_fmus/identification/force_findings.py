@@ -1,7 +1,8 @@
 """Findings about a drive force that contradicts the motion: wrong sign, wrong unit, or no inertia force.
 
 The force is fitted by F = M a + Fv v + Fc sgn(v) + OF, linear least squares without bounds, so that a wrong sign shows
-as a negative mass and as friction that drives the axis. Identified masses do not show it: they are positive.
+as a negative mass and as friction that drives the axis. Identified masses do not show it: they are positive. The
+gravity of an arm, G_sin sin(q) + G_cos cos(q), is part of the fit if it explains most of what is left without it.
 """
 
 from collections.abc import Mapping, Sequence
@@ -34,6 +35,8 @@ FORBIDDING: Final = (
 OUTSIDE: Final = 8.0  # number of robust standard deviations of the residual above which another force acts
 MISSING: Final = 0.15  # fraction of the rms force above which a residual is another force
 
+SWINGS: Final = 0.5  # residual with the gravity of an arm, relative to one without it, below which the axis is an arm
+
 BESIDE: Final = 5
 """Number of decimated samples on either side of a reversal that are left out, and half of those at an end."""
 
@@ -64,7 +67,7 @@ class DriveBalance:
 class DriveEquations(NamedTuple):
     """Filtered equations of the drive force of some records."""
 
-    A: Array  # a, v, sgn(v), 1, shape (n, 4)
+    A: Array  # a, v, sgn(v), 1, and sin(q), cos(q) for an arm, shape (n, 4) or (n, 6)
     F: Array  # force
     t: Array  # time [s]
     ends: NDArray[np.bool_]  # which rows are ends of a record
@@ -73,11 +76,13 @@ class DriveEquations(NamedTuple):
 def drive_balance(equations: DriveEquations) -> DriveBalance | None:
     """Fit mass and friction to the drive force."""
     A, F, *_ = equations
-    found = solved(A, F, dict.fromkeys(("M", "Fv", "Fc", "OF"), "1"))
+    names = ("M", "Fv", "Fc", "OF", "G_sin", "G_cos")[: A.shape[1]]
+    found = solved(A, F, dict.fromkeys(names, "1"))
     if not found:
         return None
     v = A[:, 1]
-    power = float(np.mean(np.abs((F - found["OF"].value) * v)))
+    resting = A[:, 3:] @ [found[name].value for name in names[3:]]
+    power = float(np.mean(np.abs((F - resting) * v)))
     friction = float(np.mean((found["Fv"].value * v + found["Fc"].value * A[:, 2]) * v))
     return DriveBalance(found["M"].value, found["M"].standard_error, friction / power if power else 0.0)
 
@@ -94,11 +99,17 @@ def drive_equations(records: Sequence[Record]) -> DriveEquations | None:
             return None
         assert segment.a is not None
         v = segment.inputs["v"]
-        rows.append(segment.rows(np.column_stack([segment.a, v, np.sign(v), np.ones_like(v)])))
+        columns = [segment.a, v, np.sign(v), np.ones_like(v)]
+        columns += [np.sin(record.q), np.cos(record.q)] if record.units.rotary and record.q is not None else []
+        rows.append(segment.rows(np.column_stack(columns)))
         forces.append(segment.measured)
         times.append(segment.t)
         ends.append(np.minimum(np.arange(len(segment.t)), np.arange(len(segment.t))[::-1]) < 2 * BESIDE)
-    return DriveEquations(np.concatenate(rows), np.concatenate(forces), np.concatenate(times), np.concatenate(ends))
+    A, F = np.concatenate(rows), np.concatenate(forces)
+    scaled = A / np.maximum(np.linalg.norm(A, axis=0), 1e-300)
+    left = [rms(F - part @ np.linalg.lstsq(part, F, rcond=None)[0]) for part in (scaled[:, :4], scaled)]
+    A = A if left[1] < SWINGS * left[0] else A[:, :4]
+    return DriveEquations(A, F, np.concatenate(times), np.concatenate(ends))
 
 
 def missing_force(equations: DriveEquations, u: Words) -> RecordFinding | None:
@@ -178,7 +189,7 @@ def stuck(records: Sequence[Record]) -> RecordFinding | None:
 def contradictions(records: Sequence[Record]) -> tuple[RecordFinding, ...]:
     """Return findings about a motion that no axis makes, and a force that no mass with friction needs for it."""
     about_position = tuple(position_findings(records))
-    equations = drive_equations(records)
+    equations = drive_equations([record.without_load() for record in records])
     balance = None if equations is None else drive_balance(equations)
     if equations is None or balance is None:
         return about_position

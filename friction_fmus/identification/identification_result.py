@@ -13,7 +13,7 @@ from friction_fmus.blocks.axis_units import domain_of
 from friction_fmus.export.block_fmu import build
 from friction_fmus.identification.closed_loop import axis_response
 from friction_fmus.identification.data.record import Array, Record
-from friction_fmus.identification.fit.axis_terms import force_beside, middle_of
+from friction_fmus.identification.fit.axis_terms import force_beside, mean_temperature, middle_of
 from friction_fmus.identification.fit.block_fit import driven
 from friction_fmus.identification.fit.contact_model import ContactModel, contact_model, state_sizes
 from friction_fmus.identification.fit.estimate import Estimate
@@ -352,7 +352,7 @@ def simulated(result: Identification, record: Record, fit: bool) -> tuple[Prepar
     """Return the prepared record, and the friction force along its motion with a fitted initial state."""
     contact = contact_model(result.block, record.units)
     segment = prepare(record, contact, result.signal, result.settings)
-    segment = replace(segment, middle=middle_of(result.records))
+    segment = replace(segment, middle=middle_of(result.records), warm=mean_temperature(result.records))
     coordinates, sizes = _initial(result, contact, segment)
     values = {
         name: contact.parameters[name].typed(value) if name in contact.parameters else value

@@ -9,11 +9,12 @@ from typing import Any, Literal
 
 import numpy as np
 
+from friction_fmus.axis.servo_loop import quiet_runs
 from friction_fmus.blocks.axis_units import AxisUnits
 from friction_fmus.errors import FitError
 from friction_fmus.identification.closed_loop import identify_closed_loop
 from friction_fmus.identification.data.record import Array, MeasuredAxis, Record
-from friction_fmus.identification.fit.axis_terms import CANDIDATES, middle_of
+from friction_fmus.identification.fit.axis_terms import CANDIDATES, mean_temperature, middle_of
 from friction_fmus.identification.fit.block_fit import BlockFit, FitData, driven
 from friction_fmus.identification.fit.contact_model import ContactModel, contact_model
 from friction_fmus.identification.fit.estimate import Estimate
@@ -23,7 +24,7 @@ from friction_fmus.identification.fit.position import fit_with_table
 from friction_fmus.identification.fit.scores import Score, criteria, independent_samples, score, weak_parameters
 from friction_fmus.identification.fit.search import Loss, SearchResult, covariance, unseen
 from friction_fmus.identification.fit.simulation_data import PreparedSegment, prepare, signal_of, traits
-from friction_fmus.identification.fit.term_choice import check_load, check_terms, with_terms
+from friction_fmus.identification.fit.term_choice import check_load, check_terms, with_starts, with_terms
 from friction_fmus.identification.identification_result import Identification
 from friction_fmus.identification.methods import find_method
 from friction_fmus.identification.methods.free_run import FREE_RUN, identify_free_run
@@ -143,9 +144,10 @@ def identify(
 
     terms : sequence of str or "auto"
         What acts beside the model on a drive force: "gravity" of an arm (G_sin, G_cos), "load" (a: friction that grows
-        with the transmitted force), "sides" (the same with a_drive and a_external), "direction" and "drift" of the
-        friction, "gain" of the drive, for which G_sin must be fixed. "auto" finds gravity, load, direction and drift by
-        cross-validation.
+        with the transmitted force), "sides" (the same with a_drive and a_external), "direction", "drift" and
+        "temperature" (with the column of that name) of the friction, "gain" of the drive, for which G_sin must be
+        fixed. "auto" finds all but sides and gain by cross-validation, and ("auto", "gravity", "load") only these; a
+        term that was found replaces a position map.
 
     Returns
     -------
@@ -196,24 +198,33 @@ def identify(
     contact = contact_model(model, records[0].units)
     signal, unit = signal_of(records)
     contact = replace(contact, viscous=viscous and contact.lacks_viscous and signal == "force")
-    named = () if terms == "auto" else tuple(dict.fromkeys((terms,) if isinstance(terms, str) and terms else terms))
+    listed = tuple(dict.fromkeys((terms,) if isinstance(terms, str) and terms else terms))
+    candidates = (listed[1:] or CANDIDATES) if listed[:1] == ("auto",) else ()
+    named = () if candidates else listed
+    if contact.transmits and signal != "force":
+        raise FitError(f"{contact.name} needs the force of the drive, which loads it; add the column.")
     if "gravity" in named and not records[0].units.rotary:
         raise FitError("The gravity of an arm needs an angle; a constant force on a linear axis is OF.")
-    check_terms(CANDIDATES[:1] if terms == "auto" else named, contact, signal, constraints.fixed)
-    check_constraints(contact, signal, constraints, CANDIDATES if terms == "auto" else named)
+    check_terms(CANDIDATES[:1] if candidates else named, contact, signal, constraints.fixed, records)
+    check_constraints(contact, signal, constraints, candidates or named)
     name, chosen = find_method(contact, method)
     segments = [prepare(record, contact, signal, settings) for record in records]
-    segments = [replace(segment, middle=middle_of(records)) for segment in segments]
+    middle, warm = middle_of(records), mean_temperature(records)
+    segments = [replace(segment, middle=middle, warm=warm) for segment in segments]
     Fn0 = _reference_load(constraints, segments)
-    with driven(contact.path) as drive:
+    with driven(contact.path) as drive, quiet_runs():  # parameters that a block refuses are part of a search
         about = traits(segments, Fn0 or 1.0)
         fitted = FitData(contact, drive, segments, about, constraints, records[0].units, Fn0, named)
         search = partial(chosen.fit, loss=loss, starts=starts)
-        fitted, fit = with_terms(fitted, search) if terms == "auto" else (fitted, search(fitted))
+        if candidates:
+            fitted, fit = with_terms(fitted, search, candidates)
+        else:
+            fit = search(with_starts(fitted))
         if signal == "force":
             check_load(fit)
         result = _result(model, contact, name, fit, signal, unit, records, settings)
-        with_table = fit_with_table(fit, fitted, loss) if position_map and signal == "force" else None
+        flat = not position_map or signal != "force" or (candidates and fitted.terms)
+        with_table = None if flat else fit_with_table(fit, fitted, loss)
         checked = None if validation is None else _validated(result, validation)
         if with_table is not None:
             fit, position = with_table

@@ -165,6 +165,7 @@ def plant_findings(
     """Return what records show of an axis beyond a rigid mass, and the part of the mass behind a spring."""
     found: list[RecordFinding] = list(_saturation(records, limit))
     load: FlexibleLoad | None = None
+    records = [record.without_load() for record in records]
     if (balance := force_balance(records)) is not None:
         longest, most = max(records, key=len), LONG * _stride(balance)
         part: ForceBalance | None = balance

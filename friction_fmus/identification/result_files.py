@@ -15,11 +15,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import tomli_w
 
+from friction_fmus.axis.position_map import PositionMap
 from friction_fmus.errors import IdentificationError
+from friction_fmus.export.identified_axis import IdentifiedAxis
 from friction_fmus.identification.data.reading import Measurement
-from friction_fmus.identification.data.record import RecordFinding
+from friction_fmus.identification.data.record import Record, RecordFinding
 from friction_fmus.identification.fit.contact_model import contact_model
 from friction_fmus.identification.fit.estimate import Estimate
+from friction_fmus.identification.fit.idim import filtered_motion
 from friction_fmus.identification.fit.position import PositionFit
 from friction_fmus.identification.identification_result import Identification, name_of, viscous_beside, write_viscous
 from friction_fmus.identification.model_comparison import ModelComparison
@@ -194,7 +197,40 @@ def _json(
         "ranked_by": found.ranked_by,
         "models": [_result(result) for result in found.results],
         "failed": found.failed,
+        "axes": [axis_of(each, mapping.citation) for each in found.results if each.records[0].units.known],
     }
+
+
+def axis_of(result: Identification, citation: str) -> IdentifiedAxis:
+    """Return the axis with an identified model, for the targets of `export`."""
+    table, values = None if result.position is None else result.position.table, result.values()
+    both = values.get("M", 0.0), values.get("OF", 0.0)
+    return identified_axis(result.records, citation, result.model, str(result.block), values, *both, table)
+
+
+def identified_axis(
+    records: Sequence[Record],
+    citation: str,
+    label: str,
+    block: str,
+    values: Mapping[str, float],
+    mass: float,
+    offset: float,
+    table: PositionMap | None,
+) -> IdentifiedAxis:
+    """Return an axis; among the values, Fv may be that of a viscous friction beside the block."""
+    units, speed = records[0].units, max(map(largest_speed, records))
+    known = contact_model(block, units).parameters
+    own = {name: value for name, value in values.items() if name in known}
+    beside = 0.0 if "Fv" in known else values.get("Fv", 0.0)
+    name, rotary = records[0].name, units.rotary
+    return IdentifiedAxis(name, citation, rotary, label, block, own, beside, mass, offset, table, speed)
+
+
+def largest_speed(record: Record) -> float:
+    """Return the largest speed of a record [m/s]; 0 if it has neither velocity nor position."""
+    v = record.v if record.q is None else filtered_motion(record).v
+    return 0.0 if v is None else float(np.max(np.abs(v)))
 
 
 def _result(result: Identification) -> dict[str, Any]:

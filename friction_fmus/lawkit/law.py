@@ -275,7 +275,6 @@ def law(
     outputs: Mapping[str, LawVariable],
     conditions: Mapping[str, Relation] | None = None,
     sizes: Mapping[str, Size] | None = None,
-    quotes: Sequence[str] = (),
     loop: Loop | None = None,
     use: Use | None = None,
 ) -> Callable[[Equations], Law]:
@@ -297,7 +296,7 @@ def law(
         relation u_min <= u_max is added automatically.
     sizes : mapping of str to Size, optional
         Parameters whose start values determine the length of vectors when the FMU is built.
-    quotes, cites : optional
+    cites : optional
         See `About`.
     loop : Loop, optional
         Role of the law in a control loop, for ``friction-fmus doctor``; None if the doctor need not know the law.
@@ -316,7 +315,7 @@ def law(
         If the law is invalid; the message says why in one sentence.
     """
 
-    about = About(tuple(quotes), in_loop=InLoop(law=loop), use=use, cites=tuple(cites))
+    about = About(in_loop=InLoop(law=loop), use=use, cites=tuple(cites))
 
     def decorate(equations: Equations) -> Law:
         code = getattr(equations, "__code__", None)

@@ -14,7 +14,6 @@ from friction_fmus.lawkit.quantities import DAMPING, FORCE, LENGTH, NO_UNIT
     source="Canudas de Wit, Lischinsky, Int. J. Adaptive Control and Signal Processing 11, 1997",
     cites=("CanudasLischinsky1997",),
     Ts=1e-3,
-    quotes=(*variables.POSITION_LOOP, "adaptation", "fed_back_stiffness", "overcompensation"),
     loop=Loop(
         gains={"Kp": "Ks * lam", "Kd": "m * lam + Ks"},
         friction=Friction("Fc", "Fs", "sigma2", "vs", "delta"),

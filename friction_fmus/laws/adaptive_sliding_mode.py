@@ -14,7 +14,6 @@ from friction_fmus.lawkit.quantities import DAMPING, FORCE, LENGTH, MASS, VELOCI
     source="Slotine, Li: Applied Nonlinear Control, Prentice Hall 1991",
     cites=("SlotineLi1991",),
     Ts=1e-3,
-    quotes=(*variables.POSITION_LOOP, "adaptation"),
     loop=Loop(
         gains={"Kp": "(Ks + K / phi) * lam", "Kd": "Ks + K / phi + m * lam"},
         linear={},

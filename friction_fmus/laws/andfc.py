@@ -23,7 +23,6 @@ from friction_fmus.lawkit.quantities import DAMPING, FORCE, LENGTH, NO_UNIT, VEL
     source="Tan, Kanellakopoulos, American Control Conference, 1999",
     cites=("TanKanellakopoulos1999",),
     Ts=1e-3,
-    quotes=(*variables.POSITION_LOOP, "adaptation", "fed_back_stiffness", "overcompensation"),
     loop=Loop(
         gains={"Kp": "Ks * lam", "Kd": "m * lam + Ks"},
         friction=Friction("Fc", "Fs", "sigma2", "vs", "delta"),

@@ -14,7 +14,6 @@ from friction_fmus.lawkit.quantities import DAMPING, LENGTH, STIFFNESS
     source="Jamaludin, Van Brussel, Swevers, IEEE TIE 56(10), 2009",
     cites=("Jamaludin2009",),
     Ts=1e-3,
-    quotes=(*variables.POSITION_LOOP, "hunting"),
     loop=Loop(gains={"Kp": "kv * kp + ki", "Kd": "kv", "Ki": "ki * kp", "m": "m"}, linear={}),
     use=replaces_servo("integral"),
     outputs=variables.CONTROL,

@@ -14,7 +14,6 @@ from friction_fmus.lawkit.quantities import FORCE
     source="Armstrong-Helouvry, Dupont, Canudas de Wit, Automatica 30(7), 1994",
     cites=("ArmstrongHelouvry1994",),
     Ts=1e-3,
-    quotes=("overcompensation", "inertia"),
     loop=Loop(friction=Friction("Fc"), inertia="m"),
     use=Use("feedforward", models=("Coulomb", "Stribeck"), tuned={"m": "0", "v_rest": "1e-6 * speed"}),
     outputs=variables.FEEDFORWARD,

@@ -23,7 +23,6 @@ def closed(gap: SX, path: SX, n: SX) -> SX:
     source="Lampaert, Swevers, Al-Bender, American Control Conference, 2004; Dahl, AIAA Journal 14(12), 1976",
     cites=("Lampaert2004", "Dahl1976"),
     Ts=1e-3,
-    quotes=("overcompensation", "inertia"),
     loop=Loop(friction=Friction("Fc", viscous="Fv"), inertia="m"),
     use=Use("feedforward", models=("Dahl",), tuned={"m": "0"}),
     outputs={

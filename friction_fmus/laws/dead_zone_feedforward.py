@@ -14,7 +14,6 @@ from friction_fmus.lawkit.quantities import FORCE, VELOCITY
     source="Interpretation of a description without an identified source",
     cites=("DeadZoneTorque",),
     Ts=1e-3,
-    quotes=("overcompensation", "inertia", "loop_poles"),
     loop=Loop(friction=Friction("Fc", "T_dz", "Fv"), inertia="m", amplifies="1 + gain"),
     use=Use(
         "feedforward",

@@ -23,7 +23,6 @@ def square(pair: SX) -> SX:
     source="Gross, Tomizuka, Messner, ASME JDSMC 116(1), 1994; Tomizuka, ASME JDSMC 109(1), 1987",
     cites=("Gross1994", "Tomizuka1987"),
     Ts=1e-3,
-    quotes=("preview",),
     loop=Loop(rules=("looks_ahead",)),
     use=Use("feedforward", never="It inverts a linear plant without friction."),
     outputs={

@@ -16,7 +16,6 @@ from friction_fmus.lawkit.quantities import FORCE, FREQUENCY, VELOCITY
     source="Ohnishi, Shibata, Murakami, IEEE/ASME Trans. Mechatronics 1(1), 1996",
     cites=("Ohnishi1996", "Jamaludin2009"),
     Ts=1e-3,
-    quotes=("loop_poles",),
     loop=Loop(linear={}, estimates=True),
     use=Use("estimator", tuned={"m": "m", "fq": "corner", "second_order": "1"}),
     outputs={

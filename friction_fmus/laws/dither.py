@@ -16,7 +16,6 @@ from friction_fmus.lawkit.quantities import FORCE, FREQUENCY, NO_UNIT
     source="Armstrong-Helouvry, Dupont, Canudas de Wit, Automatica 30(7), 1994",
     cites=("ArmstrongHelouvry1994",),
     Ts=1e-4,
-    quotes=("dither_stroke", "dither_frequency"),
     loop=Loop(rules=("dithers",)),
     use=Use("dither", tuned={"Ad": "1.5 * level", "frequency": "0.1 / Ts"}),
     outputs={"u": Output(FORCE, "f with the dither, within u_min and u_max"), "u_sat": variables.U_SAT},

@@ -14,7 +14,6 @@ from friction_fmus.lawkit.quantities import LENGTH, NO_UNIT, STIFFNESS, VELOCITY
     source="Hayward, Armstrong, Altpeter, Dupont, IEEE TCST 17(3), 2009",
     cites=("Hayward2009", "Dupont2002"),
     Ts=1e-3,
-    quotes=("fed_back_stiffness", "overcompensation"),
     loop=Loop(friction=Friction("Fc", viscous="Fv"), measured=True, at_rest=True, rules=("feeds_stiffness_back",)),
     use=Use(
         "model feedback",

@@ -71,7 +71,6 @@ def slid(z: SX, u: SX, z_max: SX, z_ba: SX) -> SX:
     source="Dupont, Hayward, Armstrong, Altpeter, IEEE TAC 47(5), 2002",
     cites=("Dupont2002",),
     Ts=1e-3,
-    quotes=("overcompensation", "inertia"),
     loop=Loop(friction=Friction("Fc", "Fs", "sigma2", "vs", "delta"), inertia="m"),
     use=Use("feedforward", models=("ElastoPlastic",), tuned={"m": "0"}),
     outputs={

@@ -14,7 +14,6 @@ from friction_fmus.lawkit.quantities import FORCE, VELOCITY
     source="Gao, American Control Conference, 2003",
     cites=("Gao2003",),
     Ts=1e-3,
-    quotes=("loop_poles", "break_away"),
     loop=Loop(gains={"Kp": "m * wc**2", "Kd": "2 * m * wc"}, linear={}, estimates=True),
     use=Use("estimator", tuned={"m": "m", "wo": "observed", "wc": "bandwidth"}, output="F_hat"),
     outputs={**variables.TRACKING, "v_est": Output(VELOCITY, "estimated velocity")},

@@ -15,7 +15,6 @@ from friction_fmus.lawkit.quantities import DAMPING, FORCE, NO_UNIT
     source="Lampaert, Swevers, Al-Bender, ACC 2004; Al-Bender, Lampaert, Swevers, IEEE TAC 50(11), 2005",
     cites=("Lampaert2004", "AlBender2005"),
     Ts=1e-3,
-    quotes=("overcompensation", "inertia"),
     loop=Loop(friction=Friction("Fc", "Fs", "sigma2", "vs", "delta"), inertia="m"),
     use=Use("feedforward", models=("GMS",), tuned={"m": "0"}),
     outputs={

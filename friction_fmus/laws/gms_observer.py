@@ -14,7 +14,6 @@ from friction_fmus.lawkit.parts.maxwell_slip import ELEMENTS, slide, weights
     source="Al-Bender, Lampaert, Swevers, IEEE TAC 50(11), 2005 (model); this library (observer)",
     cites=("AlBender2005", "CanudasDeWit1995"),
     Ts=1e-3,
-    quotes=("fed_back_stiffness", "overcompensation"),
     loop=Loop(
         friction=Friction("Fc", "Fs", "sigma2", "vs", "delta"),
         measured=True,

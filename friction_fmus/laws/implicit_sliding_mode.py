@@ -14,7 +14,6 @@ from friction_fmus.lawkit.quantities import FORCE, NO_UNIT
     source="Acary, Brogliato, Systems and Control Letters 59(5), 2010",
     cites=("AcaryBrogliato2010", "Kikuuwe2006"),
     Ts=1e-3,
-    quotes=("loop_poles", "sliding_gain", "break_away"),
     loop=Loop(
         gains={"Kp": "gain * m / Ts * lam", "Kd": "gain * m / Ts + m * lam"}, linear={}, rules=("covers_friction",)
     ),

@@ -14,7 +14,6 @@ from friction_fmus.lawkit.quantities import FORCE, NO_UNIT
     source="Levant, Automatica 34(3), 1998; Brogliato, Polyakov, Efimov, IEEE TAC 65(8), 2020",
     cites=("Levant1998", "Brogliato2020"),
     Ts=1e-3,
-    quotes=("loop_poles", "super_twisting", "super_twisting_rate", "break_away"),
     loop=Loop(
         gains={"Kp": "(1 + gain) * m / Ts * lam", "Kd": "(1 + gain) * m / Ts + m * lam"},
         linear={},

@@ -14,7 +14,6 @@ from friction_fmus.lawkit.quantities import DAMPING, FORCE, JERK, LENGTH, MASS, 
     source="Boerlage, Tousain, Steinbuch, American Control Conference, 2004 (jerk derivative feedforward)",
     cites=("Boerlage2004",),
     Ts=1e-3,
-    quotes=("overcompensation", "inertia"),
     loop=Loop(friction=Friction(viscous="Fv + Fv_load"), inertia="m + m_load"),
     use=Use("feedforward", models=("Viscous", "Stribeck"), tuned={"m": "0"}),
     outputs={

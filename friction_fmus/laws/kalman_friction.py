@@ -14,7 +14,6 @@ from friction_fmus.lawkit.quantities import FORCE, LENGTH, NO_UNIT, VELOCITY
     source="Ray, Ramasubramanian, Townsend, Control Engineering Practice 9(2), 2001",
     cites=("Ray2001", "AndersonMoore1979"),
     Ts=1e-3,
-    quotes=("loop_poles",),
     loop=Loop(linear={}, estimates=True),
     use=Use(
         "estimator",

@@ -14,7 +14,6 @@ from friction_fmus.lawkit.quantities import MASS, VELOCITY
     source="Karnopp, ASME Journal of Dynamic Systems, Measurement, and Control 107(1), 1985; Johnson, Lorenz, 1992",
     cites=("Karnopp1985", "JohnsonLorenz1992"),
     Ts=1e-3,
-    quotes=("overcompensation", "inertia"),
     loop=Loop(friction=Friction("Fc", "Fs", "Fv"), inertia="m"),
     use=Use(
         "feedforward",

@@ -10,6 +10,7 @@ from friction_fmus.lawkit.parts.expressions import (
     fading,
     increment,
     limited,
+    load_of,
     relax,
     stribeck_level,
     when,
@@ -23,7 +24,6 @@ from friction_fmus.lawkit.quantities import DAMPING, FORCE, LENGTH, NO_UNIT, VEL
     source="Canudas de Wit, Olsson, Astrom, Lischinsky, IEEE TAC 40(3), 1995; Lampaert, Swevers, Al-Bender, ACC 2004",
     cites=("CanudasDeWit1995", "Lampaert2004"),
     Ts=1e-3,
-    quotes=("overcompensation", "inertia"),
     loop=Loop(friction=Friction("Fc", "Fs", "sigma2", "vs", "delta"), inertia="m"),
     use=Use("feedforward", models=("LuGre",), tuned={"m": "0"}),
     outputs={
@@ -37,6 +37,7 @@ def lugre_feedforward(
     r: SX = variables.R,
     rd: SX = variables.RD,
     rdd: SX = variables.RDD,
+    Fn: SX = variables.FN,
     enable: SX = variables.ENABLE_STATES,
     reset: SX = variables.RESET,
     track: SX = variables.TRACK,
@@ -54,6 +55,7 @@ def lugre_feedforward(
     Fs: SX = variables.POSITIVE_FS,
     vs: SX = variables.VS,
     delta: SX = variables.DELTA,
+    Fn0: SX = variables.FN0,
     v_d: SX = Parameter(VELOCITY, 0.0, "speed at which the bristle damping decays; 0: constant damping", min=0.0),
     asymmetric: SX = Switch(False, "backward motion uses the parameters with the suffix _neg"),
     sigma2_neg: SX = Parameter(DAMPING, 0.4, "viscous coefficient for rd < 0", min=0.0),
@@ -71,7 +73,7 @@ def lugre_feedforward(
         dr    = r - last,   w = dr / Ts,   last: reference in the previous sample
         t     = sgn(dr) g(w) / sigma0
         z     becomes t + (z - t) exp(-sigma0 |dr| / g(w))
-        F_hat = sigma0 z + sigma1(rd) (rd - sigma0 |rd| z/g(rd)) + sigma2 rd
+        F_hat = (sigma0 z + sigma1(rd) (rd - sigma0 |rd| z/g(rd))) max(Fn, 0)/Fn0 + sigma2 rd
         sigma1(v) = sigma1 exp(-(v/v_d)^2) if v_d > 0, else sigma1
         u     = clip(m rdd + gain F_hat, u_min, u_max)
 
@@ -114,11 +116,12 @@ def lugre_feedforward(
     rate = sigma0 * fabs(rd) / steady
     viscous = if_else(logic_and(asymmetric, rd < 0.0), sigma2_neg, sigma2)
     damping = fading(sigma1, rd, v_d)
-    rest = m * rdd + gain * ((damping + viscous) * rd)
-    stiffness = gain * (sigma0 - damping * rate)
+    load = load_of(Fn, Fn0)
+    rest = m * rdd + gain * ((damping * load + viscous) * rd)
+    stiffness = gain * load * (sigma0 - damping * rate)
     now = deflected(track, u_track, rest, stiffness, steady / sigma0, u_min, u_max, moved)
     stretching = rd - rate * now
-    friction = sigma0 * now + damping * stretching + viscous * rd
+    friction = load * (sigma0 * now + damping * stretching) + viscous * rd
     return {
         **limited(m * rdd, friction, gain, enable, u_min, u_max),
         **when(enable, z_hat=now, z=now, last=r, started=1.0),

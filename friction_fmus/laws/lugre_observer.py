@@ -9,6 +9,7 @@ from friction_fmus.lawkit.parts.expressions import (
     deflected,
     limited,
     limits,
+    load_of,
     restarts,
     stribeck_level,
     unless_winding_up,
@@ -22,7 +23,6 @@ from friction_fmus.lawkit.quantities import LENGTH
     source="Canudas de Wit, Olsson, Astrom, Lischinsky, IEEE TAC 40(3), 1995",
     cites=("CanudasDeWit1995",),
     Ts=1e-3,
-    quotes=("injection", "fed_back_stiffness", "overcompensation"),
     loop=Loop(
         friction=Friction("Fc", "Fs", "sigma2", "vs", "delta"),
         measured=True,
@@ -36,6 +36,7 @@ def lugre_observer(
     r: SX = variables.R,
     x: SX = variables.X,
     v: SX = variables.V,
+    Fn: SX = variables.FN,
     enable: SX = Command(True, "false: u = 0, F_hat = 0 and z is at its start value"),
     reset: SX = Command(False, "true: z is reset to its start value"),
     track: SX = variables.TRACK,
@@ -50,6 +51,7 @@ def lugre_observer(
     Fs: SX = variables.POSITIVE_FS,
     vs: SX = variables.VS,
     delta: SX = variables.DELTA,
+    Fn0: SX = variables.FN0,
     u_min: SX = variables.U_MIN,
     u_max: SX = variables.U_MAX,
     Ts: SX = SampleTime(),
@@ -60,7 +62,7 @@ def lugre_observer(
         z'    = v - sigma0 |v|/g(v) z + k (r - x)
                 without k (r - x) while u is limited and r - x pushes further
                 into that limit
-        F_hat = sigma0 z + sigma1 z' + sigma2 v
+        F_hat = (sigma0 z + sigma1 z') max(Fn, 0)/Fn0 + sigma2 v
         u     = clip(gain F_hat, u_min, u_max)
 
     Canudas de Wit, Olsson, Astrom, Lischinsky: A new model for control of systems with friction, IEEE TAC 40(3), 1995.
@@ -101,11 +103,12 @@ def lugre_observer(
     rate = sigma0 * fabs(v) / level
     injected = k * (r - x)
     stretch = v + injected
-    rest, stiffness = gain * (sigma1 * stretch + sigma2 * v), gain * (sigma0 - sigma1 * rate)
+    load = load_of(Fn, Fn0)
+    rest, stiffness = gain * (sigma1 * load * stretch + sigma2 * v), gain * load * (sigma0 - sigma1 * rate)
     old = deflected(track, u_track, rest, stiffness, level / sigma0, u_min, u_max, z)
     fresh = restarts(reset, track)
     slope = stretch - rate * old
-    F_hat = if_else(fresh, sigma1 * stretch, sigma0 * old + sigma1 * slope) + sigma2 * v
+    F_hat = load * if_else(fresh, sigma1 * stretch, sigma0 * old + sigma1 * slope) + sigma2 * v
     active = limits(gain * F_hat, u_min, u_max)
     # separate from the usual case, where the slope is already computed for F_hat
     held = if_else(active != 0.0, v + unless_winding_up(injected, active) - rate * old, slope)

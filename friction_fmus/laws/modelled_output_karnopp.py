@@ -14,7 +14,6 @@ from friction_fmus.lawkit.quantities import DAMPING, MASS, VELOCITY
     source="Karnopp, ASME J. Dynamic Systems, Measurement and Control 107, 1985 (the friction)",
     cites=("Karnopp1985",),
     Ts=1e-3,
-    quotes=(*variables.POSITION_LOOP, "overcompensation"),
     loop=Loop(gains={"Kp": "CV * KP", "Kd": "CV"}, friction=Friction("Fc", "Fs", "Fv"), linear={}),
     use=replaces_servo("model feedback"),
     outputs=variables.TRACKING,

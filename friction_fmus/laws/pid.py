@@ -14,7 +14,6 @@ from friction_fmus.lawkit.quantities import DAMPING, FORCE, LENGTH, NO_UNIT, STI
     source="Astrom, Hagglund: Advanced PID Control, ISA 2006",
     cites=("AstromHagglund2006", "ArmstrongAmin1996"),
     Ts=1e-3,
-    quotes=(*variables.POSITION_LOOP, "hunting", "dead_band", "turned_friction"),
     loop=Loop(
         gains={name: name for name in ("Kp", "Kd", "Ki", "db", "m", "reversal")} | {"turned": "Fc_turned"},
         linear={"db": 0.0, "v_zc": 0.0, "reversal": 1.0, "Fc_turned": 0.0},

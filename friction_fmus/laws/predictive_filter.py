@@ -14,7 +14,6 @@ from friction_fmus.lawkit.quantities import FORCE, VELOCITY
     source="Crassidis, Markley, Journal of Guidance, Control, and Dynamics 20(3), 1997",
     cites=("CrassidisMarkley1997", "Ray2001"),
     Ts=1e-3,
-    quotes=("loop_poles",),
     loop=Loop(linear={}, estimates=True),
     use=Use(
         "estimator",

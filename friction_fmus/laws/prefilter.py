@@ -15,7 +15,6 @@ from friction_fmus.lawkit.quantities import DAMPING, FORCE, LENGTH, NO_UNIT, STI
     source="Identity C R r = C r + F r",
     cites=("FrictionFmus2026",),
     Ts=1e-3,
-    quotes=("prefilter", "prefilter_match"),
     loop=Loop(shapes=True),
     use=Use("feedforward", never=SHAPES_REFERENCE),
     outputs={

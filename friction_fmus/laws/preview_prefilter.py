@@ -20,7 +20,6 @@ SECOND = (8.0 / 5.0, -1.0 / 5.0, 8.0 / 315.0, -1.0 / 560.0)
     source="Identity C R r = C r + F r; Fornberg, Mathematics of Computation 51(184), 1988 (differences)",
     cites=("Fornberg1988",),
     Ts=1e-3,
-    quotes=("prefilter", "prefilter_match"),
     loop=Loop(shapes=True),
     use=Use("feedforward", never=SHAPES_REFERENCE),
     outputs={

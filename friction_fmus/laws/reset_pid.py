@@ -14,7 +14,6 @@ from friction_fmus.lawkit.quantities import DAMPING, FORCE, LENGTH, MASS, NO_UNI
     source="This library; the idea from Beerens et al., Automatica 107, 2019",
     cites=("Beerens2019",),
     Ts=1e-3,
-    quotes=variables.POSITION_LOOP,
     loop=Loop(gains={"Kp": "Kp", "Kd": "Kd", "Ki": "Ki", "m": "m"}, linear={}, hunts=False),
     use=replaces_servo("integral"),
     outputs={**variables.CONTROL, "jumped": Output(NO_UNIT, "1 in a sample in which the integral jumps")},

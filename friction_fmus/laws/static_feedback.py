@@ -14,7 +14,6 @@ from friction_fmus.lawkit.quantities import VELOCITY
     source="Armstrong-Helouvry, Dupont, Canudas de Wit, Automatica 30(7), 1994",
     cites=("ArmstrongHelouvry1994",),
     Ts=1e-3,
-    quotes=("overcompensation",),
     loop=Loop(friction=Friction("Fc", "Fs", "Fv", "vs", "delta"), measured=True),
     use=Use("model feedback", models=("Stribeck",), tuned={"vt": "max(2 * max(Fs, Fc) / Kd, 5 * v_noise, 1e-9)"}),
     outputs=variables.COMPENSATION,

@@ -4,7 +4,7 @@ from casadi import SX, fabs, if_else, logic_and
 
 from friction_fmus.lawkit.law import Friction, Loop, Parameter, Switch, Use, law
 from friction_fmus.lawkit.parts import variables
-from friction_fmus.lawkit.parts.expressions import direction, limited, stribeck_level
+from friction_fmus.lawkit.parts.expressions import direction, limited, load_of, stribeck_level
 from friction_fmus.lawkit.quantities import DAMPING, FORCE, NO_UNIT, VELOCITY
 
 
@@ -14,7 +14,6 @@ from friction_fmus.lawkit.quantities import DAMPING, FORCE, NO_UNIT, VELOCITY
     source="Armstrong-Helouvry, Dupont, Canudas de Wit, Automatica 30(7), 1994",
     cites=("ArmstrongHelouvry1994",),
     Ts=1e-3,
-    quotes=("overcompensation", "inertia"),
     loop=Loop(friction=Friction("Fc", "Fs", "Fv", "vs", "delta"), inertia="m"),
     use=Use("feedforward", models=("Stribeck",), tuned={"m": "0", "v_rest": "1e-6 * speed"}),
     outputs=variables.FEEDFORWARD,
@@ -22,6 +21,7 @@ from friction_fmus.lawkit.quantities import DAMPING, FORCE, NO_UNIT, VELOCITY
 def static_feedforward(
     rd: SX = variables.RD,
     rdd: SX = variables.RDD,
+    Fn: SX = variables.FN,
     enable: SX = variables.ENABLE,
     gain: SX = variables.GAIN,
     m: SX = variables.INERTIA,
@@ -30,6 +30,7 @@ def static_feedforward(
     Fv: SX = variables.FV,
     vs: SX = variables.VS,
     delta: SX = variables.DELTA,
+    Fn0: SX = variables.FN0,
     v_rest: SX = variables.V_REST,
     offset: SX = Parameter(FORCE, 0.0, "constant {force} at all velocities, including rest"),
     asymmetric: SX = Switch(False, "rd < 0 uses the parameters with the suffix _neg"),
@@ -44,7 +45,8 @@ def static_feedforward(
     """The force that moves a known mass with Stribeck friction along the reference.
 
         g(rd) = Fc + (Fs - Fc) exp(-|rd/vs|^delta)
-        F_hat = sgn(rd) g(rd) + Fv rd + offset,   sgn(rd) = 0 for |rd| <= v_rest
+        F_hat = sgn(rd) g(rd) max(Fn, 0)/Fn0 + Fv rd + offset
+        sgn(rd) = 0 for |rd| <= v_rest
         u     = clip(m rdd + gain F_hat, u_min, u_max)
 
     Armstrong-Helouvry, Dupont, Canudas de Wit, Automatica 30(7), 1994 (survey of the curve and of its feedforward). Fs
@@ -73,5 +75,5 @@ def static_feedforward(
         if_else(own, vs_neg, vs),
         if_else(own, delta_neg, delta),
     )
-    F_hat = direction(rd, v_rest) * level + if_else(own, Fv_neg, Fv) * rd + offset
+    F_hat = direction(rd, v_rest) * level * load_of(Fn, Fn0) + if_else(own, Fv_neg, Fv) * rd + offset
     return limited(m * rdd, F_hat, gain, enable, u_min, u_max)

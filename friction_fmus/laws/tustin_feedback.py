@@ -16,7 +16,6 @@ POINTS = 16
     source="Armstrong-Helouvry, Dupont, Canudas de Wit, Automatica 30(7), 1994",
     cites=("ArmstrongHelouvry1994", "Tustin1947"),
     Ts=1e-3,
-    quotes=("overcompensation",),
     loop=Loop(friction=Friction("Fc", "Fs", "Fv", "vs", "1"), measured=True),
     use=Use("model feedback", models=("Tustin", "Stribeck"), tuned={"v_min": "max(5 * v_noise, 1e-3 * speed, 1e-9)"}),
     outputs={

@@ -11,10 +11,9 @@ from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
+from matplotlib.figure import Figure
 
-from friction_fmus.fmi.portrait.drawing import chart
-from friction_fmus.fmi.portrait.experiments import Curve as PlainCurve
-from friction_fmus.fmi.portrait.experiments import Panel
+from friction_fmus.fmi.drawing import plain_style, svg_of
 from friction_fmus.identification import Array
 from friction_fmus.live import SCRIPTS, assets
 from friction_fmus.report.figures import thinned
@@ -120,12 +119,16 @@ def _picture(study: StudyResult, axis: WhatIf) -> str:
     if not errors:
         return ""
     unit, factor = multiple(study.units.position, np.concatenate([np.asarray(each.y) for each in errors.values()]))
-    curves = []
-    for name, error in errors.items():
-        x, y = thinned(error, (1.0, factor), POINTS)
-        curves.append(PlainCurve(x, y, _shown(name), aside=name == NONE and len(errors) > 1))
-    panel = Panel(tuple(curves), ("time", "s"), ("reference − position", unit), "")
-    text = chart(panel, "Tracking error").decode()
+    with plain_style(**{"svg.fonttype": "none"}):  # texts stay texts, for search and screen readers
+        figure = Figure(figsize=(4.2, 3.0))
+        axes = figure.add_axes((0.16, 0.16, 0.8, 0.71), xlabel="time [s]", ylabel=f"reference − position [{unit}]")
+        for name, error in errors.items():
+            colour = "#9aa3ad" if name == NONE and len(errors) > 1 else "#1f4e79"
+            axes.plot(*thinned(error, (1.0, factor), POINTS), color=colour, lw=1.6, label=_shown(name))
+        axes.grid(color="#e3e7ea", lw=0.8)
+        axes.spines[["top", "right"]].set_visible(False)
+        axes.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=2, frameon=False)
+        text = svg_of(figure, "Tracking error").decode()
     text = re.sub(r"<\?xml.*?\?>\s*|<metadata>.*?</metadata>\s*|<style.*?</style>", "", text, flags=re.DOTALL)
     return re.sub(r'\bstyle="([^"]*)"', lambda match: _as_attributes(match[1]), text)
 

@@ -182,7 +182,10 @@ def candidates(wanted: Sequence[str] | str, known: AxisKnowledge) -> list[Candid
     uses = compensators()
     names = [*uses, INTEGRAL.name, TABLE.name] if wanted == ALL else list(wanted)
     flat = f"No {known.words.force} of the axis that depends on position was identified."
-    flat = flat if known.plant.position is None else ""
+    if known.plant.terms:
+        flat = "The feedforward of velocity and acceleration compensates gravity already."
+    elif known.plant.position is not None:
+        flat = ""
     without_law = {INTEGRAL.name: INTEGRAL, TABLE.name: replace(TABLE, reason=flat)}
     return [without_law[name] if name in without_law else _choice(name, uses[name], known) for name in names]
 

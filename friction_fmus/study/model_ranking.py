@@ -6,13 +6,13 @@ from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import cache
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 
 from friction_fmus.axis.loop_assembly import constant_force, start_of
-from friction_fmus.axis.position_map import PositionMap
-from friction_fmus.axis.servo import AxisPlant, FlexibleLoad, Servo, Trajectory
+from friction_fmus.axis.position_map import PositionMap, gravity_map
+from friction_fmus.axis.servo import SHARES, AxisPlant, FlexibleLoad, Servo, Trajectory
 from friction_fmus.axis.servo_loop import closed_loop, run_loop
 from friction_fmus.blocks.axis_units import AxisUnits
 from friction_fmus.blocks.catalogue import find, summary_of
@@ -28,6 +28,7 @@ from friction_fmus.identification import (
     Score,
     identify,
 )
+from friction_fmus.identification.fit.axis_terms import VALUES
 from friction_fmus.identification.fit.block_fit import driven
 from friction_fmus.identification.fit.contact_model import contact_model
 from friction_fmus.identification.fit.idim import (
@@ -83,7 +84,16 @@ PUBLISHED: Final = "Coulomb + viscous, as published"
 
 VISCOUS_BESIDE: Final = "viscous friction beside the model"  # meaning of the parameter Fv of a model that has none
 
-MEANING: Final = {"M": "{moved_mass}", "OF": "offset of the drive"}
+MEANING: Final = {
+    "M": "{moved_mass}",
+    "OF": "offset of the drive",
+    "G_sin": "{force} against gravity: factor of the sine of the position",
+    "G_cos": "the same: factor of the cosine",
+    "a": "friction over the {force}s that the transmission carries",
+}
+"""What is identified beside the parameters of a block."""
+
+OF_ARM: Final = ("auto", "gravity", "load")  # terms beside the friction that are tried on a rotary axis
 
 
 @dataclass(frozen=True)
@@ -105,11 +115,12 @@ class IdentifiedModel:
     """Simulated minus measured position and force of the servo over time."""
     position_map: PositionMap | None = None  # cogging and position-dependent friction
     load: FlexibleLoad | None = None  # part of the mass behind a spring, with which the servo was simulated
+    terms: Mapping[str, float] = field(default_factory=dict)  # gravity and load, see `AxisPlant`
 
     @property
     def plant(self) -> AxisPlant:
         """Axis with this friction."""
-        return AxisPlant(self.block, self.values, self.mass, self.offset, self.position_map, self.load)
+        return AxisPlant(self.block, self.values, self.mass, self.offset, self.position_map, self.load, self.terms)
 
 
 @dataclass(frozen=True, eq=False)
@@ -141,22 +152,33 @@ def identify_model(
     try:
         # a model without state is fast to simulate and its cost may have several local minima
         starts = 3 if contact_model(name, train[0].units).static else 1
-        options = {"validation": list(validation) or None, "starts": starts}
+        options: dict[str, Any] = {"validation": list(validation) or None, "starts": starts}
         options |= {"position_map": position_map, "viscous": viscous}
+        if train[0].units.rotary and train[0].force is not None and train[0].friction is None:
+            options["terms"] = OF_ARM
         result = within_reach(identify, name, list(train), **options)
     except (FrictionError, ArithmeticError, np.linalg.LinAlgError) as error:
         return IdentifiedModel(ModelResult(name, summary, reason=str(error)))
     if reason := useless(result):
         return IdentifiedModel(ModelResult(name, summary, reason=f"{reason}."))
+    given = result.values()
+    values = {key: value for key, value in given.items() if key not in MEANING}
+    terms = {key: value for key, value in given.items() if key in ("G_sin", "G_cos")}
+    table = None if result.position is None else result.position.table
+    table = gravity_map(terms["G_sin"], terms["G_cos"]) if terms else table
+    if "a" in given:
+        terms |= dict.fromkeys(SHARES, given["a"])
+        values["Fn0"] = contact_model(name, train[0].units).level(values)
     found = IdentifiedModel(
         row_of(result, summary, published),
         name,
-        {key: value for key, value in result.values().items() if key not in MEANING},
-        result.values().get("M", 0.0),
-        result.values().get("OF", 0.0),
+        values,
+        given.get("M", 0.0),
+        given.get("OF", 0.0),
         (result.validation or result.train).rms,
         predicted=thinned(result.t, result.predicted),
-        position_map=None if result.position is None else result.position.table,
+        position_map=table,
+        terms=terms,
     )
     return _simulated(found, measured)
 
@@ -370,8 +392,9 @@ def without_unknown_static_friction(found: IdentifiedModel) -> IdentifiedModel:
 
 def with_load(found: IdentifiedModel, load: FlexibleLoad, measured: Measured) -> IdentifiedModel:
     """Return a model with a part of its mass behind a spring, if the servo then follows the record clearly better."""
-    if found.values.get("Fv") and "Fv" not in contact_model(found.block, ROTARY).parameters:
-        return found  # two masses have no friction beside the blocks
+    contact = contact_model(found.block, ROTARY)
+    if (found.values.get("Fv") and "Fv" not in contact.parameters) or contact.transmits or found.terms:
+        return found  # two masses have no friction beside the blocks, no gravity and no load
     best, least = found, np.inf if found.error is None else (1.0 - ALIKE) * found.error
     for mass in dict.fromkeys((found.mass, load.found or found.mass)):  # the latter is better where the load swings
         parameters = tuple(replace(p, value=mass) if p.name == "M" else p for p in found.row.parameters)
@@ -402,7 +425,7 @@ def refine(
         return found
     rows = {p.name: p for p in found.row.parameters}
     free = [p for p in rows.values() if p.determined]
-    free = [p for p in free if p.value > 0.0 or p.name == "OF"]
+    free = [p for p in free if (p.value > 0.0 and p.name not in VALUES) or p.name == "OF"]
     level = max((found.values.get(name, 0.0) for name in ("Fc", "Fs", "f1")), default=0.0)
     if "M" not in {p.name for p in free} or not level:
         return found
@@ -479,6 +502,7 @@ def refine(
         predicted=found.predicted,
         position_map=found.position_map,
         load=found.load,
+        terms=found.terms,
     )
     return _better(found, in_closed_loop(refined, measured), train, unfitted)
 
@@ -487,7 +511,7 @@ def _better(
     found: IdentifiedModel, refined: IdentifiedModel, train: Sequence[Record], unfitted: Sequence[Record]
 ) -> IdentifiedModel:
     """Return the refined model if it is better on data that were not fitted; otherwise the other with a warning."""
-    rigid = [] if found.load else [found, refined]  # the prediction is of a rigid mass
+    rigid = [] if found.load or found.terms else [found, refined]  # the prediction is of a rigid mass without load
     before, after = _prediction_errors(rigid, unfitted) or (None, None)
     units = unfitted[0].units
     level = rms(np.concatenate([record.column("force") for record in unfitted])) if before is not None else 0.0

@@ -8,6 +8,7 @@ import numpy as np
 from friction_fmus.axis.loop_assembly import block, typed, viscous_beside
 from friction_fmus.identification import Array, AxisUnits, Record
 from friction_fmus.identification.fit.idim import decimate, filtered_motion
+from friction_fmus.identification.fit.scores import rms
 from friction_fmus.study.model_ranking import IdentifiedModel
 from friction_fmus.study.study_result import Picture, StudyCurve, curve, thinned
 from harness import Experiment, FmuPart, SeriesPart, System
@@ -69,7 +70,7 @@ def residuals(record: Record, models: Sequence[IdentifiedModel]) -> tuple[Pictur
     return over("velocity", units.velocity, motion.v), over("position", units.position, motion.q)
 
 
-def friction_of(record: Record, mass: float, offset: float) -> tuple[Array, Array, Array] | None:
+def friction_of(record: Record, found: IdentifiedModel) -> tuple[Array, Array, Array] | None:
     """Return position, filtered velocity and friction of a record; None if it has neither friction nor force."""
     if record.q is None:
         return None
@@ -78,13 +79,15 @@ def friction_of(record: Record, mass: float, offset: float) -> tuple[Array, Arra
         return record.q, motion.v, record.friction
     if record.force is None:
         return None
-    return record.q, motion.v, record.force - mass * motion.a - offset
+    table = found.position_map
+    beside = 0.0 if table is None else table.grid.weights(record.q) @ np.array(table.cogging)
+    return record.q, motion.v, record.force - found.mass * motion.a - found.offset + beside
 
 
 def over_velocity(record: Record, models: Sequence[IdentifiedModel]) -> Picture | None:
     """Return friction over velocity: points of the record, and curves of the models on a slow velocity sweep."""
     best = [found for found in models if found.row.rank]
-    behind = friction_of(record, best[0].mass, best[0].offset) if best else None
+    behind = friction_of(record, best[0]) if best else None
     if behind is None:
         return None
     _, v, friction = behind
@@ -94,7 +97,8 @@ def over_velocity(record: Record, models: Sequence[IdentifiedModel]) -> Picture 
     at = np.linspace(-fastest, fastest, 800)  # an even number: no point is at the jump at rest
     curves = {}
     for found in best[:DRAWN]:
-        F = driven_friction(found, record.units, 5.0 * np.arange(800.0) / 800.0, at, mean_load(record))
+        load = {name: np.full(800, rms(values)) for name, values in load_along(found, record, constant=True).items()}
+        F = driven_friction(found, record.units, 5.0 * np.arange(800.0) / 800.0, at, load)
         curves[found.row.name] = curve(at[1:], F[1:])
     points = curve(smooth[few], level[few])
     units = record.units
@@ -104,7 +108,7 @@ def over_velocity(record: Record, models: Sequence[IdentifiedModel]) -> Picture 
 def over_position(record: Record, models: Sequence[IdentifiedModel]) -> Picture | None:
     """Return friction over position around the reversal nearest to the middle of the record, measured and simulated."""
     best = [found for found in models if found.row.rank]
-    behind = friction_of(record, best[0].mass, best[0].offset) if best else None
+    behind = friction_of(record, best[0]) if best else None
     if behind is None:
         return None
     q, v, friction = behind
@@ -122,29 +126,41 @@ def over_position(record: Record, models: Sequence[IdentifiedModel]) -> Picture 
     few = max(1, len(v[section]) // 600)
     loops = {}
     for found in best[:DRAWN]:
-        F = driven_friction(found, record.units, t, v[driven], mean_load(record))[lead:]
+        load = {name: values[driven] for name, values in load_along(found, record).items()}
+        F = driven_friction(found, record.units, t, v[driven], load)[lead:]
         loops[found.row.name] = curve(q[section][::few], F[::few])
     points = curve(q[section][::few], friction[section][::few])
     units = record.units
     return Picture("position", "friction", units.position, units.force, {"record": points}, loops)
 
 
-def driven_friction(found: IdentifiedModel, units: AxisUnits, t: Array, v: Array, load: float | None) -> Array:
-    """Return the friction force of a model's FMU driven by a velocity, shape (n,)."""
+def driven_friction(found: IdentifiedModel, units: AxisUnits, t: Array, v: Array, load: Mapping[str, Array]) -> Array:
+    """Return the friction force of a model's FMU driven by a velocity and further inputs, shape (n,)."""
     step = float(t[1] - t[0])
     contact = FmuPart("friction", block(found.block, units.rotary))
-    sweep = SeriesPart("sweep", t, {"v": v}, {"v": "rad/s" if units.rotary else "m/s"})
     inputs = {port.name for port in contact.inputs}
+    columns = {"v": v, **{name: values for name, values in load.items() if name in inputs}}
+    known = {"v": units.velocity, "Fn": "N", "F_t": units.force}
+    sweep = SeriesPart("sweep", t, columns, {name: known[name] for name in columns})
     start: dict[str, float | int | bool | str] = {f"friction.{k}": v for k, v in typed(contact, found.values).items()}
     start |= {"friction.F_ext": 0.0} if "F_ext" in inputs else {}
-    start |= {"friction.Fn": load} if "Fn" in inputs and load is not None else {}
+    start |= {"friction.Fn": found.values.get("Fn0", 1.0)} if "Fn" in inputs and "Fn" not in columns else {}
     experiment = Experiment(stop=step * (len(t) - 1), step=step, record=("friction.F",))
-    with System([sweep, contact], ["sweep.v -> friction.v"], start, experiment, "curve") as system:
+    wires = [f"sweep.{name} -> friction.{name}" for name in columns]
+    with System([sweep, contact], wires, start, experiment, "curve") as system:
         F = np.asarray(system.run()["friction.F"].to_numpy(), dtype=np.float64)
         F += viscous_beside(contact, found.plant) * v
         return F
 
 
-def mean_load(record: Record) -> float | None:
-    """Return the mean normal force; None if it was not measured."""
-    return None if record.normal is None else float(np.mean(record.normal))
+def load_along(found: IdentifiedModel, record: Record, *, constant: bool = False) -> dict[str, Array]:
+    """Return normal and transmitted force along a record, as far as they are known; constant: without a load."""
+    known = {} if record.force is None else {"F_t": record.force}
+    if record.normal is not None:
+        known["Fn"] = np.full(len(record), np.mean(record.normal))
+    if not found.plant.loaded or constant:
+        return known
+    table, q = found.position_map, record.column("q")
+    external = -found.offset + (0.0 if table is None else table.force(q, np.zeros(len(q))))
+    load: Array = found.terms["a_external"] * external - found.terms["a_drive"] * record.column("force")
+    return {**known, "Fn": found.values["Fn0"] + np.abs(load)}

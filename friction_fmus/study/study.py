@@ -48,7 +48,14 @@ from friction_fmus.study.servo_check import CheckedServo, check_servo
 from friction_fmus.study.servo_estimate import estimate_servo
 from friction_fmus.study.settings_file import SETTINGS_FILE, settings_of
 from friction_fmus.study.steps import CACHE, Step, StepCache, run_steps, workers
-from friction_fmus.study.study_files import OWN, Figures, export_models, export_recommended
+from friction_fmus.study.study_files import (
+    OWN,
+    Figures,
+    export_models,
+    export_recommended,
+    export_sheet,
+    identified_axes,
+)
 from friction_fmus.study.study_result import (
     ConditionResult,
     Recommendation,
@@ -297,6 +304,10 @@ class _Study:
         models, plants = self._models(data, checked, [step] * self._goes_on(findings))
         shown = [finding for plant in plants for finding in plant.findings]
         simulated = {} if models[0].load is None else {"two-masses": "The simulated axis has both parts."}
+        arm = "The simulated axis is an arm, whose gravity the feedforward compensates."
+        simulated |= dict.fromkeys(("gravity", "force-over-position"), arm) if "G_sin" in models[0].terms else {}
+        loaded = "The friction of the simulated axis grows with it."
+        simulated |= {"load-dependent-friction": loaded} if models[0].plant.loaded else {}
         own = [StudyFinding(each.name, each.what, simulated.get(each.name, each.measure)) for each in shown]
         findings = sorted([*findings, *own], key=lambda each: each.name != "saturated")
         known = self.config.resonances or tuple(plant.load.resonance for plant in plants if plant.load is not None)
@@ -341,9 +352,12 @@ class _Study:
             with ThreadPoolExecutor(1) as thread:  # which mostly waits for a compiler
                 panel = thread.submit(self._panel, bench, comparison)
                 files += export_recommended(self.out, bench, comparison.chosen, name, citation, figures)
+                (axis,) = identified_axes(models[:1], data.longest, self.config.servo, comparison)
+                files += export_sheet(self.out, axis)
                 doctor = self._doctor(bench)
                 self.panel = panel.result()
         self.progress(0.97)
+        axes = identified_axes(models, data.longest, self.config.servo, comparison)
         record = data.longest
         files += settings_of(self.config, data, self.out)
         files += [
@@ -374,6 +388,7 @@ class _Study:
             servo_check=checked.result,
             findings=tuple(findings),
             turn=comparison.turn if comparison else None,
+            axes=axes if written else (),
         )
 
     def _goes_on(self, findings: Sequence[StudyFinding]) -> bool:
@@ -478,7 +493,7 @@ class _Study:
             float(r[0]),
             v0,
             motion=wanted.motion_feedforward,
-            offset=plant.offset,
+            offset=0.0 if plant.terms and wanted.motion_feedforward else plant.offset,  # else part of its load
             rotary=data.rotary,
             noise=noise,
         )

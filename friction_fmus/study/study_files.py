@@ -6,7 +6,16 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final
 
-from friction_fmus.axis.loop_assembly import FRICTION, OF_LOAD, block, typed, viscous_beside, with_friction
+from friction_fmus.axis.loop_assembly import (
+    FRICTION,
+    OF_LOAD,
+    block,
+    drive_input,
+    load_feedforward,
+    typed,
+    viscous_beside,
+    with_friction,
+)
 from friction_fmus.axis.servo import Compensator, Servo, Trajectory
 from friction_fmus.axis.servo_loop import accurate, closed_loop, recorded, with_gain
 from friction_fmus.blocks.axis_units import Words, domain_of
@@ -14,13 +23,21 @@ from friction_fmus.blocks.catalogue import find
 from friction_fmus.codegen.law_export import export_law
 from friction_fmus.codegen.layout import law_of
 from friction_fmus.codegen.servo_law import LAWS, LOOP_FILE, SHARED, LoopFile, LoopLaw, loop_text
+from friction_fmus.errors import BuildError
+from friction_fmus.export.axis_loop import AxisLoop
 from friction_fmus.export.block_fmu import build
+from friction_fmus.export.identified_axis import IdentifiedAxis
+from friction_fmus.export.targets import generic
+from friction_fmus.identification import Record
+from friction_fmus.identification.result_files import identified_axis
 from friction_fmus.lawkit.law import Kind
+from friction_fmus.study.comparison import Comparison
 from friction_fmus.study.compensators import TABLE
 from friction_fmus.study.evaluation import AxisBench, Scheme, with_table
 from friction_fmus.study.model_ranking import IdentifiedModel
+from friction_fmus.study.recommendation import AS_MEASURED
 from friction_fmus.study.study_result import WrittenFile
-from harness import FmuPart, Parameter, ParameterSet, System, Wire, open_archive, write_ssv
+from harness import ExperimentError, FmuPart, Parameter, ParameterSet, System, Wire, open_archive, write_ssv
 from harness.storage.files import atomic_path, make_folder
 from harness.system.wire import parse_wire, split_name
 
@@ -40,7 +57,7 @@ def with_tracking_error(system: System) -> System:
     return System(parts, wires, start, experiment, system.name)
 
 
-MACHINE: Final = ("axis", FRICTION, OF_LOAD, "position")  # parts of the machine
+MACHINE: Final = ("axis", FRICTION, OF_LOAD, "position", "motor", "transmission")  # parts of the machine
 
 PLANT: Final = (*MACHINE, "encoder", "measured", "noise", ERROR)
 """Parts that stand for the machine or compute the tracking error; the README has the connections of all others."""
@@ -146,8 +163,9 @@ def export_composites(folder: Path, whole: System) -> tuple[WrittenFile, ...]:
     parts = [part for name, part in whole.parts.items() if name in MACHINE]
     wires = [wire for wire in whole.wires if {end[0] for end in wire.ends} <= set(MACHINE)]
     start = {name: value for name, value in whole.start.items() if split_name(name)[0] in MACHINE}
-    machine = System(parts, wires, {**start, "axis.F_drive": 0.0}, whole.experiment, "axis")
-    machine.to_fmu(folder / "axis.fmu", inputs=["axis.F_drive"])
+    drive = drive_input(whole.parts)
+    machine = System(parts, wires, {**start, drive: 0.0}, whole.experiment, "axis")
+    machine.to_fmu(folder / "axis.fmu", inputs=[drive])
     references = sorted({wire.source for wire in whole.wires if split_name(wire.source)[0] == "reference"})
     whole.to_fmu(folder / "servo_axis.fmu", inputs=references)
     inputs = ", ".join(f"`{name}`" for name in references)
@@ -155,7 +173,7 @@ def export_composites(folder: Path, whole: System) -> tuple[WrittenFile, ...]:
         WrittenFile(
             f"{folder.name}/axis.fmu",
             "The axis with the identified friction as one FMU for any simulator at any step; connect the drive to "
-            "`axis.F_drive`",
+            f"`{drive}`",
         ),
         WrittenFile(
             f"{folder.name}/servo_axis.fmu", f"The same with servo and compensator; connect the reference to {inputs}"
@@ -180,7 +198,7 @@ def recommended_loop(
     path: Path,
 ) -> LoopFile:
     """Return the loop of an axis for which `without_code` gives no reason."""
-    outputs = {"servo": Compensator(servo.law)} | dict(laws)
+    outputs = {"servo": Compensator(servo.law), **laws}
     start = {name: value for name, value in system.start.items() if not isinstance(value, str)}
     own = {name.partition(".")[2]: value for name, value in start.items() if name.startswith("servo.")}
     wires = {wire.target: wire for wire in system.wires}
@@ -236,7 +254,9 @@ def export_recommended(
     recommends = any(both) or scheme.table or scheme.servo != bench.servo
     if recommends:
         both = with_friction(scheme.servo, *both)
-    laws = {part: law for part, law in zip(("compensator", "feedforward"), both, strict=True) if law is not None}
+    load = load_feedforward(bench.plant) if bench.trajectory.motion else None
+    named = zip(("load", *ADDED), (load, *both), strict=True)
+    laws = {part: law for part, law in named if law is not None}
     fmus: dict[str, Path] = {}
     chosen: dict[str, Mapping[str, float | bool]] = {}
     has_gain = True
@@ -319,6 +339,37 @@ def export_models(out: Path, models: Sequence[IdentifiedModel], rotary: bool, ci
             write_ssv(ParameterSet(f"{identifier}Viscous", parameters, _cited(citation)), file)
             written.append(WrittenFile(_path(out, file), f"Viscous friction beside {found.row.name}, SSP 1.0"))
     return tuple(written)
+
+
+def identified_axes(
+    models: Sequence[IdentifiedModel], record: Record, servo: Servo | None, comparison: Comparison | None
+) -> tuple[IdentifiedAxis, ...]:
+    """Return the axis with each identified model, for the targets of `export`."""
+    loop, limit, mass = None, None if servo is None else servo.force_limit, 0.0 if servo is None else servo.mass or 0.0
+    if servo is not None and comparison is not None:
+        metrics = {row.name: row.metrics for row in comparison.rows}
+        metrics |= {rung.title: rung.metrics for rung in comparison.ladder[:1]}
+        law = comparison.recommended.name
+        errors = [None if found is None else found.rms for found in map(metrics.get, (AS_MEASURED, "none", law))]
+        loop = AxisLoop(f"{OWN}/axis.ssp", servo.gains, law, *errors)
+    axes = []
+    for found in models:
+        if found.row.rank is not None:
+            both = found.mass or mass, found.offset
+            about = found.row.name, found.block, found.values, *both, found.position_map
+            axes.append(replace(identified_axis([record], record.citation, *about), force_limit=limit, loop=loop))
+    return tuple(axes)
+
+
+def export_sheet(out: Path, axis: IdentifiedAxis) -> tuple[WrittenFile, ...]:
+    """Write the parameters of the axis for a drive that runs no code, unless they cannot be simulated."""
+    loop = axis.loop and replace(axis.loop, archive=str(out / axis.loop.archive))
+    try:
+        files = generic.write(replace(axis, loop=loop), out / OWN)
+    except (BuildError, ExperimentError):  # the reference stands, or the simulation is inaccurate
+        return ()
+    what = "Parameters for a drive that runs no code; `friction-fmus export` writes those of some makers"
+    return tuple(WrittenFile(_path(out, file), what) for file in files)
 
 
 def _parameters(path: Path, values: Mapping[str, float | int | bool]) -> dict[str, Parameter]:

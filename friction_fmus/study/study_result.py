@@ -14,6 +14,7 @@ from typing import Final, TypeAlias
 
 import numpy as np
 
+from friction_fmus.export.identified_axis import IdentifiedAxis
 from friction_fmus.identification import Array, AxisUnits
 from friction_fmus.listings import plain, study_html, study_text
 
@@ -387,6 +388,8 @@ class StudyResult:
         Comparison of the servo as configured with the recorded drive force.
     findings : tuple of StudyFinding
         All findings that limit how far the result can be trusted, those of `servo_check` first.
+    axes : tuple of IdentifiedAxis
+        Identified axes by rank, for the targets of ``friction-fmus export``; empty if the result must not be used.
     """
 
     name: str
@@ -412,6 +415,7 @@ class StudyResult:
     servo_check: ServoCheck = field(default_factory=ServoCheck)
     findings: tuple[StudyFinding, ...] = ()
     turn: Picture | None = None
+    axes: tuple[IdentifiedAxis, ...] = ()
 
     @property
     def trusted(self) -> bool:

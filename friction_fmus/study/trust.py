@@ -28,7 +28,7 @@ from friction_fmus.study.model_ranking import (
     IdentifiedModel,
 )
 from friction_fmus.study.next_experiment import EXPERIMENT_FILE
-from friction_fmus.study.pictures import driven_friction, mean_load
+from friction_fmus.study.pictures import driven_friction, load_along
 from friction_fmus.study.study_result import (
     StudyFinding,
 )
@@ -42,7 +42,7 @@ def band_of(records: Sequence[Record], found: IdentifiedModel) -> PlantBand | No
     for record in records:
         v = filtered_motion(record).v
         friction.append(
-            driven_friction(found, record.units, record.Ts * np.arange(float(len(v))), v, mean_load(record))
+            driven_friction(found, record.units, record.Ts * np.arange(float(len(v))), v, load_along(found, record))
         )
         over_position = 0.0 if table is None else table.force(record.column("q"), v)
         alone.append(replace(record, force=record.column("force") + over_position))

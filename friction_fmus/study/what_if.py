@@ -8,7 +8,7 @@ from typing import Final
 
 import numpy as np
 
-from friction_fmus.axis.loop_assembly import PartPool, block
+from friction_fmus.axis.loop_assembly import PartPool, block, drive_input
 from friction_fmus.axis.servo import GAINS, Servo
 from friction_fmus.axis.servo_loop import recorded
 from friction_fmus.export.composite.composite_archive import composite_source
@@ -106,11 +106,11 @@ def variable_system(bench: AxisBench, scheme: Scheme, pool: PartPool) -> System:
         FmuPart(name, block("SampledSum", bench.trajectory.rotary), every=every)
         for name in ("drive", *dict.fromkeys(tap.partition(".")[0] for tap in chosen))
     ]
-    wires = [wire for wire in system.wires if wire.target != "axis.F_drive"]
+    wires = [wire for wire in system.wires if wire.target != drive_input(system.parts)]
     command = recorded(system.parts)[1]
     wires += [Wire(command, tap.replace("gain[", "u").rstrip("]"), delay=n * every) for tap, n in chosen.items()]
     wires += [Wire(f"{part.name}.y", f"drive.u{i}") for i, part in enumerate(parts[1:], start=1)]
-    wires.append(Wire("drive.y", "axis.F_drive"))
+    wires.append(Wire("drive.y", drive_input(system.parts)))
     start = {
         **system.start,
         "encoder.q": scheme.servo.quantum,

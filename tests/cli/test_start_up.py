@@ -23,7 +23,7 @@ from friction_fmus.lawkit.law_files import discover_laws
 ROOT = Path(__file__).parents[2]
 COMMANDS = sorted(path.stem for path in (ROOT / "friction_fmus" / "cli" / "commands").glob("[!_]*.py"))
 SLOW = {
-    *("casadi", "fmpy", "h5py", "jinja2", "lxml", "markdown_it", "matplotlib", "numpy", "pandas"),
+    *("casadi", "fmpy", "h5py", "jinja2", "lxml", "matplotlib", "numpy", "pandas"),
     *("platformdirs", "plotly", "pyarrow", "rich", "scipy", "threadpoolctl", "xarray", "multiprocessing"),
 }
 """What neither ``--help`` nor an import of a package may import."""

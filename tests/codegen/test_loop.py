@@ -59,6 +59,13 @@ LOOPS = {
     ),
     "known force": replace(loop(feedforward=FEEDFORWARD, compensator=OBSERVER, servo=CASCADE), known_force=True),
     "rotary": replace(loop(servo=CASCADE, compensator=OBSERVER), rotary=True, v0=0.02),
+    "load": loop(
+        load=LoopLaw("LoadFeedforward", {"m": 0.0, "G_sin": 0.4, "G_cos": 2.0, "pitch": 0.01}),
+        feedforward=FEEDFORWARD,
+        compensator=OBSERVER,
+        servo=CASCADE,
+    ),
+    "load of an observer": loop(load=LoopLaw("LoadFeedforward"), compensator=LoopLaw("LuGreObserver"), servo=CASCADE),
     "own limit": loop(
         compensator=replace(OBSERVER, parameters={"u_min": -0.5, "u_max": 0.5}), servo=LoopLaw("ResetPID")
     ),
@@ -94,7 +101,7 @@ class Separate:
         self.laws = {name: self._law(entry) for name, entry in description.laws.items()}
         self.values = {name: self._values(name) for name in description.laws}
         self.positions: list[float] = []
-        self.u = self.known = self.f_known = 0.0
+        self.u = self.known = self.f_known = self.load = 0.0
 
     def _law(self, entry: LoopLaw) -> Law:
         return make_export(entry.law).law
@@ -111,17 +118,21 @@ class Separate:
             self.positions = [*(self.positions or before), given["x"]][-3:]
             given = {**given, "v": (self.positions[2] - self.positions[0]) / (2.0 * TS)}
         offset = self.loop.offset or 0.0
+        loaded = self._one("load", given) if "load" in self.laws else {"u": 0.0}
+        given = {**given, **({"Fn": loaded["Fn"]} if "load" in self.laws else {})}
+        last_load, self.load = self.load, loaded["u"]
         forces = {"feedforward": 0.0, "compensator": 0.0}
         for name in forces:
             if name in self.laws:
                 fed_back = self.u - offset - (self.known if name == "compensator" else 0.0)
+                fed_back -= last_load if name == "compensator" else 0.0
                 fed_back -= self.f_known if name == "compensator" else 0.0
                 output = self.loop.laws[name].output
                 forces[name] = (self.loop.laws[name].factor or 1.0) * self._one(name, {**given, "u_prev": fed_back})[
                     output
                 ]
         f_known = given["f_known"] if self.loop.known_force else 0.0
-        f = forces["feedforward"] + forces["compensator"] + f_known + offset
+        f = forces["feedforward"] + forces["compensator"] + loaded["u"] + f_known + offset
         self.known, self.f_known = forces["feedforward"], f_known
         self.u = self._one("servo", {**given, "f": f})["u"]
         return self.u
@@ -250,7 +261,8 @@ def test_a_rotary_loop_has_the_same_code_in_its_units() -> None:
     text, page = header(rotary), readme(rotary, ())
     for unit in ("N.m", "rad", "rad/s", "rad/s2", "N.m.s/rad", "N.m/rad", "kg.m2", "Hz"):
         assert f"[{unit}]" in text
-    assert not re.search(r"\[(N|m|m/s|m/s2|kg|N/m|N\.s/m)\]", text)
+    linear_units = [line for line in text.splitlines() if re.search(r"\[(N|m|m/s|m/s2|kg|N/m|N\.s/m)\]", line)]
+    assert all("normal force" in line for line in linear_units)  # which is one in both kinds
     assert "control torque" in text
     assert "the sum of all torques" in " ".join(text.split())
     assert "around 0, 0.1, 1 and 10 rad" in page
@@ -305,6 +317,11 @@ WRONG = {
         SETTINGS + SERVO + '[compensator]\nlaw = "ExtendedStateObserver"\noutput = "v_est"\n',
         "the outputs of ExtendedStateObserver with a force are u, F_hat",
     ),
+    "no load": (
+        SETTINGS + SERVO + '[load]\nlaw = "InverseDynamics"\n',
+        "[load], names InverseDynamics, which has no output Fn; choose LoadFeedforward",
+    ),
+    "factor of a load": (SETTINGS + SERVO + '[load]\nlaw = "LoadFeedforward"\nfactor = 2.0\n', "unknown key 'factor'"),
     "no input for forces": (
         SETTINGS + '[servo]\nlaw = "AdaptiveSlidingMode"\n[compensator]\nlaw = "DisturbanceObserver"\n',
         "AdaptiveSlidingMode, which has no input f for the force of other laws",

@@ -54,6 +54,6 @@ def test_program_of_the_page() -> None:
 
 def test_the_table_names_every_condition() -> None:
     named = {name for name in re.findall(r"`(\w+)`", PAGE) if hasattr(conditions, name)}
-    types = {"PathDynamics", "Condition", "DrivenPlant", "SampledLaw", "quotes"}
+    types = {"PathDynamics", "Condition", "DrivenPlant", "SampledLaw"}
     helpers = types | {"closed_loop"}
     assert named | helpers >= set(conditions.__all__)

@@ -1,9 +1,8 @@
-"""Conditions of single laws against recursions, roots and simulations, and what the documentation quotes of them."""
+"""Conditions of single laws against recursions, roots and simulations, and those that the documentation names."""
 
 from __future__ import annotations
 
 import math
-import zipfile
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +10,7 @@ import pytest
 from scipy.integrate import solve_ivp
 from thorough import nightly
 
-from friction_fmus import build, conditions
+from friction_fmus import conditions
 from friction_fmus.blocks.catalogue import catalogue, laws_folder
 from friction_fmus.conditions import (
     adaptation,
@@ -27,7 +26,6 @@ from friction_fmus.conditions import (
     prefilter_match,
     preview,
     pulses,
-    quotes,
     slide,
     slide_in_loop,
     sliding_gain,
@@ -35,7 +33,6 @@ from friction_fmus.conditions import (
     super_twisting_rate,
 )
 from friction_fmus.doctor.roles import known_blocks
-from friction_fmus.errors import FrictionError
 from friction_fmus.lawkit.law_files import discover_laws
 
 KNOWN_LAWS = {law.name: law for law in discover_laws(laws_folder())}
@@ -176,21 +173,16 @@ def test_bounds_of_one_number() -> None:
     assert encoder_count(3e-6, 12e3, 600.0, 1.5, math.inf).ok
 
 
-def test_every_law_of_the_doctor_quotes_conditions_that_exist() -> None:
-    quoted = {name: quotes(block.about.quotes) for name, block in catalogue().items() if block.about.quotes}
-    acting = {name for name, part in known_blocks().items() if part.law or part.drive or part.cogging}
-    assert acting <= set(quoted)
-    for block in quoted.values():
-        for name, text in block:
-            assert callable(getattr(conditions, name))
-            assert text.endswith(".")
-    with pytest.raises(FrictionError, match=r"no condition 'ruth' to quote \(did you mean routh"):
-        quotes(("ruth",))
+def test_every_block_of_the_doctor_has_conditions_that_exist(monkeypatch: pytest.MonkeyPatch) -> None:
+    """In the table of the documentation."""
+    monkeypatch.syspath_prepend(Path(__file__).parents[2] / "docs")
+    from needs import CONDITIONS
 
-
-@pytest.mark.parametrize("name", ["ExtendedStateObserver", "ImpulsiveControl"])
-def test_the_documentation_in_the_fmu_quotes_them(name: str, tmp_path: Path) -> None:
-    page = zipfile.ZipFile(build(name, tmp_path)).read("documentation/index.html").decode()
-    section = page.split("<h2>Conditions</h2>")[1].split("<h2>Variables</h2>")[0]
-    for function in catalogue()[name].about.quotes:
-        assert f"<code>{function}</code>" in section
+    assert CONDITIONS.keys() <= catalogue().keys()
+    assert {
+        name for name, part in known_blocks().items() if part.law or part.drive or part.cogging
+    } <= CONDITIONS.keys()
+    for names in CONDITIONS.values():
+        for name in names:
+            assert name in conditions.__all__
+            assert (getattr(conditions, name).__doc__ or "").split("\n\n")[0].endswith(".")

@@ -139,14 +139,6 @@ def test_program_of_the_harness_page(tmp_path: Path) -> None:
 
 
 @nightly
-def test_program_of_the_page_on_procedures_prints_what_it_says(tmp_path: Path) -> None:
-    (program,) = blocks(ROOT / "docs" / "procedures.md", "python")
-    (tmp_path / "program.py").write_text(program, encoding="utf-8")
-    text = (ROOT / "docs" / "procedures.md").read_text(encoding="utf-8")
-    assert f"It prints `{run(f'{sys.executable} program.py', tmp_path).strip()}`" in text
-
-
-@nightly
 @pytest.mark.parametrize("name", TUTORIALS)
 def test_tutorial_works_and_prints_what_it_says(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Its commands, those of this project in this process, and then all of its programs as one."""

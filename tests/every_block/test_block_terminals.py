@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import re
 import struct
+import zipfile
 from pathlib import Path
 
 import fmpy
 from lxml import etree
-from quick import is_quick
 from shell.instance import Instance, Library
 
-from friction_fmus import build, catalogue
+from friction_fmus import build
 
 SVG = "{http://www.w3.org/2000/svg}"
 
@@ -35,6 +35,16 @@ EXPECTED = FLANGES | dict.fromkeys(ON_A_MASS, INPUT_V)
 
 REFERENCES = {"Profile", "Sine", "Multisine", "Record", "PID", "CascadePPI", "StaticFeedforward", "LuGreFeedforward"}
 """Some that give or take a reference with its derivatives."""
+
+
+KIND_ICONS = {
+    "Stribeck": "friction",
+    "LuGre": "presliding",
+    "Actuator": "plant",
+    "PID": "compensator",
+    "Sine": "signal",
+}
+"""One block of each kind of icon: friction that is elastic at rest has one of its own."""
 
 
 def read(library: Library) -> etree._Element:
@@ -152,8 +162,7 @@ def test_pixel_images_are_square_and_carry_no_date(library: Library) -> None:
         width, height = struct.unpack(">II", content[16:24])
         assert width == height
         assert b"tEXt" not in content and b"tIME" not in content
-    drawn_quickly = is_quick() and library.identifier in catalogue()  # not that of a composite
-    assert struct.unpack(">I", icon[16:20]) == (40 if drawn_quickly else 200,)
+    assert struct.unpack(">I", icon[16:20]) == (200,)
 
 
 def test_icons_show_a_curve_or_a_sketch(library: Library) -> None:
@@ -161,6 +170,20 @@ def test_icons_show_a_curve_or_a_sketch(library: Library) -> None:
     root = etree.parse(library.folder / "terminalsAndIcons" / "icon.svg").getroot()
     drawn = [path for path in root.iter(f"{SVG}path") if len(re.findall("[MLC]", str(path.get("d")))) > 3]
     assert len(drawn) >= 2
+
+
+def test_the_icon_is_that_beside_the_block_or_that_of_its_kind(tmp_path: Path) -> None:
+    """The pairs differ, so that no block shows the icon of another kind."""
+    root = Path(__file__).parents[2]
+    shown = {
+        "Mass": root / "fmu_src" / "plants" / "Mass",
+        **{name: root / "friction_fmus" / "fmi" / "icons" / icon for name, icon in KIND_ICONS.items()},
+    }
+    for name, drawn in shown.items():
+        with zipfile.ZipFile(build(name, tmp_path)) as archive:
+            assert archive.read("terminalsAndIcons/icon.png") == drawn.with_suffix(".png").read_bytes(), name
+            assert archive.read("terminalsAndIcons/icon.svg") == drawn.with_suffix(".svg").read_bytes(), name
+    assert len({path.with_suffix(".png").read_bytes() for path in shown.values()}) == len(shown)
 
 
 def test_rotational_twins_have_flanges_of_their_own_kind(tmp_path: Path) -> None:

@@ -224,7 +224,7 @@ def test_reset_instances_give_what_new_ones_give_to_the_last_bit(
     experiment = Experiment(stop=0.1, step=1e-4)
     with System([FmuPart(name, build_fmu(model)) for name, model in parts.items()], wires) as system:
         sweep(system, samples, output=tmp_path, executor="serial", experiment=experiment, keep=["*"])
-        runs = Counter(name for name in made if name in parts)  # not of a build, which draws portraits
+        runs = Counter(name for name in made if name in parts)
         assert runs == dict.fromkeys(parts, 3)  # the first, one to compare with, the one of all other runs
         kept = pyarrow.dataset.dataset(tmp_path / "_trajectories").to_table().to_pandas()
         for run, values in enumerate(samples):

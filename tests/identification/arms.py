@@ -12,6 +12,14 @@ from friction_fmus.identification import ROTARY, Record
 TS, SUBSTEPS, LENGTH = 1e-3, 10, 16.0  # [s], steps in a sample, [s]
 
 
+def temperature(t: float) -> float:
+    """Return the temperature of the gear [K]: it warms up, and cools down again."""
+    return 295.0 + 20.0 * sin(pi * t / LENGTH) ** 2
+
+
+MEAN_TEMPERATURE = 305.0
+
+
 @dataclass(frozen=True)
 class Arm:
     """Truth of an axis, by the names of the identification; terms that are absent are 0."""
@@ -27,11 +35,13 @@ class Arm:
     a: float = 0.0
     direction: float = 0.0
     drift: float = 0.0
+    warming: float = 0.0  # of friction, per kelvin
 
     def friction(self, v: float, drive: float, outside: float, t: float) -> float:
         """Return the magnitude of the friction without its viscous part."""
         level = self.Fc + (self.Fs - self.Fc) * exp(-((v / self.vs) ** 2))
         level *= 1.0 + self.a * abs(outside - drive) / self.Fc
+        level *= 1.0 + self.warming * (temperature(t) - MEAN_TEMPERATURE)
         return level * (1.0 + self.direction * copysign(1.0, v)) * (1.0 + self.drift * (t - 0.5 * LENGTH))
 
 

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
-from arms import drawn, moved
+from arms import drawn, moved, temperature
 
 from friction_fmus.errors import FitError, RecordError
-from friction_fmus.identification import LINEAR, Record, identify
+from friction_fmus.identification import LINEAR, Record, identify, read_measurement
+from friction_fmus.identification.fit.first_look import first_look
+from friction_fmus.identification.plant_candidates import plant_findings
 
 ARM = replace(drawn(7), direction=0.0)  # with gravity and load
 
@@ -89,3 +92,48 @@ def test_gravity_of_an_arm_needs_an_angle(record: Record) -> None:
 def test_terms_that_cannot_be_identified_are_refused(model: str, terms: tuple[str, ...], what: str) -> None:
     with pytest.raises(FitError, match=what):
         identify(model, moved(drawn(0), 0).window(0.0, 4.0), terms=terms)
+
+
+def test_findings_and_first_look_consider_a_known_load(record: Record) -> None:
+    """Without the load, gravity counts as friction that depends on the direction, and hides the mass."""
+    load = -(ARM.G_sin * np.sin(record.column("q")) + ARM.G_cos * np.cos(record.column("q")))
+    known = replace(record, load=load)
+    one, other = (abs(first_look([each])["M"].value / ARM.M - 1.0) for each in (known, record))
+    assert one < 0.25 < 0.9 < other
+    names = [{finding.name for finding in plant_findings([each])[0]} for each in (known, record)]
+    assert "direction-dependent-friction" in names[1] - names[0]
+
+
+def test_auto_chooses_from_given_terms(record: Record) -> None:
+    found = identify("Stribeck", record, terms=("auto", "gravity")).values()
+    assert "G_sin" in found
+    assert "a" not in found
+
+
+def test_a_friction_that_falls_with_the_temperature_is_found() -> None:
+    """Not as a drift, as the gear cools down again."""
+    arm = replace(drawn(0), warming=-0.02)
+    warm = moved(arm, 0)
+    warm = replace(warm, temperature=np.array([temperature(t) for t in warm.t]))
+    found = identify("Stribeck", warm, terms="auto").values()
+    assert found["warming"] == pytest.approx(-0.02, rel=0.05)
+    assert found["Fc"] == pytest.approx(arm.Fc, rel=0.05)
+    assert not {"drift", "direction"} & found.keys()
+    later = warm.window(9.0, 15.9)
+    predicted = identify("Stribeck", warm.window(0.0, 9.0), validation=later, terms=("temperature",)).validation
+    assert predicted is not None
+    assert predicted.relative_percent < 3.0
+    with pytest.raises(FitError, match="needs the column temperature"):
+        identify("Stribeck", replace(warm, temperature=None), terms=("temperature",))
+
+
+def test_temperatures_are_read_in_degrees_celsius(tmp_path: Path) -> None:
+    t = 1e-3 * np.arange(2000)
+    rows = np.column_stack([t, 1e-2 * np.sin(6.0 * t), np.sign(np.cos(6.0 * t)), 20.0 + t])
+    np.savetxt(tmp_path / "log.csv", rows, delimiter=",", header="time,position,force,gearbox", comments="")
+    columns = {"time": ("time", "s"), "position": ("position", "m"), "force": ("force", "N")}
+    columns["temperature"] = ("gearbox", "degC")
+    entries = {role: {"column": heading, "unit": unit} for role, (heading, unit) in columns.items()}
+    (record,) = read_measurement(tmp_path / "log.csv", {"columns": entries}).records
+    assert record.temperature is not None
+    assert record.temperature[-1] - record.temperature[0] == pytest.approx(1.999)

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import inspect
-from dataclasses import MISSING, fields
 from typing import Any
 
 import pytest
@@ -17,7 +15,6 @@ from friction_fmus.export.block_fmu import describe_block
 from friction_fmus.lawkit.declarations import PARAMETERS
 from friction_fmus.lawkit.law import Law
 from friction_fmus.lawkit.law_files import discover_laws
-from friction_fmus.procedures import ilc
 from friction_fmus.study.config import parse_config
 
 LAWS = {law.name: law for law in discover_laws(laws_folder())}
@@ -82,14 +79,6 @@ def test_the_servo_of_a_study_has_no_gains_of_its_own(law: str) -> None:
     first, second, _ = GAINS[law]
     with pytest.raises(KeyError):
         _ = Servo(law, {first: 1.0, second: 1.0}, 1e-3, 1.0).pid
-
-
-def test_procedures_have_the_defaults_of_the_block() -> None:
-    block = starts("IterativeLearning")
-    train = {name: p.default for name, p in inspect.signature(ilc.train).parameters.items()}
-    assert {name: train[name] for name in ("rate", "fq")} == {name: block[name] for name in ("rate", "fq")}
-    loop = {field.name: field.default for field in fields(ilc.PidLoop) if field.default is not MISSING}
-    assert loop == {name: block[name] for name in loop}
 
 
 @pytest.mark.parametrize(("law", "block"), some([*TWINS.items()], [*TWINS.items()][::4]))

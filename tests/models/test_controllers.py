@@ -17,7 +17,7 @@ from friction_fmus.blocks.arithmetic import evaluate
 from friction_fmus.blocks.customise import with_long_arrays
 from friction_fmus.errors import BuildError
 from friction_fmus.study.compensators import compensators
-from harness import CallablePart, FmuPart, System
+from harness import CallablePart, FmuPart, Port, System
 
 BuildFmu = Callable[..., Path]
 Run = Callable[..., np.ndarray]
@@ -295,6 +295,26 @@ def test_learning_waits_for_the_next_trial_after_an_interruption(samples, comman
     first = 1e3 * e[0] * (command == "enable")
     expected = [np.zeros(n), np.append(1e3 * e[0, :4], np.zeros(6)), first, first + 1e3 * e[2]]
     assert found == pytest.approx(np.array(expected), rel=1e-12)
+
+
+def test_errors_of_a_linear_loop_contract_by_one_minus_rate(build_fmu):
+    """On r = A (1 - cos(2 pi t)), which starts and ends at rest, with a rate of 0.5."""
+    gains = {"m": 1.0, "Kp": 12e3, "Kd": 190.0, "Ki": 250e3}
+    names = {"reference": "Sine", "ilc": "IterativeLearning", "pid": "PID", "mass": "Mass", "friction": "Viscous"}
+    parts = [FmuPart(name, build_fmu(model)) for name, model in names.items()]
+    ends = CallablePart("ends", lambda t, u, x: float(round(t / 1e-3) % 1000 == 0), [], [Port("end", type="Boolean")])
+    wires = ["reference.r -> pid.r", "reference.rd -> pid.rd", "mass.x -> pid.x", "mass.v -> pid.v"]
+    wires += ["reference.r -> ilc.r", "mass.x -> ilc.x", "ends.end -> ilc.trial_end", "ilc.u -> pid.f"]
+    wires += ["pid.u -> mass.F_drive", "mass.v -> friction.v", "friction.F -> mass.F_friction"]
+    start = {"pid.rdd": 0.0, "mass.F_load": 0.0, "mass.v_support": 0.0, "friction.Fv": 20.0, "ilc.fq": 100.0}
+    start |= {"reference.offset": 0.01, "reference.amplitude[1]": -0.01, "reference.phase[1]": np.pi / 2.0}
+    start |= {"ilc.N": 1000} | {f"ilc.{name}": value for name, value in gains.items()}
+    with System([*parts, ends], wires, start) as system:
+        result = system.run(stop=8.0, step=1e-3, record=["reference.r", "mass.x"])
+    error = (result["reference.r"] - result["mass.x"]).to_numpy()[:-1].reshape(8, 1000)
+    rms = np.sqrt(np.mean(error**2, axis=1))
+    # the second trial still has the transient of the first one's end
+    assert rms[2:] / rms[1:-1] == pytest.approx([0.5] * 6, rel=0.1)
 
 
 def test_a_trial_longer_than_the_buffer_ends_silently(samples):

@@ -103,7 +103,6 @@ from friction_fmus.lawkit.law import (
     "Feedforward of sliding friction",
     source="A test",
     Ts=1e-3,
-    quotes=("overcompensation",),
     loop=Loop(friction=Friction("F_max", viscous="eta_v"), inertia="m"),
     use=Use("feedforward", models=("SlippingSpring",), tuned={"m": "0", "v_t": "max(5 * v_noise, 1e-3 * speed, 1e-9)"}),
     outputs={"u": Output(FORCE, "feedforward force"), "F_hat": Output(FORCE, "friction of the model")},
@@ -215,8 +214,7 @@ def test_they_are_built_checked_and_documented(name: str, folder: Path, tmp_path
     path = build(name, tmp_path)
     assert check(path) == []
     page = zipfile.ZipFile(path).read("documentation/index.html").decode()
-    assert catalogue()[name].summary in page and "<img src=" in page
-    assert ("<code>overcompensation</code>" in page) == (name == "SlippingFeedforward")
+    assert catalogue()[name].summary in page and "<h2>Variables</h2>" in page
 
 
 @nightly

@@ -62,7 +62,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--terms",
         metavar="LIST",
-        help="what acts beside the models: auto, or a list such as gravity,load (also sides, direction, drift, gain)",
+        help="what acts beside the models: auto, or a list such as gravity,load (also sides, direction, drift, "
+        "temperature, gain)",
     )
     parser.add_argument("--viscous", action="store_true", help="add viscous friction (Fv) to models that have none")
     parser.add_argument(

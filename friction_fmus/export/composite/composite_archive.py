@@ -129,8 +129,8 @@ def composite_source(
     members: dict[str, bytes] = {"modelDescription.xml": description(guid)}
     members |= {f"sources/{key}": text.encode() for key, text in files.items()}
     members |= documentation(inner, identifier, _summary(inner), codes, variables)
-    icon = loop_icon(inner, identifier)
-    members |= {"model.png": icon.png, f"{TERMINALS}/icon.png": icon.png, f"{TERMINALS}/icon.svg": icon.svg}
+    png, svg = loop_icon(inner, identifier)
+    members |= {"model.png": png, f"{TERMINALS}/icon.png": png, f"{TERMINALS}/icon.svg": svg}
     members[f"{TERMINALS}/terminalsAndIcons.xml"] = composite_terminals(inner, variables)
     quiet = {key for code in codes.values() if not code.own for key in code.wrappers}
     return SourceFmu(identifier, zipped(members, made), platforms, quiet=quiet)

@@ -163,7 +163,7 @@ def _page(
     )
     body = (
         f"<p>The FMU solves the loops of its parts.</p>\n"
-        f'<div class="wide figures">\n<img src="diagram.svg" alt="{alternative}" width="{width}" height="{height}">\n'
+        f'<div class="wide">\n<img src="diagram.svg" alt="{alternative}" width="{width}" height="{height}">\n'
         f"</div>\n{shown}<h2>Source</h2>\n{''.join(_sources(system))}"
     )
     return page(identifier, "composite", summary, body, '<a href="licenses/license.txt">Licences</a> of the parts.')

@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import FancyArrowPatch, FancyBboxPatch
 from matplotlib.path import Path
 
-from friction_fmus.fmi.portrait.drawing import Image, plain_style, png_of, svg_of
+from friction_fmus.fmi.drawing import plain_style, png_of, svg_of
 from harness.plot import label_of
 from harness.system.assembly import Assembly
 
@@ -142,8 +142,8 @@ def diagram(system: Assembly, title: str) -> bytes:
         return svg_of(figure, title)
 
 
-def loop_icon(system: Assembly, title: str) -> Image:
-    """Return the icon: the boxes and arrows of the diagram in a frame."""
+def loop_icon(system: Assembly, title: str) -> tuple[bytes, bytes]:
+    """Return the icon as PNG and SVG: the boxes and arrows of the diagram in a frame."""
     layout, _ = _arranged(system)
     with plain_style():
         figure = Figure(figsize=(2.0, 2.0), dpi=100)
@@ -160,7 +160,7 @@ def loop_icon(system: Assembly, title: str) -> Image:
             _arrow(axes, points, 2.2, 10.0)
         for place in layout.places.values():
             _box(axes, place, 2.0)
-        return Image(png_of(figure), svg_of(figure, title))
+        return png_of(figure), svg_of(figure, title)
 
 
 def _arranged(system: Assembly) -> tuple[Layout, Mapping[Pair, list[str]]]:

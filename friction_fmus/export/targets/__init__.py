@@ -85,11 +85,15 @@ def write_fmu(content: bytes, path: Path) -> None:
 
 @dataclass(frozen=True)
 class Option:
-    """An option that only some targets have; without choices, it is either given or not."""
+    """An option that only some targets have; without choices or a name of its value, it is either given or not."""
 
     name: str
     help: str
     choices: tuple[str, ...] = ()
+    metavar: str = ""
+
+
+RATED: Final = Option("rated", "rated force or torque of the motor at the axis, such as '2.4 N.m'", metavar="VALUE")
 
 
 @dataclass(frozen=True)
@@ -97,11 +101,12 @@ class Target:
     """A form in which something is written. Its module must load fast: `write` imports what it needs."""
 
     summary: str  # what is written, for the help of the command line
-    takes: Literal["fmu", "law", "library"]
-    """Of what: of a `SourceFmu`, of the name or file of a law or loop, or of all friction models."""
+    takes: Literal["fmu", "law", "axis", "library"]
+    """Of what: of a `SourceFmu`, of the name or file of a law or loop, of an `IdentifiedAxis`, or of all models."""
     write: Callable[..., Any]
     """``write(source, path, **options)`` writes to a path completely or not at all;
     ``write(model, folder, start=..., prefix=..., **options)`` writes a law and returns the paths;
+    ``write(axis, folder, **options)`` writes an axis and returns the paths;
     ``write(folder)`` writes a library and returns its path."""
     ending: str = ""  # end of the name of what is written of a `SourceFmu`
     options: tuple[Option, ...] = ()

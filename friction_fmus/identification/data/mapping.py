@@ -64,7 +64,7 @@ class DataMapping:
     name, citation : str
         Name of the record, and citation of the data.
     columns : mapping of str to Column
-        Columns by role: time, position, velocity, reference, force, friction, normal, injected, load.
+        Columns by role: time, position, velocity, reference, force, friction, normal, injected, load, temperature.
     windows : mapping of str to (float, float)
         Start and end of the windows ``train`` and ``validation``, in the time of the file [s].
     option : str

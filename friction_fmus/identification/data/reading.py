@@ -1,5 +1,6 @@
 """Reading records from data files, the sampling of their columns, and what was understood of a file."""
 
+import re
 import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -42,6 +43,9 @@ from friction_fmus.identification.data.sampling import SHORTEST, equally_spaced,
 from friction_fmus.identification.data.tables import DataTable
 from harness.units import BaseUnit
 
+LOADS: Final = re.compile(r"(load|external|ext)([ _.-]?(force|torque|tau))?\b(?!.*%)", re.IGNORECASE)
+"""Headings of what may be a known force on the axis."""
+
 POOR: Final = 0.3  # share of the variance of the drive below which the mapping deserves a look
 
 
@@ -73,6 +77,10 @@ def understood(
     units = record.units
     for note in notes:
         yield "note", note
+    used = {column.column for column in known.columns.values()}
+    for name in order:
+        if LOADS.match(name) and name in table.columns and name not in used and "load" not in known.columns:
+            yield "note", f'{name!r} is not used; a known force on the axis, forward, needs --columns "load={name}"'
     if units.known:
         return
     if (force := known.columns.get("force")) is not None and force.gain == UNKNOWN:

@@ -48,7 +48,7 @@ JITTER = 0.01  # largest relative deviation of a sampling interval from the mean
 
 
 #: Columns of a record; all except the time are optional.
-COLUMNS = ("t", "q", "v", "reference", "force", "friction", "normal", "injected", "load")
+COLUMNS = ("t", "q", "v", "reference", "force", "friction", "normal", "injected", "load", "temperature")
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,6 +85,8 @@ class Record:
     load : array, shape (n,), optional
         Known force on the axis from outside, positive forward, such as the gravity of a rigid-body model, in
         `units.force`.
+    temperature : array, shape (n,), optional
+        Temperature of the machine [K], of which only differences matter, so that degrees Celsius are as good.
     held : bool
         Whether the forces are commands that the drive holds from one sample to the next, instead of values at the
         samples.
@@ -111,6 +113,7 @@ class Record:
     quantum: float = 0.0
     injected: Array | None = None
     load: Array | None = None
+    temperature: Array | None = None
     held: bool = False
     steady: bool = False
 
@@ -208,6 +211,18 @@ class Record:
             return self
         return replace(self, force=self.force + self.injected, injected=None)
 
+    def without_load(self) -> Record:
+        """Return the record with the known force from outside added to the drive force, and without its column.
+
+        Returns
+        -------
+        Record
+            This record if it has no drive force or no load.
+        """
+        if self.force is None or self.load is None:
+            return self
+        return replace(self, force=self.force + self.load, load=None)
+
     def force_at_samples(self) -> Array:
         """Return the total drive force to which the acceleration at each sample belongs.
 
@@ -265,6 +280,7 @@ ROLES: Final[Mapping[str, Role]] = {
     "normal": Role("normal", "normal", "N"),
     "injected": Role("force", "injected", "N"),
     "load": Role("force", "load", "N"),
+    "temperature": Role("temperature", "temperature", "degC"),
 }
 
 _LONGEST = 2 * LONGEST_UNIT  # largest number of characters of a number with a unit
@@ -347,6 +363,7 @@ def wanted_unit(role: str, units: AxisUnits) -> str:
         "velocity": units.velocity,
         "force": units.force,
         "normal": LINEAR.force,
+        "temperature": "K",
     }[ROLES[role].quantity]
 
 

@@ -3,9 +3,11 @@
 The drive force of the axis is
 
     gain F_drive = M a + OF + G_sin sin q + G_cos cos q - load + F(v, Fn),
-    Fn / Fn0     = (1 + |a_external F_external - a_drive F_drive| / Fc) (1 + direction sgn v) (1 + drift (t - t0)),
+    Fn / Fn0     = (1 + |a_external F_external - a_drive F_drive| / Fc) (1 + direction sgn v) (1 + drift (t - t0))
+                   (1 + warming (T - T0)),
 
-where F_external is what acts on the axis from outside, and t0 the middle of the records: a contact under load as in
+where F_external is what acts on the axis from outside, t0 the middle of the records, and T0 the mean of their
+temperatures: a contact under load as in
 `TransmissionLoad` (M. Duclusaud, G. Passault, V. Padois, O. Ly, ICRA 2025), with Fc at no load.
 """
 
@@ -25,13 +27,14 @@ TERMS: Final[Mapping[str, tuple[str, ...]]] = {
     "sides": ("a_drive", "a_external"),
     "direction": ("direction",),
     "drift": ("drift",),
+    "temperature": ("warming",),
     "gain": ("gain",),
 }
 """Values of each term; a stands for both coefficients of the load."""
 
-CANDIDATES: Final = ("gravity", "load", "direction", "drift")  # terms that are tried
+CANDIDATES: Final = ("gravity", "load", "direction", "temperature", "drift")  # terms that are tried
 
-OF_FRICTION: Final = ("load", "sides", "direction", "drift")  # terms that need a model with normal force
+OF_FRICTION: Final = ("load", "sides", "direction", "drift", "temperature")  # terms that need a model with normal force
 
 VALUES: Final = frozenset(name for names in TERMS.values() for name in names)
 
@@ -47,7 +50,7 @@ LEAST: Final = 1e-3  # normal force over Fn0 that is left by direction and drift
 
 def term_units(units: AxisUnits) -> dict[str, str]:
     """Return the units of the values."""
-    return {**dict.fromkeys(VALUES, "1"), "G_sin": units.force, "G_cos": units.force, "drift": "1/s"}
+    return {**dict.fromkeys(VALUES, "1"), "G_sin": units.force, "G_cos": units.force, "drift": "1/s", "warming": "1/K"}
 
 
 def force_beside(values: Mapping[str, float], segment: PreparedSegment) -> Array:
@@ -71,6 +74,8 @@ def relative_load(values: Mapping[str, float], segment: PreparedSegment, level: 
     found = 1.0 + loaded / level
     found *= 1.0 + values.get("direction", 0.0) * np.sign(segment.inputs["v"])
     found *= 1.0 + values.get("drift", 0.0) * (segment.record.t - segment.middle)
+    if values.get("warming"):
+        found *= 1.0 + values["warming"] * (segment.record.column("temperature") - segment.warm)
     return np.maximum(found, LEAST)
 
 
@@ -79,7 +84,14 @@ def middle_of(records: Sequence[Record]) -> float:
     return float(0.5 * (min(record.t[0] for record in records) + max(record.t[-1] for record in records)))
 
 
+def mean_temperature(records: Sequence[Record]) -> float:
+    """Return the mean temperature of records [K], from which warming counts; 0 if it is not known."""
+    known = [record.temperature for record in records if record.temperature is not None]
+    return float(np.mean(np.concatenate(known))) if known else 0.0
+
+
 def sizes_of(segments: Sequence[PreparedSegment], level: float) -> dict[str, float]:
     """Return typical sizes of the values."""
     span = max(segment.record.t[-1] - segment.middle for segment in segments)
-    return {**dict.fromkeys(VALUES, 0.1), "G_sin": level, "G_cos": level, "drift": 0.1 / max(span, 1e-9), "gain": 1.0}
+    rates = {"drift": 0.1 / max(span, 1e-9), "warming": 0.01}
+    return {**dict.fromkeys(VALUES, 0.1), "G_sin": level, "G_cos": level, **rates, "gain": 1.0}

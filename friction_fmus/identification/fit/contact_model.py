@@ -78,6 +78,7 @@ class ContactModel:
     loaded: bool  # whether the block has the normal force as input
     rate_dependent: bool  # whether the force depends on the velocity, not only on the path
     identified_by: Identified  # identification of the block, as stated in its file
+    transmits: bool = False  # whether the block has the transmitted force as input, which is the drive force
     lacks_viscous: bool = False  # whether the block has no viscous friction
     viscous: bool = False  # whether a viscous friction with the coefficient Fv acts beside the block
 
@@ -212,6 +213,7 @@ def _read(model: str | Path, units: AxisUnits) -> ContactModel:
         "Fn" in names,
         "rate dependent" in block.features or not states,
         block.about.identified,
+        transmits="F_t" in names,
         lacks_viscous=(friction is None or friction.viscous == "0") and all(fit.start != "viscous" for fit in fits),
     )
 

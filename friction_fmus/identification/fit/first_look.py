@@ -28,7 +28,7 @@ def first_look(records: Sequence[Record]) -> dict[str, Estimate]:
         return _of_friction(records)
     found: list[Array] = []
     for width in WIDTHS:
-        parts = [part for record in records if (part := _rows(record, width)) is not None]
+        parts = [part for record in records if (part := _rows(record.without_load(), width)) is not None]
         if not parts or (found and sum(map(len, parts)) < KEPT * len(found[0])):
             break
         found = [np.concatenate(parts), *parts] if not found else [found[0], *parts]

@@ -127,6 +127,8 @@ class Problem:
         own = {name: value for name, value in start.items() if name not in beside}
         if self.model is not None and not VALUES.isdisjoint(start):
             numbers = {name: float(value) for name, value in start.items()}
+            if self.model.transmits:
+                segment = replace(segment, inputs={**segment.inputs, "F_t": numbers.get("gain", 1.0) * segment.drive})
             load = relative_load(numbers, segment, self.model.level(numbers))
             if load is not None:
                 Fn0 = own["Fn0"] = numbers.get("Fn0", 1.0)

@@ -43,6 +43,7 @@ class PreparedSegment:
     kept: NDArray[np.bool_] | None = None  # filtered rows outside rests; None for all
     drive: Array = field(default_factory=lambda: np.zeros(0))  # drive force, filtered as the position
     middle: float = 0.0  # time in the middle of all records [s]
+    warm: float = 0.0  # mean temperature of all records [K]
 
     @property
     def step(self) -> float:
@@ -150,7 +151,8 @@ def prepare(
     rows = None if used is None else _used_rows(record, model, used)
     segment = PreparedSegment(record, inputs, between, x, a, per, np.zeros(0), record.t, used, kept=rows)
     if signal == "force":
-        segment = replace(segment, drive=smoothed(record.force_at_samples(), record, filter_))
+        drive = smoothed(record.force_at_samples(), record, filter_)
+        segment = replace(segment, drive=drive, inputs=inputs | ({"F_t": drive} if model.transmits else {}))
     column = record.force_at_samples() if signal == "force" else record.column("friction")
     measured = column / per if per is not None else segment.rows(column)
     t = record.t if used is None else used.times(record.t, record.Ts)

@@ -8,7 +8,7 @@ from typing import Final
 import numpy as np
 
 from friction_fmus.errors import FitError, RecordError, did_you_mean
-from friction_fmus.identification.data.record import Array
+from friction_fmus.identification.data.record import Array, Record
 from friction_fmus.identification.fit.axis_terms import CANDIDATES, LIMITS, OF_FRICTION, TERMS, VALUES, force_beside
 from friction_fmus.identification.fit.block_fit import BlockFit, FitData
 from friction_fmus.identification.fit.contact_model import ContactModel
@@ -24,7 +24,13 @@ NOTABLE: Final = (
 SLOW: Final = 0.1  # Stribeck velocity of the regression, over the largest speed
 
 
-def check_terms(terms: Sequence[str], contact: ContactModel, signal: str, fixed: Mapping[str, float]) -> None:
+def check_terms(
+    terms: Sequence[str],
+    contact: ContactModel,
+    signal: str,
+    fixed: Mapping[str, float],
+    records: Sequence[Record],
+) -> None:
     """Raise an error for terms that cannot be identified."""
     for term in terms:
         if term not in TERMS:
@@ -33,6 +39,8 @@ def check_terms(terms: Sequence[str], contact: ContactModel, signal: str, fixed:
             raise FitError(
                 f"{contact.name} has no input Fn, which {term} changes; use a model with it, or omit {term}."
             )
+    if "temperature" in terms and any(record.temperature is None for record in records):
+        raise FitError("The term temperature needs the column temperature; add it, or omit the term.")
     if terms and signal != "force":
         raise FitError("Terms beside the friction model need a drive force; add the column, or omit the terms.")
     if {"load", "sides"} <= set(terms):
@@ -62,13 +70,35 @@ def check_load(fit: BlockFit) -> None:
         )
 
 
-def with_terms(data: FitData, again: Callable[[FitData], BlockFit]) -> tuple[FitData, BlockFit]:
+def with_starts(data: FitData) -> FitData:
+    """Return the data with start values of their terms from a linear regression, as far as it has them."""
+    terms = tuple(term for term in CANDIDATES if term in data.terms)
+    if not terms or "gain" in data.terms:
+        return data
+    measured = np.concatenate([segment.measured for segment in data.segments])
+    values = _regression(data, terms, {}, measured)
+    return _starting_at(data, {name: value for term in terms for name in TERMS[term] if (value := values[name])})
+
+
+def _starting_at(data: FitData, values: Mapping[str, float]) -> FitData:
+    """Return the data with these start values within their limits, beside those of the user."""
+    inside = {
+        name: min(max(value, LIMITS[name][0]), LIMITS[name][1]) if name in LIMITS else value
+        for name, value in values.items()
+        if name in VALUES
+    }
+    return replace(data, constraints=replace(data.constraints, start={**inside, **data.constraints.start}))
+
+
+def with_terms(
+    data: FitData, again: Callable[[FitData], BlockFit], candidates: Sequence[str]
+) -> tuple[FitData, BlockFit]:
     """Return the data and the fit with the terms that improve the prediction."""
     # They are chosen with Coulomb, Stribeck and viscous friction, which make a linear regression; a search that has to
     # explain gravity by friction ends anywhere. Those that are not clear beside the model are left out again.
-    terms, values = _chosen(data)
-    start = {**{name: value for name, value in values.items() if name in VALUES}, **data.constraints.start}
-    data = replace(data, terms=terms, constraints=replace(data.constraints, start=start))
+    terms, values = _chosen(data, candidates)
+    data = _starting_at(replace(data, terms=terms), values)
+    start = data.constraints.start
     while True:
         fit = again(data)
         errors = np.sqrt(np.diag(covariance(fit.found, [len(each.measured) for each in data.segments])[0]))
@@ -87,11 +117,13 @@ def with_terms(data: FitData, again: Callable[[FitData], BlockFit]) -> tuple[Fit
 
 
 def _possible(data: FitData, term: str) -> bool:
+    if term == "temperature" and any(each.record.temperature is None for each in data.segments):
+        return False
     turns = term != "gravity" or (data.units.rotary and all(each.record.q is not None for each in data.segments))
     return turns and (term not in OF_FRICTION or data.model.loaded)
 
 
-def _chosen(data: FitData) -> tuple[tuple[str, ...], dict[str, float]]:
+def _chosen(data: FitData, candidates: Sequence[str]) -> tuple[tuple[str, ...], dict[str, float]]:
     """Return the terms that a linear regression needs, and all its values."""
     terms: tuple[str, ...] = ()
     measured = np.concatenate([segment.measured for segment in data.segments])
@@ -105,7 +137,7 @@ def _chosen(data: FitData) -> tuple[tuple[str, ...], dict[str, float]]:
         found = np.linalg.lstsq(A, measured, rcond=None)[0]
         return crossed(A, np.zeros((len(A), 0)), measured - A @ found, block)
 
-    left = [term for term in CANDIDATES if _possible(data, term)]
+    left = [term for term in candidates if _possible(data, term)]
     while left:
         without = error(terms)
         errors = {term: error((*terms, term)) for term in left}
@@ -117,7 +149,7 @@ def _chosen(data: FitData) -> tuple[tuple[str, ...], dict[str, float]]:
         limits = [(found[name], *LIMITS.get(name, (-inf, inf))) for name in TERMS[best]]
         if all(low <= value <= high for value, low, high in limits):  # else perhaps after another term
             terms, values = (*terms, best), found
-            left = [term for term in CANDIDATES if term not in terms and _possible(data, term)]
+            left = [term for term in candidates if term not in terms and _possible(data, term)]
     return terms, values
 
 
@@ -131,7 +163,7 @@ def _regression(data: FitData, terms: Sequence[str], before: Mapping[str, float]
         found = np.linalg.lstsq(A / scale, measured, rcond=None)[0] / scale
         values = dict(zip(columns, (float(value) for value in found), strict=True))
         level = abs(values["Fc"]) or 1.0
-        values |= {name: values[name] / level for name in ("direction", "drift") if name in values}
+        values |= {name: values[name] / level for name in ("direction", "drift", "warming") if name in values}
     return values
 
 
@@ -156,5 +188,7 @@ def _columns(data: FitData, terms: Sequence[str], values: Mapping[str, float]) -
             found["direction"] = level
         if "drift" in terms:
             found["drift"] = way * level * (t - segment.middle)
+        if "temperature" in terms:
+            found["warming"] = way * level * (segment.record.column("temperature") - segment.warm)
         parts.append({name: segment.rows(column) for name, column in found.items()})
     return {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}

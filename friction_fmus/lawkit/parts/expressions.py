@@ -7,7 +7,7 @@ Conditioning technique, a general anti-windup and bumpless transfer method, Auto
 
 from collections.abc import Sequence
 
-from casadi import SX, exp, expm1, fabs, if_else, logic_and, logic_not, logic_or, sign
+from casadi import SX, exp, expm1, fabs, fmax, if_else, logic_and, logic_not, logic_or, sign
 
 
 def clip(value: SX, low: SX, high: SX) -> SX:
@@ -68,6 +68,11 @@ def deflected(track: SX, u_track: SX, rest: SX, stiffness: SX, most: SX, u_min: 
     limited_track = clip(u_track, u_min, u_max)
     deflection = (limited_track - rest) * stiffness / if_else(follows, squared, 1.0)
     return if_else(follows, clip(deflection, -most, most), otherwise)
+
+
+def load_of(Fn: SX, Fn0: SX) -> SX:
+    """Return the factor of the friction that a normal force has, which is exactly 1 for Fn = Fn0."""
+    return fmax(Fn, 0.0) / Fn0
 
 
 def starts_now(reset: SX, running: SX) -> SX:

@@ -23,6 +23,7 @@ RDD: Any = Input(ACCELERATION, 0.0, "reference acceleration")
 X: Any = Input(LENGTH, 0.0, "measured position")
 V: Any = Input(VELOCITY, 0.0, "measured velocity")
 FED_FORWARD: Any = Input(FORCE, 0.0, "feedforward {force}, added before the limits", optional=True)
+FN: Any = Input("N", 1.0, "normal force of the contact, such as of LoadFeedforward", optional=True)
 U_TRACK: Any = Input(FORCE, 0.0, "{force} from which u continues while track is true", optional=True)
 U_PREV: Any = Input(FORCE, 0.0, "{force} applied since the last sample, after all limits")
 
@@ -73,13 +74,14 @@ FS: Any = Parameter(FORCE, 1.5, "static friction (usually above Fc)", min=0.0)
 POSITIVE_FS: Any = Parameter(FORCE, 1.5, "static friction (usually above Fc)", min=1e-9)
 FV: Any = Parameter(DAMPING, 0.4, "viscous coefficient", min=0.0)
 V_REST: Any = Parameter(VELOCITY, 0.0, "|rd| up to which the reference rests, above the rounding of rd", min=0.0)
+FN0: Any = Parameter("N", 1.0, "normal force for which the parameters are valid", min=1e-12)
 VS: Any = Parameter(VELOCITY, 1e-3, "Stribeck velocity", min=1e-12)
 DELTA: Any = Parameter(NO_UNIT, 2.0, "Stribeck exponent", min=1e-3, max=100.0)
 SIGMA0: Any = Parameter(STIFFNESS, 1e5, "bristle stiffness", min=1e-9)
 SIGMA1: Any = Parameter(DAMPING, 316.22776601683796, "bristle damping", min=0.0)
 SIGMA2: Any = Parameter(DAMPING, 0.4, "viscous coefficient", min=0.0)
 
-# ---- outputs, and conditions that the documentation of a position loop quotes ----------------------------------------
+# ---- outputs ---------------------------------------------------------------------------------------------------------
 
 U_SAT: Any = Output(NO_UNIT, "active limit: -1 lower, +1 upper, 0 none")
 F_HAT: Any = Output(FORCE, "estimated friction {force}; u contains gain F_hat")
@@ -91,5 +93,3 @@ CONTROL = {"u": U_CONTROL, "u_sat": U_SAT}
 TRACKING = {"u": U_CONTROL, "F_hat": F_HAT, "u_sat": U_SAT}
 FEEDFORWARD = {"u": U_FORWARD, "F_hat": F_HAT, "u_sat": U_SAT}
 COMPENSATION = {"u": U_COMPENSATION, "F_hat": F_HAT, "u_sat": U_SAT}
-
-POSITION_LOOP = ("routh", "sampled", "loop_poles", "stick_slip_free", "break_away")

@@ -1,9 +1,8 @@
-"""What is drawn of a block: its curves against closed forms, and pictures that depend on nothing else."""
+"""The figures of the pages of blocks: curves against closed forms, and pictures that depend on nothing else."""
 
 from __future__ import annotations
 
 import sys
-import zipfile
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
@@ -12,18 +11,17 @@ import fmpy
 import matplotlib as mpl
 import numpy as np
 import pytest
-from quick import builds_for_users
 from thorough import nightly, some
 
-from friction_fmus import build, catalogue
+from friction_fmus import catalogue
 from friction_fmus.blocks.catalogue import find
 from friction_fmus.blocks.probe import describe
-from friction_fmus.fmi.portrait.drawing import chart, icon, labelled, symbol
-from friction_fmus.fmi.portrait.experiments import Bench, Curve, Panel
 from harness import FmuPart
 
 ROOT = Path(__file__).parents[2]
 sys.path.append(str(ROOT / "docs"))
+from portraits.by_ports import Bench  # noqa: E402
+from portraits.chart import Curve, Panel, chart, labelled  # noqa: E402
 from portraits.experiments import BEGIN, FURTHER, SHOWN, shown  # noqa: E402
 
 Panels = Callable[..., tuple[Panel, ...]]
@@ -71,7 +69,6 @@ def test_the_loop_of_dahl_friction_is_made_of_exponentials(panels: Panels) -> No
             level = Fc * np.sign(curve.x[end] - curve.x[begin])
             expected = level + (curve.y[begin] - level) * np.exp(-sigma * path / Fc)
             assert curve.y[begin : end + 1] == pytest.approx(expected, abs=1e-9)
-    assert inner.detail and not outer.detail
 
 
 @pytest.mark.parametrize(
@@ -138,22 +135,12 @@ def test_experiments_of_pages_belong_to_blocks() -> None:
     assert {*SHOWN, *FURTHER, *BEGIN} <= set(catalogue())
 
 
-def test_a_drawn_icon_beside_a_block_is_its_icon(tmp_path: Path) -> None:
-    plants = ROOT / "fmu_src" / "plants"
-    with builds_for_users():
-        path = build("Mass", tmp_path)
-    with zipfile.ZipFile(path) as archive:
-        assert archive.read("model.png") == (plants / "Mass.png").read_bytes()
-        assert archive.read("terminalsAndIcons/icon.svg") == (plants / "Mass.svg").read_bytes()
-
-
 def test_pictures_do_not_depend_on_the_settings_of_the_user() -> None:
     x = np.linspace(-1.0, 1.0, 101)
     panel = Panel((Curve(x, x**3, "a"), Curve(x, x, "b", aside=True)), ("v", "m/s"), ("F", "N"), "A cube.")
-    first = chart(panel, "Cube"), icon("Cube", "friction", (panel,))
+    first = chart(panel, "Cube")
     with mpl.rc_context({"lines.linewidth": 9.0, "font.size": 30.0, "svg.hashsalt": "other", "axes.facecolor": "red"}):
-        second = chart(panel, "Cube"), icon("Cube", "friction", (panel,))
-    assert first == second
+        assert chart(panel, "Cube") == first
 
 
 @nightly
@@ -173,15 +160,3 @@ def test_axes_are_named_with_handy_numbers() -> None:
     x = np.array([0.0, 4e-5])
     drawn = chart(Panel((Curve(x, 3e7 * x),), ("x", "m"), ("F", "N"), "A spring."), "Spring").decode()
     assert "x [10⁻⁶ m]" in drawn and ">40<" in drawn and "F [N]" in drawn
-
-
-def test_icons_name_their_axes_by_letters() -> None:
-    assert symbol("v") == "$v$" and symbol("time") == "$t$" and symbol("F_hat") == r"$\hat{F}$"
-    assert symbol("acceleration") == ""
-
-
-def test_nothing_to_draw_leaves_the_frame() -> None:
-    x = np.zeros(3)
-    flat = Panel((Curve(x, x),), ("time", "s"), ("a", ""), "Nothing happens.")
-    empty, drawn = icon("A", "compensator", ()), icon("A", "compensator", (flat,))
-    assert empty.png.startswith(b"\x89PNG") and len(drawn.svg) > len(empty.svg)

@@ -5,42 +5,15 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
 from itertools import pairwise
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from friction_fmus.blocks.catalogue import Block
 from friction_fmus.blocks.probe import INPUT, OUTPUT, REAL, STATE_OUTPUT, BlockVariable, BlockVariables
+from harness.errors import HarnessError
 from harness.parts.fmu import FmuPart
-
-Vector = NDArray[np.floating[Any]]
-
-
-@dataclass(frozen=True)
-class Curve:
-    """A line in a panel."""
-
-    x: Vector
-    y: Vector
-    """Points in the units of the panel."""
-    label: str = ""  # label, if the panel has several curves; else empty
-    aside: bool = False  # whether the curve is an input of the block, shown for comparison
-    detail: bool = False  # whether the icon omits the curve
-
-
-@dataclass(frozen=True)
-class Panel:
-    """A plot with its curves, axes and caption."""
-
-    curves: tuple[Curve, ...]  # at least one
-    x: tuple[str, str]
-    y: tuple[str, str]
-    """Name and unit of each axis."""
-    caption: str  # description of the experiment, for the documentation
-    equal: bool = False  # whether both axes have the same scale
+from portraits.chart import Curve, Panel, Vector
 
 
 class Bench:
@@ -226,7 +199,7 @@ def presliding_loop(bench: Bench, speed: float, amplitude: float) -> Panel:
     velocity = np.append(np.sign(steps) * speed, 0.0)
     (force,) = bench.run(times, _moving(bench, velocity), ["F"])
     return Panel(
-        (Curve(path[60:181], force[60:181]), Curve(path[180:], force[180:], detail=True)),
+        (Curve(path[60:181], force[60:181]), Curve(path[180:], force[180:])),
         ("displacement", path_unit(bench)),
         bench.axis("F"),
         "Friction in presliding: a slow oscillating motion with an inner hysteresis loop.",
@@ -305,6 +278,16 @@ def held_error(bench: Bench) -> tuple[Panel, ...]:
 
 
 Experiment = Callable[[Bench], tuple[Panel, ...]]
+
+
+def finite_panels(bench: Bench, chosen: Experiment | None) -> tuple[Panel, ...]:
+    """Return the panels of the experiment; none if the block rejects its start values or returns no finite numbers."""
+    try:
+        panels = chosen(bench) if chosen else ()
+    except HarnessError:
+        return ()
+    finite = all(np.isfinite([curve.x, curve.y]).all() for panel in panels for curve in panel.curves)
+    return panels if finite else ()
 
 
 def experiment(bench: Bench) -> Experiment | None:
