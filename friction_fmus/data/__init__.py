@@ -9,9 +9,9 @@ import numpy as np
 import scipy.io
 
 from friction_fmus.errors import RecordError
-from friction_fmus.identification.data.record import MeasuredAxis, Record, ServoSettings
+from friction_fmus.identification.data.record import Record
 
-__all__ = ["EMPS_PUBLISHED", "MeasuredAxis", "ServoSettings", "load_emps", "load_tribometer"]
+__all__ = ["EMPS_PUBLISHED", "load_emps", "load_tribometer"]
 
 #: Published parameters [kg, N.s/m, N, N] (Janot, Gautier, Brunot 2019).
 EMPS_PUBLISHED: Mapping[str, float] = MappingProxyType({"M": 95.1089, "Fv": 203.5034, "Fc": 20.3935, "OF": -3.1648})
@@ -22,7 +22,7 @@ EMPS_CITATION = (
 )
 
 
-def load_emps(path: Path | None = None) -> MeasuredAxis:
+def load_emps(path: Path | None = None) -> Record:
     """Load the EMPS record.
 
     Parameters
@@ -32,8 +32,8 @@ def load_emps(path: Path | None = None) -> MeasuredAxis:
 
     Returns
     -------
-    MeasuredAxis
-        24841 samples at 1 kHz: time [s], position [m], reference [m] and force ``gtau * vir`` [N]; and the servo.
+    Record
+        24841 samples at 1 kHz: time [s], position [m], reference [m] and force ``gtau * vir`` [N].
 
     Raises
     ------
@@ -43,11 +43,11 @@ def load_emps(path: Path | None = None) -> MeasuredAxis:
     Notes
     -----
     Source: Janot, Gautier, Brunot 2019. The README beside the file lists the variables and the authors' terms. The
-    servo computes the velocity from averaged positions, qb[k] = (q[k] + q[k-1])/2 and v[k] = (qb[k] - qb[k-1])/Ts,
-    which equals (q[k] - q[k-2])/(2 Ts): ``window = 2``.
+    servo, whose settings the study ``emps`` has, computes the velocity from averaged positions, qb[k] = (q[k] +
+    q[k-1])/2 and v[k] = (qb[k] - qb[k-1])/Ts, which equals (q[k] - q[k-2])/(2 Ts): ``window = 2``.
     """
     file = Path(__file__).parent / "emps" / "DATA_EMPS.mat" if path is None else Path(path)
-    names = ("t", "qm", "qg", "vir", "gtau", "kp", "kv")
+    names = ("t", "qm", "qg", "vir", "gtau")
     if not file.is_file():
         raise RecordError(f"There is no file {file}; give the path of DATA_EMPS.mat or reinstall the package.")
     try:
@@ -60,12 +60,8 @@ def load_emps(path: Path | None = None) -> MeasuredAxis:
             f"{file} has no variable {', '.join(missing)}; it is not DATA_EMPS.mat of the EMPS benchmark."
         )
     t, qm, qg, vir = (np.asarray(content[name], dtype=np.float64).ravel() for name in names[:4])
-    gtau, kp, kv = (float(np.asarray(content[name]).item()) for name in names[4:])
-    record = Record("EMPS", t=t, q=qm, reference=qg, force=gtau * vir, citation=EMPS_CITATION)
-    servo = ServoSettings(
-        kp=kp, kv=gtau * kv, force_limit=10.0 * gtau, Ts=1e-3, window=2, quantum=5e-8, drive_gain=gtau
-    )
-    return MeasuredAxis(record, servo)
+    gtau = float(np.asarray(content["gtau"]).item())
+    return Record("EMPS", t=t, q=qm, reference=qg, force=gtau * vir, citation=EMPS_CITATION)
 
 
 TRIBOMETER_CITATION = (
