@@ -8,9 +8,9 @@ from types import MappingProxyType
 import numpy as np
 import scipy.io
 
-from friction_fmus.identification.data.record import MeasuredAxis, Record, ServoSettings
+from friction_fmus.identification.data.record import Record
 
-__all__ = ["EMPS_PUBLISHED", "MeasuredAxis", "ServoSettings", "load_emps", "load_tribometer"]
+__all__ = ["EMPS_PUBLISHED", "load_emps", "load_tribometer"]
 
 #: Published parameters [kg, N.s/m, N, N] (Janot, Gautier, Brunot 2019).
 EMPS_PUBLISHED: Mapping[str, float] = MappingProxyType({"M": 95.1089, "Fv": 203.5034, "Fc": 20.3935, "OF": -3.1648})
@@ -21,28 +21,24 @@ EMPS_CITATION = (
 )
 
 
-def load_emps() -> MeasuredAxis:
+def load_emps() -> Record:
     """Load the EMPS record.
 
     Returns
     -------
-    MeasuredAxis
-        24841 samples at 1 kHz: time [s], position [m], reference [m] and force ``gtau * vir`` [N]; and the servo.
+    Record
+        24841 samples at 1 kHz: time [s], position [m], reference [m] and force ``gtau * vir`` [N].
 
     Notes
     -----
     Source: Janot, Gautier, Brunot 2019. The README beside the file lists the variables and the authors' terms. The
-    servo computes the velocity from averaged positions, qb[k] = (q[k] + q[k-1])/2 and v[k] = (qb[k] - qb[k-1])/Ts,
-    which equals (q[k] - q[k-2])/(2 Ts): ``window = 2``.
+    servo, whose settings the study ``emps`` has, computes the velocity from averaged positions, qb[k] = (q[k] +
+    q[k-1])/2 and v[k] = (qb[k] - qb[k-1])/Ts, which equals (q[k] - q[k-2])/(2 Ts): ``window = 2``.
     """
     content = scipy.io.loadmat(Path(__file__).parent / "emps" / "DATA_EMPS.mat")
     t, qm, qg, vir = (np.asarray(content[name], dtype=np.float64).ravel() for name in ("t", "qm", "qg", "vir"))
-    gtau, kp, kv = (float(content[name].item()) for name in ("gtau", "kp", "kv"))
-    record = Record("EMPS", t=t, q=qm, reference=qg, force=gtau * vir, citation=EMPS_CITATION)
-    servo = ServoSettings(
-        kp=kp, kv=gtau * kv, force_limit=10.0 * gtau, Ts=1e-3, window=2, quantum=5e-8, drive_gain=gtau
-    )
-    return MeasuredAxis(record, servo)
+    gtau = float(content["gtau"].item())
+    return Record("EMPS", t=t, q=qm, reference=qg, force=gtau * vir, citation=EMPS_CITATION)
 
 
 TRIBOMETER_CITATION = (

@@ -20,6 +20,7 @@ from friction_fmus.errors import IdentificationError
 from friction_fmus.export.identified_axis import IdentifiedAxis
 from friction_fmus.identification.data.reading import Measurement
 from friction_fmus.identification.data.record import Record, RecordFinding
+from friction_fmus.identification.fit.axis_terms import VALUES
 from friction_fmus.identification.fit.contact_model import contact_model
 from friction_fmus.identification.fit.estimate import Estimate
 from friction_fmus.identification.fit.idim import filtered_motion
@@ -224,7 +225,8 @@ def identified_axis(
     own = {name: value for name, value in values.items() if name in known}
     beside = 0.0 if "Fv" in known else values.get("Fv", 0.0)
     name, rotary = records[0].name, units.rotary
-    return IdentifiedAxis(name, citation, rotary, label, block, own, beside, mass, offset, table, speed)
+    terms = {name: value for name, value in values.items() if name in VALUES - known.keys()}
+    return IdentifiedAxis(name, citation, rotary, label, block, own, beside, mass, offset, table, speed, terms=terms)
 
 
 def largest_speed(record: Record) -> float:
