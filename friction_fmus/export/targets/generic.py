@@ -40,7 +40,7 @@ def write(axis: IdentifiedAxis, folder: Path) -> list[Path]:
                 rows.append(Row(f"static friction {side}", text(level.Fs), u.N, "for information"))
         if contact.stiffness:
             distance = text(contact.levels[0].Fs / contact.stiffness)
-            rows.append(Row("presliding distance", distance, u.m, "for information"))
+            rows.append(Row("presliding displacement", distance, u.m, "for information"))
     if axis.position is not None:
         make_folder(folder)
         table, path = axis.position, folder / "generic-position.csv"
