@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
@@ -37,6 +37,7 @@ class IdentifiedAxis:
     speed: float  # largest speed of the record [m/s]; 0 if it has no position
     force_limit: float | None = None  # largest force of the servo [N]; None without a servo
     loop: AxisLoop | None = None  # servo of the axis; None without a study that compared compensators
+    terms: Mapping[str, float] = field(default_factory=dict)  # what acts beside the model, see `axis_terms.TERMS`
 
     @property
     def words(self) -> Words:
