@@ -356,7 +356,7 @@ def identified_axes(
     for found in models:
         if found.row.rank is not None:
             both = found.mass or mass, found.offset
-            about = found.row.name, found.block, found.values, *both, found.position_map
+            about = found.row.name, found.block, {**found.values, **found.terms}, *both, found.position_map
             axes.append(replace(identified_axis([record], record.citation, *about), force_limit=limit, loop=loop))
     return tuple(axes)
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Final
 from friction_fmus.export.targets import Target
 
 if TYPE_CHECKING:
-    from friction_fmus.export.axis_loop import Array, AxisLoop, Motion
+    from friction_fmus.export.axis_loop import Array, AxisLoop, ReferenceMotion
     from friction_fmus.export.identified_axis import IdentifiedAxis
 
 MANUAL: Final = (
@@ -34,7 +34,7 @@ def cascade(axis: IdentifiedAxis) -> tuple[AxisLoop, float, float]:
     return replace(axis.loop, gains={**gains, **({"Ki": ki * kp} if "Ki" in gains else {"ki": ki})}), kv, ki
 
 
-def pulse(motion: Motion, time: float, sample_time: float, kv: float, ki: float) -> Array:
+def pulse(motion: ReferenceMotion, time: float, sample_time: float, kv: float, ki: float) -> Array:
     """Return the force, shape (n,) [N], for pulses of 1 m/s that begin with each motion and decay with a time [s]."""
     import numpy as np
     from scipy.signal import lfilter
@@ -47,16 +47,18 @@ def pulse(motion: Motion, time: float, sample_time: float, kv: float, ki: float)
     return kv * w + ki * sample_time * (np.cumsum(w) - w)
 
 
-def circle(motion: Motion, sample_time: float, radius: float, feed: float) -> Motion:
+def circle(motion: ReferenceMotion, sample_time: float, radius: float, feed: float) -> ReferenceMotion:
     """Return two turns of an axis of a circle, from the begin of a motion towards its middle."""
     import numpy as np
 
-    from friction_fmus.export.axis_loop import Motion
+    from friction_fmus.export.axis_loop import ReferenceMotion
 
     side = np.copysign(radius, np.min(motion.r) + np.max(motion.r) - 2.0 * motion.r[0])
     w = feed / radius
     t = sample_time * np.arange(np.ceil(4.0 * np.pi / (w * sample_time)))
-    return Motion(motion.r[0] + side * (1.0 - np.cos(w * t)), side * w * np.sin(w * t), side * w * w * np.cos(w * t))
+    return ReferenceMotion(
+        motion.r[0] + side * (1.0 - np.cos(w * t)), side * w * np.sin(w * t), side * w * w * np.cos(w * t)
+    )
 
 
 def write(axis: IdentifiedAxis, folder: Path) -> list[Path]:
