@@ -273,7 +273,8 @@ class LoopAssembly(AxisAssembly):
         part = self.add(name, law.model, {**self.limits, "Ts": self.servo.Ts, **law.values})
         known = {"x": self.position, "v": self.velocity, **{port: f"reference.{port}" for port in ("r", "rd", "rdd")}}
         taken = {port.name for port in part.inputs}
-        if "Fn" in taken and self.plant.loaded and self.trajectory.motion:
+        # a friction without Fn0, such as that of the drive, was not identified under load: it is constant
+        if "Fn" in taken and "Fn0" in law.values and self.plant.loaded and self.trajectory.motion:
             known["Fn"] = "load.Fn"
         elif "Fn" in taken:
             self.start[f"{name}.Fn"] = law.values.get("Fn0", 1.0)

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import tomllib
+from dataclasses import replace
+from math import cos, sin
 from pathlib import Path
 
 import numpy as np
@@ -119,9 +121,24 @@ def test_friction_without_load_is_drawn_with_its_own_normal_force() -> None:
 
 
 def test_the_load_of_the_reference_reaches_the_law(tmp_path: Path) -> None:
-    law = Compensator("LuGreFeedforward")
+    law = Compensator("LuGreFeedforward", "u", {"Fn0": ARM.Fc})
     with closed_loop(SERVO, PLANT, trajectory(tmp_path, motion=True), law) as system:
         wires = {wire.target: wire.source for wire in system.wires}
     assert wires["compensator.Fn"] == "load.Fn"
     assert wires["friction.Fn"] == "transmission.Fn"
     assert wires["transmission.F_drive"] == wires["axis.F_drive"] == "motor.y"
+
+
+def test_the_friction_feedforward_of_a_drive_does_not_know_the_load(tmp_path: Path) -> None:
+    """The drive adds a constant force in the direction of the reference; 1 % of the tracking error of the true arm."""
+    drive, fed = replace(SERVO, coulomb_feedforward=1.0), servo()
+
+    def torque(r: float, rd: float, rdd: float, x: float) -> float:
+        gravity = ARM.G_sin * sin(r) + ARM.G_cos * cos(r)
+        return fed(r, rd, rdd, x) + ARM.M * rdd + gravity + float(np.sign(rd))
+
+    with closed_loop(drive, PLANT, trajectory(tmp_path, motion=True)) as system:
+        trace = run_loop(system)
+    r = moves()[0]
+    error = r - follow(ARM, torque)[0]
+    assert np.sqrt(np.mean((r - trace.q - error) ** 2)) < 1e-2 * np.sqrt(np.mean(error**2))
