@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import dataclasses
-from pathlib import Path
 
 import numpy as np
 import pytest
-import scipy.io
 
 from friction_fmus.data import load_emps
 from friction_fmus.errors import FrictionError
@@ -68,22 +66,3 @@ def test_unusable_records_are_refused(changes: dict[str, object], complaint: str
         record(**changes)
     assert "bench" in str(caught.value)
     assert isinstance(caught.value, FrictionError)
-
-
-def test_a_missing_file_is_named(tmp_path: Path) -> None:
-    with pytest.raises(RecordError, match=r"There is no file .*nowhere\.mat"):
-        load_emps(tmp_path / "nowhere.mat")
-
-
-def test_a_file_that_is_no_matlab_file_is_refused(tmp_path: Path) -> None:
-    file = tmp_path / "text.mat"
-    file.write_text("t, q\n0, 1\n" * 100)
-    with pytest.raises(RecordError, match="cannot be read as a MATLAB file"):
-        load_emps(file)
-
-
-def test_a_file_without_the_variables_is_refused(tmp_path: Path) -> None:
-    file = tmp_path / "other.mat"
-    scipy.io.savemat(file, {"t": [0.0, 1.0], "qm": [0.0, 1.0]})
-    with pytest.raises(RecordError, match="no variable qg, vir, gtau"):
-        load_emps(file)
