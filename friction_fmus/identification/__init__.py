@@ -1,4 +1,4 @@
-"""Identification of friction models from measured data: inverse model, output error, hysteresis and closed loop."""
+"""Identification of friction models from measured data: inverse model, output error, hysteresis, free run."""
 
 from typing import TYPE_CHECKING
 
