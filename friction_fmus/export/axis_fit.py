@@ -11,24 +11,20 @@ from scipy.optimize import lsq_linear
 
 from friction_fmus.blocks.axis_units import domain_of
 from friction_fmus.errors import BuildError
-from friction_fmus.export.axis_loop import Array, Motion
+from friction_fmus.export.axis_loop import Array, ReferenceMotion
 from friction_fmus.export.block_fmu import fmu
 from friction_fmus.export.identified_axis import IdentifiedAxis
 from harness import Experiment, FmuPart, SeriesPart, System
 from harness.run import Session
 
 STANDS: Final = 1e-6  # part of the largest reference speed below which the reference stands
-PROBE: Final = 0.05  # relative change of a parameter from which its effect on the tracking error is computed
-ROUNDS: Final = 3  # largest number of steps towards the least tracking error
-GAINS_MORE: Final = 0.99  # ratio of the tracking errors after and before a step above which the next one is left out
+PROBE: Final = 0.05  # relative change of a factor from which its effect on the tracking error is computed
+RAMP: Final = 1.0  # duration of a ramp of the motion that stands for a record without servo [s]
+SAMPLES: Final = 4000  # number of samples of the four ramps
 
 Bounds: TypeAlias = tuple[Array | float, Array | float]
-
 FREE: Final[Bounds] = (-np.inf, np.inf)
-
-SAMPLES: Final = 4000
-RAMP: Final = 1.0
-"""Number of samples and duration of a ramp of the motion that stands for a record without servo [s]."""
+AGAINST: Final[Bounds] = (0.0, np.inf)  # for forces that oppose the motion
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,18 +34,16 @@ class AxisFit:
     axis: IdentifiedAxis
 
     @cached_property
-    def motion(self) -> Motion:
+    def motion(self) -> ReferenceMotion:
         """The reference of the study; without one, ramps of the velocity up to the largest speed of the record."""
-        if self.axis.loop is not None:
-            return self.axis.loop.motion
-        if self.axis.speed <= 0.0:
-            raise BuildError(
-                f"The largest speed of {self.axis.name} is unknown, because its record has no position; export a model "
-                "that was identified from a moving axis."
-            )
+        loop, speed = self.axis.loop, self.axis.speed
+        if loop is not None and np.any(loop.motion.rd):
+            return loop.motion
+        if loop is not None or speed <= 0.0:
+            raise BuildError(f"{self.axis.name} does not move, or has no position: export an axis in motion.")
         t = self.sample_time * np.arange(float(SAMPLES))
-        rd = self.axis.speed * (1.0 - np.abs((t / RAMP + 1.0) % 4.0 - 2.0))
-        return Motion(np.cumsum(rd) * self.sample_time, rd, np.gradient(rd, self.sample_time))
+        rd = speed * (1.0 - np.abs((t / RAMP + 1.0) % 4.0 - 2.0))
+        return ReferenceMotion(np.cumsum(rd) * self.sample_time, rd, np.gradient(rd, self.sample_time))
 
     @property
     def sample_time(self) -> float:
@@ -57,13 +51,17 @@ class AxisFit:
         return 4.0 * RAMP / SAMPLES if self.axis.loop is None else self.axis.loop.sample_time
 
     @cached_property
-    def direction(self) -> Array:
+    def held(self) -> Array:
         """Direction of the command, shape (n,): 1 or -1, held while the reference stands; 0 before it first moves."""
-        rd = self.motion.rd
-        moving = np.abs(rd) > STANDS * np.max(np.abs(rd), initial=0.0)
-        last = np.maximum.accumulate(np.where(moving, np.arange(len(rd)), -1))
-        found: Array = np.where(last < 0, 0.0, np.sign(rd[last]))
+        moving = signs(self.motion)
+        last = np.maximum.accumulate(np.where(moving != 0.0, np.arange(len(moving)), 0))
+        found: Array = moving[last]
         return found
+
+    @property
+    def coulomb(self) -> Array:
+        """Unit forces in the direction of the command, forward and backward, shape (n, 2)."""
+        return np.column_stack([self.held > 0.0, -1.0 * (self.held < 0.0)])
 
     @cached_property
     def friction(self) -> Array:
@@ -82,55 +80,54 @@ class AxisFit:
             found: Array = Session(system, experiment).run(start).column("friction.F")
         return found + axis.viscous * rd
 
-    @property
+    @cached_property
     def needed(self) -> Array:
         """Force that the axis needs beside that of its mass, along the reference, shape (n,) [N]."""
-        table = self.axis.position
-        along = 0.0 if table is None else table.force(self.motion.r, self.motion.rd)
-        return self.friction + self.axis.offset - along
+        return self.friction + self.axis.offset - self.along
 
-    def least_squares(self, columns: Array, known: Array | float, bounds: Bounds = FREE) -> Array:
-        """Return the factors of the columns, shape (n, p), with which they and a known force follow the needed one."""
-        moving = np.abs(self.motion.rd) > STANDS * np.max(np.abs(self.motion.rd))
-        return _bounded(columns[moving], (self.needed - known)[moving], *bounds)
+    @cached_property
+    def along(self) -> Array:
+        """Force over position on the axis along the reference, shape (n,) [N]."""
+        table = self.axis.position
+        return np.zeros(len(self.motion.r)) if table is None else table.force(self.motion.r, self.motion.rd)
 
     def tracking(self, force: Array) -> float:
         """Return the tracking error, rms, with a force beside that of the servo [m]."""
-        return rms(self._error(force))
-
-    def _error(self, force: Array) -> Array:
         assert self.axis.loop is not None
-        return self.axis.loop.error(force)
+        return rms(self.axis.loop.error(force))
 
-    def fit(self, columns: Array, known: Array | float = 0.0, bounds: Bounds = FREE) -> Array:
+    def least_squares(self, columns: Array, known: Array | float, bounds: Bounds = FREE) -> Array:
+        """Return the factors of the columns, shape (n, p), with which they and a known force follow the needed one."""
+        moving = signs(self.motion) != 0.0
+        return _bounded(columns[moving], (self.needed - known)[moving], *bounds)
+
+    def fit(self, columns: Array, known: Array | float, bounds: Bounds = FREE) -> Array:
         """Return the factors of the columns, shape (p,), with the least tracking error.
 
         Without a servo, they are those of `least_squares`. The tracking error of a linear loop is affine in the
-        factors, so that a run for each gives the least square (Gauss-Newton).
+        factors, so that a run for each gives the least square.
         """
-        p = self.least_squares(columns, known, bounds)
-        if self.axis.loop is None:
+        p, loop = self.least_squares(columns, known, bounds), self.axis.loop
+        if loop is None:
             return p
-        error = self._error(columns @ p + known)
+        error = loop.error(columns @ p + known)
         size = np.max(np.abs(columns @ p)) / np.maximum(np.max(np.abs(columns), axis=0), 1e-300)
-        for _ in range(ROUNDS):
-            step = PROBE * np.maximum(np.abs(p), 0.1 * size)
-            probes = [self._error(columns @ (p + step * unit) + known) for unit in np.eye(len(p))]
-            slopes = np.column_stack([(probe - error) / d for probe, d in zip(probes, step, strict=True)])
-            change = _bounded(slopes, -error, bounds[0] - p, bounds[1] - p)
-            tried = [(self._error(columns @ each + known), each) for each in (p + change, p + 0.5 * change)]
-            best, chosen = min(tried, key=lambda each: rms(each[0]))
-            before = rms(error)
-            if rms(best) < before:
-                error, p = best, chosen
-            if rms(best) > GAINS_MORE * before:
-                break
-        return p
+        steps = np.diag(PROBE * np.maximum(np.abs(p), 0.1 * size))
+        slopes = [(loop.error(columns @ (p + step) + known) - error) / np.max(step) for step in steps]
+        better = p + _bounded(np.column_stack(slopes), -error, bounds[0] - p, bounds[1] - p)
+        return better if self.tracking(columns @ better + known) < rms(error) else p
+
+
+def signs(motion: ReferenceMotion) -> Array:
+    """Return the direction of a reference at each sample, shape (n,): 1, -1, or 0 while it stands."""
+    found: Array = np.sign(motion.rd) * (np.abs(motion.rd) > STANDS * np.max(np.abs(motion.rd), initial=0.0))
+    return found
 
 
 def _bounded(columns: Array, target: Array, least: Array | float, most: Array | float) -> Array:
     """Return the least-squares factors of the columns within bounds, for columns of any size."""
-    size = np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
+    size = np.linalg.norm(columns, axis=0)
+    size[size == 0.0] = 1.0
     found: Array = lsq_linear(columns / size, target, (least * size, most * size)).x / size
     return found
 

@@ -5,22 +5,25 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import NamedTuple, TypeAlias
+from typing import Final, NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
-from harness import SeriesPart, System, Wire
+from harness import Experiment, Part, SeriesPart, System, Wire
 from harness.run import Session
 from harness.system.wire import parse_wire, split_name
 
 Array: TypeAlias = NDArray[np.float64]
 
-COMPENSATING = ("compensator", "feedforward", "table", "force", "unexplained")
+COMPENSATING: Final = ("compensator", "feedforward", "load", "table", "force", "unexplained")
 """Parts of the archive of a study that are beside servo and machine."""
 
+AT_REST: Final = ("axis.v0", "axis.v1_0", "axis.v2_0", "velocity.v0")
+"""Start values of an axis that begins at rest on its reference."""
 
-class Motion(NamedTuple):
+
+class ReferenceMotion(NamedTuple):
     """Reference and its derivatives at the samples of the servo, each of shape (n,) [m, m/s, m/s2]."""
 
     r: Array
@@ -30,27 +33,16 @@ class Motion(NamedTuple):
 
 @dataclass(frozen=True)
 class AxisLoop:
-    """Servo, mass and friction of a study.
+    """Servo, mass and friction of a study."""
 
-    Attributes
-    ----------
-    archive : str
-        Path of ``axis.ssp``, the axis with the recommended compensator.
-    gains : mapping of str to float
-        Gains of the servo without it.
-    law : str
-        Name of the recommended compensator; "none" without one.
-    as_measured, fed, recommended : float or None
-        Tracking errors, rms, that the study found [m]: servo as measured, servo as here without friction compensation,
-        and servo with the recommended compensator; None if the run failed.
-    """
-
-    archive: str
-    gains: Mapping[str, float]
-    law: str
+    archive: str  # path of ``axis.ssp``, the axis with the recommended compensator
+    gains: Mapping[str, float]  # gains of the servo without it
+    law: str  # name of the recommended compensator; "none" without one
     as_measured: float | None
     fed: float | None
     recommended: float | None
+    """Tracking errors, rms, that the study found [m]: servo as measured, servo as in `error` without friction
+    compensation, and servo with the recommended compensator; None if the run failed."""
 
     @cached_property
     def whole(self) -> System:
@@ -58,39 +50,45 @@ class AxisLoop:
         return System.from_ssp(self.archive)
 
     @property
+    def _experiment(self) -> Experiment:
+        assert self.whole.experiment is not None
+        return self.whole.experiment
+
+    @property
     def sample_time(self) -> float:
         """Sample time of the servo [s]."""
-        experiment = self.whole.experiment
-        assert experiment is not None
-        return experiment.step * experiment.decimate
+        return self._experiment.step * self._experiment.decimate
 
     @cached_property
-    def motion(self) -> Motion:
+    def motion(self) -> ReferenceMotion:
         """The reference of the study."""
-        experiment = self.whole.experiment
-        assert experiment is not None
-        names = ("reference.r", "reference.rd", "reference.rdd")
-        source = System([self.whole.parts["reference"]], experiment=replace(experiment, record=names))
-        found = Session(source, source.experiment or experiment).run({})
-        return Motion(*(found.column(name)[:-1] for name in names))
+        names = tuple(f"reference.{name}" for name in ReferenceMotion._fields)
+        source = System([self.whole.parts["reference"]], experiment=replace(self._experiment, record=names))
+        found = Session(source, replace(self._experiment, record=names)).run({})
+        return ReferenceMotion(*(found.column(name)[:-1] for name in names))
 
-    def error(self, force: Array) -> Array:
+    def error(self, force: Array, motion: ReferenceMotion | None = None) -> Array:
         """Return the tracking error over the samples, shape (n,) [m], with a force at the output of the servo.
 
-        The servo has the gains of the record, and velocity and acceleration feedforward. `force`, of shape (n,) [N],
-        stands for all forces of the drive beside the servo, the constant one included; it is held within a sample.
+        The servo has the gains of the record, and velocity and acceleration feedforward if the study has them. `force`,
+        of shape (n,) [N], stands for all forces beside the servo, the constant one included. `motion` is another
+        reference, which begins at rest.
         """
         from friction_fmus.axis.servo_loop import accurate
 
         whole, t = self.whole, self.sample_time * np.arange(float(len(force)))
-        added = SeriesPart("added", t, {"F": force}, interpolation="previous", beyond="hold")
-        left = [part for name, part in whole.parts.items() if name not in COMPENSATING]
-        known = {part.name for part in left}
+        added = {"added": {"F": force}} | ({} if motion is None else {"reference": motion._asdict()})
+        parts: list[Part] = [part for name, part in whole.parts.items() if name not in (*COMPENSATING, *added)]
+        # all are read at samples; a held output would still have the value of the sample before
+        parts += [SeriesPart(name, t, each, beyond="hold") for name, each in added.items()]
+        known = {part.name for part in parts}
         wires = [wire for wire in map(parse_wire, whole.wires) if {end[0] for end in wire.ends} <= known]
         wires.append(Wire("added.F", "servo.f"))
         start = {name: value for name, value in whole.start.items() if split_name(name)[0] in known}
         start |= {f"servo.{name}": value for name, value in self.gains.items()}
+        start |= {} if motion is None else {name: 0.0 for name in AT_REST if name in start}
         start.pop("servo.f", None)
-        _, found = accurate(System([*left, added], wires, start, whole.experiment, whole.name))
-        error: Array = found.column("tracking_error.y")[:-1]
+        experiment = replace(self._experiment, stop=len(force) * self.sample_time)
+        _, found = accurate(System(parts, wires, start, experiment, whole.name))
+        error: Array = (motion or self.motion).r - found.column(experiment.record[1])[:-1]  # the second is the position
         return error

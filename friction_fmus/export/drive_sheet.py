@@ -3,63 +3,87 @@
 from __future__ import annotations
 
 import csv
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Final, NamedTuple
 
+import numpy as np
+
+from friction_fmus.blocks.catalogue import find
 from friction_fmus.errors import BuildError
 from friction_fmus.export.axis_fit import AxisFit
 from friction_fmus.export.axis_loop import Array
+from friction_fmus.export.identified_axis import IdentifiedAxis
 from friction_fmus.listings import shown
 from harness.storage.files import atomic_path, make_folder
+from harness.units import in_unit
 
-HEADINGS: Final = ("parameter", "value", "unit", "where", "source")
-COMPUTED: Final = "Computed and simulated, not tried on the device. Try it at low speed first, with a low torque limit."
-
-
-class Source(NamedTuple):
-    """Documentation of a maker."""
-
-    title: str
-    address: str
+COMPUTED: Final = "Computed and simulated, not tried on the device. Begin with a low torque limit and a low speed."
 
 
 class Row(NamedTuple):
     """Parameter of a drive."""
 
     name: str
-    value: str  # as it is entered
+    value: str
     unit: str
-    where: str = ""  # where it is entered
-    source: Source | None = None  # documentation that states its meaning
+    where: str
+    """Value as it is entered, its unit, and where it is entered."""
+    source: tuple[str, ...] = ()  # title and address of the documentation that states its meaning
 
 
-@dataclass(frozen=True)
-class Sheet:
+class Sheet(NamedTuple):
     """Contents of a sheet."""
 
     device: str
     rows: Sequence[Row]
-    force: Array | None  # force of the drive beside its servo with these values, shape (n,) [N]; None if not modelled
-    notes: Sequence[str] = ()  # what was assumed, and what the device cannot express
+    force: Array  # force of the drive beside its servo with these values along the reference, shape (n,) [N]
+    notes: Sequence[str]  # what was assumed, and what the device cannot express
 
 
-def number(value: float, step: float, least: float, most: float, name: str) -> float:
+def rounded(value: float, step: float, least: float, most: float, name: str) -> float:
     """Return a value rounded to the step of a device; raise BuildError if it is outside of the range."""
-    rounded = step * round(value / step)
-    if not least <= rounded <= most:
-        raise BuildError(
-            f"{name} is {value:.4g}, outside of the range of the device, {least:g} to {most:g}; the axis needs another "
-            "drive or target."
-        )
-    return rounded
+    found = step * round(value / step)
+    if not least <= found <= most:
+        raise BuildError(f"{name} would be {value:.4g}, but the device takes {least:g} to {most:g}.")
+    return found
 
 
-def digits(value: float, step: float = 0.0) -> str:
+def text(value: float, step: float = 0.0) -> str:
     """Return a value with the decimals of a step, or with four digits."""
-    decimals = max(0, len(f"{step:.10f}".rstrip("0").partition(".")[2]))
+    decimals = len(f"{step:.10f}".rstrip("0").partition(".")[2])
     return f"{value + 0.0:.{decimals}f}" if step else f"{value:.4g}"
+
+
+def in_percent(
+    axis: IdentifiedAxis, rated: str, forces: Mapping[str, float], step: float
+) -> tuple[list[float], Array, str]:
+    """Return forces as rounded percentages of a rated one, by name, as forces, and a note on them."""
+    u = axis.words
+    whole = in_unit(rated, u.N, None, "--rated") if rated.strip("+-.0123456789") else None
+    if not isinstance(whole, float) or not whole > 0.0:
+        raise BuildError(f"The drive takes parts of its rated {u.force}: give it at the axis, --rated '2.4 {u.N}'.")
+    found = [rounded(100.0 * force / whole, step, -100.0, 100.0, name) for name, force in forces.items()]
+    return found, 0.01 * whole * np.array(found), f"Percent of the rated {u.force}, {whole:.4g} {u.N} at the axis."
+
+
+def lost(axis: IdentifiedAxis, kept: Collection[str] = ()) -> Iterator[str]:
+    """Yield what a device cannot express of the friction of an axis, a sentence each."""
+    friction, u = find(axis.model).about.in_loop.friction, axis.words
+    if friction is not None:
+        contact = friction.contact(axis.parameters)
+        level = contact.levels[0]
+        if (viscous := level.viscous + axis.viscous) and not {"viscous", "table"} & {*kept}:
+            yield f"Viscous friction, {viscous:.4g} {u.Ns_m}, is not compensated in proportion to the velocity."
+        if level.vs and level.Fs > level.Fc and "table" not in kept:
+            yield f"Static friction, {level.Fs:.4g} {u.N}, which falls with the velocity, is not compensated."
+        if contact.stiffness:
+            distance = shown(level.Fs / contact.stiffness, u.m)
+            yield f"The force jumps at a reversal; that of the axis builds up over {distance} (presliding)."
+    if beside := ", ".join(name for name in axis.terms if not name.startswith("G_")):
+        yield f"What the identification found beside the friction model is not compensated: {beside}."
+    if axis.position is not None and "position" not in kept:
+        yield f"The {u.force} over position is not compensated."
 
 
 def write_sheet(sheet: Sheet, fit: AxisFit, folder: Path, name: str) -> list[Path]:
@@ -69,53 +93,49 @@ def write_sheet(sheet: Sheet, fit: AxisFit, folder: Path, name: str) -> list[Pat
     with atomic_path(page) as temporary:
         temporary.write_text("\n".join(_page(sheet, fit)) + "\n", encoding="utf-8", newline="\n")
     with atomic_path(table) as temporary, temporary.open("w", encoding="utf-8", newline="") as file:
-        writer = csv.writer(file)
-        writer.writerow(HEADINGS)
-        writer.writerows([*row[:4], "" if row.source is None else " ".join(row.source)] for row in sheet.rows)
+        rows = [[*row[:4], " ".join(row.source)] for row in sheet.rows]
+        csv.writer(file).writerows([Row._fields, *rows])
     return [page, table]
 
 
-def _page(sheet: Sheet, fit: AxisFit) -> list[str]:
-    """Return the lines of the page."""
-    axis = fit.axis
-    lines = [f"# {axis.name}: friction compensation of {sheet.device}", "", COMPUTED, ""]
-    lines += ["| parameter | value | unit | where it is entered | source |", "|---|--:|---|---|---|"]
-    sources = list(dict.fromkeys(row.source for row in sheet.rows if row.source is not None))
+def _page(sheet: Sheet, fit: AxisFit) -> Iterator[str]:
+    """Yield the lines of the page."""
+    axis, sources = fit.axis, list(dict.fromkeys(row.source for row in sheet.rows if row.source))
+    yield from (f"# {axis.name}: friction compensation of {sheet.device}", "", COMPUTED, "")
+    yield from ("| parameter | value | unit | where it is entered | source |", "|---|--:|---|---|---|")
     for row in sheet.rows:
-        cited = "" if row.source is None else f"[{sources.index(row.source) + 1}]"
-        lines.append(f"| {row.name} | {row.value} | {row.unit} | {row.where} | {cited} |")
-    lines += ["", "## Tracking error in simulation", "", *errors_of(sheet, fit), ""]
-    if sheet.notes:
-        lines += ["## What to know", "", *(f"- {note}" for note in sheet.notes), ""]
-    lines += ["## Sources", "", *(f"{i}. {each.title}, <{each.address}>" for i, each in enumerate(sources, start=1))]
-    lines.append(f"{len(sources) + 1}. Identified friction: {axis.label}" + f", {axis.citation}" * bool(axis.citation))
-    return lines
+        yield f"| {' | '.join(row[:4])} | {f'[{sources.index(row.source) + 1}]' if row.source else ''} |"
+    yield from ("", "## Tracking error in simulation", "", *_errors(sheet, fit), "")
+    yield from ("## Assumptions and limits", "", *(f"- {note}" for note in sheet.notes))
+    if -1.0 not in fit.held or 1.0 not in fit.held:
+        yield "- The reference moves in one direction only: the record does not determine the values of the other one."
+    yield from ("", "## Sources", "")
+    yield from (f"{i}. {title}, <{address}>" for i, (title, address) in enumerate(sources, start=1))
+    yield f"{len(sources) + 1}. Identified friction: {axis.label}" + f", {axis.citation}" * bool(axis.citation)
 
 
-def errors_of(sheet: Sheet, fit: AxisFit) -> list[str]:
-    """Return the lines with the tracking errors."""
+def _errors(sheet: Sheet, fit: AxisFit) -> Iterator[str]:
+    """Yield the lines with the tracking errors."""
     loop, u = fit.axis.loop, fit.axis.words
     if loop is None:
-        return [
-            "The tracking error is unknown: it needs the servo of the axis, and a study that compares compensators "
-            "(`friction-fmus study`). The values follow the friction of the model over the speeds up to "
-            f"{fit.axis.speed:.3g} {u.m_s}."
-        ]
-    reached = None if sheet.force is None else fit.tracking(sheet.force)
-    servo = "The same servo with velocity and acceleration feedforward and the constant force"
+        yield (
+            "Unknown: this needs a study that compares compensators (`friction-fmus study` with a servo). The values "
+            f"follow the model at speeds up to {fit.axis.speed:.3g} {u.m_s}."
+        )
+        return
+    reached, law = fit.tracking(sheet.force), loop.law
     rows = (
         ("as measured", loop.as_measured, "The servo as it was when the record was taken."),
-        ("without friction compensation", loop.fed, f"{servo}."),
-        ("with this sheet", reached, "That servo with the values above, as they are rounded."),
-        ("with the recommended law", loop.recommended, f"That servo with {loop.law}, for drives that run C code."),
+        ("no compensation", loop.fed, f"The servo with the feedforward of the study, and with the constant {u.force}."),
+        ("this sheet", reached, "That servo with the values above, as they are rounded."),
+        ("recommended law", loop.recommended, f"That servo with {law}, for controllers that run code."),
     )
-    lines = ["| servo | tracking error, rms | what it is |", "|---|--:|---|"]
-    lines += [f"| {name} | {'–' if value is None else shown(value, u.m)} | {what} |" for name, value, what in rows]
-    if reached is None:
-        return [*lines, "", "The device was not simulated: see below."]
-    verdict = "This sheet does not reduce the tracking error of the servo without friction compensation: do not use it."
+    yield from ("| servo | tracking error, rms | what it is |", "|---|--:|---|")
+    yield from (f"| {name} | {'–' if value is None else shown(value, u.m)} | {what} |" for name, value, what in rows)
+    yield ""
     if loop.fed is not None and reached < loop.fed:
-        verdict = f"This sheet leaves {100.0 * reached / loop.fed:.3g} % of the error without friction compensation"
-        beside = loop.recommended and f", and {reached / loop.recommended:.3g} times the error of the recommended law."
-        verdict += beside or "."
-    return [*lines, "", verdict]
+        yield f"This sheet leaves {100.0 * reached / loop.fed:.3g} % of the error without compensation."
+    else:
+        yield "This sheet does not reduce the error of the servo without compensation: do not use it."
+    if loop.recommended is not None and reached < loop.recommended:
+        yield f"{law} is also tuned to axes that differ from the identified one, which the sheet was fitted to."

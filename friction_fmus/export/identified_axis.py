@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
@@ -15,59 +15,29 @@ from friction_fmus.export.axis_loop import AxisLoop
 if TYPE_CHECKING:
     from friction_fmus.axis.position_map import PositionMap
 
-RESULTS: Final = ("study.json", "identification.json")
-"""Files with identified axes, under the key ``axes``."""
+RESULTS: Final = ("study.json", "identification.json")  # files with identified axes, under the key ``axes``
+GIVE: Final = "give the folder that friction-fmus study or identify wrote with -o."
 
 
 @dataclass(frozen=True)
 class IdentifiedAxis:
-    """Mass and friction of an axis.
-
-    Numbers are in SI units; for a rotary axis, read m as rad, N as N.m and kg as kg.m2.
-
-    Attributes
-    ----------
-    name : str
-        Name of the record.
-    citation : str
-        Citation of the record; empty if none was given.
-    rotary : bool
-        Whether the position is an angle.
-    label : str
-        Name of the friction model in the result.
-    model : str
-        Friction block.
-    parameters : mapping of str to float
-        Parameters of the block.
-    viscous : float
-        Coefficient of a viscous friction beside the block, which has none [N.s/m].
-    mass : float
-        Moved mass [kg]; 0 if the record has no drive force.
-    offset : float
-        Constant force that the drive needs in addition to friction [N].
-    position : PositionMap or None
-        Force over position.
-    speed : float
-        Largest speed of the record [m/s]; 0 if it has no position.
-    force_limit : float or None
-        Largest force of the servo [N]; None without a servo.
-    loop : AxisLoop or None
-        Servo of the axis; None without a study that compared compensators.
-    """
+    """Mass and friction of an axis in SI units; for a rotary axis, read m as rad, N as N.m and kg as kg.m2."""
 
     name: str
     citation: str
-    rotary: bool
-    label: str
-    model: str
-    parameters: Mapping[str, float]
-    viscous: float
-    mass: float
-    offset: float
-    position: PositionMap | None
-    speed: float
-    force_limit: float | None = None
-    loop: AxisLoop | None = None
+    """Name of the record, and its citation, empty if there is none."""
+    rotary: bool  # whether the position is an angle
+    label: str  # name of the friction model in the result
+    model: str  # friction block
+    parameters: Mapping[str, float]  # its parameters
+    viscous: float  # coefficient of a viscous friction beside a block without one [N.s/m]
+    mass: float  # moved mass [kg]; 0 if the record has no drive force
+    offset: float  # constant force that the drive needs in addition to friction [N]
+    position: PositionMap | None  # force over position
+    speed: float  # largest speed of the record [m/s]; 0 if it has no position
+    force_limit: float | None = None  # largest force of the servo [N]; None without a servo
+    loop: AxisLoop | None = None  # servo of the axis; None without a study that compared compensators
+    terms: Mapping[str, float] = field(default_factory=dict)  # what acts beside the model, see `axis_terms.TERMS`
 
     @property
     def words(self) -> Words:
@@ -76,65 +46,38 @@ class IdentifiedAxis:
 
 
 def read_axis(path: Path, model: str = "") -> IdentifiedAxis:
-    """Return the best axis in the result of a study or an identification, or the one with a friction model.
-
-    Parameters
-    ----------
-    path : Path
-        Folder that ``friction-fmus study`` or ``identify`` wrote, or a file in it.
-    model : str
-        Name of the friction model in the result; empty for the best one.
-
-    Returns
-    -------
-    IdentifiedAxis
-        The axis.
-
-    Raises
-    ------
-    BuildError
-        If there is no such result or model, or if the result is not in SI units or cannot be trusted.
-    """
-    if not path.exists():
-        raise BuildError(f"There is no {path}; give the folder that friction-fmus study or identify wrote with -o.")
+    """Return the axis with the best friction model in a folder of results or a file in it, or with a named model."""
     folder = path if path.is_dir() else path.parent
-    own = [path] if path.name in RESULTS else [folder / name for name in RESULTS]
-    file = next((each for each in own if each.is_file()), None)
-    if file is None:
-        raise BuildError(
-            f"{folder} has neither {' nor '.join(RESULTS)}; give the folder that friction-fmus study or identify wrote "
-            "with -o."
-        )
+    names = [path.name] if path.name in RESULTS else RESULTS
+    file = next((folder / name for name in names if (folder / name).is_file()), None)
+    if file is None or not path.exists():
+        raise BuildError(f"{path} is no result, which has {' or '.join(RESULTS)}; {GIVE}")
     try:
-        rows = json.loads(file.read_text(encoding="utf-8"))["axes"]
-        axes = [_axis(row, folder) for row in rows]
+        axes = [_axis(row, folder) for row in json.loads(file.read_text(encoding="utf-8"))["axes"]]
     except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
         raise BuildError(
-            f"{file} has no identified axes: it is damaged, or of an earlier version. Run the command again that wrote "
-            "it."
+            f"{file} has no axes: it is damaged, or of an earlier version. Repeat the study or identification."
         ) from error
     if not axes:
         raise BuildError(
             f"{file} has no axis to export: no model was identified, the result is not in SI units, or a finding says "
-            "that it must not be used. Run the command again and read its messages."
+            "that it must not be used. Repeat the study or identification and read its messages."
         )
     found = {axis.label: axis for axis in reversed(axes)}
     if model and model not in found:
-        names = [axis.label for axis in axes]
-        raise BuildError(f"{file} has no model {model!r}{did_you_mean(model, names)}; choose from {', '.join(names)}.")
+        hint, labels = did_you_mean(model, found), ", ".join(axis.label for axis in axes)
+        raise BuildError(f"{file} has no model {model!r}{hint}; choose from {labels}.")
     return found[model] if model else axes[0]
 
 
 def _axis(row: Mapping[str, Any], folder: Path) -> IdentifiedAxis:
-    """Return the axis in a file of the folder."""
+    """Return the axis in a file of the folder; without its loop if the archive is gone."""
     from friction_fmus.axis.position_map import Grid, PositionMap
 
-    table, loop = row["position"], row["loop"]
+    table, loop = row["position"], row["loop"] and AxisLoop(**row["loop"])
     if table is not None:
-        values = {name: tuple(table[name]) for name in ("cogging", "friction")}
-        table = PositionMap(Grid(**table["grid"]), **values, v_sign=table["v_sign"])
+        table = PositionMap(Grid(**table["grid"]), tuple(table["cogging"]), tuple(table["friction"]), table["v_sign"])
     if loop is not None:
-        loop = AxisLoop(**loop)
         archive = folder / loop.archive
         loop = replace(loop, archive=str(archive)) if archive.is_file() else None
     return IdentifiedAxis(**{**row, "position": table, "loop": loop})

@@ -15,10 +15,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import tomli_w
 
+from friction_fmus.axis.position_map import PositionMap, gravity_map
 from friction_fmus.errors import IdentificationError
 from friction_fmus.export.identified_axis import IdentifiedAxis
 from friction_fmus.identification.data.reading import Measurement
 from friction_fmus.identification.data.record import Record, RecordFinding
+from friction_fmus.identification.fit.axis_terms import VALUES
 from friction_fmus.identification.fit.contact_model import contact_model
 from friction_fmus.identification.fit.estimate import Estimate
 from friction_fmus.identification.fit.idim import filtered_motion
@@ -202,21 +204,31 @@ def _json(
 
 def axis_of(result: Identification, citation: str) -> IdentifiedAxis:
     """Return the axis with an identified model, for the targets of `export`."""
-    record, values = result.records[0], result.values()
-    known = contact_model(result.block, record.units).parameters
-    return IdentifiedAxis(
-        name=record.name,
-        citation=citation,
-        rotary=record.units.rotary,
-        label=result.model,
-        model=str(result.block),
-        parameters={name: value for name, value in values.items() if name in known},
-        viscous=viscous_beside(result) or 0.0,
-        mass=values.get("M", 0.0),
-        offset=values.get("OF", 0.0),
-        position=None if result.position is None else result.position.table,
-        speed=max(map(largest_speed, result.records)),
-    )
+    table, values = None if result.position is None else result.position.table, result.values()
+    both = values.get("M", 0.0), values.get("OF", 0.0)
+    return identified_axis(result.records, citation, result.model, str(result.block), values, *both, table)
+
+
+def identified_axis(
+    records: Sequence[Record],
+    citation: str,
+    label: str,
+    block: str,
+    values: Mapping[str, float],
+    mass: float,
+    offset: float,
+    table: PositionMap | None,
+) -> IdentifiedAxis:
+    """Return an axis; among the values, Fv may be that of a viscous friction beside the block."""
+    units, speed = records[0].units, largest_speed(max(records, key=len))
+    known = contact_model(block, units).parameters
+    own = {name: value for name, value in values.items() if name in known}
+    beside = 0.0 if "Fv" in known else values.get("Fv", 0.0)
+    name, rotary = records[0].name, units.rotary
+    terms = {name: value for name, value in values.items() if name in VALUES - known.keys()}
+    if table is None and "G_sin" in terms:
+        table = gravity_map(terms["G_sin"], terms["G_cos"])
+    return IdentifiedAxis(name, citation, rotary, label, block, own, beside, mass, offset, table, speed, terms=terms)
 
 
 def largest_speed(record: Record) -> float:

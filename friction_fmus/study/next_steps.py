@@ -41,6 +41,11 @@ def _motion(bench: AxisBench, rungs: Sequence[Rung], units: AxisUnits) -> Iterat
         f"Switch on the feedforward of velocity (100 %) and acceleration ({units.words.mass} "
         f"{own:.4g} {units.inertia}){constant}."
     )
+    if bench.plant.terms:
+        sine, cosine = (bench.plant.terms.get(name, 0.0) for name in ("G_sin", "G_cos"))
+        gravity = f"gravity, {sine:.4g} sin(r) + {cosine:.4g} cos(r) {units.force}"
+        parts = [*([gravity] if sine or cosine else []), *(["the load of the friction"] if bench.plant.loaded else [])]
+        text += f" Add LoadFeedforward for {' and '.join(parts)}: recommended/c contains it."
     if viscous := bench.trajectory.viscous:
         text += (
             f" Add {viscous:.4g} {units.viscous} times the reference velocity: the integral would otherwise take the "

@@ -48,7 +48,14 @@ from friction_fmus.study.servo_check import CheckedServo, check_servo
 from friction_fmus.study.servo_estimate import estimate_servo
 from friction_fmus.study.settings_file import SETTINGS_FILE, settings_of
 from friction_fmus.study.steps import CACHE, Step, StepCache, run_steps, workers
-from friction_fmus.study.study_files import OWN, Figures, export_models, export_recommended, identified_axes
+from friction_fmus.study.study_files import (
+    OWN,
+    Figures,
+    export_models,
+    export_recommended,
+    export_sheet,
+    identified_axes,
+)
 from friction_fmus.study.study_result import (
     ConditionResult,
     Recommendation,
@@ -345,6 +352,8 @@ class _Study:
             with ThreadPoolExecutor(1) as thread:  # which mostly waits for a compiler
                 panel = thread.submit(self._panel, bench, comparison)
                 files += export_recommended(self.out, bench, comparison.chosen, name, citation, figures)
+                (axis,) = identified_axes(models[:1], data.longest, self.config.servo, comparison)
+                files += export_sheet(self.out, axis)
                 doctor = self._doctor(bench)
                 self.panel = panel.result()
         self.progress(0.97)

@@ -23,12 +23,13 @@ from friction_fmus.blocks.catalogue import find
 from friction_fmus.codegen.law_export import export_law
 from friction_fmus.codegen.layout import law_of
 from friction_fmus.codegen.servo_law import LAWS, LOOP_FILE, SHARED, LoopFile, LoopLaw, loop_text
+from friction_fmus.errors import BuildError
 from friction_fmus.export.axis_loop import AxisLoop
 from friction_fmus.export.block_fmu import build
 from friction_fmus.export.identified_axis import IdentifiedAxis
+from friction_fmus.export.targets import generic
 from friction_fmus.identification import Record
-from friction_fmus.identification.fit.contact_model import contact_model
-from friction_fmus.identification.result_files import largest_speed
+from friction_fmus.identification.result_files import identified_axis
 from friction_fmus.lawkit.law import Kind
 from friction_fmus.study.comparison import Comparison
 from friction_fmus.study.compensators import TABLE
@@ -36,7 +37,7 @@ from friction_fmus.study.evaluation import AxisBench, Scheme, with_table
 from friction_fmus.study.model_ranking import IdentifiedModel
 from friction_fmus.study.recommendation import AS_MEASURED
 from friction_fmus.study.study_result import WrittenFile
-from harness import FmuPart, Parameter, ParameterSet, System, Wire, open_archive, write_ssv
+from harness import ExperimentError, FmuPart, Parameter, ParameterSet, System, Wire, open_archive, write_ssv
 from harness.storage.files import atomic_path, make_folder
 from harness.system.wire import parse_wire, split_name
 
@@ -344,33 +345,31 @@ def identified_axes(
     models: Sequence[IdentifiedModel], record: Record, servo: Servo | None, comparison: Comparison | None
 ) -> tuple[IdentifiedAxis, ...]:
     """Return the axis with each identified model, for the targets of `export`."""
-    errors = {} if comparison is None else {row.name: row.metrics for row in comparison.rows}
-    errors |= {rung.title: rung.metrics for rung in (comparison.ladder[:1] if comparison else ())}
-    loop = None
+    loop, limit, mass = None, None if servo is None else servo.force_limit, 0.0 if servo is None else servo.mass or 0.0
     if servo is not None and comparison is not None:
+        metrics = {row.name: row.metrics for row in comparison.rows}
+        metrics |= {rung.title: rung.metrics for rung in comparison.ladder[:1]}
         law = comparison.recommended.name
-        known = [None if (found := errors.get(name)) is None else found.rms for name in (AS_MEASURED, "none", law)]
-        loop = AxisLoop(f"{OWN}/axis.ssp", servo.gains, law, *known)
-    return tuple(
-        IdentifiedAxis(
-            name=record.name,
-            citation=record.citation,
-            rotary=record.units.rotary,
-            label=found.row.name,
-            model=found.block,
-            parameters={name: value for name, value in found.values.items() if name in known},
-            viscous=0.0 if "Fv" in known else found.values.get("Fv", 0.0),
-            mass=found.mass or (servo.mass or 0.0 if servo is not None else 0.0),
-            offset=found.offset,
-            position=found.position_map,
-            speed=largest_speed(record),
-            force_limit=None if servo is None else servo.force_limit,
-            loop=loop,
-        )
-        for found in models
-        if found.row.rank is not None
-        for known in (contact_model(found.block, record.units).parameters,)
-    )
+        errors = [None if found is None else found.rms for found in map(metrics.get, (AS_MEASURED, "none", law))]
+        loop = AxisLoop(f"{OWN}/axis.ssp", servo.gains, law, *errors)
+    axes = []
+    for found in models:
+        if found.row.rank is not None:
+            both = found.mass or mass, found.offset
+            about = found.row.name, found.block, {**found.values, **found.terms}, *both, found.position_map
+            axes.append(replace(identified_axis([record], record.citation, *about), force_limit=limit, loop=loop))
+    return tuple(axes)
+
+
+def export_sheet(out: Path, axis: IdentifiedAxis) -> tuple[WrittenFile, ...]:
+    """Write the parameters of the axis for a drive that runs no code, unless they cannot be simulated."""
+    loop = axis.loop and replace(axis.loop, archive=str(out / axis.loop.archive))
+    try:
+        files = generic.write(replace(axis, loop=loop), out / OWN)
+    except (BuildError, ExperimentError):  # the reference stands, or the simulation is inaccurate
+        return ()
+    what = "Parameters for a drive that runs no code; `friction-fmus export` writes those of some makers"
+    return tuple(WrittenFile(_path(out, file), what) for file in files)
 
 
 def _parameters(path: Path, values: Mapping[str, float | int | bool]) -> dict[str, Parameter]:

@@ -93,6 +93,9 @@ class Option:
     metavar: str = ""
 
 
+RATED: Final = Option("rated", "rated force or torque of the motor at the axis, such as '2.4 N.m'", metavar="VALUE")
+
+
 @dataclass(frozen=True)
 class Target:
     """A form in which something is written. Its module must load fast: `write` imports what it needs."""
