@@ -20,11 +20,9 @@ from page import tables
 from rows import Row, report
 
 from friction_fmus import fmu, identify
-from friction_fmus.data import load_emps, load_tribometer
+from friction_fmus.data import load_tribometer
 from friction_fmus.identification import Record
-from friction_fmus.identification.closed_loop import axis_response
 from friction_fmus.identification.fit.grid import identify_hysteresis
-from friction_fmus.identification.fit.scores import score
 from harness import Drive, FmuPart
 
 NOISE = 0.01  # [N]
@@ -121,30 +119,14 @@ def tribometer() -> list[Row]:
     return rows
 
 
-def emps() -> list[Row]:
-    """LuGre and Stribeck in the closed loop of the axis."""
-    axis = load_emps()
-    rows = []
-    for model, position, force in (("LuGre", 1.38, 3.80), ("Stribeck", None, None)):
-        begin = time.perf_counter()
-        found = identify(model, axis)
-        seconds = time.perf_counter() - begin
-        simulated = axis_response(found, axis.record, 1e-4)
-        q, u = (score(axis.record.column(name), simulated[name]) for name in ("q", "force"))
-        rows.append(Row(f"EMPS in closed loop, {model}: position", 1e6 * q.rms, "um", position))
-        rows.append(Row(f"EMPS in closed loop, {model}: force", u.relative_percent, "%", force))
-        rows.append(Row(f"EMPS in closed loop, {model}: time of the fit", seconds, "s"))
-    return rows
-
-
 def main() -> None:
     """Prints the table."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--short", action="store_true", help="fewer repetitions, without the closed loop")
+    parser.add_argument("--short", action="store_true", help="fewer repetitions")
     parser.add_argument("--json", type=Path, metavar="FILE", help="also write the rows to a file")
     parser.add_argument("--page", type=Path, metavar="FILE", help="also write the table in Markdown")
     options = parser.parse_args()
-    rows = [*lugre(options.short), *hysteresis(), *tribometer(), *([] if options.short else emps())]
+    rows = [*lugre(options.short), *hysteresis(), *tribometer()]
     report("Identification", rows, options.json)
     if options.page:
         found = [{"name": r.name, "value": r.value, "unit": r.unit, "target": r.target, "ok": r.ok} for r in rows]

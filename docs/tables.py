@@ -44,6 +44,18 @@ def described(name: str) -> BlockVariables:
     return describe_block(catalogue()[name])
 
 
+MEANINGS = {
+    "canHandleVariableCommunicationStepSize": "Communication steps may have any length and may vary.",
+    "canInterpolateInputs": "Inputs may have a first derivative; they then vary linearly during a step.",
+    "maxOutputDerivativeOrder": "First time derivatives of the outputs are available at the end of a step.",
+    "canNotUseMemoryManagementFunctions": "Several instances can run in one process; a step allocates no memory.",
+    "canGetAndSetFMUstate": "The state can be saved and restored, so that steps can be repeated.",
+    "canSerializeFMUstate": "The saved state can be written to a file.",
+    "providesDirectionalDerivative": "Directional derivatives are available, for implicit masters.",
+}
+"""What a capability of an FMU means for a user."""
+
+
 def inputs(name: str) -> frozenset[str]:
     """Return its inputs without the switches."""
     return frozenset(v.name for v in _inputs(name))
@@ -231,7 +243,7 @@ def capabilities() -> str:
     """Return the attributes of the element CoSimulation, the same for every block."""
     return table(
         ("attribute", "value", "what it means"),
-        [(f"`{name}`", f"`{value}`", text) for name, (value, text) in CAPABILITIES.items()],
+        [(f"`{name}`", f"`{value}`", MEANINGS[name]) for name, value in CAPABILITIES.items()],
     )
 
 

@@ -10,23 +10,43 @@
 #include "newton.h"
 #include "tick.h"
 
-/* The functions of a part's FMU. */
+/* The functions of a part's FMU: their names in the table, and in FMI. */
+#define EVERY_FUNCTION(X, prefix)                                                                                      \
+    X(prefix, instantiate, Instantiate)                                                                                \
+    X(prefix, free_instance, FreeInstance)                                                                             \
+    X(prefix, setup, SetupExperiment)                                                                                  \
+    X(prefix, enter, EnterInitializationMode)                                                                          \
+    X(prefix, leave, ExitInitializationMode)                                                                           \
+    X(prefix, terminate, Terminate)                                                                                    \
+    X(prefix, reset, Reset)                                                                                            \
+    X(prefix, free_state, FreeFMUstate)                                                                                \
+    X(prefix, size_of_state, SerializedFMUstateSize)                                                                   \
+    X(prefix, serialize, SerializeFMUstate)                                                                            \
+    X(prefix, deserialize, DeSerializeFMUstate)                                                                        \
+    X(prefix, get_derivatives, GetRealOutputDerivatives)                                                               \
+    X(prefix, get_directional, GetDirectionalDerivative)                                                               \
+    X(prefix, get_status, GetBooleanStatus)
+
+/* Its functions for model exchange. */
+#define EVERY_EXCHANGE_FUNCTION(X, prefix)                                                                             \
+    X(prefix, enter_event, EnterEventMode)                                                                             \
+    X(prefix, new_discrete_states, NewDiscreteStates)                                                                  \
+    X(prefix, enter_continuous, EnterContinuousTimeMode)                                                               \
+    X(prefix, completed, CompletedIntegratorStep)                                                                      \
+    X(prefix, set_time, SetTime)                                                                                       \
+    X(prefix, set_states, SetContinuousStates)                                                                         \
+    X(prefix, get_states, GetContinuousStates)                                                                         \
+    X(prefix, get_derivatives, GetDerivatives)                                                                         \
+    X(prefix, get_indicators, GetEventIndicators)                                                                      \
+    X(prefix, get_nominals, GetNominalsOfContinuousStates)
+
+#define MEMBER(prefix, member, Function)      fmi2##Function##TYPE *member;
+#define DECLARATION(prefix, member, Function) fmi2##Function##TYPE prefix##fmi2##Function;
+#define ADDRESS(prefix, member, Function)     .member = prefix##fmi2##Function,
+
 typedef struct {
     const char *guid;
-    fmi2InstantiateTYPE *instantiate;
-    fmi2FreeInstanceTYPE *free_instance;
-    fmi2SetupExperimentTYPE *setup;
-    fmi2EnterInitializationModeTYPE *enter;
-    fmi2ExitInitializationModeTYPE *leave;
-    fmi2TerminateTYPE *terminate;
-    fmi2ResetTYPE *reset;
-    fmi2FreeFMUstateTYPE *free_state;
-    fmi2SerializedFMUstateSizeTYPE *size_of_state;
-    fmi2SerializeFMUstateTYPE *serialize;
-    fmi2DeSerializeFMUstateTYPE *deserialize;
-    fmi2GetRealOutputDerivativesTYPE *get_derivatives;
-    fmi2GetDirectionalDerivativeTYPE *get_directional;
-    fmi2GetBooleanStatusTYPE *get_status;
+    EVERY_FUNCTION(MEMBER, )
     Exchange *set[TYPES], *get[TYPES];
     DoStep *do_step;
     GetState *get_state;
@@ -34,36 +54,13 @@ typedef struct {
     SetSlopes *set_slopes;
 } PartFunctions;
 
-/* Its functions for model exchange. */
 typedef struct {
-    fmi2EnterEventModeTYPE *enter_event;
-    fmi2NewDiscreteStatesTYPE *new_discrete_states;
-    fmi2EnterContinuousTimeModeTYPE *enter_continuous;
-    fmi2CompletedIntegratorStepTYPE *completed;
-    fmi2SetTimeTYPE *set_time;
-    fmi2SetContinuousStatesTYPE *set_states;
-    fmi2GetContinuousStatesTYPE *get_states;
-    fmi2GetDerivativesTYPE *get_derivatives;
-    fmi2GetEventIndicatorsTYPE *get_indicators;
-    fmi2GetNominalsOfContinuousStatesTYPE *get_nominals;
+    EVERY_EXCHANGE_FUNCTION(MEMBER, )
 } ExchangeFunctions;
 
 /* Declare the functions of an FMU, and those with the types of the engine. */
 #define PART_FUNCTIONS(prefix)                                                                                         \
-    fmi2InstantiateTYPE prefix##fmi2Instantiate;                                                                       \
-    fmi2FreeInstanceTYPE prefix##fmi2FreeInstance;                                                                     \
-    fmi2SetupExperimentTYPE prefix##fmi2SetupExperiment;                                                               \
-    fmi2EnterInitializationModeTYPE prefix##fmi2EnterInitializationMode;                                               \
-    fmi2ExitInitializationModeTYPE prefix##fmi2ExitInitializationMode;                                                 \
-    fmi2TerminateTYPE prefix##fmi2Terminate;                                                                           \
-    fmi2ResetTYPE prefix##fmi2Reset;                                                                                   \
-    fmi2FreeFMUstateTYPE prefix##fmi2FreeFMUstate;                                                                     \
-    fmi2SerializedFMUstateSizeTYPE prefix##fmi2SerializedFMUstateSize;                                                 \
-    fmi2SerializeFMUstateTYPE prefix##fmi2SerializeFMUstate;                                                           \
-    fmi2DeSerializeFMUstateTYPE prefix##fmi2DeSerializeFMUstate;                                                       \
-    fmi2GetDirectionalDerivativeTYPE prefix##fmi2GetDirectionalDerivative;                                             \
-    fmi2GetRealOutputDerivativesTYPE prefix##fmi2GetRealOutputDerivatives;                                             \
-    fmi2GetBooleanStatusTYPE prefix##fmi2GetBooleanStatus;                                                             \
+    EVERY_FUNCTION(DECLARATION, prefix)                                                                                \
     EXCHANGES(prefix, Real)                                                                                            \
     EXCHANGES(prefix, Integer)                                                                                         \
     EXCHANGES(prefix, Boolean)                                                                                         \
@@ -102,53 +99,20 @@ typedef struct {
     }
 
 /* The initializer of PartFunctions. */
-#define FUNCTIONS_OF(prefix, guid)                                                                                     \
-    {guid,                                                                                                             \
-     prefix##fmi2Instantiate,                                                                                          \
-     prefix##fmi2FreeInstance,                                                                                         \
-     prefix##fmi2SetupExperiment,                                                                                      \
-     prefix##fmi2EnterInitializationMode,                                                                              \
-     prefix##fmi2ExitInitializationMode,                                                                               \
-     prefix##fmi2Terminate,                                                                                            \
-     prefix##fmi2Reset,                                                                                                \
-     prefix##fmi2FreeFMUstate,                                                                                         \
-     prefix##fmi2SerializedFMUstateSize,                                                                               \
-     prefix##fmi2SerializeFMUstate,                                                                                    \
-     prefix##fmi2DeSerializeFMUstate,                                                                                  \
-     prefix##fmi2GetRealOutputDerivatives,                                                                             \
-     prefix##fmi2GetDirectionalDerivative,                                                                             \
-     prefix##fmi2GetBooleanStatus,                                                                                     \
-     {prefix##set_Real, prefix##set_Integer, prefix##set_Boolean},                                                     \
-     {prefix##get_Real, prefix##get_Integer, prefix##get_Boolean},                                                     \
-     prefix##do_step,                                                                                                  \
-     prefix##get_state,                                                                                                \
-     prefix##set_state,                                                                                                \
-     prefix##set_slopes}
+#define FUNCTIONS_OF(prefix, guid_text)                                                                                \
+    {.guid = guid_text,                                                                                                \
+     .set = {prefix##set_Real, prefix##set_Integer, prefix##set_Boolean},                                              \
+     .get = {prefix##get_Real, prefix##get_Integer, prefix##get_Boolean},                                              \
+     .do_step = prefix##do_step,                                                                                       \
+     .get_state = prefix##get_state,                                                                                   \
+     .set_state = prefix##set_state,                                                                                   \
+     .set_slopes = prefix##set_slopes,                                                                                 \
+     EVERY_FUNCTION(ADDRESS, prefix)}
 
-#define EXCHANGE_FUNCTIONS(prefix)                                                                                     \
-    fmi2EnterEventModeTYPE prefix##fmi2EnterEventMode;                                                                 \
-    fmi2NewDiscreteStatesTYPE prefix##fmi2NewDiscreteStates;                                                           \
-    fmi2EnterContinuousTimeModeTYPE prefix##fmi2EnterContinuousTimeMode;                                               \
-    fmi2CompletedIntegratorStepTYPE prefix##fmi2CompletedIntegratorStep;                                               \
-    fmi2SetTimeTYPE prefix##fmi2SetTime;                                                                               \
-    fmi2SetContinuousStatesTYPE prefix##fmi2SetContinuousStates;                                                       \
-    fmi2GetContinuousStatesTYPE prefix##fmi2GetContinuousStates;                                                       \
-    fmi2GetDerivativesTYPE prefix##fmi2GetDerivatives;                                                                 \
-    fmi2GetEventIndicatorsTYPE prefix##fmi2GetEventIndicators;                                                         \
-    fmi2GetNominalsOfContinuousStatesTYPE prefix##fmi2GetNominalsOfContinuousStates;
+#define EXCHANGE_FUNCTIONS(prefix) EVERY_EXCHANGE_FUNCTION(DECLARATION, prefix)
 
 /* The initializer of ExchangeFunctions. */
-#define EXCHANGE_OF(prefix)                                                                                            \
-    {prefix##fmi2EnterEventMode,                                                                                       \
-     prefix##fmi2NewDiscreteStates,                                                                                    \
-     prefix##fmi2EnterContinuousTimeMode,                                                                              \
-     prefix##fmi2CompletedIntegratorStep,                                                                              \
-     prefix##fmi2SetTime,                                                                                              \
-     prefix##fmi2SetContinuousStates,                                                                                  \
-     prefix##fmi2GetContinuousStates,                                                                                  \
-     prefix##fmi2GetDerivatives,                                                                                       \
-     prefix##fmi2GetEventIndicators,                                                                                   \
-     prefix##fmi2GetNominalsOfContinuousStates}
+#define EXCHANGE_OF(prefix) {EVERY_EXCHANGE_FUNCTION(ADDRESS, prefix)}
 
 /* A recorded table: row i applies from times[i] on; its values change by slopes[i] per second. */
 typedef struct {

@@ -29,7 +29,7 @@ from friction_fmus.codegen.vectors import N, vectors
 from friction_fmus.errors import FrictionError
 from friction_fmus.lawkit.declarations import check_identifier
 from friction_fmus.lawkit.emit.c_text import DOUBLE, FLOAT
-from friction_fmus.lawkit.emit.names import comment
+from friction_fmus.lawkit.emit.syntax import comment
 from friction_fmus.version import VERSION
 from harness.storage.files import atomic_path, make_folder
 from harness.storage.toml_file import read_toml
@@ -414,7 +414,11 @@ def export_law(
     if export.table is not None:
         texts[f"{prefix}_table.h"] = table_header(export)
         texts[f"{prefix}_table.c"] = table_source(export, export.table)
-    folder = Path(out_dir)
+    return write_texts(texts, Path(out_dir))
+
+
+def write_texts(texts: Mapping[str, str], folder: Path) -> tuple[Path, ...]:
+    """Write files into a folder, all or none, and return their paths."""
     new = not folder.exists()
     make_folder(folder)
     try:

@@ -1,7 +1,7 @@
 """Laws to export by name, and their layout in C: its structs, and which of their members are pairs of floats."""
 
 import re
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -15,8 +15,8 @@ from friction_fmus.blocks.catalogue import find, listing
 from friction_fmus.errors import FrictionError, UnknownNameError, did_you_mean
 from friction_fmus.lawkit.declarations import FAULT, PARAMETERS
 from friction_fmus.lawkit.emit.branches import Weight, in_pairs, positions, rounded
-from friction_fmus.lawkit.emit.c_text import DOUBLE, Kernel, Lows, Real, kernel
-from friction_fmus.lawkit.emit.names import Named, comment_lines
+from friction_fmus.lawkit.emit.c_text import Kernel, Lows, Real, kernel
+from friction_fmus.lawkit.emit.names import Named
 from friction_fmus.lawkit.emit.operations import CONDITIONS, LIBM, Node, graph
 from friction_fmus.lawkit.law import ANGLE, BOOLEANS, LENGTH, NO_UNIT, VECTORS, Kind, Law, LawVariable
 from friction_fmus.lawkit.law_files import discover_laws
@@ -156,6 +156,11 @@ class Export:
         }
 
     @property
+    def taken(self) -> Iterable[str]:
+        """Names that the constants and variables of a function must not have."""
+        return self.groups
+
+    @property
     def tracks(self) -> bool:
         """Whether the law can start from a force, given by its inputs ``track`` and ``u_track``."""
         return {"track", "u_track"} <= {variable.name for variable in self.groups["inputs"]}
@@ -165,7 +170,7 @@ class Export:
         """One sample as statements on the structs."""
         remarks, others = self._remarks
         found = self.statements(self.law.function, self.law.given, self.results, self._lows, self.named, remarks)
-        return replace(found, lines=(*comment_lines(others), *found.lines))
+        return replace(found, lines=(*self.real.comment_lines(others), *found.lines))
 
     @property
     def _remarks(self) -> tuple[dict[int, list[str]], list[str]]:
@@ -230,7 +235,7 @@ class Export:
     @cached_property
     def _positions(self) -> tuple[Mapping[int, Weight], set[int]]:
         """Indices of the arguments and of the results that are pairs."""
-        if self.real is DOUBLE:
+        if not self.real.bound:
             return {}, set()
         read = _scalars(self.law.given)
         argument = {(v.name, element): i for i, (v, element) in enumerate(read)}
@@ -295,7 +300,7 @@ class Export:
             lows=lows,
             named=named,
             remarks=remarks,
-            taken=self.groups,
+            taken=self.taken,
             flags=[*flags, *(place for v in self.groups["states"] if v.flag for place in self.places(v))],
         )
 

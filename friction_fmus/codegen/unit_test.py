@@ -11,7 +11,7 @@ from friction_fmus.codegen.layout import INPUTS, Export
 from friction_fmus.codegen.sources import number
 from friction_fmus.codegen.vectors import EXACT, LOST, N, Vectors, parts
 from friction_fmus.lawkit.emit.c_text import DOUBLE
-from friction_fmus.lawkit.emit.names import comment
+from friction_fmus.lawkit.emit.syntax import comment
 from friction_fmus.lawkit.law import BOOLEANS, VECTORS, Kind, LawVariable
 from friction_fmus.version import VERSION
 

@@ -8,10 +8,9 @@ from types import MappingProxyType
 import numpy as np
 import scipy.io
 
-from friction_fmus.errors import RecordError
-from friction_fmus.identification.data.record import MeasuredAxis, Record, ServoSettings
+from friction_fmus.identification.data.record import Record
 
-__all__ = ["EMPS_PUBLISHED", "MeasuredAxis", "ServoSettings", "load_emps", "load_tribometer"]
+__all__ = ["EMPS_PUBLISHED", "load_emps", "load_tribometer"]
 
 #: Published parameters [kg, N.s/m, N, N] (Janot, Gautier, Brunot 2019).
 EMPS_PUBLISHED: Mapping[str, float] = MappingProxyType({"M": 95.1089, "Fv": 203.5034, "Fc": 20.3935, "OF": -3.1648})
@@ -22,50 +21,24 @@ EMPS_CITATION = (
 )
 
 
-def load_emps(path: Path | None = None) -> MeasuredAxis:
+def load_emps() -> Record:
     """Load the EMPS record.
-
-    Parameters
-    ----------
-    path : Path, optional
-        Copy of ``DATA_EMPS.mat`` to read instead of the one in the package.
 
     Returns
     -------
-    MeasuredAxis
-        24841 samples at 1 kHz: time [s], position [m], reference [m] and force ``gtau * vir`` [N]; and the servo.
-
-    Raises
-    ------
-    RecordError
-        If the file is missing, is not a MATLAB file or lacks a variable.
+    Record
+        24841 samples at 1 kHz: time [s], position [m], reference [m] and force ``gtau * vir`` [N].
 
     Notes
     -----
     Source: Janot, Gautier, Brunot 2019. The README beside the file lists the variables and the authors' terms. The
-    servo computes the velocity from averaged positions, qb[k] = (q[k] + q[k-1])/2 and v[k] = (qb[k] - qb[k-1])/Ts,
-    which equals (q[k] - q[k-2])/(2 Ts): ``window = 2``.
+    servo, whose settings the study ``emps`` has, computes the velocity from averaged positions, qb[k] = (q[k] +
+    q[k-1])/2 and v[k] = (qb[k] - qb[k-1])/Ts, which equals (q[k] - q[k-2])/(2 Ts): ``window = 2``.
     """
-    file = Path(__file__).parent / "emps" / "DATA_EMPS.mat" if path is None else Path(path)
-    names = ("t", "qm", "qg", "vir", "gtau", "kp", "kv")
-    if not file.is_file():
-        raise RecordError(f"There is no file {file}; give the path of DATA_EMPS.mat or reinstall the package.")
-    try:
-        content = scipy.io.loadmat(file, variable_names=names)
-    except Exception as error:  # a damaged file may raise any exception in scipy
-        raise RecordError(f"{file} cannot be read as a MATLAB file ({error}); download DATA_EMPS.mat again.") from error
-    missing = [name for name in names if name not in content]
-    if missing:
-        raise RecordError(
-            f"{file} has no variable {', '.join(missing)}; it is not DATA_EMPS.mat of the EMPS benchmark."
-        )
-    t, qm, qg, vir = (np.asarray(content[name], dtype=np.float64).ravel() for name in names[:4])
-    gtau, kp, kv = (float(np.asarray(content[name]).item()) for name in names[4:])
-    record = Record("EMPS", t=t, q=qm, reference=qg, force=gtau * vir, citation=EMPS_CITATION)
-    servo = ServoSettings(
-        kp=kp, kv=gtau * kv, force_limit=10.0 * gtau, Ts=1e-3, window=2, quantum=5e-8, drive_gain=gtau
-    )
-    return MeasuredAxis(record, servo)
+    content = scipy.io.loadmat(Path(__file__).parent / "emps" / "DATA_EMPS.mat")
+    t, qm, qg, vir = (np.asarray(content[name], dtype=np.float64).ravel() for name in ("t", "qm", "qg", "vir"))
+    gtau = float(content["gtau"].item())
+    return Record("EMPS", t=t, q=qm, reference=qg, force=gtau * vir, citation=EMPS_CITATION)
 
 
 TRIBOMETER_CITATION = (
@@ -76,13 +49,8 @@ TRIBOMETER_CITATION = (
 LOADED = 4.9
 
 
-def load_tribometer(path: Path | None = None) -> Record:
+def load_tribometer() -> Record:
     """Load the tribometer record, while the contact is loaded.
-
-    Parameters
-    ----------
-    path : Path, optional
-        Copy of ``reciprocating.txt``, plain or compressed with xz, to read instead of the one in the package.
 
     Returns
     -------
@@ -90,27 +58,13 @@ def load_tribometer(path: Path | None = None) -> Record:
         40418 samples at 200 Hz, from 7.7 to 209.8 s: time [s], position [m], friction [N], positive for a positive
         velocity, and normal force [N], about 5 N.
 
-    Raises
-    ------
-    RecordError
-        If the file is missing or is not that table.
-
     Notes
     -----
     The README beside the file states source (J. Christopherson, FrictionModels.jl), units and licence.
     """
-    file = Path(__file__).parent / "tribometer" / "reciprocating.txt.xz" if path is None else Path(path)
-    if not file.is_file():
-        raise RecordError(f"There is no file {file}; give the path of reciprocating.txt or reinstall the package.")
-    try:
-        with lzma.open(file, "rt") if file.suffix == ".xz" else file.open(encoding="utf-8") as text:
-            table = np.loadtxt(text, skiprows=1, delimiter="\t")
-        t, normal, position, friction = table.T
-    except (ValueError, OSError, EOFError, lzma.LZMAError) as error:
-        raise RecordError(f"{file} cannot be read as the tribometer's table ({error}); download it again.") from error
+    with lzma.open(Path(__file__).parent / "tribometer" / "reciprocating.txt.xz", "rt") as text:
+        t, normal, position, friction = np.loadtxt(text, skiprows=1, delimiter="\t").T
     loaded = np.flatnonzero(normal * 1e-6 >= LOADED)
-    if loaded.size == 0:
-        raise RecordError(f"The normal force in {file} never reaches {LOADED} N; this is not the tribometer's record.")
     rows = slice(loaded[0], loaded[-1] + 1)
     return Record(
         "tribometer",

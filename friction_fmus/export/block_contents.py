@@ -33,7 +33,7 @@ def assemble(block: Block, sources: Mapping[str, str]) -> bytes:
         "model.png": members["terminalsAndIcons/icon.png"],
         "terminalsAndIcons/terminalsAndIcons.xml": terminals_and_icons(connected),
         "documentation/licenses/license.txt": licence_text().encode(),
-        "documentation/index.html": index_page(block, description, connected).encode(),
+        "documentation/index.html": index_page(block, description).encode(),
     }
     return zipped(members, build_time())
 

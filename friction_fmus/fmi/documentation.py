@@ -1,24 +1,21 @@
 """The documentation page inside an FMU, generated from the block."""
 
-from collections.abc import Sequence
 from html import escape
 from itertools import groupby
 
 from friction_fmus.blocks.catalogue import FEATURES, Block
 from friction_fmus.blocks.macros import Paragraph, paragraphs
 from friction_fmus.blocks.probe import Description, variable_groups
-from friction_fmus.fmi.html_page import flags_table, page, row, table
-from friction_fmus.fmi.model_description import CAPABILITIES, Terminal
+from friction_fmus.fmi.html_page import page, row, table
 from friction_fmus.version import VERSION
 
 
-def index_page(block: Block, description: Description, connected: Sequence[Terminal]) -> str:
-    """Return documentation/index.html: equations, behaviour, conditions, variables and source of the block."""
+def index_page(block: Block, description: Description) -> str:
+    """Return documentation/index.html: equations, variables and source of the block."""
     sections = (
         _features(block),
         _variables(description),
-        _terminals(connected),
-        _capabilities(block, description),
+        _interfaces(block, description),
         _source(block),
     )
     body = f"{notes_as_html(block.notes)}\n{''.join(sections)}"
@@ -58,30 +55,15 @@ def _variables(description: Description) -> str:
     return f"<h2>Variables</h2>\n{table('Variables and their start values', heads, body)}"
 
 
-def _terminals(connected: Sequence[Terminal]) -> str:
-    """Return the table of terminals."""
-    rows = "".join(
-        row(each.name, each.rule, ", ".join(f"{m.name} = {m.variable} ({m.kind})" for m in each.members))
-        for each in connected
-    )
-    if not rows:
-        return ""
-    found = table("Terminals: groups of variables that are connected in one step", ("name", "rule", "members"), rows)
-    return f"<h2>Terminals</h2>\n{found}"
-
-
-def _capabilities(block: Block, description: Description) -> str:
-    """Return the capability flags of the FMU with their meaning."""
+def _interfaces(block: Block, description: Description) -> str:
+    """Return what the FMU can be used for, and how it steps."""
     steps = (
         "The block is sampled with the sample time Ts; its outputs are held between samples."
         if description.sampled
         else "The block is continuous in time; in co-simulation, the FMU integrates over each communication step."
     )
-    if block.no_exchange:
-        kinds = f"FMI 2.0 for co-simulation, with sources. Not for model exchange: {escape(block.no_exchange)}."
-    else:
-        kinds = "FMI 2.0 for co-simulation and model exchange, with sources."
-    return f"<h2>FMI features</h2>\n<p>{kinds} {steps}</p>\n{flags_table(CAPABILITIES)}"
+    exchange = f". Not for model exchange: {escape(block.no_exchange)}" if block.no_exchange else " and model exchange"
+    return f"<h2>FMI</h2>\n<p>FMI 2.0 for co-simulation{exchange}. {steps}</p>\n"
 
 
 def _source(block: Block) -> str:

@@ -1,4 +1,4 @@
-"""Figures by matplotlib as SVG and PNG; the same drawing gives the same bytes."""
+"""Figures by matplotlib as SVG; the same drawing gives the same bytes."""
 
 import io
 import re
@@ -30,10 +30,3 @@ def svg_of(figure: Figure, title: str) -> bytes:
     figure.savefig(stream, format="svg", metadata={"Title": title, "Date": None, "Creator": None})
     text = re.sub(rb"<!DOCTYPE.*?>\n", b"", stream.getvalue(), flags=re.S)
     return re.sub(rb' d="[^"]*"', lambda path: re.sub(rb"(\.\d\d)\d+", rb"\1", path.group()), text)
-
-
-def png_of(figure: Figure) -> bytes:
-    """Return the figure as PNG, without a date."""
-    stream = io.BytesIO()
-    figure.savefig(stream, format="png", metadata={"Software": None})
-    return stream.getvalue()

@@ -1,6 +1,6 @@
 """Documentation pages inside FMUs."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from html import escape
 
 STYLE = """
@@ -32,12 +32,6 @@ def table(caption: str, heads: Sequence[str], body: str) -> str:
 def row(first: str, *cells: str) -> str:
     """Return a row of a table; the texts are plain."""
     return f'<tr><th scope="row">{escape(first)}</th>{"".join(f"<td>{escape(cell)}</td>" for cell in cells)}</tr>\n'
-
-
-def flags_table(flags: Mapping[str, tuple[str, str]]) -> str:
-    """Return the table of capability flags, each with its value and its meaning."""
-    rows = "".join(row(name, value, text) for name, (value, text) in flags.items())
-    return table("Capability flags", ("attribute", "value", "meaning"), rows)
 
 
 def page(identifier: str, kind: str, summary: str, body: str, footer: str) -> str:

@@ -195,18 +195,15 @@ ROLE = {  # role -> causality, variability of a Real in a continuous block, init
 """Attributes in the XML for each role."""
 
 CAPABILITIES = {
-    "canHandleVariableCommunicationStepSize": ("true", "Communication steps may have any length and may vary."),
-    "canInterpolateInputs": ("true", "Inputs may have a first derivative; they then vary linearly during a step."),
-    "maxOutputDerivativeOrder": ("1", "First time derivatives of the outputs are available at the end of a step."),
-    "canNotUseMemoryManagementFunctions": (
-        "true",
-        "Several instances can run in one process; a step allocates no memory.",
-    ),
-    "canGetAndSetFMUstate": ("true", "The state can be saved and restored, so that steps can be repeated."),
-    "canSerializeFMUstate": ("true", "The saved state can be written to a file."),
-    "providesDirectionalDerivative": ("true", "Directional derivatives are available, for implicit masters."),
+    "canHandleVariableCommunicationStepSize": "true",
+    "canInterpolateInputs": "true",
+    "maxOutputDerivativeOrder": "1",
+    "canNotUseMemoryManagementFunctions": "true",
+    "canGetAndSetFMUstate": "true",
+    "canSerializeFMUstate": "true",
+    "providesDirectionalDerivative": "true",
 }
-"""Attributes of CoSimulation: value, and meaning for a user."""
+"""Attributes of CoSimulation."""
 
 EXCHANGE = (
     "canNotUseMemoryManagementFunctions",
@@ -239,10 +236,11 @@ def model_description(block: Block, description: Description, identifier: str) -
     )
     if description.exchanges:
         root.set("numberOfEventIndicators", str(description.events))
-    values = {name: value for name, (value, _) in CAPABILITIES.items()}
     if description.exchanges:
-        _interface(root, "ModelExchange", identifier, {name: values[name] for name in EXCHANGE} | _STEPS_NOT_NEEDED)
-    _interface(root, "CoSimulation", identifier, values)
+        _interface(
+            root, "ModelExchange", identifier, {name: CAPABILITIES[name] for name in EXCHANGE} | _STEPS_NOT_NEEDED
+        )
+    _interface(root, "CoSimulation", identifier, CAPABILITIES)
     units = list(dict.fromkeys(v.unit for v in variables if v.unit))
     _unit_definitions(root, units)
     _type_definitions(root, units)

@@ -1,4 +1,4 @@
-"""Identification of friction models from measured data: inverse model, output error, hysteresis and closed loop."""
+"""Identification of friction models from measured data: inverse model, output error, hysteresis, free run."""
 
 from typing import TYPE_CHECKING
 
@@ -7,7 +7,6 @@ from harness.extras import lazy_names
 if TYPE_CHECKING:
     from friction_fmus.blocks.axis_units import LINEAR, ROTARY, AxisUnits
     from friction_fmus.errors import ExcitationError, FitError, IdentificationError, RecordError
-    from friction_fmus.identification.break_aways import BreakAways, find_break_aways
     from friction_fmus.identification.data.excitation import examine
     from friction_fmus.identification.data.mapping import DataMapping
     from friction_fmus.identification.data.reading import Measurement, read_measurement, read_records
@@ -30,7 +29,6 @@ __all__ = [
     "ROTARY",
     "Array",
     "AxisUnits",
-    "BreakAways",
     "DataMapping",
     "Estimate",
     "ExcitationError",
@@ -52,7 +50,6 @@ __all__ = [
     "Score",
     "compare_models",
     "examine",
-    "find_break_aways",
     "identifiable",
     "identify",
     "identify_joint",

@@ -11,7 +11,6 @@ import numpy as np
 
 from friction_fmus.blocks.axis_units import domain_of
 from friction_fmus.export.block_fmu import build
-from friction_fmus.identification.closed_loop import axis_response
 from friction_fmus.identification.data.record import Array, Record
 from friction_fmus.identification.fit.axis_terms import force_beside, mean_temperature, middle_of
 from friction_fmus.identification.fit.block_fit import driven
@@ -29,7 +28,7 @@ from harness import Parameter, ParameterSet, write_ssv
 from harness.storage.files import atomic_path
 
 if TYPE_CHECKING:
-    from friction_fmus.identification.data.record import ServoSettings
+    pass
 
 MEASURED, PREDICTED = "#7f8c8d", "#c0392b"
 
@@ -45,7 +44,7 @@ class Identification:
     model : str
         Name of the block.
     method : str
-        Method: "inverse", "output-error", "hysteresis", "closed-loop" or "free-run".
+        Method: "inverse", "output-error", "hysteresis" or "free-run".
     parameters : mapping of str to Estimate
         Estimates of the parameters of the block, of the force offset OF for a reciprocating contact, and of the moved
         mass M for a drive force.
@@ -58,7 +57,7 @@ class Identification:
     t, measured, predicted : array, shape (n,)
         Time [s], and measured and predicted signal, in `unit`.
     signal, unit : str
-        Name and unit of the signal: "mu", "friction", "force", or the position "q" in closed loop
+        Name and unit of the signal: "mu", "friction", "force", or the position "q" in a free run
         and of a free run.
     train : Score
         Score on the training data.
@@ -84,8 +83,6 @@ class Identification:
         Training data.
     settings : InverseModelSettings or None
         Filter as passed by the user.
-    servo : ServoSettings or None
-        Servo of an identification in closed loop.
     position : PositionFit or None
         Force over position identified together with the model.
     """
@@ -113,7 +110,6 @@ class Identification:
     block: str | Path = ""
     records: tuple[Record, ...] = field(default=(), repr=False)
     settings: InverseModelSettings | None = None
-    servo: ServoSettings | None = None
     position: PositionFit | None = None
 
     def __repr__(self) -> str:
@@ -158,7 +154,7 @@ class Identification:
             If the record lacks the motion, or the normal force for the signal mu.
         """
         if self.signal == "q":
-            return free_response(self, record) if self.method == FREE_RUN else axis_response(self, record)["q"]
+            return free_response(self, record)
         force = self.signal == "force"
         known = (record.force if force else record.friction) is not None
         zero = np.zeros(len(record))

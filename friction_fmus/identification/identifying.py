@@ -12,8 +12,7 @@ import numpy as np
 from friction_fmus.axis.servo_loop import quiet_runs
 from friction_fmus.blocks.axis_units import AxisUnits
 from friction_fmus.errors import FitError
-from friction_fmus.identification.closed_loop import identify_closed_loop
-from friction_fmus.identification.data.record import Array, MeasuredAxis, Record
+from friction_fmus.identification.data.record import Array, Record
 from friction_fmus.identification.fit.axis_terms import CANDIDATES, mean_temperature, middle_of
 from friction_fmus.identification.fit.block_fit import BlockFit, FitData, driven
 from friction_fmus.identification.fit.contact_model import ContactModel, contact_model
@@ -92,7 +91,7 @@ def explanation(parameters: Mapping[str, float], v: Array, friction: Array, unit
 
 def identify(
     model: str | Path,
-    data: Record | Sequence[Record] | MeasuredAxis,
+    data: Record | Sequence[Record],
     *,
     fixed: Mapping[str, float] | None = None,
     bounds: Mapping[str, tuple[float, float]] | None = None,
@@ -112,9 +111,8 @@ def identify(
     ----------
     model : str or Path
         Name of a friction block, or path of a ``.c`` file.
-    data : Record, sequence of Record, or MeasuredAxis
-        One record; several segments, each with its own initial state; or an axis with its servo, whose closed loop is
-        then simulated.
+    data : Record or sequence of Record
+        One record, or several segments, each with its own initial state.
     fixed : mapping of str to float, optional
         Known parameters, in the units of the block, and mass M and force offset OF of a drive.
     bounds : mapping of str to (float, float), optional
@@ -126,14 +124,14 @@ def identify(
         Loss function; the robust losses (all but "linear") reduce the influence of outliers.
     method : str
         "auto" selects the method from model and data: "inverse" for models without state (evaluated along the measured
-        motion), "hysteresis" for models with elements, "closed-loop" for a `MeasuredAxis`, "output-error" otherwise
+        motion), "hysteresis" for models with elements, "output-error" otherwise
         (simulated along the measured motion). "free-run" continues one of these: the position simulated from the drive
         force alone is fitted to the measured one.
     validation : Record or sequence of Record, optional
         Validation data, predicted with the identified parameters; only initial states are fitted.
     starts : int, optional
         Number of searches from different start points; the best result is returned. By default 3, or 1 if `start`
-        contains all parameters, for models with elements, and in closed loop.
+        contains all parameters, and for models with elements.
     settings : InverseModelSettings, optional
         Filter of the position and, for a drive force, of both sides of the equation; by default `default_settings`.
     position_map : bool
@@ -175,19 +173,10 @@ def identify(
     constraints = Constraints(dict(fixed or {}), dict(bounds or {}), dict(start or {}))
     given: dict[str, Any] = {"fixed": fixed, "bounds": bounds, "start": start, "loss": loss, "starts": starts}
     given |= {"settings": settings, "viscous": viscous}
-    records = (data,) if isinstance(data, Record) else (data.record,) if isinstance(data, MeasuredAxis) else tuple(data)
+    records = (data,) if isinstance(data, Record) else tuple(data)
     outside = terms or any(record.load is not None for record in records)
-    if (isinstance(data, MeasuredAxis) or method == FREE_RUN) and outside:
+    if method == FREE_RUN and outside:
         raise FitError("Terms and the column load need a fit to the drive force; use another method, or none of them.")
-    if isinstance(data, MeasuredAxis):
-        if method not in ("auto", "closed-loop"):
-            raise FitError(
-                f"The method {method!r} is not applicable to a MeasuredAxis; use 'closed-loop', or pass its record."
-            )
-        open_loop = identify(model, replace(data.record, held=True), **given)
-        closed = identify_closed_loop(model, data, open_loop, constraints)
-        checked = None if validation is None else _validated(closed, validation)
-        return replace(closed, seconds=time.perf_counter() - begin, validation=checked)
     if method == FREE_RUN:
         held = [replace(record, held=True) for record in records]
         result = identify_free_run(identify(model, held, position_map=position_map, **given))

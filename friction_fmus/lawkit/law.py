@@ -53,7 +53,7 @@ from friction_fmus.lawkit.declarations import (
     conditions_of,
 )
 from friction_fmus.lawkit.emit.c_text import kernel
-from friction_fmus.lawkit.emit.names import comment
+from friction_fmus.lawkit.emit.syntax import comment
 from friction_fmus.lawkit.quantities import (
     ACCELERATION,
     ANGLE,

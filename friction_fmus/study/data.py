@@ -72,7 +72,7 @@ def load_data(config: StudyConfig, scratch: Path) -> Data:
     windows = dict(config.data.get("windows", {}))
     measurement = None
     if config.record == "emps":
-        records: tuple[Record, ...] = (load_emps().record,)
+        records: tuple[Record, ...] = (load_emps(),)
         published = {"inverse": dict(EMPS_PUBLISHED)}
     elif config.record == "demo":
         assert config.servo is not None

@@ -109,10 +109,8 @@ def test_outputs_in_a_run_depend_at_once_on_declared_inputs_only(library: Librar
             run.step(0.01 * k, 0.01)
 
 
-def test_the_page_shows_diagram_parts_and_sources(library: Library, page: etree._Element) -> None:  # noqa: F811
-    content = text(page)
-    for source in ("Canudas de Wit", "@article"):
-        assert source in content
+def test_the_page_shows_diagram_and_parts(library: Library, page: etree._Element) -> None:  # noqa: F811
+    assert "Canudas de Wit" in text(page)
     drawn = etree.parse(library.folder / "documentation" / "diagram.svg").getroot()
     words = {text(element) for element in drawn.iter("{http://www.w3.org/2000/svg}text")}
     parts = {name.removeprefix("der(").partition(".")[0] for name in library.variables} - {"time"}

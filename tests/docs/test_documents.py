@@ -33,6 +33,7 @@ ADDING = [ROOT / "docs" / "adding-a-model.md", ROOT / "docs" / "adding-a-law.md"
 TUTORIALS = [
     *("index.md", "first-fmu.md", "which-model.md", "which-compensator.md", "harness-tutorial.md"),
     *("your-own-solver.md", "five-minutes.md", "microcontroller.md", "command-line.md", "modelica.md"),
+    "simulators.md",
 ]
 INSTALL = """python3 -m venv .venv
 source .venv/bin/activate   # Windows: .venv\\Scripts\\activate

@@ -82,20 +82,13 @@ def test_it_says_all_there_is_to_say(library: Library, page: etree._Element) -> 
     content = text(page)
     assert block.summary in content and block.source in content and VERSION in content
     heads = [text(head) for head in page.iter("h2")]
-    assert {"Variables", "FMI features", "Source"} <= set(heads)
+    assert {"Variables", "FMI", "Source"} <= set(heads)
     tables = {text(table.find("caption")): table for table in page.iter("table")}
     rows = [text(head) for head in tables["Variables and their start values"].iter("th") if head.get("scope") == "row"]
     vectors = {re.sub(r"\[\d.*?\]", "[]", name) for name in library.variables if name != "time"}
     assert {re.sub(r"\[\d.*?\]", "[]", name) for name in rows} == vectors
     for entry in block.bibtex:
         assert " ".join(entry.split()) in content
-
-
-def test_the_capabilities_are_those_of_the_model_description(library: Library, page: etree._Element) -> None:
-    simulation = etree.parse(library.folder / "modelDescription.xml").getroot().find("CoSimulation")
-    (table,) = (t for t in page.iter("table") if text(t.find("caption")) == "Capability flags")
-    shown = {text(row[0]): text(row[1]) for row in table.iter("tr") if row[0].get("scope") == "row"}
-    assert shown == {name: value for name, value in simulation.attrib.items() if name != "modelIdentifier"}
 
 
 def test_a_block_that_refuses_its_start_values_is_built(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:

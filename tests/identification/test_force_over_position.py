@@ -132,7 +132,7 @@ def test_a_record_without_position_gets_none(record: Record) -> None:
 
 def test_emps_is_predicted_to_two_percent_on_data_not_fitted() -> None:
     """An independent table for each direction, fitted to the first half, left 2.1 % (4.1 % without)."""
-    record = load_emps().record
+    record = load_emps()
     train, validation = record.window(0.0, 12.5), record.window(12.5, 24.84)
     result = identify("Stiction", train, validation=validation, position_map=True)
     assert result.validation is not None

@@ -78,7 +78,7 @@ def test_without_start_values_the_data_give_them(lugre: Truth) -> None:
 
 
 def test_the_inverse_model_of_the_emps_axis_is_the_published_one() -> None:
-    result = identify("Stiction", load_emps().record, settings=PUBLISHED_SETTINGS)
+    result = identify("Stiction", load_emps(), settings=PUBLISHED_SETTINGS)
     assert result.method == "inverse" and result.signal == "force"
     for name, value in EMPS_PUBLISHED.items():
         assert result.values()[name] == pytest.approx(value, rel=1e-5), name

@@ -24,7 +24,7 @@ Ts, SUBSTEPS, U = 5e-3, 50, 7.4
 
 def swung(gain: float, frequency: float) -> JointRecord:
     """A joint whose reference swings, with friction Fc + A |external - drive|; exact rests, steps of 0.1 ms."""
-    t = Ts * np.arange(400)
+    t = Ts * np.arange(240)
     goal = 1.2 * np.sin(2.0 * np.pi * frequency * t) * np.minimum(t, 1.0)
     q, v, h, angle = 0.0, 0.0, Ts / SUBSTEPS, np.empty(len(t))
     for k in range(len(t)):

@@ -217,7 +217,7 @@ def test_a_mapping_is_not_given_twice(tmp_path: Path) -> None:
 
 def test_the_mapping_of_the_emps_record_gives_the_record_of_the_package() -> None:
     (record,) = read_records(EXAMPLES / "emps.toml")
-    known = load_emps().record
+    known = load_emps()
     for column in ("t", "q", "reference", "force"):
         # the gain of the mapping has as many digits as the README of the record
         assert record.column(column) == pytest.approx(known.column(column), rel=1e-6, abs=1e-12)

@@ -78,7 +78,7 @@ def test_friction_of_a_model_is_used_if_it_leaves_less():
 
 
 def test_measured_axis():
-    band = plant_band([load_emps().record], 95.1)
+    band = plant_band([load_emps()], 95.1)
     assert band is not None
     assert 30.0 < band.supported < 80.0
     low = band.frequency < 30.0

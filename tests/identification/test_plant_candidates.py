@@ -132,7 +132,7 @@ def test_nothing_is_named_on_a_clean_axis(case, seed):
 
 
 def test_records_of_the_package(tmp_path: Path):
-    (finding,), _ = plant_findings([load_emps().record], 351.5)
+    (finding,), _ = plant_findings([load_emps()], 351.5)
     assert finding.name == "direction-dependent-friction"  # the constant force of -3.16 N of Janot et al. 2019
     assert float(re.findall(r"force of (-?\d+\.\d+)", finding.what)[0]) == pytest.approx(-3.16, rel=0.05)
     assert plant_findings(load_data(load_config("demo"), tmp_path).records, 20.0) == ((), None)

@@ -11,7 +11,6 @@ import pytest
 
 from friction_fmus import data
 from friction_fmus.data import load_tribometer
-from friction_fmus.identification import RecordError
 
 FOLDER = Path(data.__file__).parent / "tribometer"
 
@@ -32,17 +31,3 @@ def test_the_record_is_loaded_and_opposes_the_motion() -> None:
     moving = np.gradient(record.column("q"))
     assert float(np.sum(record.column("friction") * moving)) > 0.0
     assert "Christopherson" in record.citation
-
-
-def test_another_copy_is_read_and_what_is_none_is_refused(tmp_path: Path) -> None:
-    copy = tmp_path / "reciprocating.txt"
-    copy.write_bytes(lzma.decompress((FOLDER / "reciprocating.txt.xz").read_bytes()))
-    np.testing.assert_array_equal(load_tribometer(copy).column("q"), load_tribometer().column("q"))
-    with pytest.raises(RecordError, match="no file"):
-        load_tribometer(tmp_path / "absent.txt")
-    copy.write_text("Time\tNormal\n0\t1\n", encoding="utf-8")
-    with pytest.raises(RecordError, match="cannot be read"):
-        load_tribometer(copy)
-    (tmp_path / "broken.xz").write_bytes(b"no xz")
-    with pytest.raises(RecordError, match="cannot be read"):
-        load_tribometer(tmp_path / "broken.xz")

@@ -320,7 +320,7 @@ def test_functions_that_are_not_scalar_sx_are_refused():
 
 def test_constants_beyond_float_are_refused():
     x = ca.SX.sym("x")
-    with pytest.raises(FrictionError, match="too large for the C type float"):
+    with pytest.raises(FrictionError, match="too large for the type float"):
         kernel(ca.Function("f", [x], [x * 1e300]), ["x"], ["y"], real=FLOAT)
 
 

@@ -235,7 +235,7 @@ def test_on_the_tribometer_it_is_as_accurate_as_dahl_under_a_load_that_hardly_ch
 
 def test_the_ball_screw_of_emps_has_no_friction_proportional_to_the_transmitted_force() -> None:
     """In sliding the model adds mu |F_t| sgn(v) to the friction: 0 within two standard errors of regression."""
-    record = load_emps().record
+    record = load_emps()
     low_pass = scipy.signal.butter(4, 2.0 * 60.0 / 1000.0)
     q, force = (scipy.signal.filtfilt(*low_pass, record.column(name)) for name in ("q", "force"))
     v = np.gradient(q, record.t)

@@ -16,7 +16,7 @@ def test_emps_runs_freely_for_half_the_record() -> None:
     Others: 8.4 mm with the published parameters, 5.5 mm with a linear state-space model, 5.2 mm with a polynomial NARX
     model, on another record of this axis (nonlinearbenchmark.org).
     """
-    record = load_emps().record
+    record = load_emps()
     train, validation = record.window(0.0, 12.4995), record.window(12.4995, 24.84)
     result = identify("Stiction", train, validation=validation, method="free-run", position_map=True)
     assert result.train.rms < 0.5e-3

@@ -36,14 +36,14 @@ def made_up(noise: float = 0.0) -> Record:
 @pytest.mark.parametrize("name", EMPS_PUBLISHED)
 def test_emps_gives_the_published_figures(name: str) -> None:
     """All digits that were printed, not only the 0.5 % that are asked for."""
-    found = identify_inverse_model(load_emps().record, PUBLISHED_SETTINGS).parameters[name]
+    found = identify_inverse_model(load_emps(), PUBLISHED_SETTINGS).parameters[name]
     assert found.value == pytest.approx(EMPS_PUBLISHED[name], abs=6e-5)
     # wider than the 2 % of errors for white residuals, see the next test
     assert 0.0 < found.relative_error < {"M": 0.02, "Fv": 0.05, "Fc": 0.05, "OF": 0.08}[name]
 
 
 def test_the_published_errors_below_2_percent_count_residuals_as_white_which_they_are_not() -> None:
-    record, settings = load_emps().record, PUBLISHED_SETTINGS
+    record, settings = load_emps(), PUBLISHED_SETTINGS
     motion = filtered_motion(record, settings)
     columns = np.column_stack([motion.a, motion.v, np.sign(motion.v), np.ones_like(motion.v)])
     W, force = settings.rows(columns, record.Ts), settings.rows(record.column("force"), record.Ts)

@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 import dataclasses
-from pathlib import Path
 
 import numpy as np
 import pytest
-import scipy.io
 
 from friction_fmus.data import load_emps
 from friction_fmus.errors import FrictionError
 from friction_fmus.identification import Record, RecordError
+from friction_fmus.study import load_config
 
 
 def record(**changes: object) -> Record:
@@ -20,25 +19,26 @@ def record(**changes: object) -> Record:
     return Record("bench", **{**columns, **changes})  # type: ignore[arg-type]
 
 
+GAIN = 35.15065188248547  # of the drive of EMPS [N/V]
+
+
 def test_emps_is_what_its_authors_describe() -> None:
-    axis = load_emps()
-    assert len(axis.record) == 24841
-    assert axis.record.Ts == pytest.approx(1e-3, rel=1e-6)
-    assert axis.servo.drive_gain == pytest.approx(35.15065, abs=1e-5)
-    assert axis.servo.kp == pytest.approx(160.18)
-    assert axis.servo.kv == pytest.approx(243.45 * 35.15065188)
-    assert "Janot" in axis.record.citation
+    axis, servo = load_emps(), load_config("emps").servo
+    assert len(axis) == 24841
+    assert axis.Ts == pytest.approx(1e-3, rel=1e-6)
+    assert servo is not None
+    assert servo.gains == pytest.approx({"kp": 160.18, "kv": 243.45 * GAIN, "ki": 0.0})
+    assert "Janot" in axis.citation
 
 
 def test_emps_obeys_its_controller() -> None:
     """The recorded force is that of the documented control law, to 3.7 mV rms."""
-    axis = load_emps()
-    servo, q, r = axis.servo, axis.record.q, axis.record.reference
-    v = (q[servo.window :] - q[: -servo.window]) / (servo.window * servo.Ts)
-    law = servo.kv * (servo.kp * (r - q)[servo.window :] - v)
-    residual = (
-        np.clip(law, -servo.force_limit, servo.force_limit) - axis.record.force[servo.window :]
-    ) / servo.drive_gain
+    axis, servo = load_emps(), load_config("emps").servo
+    assert servo is not None
+    q, n = axis.column("q"), servo.window
+    v = (q[n:] - q[:-n]) / (n * servo.Ts)
+    law = servo.gains["kv"] * (servo.gains["kp"] * (axis.column("reference") - q)[n:] - v)
+    residual = (np.clip(law, -servo.force_limit, servo.force_limit) - axis.column("force")[n:]) / GAIN
     assert np.sqrt(np.mean(residual**2)) < 4e-3
 
 
@@ -66,22 +66,3 @@ def test_unusable_records_are_refused(changes: dict[str, object], complaint: str
         record(**changes)
     assert "bench" in str(caught.value)
     assert isinstance(caught.value, FrictionError)
-
-
-def test_a_missing_file_is_named(tmp_path: Path) -> None:
-    with pytest.raises(RecordError, match=r"There is no file .*nowhere\.mat"):
-        load_emps(tmp_path / "nowhere.mat")
-
-
-def test_a_file_that_is_no_matlab_file_is_refused(tmp_path: Path) -> None:
-    file = tmp_path / "text.mat"
-    file.write_text("t, q\n0, 1\n" * 100)
-    with pytest.raises(RecordError, match="cannot be read as a MATLAB file"):
-        load_emps(file)
-
-
-def test_a_file_without_the_variables_is_refused(tmp_path: Path) -> None:
-    file = tmp_path / "other.mat"
-    scipy.io.savemat(file, {"t": [0.0, 1.0], "qm": [0.0, 1.0]})
-    with pytest.raises(RecordError, match="no variable qg, vir, gtau, kp, kv"):
-        load_emps(file)

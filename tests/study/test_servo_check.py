@@ -26,7 +26,7 @@ from friction_fmus.study import load_config, parse_config
 from friction_fmus.study.servo_check import check_servo, commanded
 from friction_fmus.study.study_result import ServoCheck
 
-EMPS = load_emps().record.window(0.0, 8.0)
+EMPS = load_emps().window(0.0, 8.0)
 T = EMPS.t
 RD = np.gradient(EMPS.column("reference"), 1e-3)
 RDD = np.gradient(RD, 1e-3)

@@ -64,7 +64,7 @@ def test_the_start_disturbs_no_more_than_the_motion(name: str, tmp_path: Path) -
     assert servo is not None
     values = {"Fc": 20.39, "Fs": 20.39, "Fv": 203.5, "vs": 1e-3, "delta": 2.0}  # published, without Stribeck effect
     plant = AxisPlant("Stribeck", values, 95.1089, -3.1648)
-    recorded = load_emps().record.column("reference")[:2001]
+    recorded = load_emps().column("reference")[:2001]
     known = AxisKnowledge(servo, plant, {"Stribeck": values}, speed=0.13)
     compensator = None if name == "none" else candidates([name], known)[0].compensator
     r = from_rest(recorded, servo.Ts)

@@ -253,7 +253,7 @@ def test_the_period_of_a_reference() -> None:
     assert period_of(np.tile(R[:500], 4), 100) == 500
     smooth = np.cos(2.0 * np.pi * np.arange(3000) / 1000.0) + 0.1 * np.sin(6.0 * np.pi * np.arange(3000) / 1000.0)
     assert period_of(smooth, 100) == 1000
-    assert period_of(load_emps().record.column("reference"), 100) == 6240  # it goes to and fro four times
+    assert period_of(load_emps().column("reference"), 100) == 6240  # it goes to and fro four times
     assert period_of(np.cumsum(np.tile(R[:500], 4)), 100) == 0
     assert period_of(np.zeros(1000), 100) == 0
 

@@ -168,7 +168,7 @@ def test_balance_of_the_drive_force() -> None:
     assert balance.mass == pytest.approx(axis.M, rel=0.01)
     assert balance.dissipated > 0.9  # over whole strokes the drive supplies what friction dissipates
     assert contradictions([record]) == ()
-    assert contradictions([load_emps().record]) == ()
+    assert contradictions([load_emps()]) == ()
     cases = {
         "wrong-sign": -log.force,
         "implausible-mass": 1e20 * log.force,

@@ -2,7 +2,7 @@
 
 The code has a struct of parameters and allocates no memory. A unit test and the cost on three microcontrollers are
 included. The file of a loop, such as recommended/loop.toml of a study, joins servo, feedforward and compensator to one
-function call per sample.
+function call per sample. The target st is Structured Text for a PLC instead: a function block, without a cost.
 """
 
 import argparse

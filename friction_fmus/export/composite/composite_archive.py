@@ -7,6 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any, Final
 
+from friction_fmus.blocks.catalogue import drawn
 from friction_fmus.export.composite.c_tables import table_file
 from friction_fmus.export.composite.composite_description import (
     TERMINALS,
@@ -26,7 +27,6 @@ from friction_fmus.export.composite.composite_interface import (
     part_codes,
     without_sources,
 )
-from friction_fmus.export.composite.diagram import loop_icon
 from friction_fmus.export.targets import SourceFmu, choose_target
 from harness.compiling.engine_library import sources as engine_sources
 from harness.compiling.platforms import Platform, select
@@ -129,7 +129,7 @@ def composite_source(
     members: dict[str, bytes] = {"modelDescription.xml": description(guid)}
     members |= {f"sources/{key}": text.encode() for key, text in files.items()}
     members |= documentation(inner, identifier, _summary(inner), codes, variables)
-    png, svg = loop_icon(inner, identifier)
+    png, svg = (file.read_bytes() for file in drawn("composite"))
     members |= {"model.png": png, f"{TERMINALS}/icon.png": png, f"{TERMINALS}/icon.svg": svg}
     members[f"{TERMINALS}/terminalsAndIcons.xml"] = composite_terminals(inner, variables)
     quiet = {key for code in codes.values() if not code.own for key in code.wrappers}

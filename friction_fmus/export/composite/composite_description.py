@@ -9,7 +9,7 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-from lxml import etree, html
+from lxml import etree
 
 from friction_fmus.export.composite.composite_interface import CompositeVariable, PartCode, reinitialised, states
 from friction_fmus.export.composite.diagram import diagram
@@ -164,27 +164,9 @@ def _page(
     body = (
         f"<p>The FMU solves the loops of its parts.</p>\n"
         f'<div class="wide">\n<img src="diagram.svg" alt="{alternative}" width="{width}" height="{height}">\n'
-        f"</div>\n{shown}<h2>Source</h2>\n{''.join(_sources(system))}"
+        f"</div>\n{shown}"
     )
     return page(identifier, "composite", summary, body, '<a href="licenses/license.txt">Licences</a> of the parts.')
-
-
-def _sources(system: Assembly) -> Iterator[str]:
-    """Yield the sources of the models, from the pages of their FMUs; a page of another tool is not quoted."""
-    seen = set()
-    for part in {part.path: part for part in system.parts.values() if isinstance(part, FmuPart)}.values():
-        if not part.strict:
-            continue
-        pages = map(html.fromstring, part.archive.read(PAGE).values())
-        heads = [head for page in pages for head in page.iter("h2") if head.text == "Source"]
-        for element in heads[0].itersiblings() if heads else ():
-            if element.tag not in ("p", "pre"):
-                break
-            text = escape("".join(map(str, element.itertext())))
-            if (element.tag, text) not in seen:
-                seen.add((element.tag, text))
-                lead = f"<b>{escape(part.archive.description.modelName)}:</b> " if element.tag == "p" else ""
-                yield f"<{element.tag}>{lead}{text}</{element.tag}>\n"
 
 
 def _map(wire: Wire) -> str:

@@ -1,4 +1,4 @@
-"""The block diagram of a system, for the documentation and the icon of a composite FMU."""
+"""The block diagram of a system, for the documentation of a composite FMU."""
 
 import itertools
 from collections.abc import Iterable, Mapping, Sequence
@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import FancyArrowPatch, FancyBboxPatch
 from matplotlib.path import Path
 
-from friction_fmus.fmi.drawing import plain_style, png_of, svg_of
+from friction_fmus.fmi.drawing import plain_style, svg_of
 from harness.plot import label_of
 from harness.system.assembly import Assembly
 
@@ -132,35 +132,14 @@ def diagram(system: Assembly, title: str) -> bytes:
         figure, axes = _axes(size, layout)
         lines = _lines(layout)
         for points in lines.values():
-            _arrow(axes, points, 1.3, 11.0)
+            _arrow(axes, points)
         for pair, points in lines.items():
             _label(axes, points, _short(", ".join(signals[pair])))
         for name, (x, y) in layout.places.items():
-            _box(axes, (x, y), 1.2)
+            _box(axes, (x, y))
             axes.text(x, y - 0.075, _short(name), ha="center", va="center", fontsize=10, weight="bold", color="#222222")
             axes.text(x, y + 0.1, _short(_model(system, name)), ha="center", va="center", fontsize=8.5, color="#555555")
         return svg_of(figure, title)
-
-
-def loop_icon(system: Assembly, title: str) -> tuple[bytes, bytes]:
-    """Return the icon as PNG and SVG: the boxes and arrows of the diagram in a frame."""
-    layout, _ = _arranged(system)
-    with plain_style():
-        figure = Figure(figsize=(2.0, 2.0), dpi=100)
-        figure.patch.set_alpha(0.0)
-        frame = figure.add_axes((0.0, 0.0, 1.0, 1.0), xlim=(-100, 100), ylim=(-100, 100))
-        frame.set_axis_off()
-        shape = "round,pad=0,rounding_size=14"
-        frame.add_artist(
-            FancyBboxPatch((-96, -96), 192, 192, shape, facecolor="#fbfcfd", edgecolor=COLOUR, linewidth=4.0)
-        )
-        axes = figure.add_axes((0.09, 0.12, 0.82, 0.76))
-        _limits(axes, layout)
-        for points in _lines(layout).values():
-            _arrow(axes, points, 2.2, 10.0)
-        for place in layout.places.values():
-            _box(axes, place, 2.0)
-        return png_of(figure), svg_of(figure, title)
 
 
 def _arranged(system: Assembly) -> tuple[Layout, Mapping[Pair, list[str]]]:
@@ -175,16 +154,10 @@ def _arranged(system: Assembly) -> tuple[Layout, Mapping[Pair, list[str]]]:
 
 def _axes(size: Point, layout: Layout) -> tuple[Figure, Any]:
     figure = Figure(figsize=size)
-    axes = figure.add_axes((0.0, 0.0, 1.0, 1.0))
-    _limits(axes, layout)
-    return figure, axes
-
-
-def _limits(axes: Any, layout: Layout) -> None:
     across, down = 0.55 * BOX[0], 0.5 * (layout.rows - 1) + BOX[1]
-    axes.set_xlim(-across, layout.columns - 1 + across)
-    axes.set_ylim(down, -down)
+    axes = figure.add_axes((0.0, 0.0, 1.0, 1.0), xlim=(-across, layout.columns - 1 + across), ylim=(down, -down))
     axes.set_axis_off()
+    return figure, axes
 
 
 def _lines(layout: Layout) -> dict[Pair, list[Point]]:
@@ -221,7 +194,7 @@ def _label(axes: Any, points: Sequence[Point], text: str) -> None:
     )
 
 
-def _arrow(axes: Any, points: Sequence[Point], width: float, head: float) -> None:
+def _arrow(axes: Any, points: Sequence[Point]) -> None:
     """Draw a smooth line through the points, which leaves and arrives horizontally."""
     codes, vertices = [Path.MOVETO], [points[0]]
     for (x, y), (end, height) in itertools.pairwise(points):
@@ -229,16 +202,16 @@ def _arrow(axes: Any, points: Sequence[Point], width: float, head: float) -> Non
         vertices += [(middle, y), (middle, height), (end, height)]
         codes += [Path.CURVE4] * 3
     colour = BACK if points[-1][0] < points[0][0] else COLOUR
-    style = f"-|>,head_length={0.04 * head},head_width={0.016 * head}"
+    style = "-|>,head_length=0.44,head_width=0.176"
     shape: dict[str, Any] = {"arrowstyle": style, "mutation_scale": 10.0, "shrinkA": 0.0, "shrinkB": 0.0}
-    axes.add_artist(FancyArrowPatch(path=Path(vertices, codes), color=colour, linewidth=width, clip_on=False, **shape))
+    axes.add_artist(FancyArrowPatch(path=Path(vertices, codes), color=colour, linewidth=1.3, clip_on=False, **shape))
 
 
-def _box(axes: Any, place: Point, width: float) -> None:
+def _box(axes: Any, place: Point) -> None:
     corner = (place[0] - 0.5 * BOX[0], place[1] - 0.5 * BOX[1])
     axes.add_artist(
         FancyBboxPatch(
-            corner, *BOX, "round,pad=0,rounding_size=0.05", facecolor="#eef3f8", edgecolor=COLOUR, linewidth=width
+            corner, *BOX, "round,pad=0,rounding_size=0.05", facecolor="#eef3f8", edgecolor=COLOUR, linewidth=1.2
         )
     )
 

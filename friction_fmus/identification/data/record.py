@@ -300,53 +300,6 @@ PER_MILLE = ("‰", "permille", "per mille", "0.1%", "0.1 %")
 _NUMBER = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(.*)")
 
 
-@dataclass(frozen=True)
-class ServoSettings:
-    """Settings of the servo during a measurement: u = sat(kv (kp (r - x) - v)).
-
-    Attributes
-    ----------
-    kp : float
-        Position gain [1/s].
-    kv : float
-        Velocity gain, including the drive gain [N.s/m].
-    force_limit : float
-        Largest force in either direction [N].
-    Ts : float
-        Sample time [s].
-    window : int
-        Number of samples over which the velocity is computed: (x[k] - x[k - window]) / (window Ts).
-    quantum : float
-        Resolution of the position measurement [m].
-    drive_gain : float
-        Force per controller output [N/V].
-    """
-
-    kp: float
-    kv: float
-    force_limit: float
-    Ts: float
-    window: int
-    quantum: float
-    drive_gain: float
-
-
-@dataclass(frozen=True, eq=False)
-class MeasuredAxis:
-    """Record of an axis and the servo that drove it.
-
-    Attributes
-    ----------
-    record : Record
-        Measured signals.
-    servo : ServoSettings
-        Servo during the measurement.
-    """
-
-    record: Record
-    servo: ServoSettings
-
-
 def unit_of(text: str) -> BaseUnit | None:
     """Return the base unit of a unit such as ``mm``, ``N.m``, ``rpm``; None if the unit is unknown."""
     symbol = DRIVE_UNITS.get(text.strip(), text)

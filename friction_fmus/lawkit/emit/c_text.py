@@ -13,30 +13,19 @@ from casadi import Function
 
 from friction_fmus.lawkit.emit.branches import DECIDES, Block, CountedLoop, Decision, Weight, plan, split
 from friction_fmus.lawkit.emit.chains import INDEX, Rolled, roll
-from friction_fmus.lawkit.emit.names import DOUBLE, FLOAT, Named, Names, Real, comment_lines, place_name
+from friction_fmus.lawkit.emit.names import Named, Names, place_name
 from friction_fmus.lawkit.emit.operations import COMPARE, CONDITIONS, INFIX, LIBM, LOGIC, Node, Zeros, graph
+from friction_fmus.lawkit.emit.syntax import DOUBLE, FLOAT, PRIMARY, PRODUCT, SUM, UNARY, Real, Text, in_brackets, plain
 
 __all__ = ["DOUBLE", "FLOAT", "Kernel", "Lows", "Real", "kernel"]
 
 
-class Text(NamedTuple):
-    """A C expression."""
-
-    text: str  # the expression
-    rank: int  # precedence of its outermost operator; `PRIMARY` for names, numbers and calls
-    reads: frozenset[int]  # indices of the arguments of the function that it reads
-
-
-PRIMARY = 9
-UNARY = 8
-PRODUCT = 7
-SUM = 6
 COMPARISON = 5
 BOTH = 4
 EITHER = 3
 CHOICE = 2
 
-TRUE, FALSE = (Text(text, PRIMARY, frozenset()) for text in ("true", "false"))
+TRUE, FALSE = (plain(text) for text in ("true", "false"))
 _TRUTHS = ("true", "false")
 
 TERNARY = {"SELECT", "IF_ELSE_ZERO", "SIGN", "FMIN", "FMAX"}
@@ -52,11 +41,6 @@ def literal(value: float, real: Real) -> Text:
     return Text(text, UNARY if text.startswith("-") else PRIMARY, frozenset())
 
 
-def in_brackets(text: Text, least: int) -> str:
-    """Return the expression, in brackets if its precedence is below `least`."""
-    return text.text if text.rank >= least else f"({text.text})"
-
-
 def joined(first: Text, operator: str, second: Text, rank: int, least: tuple[int, int]) -> Text:
     """Return both expressions with an operator between them; ``a + -b`` becomes ``a - b``, which has the same bits."""
     if operator in "+-" and second.text.startswith("-") and second.rank >= PRODUCT:
@@ -65,13 +49,13 @@ def joined(first: Text, operator: str, second: Text, rank: int, least: tuple[int
     return Text(text, rank, first.reads | second.reads)
 
 
-def choice(condition: Text, first: Text, second: Text) -> Text:
+def choice(condition: Text, first: Text, second: Text, real: Real) -> Text:
     """Return the conditional expression."""
-    text = f"{in_brackets(condition, UNARY)} ? {in_brackets(first, PRODUCT)} : {in_brackets(second, PRODUCT)}"
-    return Text(text, CHOICE, condition.reads | first.reads | second.reads)
+    text, sides = real.choice(condition, first, second), (condition, first, second)
+    return Text(text, CHOICE, condition.reads | first.reads | second.reads, sides)
 
 
-def either(condition: Text, first: Text, second: Text) -> Text:
+def either(condition: Text, first: Text, second: Text, real: Real) -> Text:
     """Return one of two truth values, depending on a condition."""
     if FALSE in (first, second) or TRUE in (first, second):
         if second.text in _TRUTHS:
@@ -81,7 +65,7 @@ def either(condition: Text, first: Text, second: Text) -> Text:
         if first == TRUE:
             return joined(condition, "||", second, EITHER, (UNARY, UNARY))
         return joined(negation(condition), "&&", second, BOTH, (UNARY, UNARY))
-    return choice(condition, first, second)
+    return choice(condition, first, second, real)
 
 
 def negation(condition: Text) -> Text:
@@ -89,11 +73,6 @@ def negation(condition: Text) -> Text:
     if condition.rank == UNARY and condition.text.startswith("!"):
         return Text(condition.text[1:], PRIMARY, condition.reads)
     return Text(f"!{in_brackets(condition, PRIMARY)}", UNARY, condition.reads)
-
-
-def called_function(operation: str, real: Real) -> str:
-    """Return the function of the C library for an operation."""
-    return LIBM[operation] + real.suffix
 
 
 def expression(operation: str, given: Sequence[Text], real: Real, *, number_first: bool) -> Text:
@@ -109,7 +88,8 @@ def expression(operation: str, given: Sequence[Text], real: Real, *, number_firs
         return joined(given[0], COMPARE[operation], given[1], COMPARISON, (PRODUCT, PRODUCT))
     reads = frozenset[int]().union(*(text.reads for text in given))
     if operation in LIBM:
-        return Text(f"{called_function(operation, real)}({', '.join(text.text for text in given)})", PRIMARY, reads)
+        arguments = ", ".join(text.text for text in given)
+        return Text(f"{real.called(operation)}({arguments})", PRIMARY, reads)
     return _formula(operation, given, real)
 
 
@@ -126,10 +106,11 @@ def _formula(operation: str, given: Sequence[Text], real: Real) -> Text:
         return joined(first, operator, second, COMPARISON, (PRODUCT, PRODUCT))
 
     if operation == "SIGN":
-        positive = choice(less(given[0], zero, ">"), one, given[0])
-        return choice(less(given[0], zero, "<"), minus_one, positive)
+        positive = choice(less(given[0], zero, ">"), one, given[0], real)
+        return choice(less(given[0], zero, "<"), minus_one, positive, real)
     # the first of equal arguments, like fmin; a NaN in the first argument stays, unlike fmin
-    return choice(less(given[1], given[0], "<" if operation == "FMIN" else ">"), given[1], given[0])
+    other = less(given[1], given[0], "<" if operation == "FMIN" else ">")
+    return choice(other, given[1], given[0], real)
 
 
 RESULT, SIDE, IF = -1, -2, -3  # users of a value that are not nodes
@@ -215,37 +196,6 @@ def count_users(nodes: Sequence[Node], block: Block, users: dict[int, list[tuple
                 add(argument, item, place, REPEATS.get(nodes[item].operation, 1) * times(argument, item))
 
 
-_LINE = 100  # longest line of a statement
-_BREAKS = re.compile(r" (\+|-|\*|/|&&|\|\||\?|:) ")
-_ORDER = ("?", ":", "||", "&&", "+", "-", "*", "/")  # of operators at which a line is divided
-
-
-def statement(text: str) -> list[str]:
-    """Return a statement in lines, divided at its outermost operators if it is long."""
-    if len(text) <= _LINE:
-        return [text]
-    start = text.find(" = ") + 3
-    found = [
-        (_depth(text, start, match.start()), _ORDER.index(match[1]) // 2, -match.start())
-        for match in _BREAKS.finditer(text, start + 12, _LINE)
-    ]
-    if not found:
-        return [text]
-    place = -min(found)[2]
-    return [text[:place], *(f"    {line}" for line in statement(text[place + 1 :]))]
-
-
-def is_if(lines: Sequence[str]) -> bool:
-    """Return whether lines are a single ``if`` with its sides."""
-    outer = [line for line in lines if not line.startswith(" ")]
-    return bool(outer) and outer[0].startswith("if (") and all(line.startswith("}") for line in outer[1:])
-
-
-def _depth(text: str, start: int, end: int) -> int:
-    """Return the number of open brackets at a place."""
-    return text.count("(", start, end) - text.count(")", start, end)
-
-
 class Values:
     """The expressions of all values at one place in the code."""
 
@@ -275,7 +225,7 @@ class Values:
                 place = int(node.value)
                 self._texts[number] = Text(rolled.reads[place], PRIMARY, frozenset([place]))
             elif node.operation == "INDEX":
-                index = Text(f"({real.name}){INDEX}", UNARY, frozenset())
+                index = Text(real.converted.format(real.name, INDEX), UNARY)
                 first = literal(node.value, real)
                 self._texts[number] = joined(index, "+", first, SUM, (SUM, PRODUCT)) if node.value else index
             elif node.brief:
@@ -294,7 +244,7 @@ class Values:
         sides = value(number, 1), value(number, 2)
         if opposite >= 0:
             condition, sides = opposite, sides[::-1]
-        return (either if self._is_condition(number) else choice)(self._truth(condition), *sides)
+        return (either if self._is_condition(number) else choice)(self._truth(condition), *sides, self._real)
 
     def _opposite(self, condition: int) -> int:
         """Return the node that a condition negates, or -1 if it is not a negation or has a name."""
@@ -320,7 +270,7 @@ class Values:
         text = self._texts[node]
         if not self._is_condition(node):
             return text
-        return choice(text, self._one, self._zero)
+        return choice(text, self._one, self._zero, self._real)
 
     def _truth(self, node: int) -> Text:
         """Return the node as a truth value."""
@@ -367,13 +317,13 @@ class Values:
         if operation in DECIDES:
             return self._choice(number)
         if operation in LIBM:
-            self.functions.add(called_function(operation, self._real))
+            self.functions.add(self._real.called(operation))
         mirrored = operation in COMPARE and self._is_limit(*arguments)
         numbers = [self._number(argument) for argument in arguments]
         return expression(operation, numbers, self._real, number_first=mirrored)
 
     def _kind(self, number: int) -> str:
-        return "bool" if self._is_condition(number) else self._real.name
+        return self._real.flag if self._is_condition(number) else self._real.name
 
     def _element(self, number: int) -> str:
         return self._reads[int(self._nodes[number].value)]
@@ -386,8 +336,8 @@ class Values:
         """Return the assignments of a node, or of a select on one side."""
         lines = []
         for place in places:
-            text = self._assigned(number, side, self._holds_truth(place, number)).text
-            lines += statement(f"{place} = {text};") if text != place else []
+            value = self._assigned(number, side, self._holds_truth(place, number))
+            lines += self._real.assignment(place, value) if value.text != place else []
         return lines
 
     def _holds_truth(self, place: str, number: int) -> bool:
@@ -453,10 +403,10 @@ class Writer(Values):
             return []
         if self._last_moment[number] == {self._reads[int(node.value)]}:
             return []  # it is its own next value
-        value = self._texts[number].text
+        value = self._texts[number]
         name = self._names.copy(self._reads[int(node.value)])
-        self._texts[number] = Text(name, PRIMARY, frozenset())
-        return [f"const {self._kind(number)} {name} = {value};"]
+        self._texts[number] = plain(name)
+        return self._real.declared(f"const {self._kind(number)}", name, value)
 
     def _block(self, block: Block, targets: Mapping[int, Sequence[str]], stores: Sequence[Store] = ()) -> list[str]:
         """Return statements, then assignments to the targets of nodes."""
@@ -528,22 +478,23 @@ class Writer(Values):
         for number, name in names.items():
             array = number in self._arrays or (self._nodes[number].lanes and not self._in_loop)
             if number not in self._arrays and number not in self._elements:
-                size = f"[{self._nodes[number].lanes}]" if array else ""
-                self._lines.append(f"{self._kind(number)} {name}{size};")
+                size = self._nodes[number].lanes if array else 0
+                self._lines += self._real.declared(self._kind(number), name, size=size)
             if array:
                 names[number] = self._elements.get(number, f"{name}[{INDEX}]")
         self._lines += self._decision(item, {**final, **{number: [name] for number, name in names.items()}})
-        self._texts.update((number, Text(name, PRIMARY, frozenset())) for number, name in names.items())
+        self._texts.update((number, plain(name)) for number, name in names.items())
 
     def _loop(self, lanes: int, items: Sequence[int | Decision], stores: Sequence[Store]) -> None:
         """Write a loop with the operations on an element, the sums, and the assignments to elements."""
         sums = [item for item in items if isinstance(item, int) and self._nodes[item].operation == "SUM"]
         arrays = self._outside(items, stores)
         declared = [number for number in arrays if number not in self._elements]
-        self._lines += [f"{self._kind(number)} {self._names.of(number)}[{lanes}];" for number in declared]
+        for number in declared:
+            self._lines += self._real.declared(self._kind(number), self._names.of(number), size=lanes)
         for number in sums:
             self._lines += self._remark(number)
-            self._lines.append(f"{self._real.name} {self._names.of(number)} = {self._start(number).text};")
+            self._lines += self._real.declared(self._real.name, self._names.of(number), self._start(number))
         self._arrays.update(arrays)
         outer, self._lines, self._in_loop = self._lines, [], True
         for item in items:
@@ -552,16 +503,15 @@ class Writer(Values):
             elif item not in sums:
                 self._operation(item)
         for number in sums:
-            term = self._number(self._nodes[number].arguments[0]).text
-            self._lines += statement(f"{self._names.of(number)} += {term};")
+            term = self._number(self._nodes[number].arguments[0])
+            self._lines += self._real.assignment(self._names.of(number), term, "+=")
         self._lines += self._stored(stores)
         body, self._lines, self._in_loop = self._lines, outer, False
         if not body:
             return
         self._lines += ["UNROLLED"] if self._unrolls else []
-        self._lines.append(f"for (int32_t {INDEX} = 0; {INDEX} < {lanes}; {INDEX}++) {{")
-        self._lines += [*(f"    {line}" for line in body), "}"]
-        self._texts.update((number, Text(self._names.of(number), PRIMARY, frozenset())) for number in sums)
+        self._lines += self._real.loop(INDEX, lanes, body)
+        self._texts.update((number, plain(self._names.of(number))) for number in sums)
 
     def _start(self, number: int) -> Text:
         """Return the value before the first term of a sum; -0.0 keeps the sign of the sum of -0.0."""
@@ -594,9 +544,10 @@ class Writer(Values):
                 value = self._assigned(store.node, store.side, is_truth)
                 if any(self._reads[i] in written for i in value.reads):
                     name = self._names.copy(self._reads[min(value.reads)])
-                    copies += statement(f"const {'bool' if is_truth else self._real.name} {name} = {value.text};")
-                    value = Text(name, PRIMARY, frozenset())
-                lines += statement(f"{place} = {value.text};") if value.text != place else []
+                    kind = self._real.flag if is_truth else self._real.name
+                    copies += self._real.declared(f"const {kind}", name, value)
+                    value = plain(name)
+                lines += self._real.assignment(place, value) if value.text != place else []
             written |= {*store.places}
         return [*copies, *lines]
 
@@ -645,18 +596,18 @@ class Writer(Values):
         self._lines += self._remark(number)
         if number in self._arrays:
             name = self._elements.get(number, f"{name}[{INDEX}]")
-            self._lines += statement(f"{name} = {self._texts[number].text};")
+            self._lines += self._real.assignment(name, self._texts[number])
         else:
-            self._lines += statement(f"const {self._kind(number)} {name} = {self._texts[number].text};")
-        self._texts[number] = Text(name, PRIMARY, frozenset())
+            self._lines += self._real.declared(f"const {self._kind(number)}", name, self._texts[number])
+        self._texts[number] = plain(name)
         self._open.discard(number)
 
     def _decision(self, decision: Decision, targets: Mapping[int, Sequence[str]]) -> list[str]:
         """Return both sides, each with the operations that only it needs."""
         opposite = self._opposite(decision.condition)
         condition, order = (decision.condition, (1, 2)) if opposite < 0 else (opposite, (2, 1))
-        lines = [f"if ({self._truth(condition).text}) {{"]
-        outer = self._decided
+        written: list[list[str]] = []
+        tested, outer = self._truth(condition), self._decided
         for side in order:
             self._decided = {**outer, decision.condition: side}
             inner = decision.sides[side - 1]
@@ -674,14 +625,9 @@ class Writer(Values):
                     statements += self._remark(argument)
                 if number not in assigned:
                     statements += self._assignments(names, number, side)
-            if side == order[1] and is_if(statements):
-                lines += [f"}} else {statements[0]}", *statements[1:]]
-            else:
-                lines += ["} else {"] if side == order[1] else []
-                lines += [f"    {line}" for line in statements or ["/* nothing changes */"]]
-                lines += ["}"] if side == order[1] else []
+            written.append(statements)
         self._decided = outer
-        return lines
+        return self._real.decision(tested, *written)
 
     def _assigned_inside(self, block: Block, side: int, targets: Mapping[int, Sequence[str]]) -> list[int]:
         """Return the selects whose value on one side is a select of the last decision there, and is used only once."""
@@ -697,7 +643,7 @@ class Writer(Values):
 
     def _remark(self, number: int) -> list[str]:
         """Return the comment of a node, once."""
-        return comment_lines(self._remarks.pop(number, ()))
+        return self._real.comment_lines(self._remarks.pop(number, ()))
 
 
 @dataclass(frozen=True)
@@ -768,7 +714,7 @@ def kernel(
             kept.setdefault(places[name], []).append(number)
     zeros = Zeros(rolled.nodes, kept, unsigned, never_negative)
     first = {number: targets[0] for number, targets in rolled.targets.items()}
-    names = Names(rolled.nodes, named, rolled.reads, first, [INDEX, *taken], describes=describes)
+    names = Names(rolled.nodes, named, rolled.reads, first, [INDEX, *taken], no_case=real.no_case, describes=describes)
     vectors = {place.rpartition("[")[0] for place in flags} - {""}
     written = {place for targets in rolled.targets.values() for place in targets}
     of_vectors = {place for place in written if place.rpartition("[")[0] in vectors}

@@ -1,65 +1,13 @@
 """Names of the constants and variables in generated C."""
 
-import math
 import re
-import textwrap
-from collections.abc import Collection, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from typing import NamedTuple
 
 from friction_fmus.errors import FrictionError
 from friction_fmus.lawkit.declarations import check_identifier
 from friction_fmus.lawkit.emit.chains import INDEX
 from friction_fmus.lawkit.emit.operations import COMPARE, LIBM, Node
-
-
-@dataclass(frozen=True)
-class Real:
-    """A floating-point type of C."""
-
-    name: str  # C keyword
-    suffix: str  # suffix of literals and of the functions in <math.h>
-    infinity: str  # expression for infinity
-    largest: float  # largest finite number
-    smallest: float
-    """Smallest magnitude of a constant other than zero: a guard against division by zero must not become zero."""
-    bound: float = 0.0
-    """Largest magnitude of an input, so that its square does not overflow; 0 if each finite number is accepted."""
-
-    def literal(self, value: float) -> str:
-        """Return the shortest literal that reads back as this number."""
-        if math.isnan(value):
-            return "NAN"
-        if math.isinf(value):
-            return f"-{self.infinity}" if value < 0.0 else self.infinity
-        if abs(value) > self.largest:
-            raise FrictionError(f"The constant {value!r} is too large for the C type {self.name}")
-        if 0.0 < abs(value) < self.smallest:
-            value = math.copysign(self.smallest, value)
-        return repr(float(value)) + self.suffix
-
-
-DOUBLE = Real("double", "", "HUGE_VAL", math.inf, 0.0)
-FLOAT = Real("float", "f", "HUGE_VALF", 3.4028234e38, 1.1754944e-38, 1e9)
-
-_WIDTH = 96
-
-
-def comment_text(text: str) -> str:
-    """Return a text that neither ends a comment nor begins one, and contains no trigraph."""
-    return text.replace("*/", "* /").replace("/*", "/ *").replace("//", "/ /").replace("??", "? ?")
-
-
-def comment(text: str) -> str:
-    """Return a C comment; further lines are indented."""
-    return f"/* {textwrap.indent(comment_text(text), '   ').lstrip()} */"
-
-
-def comment_lines(texts: Iterable[str]) -> list[str]:
-    """Return one C comment for each text, divided into lines."""
-    comments = [f"/* {comment_text(text)} */" for text in texts]
-    return [line for text in comments for line in textwrap.wrap(text, _WIDTH, subsequent_indent="   ")]
-
 
 _LIBRARY = {"abort", "atoi", "calloc", "exit", "free", "malloc", "printf", "puts", "rand", "realloc", "system"}
 """Functions of the C library with names that a law may use for its variables."""
@@ -116,10 +64,12 @@ class Names:
         results: Mapping[int, str],
         taken: Iterable[str],
         *,
+        no_case: bool,
         describes: bool,
     ) -> None:
         self._nodes = nodes
-        self._taken = {*taken}
+        self._key: Callable[[str], str] = str.upper if no_case else str
+        self._taken = {*map(self._key, taken)}
         self._describes = describes
         self._reads = reads
         self._results = results
@@ -153,7 +103,7 @@ class Names:
             name = place_name(place)
             if place in self._reads:
                 name += "_next"
-            return self._unique(f"{name}_out" if name in self._taken else name, numbered=False)
+            return self._unique(f"{name}_out" if self._key(name) in self._taken else name, numbered=False)
         node = self._nodes[number]
         text = self._from_operands(node, depth=0)
         if text and len(text) <= _LONGEST and _valid(text) == text:
@@ -185,11 +135,11 @@ class Names:
 
     def _unique(self, base: str, *, numbered: bool, first: int = 0) -> str:
         number, name = first, base
-        joint = "" if base == "t" else "_"
-        while name in self._taken or numbered:
+        joint = "" if base == "t" or base.endswith("_") else "_"
+        while self._key(name) in self._taken or numbered:
             name, numbered = f"{base}{joint}{number}", False
             number += 1
-        self._taken.add(name)
+        self._taken.add(self._key(name))
         return name
 
 

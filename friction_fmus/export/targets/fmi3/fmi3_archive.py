@@ -12,8 +12,6 @@ from typing import Final
 from lxml import etree
 
 from friction_fmus.export.targets import SourceFmu
-from friction_fmus.fmi.html_page import flags_table
-from friction_fmus.fmi.model_description import CAPABILITIES
 from harness.compiling import toolchain
 from harness.compiling.platforms import Platform, linked
 from harness.compiling.toolchain import guid_of, included, source_folder
@@ -293,28 +291,6 @@ def _unknowns(
 
 PAGE: Final = "documentation/index.html"
 
-_MEANINGS: Final[Mapping[str, str]] = {
-    **{new: CAPABILITIES[old][1] for old, new in _SIMULATION.items()},
-    "providesAdjointDerivatives": "Adjoint derivatives are available.",
-    "providesIntermediateUpdate": "The importer can be called at the end of each internal step.",
-    "canReturnEarlyAfterIntermediateUpdate": "The importer can end the communication step there.",
-    "hasEventMode": "The importer can activate the clock of the samples in event mode.",
-    "mightReturnEarlyFromDoStep": "In event mode, a communication step ends at the next sample.",
-    "needsCompletedIntegratorStep": "The importer has to call fmi3CompletedIntegratorStep.",
-}
-
-
-def page_3(page: str, description: bytes) -> str:
-    """Return the page of a block in FMI 2.0 with the version and the capability flags of FMI 3.0."""
-    root = etree.fromstring(description)
-    stated = [
-        each for kind in ("CoSimulation", "ModelExchange") for found in root.iterfind(kind) for each in found.items()
-    ]
-    flags = {str(name): (str(value), _MEANINGS[str(name)]) for name, value in stated if name in _MEANINGS}
-    page = page.replace("<p>FMI 2.0 for co-simulation", "<p>FMI 3.0 for co-simulation")
-    return page.replace(flags_table(CAPABILITIES), flags_table(flags))
-
-
 _FMI_2_HEADERS: Final = ("fmi2Functions.h", "fmi2FunctionTypes.h", "fmi2TypesPlatform.h")
 
 _TUPLES: Final[Mapping[str, tuple[str, tuple[str | None, ...] | None]]] = {
@@ -401,7 +377,7 @@ def _assemble(fmu: SourceFmu, shell: Mapping[str, str], clocks: bool, arrays: bo
     }
     made["modelDescription.xml"] = description_3(old, variables, traits)
     if PAGE in made:
-        made[PAGE] = page_3(made[PAGE].decode(), made["modelDescription.xml"]).encode()
+        made[PAGE] = made[PAGE].replace(b"<p>FMI 2.0 for co-simulation", b"<p>FMI 3.0 for co-simulation")
     compiled = (main, *(unit for unit in units if unit != f"{identifier}.c"))
     made |= {f"sources/{name}": text.encode() for name, text in files.items()}
     made["sources/buildDescription.xml"] = _build_description(identifier, compiled)
