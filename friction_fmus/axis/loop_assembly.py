@@ -273,7 +273,8 @@ class LoopAssembly(AxisAssembly):
         part = self.add(name, law.model, {**self.limits, "Ts": self.servo.Ts, **law.values})
         known = {"x": self.position, "v": self.velocity, **{port: f"reference.{port}" for port in ("r", "rd", "rdd")}}
         taken = {port.name for port in part.inputs}
-        if "Fn" in taken and self.plant.loaded and self.trajectory.motion:
+        # a friction without Fn0, such as that of the drive, was not identified under load: it is constant
+        if "Fn" in taken and "Fn0" in law.values and self.plant.loaded and self.trajectory.motion:
             known["Fn"] = "load.Fn"
         elif "Fn" in taken:
             self.start[f"{name}.Fn"] = law.values.get("Fn0", 1.0)
@@ -337,6 +338,7 @@ def start_of(plant: AxisPlant, parts: Mapping[str, Part], x0: float) -> dict[str
         spring = plant.offset if abs(plant.offset) > 0.5 * held else 0.0  # holds a weight that friction does not
         found["axis.x2_0"] = x0 - spring / own["k"]
         parted = {FRICTION: 1.0 - load.friction, OF_LOAD: load.friction}
+    found |= {"transmission.base": plant.values["Fn0"]} if "transmission" in parts else {}
     values, forces = typed(friction, plant.values), forces_of(friction)
     for part, share in parted.items():
         found |= {f"{part}.{name}": share * value if name in forces else value for name, value in values.items()}

@@ -19,7 +19,7 @@ from friction_fmus.errors import BuildError
 from friction_fmus.export.axis_fit import AxisFit, rms
 from friction_fmus.export.axis_loop import Array
 from friction_fmus.export.block_fmu import fmu
-from friction_fmus.export.targets import write_fmu
+from friction_fmus.export.targets import write_file
 from friction_fmus.listings import shown
 from harness import ExperimentError
 
@@ -117,9 +117,7 @@ def _rest(run: Simulator, axis: IdentifiedAxis, largest: float, step: float) -> 
     return level, float((x[-1] - x[half]) / (t[-1] - t[half]))
 
 
-def describe(
-    axis: IdentifiedAxis, kept: Collection[str], joint: Simulator | None, where: str, step: float
-) -> list[str]:
+def about(axis: IdentifiedAxis, kept: Collection[str], joint: Simulator | None, where: str, step: float) -> list[str]:
     """Return the lines that a file states: what the axis has beside, and how both compare."""
     u, left = axis.words, lost(axis, kept)
     lines = [f"{axis.name}: a joint with the friction of {axis.label}, simulated only, not tried on a machine."]
@@ -155,7 +153,7 @@ def write_form(
     known |= {"mass": 1.0 if axis.rotary else axis.mass, "kind": kind, "u": axis.words, "step": step, **law.values}
     text = Path(__file__).with_name("forms").joinpath(form or path.name).read_text(encoding="utf-8").format(**known)
     joint = simulate(text) if simulate else simulator(law, axis.rotary)
-    lines = describe(axis, kept, joint, "MuJoCo 4" if simulate else "an exact solver", step)
+    lines = about(axis, kept, joint, "MuJoCo 4" if simulate else "an exact solver", step)
     lines = [re.sub("-(?=-)", "- ", "".join(filter(str.isprintable, line))) for line in lines]  # a comment has no --
-    write_fmu("\n".join(["<!--", *lines, "-->", text]).encode(), path)
+    write_file("\n".join(["<!--", *lines, "-->", text]).encode(), path)
     return [path]

@@ -11,7 +11,7 @@ from scipy.optimize import lsq_linear
 
 from friction_fmus.blocks.axis_units import domain_of
 from friction_fmus.errors import BuildError
-from friction_fmus.export.axis_loop import Array, Motion
+from friction_fmus.export.axis_loop import Array, ReferenceMotion
 from friction_fmus.export.block_fmu import fmu
 from friction_fmus.export.identified_axis import IdentifiedAxis
 from harness import Experiment, FmuPart, SeriesPart, System
@@ -34,7 +34,7 @@ class AxisFit:
     axis: IdentifiedAxis
 
     @cached_property
-    def motion(self) -> Motion:
+    def motion(self) -> ReferenceMotion:
         """The reference of the study; without one, ramps of the velocity up to the largest speed of the record."""
         loop, speed = self.axis.loop, self.axis.speed
         if loop is not None and np.any(loop.motion.rd):
@@ -43,7 +43,7 @@ class AxisFit:
             raise BuildError(f"{self.axis.name} does not move, or has no position: export an axis in motion.")
         t = self.sample_time * np.arange(float(SAMPLES))
         rd = speed * (1.0 - np.abs((t / RAMP + 1.0) % 4.0 - 2.0))
-        return Motion(np.cumsum(rd) * self.sample_time, rd, np.gradient(rd, self.sample_time))
+        return ReferenceMotion(np.cumsum(rd) * self.sample_time, rd, np.gradient(rd, self.sample_time))
 
     @property
     def sample_time(self) -> float:
@@ -118,7 +118,7 @@ class AxisFit:
         return better if self.tracking(columns @ better + known) < rms(error) else p
 
 
-def signs(motion: Motion) -> Array:
+def signs(motion: ReferenceMotion) -> Array:
     """Return the direction of a reference at each sample, shape (n,): 1, -1, or 0 while it stands."""
     found: Array = np.sign(motion.rd) * (np.abs(motion.rd) > STANDS * np.max(np.abs(motion.rd), initial=0.0))
     return found

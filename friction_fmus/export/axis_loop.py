@@ -16,14 +16,14 @@ from harness.system.wire import parse_wire, split_name
 
 Array: TypeAlias = NDArray[np.float64]
 
-COMPENSATING: Final = ("compensator", "feedforward", "table", "force", "unexplained")
+COMPENSATING: Final = ("compensator", "feedforward", "load", "table", "force", "unexplained")
 """Parts of the archive of a study that are beside servo and machine."""
 
 AT_REST: Final = ("axis.v0", "axis.v1_0", "axis.v2_0", "velocity.v0")
 """Start values of an axis that begins at rest on its reference."""
 
 
-class Motion(NamedTuple):
+class ReferenceMotion(NamedTuple):
     """Reference and its derivatives at the samples of the servo, each of shape (n,) [m, m/s, m/s2]."""
 
     r: Array
@@ -60,14 +60,14 @@ class AxisLoop:
         return self._experiment.step * self._experiment.decimate
 
     @cached_property
-    def motion(self) -> Motion:
+    def motion(self) -> ReferenceMotion:
         """The reference of the study."""
-        names = tuple(f"reference.{name}" for name in Motion._fields)
+        names = tuple(f"reference.{name}" for name in ReferenceMotion._fields)
         source = System([self.whole.parts["reference"]], experiment=replace(self._experiment, record=names))
         found = Session(source, replace(self._experiment, record=names)).run({})
-        return Motion(*(found.column(name)[:-1] for name in names))
+        return ReferenceMotion(*(found.column(name)[:-1] for name in names))
 
-    def error(self, force: Array, motion: Motion | None = None) -> Array:
+    def error(self, force: Array, motion: ReferenceMotion | None = None) -> Array:
         """Return the tracking error over the samples, shape (n,) [m], with a force at the output of the servo.
 
         The servo has the gains of the record, and velocity and acceleration feedforward if the study has them. `force`,

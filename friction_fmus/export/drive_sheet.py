@@ -80,6 +80,8 @@ def lost(axis: IdentifiedAxis, kept: Collection[str] = ()) -> Iterator[str]:
         if contact.stiffness:
             distance = shown(level.Fs / contact.stiffness, u.m)
             yield f"The force jumps at a reversal; that of the axis builds up over {distance} (presliding)."
+    if beside := ", ".join(name for name in axis.terms if not name.startswith("G_")):
+        yield f"What the identification found beside the friction model is not compensated: {beside}."
     if axis.position is not None and "position" not in kept:
         yield f"The {u.force} over position is not compensated."
 

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import tomli_w
 
-from friction_fmus.axis.position_map import PositionMap
+from friction_fmus.axis.position_map import PositionMap, gravity_map
 from friction_fmus.errors import IdentificationError
 from friction_fmus.export.identified_axis import IdentifiedAxis
 from friction_fmus.identification.data.reading import Measurement
@@ -220,12 +220,14 @@ def identified_axis(
     table: PositionMap | None,
 ) -> IdentifiedAxis:
     """Return an axis; among the values, Fv may be that of a viscous friction beside the block."""
-    units, speed = records[0].units, max(map(largest_speed, records))
+    units, speed = records[0].units, largest_speed(max(records, key=len))
     known = contact_model(block, units).parameters
     own = {name: value for name, value in values.items() if name in known}
     beside = 0.0 if "Fv" in known else values.get("Fv", 0.0)
     name, rotary = records[0].name, units.rotary
     terms = {name: value for name, value in values.items() if name in VALUES - known.keys()}
+    if table is None and "G_sin" in terms:
+        table = gravity_map(terms["G_sin"], terms["G_cos"])
     return IdentifiedAxis(name, citation, rotary, label, block, own, beside, mass, offset, table, speed, terms=terms)
 
 

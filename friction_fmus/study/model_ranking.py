@@ -454,6 +454,7 @@ def refine(
             values = dict(zip(names, given, strict=True))
             own = {name: values.get(name, value) for name, value in found.values.items()}
             own |= {name: own[other] for name, other in tied.items()}
+            own |= {"Fn0": contact.level(own)} if found.plant.loaded else {}
             plant = replace(found.plant, values=own, mass=values["M"], offset=values.get("OF", found.offset))
             start = start_of(plant, system.parts, trajectory.x0)
             return run_loop(system.with_start({**start, **constant_force(plant, -plant.offset)})).q
@@ -485,6 +486,7 @@ def refine(
 
     now = {name: values.get(name, value) for name, value in found.values.items()}
     now |= {name: now[other] for name, other in tied.items()}
+    now |= {"Fn0": contact.level(now)} if found.plant.loaded else {}
     below = now.get("Fs", np.inf) < BELOW * now.get("Fc", 0.0)
     refined = IdentifiedModel(
         replace(

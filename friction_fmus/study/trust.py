@@ -19,7 +19,7 @@ from friction_fmus.identification.fit.idim import filtered_motion
 from friction_fmus.identification.fit.rests import position_noise
 from friction_fmus.identification.fit.scores import rms
 from friction_fmus.identification.force_findings import FORBIDDING, contradictions
-from friction_fmus.identification.plant_band import PlantBand, plant_band
+from friction_fmus.identification.plant_band import SLOW, PlantBand, plant_band
 from friction_fmus.identification.plant_candidates import SATURATED
 from friction_fmus.listings import shown
 from friction_fmus.study.evaluation import AxisBench
@@ -40,12 +40,15 @@ def band_of(records: Sequence[Record], found: IdentifiedModel) -> PlantBand | No
         return None
     friction, alone, table = [], [], found.plant.position
     for record in records:
-        v = filtered_motion(record).v
-        friction.append(
-            driven_friction(found, record.units, record.Ts * np.arange(float(len(v))), v, load_along(found, record))
-        )
+        v, load = filtered_motion(record).v, load_along(found, record)
+        F = driven_friction(found, record.units, record.Ts * np.arange(float(len(v))), v, load)
         over_position = 0.0 if table is None else table.force(record.column("q"), v)
-        alone.append(replace(record, force=record.column("force") + over_position))
+        net = record.column("force") + over_position
+        if found.plant.loaded:  # while the axis may stick, friction is the force, within its limits under load
+            stuck = np.abs(v) <= SLOW * np.max(np.abs(v))
+            F = np.where(stuck, np.clip(net - found.offset, -load["Fn"], load["Fn"]), F)
+        friction.append(F)
+        alone.append(replace(record, force=net))
     return plant_band(alone, found.mass, friction)
 
 

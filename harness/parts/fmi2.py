@@ -157,7 +157,8 @@ class Instance:
     def _instantiate(self, library: Library, _: Archive) -> None:
         """Make the instance, with logging on."""
         callbacks = fmpy.fmi2.fmi2CallbackFunctions()
-        callbacks.logger = fmpy.fmi2.fmi2CallbackLoggerTYPE(self._logged)
+        callbacks.logger, callbacks.componentEnvironment = _LOGGER, id(self)
+        _INSTANCES[id(self)] = self
         callbacks.allocateMemory = fmpy.fmi2.fmi2CallbackAllocateMemoryTYPE(fmpy.calloc)
         callbacks.freeMemory = fmpy.fmi2.fmi2CallbackFreeMemoryTYPE(fmpy.free)
         _format_messages(callbacks)
@@ -277,6 +278,19 @@ class Instance:
         self.last_message = text
         known = status if 0 <= status < len(_LEVEL) else 3
         self._log.log(_LEVEL[known], "%s [%s]", text, (category or b"").decode("utf-8", "replace"))
+
+
+_INSTANCES: Final[weakref.WeakValueDictionary[int, Instance]] = weakref.WeakValueDictionary()
+
+
+def _log_of_instance(environment: int | None, *message: Any) -> None:
+    """Pass a message to the instance that logs it."""
+    if (instance := _INSTANCES.get(environment or 0)) is not None:
+        instance._logged(environment, *message)
+
+
+_LOGGER: Final = fmpy.fmi2.fmi2CallbackLoggerTYPE(_log_of_instance)
+"""Logger of all instances: fmpy's formatter calls the one that it was given last, also of an instance that is gone."""
 
 
 def _format_messages(callbacks: Any) -> None:

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import json
 import sys
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from friction_fmus.axis.position_map import gravity_map
 from friction_fmus.axis.servo_loop import accurate, closed_loop
 from friction_fmus.export.axis_loop import AxisLoop
 from friction_fmus.export.identified_axis import IdentifiedAxis
@@ -34,9 +36,17 @@ def rms(values: np.ndarray) -> float:
     return float(np.sqrt(np.mean(np.square(values))))
 
 
-def study_folder(folder: Path, rotary: bool = False) -> tuple[Path, AxisBench]:
+def arm_of(folder: Path) -> AxisBench:
+    """The small rotary axis as an arm with gravity, which the study feeds forward with its constant torque."""
+    bench, terms = rotary_bench_of(folder), {"G_sin": 0.3, "G_cos": 0.1}
+    plant = replace(bench.plant, offset=0.02, position=gravity_map(**terms), terms=terms)
+    return replace(bench, plant=plant)
+
+
+def study_folder(folder: Path, rotary: bool = False, arm: bool = False) -> tuple[Path, AxisBench]:
     """What `export` reads of the folder of a study, with the law of the small axis as the recommendation."""
-    bench = (rotary_bench_of if rotary else bench_of)(folder)
+    bench = arm_of(folder) if arm else (rotary_bench_of if rotary else bench_of)(folder)
+    rotary = rotary or arm
     law = None if rotary else LAW
     (folder / "recommended").mkdir()
     with closed_loop(bench.servo, bench.plant, bench.trajectory, law) as system:
@@ -64,6 +74,7 @@ def study_folder(folder: Path, rotary: bool = False) -> tuple[Path, AxisBench]:
         0.1,
         bench.servo.force_limit,
         loop,
+        plant.terms,
     )
     (folder / "study.json").write_text(json.dumps({"axes": [plain(axis)]}), encoding="utf-8")
     return folder, bench

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from drive_axis import LAW, rms, study_folder
@@ -67,3 +69,16 @@ def test_the_fit_has_the_least_error_of_its_form(small: tuple[IdentifiedAxis, Ax
         for factor in (0.97, 1.03):
             other = np.where(np.arange(2) == i, factor * p, p)
             assert fit.tracking(fit.coulomb @ other + known) > 0.99 * best
+
+
+def test_gravity_of_an_arm_is_part_of_the_force(tmp_path: Path) -> None:
+    """The study feeds it forward; here, it is that of the table over position."""
+    folder, bench = study_folder(tmp_path, arm=True)
+    axis = read_axis(folder)
+    assert axis.loop is not None
+    fit = AxisFit(axis)
+    q = fit.motion.r
+    assert fit.along == pytest.approx(-0.3 * np.sin(q) - 0.1 * np.cos(q), abs=1e-6)
+    found = axis.loop.error(axis.offset - fit.along)
+    assert rms(found) == pytest.approx(axis.loop.fed, rel=1e-3)
+    assert rms(axis.loop.error(np.full(len(bench.r), axis.offset))) > 2.0 * rms(found)

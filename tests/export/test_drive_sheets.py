@@ -16,7 +16,7 @@ from friction_fmus.axis.position_map import Grid, PositionMap
 from friction_fmus.cli.main import main
 from friction_fmus.errors import BuildError
 from friction_fmus.export.axis_fit import AxisFit
-from friction_fmus.export.axis_loop import Motion
+from friction_fmus.export.axis_loop import ReferenceMotion
 from friction_fmus.export.identified_axis import IdentifiedAxis, read_axis
 from friction_fmus.export.targets import generic, minas, omron_1s, sinumerik, targets, tf5200, universal_robots
 from harness.errors import UnitError
@@ -109,9 +109,9 @@ class Moved(AxisFit):
     """A fit with a given motion."""
 
     @property
-    def motion(self) -> Motion:  # type: ignore[override]
+    def motion(self) -> ReferenceMotion:  # type: ignore[override]
         rd = np.array([0, 0, 1, 1, 1, 1, -1, -1, -1, 0, 1, 1], dtype=float)
-        return Motion(np.cumsum(rd) - rd, rd, np.zeros(12))
+        return ReferenceMotion(np.cumsum(rd) - rd, rd, np.zeros(12))
 
 
 def test_the_current_builds_up_decays_and_is_late() -> None:
@@ -177,7 +177,7 @@ def test_all_sheets_of_a_study(study: tuple[Path, bool], tmp_path: Path) -> None
 
 def test_the_circle_begins_at_rest_and_stays_in_the_range_of_the_record() -> None:
     r = np.linspace(5.0, 1.0, 100)
-    path = sinumerik.circle(Motion(r, r, r), 1e-3, 1.0, 2.0 * np.pi)
+    path = sinumerik.circle(ReferenceMotion(r, r, r), 1e-3, 1.0, 2.0 * np.pi)
     assert len(path.r) == 2000
     assert (path.r[0], path.rd[0]) == (5.0, 0.0)
     assert (np.min(path.r), np.max(path.r)) == (pytest.approx(3.0), 5.0)

@@ -11,10 +11,12 @@ from drive_axis import rigid
 
 from friction_fmus.axis.position_map import Grid, PositionMap
 from friction_fmus.errors import BuildError
-from friction_fmus.export.identified_axis import read_axis
-from friction_fmus.identification import Record, identify
-from friction_fmus.identification.result_files import axis_of
+from friction_fmus.export.identified_axis import IdentifiedAxis, read_axis
+from friction_fmus.export.targets import minas
+from friction_fmus.identification import ROTARY, Record, identify
+from friction_fmus.identification.result_files import axis_of, identified_axis
 from friction_fmus.listings import plain
+from friction_fmus.study.steps import rebuild
 
 
 def test_an_axis_comes_back_as_written(tmp_path: Path) -> None:
@@ -27,6 +29,7 @@ def test_an_axis_comes_back_as_written(tmp_path: Path) -> None:
     for path in (tmp_path, file, tmp_path / "report.html"):
         assert read_axis(path) == axis
         assert read_axis(path, "Coulomb") == other
+    assert rebuild(plain(axis), IdentifiedAxis) == axis  # as part of the result of a study
 
 
 @pytest.mark.parametrize(
@@ -63,3 +66,16 @@ def test_an_identification_is_a_result() -> None:
     assert axis.speed == pytest.approx(0.1, rel=0.02)
     assert axis.parameters["Fv"] == pytest.approx(20.0, rel=0.05)
     assert {"M", "OF"}.isdisjoint(axis.parameters)
+
+
+def test_terms_beside_the_model_are_kept(tmp_path: Path) -> None:
+    record = Record("arm", np.arange(40.0), q=np.linspace(0.0, 0.8, 40), units=ROTARY)
+    values = {"Fc": 1.0, "M": 2.0, "G_sin": 3.0, "G_cos": 4.0, "a": 0.1}
+    axis = identified_axis([record], "", "Coulomb", "Coulomb", values, 2.0, 0.0, None)
+    assert axis.terms == {"G_sin": 3.0, "G_cos": 4.0, "a": 0.1}
+    assert axis.position is not None
+    assert axis.position.force(np.array([0.5]), np.zeros(1)) == pytest.approx(-3.0 * np.sin(0.5) - 4.0 * np.cos(0.5))
+    minas.write(axis, tmp_path, rated="10 N.m")
+    page = (tmp_path / "minas.md").read_text(encoding="utf-8")
+    assert "beside the friction model is not compensated: a." in page
+    assert "The torque over position is not compensated" in page

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ctypes
 import logging
 import tempfile
 from collections.abc import Callable
@@ -107,6 +108,24 @@ def test_log_messages_go_to_logging(probe: Path, caplog: pytest.LogCaptureFixtur
     assert [(r.name, r.levelname, r.getMessage()) for r in caplog.records] == [
         ("harness.p", "ERROR", "belt seized [logStatusError]")
     ]
+
+
+def test_a_message_belongs_to_the_part_that_logs_it(probe: Path, caplog: pytest.LogCaptureFixture) -> None:
+    first, second = (FmuPart(name, probe) for name in ("first", "second"))
+    first.enter_initialisation(0.0, 1.0, None, {})
+    with pytest.raises(StartValueError, match="'gain = -1 is below 0'"):
+        second.enter_initialisation(0.0, 1.0, None, {"gain": -1.0})
+    caplog.clear()
+    with pytest.raises(PartError, match="'gain = -2 is below 0'"):
+        first._started().call("SetReal", *_gain(first, -2.0))
+    assert [r.name for r in caplog.records] == ["harness.first"]
+    for part in (first, second):
+        part.close()
+
+
+def _gain(part: FmuPart, value: float) -> tuple[object, ...]:
+    reference = part.archive.variables["gain"].valueReference
+    return (ctypes.c_uint32 * 1)(reference), ctypes.c_size_t(1), (ctypes.c_double * 1)(value)
 
 
 def test_refused_start_value_gives_the_reason_of_the_fmu(probe: Path) -> None:

@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import tomllib
+from dataclasses import replace
+from math import cos, sin
 from pathlib import Path
 
 import numpy as np
 import pytest
+from identification.arms import Arm
 from independent_arm import ARM, GAINS, LIMIT, TS, exported, follow, moves, servo
 from independent_axis import law_of_loop
 
@@ -19,10 +22,11 @@ from friction_fmus.codegen.servo_law import LOOP_FILE, loop_text
 from friction_fmus.identification import ROTARY, Record
 from friction_fmus.study import Servo
 from friction_fmus.study.data import build_reference
-from friction_fmus.study.model_ranking import IdentifiedModel, identify_model
+from friction_fmus.study.model_ranking import IdentifiedModel, Measured, identify_model, in_closed_loop, refine
 from friction_fmus.study.pictures import friction_of, load_along
 from friction_fmus.study.study_files import recommended_loop
-from friction_fmus.study.study_result import ModelResult
+from friction_fmus.study.study_result import IdentifiedParameter, ModelResult
+from friction_fmus.study.trust import band_of
 
 SERVO = Servo("PID", GAINS, TS, LIMIT, quantum=1e-5, velocity_feedforward=True)
 FRICTION = {"Fc": ARM.Fc, "Fs": ARM.Fs, "vs": ARM.vs, "Fv": ARM.Fv, "Fn0": ARM.Fc}
@@ -30,8 +34,8 @@ TERMS = {"G_sin": ARM.G_sin, "G_cos": ARM.G_cos, "a_drive": ARM.a, "a_external":
 PLANT = AxisPlant("Stribeck", FRICTION, ARM.M, ARM.OF, gravity_map(ARM.G_sin, ARM.G_cos), terms=TERMS)
 
 
-def record() -> Record:
-    angle, torque = follow(ARM, servo())
+def record(arm: Arm = ARM) -> Record:
+    angle, torque = follow(arm, servo())
     t = TS * np.arange(float(len(angle)))
     return Record("arm", t, q=1e-5 * np.round(angle / 1e-5), force=torque, reference=moves()[0], units=ROTARY)
 
@@ -95,6 +99,37 @@ def test_gravity_and_load_of_a_record_are_identified() -> None:
     assert np.median(np.abs(friction[2] - expected)[slides]) < 0.02
 
 
+def test_the_fit_to_the_closed_loop_keeps_the_load(tmp_path: Path) -> None:
+    """A Coulomb friction that is 20 % too small becomes right, and the friction over the transmitted force stays so."""
+    measured = record()
+    n = len(measured)
+    train, rest = measured.window(0.0, float(measured.t[n // 2])), measured.window(float(measured.t[n // 2]), n * TS)
+    values = {"M": ARM.M, "Fc": 0.8 * ARM.Fc, "Fs": ARM.Fs, "Fv": ARM.Fv}
+    rows = tuple(IdentifiedParameter(name, value, 0.01 * value, "1", "") for name, value in values.items())
+    friction = {**FRICTION, "Fc": 0.8 * ARM.Fc, "Fn0": 0.8 * ARM.Fc}
+    row = ModelResult("Stribeck", find("Stribeck").name, parameters=rows)
+    table = gravity_map(ARM.G_sin, ARM.G_cos)
+    wrong = IdentifiedModel(row, "Stribeck", friction, ARM.M, position_map=table, terms=TERMS)
+    servo_of_record = Measured(
+        SERVO, trajectory(tmp_path, motion=False), measured.q, measured.force, moves()[0], (0, n // 2), (n // 2, n)
+    )
+    found = refine(in_closed_loop(wrong, servo_of_record), servo_of_record, [train], [rest])
+    assert found.row.method.endswith("closed-loop")
+    assert found.plant.values["Fn0"] == found.plant.values["Fc"] == pytest.approx(ARM.Fc, rel=0.03)
+
+
+def test_an_arm_at_rest_under_load_does_not_narrow_the_band_of_its_mass() -> None:
+    """At rest, friction is the force within its limits, which the load widens: the band is that without load."""
+    row, unloaded = ModelResult("Stribeck", find("Stribeck").name), replace(ARM, a=0.0)
+    table, bands = gravity_map(ARM.G_sin, ARM.G_cos), []
+    for arm, terms in ((ARM, TERMS), (unloaded, {**TERMS, "a_drive": 0.0, "a_external": 0.0})):
+        found = IdentifiedModel(row, "Stribeck", FRICTION, ARM.M, position_map=table, terms=terms)
+        bands.append(band_of([record(arm)], found))
+    assert bands[0] is not None
+    assert bands[1] is not None
+    assert bands[0].supported > 0.8 * bands[1].supported > 5.0
+
+
 def test_an_axis_without_load_has_a_constant_normal_force(tmp_path: Path) -> None:
     """A friction that was identified at a normal force of 40 N has it in the axis, and its law has it, too."""
     plant = AxisPlant("Stribeck", {**FRICTION, "Fn0": 40.0}, ARM.M)
@@ -119,9 +154,24 @@ def test_friction_without_load_is_drawn_with_its_own_normal_force() -> None:
 
 
 def test_the_load_of_the_reference_reaches_the_law(tmp_path: Path) -> None:
-    law = Compensator("LuGreFeedforward")
+    law = Compensator("LuGreFeedforward", "u", {"Fn0": ARM.Fc})
     with closed_loop(SERVO, PLANT, trajectory(tmp_path, motion=True), law) as system:
         wires = {wire.target: wire.source for wire in system.wires}
     assert wires["compensator.Fn"] == "load.Fn"
     assert wires["friction.Fn"] == "transmission.Fn"
     assert wires["transmission.F_drive"] == wires["axis.F_drive"] == "motor.y"
+
+
+def test_the_friction_feedforward_of_a_drive_does_not_know_the_load(tmp_path: Path) -> None:
+    """The drive adds a constant force in the direction of the reference; 1 % of the tracking error of the true arm."""
+    drive, fed = replace(SERVO, coulomb_feedforward=1.0), servo()
+
+    def torque(r: float, rd: float, rdd: float, x: float) -> float:
+        gravity = ARM.G_sin * sin(r) + ARM.G_cos * cos(r)
+        return fed(r, rd, rdd, x) + ARM.M * rdd + gravity + float(np.sign(rd))
+
+    with closed_loop(drive, PLANT, trajectory(tmp_path, motion=True)) as system:
+        trace = run_loop(system)
+    r = moves()[0]
+    error = r - follow(ARM, torque)[0]
+    assert np.sqrt(np.mean((r - trace.q - error) ** 2)) < 1e-2 * np.sqrt(np.mean(error**2))

@@ -6,7 +6,7 @@ import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
-from friction_fmus.export.targets import Target, write_fmu
+from friction_fmus.export.targets import Target, write_file
 
 if TYPE_CHECKING:
     from friction_fmus.export.identified_axis import IdentifiedAxis
@@ -16,7 +16,7 @@ LOAD: Final = {"a": "base", "a_drive": "motor", "a_external": "external"}  # nam
 
 def write(axis: IdentifiedAxis, folder: Path) -> list[Path]:
     """Write the parameters, with the names of `bam.model.Model`."""
-    from friction_fmus.axis.simulator_joint import STEP, describe, simulator, stribeck_law
+    from friction_fmus.axis.simulator_joint import STEP, about, simulator, stribeck_law
 
     law, u = stribeck_law(axis), axis.words
     load = {side: axis.terms[name] for name, side in LOAD.items() if name in axis.terms}
@@ -27,14 +27,14 @@ def write(axis: IdentifiedAxis, folder: Path) -> list[Path]:
     if rise or len(load) == 2:
         content |= {"friction_stribeck": rise, "dtheta_stribeck": p["vs"], "alpha": p["delta"]}
         for side, value in load.items():  # the load raises the whole curve of the friction
-            content[f"load_friction_{side}_stribeck".replace("_base", "")] = value * rise / p["Fc"]
+            content[f"load_friction_{side}_stribeck".replace("_base", "")] = value * rise / max(p["Fc"], 1e-12)
     content["about"] = [
         f"Units {u.N}, {u.m_s} and {u.kg}; https://bam.readthedocs.io/en/latest/theory/models.html",
         "Add actuator, kt and R, which were not identified: BAM does not load the file without the name of an actuator",
         "and takes its defaults for what is missing. Subtract from armature what the bodies of your model have.",
-        *describe(axis, ("static", *LOAD), simulator(law, axis.rotary), "an exact solver without load", STEP),
+        *about(axis, ("static", *LOAD), simulator(law, axis.rotary), "an exact solver without load", STEP),
     ]
-    write_fmu(f"{json.dumps(content, indent=2)}\n".encode(), folder / "bam.json")
+    write_file(f"{json.dumps(content, indent=2)}\n".encode(), folder / "bam.json")
     return [folder / "bam.json"]
 
 

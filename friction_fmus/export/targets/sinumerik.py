@@ -9,12 +9,16 @@ from typing import TYPE_CHECKING, Final
 from friction_fmus.export.targets import Target
 
 if TYPE_CHECKING:
-    from friction_fmus.export.axis_loop import Array, AxisLoop, Motion
+    from friction_fmus.export.axis_loop import Array, AxisLoop, ReferenceMotion
     from friction_fmus.export.identified_axis import IdentifiedAxis
 
 MANUAL: Final = (
     "Siemens, SINUMERIK 840D sl, Function Manual Extended Functions 03/2013, 4.6 Friction compensation, p. 293 to 296",
     "https://www.easymanua.ls/siemens/sinumerik-series/manual/275710?p=296",
+)
+NAMES: Final = (
+    *("MD32490 FRICT_COMP_MODE", "MD32500 FRICT_COMP_ENABLE", "MD32510 FRICT_COMP_ADAPT_ENABLE"),
+    *("MD32520 FRICT_COMP_CONST_MAX", "MD32540 FRICT_COMP_TIME"),
 )
 TIMES: Final = 11  # number of time constants that are tried, from a sample on, each twice the one before
 
@@ -34,7 +38,7 @@ def cascade(axis: IdentifiedAxis) -> tuple[AxisLoop, float, float]:
     return replace(axis.loop, gains={**gains, **({"Ki": ki * kp} if "Ki" in gains else {"ki": ki})}), kv, ki
 
 
-def pulse(motion: Motion, time: float, sample_time: float, kv: float, ki: float) -> Array:
+def pulse(motion: ReferenceMotion, time: float, sample_time: float, kv: float, ki: float) -> Array:
     """Return the force, shape (n,) [N], for pulses of 1 m/s that begin with each motion and decay with a time [s]."""
     import numpy as np
     from scipy.signal import lfilter
@@ -47,16 +51,18 @@ def pulse(motion: Motion, time: float, sample_time: float, kv: float, ki: float)
     return kv * w + ki * sample_time * (np.cumsum(w) - w)
 
 
-def circle(motion: Motion, sample_time: float, radius: float, feed: float) -> Motion:
+def circle(motion: ReferenceMotion, sample_time: float, radius: float, feed: float) -> ReferenceMotion:
     """Return two turns of an axis of a circle, from the begin of a motion towards its middle."""
     import numpy as np
 
-    from friction_fmus.export.axis_loop import Motion
+    from friction_fmus.export.axis_loop import ReferenceMotion
 
     side = np.copysign(radius, np.min(motion.r) + np.max(motion.r) - 2.0 * motion.r[0])
     w = feed / radius
     t = sample_time * np.arange(np.ceil(4.0 * np.pi / (w * sample_time)))
-    return Motion(motion.r[0] + side * (1.0 - np.cos(w * t)), side * w * np.sin(w * t), side * w * w * np.cos(w * t))
+    return ReferenceMotion(
+        motion.r[0] + side * (1.0 - np.cos(w * t)), side * w * np.sin(w * t), side * w * w * np.cos(w * t)
+    )
 
 
 def write(axis: IdentifiedAxis, folder: Path) -> list[Path]:
@@ -85,10 +91,8 @@ def write(axis: IdentifiedAxis, folder: Path) -> list[Path]:
     least, size, time = min(found)
     factor, unit = (30.0 / np.pi, "rev/min") if axis.rotary else (60e3, "mm/min")
     size, time = float(text(factor * size)) / factor, round(float(time), 5)
-    entries = {"490 FRICT_COMP_MODE": ("1", ""), "500 FRICT_COMP_ENABLE": ("1", "")}
-    entries |= {"510 FRICT_COMP_ADAPT_ENABLE": ("0", ""), "520 FRICT_COMP_CONST_MAX": (text(factor * size), unit)}
-    entries["540 FRICT_COMP_TIME"] = text(time), "s"
-    rows = [Row(f"MD32{name}", *entry, "axis machine data", MANUAL) for name, entry in entries.items()]
+    values = ("1", ""), ("1", ""), ("0", ""), (text(factor * size), unit), (text(time), "s")
+    rows = [Row(name, *value, "axis machine data", MANUAL) for name, value in zip(NAMES, values, strict=True)]
     force = axis.offset + size * pulse(motion, time, Ts, *gains)
     fit = AxisFit(replace(axis, loop=replace(loop, fed=rms(loop.error(0.0 * force + axis.offset)))))
     notes = [

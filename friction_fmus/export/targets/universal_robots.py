@@ -31,24 +31,24 @@ def write(axis: IdentifiedAxis, folder: Path) -> list[Path]:
             f"{axis.name} is a linear axis; the joints of Universal Robots are rotary. Choose another target."
         )
     fit = AxisFit(axis)
-    own = np.column_stack([fit.motion.rd, fit.held])
-    columns = own * fit.least_squares(own, axis.offset, AGAINST)
-    scales = np.round(fit.fit(columns, axis.offset, (0.0, 1.0)), 2)
+    own, known = np.column_stack([fit.motion.rd, fit.held]), axis.offset - fit.along
+    columns = own * fit.least_squares(own, known, AGAINST)
+    scales = np.round(fit.fit(columns, known, (0.0, 1.0)), 2)
     both = zip(("viscous_scale", "coulomb_scale"), scales, strict=True)
     rows = [Row(name, text(scale, 0.01), "", "argument of direct_torque", MANUAL) for name, scale in both]
     notes = [
         "The scales refer to the friction model of the robot, which is not documented: they assume that its Coulomb "
         "and viscous friction are those of the joint. Begin with the defaults of the robot.",
         "The robot compensates gravity. The velocity of the compensation is taken as that of the reference.",
-        *lost(axis, {"viscous"}),
+        *lost(axis, {"viscous", "position"}),
     ]
     if axis.loop is not None:
-        error = shown(fit.tracking(columns @ DEFAULTS + axis.offset), "rad")
+        error = shown(fit.tracking(columns @ DEFAULTS + known), "rad")
         notes.append(
             f"With the defaults of most joints, {DEFAULTS[0]} and {DEFAULTS[1]}, the tracking error is {error}."
         )
     return write_sheet(
-        Sheet("Universal Robots", rows, columns @ scales + axis.offset, notes), fit, folder, "universal-robots"
+        Sheet("Universal Robots", rows, columns @ scales + known, notes), fit, folder, "universal-robots"
     )
 
 
