@@ -41,14 +41,6 @@ class Sheet(NamedTuple):
     notes: Sequence[str]  # what was assumed, and what the device cannot express
 
 
-def rounded(value: float, step: float, least: float, most: float, name: str) -> float:
-    """Return a value rounded to the step of a device; raise BuildError if it is outside of the range."""
-    found = step * round(value / step)
-    if not least <= found <= most:
-        raise BuildError(f"{name} would be {value:.4g}, but the device takes {least:g} to {most:g}.")
-    return found
-
-
 def text(value: float, step: float = 0.0) -> str:
     """Return a value with the decimals of a step, or with four digits."""
     decimals = len(f"{step:.10f}".rstrip("0").partition(".")[2])
@@ -58,12 +50,17 @@ def text(value: float, step: float = 0.0) -> str:
 def in_percent(
     axis: IdentifiedAxis, rated: str, forces: Mapping[str, float], step: float
 ) -> tuple[list[float], Array, str]:
-    """Return forces as rounded percentages of a rated one, by name, as forces, and a note on them."""
+    """Return forces by name as rounded percentages of a rated one, again as forces, and a note on them."""
     u = axis.words
     whole = in_unit(rated, u.N, None, "--rated") if rated.strip("+-.0123456789") else None
     if not isinstance(whole, float) or not whole > 0.0:
         raise BuildError(f"The drive takes parts of its rated {u.force}: give it at the axis, --rated '2.4 {u.N}'.")
-    found = [rounded(100.0 * force / whole, step, -100.0, 100.0, name) for name, force in forces.items()]
+    found = [step * round(100.0 * force / whole / step) for force in forces.values()]
+    for name, value in zip(forces, found, strict=True):
+        if abs(value) > 100.0:
+            raise BuildError(
+                f"{name} would be {value:.4g} % of the rated {u.force}, but the device takes at most 100 %."
+            )
     return found, 0.01 * whole * np.array(found), f"Percent of the rated {u.force}, {whole:.4g} {u.N} at the axis."
 
 
@@ -79,7 +76,7 @@ def lost(axis: IdentifiedAxis, kept: Collection[str] = ()) -> Iterator[str]:
             yield f"Static friction, {level.Fs:.4g} {u.N}, which falls with the velocity, is not compensated."
         if contact.stiffness:
             distance = shown(level.Fs / contact.stiffness, u.m)
-            yield f"The force jumps at a reversal; that of the axis builds up over {distance} (presliding)."
+            yield f"After a reversal, the friction of the axis builds up over {distance} (presliding), unlike here."
     if beside := ", ".join(name for name in axis.terms if not name.startswith("G_")):
         yield f"What the identification found beside the friction model is not compensated: {beside}."
     if axis.position is not None and "position" not in kept:
@@ -124,18 +121,19 @@ def _errors(sheet: Sheet, fit: AxisFit) -> Iterator[str]:
         )
         return
     reached, law = fit.tracking(sheet.force), loop.law
-    rows = (
+    rows = [
         ("as measured", loop.as_measured, "The servo as it was when the record was taken."),
         ("no compensation", loop.fed, f"The servo with the feedforward of the study, and with the constant {u.force}."),
         ("this sheet", reached, "That servo with the values above, as they are rounded."),
         ("recommended law", loop.recommended, f"That servo with {law}, for controllers that run code."),
-    )
+    ]
     yield from ("| servo | tracking error, rms | what it is |", "|---|--:|---|")
-    yield from (f"| {name} | {'–' if value is None else shown(value, u.m)} | {what} |" for name, value, what in rows)
+    for name, value, what in rows[: 3 if law == "none" else 4]:
+        yield f"| {name} | {'unstable' if value is None else shown(value, u.m)} | {what} |"
     yield ""
-    if loop.fed is not None and reached < loop.fed:
-        yield f"This sheet leaves {100.0 * reached / loop.fed:.3g} % of the error without compensation."
-    else:
+    if loop.fed is not None and reached >= loop.fed:
         yield "This sheet does not reduce the error of the servo without compensation: do not use it."
-    if loop.recommended is not None and reached < loop.recommended:
+    elif loop.fed is not None:
+        yield f"This sheet leaves {100.0 * reached / loop.fed:.3g} % of the error without compensation."
+    if law != "none" and loop.recommended is not None and reached < loop.recommended:
         yield f"{law} is also tuned to axes that differ from the identified one, which the sheet was fitted to."
