@@ -32,15 +32,6 @@ class Row(NamedTuple):
     source: tuple[str, ...] = ()  # title and address of the documentation that states its meaning
 
 
-class Sheet(NamedTuple):
-    """Contents of a sheet."""
-
-    device: str
-    rows: Sequence[Row]
-    force: Array  # force of the drive beside its servo with these values along the reference, shape (n,) [N]
-    notes: Sequence[str]  # what was assumed, and what the device cannot express
-
-
 def text(value: float, step: float = 0.0) -> str:
     """Return a value with the decimals of a step, or with four digits."""
     decimals = len(f"{step:.10f}".rstrip("0").partition(".")[2])
@@ -83,27 +74,31 @@ def lost(axis: IdentifiedAxis, kept: Collection[str] = ()) -> Iterator[str]:
         yield f"The {u.force} over position is not compensated."
 
 
-def write_sheet(sheet: Sheet, fit: AxisFit, folder: Path, name: str) -> list[Path]:
-    """Write a sheet as Markdown and its rows as CSV, and return the paths."""
+def write_sheet(
+    fit: AxisFit, folder: Path, name: str, device: str, rows: Sequence[Row], force: Array, notes: Sequence[str]
+) -> list[Path]:
+    """Write a sheet as Markdown and its rows as CSV, and return the paths.
+
+    `force`, of shape (n,) [N], is what the device adds to the servo along the reference; `notes` are sentences.
+    """
     make_folder(folder)
     page, table = folder / f"{name}.md", folder / f"{name}.csv"
     with atomic_path(page) as temporary:
-        temporary.write_text("\n".join(_page(sheet, fit)) + "\n", encoding="utf-8", newline="\n")
+        temporary.write_text("\n".join(_page(fit, device, rows, force, notes)) + "\n", encoding="utf-8", newline="\n")
     with atomic_path(table) as temporary, temporary.open("w", encoding="utf-8", newline="") as file:
-        rows = [[*row[:4], " ".join(row.source)] for row in sheet.rows]
-        csv.writer(file).writerows([Row._fields, *rows])
+        csv.writer(file).writerows([Row._fields, *([*row[:4], " ".join(row.source)] for row in rows)])
     return [page, table]
 
 
-def _page(sheet: Sheet, fit: AxisFit) -> Iterator[str]:
+def _page(fit: AxisFit, device: str, rows: Sequence[Row], force: Array, notes: Sequence[str]) -> Iterator[str]:
     """Yield the lines of the page."""
-    axis, sources = fit.axis, list(dict.fromkeys(row.source for row in sheet.rows if row.source))
-    yield from (f"# {axis.name}: friction compensation of {sheet.device}", "", COMPUTED, "")
+    axis, sources = fit.axis, list(dict.fromkeys(row.source for row in rows if row.source))
+    yield from (f"# {axis.name}: friction compensation of {device}", "", COMPUTED, "")
     yield from ("| parameter | value | unit | where it is entered | source |", "|---|--:|---|---|---|")
-    for row in sheet.rows:
+    for row in rows:
         yield f"| {' | '.join(row[:4])} | {f'[{sources.index(row.source) + 1}]' if row.source else ''} |"
-    yield from ("", "## Tracking error in simulation", "", *_errors(sheet, fit), "")
-    yield from ("## Assumptions and limits", "", *(f"- {note}" for note in sheet.notes))
+    yield from ("", "## Tracking error in simulation", "", *_errors(fit, force), "")
+    yield from ("## Assumptions and limits", "", *(f"- {note}" for note in notes))
     if -1.0 not in fit.held or 1.0 not in fit.held:
         yield "- The reference moves in one direction only: the record does not determine the values of the other one."
     yield from ("", "## Sources", "")
@@ -111,7 +106,7 @@ def _page(sheet: Sheet, fit: AxisFit) -> Iterator[str]:
     yield f"{len(sources) + 1}. Identified friction: {axis.label}" + f", {axis.citation}" * bool(axis.citation)
 
 
-def _errors(sheet: Sheet, fit: AxisFit) -> Iterator[str]:
+def _errors(fit: AxisFit, force: Array) -> Iterator[str]:
     """Yield the lines with the tracking errors."""
     loop, u = fit.axis.loop, fit.axis.words
     if loop is None:
@@ -120,7 +115,7 @@ def _errors(sheet: Sheet, fit: AxisFit) -> Iterator[str]:
             f"follow the model at speeds up to {fit.axis.speed:.3g} {u.m_s}."
         )
         return
-    reached, law = fit.tracking(sheet.force), loop.law
+    reached, law = fit.tracking(force), loop.law
     rows = [
         ("as measured", loop.as_measured, "The servo as it was when the record was taken."),
         ("no compensation", loop.fed, f"The servo with the feedforward of the study, and with the constant {u.force}."),
