@@ -212,7 +212,7 @@ def identify(
         if signal == "force":
             check_load(fit)
         result = _result(model, contact, name, fit, signal, unit, records, settings)
-        flat = not position_map or signal != "force" or (candidates and fitted.terms)
+        flat = not position_map or signal != "force" or (candidates and fitted.terms) or contact.transmits
         with_table = None if flat else fit_with_table(fit, fitted, loss)
         checked = None if validation is None else _validated(result, validation)
         if with_table is not None:

@@ -50,6 +50,18 @@ def test_both_coefficients_are_found(truth: dict[str, float]) -> None:
         assert found[name] == pytest.approx(value, rel=0.05, abs=0.005), name
 
 
+def test_the_drive_force_does_not_predict_itself() -> None:
+    """Slow motion with a friction of 15 N: with mu_avg + mu_dif = 1, the measured force would be its own prediction."""
+    t = TS * np.arange(12000)
+    w = 2.0 * pi * np.array([0.1, 0.23])
+    q = 0.05 * (np.sin(w[0] * t) + np.sin(w[1] * t))
+    v = 0.05 * (w[0] * np.cos(w[0] * t) + w[1] * np.cos(w[1] * t))
+    force = 15.0 * np.sign(v) + 30.0 * v + np.random.default_rng(0).normal(0.0, 0.3, len(t))
+    record = Record("slow", t, q=q, force=force)
+    errors = {name: identify(name, record).train.rms for name in ("LoadDependentDahl", "Coulomb")}
+    assert errors["LoadDependentDahl"] > 5.0 * errors["Coulomb"]
+
+
 def test_a_record_without_drive_force_is_refused() -> None:
     record = arm(0.1, 0.0, 0.01, 0.05)
     with pytest.raises(FitError, match="LoadDependentDahl needs the force of the drive"):

@@ -3,7 +3,7 @@
 import threading
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -61,7 +61,12 @@ def fit_scalars(data: FitData, loss: Loss, starts: int | None) -> BlockFit:
     setup = scalar_setup(data)
     problem = data.problem(setup)
     known = all(c.name in data.constraints.start or c.name == "OF" for c in problem.shared)
-    return BlockFit(setup, problem, search(problem, loss, starts or (1 if known else 3)))
+    starts = starts or (1 if known else 3)
+    if data.model.transmits:  # first under the measured force, with fewer local minima
+        rough = search(replace(problem, predicts_drive=False), loss, starts).x
+        found = [replace(c, start=c.value(float(x))) for c, x in zip(problem.coordinates, rough, strict=True)]
+        problem, starts = replace(problem, coordinates=found), 1
+    return BlockFit(setup, problem, search(problem, loss, starts))
 
 
 def scalar_setup(data: FitData) -> Setup:

@@ -27,6 +27,8 @@ DIFFERENCE = 1e-4  # step of the finite differences, in coordinates of the searc
 STRIDE, LONG = 4, 2000  # stride of the samples in a preliminary search, and the fewest samples for one
 TIE = 0.01  # residual for a distance of 1 from the anchor, over the magnitude of the signal
 
+JAMS = 1e-3  # part of the drive force that friction leaves, below which it counts as this
+
 #: Tolerance of the solvers of the blocks; it must be much smaller than the step of the finite differences.
 TOLERANCE = 1e-7
 
@@ -87,6 +89,7 @@ class Problem:
     """Point to which weak springs tie the coordinates, so that those which the record does not determine stay there."""
     model: ContactModel | None = None
     """The block, if something acts beside it: viscous friction with the value Fv, or `TERMS`."""
+    predicts_drive: bool = True  # whether a transmitted force is the predicted drive force instead of the measured one
 
     def __post_init__(self) -> None:
         total = np.concatenate([segment.measured for segment in self.segments])
@@ -134,7 +137,23 @@ class Problem:
                 Fn0 = own["Fn0"] = numbers.get("Fn0", 1.0)
                 segment = replace(segment, inputs={**segment.inputs, "Fn": Fn0 * load})
         force: Array = segment.run(self.drive, ["F"], own, TOLERANCE)[:, 0]
+        if self.predicts_drive and "F_t" in segment.inputs:
+            force = self._transmitted(force, start, own, segment)
         return force + float(start["Fv"]) * segment.inputs["v"] if viscous else force
+
+    def _transmitted(
+        self, force: Array, given: Mapping[str, float], own: Mapping[str, float], segment: PreparedSegment
+    ) -> Array:
+        """Return the friction under the drive force that the model predicts, from that under the measured one."""
+        # The measured force would predict itself: a friction as large as the drive force fits every record.
+        assert segment.a is not None
+        measured, still = segment.inputs["F_t"], {**segment.inputs, "F_t": np.zeros(len(force))}
+        alone: Array = replace(segment, inputs=still).run(self.drive, ["F"], own, TOLERANCE)[:, 0]
+        share = (force - alone) / np.where(measured == 0.0, np.inf, measured)
+        numbers = {name: float(value) for name, value in given.items()}
+        needed = force_beside(numbers, segment) + numbers.get("OF", 0.0) + numbers.get("M", 0.0) * segment.a
+        found: Array = alone + share * (alone + needed) / np.maximum(1.0 - share, JAMS)
+        return found
 
     def error(self, x: Array, index: int) -> Array:
         """Return the error of one segment over the size of the signal; infinite if the block rejects the values."""
