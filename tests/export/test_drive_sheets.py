@@ -220,6 +220,14 @@ def test_what_a_device_does_not_take(
     assert not list(tmp_path.iterdir())
 
 
+def test_a_friction_that_follows_the_drive_force_needs_a_servo(tmp_path: Path) -> None:
+    """Without one, it would be the friction under 1 N."""
+    own = {"mu_avg": 0.2, "mu_dif": 0.05, "eps": 1e-3, "Fv": 0.0}
+    axis = rigid(model="LoadDependentDahl", label="LoadDependentDahl", parameters=own)
+    with pytest.raises(BuildError, match="follows the force of the drive"):
+        generic.write(axis, tmp_path)
+
+
 def test_what_is_lost_of_a_model(tmp_path: Path) -> None:
     lugre = {"sigma0": 1e5, "sigma1": 300.0, "sigma2": 0.4, "Fc": 1.0, "Fs": 1.5, "vs": 1e-3}
     table = PositionMap(Grid(0.0, 0.1, 4), (1.0, 0.0, -1.0, 0.0), (0.0,) * 4, 1e-3)
