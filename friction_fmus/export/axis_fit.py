@@ -73,6 +73,11 @@ class AxisFit:
         velocity = SeriesPart("motion", t, {"v": rd}, beyond="hold")
         experiment = Experiment(float(t[-1]), self.sample_time, record=("friction.F",))
         block = FmuPart("friction", fmu(axis.model, domain_of(axis.rotary)))
+        if axis.loop is None and any(port.name == "F_t" for port in block.inputs):
+            raise BuildError(
+                f"The friction of {axis.label} follows the {axis.words.force} of the drive, which only a study with a "
+                "servo knows; export the result of `friction-fmus study`, or another model with --model."
+            )
         given = {"F_ext": 0.0} | ({"Fn": axis.parameters["Fn0"]} if "Fn0" in axis.parameters else {})
         known = {port.name: given[port.name] for port in block.inputs if port.name in given}
         start = {f"friction.{name}": value for name, value in {**typed(block, axis.parameters), **known}.items()}

@@ -15,6 +15,7 @@ from friction_fmus.errors import FitError
 from friction_fmus.identification import ROTARY, Record, identify
 from friction_fmus.study import Servo
 from friction_fmus.study.data import build_reference
+from friction_fmus.study.evaluation import off_by
 
 TS, SUBSTEPS = 1e-3, 10
 M, G = 0.09, 2.9
@@ -71,9 +72,11 @@ def test_a_record_without_drive_force_is_refused() -> None:
 def test_the_simulated_axis_transmits_the_force_of_its_drive(tmp_path: Path) -> None:
     r = np.zeros(200)
     reference = build_reference(TS * np.arange(200.0), r, tmp_path, "Rest", rotary=True)
-    plant = AxisPlant("LoadDependentDahl", {"mu_avg": 0.1, "mu_dif": 0.0, "eps": 0.01, "Fv": 0.0}, M)
+    plant = AxisPlant("LoadDependentDahl", {"mu_avg": 0.1, "mu_dif": 0.03, "eps": 0.01, "Fv": 0.0}, M)
     servo = Servo("PID", {"Kp": 60.0, "Kd": 3.0, "Ki": 0.0}, TS, 40.0)
     with closed_loop(servo, plant, Trajectory(reference, 200, 0.0, 0.0, rotary=True)) as system:
         wires = {wire.target: wire.source for wire in system.wires}
     assert wires["friction.F_t"] == wires["axis.F_drive"] == "motor.y"
     assert wires["motor.u1"] == "servo.u"
+    friction = {"friction.mu_avg": 0.12, "friction.mu_dif": 0.036}  # 20 % more friction
+    assert off_by(system, 1.2, 1.0) == pytest.approx({**friction, "axis.m": M})

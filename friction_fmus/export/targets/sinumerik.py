@@ -70,7 +70,7 @@ def write(axis: IdentifiedAxis, folder: Path) -> list[Path]:
     import numpy as np
 
     from friction_fmus.export.axis_fit import AxisFit, rms
-    from friction_fmus.export.drive_sheet import Row, Sheet, lost, text, write_sheet
+    from friction_fmus.export.drive_sheet import Row, lost, text, write_sheet
     from friction_fmus.listings import shown
 
     (loop, *gains), u = cascade(axis), axis.words
@@ -103,7 +103,7 @@ def write(axis: IdentifiedAxis, folder: Path) -> list[Path]:
         "(MD32550 to MD32570).",
         *lost(axis),
     ]
-    return write_sheet(Sheet("Siemens SINUMERIK", rows, force, notes), fit, folder, "sinumerik")
+    return write_sheet(fit, folder, "sinumerik", "Siemens SINUMERIK", rows, force, notes)
 
 
 TARGET = Target("a sheet for the quadrant error compensation of Siemens SINUMERIK", "axis", write)

@@ -18,11 +18,7 @@ MANUAL: Final = (
 )
 MOST_ROWS: Final = 20
 PLACES: Final = 120  # speeds among which those of the rows are chosen
-CHOICES: Final = {
-    "position_delay": (0, 1, 2, 5, 10),
-    "delay_cycles": (0, 1, 2, 3),
-    "reversal_lookahead": (0, 1, 2, 3, 4),
-}
+CHOICES: Final = {"position_delay": (0, 1, 2, 5, 10), "delay_cycles": range(4), "reversal_lookahead": range(5)}
 """Values that are tried, within the ranges of the device."""
 
 
@@ -74,7 +70,7 @@ def write(axis: IdentifiedAxis, folder: Path, rated: str = "", rows: str = str(M
 
     from friction_fmus.errors import BuildError
     from friction_fmus.export.axis_fit import AxisFit, signs
-    from friction_fmus.export.drive_sheet import Row, Sheet, in_percent, lost, text, write_sheet
+    from friction_fmus.export.drive_sheet import Row, in_percent, lost, text, write_sheet
 
     if not rows.isdecimal() or not 2 <= int(rows) <= MOST_ROWS:
         raise BuildError(f"--rows {rows}: the table has 2 to {MOST_ROWS} rows.")
@@ -121,7 +117,7 @@ def write(axis: IdentifiedAxis, folder: Path, rated: str = "", rows: str = str(M
         "position_delay is within the documented range, 0 to 10, although an example of the documentation has 30.",
         *lost(axis, {"table"}),
     ]
-    return write_sheet(Sheet("Beckhoff TF5200", lines, formed(chosen), notes), fit, folder, "tf5200")
+    return write_sheet(fit, folder, "tf5200", "Beckhoff TF5200", lines, formed(chosen), notes)
 
 
 ROWS = Option("rows", f"number of rows of the table, 2 to {MOST_ROWS} (default)", metavar="N")
