@@ -14,7 +14,6 @@ if TYPE_CHECKING:
     from friction_fmus.identification.fit.contact_model import identifiable
     from friction_fmus.identification.fit.estimate import Estimate
     from friction_fmus.identification.fit.idim import PUBLISHED_SETTINGS, InverseModelSettings
-    from friction_fmus.identification.fit.presliding import PreslidingFit, identify_presliding
     from friction_fmus.identification.fit.scores import Score
     from friction_fmus.identification.identification_result import Identification
     from friction_fmus.identification.identifying import identify
@@ -42,7 +41,6 @@ __all__ = [
     "JointRecord",
     "Measurement",
     "ModelComparison",
-    "PreslidingFit",
     "Record",
     "RecordError",
     "RecordFinding",
@@ -53,7 +51,6 @@ __all__ = [
     "identifiable",
     "identify",
     "identify_joint",
-    "identify_presliding",
     "read_measurement",
     "read_records",
 ]

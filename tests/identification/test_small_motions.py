@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
-import scipy.integrate
 import scipy.signal
 
-from friction_fmus.identification import ExcitationError, FitError, Record, RecordError, identify_presliding
-from harness import Drive, FmuPart
+from friction_fmus.identification import ExcitationError, FitError, Record, RecordError
 
-BuildFmu = Callable[..., Path]
+sys.path.append(str(Path(__file__).parents[2] / "examples" / "identification"))
+from small_motions import identify_presliding, shaken_contact
 
 M, D, K = 2.0, 400.0, 2e5
 TS = 1e-3
@@ -67,16 +66,9 @@ def test_a_held_command_is_half_a_sample_late() -> None:
     assert late == pytest.approx(D + 0.5 * TS * K, rel=5e-2)
 
 
-def test_lugre_at_rest_is_a_spring_and_a_damper(build_fmu: BuildFmu) -> None:
+def test_lugre_at_rest_is_a_spring_and_a_damper() -> None:
     """With sigma0 A / Fs = 0.02 the contact has hardly begun to slide: 1e-4 of the stiffness."""
-    t = TS * np.arange(20_000)
-    band = scipy.signal.butter(2, (2.0, 60.0), "bandpass", fs=1.0 / TS, output="sos")
-    v = scipy.signal.sosfilt(band, np.random.default_rng(3).normal(size=len(t)))
-    q = scipy.integrate.cumulative_trapezoid(v, dx=TS, initial=0.0)
-    v *= 0.02 * 1.5 / 1e5 / np.max(np.abs(q))
-    q = scipy.integrate.cumulative_trapezoid(v, dx=TS, initial=0.0)
-    force = Drive(FmuPart("contact", build_fmu("LuGre"))).run({"v": v}, ["F"], TS, between="linear")[:, 0]
-    found = identify_presliding(Record("rest", t, q=q, friction=force), band=(3.0, 50.0)).values()
+    found = identify_presliding(shaken_contact(), band=(3.0, 50.0)).values()
     assert found["sigma0"] == pytest.approx(1e5, rel=2e-2)
     assert found["sigma1 + sigma2"] == pytest.approx(np.sqrt(1e5) + 0.4, rel=5e-2)
 

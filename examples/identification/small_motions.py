@@ -1,4 +1,7 @@
-"""Presliding stiffness and damping from the response to small motions about rest.
+"""Identify the stiffness and damping of a contact at rest from its response to small motions.
+
+``python examples/identification/small_motions.py LOG.toml`` reads a record by its mapping; without an argument, it
+shakes the model LuGre.
 
 Before it slides, a contact acts as a spring and a damper. For a deflection far below the presliding displacement, LuGre
 gives F = sigma0 x + (sigma1 + sigma2) v, and the dynamic stiffness, force over position, is
@@ -10,21 +13,24 @@ Random Data, 2nd ed., 1986, chapters 6 and 9; linearisation of LuGre: Altpeter, 
 between two friction models: a singular perturbation approach", CDC 1998).
 """
 
+from __future__ import annotations
+
+import sys
 from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 import scipy.signal
 
-from friction_fmus.errors import ExcitationError, FitError, RecordError
-from friction_fmus.identification.data.record import Array, Record
-from friction_fmus.identification.fit.estimate import Estimate, Estimated
+from friction_fmus import fmu
+from friction_fmus.identification import Array, Estimate, ExcitationError, FitError, Record, RecordError, read_records
+from harness import Drive, FmuPart
 
 COHERENT = 0.9  # lower limit of the coherence; at frequencies below it, noise or sliding dominates the linear response
 
 
 @dataclass(frozen=True, eq=False)
-class PreslidingFit(Estimated):
+class PreslidingFit:
     """Stiffness and damping of a contact at rest.
 
     Attributes
@@ -47,6 +53,10 @@ class PreslidingFit(Estimated):
     stiffness: np.ndarray[tuple[int], np.dtype[np.complex128]]
     coherence: Array
     stroke: float
+
+    def values(self) -> dict[str, float]:
+        """Return the values of the parameters."""
+        return {name: estimate.value for name, estimate in self.parameters.items()}
 
 
 def identify_presliding(
@@ -164,3 +174,21 @@ def _check(record: Record, band: tuple[float, float] | None, mass: float | None,
             f"The record {record.name!r} has only {len(record)} samples for {segments} segments; use a longer record "
             "or fewer segments."
         )
+
+
+def shaken_contact() -> Record:
+    """Return a record of LuGre, moved by noise within a fiftieth of its presliding displacement."""
+    Ts = 1e-3
+    band = scipy.signal.butter(2, (2.0, 60.0), "bandpass", fs=1.0 / Ts, output="sos")
+    v = np.asarray(scipy.signal.sosfilt(band, np.random.default_rng(3).normal(size=20_000)), dtype=np.float64)
+    q = Ts * (np.cumsum(v) - 0.5 * (v + v[0]))  # the velocity varies linearly between samples
+    scale = 0.02 * 1.5e-5 / np.max(np.abs(q))
+    force = Drive(FmuPart("contact", fmu("LuGre"))).run({"v": scale * v}, ["F"], Ts, between="linear")[:, 0]
+    return Record("LuGre", np.linspace(0.0, Ts * (v.size - 1), v.size), q=scale * q, friction=force)
+
+
+if __name__ == "__main__":
+    records, band = (read_records(sys.argv[1]), None) if sys.argv[1:] else ([shaken_contact()], (3.0, 50.0))
+    for record in records:
+        for found in identify_presliding(record, band=band).parameters.values():
+            print(f"{record.name}: {found.name} = {found.value:.4g} {found.unit}, error {found.standard_error:.2g}")
