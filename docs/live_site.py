@@ -283,9 +283,9 @@ def live_figure(name: str, pictures: int) -> str:
     )
     scripts = "".join(
         f'<script src="../lab/{file}" defer></script>'
-        for file in (*(f"live/{s}" for s in SCRIPTS), "views.js", "block.js")
+        for file in (*(f"live/{s}" for s in SCRIPTS), "models.js", "views.js", "block.js")
     )
-    styles = "".join(f'<link rel="stylesheet" href="../lab/live/{file}.css">' for file in ("uplot", "live"))
+    styles = "".join(f'<link rel="stylesheet" href="../lab/{file}.css">' for file in ("live/uplot", "live/live", "lab"))
     return f'<div class="live-block" data-block="{name}">{images}</div>\n{styles}{scripts}\n'
 
 

@@ -356,7 +356,7 @@ CONDITIONS: Mapping[str, tuple[str, ...]] = {
     "Dither": ("dither_stroke", "dither_frequency"),
     **dict.fromkeys(("ElastoPlasticEstimator", "GMSObserver"), ("fed_back_stiffness", "overcompensation")),
     "ImplicitSlidingMode": ("loop_poles", "sliding_gain", "break_away"),
-    "ImplicitSuperTwisting": ("loop_poles", "super_twisting", "super_twisting_rate", "break_away"),
+    "ImplicitSuperTwisting": ("loop_poles", "super_twisting", "break_away"),
     "ImpulsiveControl": ("pulses",),
     **dict.fromkeys(("IterativeLearning", "RepetitiveController"), ("contraction",)),
     "LuGreObserver": ("injection", "fed_back_stiffness", "overcompensation"),

@@ -95,7 +95,7 @@
     const rows = ordered.map((variable) => {
       const { unit = "", description = "", min = -Infinity, max = Infinity, type } = variable;
       const told = { name: variable.name, text: description, unit, start: Number(variable.start), min, max, type };
-      return live.slider({ ...told, ...live.rangeOf(told, typical(unit)), accepts: live.limits(told) }, (key, value) => {
+      return live.row({ ...told, ...live.rangeOf(told, typical(unit)), accepts: live.limits(told) }, (key, value) => {
         if (value === values[key]) delete changed[key];
         else changed[key] = value;
         redraw();
@@ -103,7 +103,7 @@
     });
     const count = Math.min(NUMBERS, ordered.filter((each) => !live.isRare(each)).length);
     const more = rows.slice(count);
-    const motion = motions.map((each) => live.slider({ ...each, start: setup[each.name], accepts: limitsOf(each) }, (key, value) => {
+    const motion = motions.map((each) => live.row({ ...each, start: setup[each.name], accepts: limitsOf(each) }, (key, value) => {
       setup[key] = value;
       redraw();
     }).element);

@@ -100,7 +100,7 @@
 
   function row(group, about, label) {
     const { start } = about;
-    const made = live.slider({ ...about, label, id: group + "-" + about.name }, (name, value) => change(group, name, value, start));
+    const made = live.row({ ...about, label, id: group + "-" + about.name }, (name, value) => change(group, name, value, start));
     if (about.name in state[group]) made.value = state[group][about.name];
     return made.element;
   }

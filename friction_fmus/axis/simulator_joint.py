@@ -19,7 +19,7 @@ from friction_fmus.errors import BuildError
 from friction_fmus.export.axis_fit import AxisFit, rms
 from friction_fmus.export.axis_loop import Array
 from friction_fmus.export.block_fmu import fmu
-from friction_fmus.export.targets import write_fmu
+from friction_fmus.export.targets import write_file
 from friction_fmus.listings import shown
 from harness import ExperimentError
 
@@ -155,5 +155,5 @@ def write_form(
     joint = simulate(text) if simulate else simulator(law, axis.rotary)
     lines = about(axis, kept, joint, "MuJoCo 4" if simulate else "an exact solver", step)
     lines = [re.sub("-(?=-)", "- ", "".join(filter(str.isprintable, line))) for line in lines]  # a comment has no --
-    write_fmu("\n".join(["<!--", *lines, "-->", text]).encode(), path)
+    write_file("\n".join(["<!--", *lines, "-->", text]).encode(), path)
     return [path]

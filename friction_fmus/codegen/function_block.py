@@ -1,7 +1,6 @@
 """A law as a function block of IEC 61131-3: Structured Text, and the same in a PLCopen XML file."""
 
 import re
-import sys
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -16,7 +15,7 @@ from friction_fmus.codegen import sources
 from friction_fmus.codegen.layout import Export, is_flag, numbered
 from friction_fmus.errors import FrictionError
 from friction_fmus.lawkit.emit.chains import INDEX
-from friction_fmus.lawkit.emit.structured_text import KEYWORDS, _StructuredReal, functions, real_type, spelled
+from friction_fmus.lawkit.emit.structured_text import KEYWORDS, STANDARD, _StructuredReal, functions, real_type, spelled
 from friction_fmus.lawkit.emit.syntax import indented, plain
 from friction_fmus.lawkit.law import VECTORS, Kind, LawVariable
 from friction_fmus.version import VERSION, build_time
@@ -67,6 +66,7 @@ class FunctionBlock(Export):
         real.declared("DINT", INDEX)
         total, loops, restart = sources.overflow(self)
         held = [f"{place} := {place}_before;" for place in results]
+        rest = ["rests := NOT valid;"] if disables else []
         sample = [
             *(line for place in results for line in real.declared(real.name, f"{place}_before", plain(place))),
             *self.kernel.lines,
@@ -74,16 +74,15 @@ class FunctionBlock(Export):
             *loops,
             *real.assignment("valid", plain(real.finite.format("sum"))),
             *real.decision(plain("!valid"), [*held, *restart], []),
-            "rests := NOT valid;",
+            *rest,
         ]
         missed = [f"{self.names[v.name]} := {self.names[v.name]} + 1.0;" for v in self.law.given if v.tally]
-        disabled = f"!{self.names['enable']} && !valid" if disables else "false"
         return [
             *sources.vectors_valid(self),
             *sources.relations(self),
             *sources.checked(self),
             *real.declared("BOOL", "valid", plain(sources.usable(self))),
-            *real.declared("BOOL", "rests", plain(disabled)),
+            *(real.declared("BOOL", "rests", plain(f"!{self.names['enable']} && !valid")) if disables else []),
             *real.decision(plain("valid"), sample, missed),
             *(real.decision(plain("rests"), sources.at_rest(self), []) if disables else []),
             "fault := NOT valid;",
@@ -98,20 +97,19 @@ class FunctionBlock(Export):
         for name in reversed([*texts]):  # a function calls only functions before it
             if re.search(rf"_{name}\(", "".join([body, table, *(texts[user][1] for user in called)])):
                 called.insert(0, name)
-        calls = dict.fromkeys(sorted({*re.findall(r"\b[A-Z]+\b(?=\()", body)} - {"ABS", "SEL", "SQRT"}), "")
+        calls = {name: "" for name in STANDARD if re.search(rf"\b{name}\(", body)}
         calls |= {f"{self.prefix}_{name}": f" ({texts[name][0]})" for name in called}
         before = [f"(* {how} *)\n{code}" for how, code in (texts[name] for name in called)] + [table] * bool(table)
         parameters, states, inputs, outputs = (
             [row for v in members for row in self._declared(v)] for members in self.groups.values()
         )
         outputs.append(self._row("violated", "DINT", text="0, or the number of the first violated rule"))
-        largest = self._row("largest", real.name, start=[real.literal(min(real.largest, sys.float_info.max))])
+        largest = self._row("largest", real.name, start=[f"{real.name}#{'3.4E38' if real.bound else '1.79E308'}"])
         own = [self._row(name, kind, size) for name, (kind, size) in real.locals.items()]
         lines = [real.comment(self._title(calls)), f"FUNCTION_BLOCK {self.prefix}"]
-        for keyword, rows in {
-            **{"VAR_INPUT": inputs + parameters, "VAR_OUTPUT": outputs, "VAR": states},
-            **{"VAR CONSTANT": [largest], "VAR_TEMP": own},
-        }.items():
+        sections = {"VAR_INPUT": inputs + parameters, "VAR_OUTPUT": outputs, "VAR": states}
+        sections |= {"VAR CONSTANT": [largest], "VAR_TEMP": own}
+        for keyword, rows in sections.items():
             lines += [keyword, *indented(rows), "END_VAR"] if rows else []
         return "\n".join([*before, *lines, body, "END_FUNCTION_BLOCK", ""]).replace("PREFIX_", f"{self.prefix}_")
 

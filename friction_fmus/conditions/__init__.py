@@ -16,7 +16,6 @@ from .compensation import (
     preview,
     sliding_gain,
     super_twisting,
-    super_twisting_rate,
 )
 from .condition import Condition
 from .coupling import contact_step, longest_step, output_delay, sample_step
@@ -85,7 +84,6 @@ __all__ = [
     "steepest_fall",
     "stick_slip_free",
     "super_twisting",
-    "super_twisting_rate",
     "turned_friction",
     "two_masses",
 ]

@@ -101,32 +101,6 @@ def super_twisting(c1: float, c2: float) -> Condition:
     )
 
 
-def super_twisting_rate(c2: float, L: float, rate: float) -> Condition:
-    """Check that the bound L covers the rate of change of friction: c2 L >= max |dF/dt|.
-
-    Parameters
-    ----------
-    c2, L : float
-        Gain and bound [N/s] of the law.
-    rate : float
-        Largest rate of change of friction [N/s]: s0 |v| while a contact with the stiffness s0 is elastic.
-
-    Returns
-    -------
-    Condition
-        Its value is c2 L, its bound the rate [N/s].
-    """
-    return Condition(
-        "super-twisting rate",
-        *compared(at_least, c2 * L, rate),
-        wrong=f"c2 L = {c2 * L:.4g} {{N}}/s must be at least the largest rate of change of friction, {rate:.4g} "
-        f"{{N}}/s",
-        why="the estimate lags behind friction at reversals and leaves an error",
-        change=f"raise L above {rate / c2 if c2 > 0.0 else math.inf:.4g} {{N}}/s",
-        source="Levant, Automatica 34(3), 1998",
-    )
-
-
 def adaptation(rate: float, Ks: float, m: float, Ts: float) -> Condition:
     """Check that a sampled gradient adaptation is stable: rate Ts < Ks and 2 Ks Ts/m < 4 + rate Ts^2/m.
 

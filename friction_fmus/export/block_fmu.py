@@ -23,7 +23,7 @@ from friction_fmus.blocks.catalogue import (
 from friction_fmus.blocks.customise import Start, identified, renamed, rotational, with_start_values
 from friction_fmus.blocks.probe import BlockVariables, read_variables
 from friction_fmus.errors import BuildError
-from friction_fmus.export.targets import Compiling, SourceFmu, choose_target, write_fmu
+from friction_fmus.export.targets import Compiling, SourceFmu, choose_target, write_file
 from friction_fmus.version import VERSION, build_time
 from harness.compiling import toolchain
 from harness.compiling.platforms import NATIVE, native_library, select
@@ -188,7 +188,7 @@ def fmu(
     # one folder per content, as another version of this package may use the same cache
     folder = toolchain.cache_folder() / "models" / hashlib.sha256(source.content).hexdigest()[:16]
     path = folder / f"{source.identifier}.fmu"
-    write_fmu(source.content, path)
+    write_file(source.content, path)
     return path
 
 

@@ -53,7 +53,7 @@ def read_axis(path: Path, model: str = "") -> IdentifiedAxis:
     if file is None or not path.exists():
         raise BuildError(f"{path} is no result, which has {' or '.join(RESULTS)}; {GIVE}")
     try:
-        axes = [_axis(row, folder) for row in json.loads(file.read_text(encoding="utf-8"))["axes"]]
+        axes = [in_folder(axis_from(row), folder) for row in json.loads(file.read_text(encoding="utf-8"))["axes"]]
     except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
         raise BuildError(
             f"{file} has no axes: it is damaged, or of an earlier version. Repeat the study or identification."
@@ -70,14 +70,17 @@ def read_axis(path: Path, model: str = "") -> IdentifiedAxis:
     return found[model] if model else axes[0]
 
 
-def _axis(row: Mapping[str, Any], folder: Path) -> IdentifiedAxis:
-    """Return the axis in a file of the folder; without its loop if the archive is gone."""
+def axis_from(row: Mapping[str, Any]) -> IdentifiedAxis:
+    """Return the axis that a file contains."""
     from friction_fmus.axis.position_map import Grid, PositionMap
 
     table, loop = row["position"], row["loop"] and AxisLoop(**row["loop"])
     if table is not None:
         table = PositionMap(Grid(**table["grid"]), tuple(table["cogging"]), tuple(table["friction"]), table["v_sign"])
-    if loop is not None:
-        archive = folder / loop.archive
-        loop = replace(loop, archive=str(archive)) if archive.is_file() else None
     return IdentifiedAxis(**{**row, "position": table, "loop": loop})
+
+
+def in_folder(axis: IdentifiedAxis, folder: Path) -> IdentifiedAxis:
+    """Return an axis whose loop is in the folder of a study; without the loop if its archive is gone."""
+    archive = folder / axis.loop.archive if axis.loop is not None else folder
+    return replace(axis, loop=replace(axis.loop, archive=str(archive)) if axis.loop and archive.is_file() else None)

@@ -3,9 +3,6 @@
   "use strict";
   const STEPS = 1000;
 
-  /* Parameters that are seldom changed: elements of arrays, of one direction, and switches. */
-  const isRare = ({ name, type }) => /\[|_neg$|^(Fn0|v_d|dead_band|seed|dt)$/.test(name) || type === "Boolean";
-
   /* Return a text with elements in it. */
   function element(tag, properties = {}, ...children) {
     const made = document.createElement(tag);
@@ -39,7 +36,6 @@
   /* Make a row. `about`: name, text, unit, start, and the range of the slider; `accepts(value)` returns a sentence about
      a value that the model does not take, or nothing. */
   function slider(about, onInput) {
-    if (about.boolean) return box(about, onInput);
     const id = "value-" + (about.id || about.name).replace(/[^\w]+/g, "-");
     const { toValue, toPosition } = scaleOf(about);
     let value = about.start;
@@ -91,42 +87,5 @@
     };
   }
 
-  /* Make a row for a value that is true or false. */
-  function box(about, onInput) {
-    const input = element("input", { type: "checkbox", checked: Boolean(about.start) });
-    const row = element("label", { className: "check" }, input, " ", element("b", {}, about.label || about.name), " " + about.text);
-    input.addEventListener("input", () => onInput(about.name, Number(input.checked)));
-    return {
-      element: row,
-      get value() {
-        return Number(input.checked);
-      },
-      set value(given) {
-        input.checked = Boolean(given);
-      },
-    };
-  }
-
-  /* Return the range of a slider for a variable of a model. `typical`: magnitude for a start value of zero. */
-  function rangeOf({ start, min, max, type }, typical) {
-    if (type === "Boolean") return { boolean: true };
-    const integer = type === "Integer";
-    const size = Math.abs(start) || typical || 1;
-    if (isFinite(min) && isFinite(max) && max / Math.max(min, size / 100) < 1000) return { min, max, integer };
-    if (integer) return { min: Math.max(min, 0), max: Math.min(max, Math.max(4 * size, 10)), integer };
-    if (min < 0) return { min: Math.max(min, -3 * size), max: Math.min(max, 3 * size) };
-    return { min: Math.max(min, size / 100), max: Math.min(max, size * 100), zero: min <= 0 };
-  }
-
-  /* Return a function that returns a sentence if a variable of a model does not take a value. */
-  function limits({ name, unit, min, max, type }) {
-    const limit = (value) => value + (unit ? " " + live.spaced(unit) : "") + ".";
-    return (value) => {
-      if (value < min) return name + " must be at least " + limit(min);
-      if (value > max) return name + " must be at most " + limit(max);
-      return type === "Integer" && value % 1 !== 0 ? name + " must be a whole number." : "";
-    };
-  }
-
-  Object.assign(live, { element, isRare, slider, rangeOf, limits });
+  Object.assign(live, { element, slider });
 })(FrictionLive);

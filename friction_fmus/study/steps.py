@@ -19,6 +19,7 @@ from cattrs import Converter
 import harness
 from friction_fmus.axis.servo_loop import quiet_runs
 from friction_fmus.blocks.catalogue import source_folder
+from friction_fmus.export.identified_axis import IdentifiedAxis, axis_from
 from friction_fmus.listings import plain
 from friction_fmus.version import VERSION
 from harness.storage.files import keep, kept, make_folder
@@ -26,7 +27,10 @@ from harness.workers import worker_pool
 
 CACHE: Final = ".study"  # subfolder of the results with the cached steps
 
-rebuild: Final = Converter(detailed_validation=False).structure
+_CONVERTER: Final = Converter(detailed_validation=False)
+_CONVERTER.register_structure_hook(IdentifiedAxis, lambda content, _: axis_from(content))  # its types are from above
+
+rebuild: Final = _CONVERTER.structure
 """``rebuild(content, kind)`` makes a dataclass from what `plain` and JSON made of one."""
 
 

@@ -26,7 +26,7 @@ from friction_fmus.codegen.servo_law import LAWS, LOOP_FILE, SHARED, LoopFile, L
 from friction_fmus.errors import BuildError
 from friction_fmus.export.axis_loop import AxisLoop
 from friction_fmus.export.block_fmu import build
-from friction_fmus.export.identified_axis import IdentifiedAxis
+from friction_fmus.export.identified_axis import IdentifiedAxis, in_folder
 from friction_fmus.export.targets import generic
 from friction_fmus.identification import Record
 from friction_fmus.identification.result_files import identified_axis
@@ -363,9 +363,8 @@ def identified_axes(
 
 def export_sheet(out: Path, axis: IdentifiedAxis) -> tuple[WrittenFile, ...]:
     """Write the parameters of the axis for a drive that runs no code, unless they cannot be simulated."""
-    loop = axis.loop and replace(axis.loop, archive=str(out / axis.loop.archive))
     try:
-        files = generic.write(replace(axis, loop=loop), out / OWN)
+        files = generic.write(in_folder(axis, out), out / OWN)
     except (BuildError, ExperimentError):  # the reference stands, or the simulation is inaccurate
         return ()
     what = "Parameters for a drive that runs no code; `friction-fmus export` writes those of some makers"

@@ -139,7 +139,6 @@ BORDERS: dict[str, tuple[On, bool]] = {
     "sliding gain": (lambda q: conditions.sliding_gain(q * 0.3, 0.1 + 0.2), True),
     "super-twisting c1": (lambda q: conditions.super_twisting(q * math.sqrt(2.1), 1.1), False),
     "super-twisting c2": (lambda q: conditions.super_twisting(9.0, q * (0.7 + 0.2 + 0.1)), False),
-    "super-twisting rate": (lambda q: conditions.super_twisting_rate(q * 3.0, 0.1, 0.3), True),
     "adaptation": (lambda q: conditions.adaptation(q * 3.0, 0.3, 10.0, 0.1), False),
     "adaptation, fast": (lambda q: conditions.adaptation(0.0, q * 6.0, 0.3, 0.1), False),
     "prefilter": (lambda q: conditions.prefilter(0.3, 9.0, q * 3.0, 0.1), False),

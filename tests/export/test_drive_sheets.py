@@ -197,7 +197,12 @@ def test_scales_of_a_joint_whose_friction_they_describe(tmp_path: Path) -> None:
         (minas, flat(), {"rated": "12"}, "give it at the axis"),
         (minas, flat(), {"rated": "-12 N"}, "give it at the axis"),
         (minas, flat(), {"rated": "12 s"}, r"--rated is given in \[s\] but has the unit \[N\]"),
-        (minas, flat(), {"rated": "2 N"}, "Pr6.08 .* would be 150, but the device takes -100 to 100"),
+        (
+            minas,
+            flat(),
+            {"rated": "2 N"},
+            "Pr6.08 .* would be 150 % of the rated force, but the device takes at most 100 %",
+        ),
         (omron_1s, flat(offset=50.0), {"rated": "10 N"}, "02 Unbalanced Load .* would be 500"),
         (tf5200, rigid(), {"rated": "4 N"}, r"frict_comp.table\[\d+\].out would be 1\d\d"),
         (tf5200, rigid(), {"rated": "40 N", "rows": "21"}, "--rows 21: the table has 2 to 20 rows"),

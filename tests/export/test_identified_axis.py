@@ -11,11 +11,12 @@ from drive_axis import rigid
 
 from friction_fmus.axis.position_map import Grid, PositionMap
 from friction_fmus.errors import BuildError
-from friction_fmus.export.identified_axis import read_axis
+from friction_fmus.export.identified_axis import IdentifiedAxis, read_axis
 from friction_fmus.export.targets import minas
 from friction_fmus.identification import ROTARY, Record, identify
 from friction_fmus.identification.result_files import axis_of, identified_axis
 from friction_fmus.listings import plain
+from friction_fmus.study.steps import rebuild
 
 
 def test_an_axis_comes_back_as_written(tmp_path: Path) -> None:
@@ -28,6 +29,7 @@ def test_an_axis_comes_back_as_written(tmp_path: Path) -> None:
     for path in (tmp_path, file, tmp_path / "report.html"):
         assert read_axis(path) == axis
         assert read_axis(path, "Coulomb") == other
+    assert rebuild(plain(axis), IdentifiedAxis) == axis  # as part of the result of a study
 
 
 @pytest.mark.parametrize(

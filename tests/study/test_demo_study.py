@@ -133,6 +133,8 @@ def test_everything_is_written_and_nothing_else_touched(study: Study) -> None:
     assert own == {*(file.path for file in study.result.files), "notes of mine.txt"}
     assert {"report.html", "study.json", "recommended/axis.ssp", "recommended/compensator.ssv"} <= own
     assert any(path.startswith("recommended/c/") and path.endswith(".c") for path in own)
+    page = (study.out / "recommended" / "generic.md").read_text(encoding="utf-8")
+    assert "% of the error without compensation" in page
 
 
 def test_the_json_is_the_result(study: Study, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -76,8 +76,8 @@ class SourceFmu:
         return found
 
 
-def write_fmu(content: bytes, path: Path) -> None:
-    """Write an FMU completely or not at all, and create its folder if needed."""
+def write_file(content: bytes, path: Path) -> None:
+    """Write a file completely or not at all, and create its folder if needed."""
     make_folder(path.parent)
     with atomic_path(path) as temporary:
         temporary.write_bytes(content)

@@ -6,7 +6,7 @@ import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
-from friction_fmus.export.targets import Target, write_fmu
+from friction_fmus.export.targets import Target, write_file
 
 if TYPE_CHECKING:
     from friction_fmus.export.identified_axis import IdentifiedAxis
@@ -34,7 +34,7 @@ def write(axis: IdentifiedAxis, folder: Path) -> list[Path]:
         "and takes its defaults for what is missing. Subtract from armature what the bodies of your model have.",
         *about(axis, ("static", *LOAD), simulator(law, axis.rotary), "an exact solver without load", STEP),
     ]
-    write_fmu(f"{json.dumps(content, indent=2)}\n".encode(), folder / "bam.json")
+    write_file(f"{json.dumps(content, indent=2)}\n".encode(), folder / "bam.json")
     return [folder / "bam.json"]
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from friction_fmus.export.targets import SourceFmu, Target, write_fmu
+from friction_fmus.export.targets import SourceFmu, Target, write_file
 
 if TYPE_CHECKING:
     from harness.compiling.platforms import Platform
@@ -27,7 +27,7 @@ def write(source: SourceFmu, path: Path) -> None:
     if tuple(source.platforms) not in source.complete:
         made = {name: data for name, data in source.members.items() if not name.startswith("binaries/")}
         content = zipped(made | source.libraries(library, source.platforms), source.made)
-    write_fmu(content, path)
+    write_file(content, path)
 
 
 TARGET = Target("an FMI 2.0 FMU", "fmu", write, ".fmu")

@@ -17,7 +17,7 @@ def write(axis: IdentifiedAxis, folder: Path) -> list[Path]:
 
     from friction_fmus.blocks.catalogue import find
     from friction_fmus.export.axis_fit import AGAINST, AxisFit
-    from friction_fmus.export.drive_sheet import Row, Sheet, lost, text, write_sheet
+    from friction_fmus.export.drive_sheet import Row, lost, text, write_sheet
     from harness.storage.files import atomic_path, make_folder
 
     fit, u, written = AxisFit(axis), axis.words, []
@@ -52,7 +52,7 @@ def write(axis: IdentifiedAxis, folder: Path) -> list[Path]:
         rows.append(Row(f"{u.force} over position", path.name, u.N, "at the reference position"))
         written.append(path)
     notes = ["A direction is held while the reference stands.", *lost(axis, {"viscous", "position"})]
-    return write_sheet(Sheet("a drive", rows, columns @ p + known, notes), fit, folder, "generic") + written
+    return write_sheet(fit, folder, "generic", "a drive", rows, columns @ p + known, notes) + written
 
 
 TARGET = Target("a sheet with the parameters of an axis", "axis", write)

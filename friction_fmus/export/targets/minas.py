@@ -28,7 +28,7 @@ NAMES = (
 def write(axis: IdentifiedAxis, folder: Path, rated: str = "") -> list[Path]:
     """Write the sheet."""
     from friction_fmus.export.axis_fit import AGAINST, AxisFit
-    from friction_fmus.export.drive_sheet import Row, Sheet, in_percent, lost, text, write_sheet
+    from friction_fmus.export.drive_sheet import Row, in_percent, lost, text, write_sheet
 
     fit, opposite = AxisFit(axis), "All values are added to the command: the one of the negative direction is negative."
     forward, backward = fit.fit(fit.coulomb, axis.offset, AGAINST)
@@ -38,8 +38,8 @@ def write(axis: IdentifiedAxis, folder: Path, rated: str = "") -> list[Path]:
     rows = [Row(one, value, "%", "MINAS", PANASONIC) for (one, _), value in both]
     rows += [Row(other, value, "%", "Omron G5", OMRON) for (_, other), value in both]
     notes = [note, opposite, "A direction is held until the next command direction.", *lost(axis)]
-    sheet = Sheet("Panasonic MINAS A5 and A6, Omron G5", rows, p[0] + fit.coulomb @ [p[1], -p[2]], notes)
-    return write_sheet(sheet, fit, folder, "minas")
+    force = p[0] + fit.coulomb @ [p[1], -p[2]]
+    return write_sheet(fit, folder, "minas", "Panasonic MINAS A5 and A6, Omron G5", rows, force, notes)
 
 
 TARGET = Target("a sheet for Panasonic MINAS A5 and A6, and Omron G5", "axis", write, options=(RATED,))

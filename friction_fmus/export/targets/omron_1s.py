@@ -26,7 +26,7 @@ def write(axis: IdentifiedAxis, folder: Path, rated: str = "") -> list[Path]:
     import numpy as np
 
     from friction_fmus.export.axis_fit import AGAINST, AxisFit
-    from friction_fmus.export.drive_sheet import Row, Sheet, in_percent, lost, text, write_sheet
+    from friction_fmus.export.drive_sheet import Row, in_percent, lost, text, write_sheet
 
     fit, where = AxisFit(axis), "object 3310 hex, Torque Compensation"
     forward, backward, Fv = fit.fit(np.column_stack([fit.coulomb, fit.motion.rd]), axis.offset, AGAINST)
@@ -42,7 +42,7 @@ def write(axis: IdentifiedAxis, folder: Path, rated: str = "") -> list[Path]:
         *lost(axis, {"viscous"}),
     ]
     force = p[0] + fit.coulomb @ [p[1], -p[2]] + Fv * fit.motion.rd
-    return write_sheet(Sheet("Omron 1S", rows, force, notes), fit, folder, "omron-1s")
+    return write_sheet(fit, folder, "omron-1s", "Omron 1S", rows, force, notes)
 
 
 TARGET = Target("a sheet for Omron 1S", "axis", write, options=(RATED,))

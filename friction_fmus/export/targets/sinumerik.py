@@ -16,6 +16,10 @@ MANUAL: Final = (
     "Siemens, SINUMERIK 840D sl, Function Manual Extended Functions 03/2013, 4.6 Friction compensation, p. 293 to 296",
     "https://www.easymanua.ls/siemens/sinumerik-series/manual/275710?p=296",
 )
+NAMES: Final = (
+    *("MD32490 FRICT_COMP_MODE", "MD32500 FRICT_COMP_ENABLE", "MD32510 FRICT_COMP_ADAPT_ENABLE"),
+    *("MD32520 FRICT_COMP_CONST_MAX", "MD32540 FRICT_COMP_TIME"),
+)
 TIMES: Final = 11  # number of time constants that are tried, from a sample on, each twice the one before
 
 
@@ -66,7 +70,7 @@ def write(axis: IdentifiedAxis, folder: Path) -> list[Path]:
     import numpy as np
 
     from friction_fmus.export.axis_fit import AxisFit, rms
-    from friction_fmus.export.drive_sheet import Row, Sheet, lost, text, write_sheet
+    from friction_fmus.export.drive_sheet import Row, lost, text, write_sheet
     from friction_fmus.listings import shown
 
     (loop, *gains), u = cascade(axis), axis.words
@@ -87,10 +91,8 @@ def write(axis: IdentifiedAxis, folder: Path) -> list[Path]:
     least, size, time = min(found)
     factor, unit = (30.0 / np.pi, "rev/min") if axis.rotary else (60e3, "mm/min")
     size, time = float(text(factor * size)) / factor, round(float(time), 5)
-    entries = {"490 FRICT_COMP_MODE": ("1", ""), "500 FRICT_COMP_ENABLE": ("1", "")}
-    entries |= {"510 FRICT_COMP_ADAPT_ENABLE": ("0", ""), "520 FRICT_COMP_CONST_MAX": (text(factor * size), unit)}
-    entries["540 FRICT_COMP_TIME"] = text(time), "s"
-    rows = [Row(f"MD32{name}", *entry, "axis machine data", MANUAL) for name, entry in entries.items()]
+    values = ("1", ""), ("1", ""), ("0", ""), (text(factor * size), unit), (text(time), "s")
+    rows = [Row(name, *value, "axis machine data", MANUAL) for name, value in zip(NAMES, values, strict=True)]
     force = axis.offset + size * pulse(motion, time, Ts, *gains)
     fit = AxisFit(replace(axis, loop=replace(loop, fed=rms(loop.error(0.0 * force + axis.offset)))))
     notes = [
@@ -101,7 +103,7 @@ def write(axis: IdentifiedAxis, folder: Path) -> list[Path]:
         "(MD32550 to MD32570).",
         *lost(axis),
     ]
-    return write_sheet(Sheet("Siemens SINUMERIK", rows, force, notes), fit, folder, "sinumerik")
+    return write_sheet(fit, folder, "sinumerik", "Siemens SINUMERIK", rows, force, notes)
 
 
 TARGET = Target("a sheet for the quadrant error compensation of Siemens SINUMERIK", "axis", write)

@@ -12,21 +12,13 @@ if TYPE_CHECKING:
     from friction_fmus.export.axis_loop import Array
     from friction_fmus.export.identified_axis import IdentifiedAxis
 
-PARAMETERS: Final = "https://infosys.beckhoff.com/content/1033/tf5200_axis_compensation_parameters"
-PAGES: Final = {
-    **{"mode": ("00041", 493246859), "table_entries": ("00042", 113449739), "position_delay": ("00043", 113451275)},
-    **{"reversal_lookahead": ("00044", 113452811), "scaling_factor": ("00045", 113454347), "in": ("00046", 113455883)},
-    **{"out": ("00047", 113457419), "delay_cycles": ("00058", 351557899)},
-}
-"""Number of each parameter, and page of its description."""
-
+MANUAL: Final = (
+    "Beckhoff, TF5200 CNC, Friction compensation, Compensation values",
+    "https://infosys.beckhoff.com/content/1033/tf5200_axis_compensation/352414091.html",
+)
 MOST_ROWS: Final = 20
 PLACES: Final = 120  # speeds among which those of the rows are chosen
-CHOICES: Final = {
-    "position_delay": (0, 1, 2, 5, 10),
-    "delay_cycles": (0, 1, 2, 3),
-    "reversal_lookahead": (0, 1, 2, 3, 4),
-}
+CHOICES: Final = {"position_delay": (0, 1, 2, 5, 10), "delay_cycles": range(4), "reversal_lookahead": range(5)}
 """Values that are tried, within the ranges of the device."""
 
 
@@ -78,7 +70,7 @@ def write(axis: IdentifiedAxis, folder: Path, rated: str = "", rows: str = str(M
 
     from friction_fmus.errors import BuildError
     from friction_fmus.export.axis_fit import AxisFit, signs
-    from friction_fmus.export.drive_sheet import Row, Sheet, in_percent, lost, text, write_sheet
+    from friction_fmus.export.drive_sheet import Row, in_percent, lost, text, write_sheet
 
     if not rows.isdecimal() or not 2 <= int(rows) <= MOST_ROWS:
         raise BuildError(f"--rows {rows}: the table has 2 to {MOST_ROWS} rows.")
@@ -107,16 +99,17 @@ def write(axis: IdentifiedAxis, folder: Path, rated: str = "", rows: str = str(M
     for name, tried in CHOICES.items() if axis.loop is not None else ():
         chosen = min(({**chosen, name: value} for value in tried), key=lambda given: fit.tracking(formed(given)))
     short, turn = ("0.0001 deg", "0.001 deg/s") if axis.rotary else ("0.1 um", "um/s")
-    entries: list[tuple[str, float, str]] = [("mode", 3, ""), ("table_entries", len(at), "")]
-    entries += [(name, value, short if name == "position_delay" else "cycles") for name, value in chosen.items()]
-    entries.append(("scaling_factor", 1000, "0.1 %"))
+    entries: list[tuple[str, float, str, str]] = [
+        ("mode", 3, "", "00041"),
+        ("table_entries", len(at), "", "00042"),
+        ("position_delay", chosen["position_delay"], short, "00043"),
+        ("reversal_lookahead", chosen["reversal_lookahead"], "cycles", "00044"),
+        ("scaling_factor", 1000, "0.1 %", "00045"),
+        ("delay_cycles", chosen["delay_cycles"], "cycles", "00058"),
+    ]
     for i, (each, current) in enumerate(zip(at, percent, strict=True)):
-        entries += [(f"table[{i}].in", each, turn), (f"table[{i}].out", 10.0 * current, "0.1 % of rated")]
-    lines = []
-    for name, value, of in entries:
-        number, page = PAGES[name.rpartition(".")[2]]
-        source = (f"Beckhoff, TF5200 CNC, P-COMP-{number}", f"{PARAMETERS}/{page}.html")
-        lines.append(Row(f"frict_comp.{name}", text(value, 1.0), of, "compensation list", source))
+        entries += [(f"table[{i}].in", each, turn, "00046"), (f"table[{i}].out", 10.0 * current, "0.1 %", "00047")]
+    lines = [Row(f"frict_comp.{name}", text(x, 1.0), of, f"P-COMP-{number}", MANUAL) for name, x, of, number in entries]
     notes = [
         f"{note} The unit of the current depends on the drive; 0.1 % of rated is that of CANopen drives.",
         "lr_param.frict_comp = 1 (P-AXIS-00522) activates the compensation. It does not contain the constant force.",
@@ -124,7 +117,7 @@ def write(axis: IdentifiedAxis, folder: Path, rated: str = "", rows: str = str(M
         "position_delay is within the documented range, 0 to 10, although an example of the documentation has 30.",
         *lost(axis, {"table"}),
     ]
-    return write_sheet(Sheet("Beckhoff TF5200", lines, formed(chosen), notes), fit, folder, "tf5200")
+    return write_sheet(fit, folder, "tf5200", "Beckhoff TF5200", lines, formed(chosen), notes)
 
 
 ROWS = Option("rows", f"number of rows of the table, 2 to {MOST_ROWS} (default)", metavar="N")

@@ -23,7 +23,7 @@ def write(axis: IdentifiedAxis, folder: Path) -> list[Path]:
 
     from friction_fmus.errors import BuildError
     from friction_fmus.export.axis_fit import AGAINST, AxisFit
-    from friction_fmus.export.drive_sheet import Row, Sheet, lost, text, write_sheet
+    from friction_fmus.export.drive_sheet import Row, lost, text, write_sheet
     from friction_fmus.listings import shown
 
     if not axis.rotary:
@@ -47,9 +47,8 @@ def write(axis: IdentifiedAxis, folder: Path) -> list[Path]:
         notes.append(
             f"With the defaults of most joints, {DEFAULTS[0]} and {DEFAULTS[1]}, the tracking error is {error}."
         )
-    return write_sheet(
-        Sheet("Universal Robots", rows, columns @ scales + known, notes), fit, folder, "universal-robots"
-    )
+    force = columns @ scales + known
+    return write_sheet(fit, folder, "universal-robots", "Universal Robots", rows, force, notes)
 
 
 TARGET = Target("a sheet for a joint of Universal Robots", "axis", write)

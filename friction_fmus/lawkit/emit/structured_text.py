@@ -15,8 +15,9 @@ from friction_fmus.lawkit.emit.syntax import DOUBLE, PRODUCT, SUM, Real, Text, i
 KEYWORDS = frozenset((Path(__file__).parent / "keywords.txt").read_text(encoding="utf-8").split())
 """Reserved words of the standard and of TwinCAT, standard functions, and index and constant of generated code."""
 
-_STANDARD = {"FABS": "ABS", "LOG": "LN", "POW": "EXPT", "CONSTPOW": "EXPT"}
-_STANDARD |= {name: name for name in ("EXP", "SQRT", "SIN", "COS", "TAN", "ASIN", "ACOS", "ATAN")}
+STANDARD = ("EXP", "LN", "EXPT", "SIN", "COS", "TAN", "ASIN", "ACOS", "ATAN")
+"""Functions whose results are rounded as the controller does it."""
+_NAMES = {"FABS": "ABS", "SQRT": "SQRT", "LOG": "LN", "POW": "EXPT", "CONSTPOW": "EXPT"} | {f: f for f in STANDARD}
 
 _SPELLED = {"&&": "AND", "||": "OR", "==": "=", "!=": "<>", "!": "NOT ", "true": "TRUE", "false": "FALSE"}
 
@@ -54,9 +55,9 @@ class _StructuredReal(Real):
 
     def called(self, operation: str) -> str:
         name = LIBM[operation]
-        if operation not in _STANDARD and name not in functions(self.name):
+        if operation not in _NAMES and name not in functions(self.name):
             raise FrictionError(f"Structured Text has no function {name}: express it otherwise, or use the target c")
-        return _STANDARD.get(operation, f"{self.prefix}_{name}")
+        return _NAMES.get(operation, f"{self.prefix}_{name}")
 
     def choice(self, condition: Text, first: Text, second: Text) -> str:
         return f"SEL({condition.text}, {second.text}, {first.text})"

@@ -2,14 +2,14 @@
 
 from pathlib import Path
 
-from friction_fmus.export.targets import Option, SourceFmu, Target, write_fmu
+from friction_fmus.export.targets import Option, SourceFmu, Target, write_file
 
 
 def write(source: SourceFmu, path: Path, *, clocks: bool = False, arrays: bool = False) -> None:
     """Write the FMU with libraries for the platforms."""
     from friction_fmus.export.targets.fmi3.fmi3_archive import fmi_3
 
-    write_fmu(fmi_3(source, clocks=clocks, arrays=arrays), path)
+    write_file(fmi_3(source, clocks=clocks, arrays=arrays), path)
 
 
 CLOCKS = Option("clocks", "FMI 3.0: sampled blocks have a clock")
