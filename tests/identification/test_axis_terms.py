@@ -56,14 +56,14 @@ def test_gravity_of_short_strokes_is_found() -> None:
     """Strokes of 0.14 rad about 1 rad: gravity is needed, although no part of it differs clearly from an offset."""
     t = 1e-3 * np.arange(12000)
     parts = ((0.05, np.pi, 0.0), (0.02, 3.4 * np.pi, 1.0))
-    q = 1.0 + sum(A * np.sin(w * t + p) for A, w, p in parts)
+    q = np.asarray(1.0 + sum(A * np.sin(w * t + p) for A, w, p in parts), dtype=np.float64)
     v, a = (sum(A * w**n * f(w * t + p) for A, w, p in parts) for n, f in ((1, np.cos), (2, lambda x: -np.sin(x))))
     gravity = 2.9 * np.sin(q) + 0.2 * np.cos(q)
     needed, force = 0.09 * a + 0.05 * v + gravity, np.zeros(len(t))
     for _ in range(200):  # the friction is 0.15 times both torques, more than without load
         force = needed + np.sign(v) * (0.3 + 0.15 * np.abs(gravity + force))
     force += np.random.default_rng(0).normal(0.0, 0.01, len(t))
-    record = Record("short", t, q=np.round(q, 5), force=force, units=ROTARY)
+    record = Record("short", t, q=q, force=force, units=ROTARY)
     values = identify("Stribeck", record, terms="auto").values()
     assert {"G_sin", "a"} <= values.keys()
     assert values["M"] == pytest.approx(0.09, rel=0.02)
