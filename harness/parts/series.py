@@ -15,8 +15,7 @@ from numpy.typing import ArrayLike
 
 from harness.errors import PartError, SeriesError
 from harness.parts.part import Calls, Part, Port, StartValue, Values
-from harness.result import split_heading, unquoted
-from harness.storage.files import read_csv, reason
+from harness.storage.files import reason
 
 
 @dataclass(frozen=True)
@@ -238,36 +237,16 @@ def _nothing() -> None:
     """Do nothing, as there are no inputs to set."""
 
 
-def _read_csv(path: Path) -> tuple[list[float], dict[str, list[float]], dict[str, str]]:
+def _read_csv(path: Path) -> tuple[Values, dict[str, Values], dict[str, str]]:
     """Return the times, columns and units of a CSV file."""
+    from harness.results.formats import from_csv  # with xarray, which takes longer to import than the rest
+
     try:
-        lines = read_csv(path)
+        table = from_csv(path)
     except (OSError, ValueError) as error:
-        raise SeriesError(f"cannot read the record {path}: {reason(error)}; give a CSV file") from error
-    if len(lines) < 2 or len(lines[0]) < 2:
-        raise SeriesError(
-            f"the record {path} is not a table: give a heading row, a time column and at least one more column, "
-            "separated by commas"
-        )
-    names, units = [], {}
-    for heading in lines[0]:
-        name, unit = split_heading(unquoted(heading))
-        names.append(name)
-        if unit:
-            units[name] = unit
-    if names[0].lower() not in {"time", "t"} or units.get(names[0], "s") != "s":
-        raise SeriesError(f"the first column of {path} is '{lines[0][0]}': it must be 'time [s]'")
-    if len(set(names)) < len(names):
-        raise SeriesError(f"two columns of {path} have the same name: rename one")
-    try:
-        table = [[float(text) for text in line] for line in lines[1:]]
-        columns = [list(column) for column in zip(*table, strict=True)]
-    except ValueError as error:
-        raise SeriesError(
-            f"the record {path} has a row with a text in place of a number ({error}): correct it"
-        ) from error
-    if len(columns) != len(names):
-        raise SeriesError(
-            f"the record {path} has {len(names)} headings but {len(columns)} columns: correct the heading row"
-        )
-    return columns[0], dict(zip(names[1:], columns[1:], strict=True)), units
+        raise SeriesError(f"cannot read the record {path}: {reason(error)}; give a CSV file with times") from error
+    if (unit := table["time"].attrs["units"]) != "s":
+        raise SeriesError(f"the times of the record {path} have the unit {unit}: give seconds")
+    columns = {str(name): column.to_numpy() for name, column in table.data_vars.items()}
+    units = {name: unit for name in columns if (unit := table[name].attrs.get("units"))}
+    return table["time"].to_numpy(), columns, units

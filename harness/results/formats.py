@@ -38,11 +38,13 @@ def to_csv(result: Result, path: Path) -> None:
 
 def from_csv(path: Path) -> Result:
     """Read a result from CSV; a column of whole numbers without a decimal point becomes an Integer."""
-    first, *rows = read_csv(path) or [[]]
+    first, *rows = read_csv(path) or [[""]]
     for number, row in enumerate(rows, start=1):
         if len(row) != len(first):
             raise ValueError(f"its row {number} has {len(row)} cells instead of {len(first)}")
     headings = [split_heading(unquoted(text)) for text in first]
+    if headings[0][0].lower() in ("t", "time"):
+        headings[0] = "time", headings[0][1]
     require_distinct([name for name, _ in headings])
     cells = zip(*rows, strict=True) if rows else [()] * len(first)
     columns = {name: _column(column) for (name, _), column in zip(headings, cells, strict=True)}

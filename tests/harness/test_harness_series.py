@@ -77,20 +77,28 @@ def test_index_is_not_a_unit(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("", "is not a table"),
-        ("time [s],x\n", "is not a table"),
-        ("x,y\n0,1\n", "first column .* is 'x'"),
-        ("time [ms],y\n0,1\n", "must be 'time"),
-        ("time,x,x\n0,1,2\n", "same name"),
-        ("time,x\n0,one\n", "a text in place of a number"),
-        ("time,x\n0,1\n1\n", "a text in place of a number"),
-        ("time,x\n0,1,2\n", "2 headings but 3 columns"),
+        ("", "no column 'time'"),
+        ("time [s],x\n", "is empty"),
+        ("time [s]\n0\n", "is empty"),
+        ("x,y\n0,1\n", "no column 'time'"),
+        ("time [ms],y\n0,1\n", "unit ms: give seconds"),
+        ("time,x,x\n0,1,2\n", "two of its columns are called 'x'"),
+        ("time,x\n0,one\n", "'x' contains values that are not numbers"),
+        ("time,x\n0,\n1,2\n", "not finite"),
+        ("time,x\n0,1\n1\n", "row 2 has 1 cells instead of 2"),
+        ("time,x\n0,1,2\n", "row 1 has 3 cells instead of 2"),
     ],
 )
 def test_bad_csv(tmp_path: Path, text: str, message: str) -> None:
     (tmp_path / "bad.csv").write_text(text)
     with pytest.raises(SeriesError, match=message):
         SeriesPart.from_csv("s", tmp_path / "bad.csv")
+
+
+@pytest.mark.parametrize("heading", ["t", "Time [s]"])
+def test_the_first_column_is_the_time(tmp_path: Path, heading: str) -> None:
+    (tmp_path / "r.csv").write_text(f"{heading},x\n0,1\n0.5,2\n")
+    np.testing.assert_array_equal(SeriesPart.from_csv("s", tmp_path / "r.csv").table().times, [0.0, 0.5])
 
 
 def test_missing_csv(tmp_path: Path) -> None:
