@@ -338,7 +338,9 @@ def start_of(plant: AxisPlant, parts: Mapping[str, Part], x0: float) -> dict[str
         spring = plant.offset if abs(plant.offset) > 0.5 * held else 0.0  # holds a weight that friction does not
         found["axis.x2_0"] = x0 - spring / own["k"]
         parted = {FRICTION: 1.0 - load.friction, OF_LOAD: load.friction}
-    found |= {"transmission.base": plant.values["Fn0"]} if "transmission" in parts else {}
+    if "transmission" in parts:
+        found |= {"transmission.base": plant.values["Fn0"]}
+        found |= {f"transmission.{name}": plant.terms[name] for name in SHARES}
     values, forces = typed(friction, plant.values), forces_of(friction)
     for part, share in parted.items():
         found |= {f"{part}.{name}": share * value if name in forces else value for name, value in values.items()}

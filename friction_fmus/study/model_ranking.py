@@ -115,7 +115,7 @@ class IdentifiedModel:
     """Simulated minus measured position and force of the servo over time."""
     position_map: PositionMap | None = None  # cogging and position-dependent friction
     load: FlexibleLoad | None = None  # part of the mass behind a spring, with which the servo was simulated
-    terms: Mapping[str, float] = field(default_factory=dict)  # gravity and load, see `AxisPlant`
+    terms: dict[str, float] = field(default_factory=dict)  # gravity and load, see `AxisPlant`
 
     @property
     def plant(self) -> AxisPlant:
@@ -425,7 +425,7 @@ def refine(
         return found
     rows = {p.name: p for p in found.row.parameters}
     free = [p for p in rows.values() if p.determined]
-    free = [p for p in free if (p.value > 0.0 and p.name not in VALUES) or p.name == "OF"]
+    free = [p for p in free if (p.value > 0.0 and p.name not in VALUES - {"a"}) or p.name == "OF"]
     level = max((found.values.get(name, 0.0) for name in ("Fc", "Fs", "f1")), default=0.0)
     if "M" not in {p.name for p in free} or not level:
         return found
@@ -455,7 +455,9 @@ def refine(
             own = {name: values.get(name, value) for name, value in found.values.items()}
             own |= {name: own[other] for name, other in tied.items()}
             own |= {"Fn0": contact.level(own)} if found.plant.loaded else {}
-            plant = replace(found.plant, values=own, mass=values["M"], offset=values.get("OF", found.offset))
+            terms = found.terms | (dict.fromkeys(SHARES, values["a"]) if "a" in values else {})
+            offset = values.get("OF", found.offset)
+            plant = replace(found.plant, values=own, mass=values["M"], offset=offset, terms=terms)
             start = start_of(plant, system.parts, trajectory.x0)
             return run_loop(system.with_start({**start, **constant_force(plant, -plant.offset)})).q
 
@@ -504,7 +506,7 @@ def refine(
         predicted=found.predicted,
         position_map=found.position_map,
         load=found.load,
-        terms=found.terms,
+        terms=found.terms | (dict.fromkeys(SHARES, values["a"]) if "a" in values else {}),
     )
     return _better(found, in_closed_loop(refined, measured), train, unfitted)
 

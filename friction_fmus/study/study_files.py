@@ -251,10 +251,10 @@ def export_recommended(
     both = scheme.compensator, scheme.feedforward
     if scheme.compensator is None:
         both = both[::-1]
-    recommends = any(both) or scheme.table or scheme.servo != bench.servo
+    load = load_feedforward(bench.plant) if bench.trajectory.motion else None
+    recommends = any(both) or scheme.table or scheme.servo != bench.servo or load is not None
     if recommends:
         both = with_friction(scheme.servo, *both)
-    load = load_feedforward(bench.plant) if bench.trajectory.motion else None
     named = zip(("load", *ADDED), (load, *both), strict=True)
     laws = {part: law for part, law in named if law is not None}
     fmus: dict[str, Path] = {}

@@ -10,7 +10,7 @@ import pytest
 from arms import drawn, moved, temperature
 
 from friction_fmus.errors import FitError, RecordError
-from friction_fmus.identification import LINEAR, Record, identify, read_measurement
+from friction_fmus.identification import LINEAR, ROTARY, Record, identify, read_measurement
 from friction_fmus.identification.fit.first_look import first_look
 from friction_fmus.identification.plant_candidates import plant_findings
 
@@ -50,6 +50,23 @@ def test_gravity_and_load_are_found_and_nothing_else(record: Record) -> None:
 def test_an_arm_without_terms_has_none() -> None:
     found = identify("Stribeck", thinned(moved(drawn(0), 0)), terms="auto")
     assert not {"G_sin", "a", "direction", "drift"} & found.values().keys()
+
+
+def test_gravity_of_short_strokes_is_found() -> None:
+    """Strokes of 0.14 rad about 1 rad: gravity is needed, although no part of it differs clearly from an offset."""
+    t = 1e-3 * np.arange(12000)
+    parts = ((0.05, np.pi, 0.0), (0.02, 3.4 * np.pi, 1.0))
+    q = np.asarray(1.0 + sum(A * np.sin(w * t + p) for A, w, p in parts), dtype=np.float64)
+    v, a = (sum(A * w**n * f(w * t + p) for A, w, p in parts) for n, f in ((1, np.cos), (2, lambda x: -np.sin(x))))
+    gravity = 2.9 * np.sin(q) + 0.2 * np.cos(q)
+    needed, force = 0.09 * a + 0.05 * v + gravity, np.zeros(len(t))
+    for _ in range(200):  # the friction is 0.15 times both torques, more than without load
+        force = needed + np.sign(v) * (0.3 + 0.15 * np.abs(gravity + force))
+    force += np.random.default_rng(0).normal(0.0, 0.01, len(t))
+    record = Record("short", t, q=q, force=force, units=ROTARY)
+    values = identify("Stribeck", record, terms="auto").values()
+    assert {"G_sin", "a"} <= values.keys()
+    assert values["M"] == pytest.approx(0.09, rel=0.02)
 
 
 def test_known_gravity_gives_the_gain_of_the_drive(record: Record) -> None:

@@ -101,12 +101,12 @@ def with_terms(
     start = data.constraints.start
     while True:
         fit = again(data)
-        errors = np.sqrt(np.diag(covariance(fit.found, [len(each.measured) for each in data.segments])[0]))
-        coordinates = list(zip(fit.problem.coordinates, fit.found.x, errors, strict=True))
+        spread = covariance(fit.found, [len(each.measured) for each in data.segments])[0]
+        names = [c.name for c in fit.problem.coordinates]
         unclear = [
             term
             for term in data.terms
-            if not any(abs(x) > CLEAR * error > 0.0 for c, x, error in coordinates if c.name in TERMS[term])
+            if not _clear(fit.found.x, spread, [names.index(n) for n in TERMS[term] if n in names])
         ]
         if not unclear:
             return data, fit
@@ -114,6 +114,12 @@ def with_terms(
         gone = VALUES - {name for term in kept for name in TERMS[term]}
         start = {name: value for name, value in start.items() if name not in gone}
         data = replace(data, terms=kept, constraints=replace(data.constraints, start=start))
+
+
+def _clear(x: Array, spread: Array, at: Sequence[int]) -> bool:
+    """Return whether values differ from zero, together: on a short stroke, no part of gravity does so alone."""
+    own = spread[np.ix_(at, at)]
+    return bool(np.all(np.diag(own) > 0.0)) and float(x[at] @ np.linalg.pinv(own) @ x[at]) > CLEAR**2
 
 
 def _possible(data: FitData, term: str) -> bool:
