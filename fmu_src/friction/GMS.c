@@ -101,13 +101,7 @@ struct slip_memory {
 #include "slip.h"
 #include "stribeck.h"
 
-static bool is_slip_memory(const Model *m)
-{
-    bool good = true;
-    for (int i = 0; i < 10; i++)
-        good = good && is_direction(m->memory.slips[i]);
-    return good;
-}
+static bool is_slip_memory(const Model *m) { return are_directions(m->memory.slips, 10); }
 
 /* Return the factor that normalises alpha. */
 static double share(const Model *m)

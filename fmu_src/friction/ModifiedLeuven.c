@@ -86,13 +86,7 @@ struct slip_memory {
 #include "modified_leuven.h"
 #include "slip.h"
 
-static bool is_slip_memory(const Model *m)
-{
-    bool good = true;
-    for (int i = 0; i < 10; i++)
-        good = good && is_direction(m->memory.slips[i]);
-    return good;
-}
+static bool is_slip_memory(const Model *m) { return are_directions(m->memory.slips, 10); }
 
 static double slow(const Model *m) { return 1e-9 * m->vs; }
 

@@ -4,6 +4,15 @@
 #ifndef SLIP_H
 #define SLIP_H
 
+/* Helper for VALID_BY. */
+static inline bool are_directions(const double *slips, int count)
+{
+    bool good = true;
+    for (int i = 0; i < count; i++)
+        good = good && is_direction(slips[i]);
+    return good;
+}
+
 /* Return the event indicator of an element that `slips` in a direction or sticks (0). Slip begins above the speed
    `rest` only: noise of a solver around v = 0 is not motion. */
 static inline double slip_indicator(double slips, double v, double rest, double force, double level)
