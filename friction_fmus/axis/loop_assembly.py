@@ -287,8 +287,8 @@ def load_feedforward(plant: AxisPlant) -> Compensator | None:
     if not plant.terms:
         return None
     rubs = find(plant.friction).about.in_loop.friction
-    own = rubs is not None and rubs.viscous != "0"
-    viscous = rubs.level(plant.values).viscous if rubs is not None and own else plant.values.get("Fv", 0.0)
+    within = rubs.level(plant.values).viscous if rubs is not None else 0.0
+    viscous = within or plant.values.get("Fv", 0.0)
     given = {"m": 0.0, "offset": plant.offset, "m_moved": plant.mass, "Fv": viscous, "G_sin": 0.0}
     given |= {"Fc": plant.values["Fn0"]} if plant.loaded else dict.fromkeys(SHARES, 0.0)
     return Compensator("LoadFeedforward", "u", {**given, **plant.terms})

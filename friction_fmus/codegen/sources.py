@@ -332,9 +332,11 @@ def at_rest(export: Export) -> list[str]:
     if not results:
         return []
     writes = [place for variable in results for place in export.places(variable)]
-    lows = [low for variable in results for low in export.lows(variable)]
-    lines = export.statements(function, export.law.given, writes).lines
-    return [*lines, *_set(export, lows, [export.real.literal(0.0)])]
+    lines = list(export.statements(function, export.law.given, writes).lines)
+    for variable in results:
+        lows = export.lows(variable)
+        lines += _set(export, lows, [export.real.literal(0.0)] * len(lows))
+    return lines
 
 
 def overflow(export: Export) -> tuple[str, list[str], list[str]]:

@@ -15,7 +15,7 @@ from friction_fmus.axis.drive_filters import CurrentLoop, filtered
 from friction_fmus.axis.servo import AxisPlant, Servo, Trajectory
 from friction_fmus.axis.servo_loop import closed_loop, run_loop
 from friction_fmus.blocks.axis_units import domain_of
-from friction_fmus.data import EMPS_PUBLISHED, load_emps
+from friction_fmus.data import EMPS_PUBLISHED, load_emps, load_tribometer
 from friction_fmus.export.block_fmu import build_record
 from friction_fmus.identification import Array, Measurement, Record, read_measurement
 from friction_fmus.identification.data.mapping import read_mapping
@@ -78,7 +78,7 @@ def load_data(config: StudyConfig, scratch: Path) -> Data:
         assert config.servo is not None
         records, published = (demo(config.servo, scratch),), {"LuGre": {**LUGRE, "M": 1.0, "OF": 0.0}}
     elif config.record == "tribometer":
-        records = tribometer()
+        records = (load_tribometer(),)
     else:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
@@ -104,17 +104,6 @@ def demo(servo: Servo, scratch: Path) -> Record:
     q = servo.quantum * np.round(trace.q / servo.quantum) if servo.quantum else trace.q
     # the force of a sample acts from the sampling instant on
     return Record("demo", t, q=q, reference=r, force=trace.force, citation="", quantum=servo.quantum)
-
-
-def tribometer() -> tuple[Record, ...]:
-    """Return the record of the reciprocating contact."""
-    from friction_fmus import data
-
-    load = getattr(data, "load_tribometer", None)
-    if load is None:
-        raise ConfigError("The tribometer record is not included in this package; use a data file of your own.")
-    record = load()
-    return (record,) if isinstance(record, Record) else tuple(record)
 
 
 def build_reference(t: Array, r: Array, folder: Path, name: str, rotary: bool = False) -> Path:

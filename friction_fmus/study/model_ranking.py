@@ -90,8 +90,7 @@ MEANING: Final = {
     "G_sin": "{force} against gravity: factor of the sine of the position",
     "G_cos": "the same: factor of the cosine",
     "a": "friction over the {force}s that the transmission carries",
-}
-"""What is identified beside the parameters of a block."""
+}  # what is identified beside the parameters of a block
 
 OF_ARM: Final = ("auto", "gravity", "load")  # terms beside the friction that are tried on a rotary axis
 

@@ -42,10 +42,9 @@ def _motion(bench: AxisBench, rungs: Sequence[Rung], units: AxisUnits) -> Iterat
         f"{own:.4g} {units.inertia}){constant}."
     )
     if bench.plant.terms:
-        sine, cosine = (bench.plant.terms.get(name, 0.0) for name in ("G_sin", "G_cos"))
-        gravity = f"gravity, {sine:.4g} sin(r) + {cosine:.4g} cos(r) {units.force}"
-        parts = [*([gravity] if sine or cosine else []), *(["the load of the friction"] if bench.plant.loaded else [])]
-        text += f" Add LoadFeedforward for {' and '.join(parts)}: recommended/c contains it."
+        what = {"gravity": "G_sin" in bench.plant.terms, "the load of the friction": bench.plant.loaded}
+        named = " and ".join(name for name, known in what.items() if known)
+        text += f" Add LoadFeedforward for {named}: recommended/c contains it."
     if viscous := bench.trajectory.viscous:
         text += (
             f" Add {viscous:.4g} {units.viscous} times the reference velocity: the integral would otherwise take the "

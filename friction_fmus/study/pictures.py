@@ -97,7 +97,8 @@ def over_velocity(record: Record, models: Sequence[IdentifiedModel]) -> Picture 
     at = np.linspace(-fastest, fastest, 800)  # an even number: no point is at the jump at rest
     curves = {}
     for found in best[:DRAWN]:
-        load = {name: np.full(800, rms(values)) for name, values in load_along(found, record, constant=True).items()}
+        kept = ("F_t",) if found.plant.loaded else ("F_t", "Fn")
+        load = {name: np.full(800, rms(own)) for name, own in load_along(found, record).items() if name in kept}
         F = driven_friction(found, record.units, 5.0 * np.arange(800.0) / 800.0, at, load)
         curves[found.row.name] = curve(at[1:], F[1:])
     points = curve(smooth[few], level[few])
@@ -153,12 +154,12 @@ def driven_friction(found: IdentifiedModel, units: AxisUnits, t: Array, v: Array
         return F
 
 
-def load_along(found: IdentifiedModel, record: Record, *, constant: bool = False) -> dict[str, Array]:
-    """Return normal and transmitted force along a record, as far as they are known; constant: without a load."""
+def load_along(found: IdentifiedModel, record: Record) -> dict[str, Array]:
+    """Return normal and transmitted force along a record, as far as they are known."""
     known = {} if record.force is None else {"F_t": record.force}
     if record.normal is not None:
         known["Fn"] = np.full(len(record), np.mean(record.normal))
-    if not found.plant.loaded or constant:
+    if not found.plant.loaded:
         return known
     table, q = found.position_map, record.column("q")
     external = -found.offset + (0.0 if table is None else table.force(q, np.zeros(len(q))))

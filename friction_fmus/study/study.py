@@ -306,8 +306,6 @@ class _Study:
         simulated = {} if models[0].load is None else {"two-masses": "The simulated axis has both parts."}
         arm = "The simulated axis is an arm, whose gravity the feedforward compensates."
         simulated |= dict.fromkeys(("gravity", "force-over-position"), arm) if "G_sin" in models[0].terms else {}
-        loaded = "The friction of the simulated axis grows with it."
-        simulated |= {"load-dependent-friction": loaded} if models[0].plant.loaded else {}
         own = [StudyFinding(each.name, each.what, simulated.get(each.name, each.measure)) for each in shown]
         findings = sorted([*findings, *own], key=lambda each: each.name != "saturated")
         known = self.config.resonances or tuple(plant.load.resonance for plant in plants if plant.load is not None)

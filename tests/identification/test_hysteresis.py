@@ -12,11 +12,19 @@ from thorough import THOROUGH
 from friction_fmus import identify
 from friction_fmus.data import load_tribometer
 from friction_fmus.identification import FitError, Identification, Record
-from friction_fmus.identification.fit.grid import identify_hysteresis
+from friction_fmus.identification.fit.contact_model import contact_model
+from friction_fmus.identification.fit.grid import HysteresisGrid, coarse, fit_grid
+from friction_fmus.identification.fit.simulation_data import prepare
 
 STEP = 1e-3
 STIFFNESS = np.array([4e4, 2e4, 1e4])
 LEVEL = np.array([0.6, 0.8, 1.0])
+
+
+def identify_hysteresis(record: Record, points: int = 20) -> HysteresisGrid:
+    """The distribution of stiffness over break-away distance."""
+    segment = prepare(record, contact_model("MaxwellSlip", record.units), "friction")
+    return fit_grid(segment, 1.0, coarse(segment, points), viscous=False)
 
 
 def loops(begin: tuple[float, ...] = (0.0, 0.0, 0.0), size: float = 0.0) -> Record:

@@ -19,10 +19,9 @@ from threadpoolctl import threadpool_limits
 from friction_fmus.blocks.axis_units import SLIDING, Words
 from friction_fmus.errors import ExcitationError
 from friction_fmus.export.block_fmu import fmu
-from friction_fmus.identification.data.record import Array, Record
+from friction_fmus.identification.data.record import Array
 from friction_fmus.identification.fit.block_fit import driven
-from friction_fmus.identification.fit.contact_model import contact_model
-from friction_fmus.identification.fit.simulation_data import PreparedSegment, prepare, signal_of
+from friction_fmus.identification.fit.simulation_data import PreparedSegment
 
 BLOCK_ELEMENTS = 10  # number of elements of the block `MaxwellSlip`
 INITIAL_FORCES = (-1.0, 0.0, 1.0)  # initial forces of an element over its limit
@@ -41,15 +40,6 @@ class HysteresisGrid:
     predicted: Array
     """Measured and predicted signal."""
     relative_percent: float  # rms of predicted minus measured, in percent of the rms of the measured signal
-
-
-def identify_hysteresis(record: Record, points: int = 20) -> HysteresisGrid:
-    """Identify the distribution of stiffness over break-away distance."""
-    model = contact_model("MaxwellSlip", record.units)
-    signal, _ = signal_of([record])
-    segment = prepare(record, model, signal)
-    scale = 1.0 if segment.per is None else float(np.mean(segment.per))
-    return fit_grid(segment, scale, coarse(segment, points), viscous=False)
 
 
 def coarse(segment: PreparedSegment, points: int) -> Array:

@@ -82,11 +82,8 @@ def with_starts(data: FitData) -> FitData:
 
 def _starting_at(data: FitData, values: Mapping[str, float]) -> FitData:
     """Return the data with these start values within their limits, beside those of the user."""
-    inside = {
-        name: min(max(value, LIMITS[name][0]), LIMITS[name][1]) if name in LIMITS else value
-        for name, value in values.items()
-        if name in VALUES
-    }
+    limits = {name: LIMITS.get(name, (-inf, inf)) for name in VALUES}
+    inside = {name: float(np.clip(value, *limits[name])) for name, value in values.items() if name in VALUES}
     return replace(data, constraints=replace(data.constraints, start={**inside, **data.constraints.start}))
 
 
