@@ -37,7 +37,7 @@ from friction_fmus.lawkit.law import BOOLEANS, PARAMETERS, VECTORS, LawVariable
 from friction_fmus.lawkit.law_files import discover_laws
 
 LAWS = [law.name for law in discover_laws(laws_folder())]
-CHOSEN = ("ElastoPlasticEstimator", "GMSObserver")
+CHOSEN = ("ElastoPlasticEstimator",)
 """Take-over, rest, EXP; vectors, loops, a choice in a sum. blark takes seconds for each."""
 SAMPLES = 10_000 if THOROUGH else 1_500
 EXACT = ("floor", "ceil", "fmod", "fma")  # functions of functions.st with the bits of C; the others are replaced by it

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from arms import drawn, moved, temperature
+from thorough import nightly
 
 from friction_fmus.errors import FitError, RecordError
 from friction_fmus.identification import LINEAR, ROTARY, Record, identify, read_measurement
@@ -122,6 +123,7 @@ def test_terms_that_cannot_be_identified_are_refused(model: str, terms: tuple[st
         identify(model, thinned(moved(drawn(0), 0)).window(0.0, 4.0), terms=terms)
 
 
+@nightly
 def test_findings_and_first_look_consider_a_known_load(whole: Record) -> None:
     """Without the load, gravity counts as friction that depends on the direction, and hides the mass."""
     load = -(ARM.G_sin * np.sin(whole.column("q")) + ARM.G_cos * np.cos(whole.column("q")))
@@ -132,6 +134,7 @@ def test_findings_and_first_look_consider_a_known_load(whole: Record) -> None:
     assert "direction-dependent-friction" in names[1] - names[0]
 
 
+@nightly
 def test_auto_chooses_from_given_terms(record: Record) -> None:
     found = identify("Stribeck", record, terms=("auto", "gravity")).values()
     assert "G_sin" in found

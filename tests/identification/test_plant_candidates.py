@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from flexible_axis import Axis, moves, reference, simulate
-from thorough import THOROUGH, some
+from thorough import THOROUGH, nightly, some
 
 from friction_fmus.data import load_emps
 from friction_fmus.identification import ROTARY, Record, plant_candidates
@@ -35,7 +35,8 @@ def named(record: Record) -> tuple[str, list[float]]:
     return finding.name, numbers_of(finding.what)
 
 
-@pytest.mark.parametrize("load_friction", some([0.0, 10.0], [10.0]))
+@nightly
+@pytest.mark.parametrize("load_friction", [0.0, 10.0])
 def test_two_masses(load_friction):
     own = 18.0 if not load_friction else 8.0
     axis = replace(TWO, load_friction=load_friction, forward=own, backward=own)
@@ -87,7 +88,8 @@ def test_gravity_of_a_rotary_axis():
     assert size == pytest.approx(60.0, rel=0.1)
 
 
-@pytest.mark.parametrize("gap", some([2e-4, 5e-4], [5e-4]))
+@nightly
+@pytest.mark.parametrize("gap", [2e-4, 5e-4])
 def test_backlash(gap):
     axis = replace(
         TWO, backlash=gap, resonance=100.0, kp=40.0, kv=1500.0, forward=8.0, backward=8.0, load_friction=10.0

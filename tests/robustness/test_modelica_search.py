@@ -13,7 +13,7 @@ from thorough import some
 from friction_fmus.export.targets.modelica import write
 
 
-@pytest.mark.parametrize("seed", some([2, 3, 4, 5, 9, 13, 15, 25], [2, 3]))
+@pytest.mark.parametrize("seed", some([2, 3, 4, 5, 9, 13, 15, 25], [2]))
 def test_harness_and_modelica_agree(seed: int, tmp_path: Path) -> None:
     """Stiction, ElastoPlastic, Stribeck, Dahl, LoadDependentDahl, GMS, MaxwellSlip and LuGre under a mass."""
     case = in_modelica(draw(seed), Library(write(tmp_path)))

@@ -345,7 +345,7 @@ def test_friction_that_differs_between_records_which_all_begin_at_0_is_found() -
 CLEAN = ("stribeck", "lugre_pid", "maxwell_slip", "delay_3", "coarse_encoder", "frictionless")
 
 
-@pytest.mark.parametrize("name", some(CLEAN, ("lugre_pid", "coarse_encoder")))
+@pytest.mark.parametrize("name", some(CLEAN, ("lugre_pid",)))
 def test_no_fault_of_the_plant_is_named_on_an_axis_without_one(name: str, tmp_path: Path) -> None:
     AXES[name].write(tmp_path, name)
     assert plant_findings(read_records(tmp_path / "axis.toml"), AXES[name].servo["limit"]) == ((), None)
