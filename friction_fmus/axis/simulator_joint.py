@@ -66,7 +66,7 @@ def stribeck_law(axis: IdentifiedAxis) -> AxisPlant:
 
 
 def lost(axis: IdentifiedAxis, kept: Collection[str]) -> list[str]:
-    """Return what a joint does not have of the axis; `kept` are keys of the rows below, or names of terms."""
+    """Return which properties of the axis a joint lacks; `kept` are keys of the rows below, or names of terms."""
     u, contact = axis.words, contact_of(axis)
     one, two = contact.levels
     terms = ", ".join(f"{name} = {value:.4g}" for name, value in axis.terms.items() if name not in kept)
