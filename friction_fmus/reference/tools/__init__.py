@@ -1,0 +1,1 @@
+"""Tools that `reference run` knows, each a program that runs one case: `python -m ... CASE OUTPUT`."""
