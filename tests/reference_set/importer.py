@@ -12,7 +12,7 @@ import sys
 import tempfile
 from collections.abc import Callable, Collection, Mapping, Sequence
 from ctypes import c_void_p
-from itertools import accumulate
+from itertools import accumulate, pairwise
 from pathlib import Path
 from typing import Any
 
@@ -21,20 +21,20 @@ import numpy as np
 if __name__ == "__main__":
     sys.path.insert(0, str(Path(__file__).parents[1]))
 
-from friction_fmus.reference.calls import RefusedError as CallRefusedError
-from friction_fmus.reference.calls import run_calls
-from friction_fmus.reference.case import Case, read_case
 from reference_set.exchange_solver import ExchangeSolver
 from reference_set.faulty_instance import FaultyInstance
 from reference_set.input_lines import InputLines
 from reference_set.raw_fmu import DISCARD, WARNING, RawFmu, RefusedError
 from reference_set.ssp_reader import SspReader
 
+from friction_fmus.reference.calls import CallRefusedError, run_calls
+from friction_fmus.reference.case import ReferenceCase, read_case
+
 Rows = list[list[Any]]
 MOST_PASSES = 50
 
 
-def points(case: Case, faults: Collection[str] = ()) -> list[float]:
+def points(case: ReferenceCase, faults: Collection[str] = ()) -> list[float]:
     """Communication points."""
     start, stop, step = case.experiment.start, case.experiment.stop, case.experiment.step
     if "start-time-zero" in faults:
@@ -51,7 +51,7 @@ def points(case: Case, faults: Collection[str] = ()) -> list[float]:
 class Importer:
     """Runs one case."""
 
-    def __init__(self, case: Case, faults: Collection[str] = ()) -> None:
+    def __init__(self, case: ReferenceCase, faults: Collection[str] = ()) -> None:
         """Unpack nothing yet."""
         self.case, self.faults = case, frozenset(faults)
         self.rows: Rows = []
@@ -110,7 +110,7 @@ class Importer:
         self.rows.append([times[0], *read()])
         lines = fmu.flag("cs", "canInterpolateInputs") == "true" and "inputs-not-interpolated" not in self.faults
         before = times[0]
-        for t, end in zip(times, times[1:], strict=False):
+        for t, end in pairwise(times):
             at = before if "inputs-held-one-step-late" in self.faults else t
             if "inputs-after-step" not in self.faults:
                 run.apply(at, lines)
@@ -164,7 +164,7 @@ class Importer:
         times = points(self.case, self.faults)
         system.start(self._start, self.case.experiment.stop, self.case.experiment.tolerance)
         self.rows.append([times[0], *system.get(self.case.outputs)])
-        for t, end in zip(times, times[1:], strict=False):
+        for t, end in pairwise(times):
             system.step(t, end)
             self.rows.append([end, *system.get(self.case.outputs)])
         for instance in self._instances:
@@ -199,8 +199,7 @@ class _Simulation:
     def advance(self, t: float, end: float) -> list[float]:
         """Reach the next communication point, and say for which times rows are due."""
         if not self.instance.events:
-            t, size = self._without_events(t, end)
-            return [t]
+            return [self._without_events(t, end)]
         while t < end and not self.ended:
             late = "time-event-at-end-of-step" in self.faults
             event = math.inf if "missed-time-event" in self.faults else self._next
@@ -215,7 +214,7 @@ class _Simulation:
                 self._event(t)
         return [t]
 
-    def _without_events(self, t: float, end: float) -> tuple[float, float]:
+    def _without_events(self, t: float, end: float) -> float:
         size = end - t
         while t < end and not self.ended:
             made = self._step(t, min(size, end - t))
@@ -232,7 +231,7 @@ class _Simulation:
             t = made.time if made.early and "early-return-ignored" not in self.faults else min(t + size, end)
             if made.terminate and "terminated-ignored" not in self.faults:
                 self.ended = True
-        return t, size
+        return t
 
     def _judge(self, status: int) -> None:
         if status == DISCARD and "discard-ignored" in self.faults:
@@ -264,7 +263,7 @@ class _Simulation:
 class CaseInstance:
     """What `run_calls` calls."""
 
-    def __init__(self, case: Case, instance: FaultyInstance, second: bool) -> None:
+    def __init__(self, case: ReferenceCase, instance: FaultyInstance, second: bool) -> None:
         """Nothing is called yet."""
         self.time = case.experiment.start
         self._case, self._instance, self._faults = case, instance, instance.faults
@@ -465,7 +464,7 @@ class _System:
             self._exchange()
 
 
-def write(case: Case, rows: Rows, path: Path) -> None:
+def write(case: ReferenceCase, rows: Rows, path: Path) -> None:
     """Write rows as CSV."""
     with path.open("w", newline="", encoding="utf-8") as file:
         csv.writer(file).writerows([["time", *case.outputs], *rows])
