@@ -1,13 +1,13 @@
 """A container of the FMU Manipulation Toolbox, which fmpy runs.
 
-The container of one FMU has its inputs and outputs; that of an SSP is made of the SSP.
+The container of one FMU has its inputs and outputs; that of a system has the connections of the case.
 """
 
 from __future__ import annotations
 
 import logging
-import shutil
 import tempfile
+import zipfile
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -15,9 +15,19 @@ from typing import Any
 import fmpy
 import numpy as np
 from adapter import AdaptedCase, Rows, UnsupportedError, main
-from fmu_manipulation_toolbox.assembly import Assembly, AssemblyNode
+from fmu_manipulation_toolbox.assembly import AssemblyNode
 
-LACKS = ("call", "state", "directional", "me", "event-mode", "string-output")
+LACKS = (
+    "call",
+    "state",
+    "directional",
+    "me",
+    "event-mode",
+    "string-output",
+    "parameter-set",
+    "nested",
+    "transformation",
+)
 
 
 def run(case: AdaptedCase) -> Rows:
@@ -45,23 +55,28 @@ def alone(case: AdaptedCase, folder: Path) -> Rows:
 
 
 def system(case: AdaptedCase, folder: Path) -> Rows:
-    """A container of an SSP."""
-    ssp = folder / case.file.name
-    shutil.copyfile(case.file, ssp)
-    assembly = Assembly(ssp.name, default_step_size=case.step, fmu_directory=folder, default_auto_local=True)
-    if assembly.root is None:
-        raise UnsupportedError("it reads no system from this SSP")
-    assembly.make_fmu(fmi_version=3 if case.said["fmi"] == "3.0" else 2)
-    made = folder / assembly.root.name
-    known = {v.name for v in fmpy.read_model_description(str(made)).modelVariables}
-    columns = {}
+    """A container with the components and connections of an SSP; of an SSP itself it exposes connectors only."""
+    if not case.said.get("connections"):
+        raise UnsupportedError("its containers of an SSP show connectors only")
+    node = AssemblyNode("container.fmu", case.step, auto_link=False, auto_input=False, auto_output=False)
+    with zipfile.ZipFile(case.file) as archive:
+        archive.extractall(folder / "ssp")
+    for name in case.said["fmus"]:
+        node.add_fmu(f"{name}.fmu", str(folder / "ssp" / "resources" / f"{name}.fmu"))
+
+    def place(name: str) -> tuple[str, str]:
+        part, port = name.split(".", 1)
+        return f"{part}.fmu", port
+
+    for connection in case.said["connections"]:
+        source, target = connection.split(" -> ")
+        node.add_link(*place(source), *place(target))
     for name in case.outputs:
-        part, _, port = name.rpartition(".")
-        names = [each for each in known if each in (name, f"{part}_{port}", port, f"{part}.fmu.{port}")]
-        if not names:
-            raise UnsupportedError(f"its container of an SSP has no {name}; it has {', '.join(sorted(known))[:200]}")
-        columns[name] = names[0]
-    return simulated(case, made, columns)
+        node.add_output(*place(name), name.replace(".", "_"))
+    for name, value in case.values.items():
+        node.add_start_value(*place(name), str(value).lower() if isinstance(value, bool) else str(value))
+    node.make_fmu(folder, fmi_version=3 if case.said["fmi"] == "3.0" else 2)
+    return simulated(case, folder / "container.fmu", {name: name.replace(".", "_") for name in case.outputs})
 
 
 def simulated(case: AdaptedCase, path: Path, columns: dict[str, str]) -> Rows:
