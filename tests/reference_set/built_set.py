@@ -12,7 +12,7 @@ from pathlib import Path
 from friction_fmus.reference.case import CASES, ReferenceCase, read_case, read_cases
 from friction_fmus.reference.set_builder import build_case
 
-LONG = ("long",)  # parts of the names of cases with many steps
+LONG = ("million",)  # parts of the names of cases with many steps
 
 
 @cache

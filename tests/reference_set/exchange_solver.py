@@ -25,6 +25,7 @@ _ERROR = (71 / 57600, 0.0, -71 / 16695, 71 / 1920, -17253 / 339200, 22 / 525, -1
 
 TOLERANCE = 1e-10
 MOST_ITERATIONS = 100
+MOST_STEPS = 20_000
 
 
 class ExchangeSolver:
@@ -47,7 +48,7 @@ class ExchangeSolver:
             instance.faults,
         )
         self.t, self.ended, self.next = start, False, math.inf
-        self._n, self._point = len(fmu.derivatives), start
+        self._n, self._point, self._steps = len(fmu.derivatives), start, 0
         self._states = instance.vector("GetContinuousStates", self._n)
         self._rates = instance.vector(
             "GetContinuousStateDerivatives" if fmu.version == 3 else "GetDerivatives", self._n
@@ -177,6 +178,9 @@ class ExchangeSolver:
         jumps = self.inputs.jumps()
         stops = self.inputs.kinks()
         while self.t < point and not self.ended:
+            self._steps += 1
+            if self._steps > MOST_STEPS:
+                raise RuntimeError(f"there are more than {MOST_STEPS} steps and events up to {self.t} s")
             event_at = max(self.next, point) if late else self.next
             ticks = min(self._ticks.values(), default=math.inf)
             kink = next((t for t in stops if t > self.t), math.inf)

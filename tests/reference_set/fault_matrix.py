@@ -35,7 +35,7 @@ def verdict(case: ReferenceCase, faults: Iterable[str] = ()) -> tuple[str, str]:
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "rows.csv"
         write(case, rows, path)
-        return compare(case, path)[:2]
+        return compare(case, path)
 
 
 def found_by(name: str) -> list[str]:

@@ -27,7 +27,7 @@ from reference_set.input_lines import InputLines
 from reference_set.raw_fmu import DISCARD, WARNING, RawFmu, RefusedError
 from reference_set.ssp_reader import SspReader
 
-from friction_fmus.reference.calls import CallRefusedError, run_calls
+from friction_fmus.reference.calls import run_calls
 from friction_fmus.reference.case import ReferenceCase, read_case
 
 Rows = list[list[Any]]
@@ -270,77 +270,72 @@ class CaseInstance:
         self._times: dict[int, float] = {}
         self._second = second
 
-    def _call(self, function: Callable[..., Any], *arguments: Any) -> Any:
-        try:
-            return function(*arguments)
-        except RefusedError as refused:
-            raise CallRefusedError(refused.status) from refused
-
     def start(self, values: Mapping[str, Any]) -> None:
         """Set start values and initialise."""
         times = self._case.experiment
         if self._second and "parameters-of-first-instance-only" in self._faults:
             values = {}
         self.time = 0.0 if "start-time-zero" in self._faults else times.start
-        self._call(self._instance.start, values, {}, self.time, None, times.tolerance)
+        self._instance.start(values, {}, self.time, None, times.tolerance)
 
     def set(self, values: Mapping[str, Any]) -> None:
         """Set values."""
-        self._call(self._instance.put, values)
+        self._instance.put(values)
 
     def get(self, names: Sequence[str]) -> list[Any]:
         """Values."""
-        found: list[Any] = self._call(self._instance.get, names)
+        found: list[Any] = self._instance.get(names)
         return found
 
     def step(self, size: float) -> None:
         """One step."""
-        made = self._call(self._instance.step, self.time, size)
+        made = self._instance.step(self.time, size)
         if made.status > WARNING:
             ignored = "discard-ignored" if made.status == DISCARD else "error-ignored"
             if ignored not in self._faults:
                 self.time = made.time if made.status == DISCARD else self.time
-                raise CallRefusedError(made.status)
+                raise RefusedError("DoStep", made.status, self._instance.log)
         self.time = made.time if made.early and "early-return-ignored" not in self._faults else self.time + size
 
     def save(self) -> c_void_p:
         """A saved state."""
-        state: c_void_p = self._call(self._instance.save)
+        state: c_void_p = self._instance.save()
         self._times[id(state)] = self.time
         return state
 
     def restore(self, state: Any) -> None:
         """Restore a saved state."""
-        self._call(self._instance.restore, state)
+        self._instance.restore(state)
         if "state-without-time" not in self._faults:
             self.time = self._times[id(state)]
 
-    def serialise(self, state: Any) -> tuple[bytes, float]:
-        """The bytes of a saved state, with its time."""
-        return self._call(self._instance.serialise, state), self._times[id(state)]
+    def serialise(self) -> tuple[bytes, float]:
+        """The bytes of the state of now, with its time."""
+        return self._instance.serialise(self._instance.save()), self.time
 
-    def deserialise(self, data: tuple[bytes, float]) -> Any:
-        """A saved state."""
-        state = self._call(self._instance.deserialise, data[0])
+    def deserialise(self, data: tuple[bytes, float]) -> None:
+        """Restore a state from bytes."""
+        state = self._instance.deserialise(data[0])
         self._instance.keep(state)
-        self._times[id(state)] = data[1]
-        return state
+        self._instance.restore(state)
+        if "state-without-time" not in self._faults:
+            self.time = data[1]
 
-    def derivative(
-        self, kind: str, unknowns: Sequence[str], knowns: Sequence[str], seed: Sequence[float]
-    ) -> list[float]:
-        """Derivatives."""
-        function = self._instance.directional if kind == "directional" else self._instance.adjoint
-        found: list[float] = self._call(function, unknowns, knowns, seed)
-        return found
+    def directional(self, unknowns: Sequence[str], knowns: Sequence[str], seed: Sequence[float]) -> list[float]:
+        """Directional derivatives."""
+        return self._instance.directional(unknowns, knowns, seed)
+
+    def adjoint(self, unknowns: Sequence[str], knowns: Sequence[str], seed: Sequence[float]) -> list[float]:
+        """Adjoint derivatives."""
+        return self._instance.adjoint(unknowns, knowns, seed)
 
     def reset(self) -> None:
         """Reset."""
-        self._call(self._instance.reset)
+        self._instance.reset()
 
     def terminate(self) -> None:
         """Terminate."""
-        self._call(self._instance.must, "Terminate")
+        self._instance.must("Terminate")
 
 
 class _System:
